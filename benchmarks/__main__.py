@@ -1,4 +1,4 @@
-"""Command line of the benchmarks: `python -m benchmarks core|loop|discover [key=value ...]`."""
+"""Command line of the benchmarks: `python -m benchmarks core|loop|discover|readers [key=value ...]`."""
 
 import argparse
 import inspect
@@ -19,7 +19,12 @@ from rearl_jax.cli.summary_output import standard_output_apart, write_object
 from rearl_jax.config._schema import finished, from_plain, groups_of, keys_of, nearest
 from rearl_jax.problems import InvalidInputError, Problem
 
-BENCHMARKS = {"core": options.CoreBenchmark, "loop": options.LoopBenchmark, "discover": options.DiscoverBenchmark}
+BENCHMARKS = {
+    "core": options.CoreBenchmark,
+    "loop": options.LoopBenchmark,
+    "discover": options.DiscoverBenchmark,
+    "readers": options.ReadersBenchmark,
+}
 """Records of their keys by name; the module of that name has the function `run`."""
 
 DONE, SLOWER, UNUSABLE = 0, 1, 2

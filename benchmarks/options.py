@@ -152,6 +152,20 @@ class DiscoverOptions:
 
 
 @dataclass(unsafe_hash=True)
+class ReadersOptions:
+    """Files of recordings that are written and read"""
+
+    layouts: tuple[str, ...] | None = key(None, "layouts, each measured; null: all")
+    megabytes: float = key(200.0, "size of each file, about [MB]")
+
+    def check(self) -> None:
+        """Raise InvalidInputError for a value outside its range."""
+        check_positive(self, "megabytes")
+        if self.layouts is not None and (not self.layouts or len(set(self.layouts)) != len(self.layouts)):
+            raise out_of_range("layouts", "must name each layout once", list(self.layouts))
+
+
+@dataclass(unsafe_hash=True)
 class CoreBenchmark:
     """Speed of the traffic core beside highway-env, SUMO, HighJax and a C program.
 
@@ -187,3 +201,15 @@ class DiscoverBenchmark:
     study: str = _study("bench_discover")
     results: ResultsConfig = _group(ResultsConfig)
     discover: DiscoverOptions = _group(DiscoverOptions)
+
+
+@dataclass(unsafe_hash=True)
+class ReadersBenchmark:
+    """Rows per second and peak memory of the readers of recordings.
+
+    Every layout is written as one file of made-up traffic, and read in a process of its own.
+    """
+
+    study: str = _study("bench_readers")
+    results: ResultsConfig = _group(ResultsConfig)
+    readers: ReadersOptions = _group(ReadersOptions)

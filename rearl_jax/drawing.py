@@ -1,4 +1,4 @@
-"""What figures share: PNG bytes, colours, panels, the mark of generated data.
+"""Shared parts of figures: PNG bytes, colours, panels, the mark of generated data.
 
 Drawn without a display and without global state of matplotlib. Matplotlib is slow to import: modules that draw are
 imported when figures are drawn, after the tables are printed.
@@ -9,10 +9,10 @@ from io import BytesIO
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-# Told apart with any colour vision. Source: Okabe & Ito, Color Universal Design (2008).
+# Distinguishable with any colour vision. Source: Okabe & Ito, Color Universal Design (2008).
 BLUE, SKY_BLUE, GREEN = "#0072B2", "#56B4E9", "#009E73"
 ORANGE, VERMILION, PURPLE, YELLOW = "#E69F00", "#D55E00", "#CC79A7", "#F0E442"
-# Told apart by lightness; own choice.
+# Distinguishable by lightness; own choice.
 DARK_GREY, GREY, LIGHT_GREY = "#333333", "#999999", "#E6E6E6"
 
 DPI = 200

@@ -1,8 +1,8 @@
-"""The files that a study has written into its folder, so that the next study there can remove them.
+"""Record of the files that a study has written into its folder, so that the next study there can remove them.
 
-Two studies in one folder would be read as one: a folder of tables, a figure or a table that only the earlier one has.
-The record lies beside the folder, as its lock does: a line of JSON that identifies the study, then a name on each line.
-Files that nobody recorded, such as a user's own, stay.
+Without removal, files of two studies in one folder would be read as one study. The record and the lock are stored next
+to the folder: a line of JSON that identifies the study, then one file name per line. Files outside the record, such as
+a user's own, are kept.
 """
 
 import json
@@ -20,7 +20,7 @@ class FileRecord:
     """Names of the files of the study in one folder."""
 
     def __init__(self, folder: Path) -> None:
-        """Nothing is read yet."""
+        """Prepares the record; nothing is read yet."""
         self._folder = folder
         self._file = folder.with_name(f".{folder.name}.files")
         self._names: set[str] | None = None
@@ -29,9 +29,9 @@ class FileRecord:
         """Removes the files of another study and starts the record; the same study continues its own.
 
         Args:
-            identity: What two runs of the same study agree in.
+            identity: Values that are equal in two runs of the same study.
             config: Plain values of its configuration.
-            reusable: Beginnings of the names of files that the study checks by itself before it reads them.
+            reusable: Prefixes of names of files that the study itself checks before it reads them.
 
         Raises:
             InvalidInputError: A key of the configuration names a file of the other study, which would be removed.

@@ -1,7 +1,7 @@
-"""Problems of what a user has given: records with a code, and the errors that carry them.
+"""Problems with a user's input: records with a code, and the errors that contain them.
 
-In: the places that check configurations, recordings, model files, folders of results. Out: one sentence for the user,
-and for programs the code and the fields it is made of. A code keeps its meaning; the wording may change.
+Checks of configurations, recordings, model files and folders of results create these records. A record gives one
+sentence for the user, and a code and fields for programs. A code keeps its meaning; the wording may change.
 """
 
 from dataclasses import dataclass, replace
@@ -10,18 +10,18 @@ from typing import Any, Self
 
 @dataclass(frozen=True)
 class Problem:
-    """One thing that is wrong.
+    """One problem of the input.
 
     Attributes:
         code: Short, stable name of the kind of problem, such as `column-missing`.
-        fault: What is wrong, in words; with a key the predicate to it, such as `must be at least 1`.
-        remedy: What to do about it; empty if `fault` contains it.
+        fault: Description of the problem; with a key a predicate, such as `must be at least 1`.
+        remedy: Remedy; empty if `fault` contains it.
         file: File or folder at fault.
         key: Key at fault, of the configuration or within the file, by its full name.
         column: Column at fault, as named in the file; None for the table as a whole.
         line: Line at fault in a text file, from 1.
         row: First row at fault, 1 = first row of data; None for the table as a whole.
-        value: What was given instead.
+        value: The given value.
     """
 
     code: str
@@ -36,7 +36,7 @@ class Problem:
 
     @property
     def message(self) -> str:
-        """The place, what is wrong there, and what to do about it."""
+        """Sentence with place, problem and remedy."""
         place = [] if self.file is None else [self.file]
         if self.column is not None:
             place.append(f"column {self.column}")
@@ -56,7 +56,7 @@ class ProblemError(Exception):
     """A problem that the user can correct.
 
     Attributes:
-        problem: Which.
+        problem: Record of the problem.
     """
 
     def __init__(self, problem: Problem) -> None:
@@ -72,24 +72,24 @@ class ProblemError(Exception):
         return self.problem.code
 
     def within(self, prefix: str) -> Self:
-        """The same error, its key being a part of what the prefix names."""
+        """The same error, with the prefix put before its key."""
         return type(self)(replace(self.problem, key=f"{prefix}{self.problem.key or ''}"))
 
 
 class InvalidInputError(ProblemError, ValueError):
-    """Something given has a value that cannot be used."""
+    """An input has an invalid value."""
 
 
 class MissingInputError(ProblemError, FileNotFoundError):
-    """A file or folder that was named is not there."""
+    """A named file or folder does not exist."""
 
 
 def out_of_range(key: str, wanted: str, value: Any) -> InvalidInputError:
-    """The error for a key whose value is none of those it may have.
+    """The error for a key with an invalid value.
 
     Args:
-        key: Its name.
-        wanted: What it must be, such as `must be at least 1`.
-        value: What it is.
+        key: Name of the key.
+        wanted: Condition on the value, such as `must be at least 1`.
+        value: The given value.
     """
     return InvalidInputError(Problem("out-of-range", wanted, key=key, value=value))

@@ -21,14 +21,14 @@ from rich.progress import (
 from rich.text import Text
 
 _MEMORY = 600.0
-"""How far back the steps lie from which the time left is estimated [s]; some steps take minutes."""
+"""Time span of past steps from which the remaining time is estimated [s]; some steps take minutes."""
 
 QUIET = 15.0
 """Time before the first line where there is no terminal, and between lines of one stage [s]."""
 
 
 class TimeLeftColumn(ProgressColumn):
-    """The time a line will still take; nothing if that is not known."""
+    """Column with the remaining time of a line; empty if unknown."""
 
     max_refresh = 0.5
 
@@ -39,7 +39,7 @@ class TimeLeftColumn(ProgressColumn):
 
 
 def in_words(seconds: float) -> str:
-    """A time as people say it, e.g. 40 s, 12 min, 3.5 h."""
+    """A time in readable form, e.g. 40 s, 12 min, 3.5 h."""
     if seconds < 100:
         return f"{seconds:.0f} s"
     return f"{seconds / 60:.0f} min" if seconds < 6000 else f"{seconds / 3600:.1f} h"
@@ -52,7 +52,7 @@ def shown(bar: Progress, title: str) -> Callable[[int, int], None]:
 
 
 def silent() -> Progress:
-    """A bar that shows nothing."""
+    """A progress bar that is not displayed."""
     return Progress(disable=True)
 
 
@@ -102,7 +102,7 @@ def progress_bar() -> Iterator[Progress]:
         if isinstance(handler, logging.StreamHandler) and handler.stream is sys.stderr
     ]
     with bar:
-        # The bar has put itself in the place of standard error; the handlers still hold the old one.
+        # The bar has replaced standard error; the log handlers still refer to the old stream.
         before = [handler.setStream(sys.stderr) for handler in handlers]
         try:
             yield bar

@@ -1,8 +1,7 @@
 """The folder of one study: Parquet tables with their provenance inside, `summary.json`, `config.json`.
 
-Every file appears whole or not at all. Provenance holds what produced the figures, and nothing that changes
-from one run of the same thing to the next (no time, no host, nothing from the environment), so that a resumed
-study equals an uninterrupted one.
+Files are written atomically. Provenance contains everything that determines the figures, and nothing that changes
+between equal runs (no time, no host, no environment variables), so that a resumed study equals an uninterrupted one.
 """
 
 import hashlib
@@ -29,19 +28,19 @@ UNHASHED = ("study", "results")
 """Keys of a task that do not change its results."""
 
 SAME = ("task", "config_hash", "code_hash", "data_id")
-"""Provenance that must agree for results to be taken for those of the same study."""
+"""Provenance that must be equal for results to belong to the same study."""
 
 PROVENANCE = ("task", "study", "config_hash", "code_version", "code_hash", "git_sha", "data_id", "generated")
 """Keys of the provenance in every file of results."""
 
 PREFIX = "rearl_jax."
-"""Begins every key this package writes into the schema metadata of a Parquet file."""
+"""Prefix of every key in the schema metadata of a Parquet file."""
 
 
 class Study:
     """One folder of results, `root/name`.
 
-    The metadata of each table holds `task`, `study`, `config_hash`, `config` (JSON), `code_version`, `code_hash`,
+    The metadata of each table contain `task`, `study`, `config_hash`, `config` (JSON), `code_version`, `code_hash`,
     `git_sha` (in a git checkout), `data_id` (if data were read), `generated` (`true` if any data were generated), and
     what the writer adds (seeds, definitions). `read_metadata` reads it back.
     """
@@ -122,14 +121,14 @@ class Study:
         return self._write(f"{name}.parquet", lambda path: parquet.write_table(table, path))
 
     def owns(self, name: str) -> bool:
-        """Whether the table `name` is there, whole, and of the same task, configuration, data and code."""
+        """True if the table `name` is there, whole, and of the same task, configuration, data and code."""
         path = _inside(self.path, f"{name}.parquet", "file")
         try:
-            found = read_metadata(path)
+            metadata = read_metadata(path)
         except (OSError, ValueError):  # not there, or what pyarrow raises for a file that is not Parquet
             return False
         wanted = {key: self._provenance[key] for key in SAME if self._provenance[key] is not None}
-        return all(found.get(key) == _as_text(value) for key, value in wanted.items())
+        return all(metadata.get(key) == _as_text(value) for key, value in wanted.items())
 
     def finished_parts(self, name: str) -> set[int]:
         """Numbers of the parts of a table that need not be made again; all other files of the table are removed.
@@ -148,12 +147,12 @@ class Study:
     def finished_summary(self) -> Any:
         """The summary, which is written last, if it is of the same task, configuration, data and code; else None."""
         try:
-            found = json.loads((self.path / "summary.json").read_text(encoding="utf-8"))
+            summary = json.loads((self.path / "summary.json").read_text(encoding="utf-8"))
         except (FileNotFoundError, ValueError):
             return None
-        first = first_part(found)
+        first = first_part(summary)
         is_same = isinstance(first, dict) and all(first.get(key) == self._provenance[key] for key in SAME)
-        return found if is_same else None
+        return summary if is_same else None
 
     def write_summary(self, summary: Mapping[str, Any] | Sequence[Mapping[str, Any]]) -> Path:
         """Path of `summary.json`: the provenance and the figures of the task under documented keys.
@@ -217,7 +216,7 @@ class Study:
 
 
 def cell_folder(folder: Path, keys: Mapping[str, str]) -> Path:
-    """Where a job of a multirun has its results.
+    """Folder of the results of one job of a multirun.
 
     Args:
         folder: Folder of the multirun.
@@ -227,7 +226,7 @@ def cell_folder(folder: Path, keys: Mapping[str, str]) -> Path:
 
 
 def first_part(summary: Any) -> Any:
-    """The first object of a `summary.json`, which may hold a list of them; each has the provenance."""
+    """The first object of a `summary.json`, which may be a list of objects; each contains the provenance."""
     return summary[0] if isinstance(summary, list) and summary else summary
 
 

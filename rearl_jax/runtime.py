@@ -1,6 +1,6 @@
-"""JAX set up once per process: compiled programs kept on disk, a CPU device per core, the precision.
+"""Setup of JAX, once per process: cache of compiled programs on disk, a CPU device per core, precision.
 
-Also the description of the machine that goes with every measured speed. Names of hosts and users stay out.
+The module also describes the machine for speed measurements, without names of hosts and users.
 """
 
 import os
@@ -60,7 +60,7 @@ def cache_folder() -> Path:
 
 
 def load_average() -> float | None:
-    """Processes that wanted a core in the last minute, on average; None if the system does not tell."""
+    """Average number of processes that were ready to run in the last minute; None if the system does not report it."""
     return os.getloadavg()[0] if hasattr(os, "getloadavg") else None
 
 
@@ -71,7 +71,7 @@ def machine_line(machine: Mapping[str, str | int | float], load: float | None) -
 
 
 def describe_machine() -> dict[str, str | int | float]:
-    """What a measured speed depends on: processor, cores, memory [GiB], accelerator, versions."""
+    """Description of the machine for speed measurements: processor, cores, memory [GiB], accelerator, versions."""
     devices = jax.devices()
     return {
         "cpu_model": _cpu_model(),
@@ -108,14 +108,14 @@ def _check_platform() -> None:
 
 def _platforms() -> list[str]:
     """Platforms that JAX finds if nothing is chosen, the preferred one first."""
-    found = subprocess.run(
+    answer = subprocess.run(
         [sys.executable, "-c", "import jax; print(jax.devices()[0].platform)"],
         env={name: value for name, value in os.environ.items() if name not in PLATFORM_VARIABLES},
         capture_output=True,
         text=True,
         check=False,
     )
-    return list(dict.fromkeys([*found.stdout.split()[-1:], "cpu"]))
+    return list(dict.fromkeys([*answer.stdout.split()[-1:], "cpu"]))
 
 
 @cache

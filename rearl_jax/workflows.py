@@ -93,7 +93,7 @@ class Evaluated:
 
 @dataclass(frozen=True)
 class Discovered:
-    """What the traffic model lacks.
+    """Effects that the traffic model lacks.
 
     Attributes:
         discovery: Everything that was found.
@@ -103,7 +103,7 @@ class Discovered:
 
     @property
     def verdict(self) -> dict[str, Any]:
-        """As in verdict.json, see `discovery.verdict`."""
+        """The content of verdict.json, see `discovery.verdict`."""
         return self.discovery.verdict
 
     @property
@@ -135,7 +135,7 @@ class Discovered:
 
 
 def read_recordings(**keys: Any) -> Iterator[Recording]:
-    """Recordings, each read when it is asked for; the shipped ones by default. Example:
+    """Recordings, each read when it is needed; the shipped ones by default. Example:
 
         for recording in read_recordings(format="highd", root="/data/highD"):
             print(recording.info.id, recording.table["speed"].mean())
@@ -193,8 +193,8 @@ def evaluate(measured: Measured = None, **keys: Any) -> Evaluated:
         config = _with_table(config, measured)
     with silent() as bar:
         evaluation = task.compute(config, bar, scenes=scenes)
-    found = estimates(evaluation.rows, evaluation.held_out, config.eval)
-    return Evaluated(config, evaluation, found, has_own_scenes=scenes is not None)
+    estimated = estimates(evaluation.rows, evaluation.held_out, config.eval)
+    return Evaluated(config, evaluation, estimated, has_own_scenes=scenes is not None)
 
 
 def discover(measured: pd.DataFrame | None = None, **keys: Any) -> Discovered:

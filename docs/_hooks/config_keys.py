@@ -25,12 +25,12 @@ def tasks_and_keys() -> str:
 
 def keys() -> str:
     """Every key that tasks share, by group."""
-    found: dict[str, list[tuple[Task, Group]]] = {}
+    groups: dict[str, list[tuple[Task, Group]]] = {}
     for task in tasks.TASKS:
         for group in groups_of(task.defaults()):
             if group.name:
-                found.setdefault(group.name, []).append((task, group))
-    return "\n\n".join(_group(name, found[name]) for name in found)
+                groups.setdefault(group.name, []).append((task, group))
+    return "\n\n".join(_group(name, groups[name]) for name in groups)
 
 
 def sweeps(words: str) -> str:
@@ -54,10 +54,10 @@ def _task(task: Task) -> str:
 
 def _files(task: Task) -> list[str]:
     """Files of a task, from the docstring of its module, which is not imported."""
-    found = find_spec(task.run.partition(":")[0])
-    assert found is not None
-    assert found.origin is not None
-    docstring = ast.get_docstring(ast.parse(Path(found.origin).read_text(encoding="utf-8"))) or ""
+    spec = find_spec(task.run.partition(":")[0])
+    assert spec is not None
+    assert spec.origin is not None
+    docstring = ast.get_docstring(ast.parse(Path(spec.origin).read_text(encoding="utf-8"))) or ""
     return [" ".join(paragraph.split()) for paragraph in docstring.split("\n\n")[1:]]
 
 

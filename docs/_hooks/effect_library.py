@@ -62,7 +62,7 @@ def _row(parameter: Parameter) -> str:
 def _looked_for(effect: type[Effect]) -> str:
     """Treatment of an effect by discovery."""
     name = effect.name
-    twins = {twin: one for one, others in TWINS.items() for twin in others}
+    twins = {twin: effect_name for effect_name, others in TWINS.items() for twin in others}
     if name in NAMED:
         return "Discovery searches for it."
     if name in PLACED:

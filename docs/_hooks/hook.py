@@ -36,6 +36,7 @@ GENERATED: dict[str, Callable[..., str]] = {
     "table-columns": tables_of_code.table_columns,
     "tasks": config_keys.tasks_and_keys,
     "thresholds": code_constants.thresholds,
+    "units": tables_of_code.units,
     "verdicts": kept_results.verdicts,
 }
 """Functions by name; each takes the words that follow the name."""

@@ -1,7 +1,7 @@
 """Draws the picture of README and of the first page from the stored results: `python docs/_hooks/overview.py`.
 
 Left: share of hidden effects that discovery names, by their strength, in generated recordings. Right: gap error of
-drivers that took no part in the fit, before and after the model was repaired, in measured recordings.
+drivers that were not used in the fit, before and after the model was repaired, in measured recordings.
 """
 
 import json

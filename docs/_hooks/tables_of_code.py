@@ -8,12 +8,15 @@ import rearl_jax
 from rearl_jax.config.data import DataFormat
 from rearl_jax.data.readers import reader_of
 from rearl_jax.data.schema import COLUMNS
+from rearl_jax.data.spelling import KINDS
+from rearl_jax.data.units import UNITS
 from rearl_jax.metrics import METRICS
 
 BENCH = {
     "core": "benchmarks.core_results",
     "loop": "benchmarks.loop_results",
     "discover": "benchmarks.discover",
+    "readers": "benchmarks.readers",
 }
 """Module whose docstring explains the keys of a speed measurement, by benchmark."""
 
@@ -46,6 +49,15 @@ def recording_formats() -> str:
         what = (module.__doc__ or "").partition("\n")[0].rstrip(".")
         rows.append(f"| `{kind.name}` | {what} | {_cell(reader_of(kind).expected)} |")
     return "\n".join(["| `data=` | what is read | `data.root` names |", "|---|---|---|", *rows])
+
+
+def units() -> str:
+    """The units of foreign tables, by the columns that may be in them."""
+    rows = []
+    for kind, known in UNITS.items():
+        columns = ", ".join(f"`{name}`" for name, unit in KINDS.items() if unit == kind)
+        rows.append(f"| {columns} | {', '.join(f'`{unit}`' for unit in known)} |")
+    return "\n".join(["| columns | units |", "|---|---|", *rows])
 
 
 def shipped_recordings() -> str:
@@ -90,12 +102,12 @@ def packages() -> str:
 
 def public_names() -> str:
     """Every name of `rearl_jax`, as the modules that own them document it."""
-    found: dict[str, list[str]] = {}
+    names: dict[str, list[str]] = {}
     for name, home in sorted(rearl_jax._HOMES.items()):
         entry = f"::: {home}.{name}\n    options: {{show_root_full_path: false}}"
-        found.setdefault(home.split(".")[1], []).append(entry)
+        names.setdefault(home.split(".")[1], []).append(entry)
     blocks = []
-    for area, entries in found.items():
+    for area, entries in names.items():
         blocks += [f"## {AREAS.get(area, area.capitalize())}", *entries]
     return "\n\n".join(blocks)
 

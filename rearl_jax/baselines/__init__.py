@@ -1,1 +1,1 @@
-"""Baselines: other ways to drive the vehicles, which do not compare the running traffic with recorded scenes."""
+"""Baselines: other methods to control the vehicles, without comparison of the running traffic with recorded scenes."""

@@ -1,4 +1,4 @@
-"""All vehicles driven by one policy: observe, decide, simulate a second, again."""
+"""Traffic in which one policy controls all vehicles: every second it observes, decides and simulates."""
 
 import dataclasses
 from typing import TypeAlias
@@ -26,7 +26,7 @@ from rearl_jax.decision.execution import (
 
 @dataclasses.dataclass(frozen=True)
 class DrivingOptions:
-    """Options that change the program: which actions are admissible, how target speeds are followed."""
+    """Options that change the compiled program: admissible actions, and control of target speeds."""
 
     admissible: AdmissibleConfig = dataclasses.field(default_factory=AdmissibleConfig)
     longitudinal: Longitudinal = Longitudinal.mdp
@@ -90,7 +90,7 @@ def rollout_with_actor(
 ) -> tuple[Frames, Int[Array, "seconds vehicles scenarios"]]:
     """A frame after every second, and the actions followed during it; each vehicle takes its most probable action."""
     model = options.model(model)
-    # As in `core.rollout.rollout`: nothing that is known of a fresh state may be folded into the loop.
+    # As in `core.rollout.rollout`: XLA must not propagate constants of the initial state into the loop.
     state, drivers = lax.optimization_barrier((state, drivers))
 
     def second(driven: Driven, _: None) -> tuple[Driven, tuple[Frames, Array]]:

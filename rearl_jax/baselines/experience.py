@@ -22,11 +22,11 @@ class Drive(eqx.Module):
     Attributes:
         given: Input of the policy before each second.
         action: Action followed during it, NO_ACTION for none.
-        log_share: Logarithm of the probability it was drawn with.
+        log_share: Logarithm of the probability of this action.
         value: Expectation of the critic before the second.
         reward: Reward for the second.
-        speed: Speed at its end [m/s].
-        crashed: Whether the vehicle had crashed by its end.
+        speed: Speed at the end of the second [m/s].
+        crashed: Whether the vehicle had crashed by the end of the second.
         last_value: Expectation of the critic after the last second.
     """
 
@@ -62,7 +62,7 @@ def collect(
 ) -> Drive:
     """Rollouts in which the action of each vehicle is drawn from the policy."""
     model = options.model(model)
-    # As in `core.rollout.rollout`: nothing that is known of a fresh state may be folded into the loop.
+    # As in `core.rollout.rollout`: XLA must not propagate constants of the initial state into the loop.
     state, drivers = lax.optimization_barrier((state, drivers))
 
     def second(driven: Driven, number: Int[Array, ""]) -> tuple[Driven, tuple[PolicyInput, tuple[Array, ...]]]:
@@ -107,8 +107,8 @@ def advantages(
 
     Args:
         reward: r_t.
-        value: V_t, expected before each second.
-        last_value: Expected after the last one.
+        value: V_t, value before each second.
+        last_value: Value after the last second.
         ends: Whether the vehicle's driving ends with the second.
         gamma: Discount of a second [-].
         decay: lambda [-].

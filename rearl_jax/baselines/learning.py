@@ -18,7 +18,7 @@ from rearl_jax.baselines.network import ActorCritic, log_probabilities
 from rearl_jax.config.ppo import PpoConfig
 
 ADAM_EPSILON = 1e-5
-"""Keeps Adam's steps finite [-]. Source: purejaxrl/ppo.py."""
+"""Epsilon of Adam, which keeps its steps finite [-]. Source: purejaxrl/ppo.py."""
 
 
 class Decisions(eqx.Module):
@@ -29,8 +29,8 @@ class Decisions(eqx.Module):
         admissible: Mask of the admissible actions.
         action: Action taken.
         log_share: Logarithm of the probability of that action.
-        advantage: Return beyond the expected one.
-        target: Return the critic should expect.
+        advantage: Return minus the expected return.
+        target: Target value of the critic.
         weight: 1 where there was a decision, else 0.
     """
 
@@ -52,7 +52,7 @@ class Losses(eqx.Module):
         value: Mean squared error of the critic.
         entropy: Entropy of the actions' probabilities [nat].
         divergence: Estimated Kullback-Leibler divergence of the new from the old probabilities [nat].
-        clipped_share: Share of the decisions at which the clip holds the gradient back.
+        clipped_share: Share of the decisions whose gradient is clipped.
     """
 
     total: Float[Array, "*steps"]

@@ -1,8 +1,8 @@
 """The task `rearl train ppo`: trains a policy on the traffic model, without recordings.
 
-Writes into the study folder `curve.parquet` (one row per update), `curve.png`, `weights.eqx` (which
-`rearl evaluate method=ppo ppo.weights=FILE` drives with), `config.json` and, last of all, `summary.json`. A killed
-training continues from `checkpoint.eqx`.
+Writes into the study folder `curve.parquet` (one row per update), `curve.png`, `weights.eqx` (for `rearl evaluate
+method=ppo ppo.weights=FILE`), `config.json` and, last of all, `summary.json`. An interrupted training continues from
+`checkpoint.eqx`.
 """
 
 from rearl_jax.baselines.document import document_of

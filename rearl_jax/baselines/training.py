@@ -1,4 +1,4 @@
-"""Training of the PPO policy: update by update, with a checkpoint every few from which a killed one continues.
+"""Training of the PPO policy, with regular checkpoints from which an interrupted training continues.
 
 All random numbers of an update follow from the seed and its number alone, so a resumed training equals an
 uninterrupted one bit for bit.
@@ -40,7 +40,7 @@ from rearl_jax.results import Study, config_hash
 log = logging.getLogger(__name__)
 
 CHECKPOINT = "checkpoint.eqx"
-"""Checkpoint from which a killed training continues; removed when it is done."""
+"""Checkpoint from which an interrupted training continues; removed at the end."""
 
 FIRST_RUN = 2**31
 """First run number of the updates. An evaluation numbers its runs from 0, so training and evaluation never share an
@@ -48,22 +48,22 @@ initial state, whatever the seeds.
 """
 
 NOISE = 2**31
-"""Separates the random numbers of actions and of the order of decisions from those of initial states."""
+"""Random stream of actions and of the order of decisions, separate from that of initial states."""
 
 WEIGHTS_RUN = 2**32 - 1
-"""Number from which the random key of the initial weights is made."""
+"""Run number of the random key of the initial weights."""
 
 Update: TypeAlias = Callable[[Learner, Int[Array, ""], Int[Array, ""]], tuple[Learner, "Point"]]
-"""Function of the learner, the seed and the number of an update, to the learner after it and the update's figures."""
+"""Function from the learner, the seed and the number of an update to the learner after it and the update's figures."""
 
 
 class Point(eqx.Module):
-    """Figures of one update, or of all of them.
+    """Figures of one update, or arrays of figures of all updates.
 
     Attributes:
-        gain: Rewards of a vehicle until its crash or the end, summed; mean over vehicles.
+        gain: Sum of a vehicle's rewards until its crash or the end; mean over vehicles.
         crashed: Share of the vehicles that crash.
-        speed: Mean speed of those that drive [m/s].
+        speed: Mean speed of the vehicles that drive [m/s].
         actions: Share of each action in all decisions, in the order of `MetaAction`.
         losses: Means over the gradient steps.
     """
@@ -81,8 +81,8 @@ class Training:
 
     Attributes:
         network: The trained network.
-        curve: All updates, `[n_updates]`.
-        n_before: Updates that an earlier process had made.
+        curve: Figures of every update, `[n_updates]`.
+        n_before: Updates made by an earlier process.
         compile_s: Time of compiling [s].
         seconds: Time of the updates of this process [s].
     """
@@ -146,7 +146,7 @@ class _Program:
 
 
 def _program(config: TrainPpoTask) -> _Program:
-    """Compiled once for all trainings of a process that differ in the seed alone."""
+    """The compiled update, shared by all trainings of a process that differ only in the seed."""
     return _compiled(replace(config.ppo, seed=0), config.admissible, config.core)
 
 

@@ -23,10 +23,10 @@ from rearl_jax.problems import InvalidInputError, MissingInputError, Problem
 from rearl_jax.results import shared_config
 
 FORMAT = "rearl_jax PPO weights, version 1"
-"""Begins the description in every file."""
+"""Beginning of the description in every file."""
 
 DEFAULT = Path(__file__).with_name("ppo_default.eqx")
-"""The weights that come with the package: those of `rearl train ppo` with every key at its default."""
+"""The shipped weights, trained by `rearl train ppo` with default keys."""
 
 
 @dataclass(frozen=True)
@@ -34,12 +34,12 @@ class TrainedPolicy:
     """A policy and how it was trained.
 
     Attributes:
-        network: Its weights.
-        options: Options of its driving.
+        network: Weights of the policy.
+        options: Options of the control of vehicles.
         n_lanes: Lanes of the road it was trained on.
-        car_steps: Vehicle-seconds of its training.
-        file: Name of its file.
-        digest: Twelve hexadecimal digits of its file.
+        car_steps: Vehicle-seconds of the training.
+        file: Name of the file.
+        digest: Twelve hexadecimal digits of the file's hash.
     """
 
     network: ActorCritic
@@ -66,11 +66,11 @@ def weights_file(network: ActorCritic, config: TrainPpoTask) -> bytes:
 
 
 def load_policy(path: str | None, core: CoreConfig) -> TrainedPolicy:
-    """The policy in a file, or the one that comes with the package.
+    """The policy in a file, or the shipped one.
 
     Raises:
         MissingInputError: There is no such file.
-        InvalidInputError: It holds no weights, is damaged, or was trained on another road.
+        InvalidInputError: The file contains no weights, is damaged, or was trained on another road.
     """
     source = DEFAULT if path is None else Path(path)
     try:
@@ -123,7 +123,7 @@ def _damaged(source: Path) -> InvalidInputError:
 
 
 def _description(source: Path, line: bytes) -> dict[str, Any]:
-    """Training that gave the weights."""
+    """Description of the training of the weights."""
     try:
         description = json.loads(line)
     except ValueError:

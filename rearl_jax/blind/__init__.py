@@ -1,1 +1,1 @@
-"""The blind study of discovery: traffic from independent sources, sealed truths, scores."""
+"""The blind study of discovery: independently generated traffic, sealed truths, and scores."""

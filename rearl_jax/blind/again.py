@@ -1,9 +1,10 @@
-"""A finished study judged again, nothing run: `python -m rearl_jax.blind.again FOLDER`.
+"""Scores of a finished study computed again, without simulation: `python -m rearl_jax.blind.again FOLDER`.
 
-Reads `protocol.json`, the sealed `truth.json` and `cases.parquet`, the table of what was said to each data set. Prints
-the tables and writes what follows from them again: `scores.parquet`, `sets.parquet`, `strengths.parquet`,
-`confusion.parquet`, `page.html` and `summary.json`, with the provenance of the study and `judged_again`. What the table
-of data sets does not hold stays as it was: parameters, stated confidences, and rates that need a column it has not.
+Reads `protocol.json`, the sealed `truth.json` and `cases.parquet`, the table with the verdict on each data set. Prints
+the tables and writes these derived files again: `scores.parquet`, `sets.parquet`, `strengths.parquet`,
+`confusion.parquet`, `page.html` and `summary.json`, with the provenance of the study and `judged_again`. Results that
+cannot be derived from the table of data sets are kept: parameters, stated confidences, and rates that need a column
+which the table lacks.
 """
 
 import json
@@ -34,11 +35,11 @@ from rearl_jax.whole_files import replacing
 
 @dataclass(frozen=True)
 class KeptResults(BlindResults):
-    """The results of a study of which the table of data sets is kept, and no verdict.
+    """Results of a study of which only the table of data sets is kept, not the verdicts.
 
     Attributes:
-        columns: Columns of that table.
-        kept_scores, kept_parameters, kept_calibration: Rows of the tables as they were written before.
+        columns: Columns of the table of data sets.
+        kept_scores, kept_parameters, kept_calibration: Rows of the tables as first written.
     """
 
     columns: frozenset[str]
@@ -48,13 +49,13 @@ class KeptResults(BlindResults):
 
     @cached_property
     def scores(self) -> list[Score]:
-        """Rates: asked again where the table has what they need, else those of before."""
+        """Rates, computed again if the table has the necessary columns, else as first written."""
         known = {row["name"]: row for row in self.kept_scores if row["name"] in self._not_asked}
         names = [item.name for item in fields(Score)]
-        found = {name: Score(**{key: row[key] for key in names}) for name, row in known.items()}
+        kept = {name: Score(**{key: row[key] for key in names}) for name, row in known.items()}
         asked = [question for question in QUESTIONS if question.name not in self._not_asked]
-        found |= {score.name: score for score in score_all(self.cases, asked)}
-        return [found[question.name] for question in QUESTIONS if question.name in found]
+        kept |= {score.name: score for score in score_all(self.cases, asked)}
+        return [kept[question.name] for question in QUESTIONS if question.name in kept]
 
     @cached_property
     def parameters(self) -> list[dict]:
@@ -72,11 +73,11 @@ class KeptResults(BlindResults):
 
 
 def read_study(folder: Path) -> tuple[Protocol, KeptResults]:
-    """How a study was sealed, and its results judged again.
+    """The protocol of a study, and its results computed again.
 
     Raises:
         FileNotFoundError: A file is missing.
-        ValueError: There is no protocol, or the truth is not the one that was sealed.
+        ValueError: There is no protocol, or the truth differs from the sealed one.
     """
     protocol = stored_protocol(folder)
     if protocol is None:
@@ -95,12 +96,12 @@ def read_study(folder: Path) -> tuple[Protocol, KeptResults]:
 
 
 def judge_again(folder: Path) -> dict[str, Any]:
-    """The summary of a study whose results were judged and written again.
+    """The summary of a study whose results were computed and written again.
 
     Raises:
         FileNotFoundError, ValueError: As `read_study`.
     """
-    # Only here, so that who only reads needs neither matplotlib nor jinja2.
+    # Imported here, so that reading a study needs neither matplotlib nor jinja2.
     from rearl_jax.blind.figures import draw_figures
     from rearl_jax.document.html import page_of
 
@@ -122,7 +123,7 @@ def judge_again(folder: Path) -> dict[str, Any]:
 
 
 def main(words: list[str]) -> None:
-    """Judges the study in a folder again."""
+    """Computes the results of the study in a folder again."""
     if len(words) != 1:
         sys.exit((__doc__ or "").strip())
     try:
@@ -150,7 +151,7 @@ def _judged(truth: Mapping[str, Any], row: Mapping[str, Any]) -> Judged:
 
 
 def _verdict(row: Mapping[str, Any]) -> Verdict:
-    """What the table says about a verdict."""
+    """The verdict stored in a row of the table."""
     return Verdict(
         verdict=row["verdict"],
         effects=tuple(NamedEffect(name, _kind(name), {}, frozenset(), None) for name in _names(row["named"])),
@@ -166,7 +167,7 @@ def _verdict(row: Mapping[str, Any]) -> Verdict:
 
 
 def _kind(name: str) -> str:
-    """The kind of a claimed effect as far as judging asks for it."""
+    """The kind of a claimed effect, as needed for judging."""
     return "artefact" if name in ARTEFACTS else "generic" if name.endswith("dependence") else "traffic"
 
 
@@ -175,7 +176,7 @@ def _names(joined: str) -> tuple[str, ...]:
 
 
 def _rows(table: pd.DataFrame) -> list[dict]:
-    """The rows of a table; None where there is no figure."""
+    """The rows of a table; None for missing values."""
     return table.astype(object).where(table.notna(), None).to_dict("records")
 
 

@@ -1,4 +1,4 @@
-"""The data sets of a blind study: what is hidden where, how strongly, how often, declared before anything is drawn."""
+"""The data sets of a blind study: hidden effects, strengths and repetitions, declared before any random draw."""
 
 import hashlib
 from collections.abc import Iterable, Iterator, Mapping
@@ -37,10 +37,10 @@ CONFUSABLE = (
     ("leader_class", "leader_length"),
     ("lane_friction", "no_undertaking"),
 )
-"""Effects that look alike; a data set holds one of the two."""
+"""Pairs of similar effects; a data set contains one of the two."""
 
 CANCELLING = ("reaction_delay", "anticipation")
-"""Two effects of which only the difference can be seen."""
+"""Two effects of which only the difference is observable."""
 
 TWO = (
     ("reaction_delay", "grade"),
@@ -56,10 +56,10 @@ TWO = (
     ("asymmetry", "grade"),
     ("weather", "several_leaders"),
 )
-"""Two effects at once."""
+"""Pairs of effects in one data set."""
 
 SUMO_MODELS = ("idm", "idm_no_passing_right", "idm_limit", "idm_action_steps", "eidm", "krauss", "acc", "cacc")
-"""Car following and rules of the second source."""
+"""Car-following models and rules of SUMO, the second source."""
 
 REPEATS: Mapping[StudySize, Mapping[str, int]] = {
     StudySize.medium: {
@@ -80,13 +80,13 @@ class Case:
     """One data set.
 
     Attributes:
-        group: The set it belongs to.
-        variant: What is hidden, or which control.
-        planted: What is hidden by the generator.
+        group: The set that the data set belongs to.
+        variant: The hidden effect, or the kind of control.
+        planted: Effects hidden by the generator.
         changes: Fields of the scenario that differ from the default.
         source: `traffic`, the generator of this package, or `sumo`.
-        name: Name of its folder; says nothing. Empty until the study is drawn.
-        seed: Seed of everything random in it, drawn with the study.
+        name: Name of its folder, without information on the content; empty until the study is drawn.
+        seed: Seed of the data set, drawn with the study.
     """
 
     group: str
@@ -99,15 +99,15 @@ class Case:
 
     @property
     def scenario(self) -> Scenario:
-        """What the generator is asked for."""
+        """The scenario for the generator."""
         return Scenario(seed=self.seed, planted=self.planted, **self.changes)  # type: ignore[arg-type]
 
 
 def list_cases(blind: BlindConfig, master_seed: int) -> list[Case]:
-    """All data sets of a study in an order that says nothing.
+    """All data sets of a study in random order.
 
     Raises:
-        ValueError: `blind.sets` selects none.
+        ValueError: `blind.sets` selects no data set.
     """
     kinds = [kind for kind in _kinds(blind.size) if fnmatchcase(kind.group, blind.sets)]
     kinds = [kind for kind in kinds if blind.sumo or kind.source != "sumo"]

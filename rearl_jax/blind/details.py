@@ -1,4 +1,4 @@
-"""What a blind study shows besides rates: outcomes by set, errors, stated confidence, parameters, strengths."""
+"""Details of a blind study: outcomes by set, errors, stated confidence, parameters, strengths."""
 
 from collections.abc import Iterable, Sequence
 from itertools import pairwise
@@ -12,16 +12,16 @@ from rearl_jax.blind.scores import binomial_interval
 from rearl_jax.config.blind import StudySize
 
 ALL_LISTED = "all with effects of the list"
-"""The first row of `by_set`: the sets of the generator in which nothing but such effects is hidden."""
+"""Name of the first row of `by_set`: data sets of the generator in which only effects of the library are hidden."""
 
 CONFIDENCES = (0.0, 0.5, 0.8, 0.9, 0.95, 1.0)
 """Edges of the ranges of stated confidence [-]."""
 
 
 def by_set(cases: Iterable[Judged]) -> list[dict]:
-    """By set, and by model of SUMO: data sets, outcomes, and in how many of them a name was said that is not there.
+    """Rows by set, and by model of SUMO: data sets, outcomes, and the number of data sets with a false name.
 
-    Those are counted whatever the outcome: the name may stand beside what is right, or beside "unexplained".
+    A false name counts for every outcome, because it may accompany a correct name or the verdict `unexplained`.
     """
     by_name: dict[str, list[Judged]] = {}
     for case in sorted(cases, key=_place_of_set):
@@ -35,20 +35,22 @@ def by_set(cases: Iterable[Judged]) -> list[dict]:
 
 
 def outcome_counts(cases: Sequence[Judged]) -> dict[str, int]:
-    """Data sets by outcome, and those in which a name was said that is not there."""
+    """Number of data sets by outcome, and with a false name."""
     outcomes = [case.judgement.outcome for case in cases]
     counts = {f"n_{outcome}": outcomes.count(outcome) for outcome in OUTCOMES}
     return counts | {"n_false": sum(bool(case.judgement.false_names) for case in cases)}
 
 
 def _rate(n_hits: int, n_cases: int, names: Sequence[str] = ("rate", "low", "high")) -> dict[str, float | None]:
-    """A rate and the ends of its exact interval; None where nothing was counted."""
+    """A rate and the bounds of its exact interval; None without cases."""
     figures = (n_hits / n_cases, *binomial_interval(n_hits, n_cases)) if n_cases else (None, None, None)
     return dict(zip(names, figures, strict=True))
 
 
 def set_name(case: Judged) -> str:
-    """The set of a data set; of SUMO its model, and of effects in no list whether a measured variable explains them."""
+    """The set of a data set; for SUMO with the model, for unlisted effects with whether a measured variable explains
+    them.
+    """
     if case.is_sumo:
         return f"SUMO {case.truth['variant']}"
     if case.group != "unlisted":
@@ -63,7 +65,7 @@ def _place_of_set(case: Judged) -> tuple[int, int, str]:
 
 
 def oracle_share(cases: Iterable[Judged]) -> tuple[float | None, int]:
-    """How much of the fall of the squared error that the truth itself brings is reached, and in how many data sets.
+    """Share of the oracle's reduction of the squared error that is reached, and the number of data sets.
 
     Sums over data sets with a known oracle, of before^2 - after^2 over before^2 - oracle^2.
     """
@@ -78,7 +80,7 @@ def oracle_share(cases: Iterable[Judged]) -> tuple[float | None, int]:
 
 
 def calibration(cases: Iterable[Judged]) -> list[dict]:
-    """By stated confidence: claims, mean confidence, share that is there with its interval."""
+    """Rows by stated confidence: claims, mean confidence, share of correct claims with its interval."""
     claims = [claim for case in cases for claim in case.judgement.claims]
     rows = []
     for low, high in pairwise(CONFIDENCES):
@@ -90,7 +92,7 @@ def calibration(cases: Iterable[Judged]) -> list[dict]:
 
 
 def parameter_rows(cases: Iterable[Judged]) -> list[dict]:
-    """By effect and parameter: mean truth, mean error, relative bias, coverage of the intervals."""
+    """Rows by effect and parameter: mean truth, mean error, relative bias, coverage of the intervals."""
     known: dict[tuple[str, str], list[Recovery]] = {}
     for case in cases:
         for item in case.recoveries:
@@ -110,17 +112,17 @@ def parameter_rows(cases: Iterable[Judged]) -> list[dict]:
 
 
 def by_strength(cases: Iterable[Judged]) -> list[dict]:
-    """Of data sets with one effect of the library and the usual amount of data, by strength: how many are named.
+    """Rows by strength: number of named data sets, among those with one library effect and the default amount of data.
 
-    `n_false` are those in which a name was said that is not there.
+    `n_false` is the number with a false name.
     """
-    found: dict[tuple[str, float], list[Judged]] = {}
+    by_key: dict[tuple[str, float], list[Judged]] = {}
     for case in cases:
         if case.group in ("named", "half", "quarter", "double") and not case.is_sumo:
             for name in (case.truth["variant"], "all"):
-                found.setdefault((name, case.truth["planted"][0]["strength"]), []).append(case)
+                by_key.setdefault((name, case.truth["planted"][0]["strength"]), []).append(case)
     rows = []
-    for (name, strength), items in sorted(found.items()):
+    for (name, strength), items in sorted(by_key.items()):
         n, n_named, n_false = len(items), sum(case.is_named for case in items), outcome_counts(items)["n_false"]
         row = {"effect": name, "strength": strength, "n": n, "n_named": n_named, "n_false": n_false}
         rows.append(row | _rate(n_named, n))

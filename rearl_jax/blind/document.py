@@ -1,4 +1,4 @@
-"""The document of a blind study: rates beside their goals, outcomes by set, what was said by what was hidden."""
+"""The document of a blind study: rates and goals, outcomes by set, confusion matrix."""
 
 from collections.abc import Iterator, Mapping
 from dataclasses import replace
@@ -15,8 +15,8 @@ TABLES = ("scores", "sets", "confusion", "parameters", "calibration", "cases")
 """Tables of a study that its document shows."""
 
 CAPTIONS = {
-    "confusion": "Data sets by what was hidden (rows) and what was said first (columns); rows add up to one in colour. "
-    "What was recognised under another of its names stands on the diagonal.",
+    "confusion": "Number of data sets by hidden effect (rows) and first claimed name (columns); colours are "
+    "normalised by row. Effects recognised under another correct name are on the diagonal.",
     "strengths": "Share of data sets with one hidden effect in which it is named. Blue: all effects; grey: each.",
 }
 
@@ -41,9 +41,9 @@ def document_of(
     """The document of a blind study.
 
     Args:
-        summary: Its figures, as in summary.json.
-        tables: TABLES by name, as in its Parquet files.
-        protocol: How it was sealed, as in protocol.json.
+        summary: Content of summary.json.
+        tables: TABLES by name, as in the Parquet files.
+        protocol: Content of protocol.json.
     """
     sets = tables["sets"]
     counts = {f"n_{outcome}": outcome for outcome in OUTCOMES if sets[f"n_{outcome}"].to_numpy().any()}
@@ -51,8 +51,8 @@ def document_of(
     said = tables["confusion"].melt("hidden", var_name="said", value_name="n", ignore_index=False)
     said = said.query("n > 0").sort_index(kind="stable")
     words = (
-        "Not there: data sets with a name that is not there, whatever the outcome: it may stand beside what is right. "
-        "A curve over a variable counts as a name.",
+        "Not there: data sets with a false name, for every outcome, because a false name may accompany a correct "
+        "one. A curve over a variable counts as a name.",
     )
     parts = (
         (Section("Rates", notes=tuple(_notes(summary, tables, protocol))), _rates(tables["scores"]), _SCORES),
@@ -82,7 +82,7 @@ def document_of(
 
 
 def _rates(frame: pd.DataFrame, name: str = "rate") -> pd.DataFrame:
-    """A share and its exact 95 % interval in percent, as `table_of` takes them."""
+    """A share and its exact 95 % interval in percent, in the form for `table_of`."""
     percents = 100 * frame[[name, "low", "high"]]
     return frame.assign(**{name: percents[name], f"{name}_low": percents["low"], f"{name}_high": percents["high"]})
 
@@ -106,8 +106,8 @@ def _notes(
         yield f"{summary['n_cases']} of {summary['n_drawn']} data sets, the first in the study's random order."
     if summary["oracle_share"] is not None:
         yield (
-            f"Repaired models recover {percent(summary['oracle_share'])} of the reduction of the squared error that "
-            f"the hidden effect itself brings, in {summary['n_oracles']} data sets."
+            f"Repaired models recover {percent(summary['oracle_share'])} of the oracle's reduction of the "
+            f"squared error, in {summary['n_oracles']} data sets."
         )
     parameters = tables["parameters"]
     if len(parameters) and (n_intervals := int(parameters["n_intervals"].to_numpy().sum())):
@@ -121,10 +121,10 @@ def _notes(
 
 def _sealing(protocol: Mapping[str, Any]) -> Section:
     words = (
-        f"The hash of all sources was written down first, then the master seed was {_origin(protocol)}, then what is "
-        "hidden was written to one file and the hash of that file into the protocol; only then did discovery see the "
-        "first data set. It was given folders whose names and contents say nothing about what is hidden. The file was "
-        "opened once, after the last verdict.",
+        f"First the hash of all sources was stored, then the master seed was {_origin(protocol)}, then the truth "
+        "was written to one file and the hash of that file into the protocol. Only then did discovery receive "
+        "the first data set. Names and contents of its folders do not reveal the truth. The file was opened "
+        "once, after the last verdict.",
         f"Code {protocol['code_hash']}, master seed {protocol['master_seed']}, truth {protocol['truth_sha256']}.",
     )
     return Section("How it was kept blind", words, is_folded=True)

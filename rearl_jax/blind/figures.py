@@ -1,4 +1,4 @@
-"""The figures of a blind study: what was said to what, and how recognition grows with strength."""
+"""The figures of a blind study: confusion matrix, and recognition by strength."""
 
 import numpy as np
 
@@ -7,7 +7,7 @@ from rearl_jax.drawing import BLUE, DARK_GREY, FONT_SIZE, GREY, panels, png, set
 
 
 def draw_figures(results: BlindResults) -> dict[str, bytes]:
-    """PNG files by name, of all there are data sets for."""
+    """PNG files by name, for all figures with data."""
     figures = {"confusion": draw_confusion(results)} if len(results.confusion()) else {}
     return figures | ({"strengths": draw_strengths(results)} if results.strengths else {})
 
@@ -29,7 +29,7 @@ def draw_confusion(results: BlindResults) -> bytes:
 
 
 def draw_strengths(results: BlindResults) -> bytes:
-    """PNG of the share named by strength: every effect thin, all together with intervals."""
+    """PNG of the share named by strength: thin lines for single effects, a thick line with intervals for all."""
     figure, (axes,) = panels(5.2, 3.7, generated=True)
     effects = dict.fromkeys(row["effect"] for row in results.strengths)
     for effect in effects:

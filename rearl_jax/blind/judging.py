@@ -1,4 +1,4 @@
-"""One verdict beside the truth of its data set: what was recognised, what was said without being there."""
+"""Comparison of a verdict with the truth of its data set: recognised effects and false names."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -7,7 +7,7 @@ from typing import Any
 from rearl_jax.blind.verdicts import FAILED, NOTHING, UNEXPLAINED, Interval, NamedEffect, Verdict
 
 SAME_THING = {"speed_scale": {"position_scale"}, "position_scale": {"speed_scale"}}
-"""Artefacts that no data tell apart: speeds too large by a share, or positions too small."""
+"""Equivalent artefacts: speeds too large or positions too small by the same factor."""
 
 DEPENDS_ON = {
     "weather": {"time"},
@@ -16,28 +16,30 @@ DEPENDS_ON = {
     "bend": {"position"},
     "lane_desired_speed": {"lane"},
 }
-"""What a named effect says about its variable, for hidden ones without a name."""
+"""Variables of library effects; a hidden effect without a name counts as recognised by its variable."""
 
 OUTCOMES = ("right", "more", "part", "ambiguous", "unexplained", "nothing", "wrong", "failed")
-"""All of it named; all and something else; one of two; not named but among the alternatives; something is said to be
-there that has no name; nothing found; something else named; discovery stopped with an error. Whether something was said
-that is not there is asked on its own (`Judgement.false_names`), for it may stand beside what is right."""
+"""Outcomes: all hidden effects named; all named and a false name; one of two named; not named but among the
+alternatives; an effect without a name reported; nothing found; only false names; discovery stopped with an error. False
+names are also counted separately (`Judgement.false_names`), because they may accompany correct ones.
+"""
 
 
 @dataclass(frozen=True)
 class Judgement:
-    """What a verdict is worth.
+    """Comparison of a verdict with the truth.
 
     Attributes:
-        outcome: One of OUTCOMES; in a control `right` is nothing found.
-        shown: What the verdict says in one word, for the confusion matrix: the first name, or the verdict.
-        n_hidden, n_recognised: Effects hidden, and those of them that are named.
+        outcome: One of OUTCOMES; in a control `right` means that nothing was found.
+        shown: Column of the confusion matrix: the first name, or the verdict.
+        n_hidden, n_recognised: Number of hidden effects, and of those that are named.
         in_set: Whether each hidden effect is named or among the alternatives.
-        alone: Whether it is named and no alternative is left.
-        is_flagged: Whether the verdict says that something remains unexplained, or names a generic dependence.
-        false_names: Names claimed that are not there, also those beside a right one; a curve counts as a name.
-        false_kinds: Their kinds.
-        claims: For every claimed effect with a stated confidence: the confidence, and whether it is there.
+        alone: Whether the effect is named without alternatives.
+        is_flagged: Whether the verdict states an unexplained remainder or a generic dependence.
+        false_names: Claimed names that are not hidden in the data, also those beside a correct name; a curve counts as
+            a name.
+        false_kinds: Kinds of the false names.
+        claims: Stated confidence of each claimed effect, and whether the claim is correct.
     """
 
     outcome: str
@@ -54,7 +56,7 @@ class Judgement:
 
 @dataclass(frozen=True)
 class Recovery:
-    """A parameter that means the same in generator and library."""
+    """A parameter with the same meaning in generator and library."""
 
     effect: str
     parameter: str
@@ -63,7 +65,7 @@ class Recovery:
 
     @property
     def is_covered(self) -> bool | None:
-        """True if the interval holds the truth; None without interval."""
+        """True if the interval contains the true value; None without interval."""
         low, high = self.found.low, self.found.high
         return None if low is None or high is None else low <= self.truth <= high
 
@@ -94,19 +96,19 @@ def judge(truth: Mapping[str, Any], verdict: Verdict) -> Judgement:
 
 
 def shown_of(verdict: Verdict, n_recognised: int, is_flagged: bool) -> str:
-    """What a verdict says in one word."""
+    """The column of a verdict in the confusion matrix."""
     if is_flagged and not n_recognised:
         return UNEXPLAINED
     return verdict.effects[0].name if verdict.effects else verdict.verdict
 
 
 def is_alone(hidden: Sequence[Mapping[str, Any]], verdict: Verdict, n_recognised: int) -> bool:
-    """True if all that is hidden is named and no alternative to it is left."""
+    """True if all hidden effects are named without alternatives."""
     return n_recognised == len(hidden) and not verdict.alternatives - set().union(*map(names_of, hidden))
 
 
 def recoveries(truth: Mapping[str, Any], verdict: Verdict) -> Iterator[Recovery]:
-    """Parameters of recognised effects beside their true values, where no other effect has a share in them."""
+    """Parameters of recognised effects with their true values, unless another effect also influences them."""
     for item in truth["planted"]:
         if any(set(item["truths"]) & set(other["truths"]) for other in truth["planted"] if other is not item):
             continue
@@ -119,13 +121,13 @@ def recoveries(truth: Mapping[str, Any], verdict: Verdict) -> Iterator[Recovery]
 
 
 def is_it(item: Mapping[str, Any], effect: NamedEffect) -> bool:
-    """True if a claimed effect is a hidden one: by its name, or by the variable it depends on."""
+    """True if a claimed effect matches a hidden one, by its name or by the variable it depends on."""
     variables = effect.variables | DEPENDS_ON.get(effect.name, set())
     return effect.name in names_of(item) or bool(variables & set(item["variables"]))
 
 
 def names_of(item: Mapping[str, Any]) -> set[str]:
-    """Every name under which a hidden effect is right."""
+    """All correct names of a hidden effect."""
     names = set(item["truths"])
     return names.union(*(SAME_THING.get(name, set()) for name in names))
 
@@ -144,7 +146,7 @@ def _outcome(
         return "wrong" if has_false else "right" if verdict.verdict == NOTHING else "unexplained"
     if all(recognised):
         return "more" if has_false else "right"
-    # What nothing measured explains need not be named, but noticed.
+    # An effect that no measured variable explains cannot be named; it only has to be noticed.
     if any(item["kind"] == "unlisted" and not item["variables"] for item in hidden):
         return "unexplained" if is_flagged else "wrong" if has_false else "nothing"
     if any(recognised):

@@ -1,4 +1,4 @@
-"""What a blind study is asked: of which data sets, what counts, and the goal that was set before."""
+"""The rates of a blind study: data sets, criterion, and the goal set in advance."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -8,12 +8,12 @@ from rearl_jax.blind.judging import Judgement, Recovery
 from rearl_jax.blind.verdicts import Verdict
 
 NAMED = ("right", "more")
-"""Outcomes in which everything hidden is named."""
+"""Outcomes in which all hidden effects are named."""
 
 
 @dataclass(frozen=True)
 class Judged:
-    """A data set with all that is known about it in the end."""
+    """A data set with its truth, verdict and judgement."""
 
     name: str
     truth: Mapping[str, Any]
@@ -23,36 +23,36 @@ class Judged:
 
     @property
     def group(self) -> str:
-        """The set it belongs to."""
+        """The set of the data set."""
         return self.truth["group"]
 
     @property
     def is_sumo(self) -> bool:
-        """True if SUMO made it."""
+        """True if SUMO generated the data set."""
         return self.truth["source"] == "sumo"
 
     @property
     def hidden_kind(self) -> str:
-        """`control`, `listed`, `unlisted`, `artefact`; of two effects the kind of the first."""
+        """Kind of the (first) hidden effect: `control`, `listed`, `unlisted` or `artefact`."""
         return self.truth["planted"][0]["kind"] if self.truth["planted"] else "control"
 
     @property
     def is_named(self) -> bool:
-        """True if all that is hidden is named."""
+        """True if all hidden effects are named."""
         return self.judgement.outcome in NAMED
 
     @property
     def is_listed(self) -> bool:
-        """True if the generator made it and all that is hidden in it is an effect of the list."""
+        """True if the generator made the data set and all hidden effects are in the library."""
         planted = self.truth["planted"]
         return bool(planted) and not self.is_sumo and all(item["kind"] == "listed" for item in planted)
 
 
 @dataclass(frozen=True)
 class Question:
-    """A rate that is wanted: `hit` per data set for which `of` holds, which should reach `goal`, or stay below it.
+    """A rate: share of data sets with `hit` among those with `of`; it should reach `goal`, or stay below it.
 
-    `needs` is a column of cases.parquet without which a kept study cannot be asked again.
+    `needs` is a column of cases.parquet that is necessary to compute the rate from a kept study.
     """
 
     name: str
@@ -73,7 +73,7 @@ def _in_sumo(*kinds: str) -> Callable[[Judged], bool]:
 
 
 def _unlisted(*, has_variable: bool) -> Callable[[Judged], bool]:
-    """Effects in no list, with or without a measured variable that explains them."""
+    """Criterion for unlisted effects with or without a measured variable that explains them."""
     return lambda case: case.group == "unlisted" and bool(case.truth["planted"][0]["variables"]) == has_variable
 
 
@@ -82,12 +82,12 @@ def _has(*outcomes: str) -> Callable[[Judged], bool]:
 
 
 def _claims_traffic(case: Judged) -> bool:
-    """True if something is claimed about drivers or the road that is not there."""
+    """True if a false effect of drivers or road is claimed."""
     return any(kind != "artefact" for kind in case.judgement.false_kinds)
 
 
-def _is_not_there(case: Judged) -> bool:
-    """True if a name is not among what is hidden, alone or beside the right one."""
+def _has_false_name(case: Judged) -> bool:
+    """True if a false name is claimed, alone or beside a correct one."""
     return bool(case.judgement.false_names)
 
 
@@ -126,7 +126,7 @@ def _error_fell(case: Judged) -> bool:
 
 
 def _change(end: str, sign: int) -> Callable[[Judged], bool]:
-    """True if an end of the error's change, or its value, is below (-1) or above (+1) zero."""
+    """Criterion: the value or a bound of the error's change is below (-1) or above (+1) zero."""
 
     def is_beyond(case: Judged) -> bool:
         value = getattr(case.verdict.errors["change"], end, None)
@@ -137,36 +137,36 @@ def _change(end: str, sign: int) -> Callable[[Judged], bool]:
 
 QUESTIONS = (
     Question("identified", "effects of the library named, usual strength", _in("named"), _has(*NAMED), 0.95),
-    Question("in_set", "the same, or among the alternatives", _in("named"), _in_set, 0.95),
-    Question("wrong_name", "a name that is not there, usual strength", _in("named"), _is_not_there, 0.02, True),
+    Question("in_set", "effects of the library named, or among alternatives", _in("named"), _in_set, 0.95),
+    Question("wrong_name", "a false name, usual strength", _in("named"), _has_false_name, 0.02, True),
     Question("half_identified", "named at half strength", _in("half"), _has(*NAMED), 0.6),
-    Question("half_wrong", "a name that is not there, half strength", _in("half"), _is_not_there, 0.0, True),
+    Question("half_wrong", "a false name, half strength", _in("half"), _has_false_name, 0.0, True),
     Question("half_4x_identified", "half strength, four times the data", _in("half_four_times"), _has(*NAMED), 0.9),
     Question("short_identified", "named in records of 14 s", _in("short"), _has(*NAMED), 0.8),
     Question("control_false", "controls with an effect named", _in("control"), _claims_traffic, 1 / 30, True),
     Question("control_clean", "controls in which nothing was found", _in("control"), _has("right"), 0.95),
     Question("artefact_identified", "artefacts named", _in("artefact"), _has(*NAMED), 0.9),
-    Question("artefact_as_effect", "artefacts called an effect", _in("artefact"), _claims_traffic, 0.0, True),
-    Question("confusable_in_set", "of two alike, the true one kept", _in("confusable"), _in_set, 1.0),
-    Question("confusable_alone", "of two alike, only the true one kept", _in("confusable"), _alone, 0.8),
-    Question("cancelling_false", "two that cancel: a name not there", _in("cancelling"), _is_not_there, 0.0, True),
-    Question("variable", "no list holds it: the right variable", _unlisted(has_variable=True), _has(*NAMED), 0.9),
-    Question("flagged", "nothing measured explains it: said so", _unlisted(has_variable=False), _is_flagged, 0.8),
-    Question("both_named", "two at once: both named", _in("two"), _has(*NAMED), 0.8),
-    Question("one_and_flagged", "two at once: both, or one and that more is there", _in("two"), _both_or_flagged, 1.0),
+    Question("artefact_as_effect", "artefacts reported as an effect", _in("artefact"), _claims_traffic, 0.0, True),
+    Question("confusable_in_set", "similar effects: true one named or alternative", _in("confusable"), _in_set, 1.0),
+    Question("confusable_alone", "similar effects: only the true one named", _in("confusable"), _alone, 0.8),
+    Question("cancelling_false", "cancelling effects: a false name", _in("cancelling"), _has_false_name, 0.0, True),
+    Question("variable", "unlisted effects: right variable", _unlisted(has_variable=True), _has(*NAMED), 0.9),
+    Question("flagged", "no measured cause: unexplained", _unlisted(has_variable=False), _is_flagged, 0.8),
+    Question("both_named", "two effects: both named", _in("two"), _has(*NAMED), 0.8),
+    Question("one_and_flagged", "two effects: both, or one and an unexplained rest", _in("two"), _both_or_flagged, 1.0),
     Question("lane_choice_identified", "effects on lane choice named", _in("lane_choice"), _has(*NAMED), 0.9),
-    Question("lane_choice_false", "free lane changes, nothing hidden: an effect named",
+    Question("lane_choice_false", "free lane changes without effects: an effect named",
              _in("lane_choice_control"), _claims_traffic, 0.0, True),
     Question("sumo_family", "SUMO: effects named, or alternatives", _in_sumo("listed"), _has(*NAMED, "ambiguous"), 0.8),
-    Question("sumo_other", "SUMO: other models, unexplained or rightly named", _in_sumo("unlisted"), _is_flagged, 0.8),
+    Question("sumo_other", "SUMO: other models, unexplained or correct", _in_sumo("unlisted"), _is_flagged, 0.8),
     Question("sumo_control", "SUMO: controls with an effect named", _in_sumo("control"), _claims_traffic, 1 / 30, True),
-    Question("error_fell", "effects named whose error fell beyond its interval",
+    Question("error_fell", "named effects: error reduction beyond the interval",
              _named_in_named, _error_fell, 0.8, False, "after_high"),
-    Question("error_surely_fell", "the same, driver by driver",
+    Question("error_surely_fell", "named effects: significant reduction over drivers",
              _named_in_named, _change("high", -1), 0.8, False, "change_high"),
-    Question("sumo_error", "SUMO's other models: error lower after", _other_model, _change("value", -1), 0.95),
-    Question("error_rose", "something added: error surely higher after",
+    Question("sumo_error", "SUMO's other models: lower error after repair", _other_model, _change("value", -1), 0.95),
+    Question("error_rose", "repaired models: significantly higher error",
              _changes_the_model, _change("low", +1), 0.0, True, "change_low"),
     Question("failed", "data sets on which discovery stopped with an error", lambda _: True, _has("failed"), 0.0, True),
 )  # fmt: skip
-"""What a study is asked, in the order it is shown."""
+"""All rates of a study, in display order."""

@@ -19,11 +19,11 @@ SHOWN_GROUPS = ("named", "artefact", "unlisted", "control", "sumo")
 
 @dataclass(frozen=True)
 class BlindResults:
-    """Everything a study has found.
+    """All results of a study.
 
     Attributes:
         cases: The data sets that were run.
-        n_drawn: How many there are in the study, of which they are the first in its random order.
+        n_drawn: Number of data sets in the study; `cases` are the first of them in random order.
     """
 
     cases: Sequence[Judged]
@@ -55,7 +55,7 @@ class BlindResults:
         return calibration(self.cases)
 
     def tables(self) -> dict[str, pd.DataFrame]:
-        """What follows from the table of data sets, by the name of its file."""
+        """Tables derived from the table of data sets, by file name."""
         return {
             "scores": self.score_table(),
             "sets": pd.DataFrame(self.sets),
@@ -64,7 +64,7 @@ class BlindResults:
         }
 
     def confusion(self) -> pd.DataFrame:
-        """Data sets by what was hidden (rows, `hidden`) and what was said (columns)."""
+        """Number of data sets by hidden effect (rows, `hidden`) and verdict (columns)."""
         chosen = [case for case in self.cases if case.group in SHOWN_GROUPS]
         hidden = dict.fromkeys(row_name(case) for case in sorted(chosen, key=_place))
         said = [(row_name(case), column_name(case)) for case in chosen]
@@ -77,7 +77,7 @@ class BlindResults:
         return counts.rename_axis("hidden").reset_index()
 
     def case_table(self) -> pd.DataFrame:
-        """One row per data set; `named` and `false` (those of them that are not there) hold names joined by +."""
+        """One row per data set; `named` (all names) and `false` (false names) contain names joined by +."""
         return pd.DataFrame([_row(case) for case in self.cases])
 
     def score_table(self) -> pd.DataFrame:
@@ -85,7 +85,7 @@ class BlindResults:
         return pd.DataFrame([vars(score) | {"rate": score.rate} for score in self.scores])
 
     def summary(self) -> dict[str, Any]:
-        """Flat figures, and the rates as a list."""
+        """Key-value pairs, and the rates as a list."""
         share, n = oracle_share(self.cases)
         seconds = [case.verdict.seconds for case in self.cases if case.verdict.seconds is not None]
         return {
@@ -108,14 +108,14 @@ _LAST = (UNEXPLAINED, NOTHING, "failed")
 
 
 def row_name(case: Judged) -> str:
-    """What is hidden, as a row of the confusion matrix."""
+    """Row of a data set in the confusion matrix: its hidden effect."""
     if case.group == "control":
         return "nothing hidden"
     return f"SUMO {case.truth['variant']}" if case.is_sumo else case.truth["variant"]
 
 
 def column_name(case: Judged) -> str:
-    """What was said, as a column; the hidden thing's own name where it was recognised by another."""
+    """Column of a data set in the confusion matrix; an effect recognised by another correct name keeps its own."""
     if case.judgement.n_recognised:
         return case.truth["planted"][0]["truths"][0] if case.is_sumo else row_name(case)
     return case.judgement.shown

@@ -1,7 +1,7 @@
-"""Data set after data set: generated, shown to discovery, its verdict kept; a killed study goes on where it was.
+"""Runs of a blind study: generates each data set, runs discovery, keeps the verdict; an interrupted study continues.
 
-A data set lies in a folder whose name says nothing and goes when its verdict is there. Discovery gets that folder and a
-name for its results, never the case.
+The name of a data set's folder carries no information; the folder is deleted once its verdict is stored. Discovery
+receives the folder and a name for its results, never the case.
 """
 
 import json
@@ -30,10 +30,10 @@ VERDICTS, DATA = "verdicts", "data"
 """Folders of a study."""
 
 FAILURES = (ValueError, ArithmeticError, RuntimeError)
-"""What discovery may stop with on a data set without ending the study; each is kept and counted."""
+"""Exceptions of discovery on a data set that do not end the study; each is stored and counted."""
 
 FITTED_ARTEFACTS = ("lens", "clock_offset")
-"""Artefacts that are fitted; all others are read off the columns, where there is nothing to refit."""
+"""Artefacts that are fitted; all others are found in the columns without a fit."""
 
 Watch = Callable[[int, int], None]
 """Called with the steps done and their total."""
@@ -41,7 +41,7 @@ Watch = Callable[[int, int], None]
 
 @runtime_checkable
 class Discover(Protocol):
-    """Discovery as a study sees it."""
+    """Interface of discovery for a study."""
 
     def __call__(self, folder: Path, study: str, oracle: str | None = None) -> dict[str, Any]:
         """The verdict on the recordings in a folder, as in verdict.json.
@@ -49,13 +49,15 @@ class Discover(Protocol):
         Args:
             folder: Folder of canonical tables.
             study: Name of the folder of its results, under results.root.
-            oracle: Name of an effect to refit with, given after the verdict is fixed; its `error.oracle` is wanted.
+            oracle: Name of the true effect, given after the verdict is fixed, for a refit that yields `error.oracle`.
         """
         ...
 
 
 def open_study(folder: Path, config_hash: str, blind: BlindConfig, watch: Watch) -> tuple[sealing.Protocol, list[Case]]:
-    """The protocol with its truth sealed, and the data sets; a study of other code or configuration begins anew."""
+    """The protocol with the sealed truth, and the data sets; a study of other code or configuration starts from the
+    beginning.
+    """
     protocol, goes_on = sealing.open_protocol(folder, config_hash, blind.seed)
     assert protocol.master_seed is not None
     cases = list_cases(blind, protocol.master_seed)
@@ -77,15 +79,15 @@ def open_study(folder: Path, config_hash: str, blind: BlindConfig, watch: Watch)
 def run_cases(
     folder: Path, study: str, cases: Sequence[Case], discover: Discover, blind: BlindConfig, watch: Watch
 ) -> None:
-    """Runs discovery on every data set without a verdict; verdicts appear whole or not at all.
+    """Runs discovery on every data set without a verdict; verdicts are written atomically.
 
     Args:
         folder: Folder of the study.
-        study: Its name under results.root.
+        study: Name of the folder under results.root.
         cases: All data sets, in the order in which they are run.
         discover: Discovery.
-        blind: What is kept, and whether the oracle is asked.
-        watch: Progress.
+        blind: Options: what is kept, and whether the oracle is refitted.
+        watch: Progress callback.
     """
     for number, case in enumerate(cases):
         watch(number, len(cases))
@@ -94,12 +96,12 @@ def run_cases(
         if verdict.is_file() and (name is None or oracle.is_file()):
             continue
         data = folder / DATA / case.name
-        shutil.rmtree(data, ignore_errors=True)  # of a process that was killed
+        shutil.rmtree(data, ignore_errors=True)  # left by an interrupted process
         _write_data(case, data)
         if not verdict.is_file():
             _keep(verdict, _ask(discover, data, f"{study}/runs/{case.name}", None))
         if name is not None:
-            # Only now, when the verdict is fixed.
+            # Only after the verdict is fixed.
             _keep(oracle, _ask(discover, data, f"{study}/oracles/{case.name}", name))
         if not blind.keep_data:
             shutil.rmtree(data)
@@ -109,10 +111,10 @@ def run_cases(
 
 
 def judge_cases(folder: Path, protocol: sealing.Protocol, cases: Sequence[Case]) -> list[Judged]:
-    """All verdicts beside the truth, which is opened here and nowhere else.
+    """All verdicts with the truth, which is opened here and nowhere else.
 
     Raises:
-        ValueError: The truth is not the one that was sealed, or a verdict is none.
+        ValueError: The truth differs from the sealed one, or a verdict is invalid.
     """
     truths = sealing.open_truth(folder, protocol)
     judged = []
@@ -127,13 +129,13 @@ def judge_cases(folder: Path, protocol: sealing.Protocol, cases: Sequence[Case])
         except ValueError as error:
             raise ValueError(f"{path}: {error}") from error
         truth = truths[case.name]
-        found = tuple(recoveries(truth, verdict))
-        judged.append(Judged(case.name, truth, verdict, judge(truth, verdict), found))
+        recovered = tuple(recoveries(truth, verdict))
+        judged.append(Judged(case.name, truth, verdict, judge(truth, verdict), recovered))
     return judged
 
 
 def oracle_name(case: Case) -> str | None:
-    """The effect a refit with the truth would use; None where the library has none, or several are hidden."""
+    """The library effect for a refit with the truth; None if the library lacks it or several effects are hidden."""
     if case.source == "sumo" or len(case.planted) != 1:
         return None
     name = case.planted[0].name
@@ -141,11 +143,11 @@ def oracle_name(case: Case) -> str | None:
 
 
 def time_left(done_before: int, begin: float) -> Callable[[int, int], str]:
-    """How long a study still takes, as a function of the data sets done and their total.
+    """Function from the finished and the total number of data sets to the remaining time.
 
     Args:
-        done_before: Data sets that were finished when it went on.
-        begin: When that was, on the clock of time.perf_counter [s].
+        done_before: Data sets that were finished when this run started.
+        begin: Start of this run on the clock of time.perf_counter [s].
     """
 
     def text(done: int, total: int) -> str:
@@ -159,7 +161,7 @@ def time_left(done_before: int, begin: float) -> Callable[[int, int], str]:
 
 
 def count_finished(folder: Path, cases: Sequence[Case]) -> int:
-    """Data sets with a verdict."""
+    """Number of data sets with a verdict."""
     return sum(_files(folder, case)[0].is_file() for case in cases)
 
 

@@ -1,4 +1,4 @@
-"""Rates of a blind study with exact binomial intervals, each beside the goal it was given."""
+"""Rates of a blind study with exact binomial intervals and goals."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -8,7 +8,7 @@ from scipy.stats import beta
 from rearl_jax.blind.questions import QUESTIONS, Judged, Question
 
 CONFIDENCE = 0.95
-"""Of the intervals of rates."""
+"""Confidence of the intervals of rates [-]."""
 
 
 @dataclass(frozen=True)
@@ -16,12 +16,12 @@ class Score:
     """A rate.
 
     Attributes:
-        name: For tables.
-        title: For people.
-        n_hits, n_cases: Counted.
+        name: Name in tables.
+        title: Title in documents.
+        n_hits, n_cases: Number of hits and of cases.
         low, high: Exact interval (Clopper & Pearson 1934).
-        goal: What it should reach, in words.
-        is_met: Whether the rate itself does.
+        goal: Goal in words.
+        is_met: Whether the rate meets the goal.
     """
 
     name: str
@@ -52,12 +52,12 @@ def binomial_interval(n_hits: int, n_cases: int) -> tuple[float, float]:
 
 def score_all(cases: Sequence[Judged], questions: Sequence[Question] = QUESTIONS) -> list[Score]:
     """Every rate for which there are data sets."""
-    found = []
+    scores = []
     for question in questions:
         asked = [case for case in cases if question.of(case)]
         if asked:
-            found.append(_scored(question, sum(map(question.hit, asked)), len(asked)))
-    return found
+            scores.append(_scored(question, sum(map(question.hit, asked)), len(asked)))
+    return scores
 
 
 def _scored(question: Question, n_hits: int, n_cases: int) -> Score:

@@ -1,8 +1,7 @@
-"""The order that makes a study blind: the code is written down, then a seed is drawn, then the truth is sealed.
+"""The protocol that makes a study blind: first the code is hashed, then a seed is drawn, then the truth is sealed.
 
-`protocol.json` holds the hashes of the code and of the thresholds of discovery, the master seed and the hash of
-`truth.json`; both files are finished before
-discovery sees the first data set, and only the scorer opens the truth.
+`protocol.json` contains the hashes of the code and of the thresholds of discovery, the master seed and the hash of
+`truth.json`; both files are finished before discovery sees the first data set, and only the scorer opens the truth.
 """
 
 import hashlib
@@ -27,15 +26,15 @@ PROTOCOL, TRUTH = "protocol.json", "truth.json"
 
 @dataclass(frozen=True)
 class Protocol:
-    """What was fixed before anything was looked for.
+    """Record of everything that was fixed before discovery started.
 
     Attributes:
         code_hash: Hash of the sources, generator and discovery.
         config_hash: Hash of the study's configuration.
         seed_drawn: Whether the master seed was drawn, not given.
-        master_seed: Master seed of all data sets; None until the code was written down.
-        truth_sha256: SHA-256 of the sealed truth; None until it is.
-        thresholds_hash: Hash of every number that decides what discovery claims; None in a protocol without it.
+        master_seed: Master seed of all data sets; None until the code hash is stored.
+        truth_sha256: SHA-256 of the sealed truth; None until it is sealed.
+        thresholds_hash: Hash of all thresholds of discovery; None in protocols without it.
     """
 
     code_hash: str
@@ -47,18 +46,18 @@ class Protocol:
 
 
 def open_protocol(folder: Path, config_hash: str, seed: int | None) -> tuple[Protocol, bool]:
-    """The protocol of a study and whether it goes on from before.
+    """The protocol of a study, and whether an earlier run is continued.
 
-    A study of other code, other thresholds or another configuration begins anew.
+    A study with different code, thresholds or configuration starts from the beginning.
     """
     path = folder / PROTOCOL
     fresh = Protocol(code_hash(), config_hash, seed_drawn=seed is None, thresholds_hash=THRESHOLDS.fingerprint())
-    found = stored_protocol(folder)
-    if found is not None and _fixed(found) == _fixed(fresh):
-        goes_on = found.truth_sha256 is not None
-        if found.master_seed is not None:
-            return found, goes_on
-    # First the code, alone, then the seed: no seed can have been chosen to suit the code.
+    stored = stored_protocol(folder)
+    if stored is not None and _fixed(stored) == _fixed(fresh):
+        goes_on = stored.truth_sha256 is not None
+        if stored.master_seed is not None:
+            return stored, goes_on
+    # The code hash is stored before the seed is drawn, so that the seed cannot be chosen to suit the code.
     _write(path, fresh)
     drawn = replace(fresh, master_seed=secrets.randbits(32) if seed is None else seed)
     _write(path, drawn)
@@ -66,12 +65,12 @@ def open_protocol(folder: Path, config_hash: str, seed: int | None) -> tuple[Pro
 
 
 def _fixed(protocol: Protocol) -> tuple[str | None, ...]:
-    """What a study must share with the one it continues."""
+    """Fields that must be equal for a study to be continued."""
     return protocol.code_hash, protocol.config_hash, protocol.thresholds_hash
 
 
 def stored_protocol(folder: Path) -> Protocol | None:
-    """The protocol of a folder; None where there is none that can be read."""
+    """The protocol of a folder; None without a readable one."""
     try:
         return Protocol(**json.loads((folder / PROTOCOL).read_text(encoding="utf-8")))
     except (FileNotFoundError, ValueError, TypeError):
@@ -79,7 +78,7 @@ def stored_protocol(folder: Path) -> Protocol | None:
 
 
 def seal(folder: Path, protocol: Protocol, truths: Mapping[str, Any]) -> Protocol:
-    """Writes the truth and its hash; the protocol with it."""
+    """Writes the truth, and the protocol with its hash."""
     content = (json.dumps(truths, indent=1, sort_keys=True, allow_nan=False) + "\n").encode()
     with replacing(folder / TRUTH) as unfinished:
         unfinished.write_bytes(content)
@@ -92,7 +91,7 @@ def open_truth(folder: Path, protocol: Protocol) -> dict[str, Any]:
     """The truth of every data set by its name.
 
     Raises:
-        ValueError: It is not the one that was sealed.
+        ValueError: The truth differs from the sealed one.
     """
     path = folder / TRUTH
     content = path.read_bytes()
@@ -103,7 +102,7 @@ def open_truth(folder: Path, protocol: Protocol) -> dict[str, Any]:
 
 
 def truth_of(case: Case) -> dict[str, Any]:
-    """What is hidden in a data set: planted effects, the set, the kind."""
+    """The truth of a data set: hidden effects, set, kind."""
     hidden = sumo_truth(case.variant) if case.source == "sumo" else hidden_truth(case.scenario, simulate(case.scenario))
     described = {"group": case.group, "variant": case.variant, "source": case.source, "seed": case.seed}
     return described | {"changes": dict(case.changes)} | hidden

@@ -1,7 +1,8 @@
-"""SUMO as a second source of traffic: another engine, other models of car following, rules nobody declared.
+"""SUMO as a second source of traffic: another simulator, other car-following models, and rules that discovery does not
+know.
 
-Drivers and first vehicles are drawn as by the generator of this package; who follows, follows SUMO. The simulation runs
-in a process of its own, because libsumo holds one simulation per process.
+Drivers and platoon leaders are drawn as by the generator of this package; followers are driven by SUMO. The simulation
+runs in a separate process, because libsumo allows one simulation per process.
 
 Sources: Lopez et al., Microscopic Traffic Simulation using SUMO, IEEE ITSC 2018; names of models and attributes as in
 SUMO's documentation of vehicle types.
@@ -25,44 +26,44 @@ from rearl_jax.blind.traffic.scenario import SUB_STEP, Scenario
 from rearl_jax.blind.traffic.simulation import COOL_DOWN, WARM_UP, Events, place_platoons
 
 STEP = 0.1
-"""Step of the simulation [s]; a frame."""
+"""Time step of the simulation and frame interval [s]."""
 
 LIMIT = 22.0
-"""Limit of the limited section [m/s]."""
+"""Speed limit of the limited section [m/s]."""
 
 LIMITED = (900.0, 1250.0)
-"""The limited section [m]."""
+"""Start and end of the limited section [m]."""
 
 TRUTHS: dict[str, dict[str, Any]] = {
     "idm": {"kind": "control", "truths": []},
-    # SUMO's lane changing forbids passing on the right above 60 km/h: who is faster falls in behind the left lane.
+    # SUMO forbids passing on the right above 60 km/h, so faster drivers adapt to the vehicle ahead on the left lane.
     "idm_no_passing_right": {"kind": "listed", "truths": ["no_undertaking"]},
     "idm_limit": {
         "kind": "listed",
         "truths": ["speed_limit", "bend", "grade"],
         "parameters": {"limit": LIMIT, "start": LIMITED[0], "end": LIMITED[1]},
     },
-    # Decisions every 0.8 s: nobody's delay, but what a delay comes nearest to.
+    # Decisions every 0.8 s are not a reaction delay, but a delay is the most similar effect.
     "idm_action_steps": {"kind": "unlisted", "truths": ["reaction_delay", "action_points"]},
     "eidm": {"kind": "unlisted", "truths": []},
     "krauss": {"kind": "unlisted", "truths": []},
     "acc": {"kind": "unlisted", "truths": []},
     "cacc": {"kind": "unlisted", "truths": []},
 }
-"""What is the right answer to each variant."""
+"""Correct answers for each variant."""
 
 MODELS = {"eidm": "EIDM", "krauss": "Krauss", "acc": "ACC", "cacc": "CACC"}
 """SUMO's name of a model; IDM for all others."""
 
 
 def sumo_truth(variant: str) -> dict[str, Any]:
-    """What is hidden in a variant, in the form of the generator's."""
+    """The truth of a variant, in the same form as for the generator."""
     about = {"name": f"sumo_{variant}", "strength": 1.0, "variables": [], "parameters": {}} | TRUTHS[variant]
     return {"planted": [] if about["kind"] == "control" else [about], "n_lane_changes": 0, "n_emergencies": 0}
 
 
 def check_sumo() -> None:
-    """Raises ModuleNotFoundError with the remedy where libsumo is missing."""
+    """Raises ModuleNotFoundError with the remedy if libsumo is missing."""
     if find_spec("libsumo") is None:
         raise ModuleNotFoundError(
             "libsumo is not installed, which this study's second source needs: install the extra with "
@@ -75,12 +76,12 @@ def write_sumo_dataset(folder: Path, scenario: Scenario, variant: str) -> None:
 
     Args:
         folder: Folder of the tables.
-        scenario: Drivers, first vehicles, noise; nothing planted.
+        scenario: Drivers, platoon leaders and noise; without hidden effects.
         variant: One of TRUTHS.
 
     Raises:
         ModuleNotFoundError: libsumo is not installed.
-        RuntimeError: SUMO failed; the message holds what it said.
+        RuntimeError: SUMO failed; the message contains its output.
     """
     check_sumo()
     streams = np.random.default_rng([scenario.seed, 8]).spawn(2)
@@ -105,7 +106,7 @@ def _order(
     variant: str,
     number: int,
 ) -> dict[str, Any]:
-    """One simulation as plain values."""
+    """Parameters of one simulation as plain values."""
     own = np.flatnonzero(fleet.recording == number)
     every = round(STEP / SUB_STEP)
     leader_speeds = profiles[number * scenario.n_lanes : (number + 1) * scenario.n_lanes, ::every]
@@ -137,20 +138,20 @@ def _run(order: dict[str, Any]) -> dict[str, np.ndarray]:
         done = subprocess.run(command, capture_output=True, text=True, check=False)
         if done.returncode != 0:
             raise RuntimeError(f"SUMO failed on {order['variant']}: {done.stderr.strip()[-2000:]}")
-        with np.load(answered) as found:
-            return dict(found)
+        with np.load(answered) as answer:
+            return dict(answer)
 
 
-def _events(fleet: Fleet, found: dict[str, np.ndarray]) -> Events:
-    """What happened in the form of the generator's events."""
-    n_steps, n = found["position"].shape
+def _events(fleet: Fleet, motion: dict[str, np.ndarray]) -> Events:
+    """The simulated motion in the form of the generator's events."""
+    n_steps, n = motion["position"].shape
     return Events(
         time=STEP * np.arange(n_steps) - WARM_UP,
-        position=found["position"],
-        speed=found["speed"],
-        acceleration=found["acceleration"],
+        position=motion["position"],
+        speed=motion["speed"],
+        acceleration=motion["acceleration"],
         wander=np.zeros((n_steps, n)),
-        lane=found["lane"].astype(np.int8),
+        lane=motion["lane"].astype(np.int8),
         leader=np.zeros((0, n), dtype=np.int32),
         fleet=fleet,
         effects=(),

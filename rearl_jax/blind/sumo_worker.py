@@ -1,7 +1,7 @@
 """One SUMO simulation in a process of its own: `python -m rearl_jax.blind.sumo_worker ORDER.json EVENTS.npz`.
 
-The first vehicle of each lane is told its speed in every step; all others are SUMO's. Nobody is removed: a vehicle that
-vanished would still be somebody's leader.
+The first vehicle of each lane has a prescribed speed in every step; SUMO drives all others. No vehicle is removed,
+because a removed vehicle would still be the leader of its follower.
 """
 
 import json
@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 
 LENGTH = 12_000.0
-"""Of the road [m]; nobody reaches its end."""
+"""Length of the road [m]; no vehicle reaches its end."""
 
 FASTEST = 60.0
-"""Limit of the road [m/s] that limits nobody."""
+"""Speed limit of the road [m/s], above every desired speed."""
 
 _TYPE = (
     '<vType id="t{id}" carFollowModel="{model}" length="{length}" width="{width}" maxSpeed="{v0:.3f}" minGap="{s0:.3f}"'
@@ -31,7 +31,7 @@ _VEHICLE = (
 
 
 def main(order_file: str, events_file: str) -> None:
-    """Simulates an order and writes what happened."""
+    """Simulates an order and writes the resulting motion."""
     order = json.loads(Path(order_file).read_text(encoding="utf-8"))
     with tempfile.TemporaryDirectory(prefix="rearl_blind_sumo_") as name:
         network, routes = Path(name) / "road.net.xml", Path(name) / "traffic.rou.xml"
@@ -132,7 +132,7 @@ def _simulate(order: dict[str, Any], network: Path, routes: Path) -> dict[str, n
             for name, speed in zip(platoon_leaders, speeds.tolist(), strict=True):
                 sumo.vehicle.setSpeed(name, speed)
             sumo.simulationStep()
-            # Not the odometer, which starts where each vehicle was put.
+            # Not the odometer, which starts at each vehicle's own start position.
             rows["position"].append([sumo.vehicle.getPosition(name)[0] for name in names])
             rows["speed"].append([sumo.vehicle.getSpeed(name) for name in names])
             rows["acceleration"].append([sumo.vehicle.getAcceleration(name) for name in names])
@@ -140,7 +140,7 @@ def _simulate(order: dict[str, Any], network: Path, routes: Path) -> dict[str, n
     finally:
         sumo.close()
     events = {name: np.array(values) for name, values in rows.items()}
-    events["position"] = events["position"] - 0.5 * np.array(order["length"])  # SUMO's point is the front bumper
+    events["position"] = events["position"] - 0.5 * np.array(order["length"])  # SUMO's position is the front bumper
     return events
 
 

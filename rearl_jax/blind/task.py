@@ -1,10 +1,10 @@
-"""The task `rearl discover blind`: discovery on data sets whose hidden effects it has to find, and what it was worth.
+"""The task `rearl discover blind`: runs discovery on data sets with hidden effects and scores the verdicts.
 
 Writes into the study folder `protocol.json` and `truth.json` (before anything else), `verdicts/NAME.json` (one per data
 set), then `cases.parquet` (one row per data set), `scores.parquet`, `sets.parquet`, `strengths.parquet`,
 `parameters.parquet`, `calibration.parquet`, `confusion.parquet`, `confusion.png`, `strengths.png`, `page.html`,
-`config.json` and, last of all, `summary.json`. A killed study goes on where it was; a data set with a verdict is never
-run again.
+`config.json` and, last of all, `summary.json`. An interrupted study continues; a data set with a verdict is never run
+again.
 """
 
 import time
@@ -31,14 +31,14 @@ def run(config: DiscoverBlindTask) -> dict:
     """The summary: every rate with its interval.
 
     Raises:
-        ModuleNotFoundError: The study has data sets of SUMO, which is not installed.
-        ValueError: `blind.sets` selects none, or the sealed truth was changed.
+        ModuleNotFoundError: The study contains data sets of SUMO, which is not installed.
+        ValueError: `blind.sets` selects no data set, or the sealed truth was changed.
     """
     return run_with(config, discovery_of(config))
 
 
 def run_with(config: DiscoverBlindTask, discover: Discover) -> dict:
-    """The same with any discovery."""
+    """The summary of a study with any implementation of discovery."""
     study = Study(config.results.root, config.study, config, "discover blind", generated=True)
     if (stored := study.begin(resume=config.results.resume)) is not None:
         return stored
@@ -57,7 +57,7 @@ def run_with(config: DiscoverBlindTask, discover: Discover) -> dict:
     document = document_of(summary, tables, vars(protocol))
     print_document(document)
 
-    # Only now, so that nobody waits for matplotlib and jinja2 to see the table.
+    # Imported after the table is printed, because matplotlib and jinja2 load slowly.
     from rearl_jax.blind.figures import draw_figures
     from rearl_jax.document.html import page_of
 
@@ -72,7 +72,7 @@ def run_with(config: DiscoverBlindTask, discover: Discover) -> dict:
 def _judged(
     config: DiscoverBlindTask, study: Study, discover: Discover, bar: Progress
 ) -> tuple[Protocol, BlindResults]:
-    # How many are run says nothing about what they are: the truth of all is sealed.
+    # The truth of all data sets is sealed, so that stopping early reveals nothing about the remaining ones.
     whole = replace(config, blind=replace(config.blind, first=None))
     protocol, every_case = open_study(study.path, config_hash(whole), config.blind, shown(bar, "truth"))
     cases = every_case[: config.blind.first]

@@ -1,4 +1,4 @@
-"""What discovery has said about a data set, read from its verdict."""
+"""Records of verdicts, read from verdict.json."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -7,12 +7,12 @@ from typing import Any
 NOTHING, UNEXPLAINED, FAILED = "nothing", "unexplained", "failed"
 
 ERRORS = ("before", "after", "change", "floor", "oracle")
-"""Figures of the closed-loop error in a verdict."""
+"""Keys of the closed-loop error in a verdict."""
 
 
 @dataclass(frozen=True)
 class Interval:
-    """A figure and its interval; the ends are None where there is none."""
+    """A figure and its interval; the bounds are None without one."""
 
     value: float
     low: float | None
@@ -24,11 +24,12 @@ class NamedEffect:
     """An effect a verdict claims.
 
     Attributes:
-        name: As in the library of effects, or of an artefact.
-        kind: `artefact` for faults of the measurement, `generic` for a dependence without a name, else of traffic.
-        parameters: By name.
-        variables: What a generic effect depends on.
-        confidence: Stated probability that it is there; None where nothing is stated.
+        name: Name of a library effect or an artefact.
+        kind: `artefact` for measurement faults, `generic` for a dependence without a library effect, else the kind of
+            effect.
+        parameters: Parameters by name.
+        variables: Variables that a generic effect depends on.
+        confidence: Stated probability that the effect is present; None if not stated.
     """
 
     name: str
@@ -43,12 +44,12 @@ class Verdict:
     """A verdict.
 
     Attributes:
-        verdict: `named`, `artefact`, `unexplained`, `nothing`; `failed` where discovery stopped with an error.
-        effects: What is claimed, the strongest first.
-        alternatives: Names of candidates that explain the data about as well as what is claimed.
-        errors: ERRORS of the simulation behind the measured leader, `change` driver by driver; None where unknown.
+        verdict: `named`, `artefact`, `unexplained`, `nothing`; `failed` if discovery stopped with an error.
+        effects: Claimed effects, the strongest first.
+        alternatives: Names of candidates that explain the data about as well as the claimed effects.
+        errors: ERRORS of the simulation behind the measured leader, `change` driver by driver; None if unknown.
         n_drivers: Drivers the error was measured on.
-        seconds: Time it took.
+        seconds: Computation time [s].
         message: Message of the error that stopped discovery.
     """
 
@@ -65,7 +66,7 @@ def read_verdict(stored: Mapping[str, Any]) -> Verdict:
     """The record of a verdict.json.
 
     Raises:
-        ValueError: A key is missing or holds something else.
+        ValueError: A key is missing or has a value of the wrong type.
     """
     try:
         effects = tuple(_effect(item) for item in stored["effects"])
@@ -84,7 +85,7 @@ def read_verdict(stored: Mapping[str, Any]) -> Verdict:
 
 
 def failed_verdict(message: str, seconds: float) -> dict[str, Any]:
-    """A verdict for discovery that stopped with an error."""
+    """The verdict of a discovery that stopped with an error."""
     nothing: dict[str, Any] = {"effects": [], "candidates": [], "error": None, "data": None}
     return {"verdict": FAILED, **nothing, "seconds": seconds, "message": message}
 
@@ -101,7 +102,7 @@ def _effect(item: Mapping[str, Any]) -> NamedEffect:
 
 
 def _interval(value: Any) -> Interval | None:
-    """From a number, or from `value`, `low`, `high`."""
+    """The interval of a number, or of `value`, `low`, `high`."""
     if value is None:
         return None
     if isinstance(value, Mapping):

@@ -5,6 +5,7 @@ and SIGTERM end a task in an orderly way and print the command that continues it
 """
 
 import argparse
+import functools
 import logging
 import os
 import shlex
@@ -89,12 +90,31 @@ def _dispatch(arguments: list[str]) -> int:
 
         print(OmegaConf.to_yaml(OmegaConf.structured(compose_task(task, overrides, options.config_dir))), end="")
         return DONE
+    if task.on_file is not None and any(_is_file(word) for word in overrides):
+        carry_out = functools.partial(_look_at, task, overrides)
+    else:
+        carry_out = functools.partial(_carry_out, task, overrides, options)
     if not options.json:
-        return _carry_out(task, overrides, options)[0]
+        return carry_out()[0]
     with standard_output_apart() as output:
-        code, found = _carry_out(task, overrides, options)
-        write_object(found, output)
+        code, summary = carry_out()
+        write_object(summary, output)
     return code
+
+
+def _look_at(task: Task, words: list[str]) -> tuple[int, dict[str, Any]]:
+    """What `rearl TASK FILE` finds, and its exit code."""
+    if len(words) > 1:
+        conflict = f"takes one file and no keys: rearl {task.words} {shlex.quote(next(filter(_is_file, words)))}"
+        raise UsageError(Problem("file-and-keys", conflict, key=f"rearl {task.words} FILE"))
+    return DONE, {"task": task.words, **task.load_on_file()(words[0])}
+
+
+def _is_file(word: str) -> bool:
+    """Whether a word names a file or folder and no key: one that is there, or that looks like a path."""
+    if word.startswith(("/", "./", "../")):
+        return True
+    return "=" not in word and ("." in word or os.sep in word or os.path.exists(word))
 
 
 def _carry_out(task: Task, overrides: list[str], options: argparse.Namespace) -> tuple[int, dict[str, Any]]:
@@ -111,7 +131,7 @@ def _carry_out(task: Task, overrides: list[str], options: argparse.Namespace) ->
 
 
 def _how_to_go_on(arguments: list[str]) -> str:
-    """What is stored of an interrupted task, and the command that continues it."""
+    """Message after an interruption: stored results, and the command that continues."""
     try:
         options = _parser().parse_intermixed_args(arguments)
         task = _task(options.words)

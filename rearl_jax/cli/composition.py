@@ -1,6 +1,6 @@
 """Composes the configuration record of a task from the command line and conf/.
 
-Errors are found before Hydra sees them if that gives a better message, which names the nearest valid key.
+Errors are detected before Hydra runs if this allows a better message, with the nearest valid key.
 """
 
 import functools
@@ -25,7 +25,7 @@ log = logging.getLogger(__name__)
 
 
 class UsageError(InvalidInputError):
-    """The command line cannot be carried out; its problem says what to write instead."""
+    """Error in the command line; its problem names the remedy."""
 
 
 def compose_task(task: Task, overrides: list[str], config_dir: str | None) -> Any:
@@ -101,7 +101,7 @@ def opened(task: Task, overrides: list[str]) -> list[str]:
 
 
 def _inside(name: str, mappings: Iterable[str]) -> bool:
-    """Whether a key is one of some mappings, or inside one."""
+    """True if a key is one of some mappings, or inside one."""
     return any(name == mapping or name.startswith(f"{mapping}.") for mapping in mappings)
 
 
@@ -130,10 +130,10 @@ def choices(task: Task, config_dir: str | None = None) -> dict[str, dict[str, st
     roots = [tasks.conf_dir()] if config_dir is None else [tasks.conf_dir(), Path(config_dir)]
     groups = sorted(group.name for group in groups_of(task.defaults()) if group.name)
     files = {name: sorted(file for root in roots for file in (root / name).glob("*.yaml")) for name in groups}
-    found = {name: {file.stem: first_comment(file) for file in files[name]} for name in groups}
-    if "driver" in found:
-        found["driver"] = {name: model.title for name, model in MODELS.items()} | found["driver"]
-    return {name: chosen for name, chosen in found.items() if chosen}
+    comments = {name: {file.stem: first_comment(file) for file in files[name]} for name in groups}
+    if "driver" in comments:
+        comments["driver"] = {name: model.title for name, model in MODELS.items()} | comments["driver"]
+    return {name: chosen for name, chosen in comments.items() if chosen}
 
 
 def first_comment(file: Path) -> str:

@@ -1,4 +1,4 @@
-"""What `rearl --help` prints: tasks, and every key of a task with its type, default and meaning."""
+"""Text of `rearl --help`: tasks, and every key of a task with its type, default and meaning."""
 
 import shutil
 import textwrap

@@ -1,4 +1,4 @@
-"""Signals that end a task in an orderly way: open files are closed, and a message tells how to continue."""
+"""Signals that end a task in an orderly way: open files are closed, and a message gives the command that continues."""
 
 import signal
 import threading

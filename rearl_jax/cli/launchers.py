@@ -143,7 +143,7 @@ def _address(given: Mapping[str, Any]) -> str:
 
 
 def _is_elsewhere(given: Mapping[str, Any]) -> bool:
-    """Whether the jobs run on a Ray cluster that was started from elsewhere."""
+    """True if the jobs run on a Ray cluster that was started from elsewhere."""
     return given.get("hydra/launcher") == "ray" and _address(given) != "local"
 
 

@@ -75,14 +75,14 @@ def run_many(task: Task, overrides: list[str], config_dir: str | None) -> tuple[
 def _is_of_before(
     task: Task, fixed: Sequence[str], folder: Path, cell: Mapping[str, str], config_dir: str | None
 ) -> bool:
-    """Whether the results in the folder of a job are those of another configuration than it was to run with."""
+    """True if the results in the folder of a job belong to another configuration."""
     own = cell_folder(folder, cell)
     try:
-        found = json.loads((own / "summary.json").read_text(encoding="utf-8"))
+        summary = json.loads((own / "summary.json").read_text(encoding="utf-8"))
     except FileNotFoundError:
         return False
     overrides = [*fixed, *(f"{key}={value}" for key, value in cell.items())]
-    if first_part(found)["config_hash"] == config_hash(compose_task(task, overrides, config_dir)):
+    if first_part(summary)["config_hash"] == config_hash(compose_task(task, overrides, config_dir)):
         return False
     log.warning("%s: these results belong to another configuration and are left out", own)
     return True

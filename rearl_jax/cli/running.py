@@ -57,9 +57,9 @@ def _start_jax(task: Task) -> None:
 
 
 def _is_own(cache: Path) -> bool:
-    """Whether no other user can put programs into the cache, whose programs run unchecked; warns if another user can.
+    """True if no other user can write to the cache, whose programs run unchecked; warns otherwise.
 
-    The folder is made, for this user alone.
+    The folder is created with access for this user alone.
     """
     try:
         private_folder(cache.parent)
@@ -76,7 +76,7 @@ def _is_own(cache: Path) -> bool:
 
 
 def is_for_user(error: BaseException) -> bool:
-    """Whether the message of an error is meant for the user: raised by this package, or by the file system."""
+    """True if the message of an error is meant for the user: raised by this package, or by the file system."""
     if isinstance(error, (OSError, JobError, ProblemError)):
         return True
     if not isinstance(error, (ValueError, ImportError)) or error.__traceback__ is None:

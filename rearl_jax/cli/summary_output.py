@@ -47,8 +47,8 @@ def multirun_object(task: Task, folder: Path, cells: Sequence[Mapping[str, str]]
         stored = []
         for cell in cells:
             own = cell_folder(folder, cell)
-            found = _read(own / "summary.json")
-            parts = found if isinstance(found, list) else [found] if found is not None else []
+            summary = _read(own / "summary.json")
+            parts = summary if isinstance(summary, list) else [summary] if summary is not None else []
             stored += [{"results": str(own), **cell, **part} for part in parts]
     return {"task": task.words, "results": str(folder), "rows": stored}
 

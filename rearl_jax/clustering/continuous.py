@@ -14,7 +14,8 @@ def continuous_distances(
 ) -> Float[np.ndarray, "centres curves"]:
     """Continuous Frechet distance of every curve to every centre.
 
-    The smallest e for which the free space of the pair holds a path that rises in both curves from start to end.
+    The smallest e for which the free space of the pair contains a path that is monotone in both curves from start to
+    end.
 
     Source: Alt & Godau, Computing the Frechet distance between two polygonal curves, Int. J. Comput. Geom. Appl. 5
     (1995) 75; bisection instead of their search over critical values.
@@ -42,7 +43,7 @@ def _to_centre(
 def _is_within(
     curves: np.ndarray, centre: np.ndarray, radius: Float[np.ndarray, " curves"]
 ) -> Bool[np.ndarray, " curves"]:
-    """Whether the distance is at most the radius.
+    """True if the distance is at most the radius.
 
     `bottom[j]` is the reachable part of the side between cells (i-1, j) and (i, j), as shares of edge j of the centre;
     `left` the same between (i, j-1) and (i, j), as shares of edge i of the curve. Empty parts have low > high.

@@ -70,14 +70,14 @@ def scene_figure(
 ) -> bytes:
     """Scenes on a t-SNE map, coloured by cluster, the representatives marked. Bi et al., Fig. 8."""
     figure, (axes,) = drawing.panels(6.4, 5.2, generated=generated)
-    found = clusters.scenes
-    colours = matplotlib.colormaps["tab20"](found.labels % 20)
+    scene_clusters = clusters.scenes
+    colours = matplotlib.colormaps["tab20"](scene_clusters.labels % 20)
     held_out = np.zeros(len(coordinates), dtype=bool)
     held_out[np.concatenate([splits.evaluation, splits.tuning])] = True
     for chosen, marker in ((~held_out, "o"), (held_out, "x")):
-        at = chosen & (found.labels >= 0)
+        at = chosen & (scene_clusters.labels >= 0)
         axes.scatter(*coordinates[at].T, c=colours[at], marker=marker, s=18, linewidths=1.0)
-    chosen = found.representatives
+    chosen = scene_clusters.representatives
     axes.scatter(*coordinates[chosen].T, c=colours[chosen], marker="*", s=150, edgecolors="black", linewidths=0.9)
     for reference, scene in enumerate(chosen):
         axes.annotate(str(reference), tuple(coordinates[scene]), xytext=(6, 5), textcoords="offset points", fontsize=8)
@@ -85,7 +85,7 @@ def scene_figure(
     handles = [Line2D([], [], marker=marker, linestyle="", color="black", label=text) for marker, text in marks]
     figure.legend(handles=handles, frameon=False, fontsize=drawing.FONT_SIZE, ncols=3, loc="outside lower center")
     axes.set(xlabel="t-SNE 1 [-]", ylabel="t-SNE 2 [-]")
-    drawing.set_title(axes, f"{len(coordinates)} scenes in {len(found.centres)} clusters")
+    drawing.set_title(axes, f"{len(coordinates)} scenes in {len(scene_clusters.centres)} clusters")
     return drawing.png(figure)
 
 

@@ -97,7 +97,7 @@ def cluster_curves(
     """The best centres found, and the cost of every iterate, the first centres first.
 
     Args:
-        curves: What to cluster.
+        curves: Curves to cluster.
         kl: Parameters.
         progress: Called with the number of iterates so far and the most there can be.
 
@@ -144,8 +144,8 @@ def _gonzalez(curves: Curves, kl: KlConfig) -> Float[np.ndarray, "centres featur
     centres: list[np.ndarray] = []
     nearest = np.full(n_curves, np.inf, dtype=np.float32)
     for _ in range(kl.k):
-        one = curves.curves[:, :, chosen : chosen + 1]
-        centres.append(simplified(one, shortcut_errors(one), kl.l)[0])
+        curve = curves.curves[:, :, chosen : chosen + 1]
+        centres.append(simplified(curve, shortcut_errors(curve), kl.l)[0])
         nearest = np.minimum(nearest, curves.distances(centres[-1][None])[0])
         chosen = int(nearest.argmax())
     return np.stack(centres)

@@ -43,7 +43,7 @@ DRAWN = 600
 
 @runtime_checkable
 class ReferenceKeys(SceneKeys, Protocol):
-    """The groups of a task's configuration that decide its references."""
+    """Groups of a task's configuration that determine its references."""
 
     data: DataConfig
     split: SplitConfig
@@ -53,7 +53,7 @@ class ReferenceKeys(SceneKeys, Protocol):
 
 
 _SOURCES = ("clustering", "config", "data")
-"""Parts of the package whose code decides a clustering."""
+"""Parts of the package whose code determines a clustering."""
 
 _GROUPS = ("tracks", "scenes", "speed", "features", "spacing", "split", "kl", "cluster", "bo")
 
@@ -68,13 +68,13 @@ class TrackClusters:
         labels: Nearest centre.
         distances: Frechet distance to it, unitless.
         centres: Centres in units of the features: scaled speed [m/s], position [m], distance [m].
-        counts: Tracks left out because they are short, or never in company.
+        counts: Number of excluded tracks that are too short, or never near another vehicle.
         fitted: Number of tracks the centres were fitted on.
         costs: Mean distance of these to their nearest centre, unitless: of the first centres, then after each update;
             the centres are those of the lowest.
         parameters: k, l and iterations the centres were made with.
         drawn: Index of some tracks, for figures.
-        drawn_curves: Their features.
+        drawn_curves: Features of these tracks.
     """
 
     recording: Shaped[np.ndarray, " tracks"]
@@ -137,7 +137,7 @@ class ReferenceBuilder:
 
     @property
     def needs_recordings(self) -> bool:
-        """Whether the recordings must be passed through: no finished clustering and no tracks are available."""
+        """True if the recordings must be passed through: no finished clustering and no tracks are available."""
         return self._found is None and self.tracks is None
 
     def passing(self, recordings: Iterable[Recording]) -> Iterator[Recording]:
@@ -155,24 +155,24 @@ class ReferenceBuilder:
 
         Args:
             scenes: All scenes of the recordings passed.
-            splits: Which of them are for evaluation and tuning.
+            splits: Evaluation and tuning scenes.
             study: Stores the trace of a search, so that it can be resumed (`bo.enabled`).
             progress: Called with a stage (`search`, `tracks`), the steps done and their total.
 
         Raises:
             ValueError: Too few tracks or scenes to cluster, or the recordings have not been passed through.
         """
-        found = self._found
-        if found is not None and not np.array_equal(found.scene_id, scenes.scene_id):
-            message = f"the file belongs to {len(found.scene_id)} scenes, {len(scenes)} were given"
+        clusters = self._found
+        if clusters is not None and not np.array_equal(clusters.scene_id, scenes.scene_id):
+            message = f"the file belongs to {len(clusters.scene_id)} scenes, {len(scenes)} were given"
             remedy = "build references from the scenes of the same configuration"
             raise InvalidInputError(Problem("scenes-differ", message, remedy, file=str(self._path)))
-        if found is None:
+        if clusters is None:
             self.tracks = self._collector.collected() if self.tracks is None else self.tracks
-            found = cluster(self._config, scenes, self.tracks, splits, study, self.data_id, progress)
-            write_arrays(self._path, _arrays(found))
-        _warn_of_leaks(found, splits)
-        return references_of(scenes, found.scenes, self._config.cluster), found
+            clusters = cluster(self._config, scenes, self.tracks, splits, study, self.data_id, progress)
+            write_arrays(self._path, _arrays(clusters))
+        _warn_of_leaks(clusters, splits)
+        return references_of(scenes, clusters.scenes, self._config.cluster), clusters
 
 
 def cluster(

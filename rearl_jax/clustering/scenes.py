@@ -1,4 +1,4 @@
-"""Scenes to clusters by the kinds of tracks in them, and one representative per cluster."""
+"""Clustering of scenes by the kinds of tracks in them, with one representative per cluster."""
 
 import logging
 from dataclasses import dataclass
@@ -16,19 +16,19 @@ from rearl_jax.problems import InvalidInputError, Problem
 log = logging.getLogger(__name__)
 
 _SAME = 9
-"""Decimals to which shares must agree to count as one scene; finer differences are rounding of k-means' input."""
+"""Decimals to which shares must agree for scenes to count as equal; smaller differences are rounding errors."""
 
 _N_ACTIONS = 5
 
 
 @dataclass(frozen=True)
 class SceneClusters:
-    """Clusters of scenes, ordered by their centres: most of the slowest kind of track first.
+    """Clusters of scenes, ordered by their centres: the largest share of the slowest kind of track first.
 
     Attributes:
-        vectors: Shares of the labels in every scene, summing to 1; zeros where a scene has no labelled track.
+        vectors: Shares of the labels in every scene, summing to 1; zeros for a scene without labelled tracks.
         fitted: Scenes the clustering was fitted on.
-        labels: Nearest centre of every scene; -1 where a scene has no labelled track.
+        labels: Nearest centre of every scene; -1 for a scene without labelled tracks.
         centres: Centroids.
         representatives: Index of the fitted member nearest to each centroid.
         n_distinct: Number of different vectors among the fitted scenes.
@@ -68,16 +68,16 @@ def label_shares(
     counts = np.zeros((len(labels), n_labels))
     for scene in range(len(labels)):
         labelled = labels[scene] >= 0
-        found = labels[scene][labelled]
+        label = labels[scene][labelled]
         if definition is SceneVector.unique_tracks:
             _, first = np.unique(track[scene][labelled], return_index=True)
-            found = found[first]
-        counts[scene] = np.bincount(found, minlength=n_labels)
+            label = label[first]
+        counts[scene] = np.bincount(label, minlength=n_labels)
     return counts / np.maximum(counts.sum(axis=1, keepdims=True), 1)
 
 
 def may_be_fitted(splits: Splits, fit_on: FitOn) -> Bool[np.ndarray, " scenes"]:
-    """Scenes that clusterings may see.
+    """Mask of scenes that may be used in the fit of a clustering.
 
     By default the threshold scenes and those in no subset. A dropped scene may share seconds of traffic with an
     evaluation or tuning scene, so it counts as one.
@@ -126,16 +126,16 @@ def cluster_scenes(
             n_distinct,
             int(fitted.sum()),
         )
-    # Rounded, so that scenes that count as one are one for k-means too.
+    # Rounded, so that k-means treats equal scenes as equal.
     points = np.round(vectors, _SAME)
-    # pyright takes the default "auto" for the only type there is.
+    # pyright infers the type from the default "auto".
     kmeans = KMeans(n_clusters, n_init=config.n_init, random_state=config.seed)  # pyright: ignore[reportArgumentType]
     kmeans.fit(points[fitted])
     order = np.lexsort(-kmeans.cluster_centers_.T[::-1])
     centres = kmeans.cluster_centers_[order]
     distance = ((points[:, None] - centres[None]) ** 2).sum(axis=2)
     labels = np.where(has_vector, distance.argmin(axis=1), -1)
-    # Rounded for the same reason: scenes of equal vectors must tie, and the lowest index win.
+    # Rounded for the same reason: distances of equal scenes must be equal, so that the lowest index is chosen.
     to_centre = np.round(distance, 2 * _SAME)
     representatives = np.empty(n_clusters, dtype=np.int64)
     for cluster in range(n_clusters):
@@ -148,7 +148,7 @@ def references_of(scenes: SceneSet, clusters: SceneClusters, config: ClusterConf
     """Snapshots of the representatives, which simulated traffic is compared with.
 
     `slot_mean` takes the mean of each slot over the members of the cluster and their most frequent action, the lowest
-    of equally frequent ones. Each reference stands for the fitted scenes of its cluster.
+    of equally frequent ones. Each reference represents the fitted scenes of its cluster.
     """
     members = [clusters.members(cluster) for cluster in range(len(clusters.centres))]
     sizes = np.array([len(at) for at in members])

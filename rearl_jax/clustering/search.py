@@ -1,7 +1,7 @@
 """Bayesian optimisation of k, l and the number of iterations on a sample of the tracks.
 
-The grid is finite, so every proposal is the exact best of what has not been tried. Each round depends only on the
-rounds before it, which the trace holds: a search resumed from its trace ends like an uninterrupted one.
+The grid is finite, so every proposal is the exact optimum over all untested cells. Each round depends only on the
+rounds before it, which are in the trace; a search resumed from its trace therefore ends like an uninterrupted one.
 """
 
 import hashlib
@@ -38,7 +38,7 @@ _ETA = 1.0
 gp_minimize; here on standardised objectives, so that they do not depend on its unit."""
 
 _REFIT = 25
-"""From twice this number of rounds on, the kernel is fitted anew only at multiples of this number."""
+"""From twice this number of rounds on, the kernel is fitted again only at multiples of this number."""
 
 _VERTICES = 24
 """Vertices at which `bo.penalty` counts in full."""
@@ -49,8 +49,8 @@ class Evaluation:
     """One row of the trace.
 
     Attributes:
-        round: From 0.
-        k, l, iterations: What was tried.
+        round: Number of the round, from 0.
+        k, l, iterations: Tested parameters.
         silhouette: Mean simplified silhouette.
         objective: Silhouette minus the penalty for vertices; largest is best.
         chosen_by: Acquisition that proposed it, or `random`.
@@ -215,7 +215,7 @@ def _posterior(
     matern = Matern(np.full(3, 0.5), (0.05, 20.0), nu=2.5)  # pyright: ignore[reportArgumentType]
     kernel = matern + WhiteKernel(1e-2, (1e-6, 1.0))
     with warnings.catch_warnings():
-        # A length at its bound says that the objective hardly depends on that key, which is an answer.
+        # A length scale at its bound is a valid result: the objective hardly depends on that key.
         warnings.filterwarnings("ignore", message=".*(close to the specified|lbfgs failed to converge).*")
         fitted = GaussianProcessRegressor(kernel, random_state=0).fit(place[seen[:n_fit]], values[:n_fit])
         model = GaussianProcessRegressor(fitted.kernel_, optimizer=None)  # pyright: ignore[reportArgumentType]

@@ -50,8 +50,8 @@ def scene_table(
     scenes: SceneSet, splits: Splits, clusters: Clusters, coordinates: Float[np.ndarray, "scenes 2"]
 ) -> pd.DataFrame:
     """One row per scene: split, share_<label>, cluster, whether it was fitted on or represents one, t-SNE x and y."""
-    found = clusters.scenes
-    shares = {f"share_{label}": found.vectors[:, label] for label in range(found.vectors.shape[1])}
+    scene_clusters = clusters.scenes
+    shares = {f"share_{label}": scene_clusters.vectors[:, label] for label in range(scene_clusters.vectors.shape[1])}
     return pd.DataFrame(
         {
             "scene_id": scenes.scene_id,
@@ -59,9 +59,9 @@ def scene_table(
             "start_time": scenes.start_time,
             "split": pd.Categorical([Split(label).name.lower() for label in splits.label]),
             **shares,
-            "cluster": pd.arrays.IntegerArray(found.labels.astype(np.int64), found.labels < 0),
-            "is_fitted": found.fitted,
-            "is_representative": np.isin(np.arange(len(scenes)), found.representatives),
+            "cluster": pd.arrays.IntegerArray(scene_clusters.labels.astype(np.int64), scene_clusters.labels < 0),
+            "is_fitted": scene_clusters.fitted,
+            "is_representative": np.isin(np.arange(len(scenes)), scene_clusters.representatives),
             "tsne_x": coordinates[:, 0],
             "tsne_y": coordinates[:, 1],
         }
@@ -96,10 +96,10 @@ def embedding(vectors: Float[np.ndarray, "scenes shares"], seed: int) -> Float[n
     if len(np.unique(vectors, axis=0)) < 4:
         return np.zeros((len(vectors), 2))
     perplexity = min(_PERPLEXITY, (len(vectors) - 1) / 3)
-    found = TSNE(2, perplexity=perplexity, init="random", random_state=seed, learning_rate="auto").fit_transform(
+    coordinates = TSNE(2, perplexity=perplexity, init="random", random_state=seed, learning_rate="auto").fit_transform(
         vectors
     )
-    return found.astype(np.float64)
+    return coordinates.astype(np.float64)
 
 
 def summary(config: ClusterTask, scenes: SceneSet, splits: Splits, clusters: Clusters) -> dict:
@@ -112,7 +112,7 @@ def summary(config: ClusterTask, scenes: SceneSet, splits: Splits, clusters: Clu
     references (one object each: scene_id, recording, size and centre of its cluster), n_leaked (references that are
     evaluation or tuning scenes), search_rounds and search_best (objective).
     """
-    tracks, found = clusters.tracks, clusters.scenes
+    tracks, scene_clusters = clusters.tracks, clusters.scenes
     k, n_vertices, iterations = (int(value) for value in tracks.parameters)
     counts = np.bincount(tracks.labels, minlength=k)
     held_out = np.concatenate([splits.evaluation, splits.tuning])
@@ -139,9 +139,9 @@ def summary(config: ClusterTask, scenes: SceneSet, splits: Splits, clusters: Clu
             for label in range(k)
         ],
         "n_scenes": len(scenes),
-        "n_fitted_scenes": int(found.fitted.sum()),
-        "n_distinct": found.n_distinct,
-        "n_scene_clusters": len(found.centres),
+        "n_fitted_scenes": int(scene_clusters.fitted.sum()),
+        "n_distinct": scene_clusters.n_distinct,
+        "n_scene_clusters": len(scene_clusters.centres),
         "n_scene_clusters_wanted": config.cluster.n_clusters,
         "fit_on": config.cluster.fit_on.name,
         "references": [
@@ -149,12 +149,12 @@ def summary(config: ClusterTask, scenes: SceneSet, splits: Splits, clusters: Clu
                 "reference": cluster,
                 "scene_id": int(scenes.scene_id[scene]),
                 "recording": str(scenes.recording[scene]),
-                "n_members": len(found.members(cluster)),
-                **{f"share_{label}": float(share) for label, share in enumerate(found.centres[cluster])},
+                "n_members": len(scene_clusters.members(cluster)),
+                **{f"share_{label}": float(share) for label, share in enumerate(scene_clusters.centres[cluster])},
             }
-            for cluster, scene in enumerate(found.representatives)
+            for cluster, scene in enumerate(scene_clusters.representatives)
         ],
-        "n_leaked": int(np.isin(found.representatives, held_out).sum()),
+        "n_leaked": int(np.isin(scene_clusters.representatives, held_out).sum()),
         "search_rounds": None if trace is None else len(trace),
         "search_best": None if trace is None else float(trace["objective"].to_numpy().max()),
     }

@@ -37,7 +37,8 @@ def run(config: ClusterTask, *, show: bool = True) -> dict:
         show: Whether the table is printed.
 
     Raises:
-        FileNotFoundError, ValueError: There are no recordings, one is bad, or too few tracks or scenes to cluster.
+        FileNotFoundError, ValueError: There are no recordings, a recording is invalid, or too few tracks or scenes to
+            cluster.
     """
     builder = ReferenceBuilder(config)
     generated = is_generated(config.data)

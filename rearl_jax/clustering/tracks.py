@@ -32,7 +32,7 @@ class TrackCollector:
             del recording
 
     def collected(self) -> TrackSet:
-        """All tracks so far; parts are freed meanwhile, so that memory holds them only once.
+        """All tracks so far; parts are freed while they are joined, so that memory contains them only once.
 
         Raises:
             ValueError: No track is long enough.
@@ -91,9 +91,9 @@ class FeatureScale:
 def seen_in(tracks: TrackSet, scenes: SceneSet, indices: Int[np.ndarray, " scenes"]) -> Bool[np.ndarray, " tracks"]:
     """Mask of tracks that are picked in any snapshot of some scenes."""
     at = track_index(tracks, scenes, indices)
-    found = np.zeros(len(tracks), dtype=bool)
-    found[at[at >= 0]] = True
-    return found
+    is_seen = np.zeros(len(tracks), dtype=bool)
+    is_seen[at[at >= 0]] = True
+    return is_seen
 
 
 def track_index(

@@ -1,7 +1,7 @@
-"""The configuration of every task: one record per task, made of the records of its groups.
+"""The configuration of every task: one record per task, composed of records of key groups.
 
-Standard library only. A key has the same name in every task that knows it; its type, default and meaning are
-declared once, in the file of its group.
+Standard library only. A key has the same name in every task that uses it; its type, default and meaning are declared
+once, in the file of its group.
 """
 
 from dataclasses import dataclass
@@ -99,12 +99,12 @@ class DiscoverTask:
 
     @property
     def compared(self) -> tuple[DriverConfig, ...]:
-        """Car-following models that are compared: that of `driver` first, alone where no others are asked for."""
+        """Car-following models that are compared: that of `driver` first, without others if none are requested."""
         others = self.discover.base
         if others is None:
             others = CALIBRATED if self.driver == record_of("idm")() else ()
         if self.discover.oracle is not None:
-            others = ()  # nothing is looked for
+            others = ()  # no effects are searched
         return self.driver, *(record_of(name)() for name in dict.fromkeys(others) if name != self.driver.model)
 
 
@@ -174,7 +174,7 @@ class EvaluateTask:
 
     @property
     def seeds(self) -> str:
-        """Seeds of the rollouts and of the held-out scenes, as the metadata of every table names them."""
+        """Seeds of the rollouts and of the held-out scenes, as in the metadata of every table."""
         return f"eval.seed={self.eval.seed}, split.seed={self.split.seed}"
 
 
@@ -204,7 +204,7 @@ class SweepScaleTask(EvaluateTask):
     )
 
     def check(self) -> None:
-        """Raise InvalidInputError for what is not a number of rollouts."""
+        """Raise InvalidInputError for an invalid number of rollouts."""
         if not (float(self.n_rollouts).is_integer() and 1 <= self.n_rollouts < 2**31):
             raise out_of_range("n_rollouts", f"must be a whole number from 1 to {2**31 - 1:,}", self.n_rollouts)
 
@@ -304,7 +304,7 @@ class StudyTable4Task:
     prompt: PromptConfig = _group(PromptConfig)
 
     def check(self) -> None:
-        """Raise InvalidInputError for a policy that is not measured here."""
+        """Raise InvalidInputError for a policy without a measurement in this study."""
         if self.decision.policy not in (PolicyName.matcher, PolicyName.llm):
             message = (
                 "must be matcher or llm, the policies with a row in this table; table4.llm=true adds a language model"

@@ -1,10 +1,10 @@
-"""Ranges of numbers, as several records check them; null passes."""
+"""Range checks of numbers for several records; null passes."""
 
 from rearl_jax.problems import out_of_range
 
 
 def check_rising(record: object, *names: str) -> None:
-    """Raise InvalidInputError unless these keys hold positive, rising numbers, at least one each."""
+    """Raise InvalidInputError unless these keys contain positive, rising numbers, at least one each."""
     for name in names:
         values = list(getattr(record, name))
         if not values or values != sorted(set(values)) or values[0] < 1:
@@ -28,7 +28,7 @@ def check_positive(record: object, *names: str) -> None:
 
 
 def check_within(record: object, least: float, greatest: float, *names: str) -> None:
-    """Raise InvalidInputError unless these keys lie between two numbers, or are one of them."""
+    """Raise InvalidInputError unless these keys lie between two numbers, bounds included."""
     for name in names:
         value = getattr(record, name)
         if value is not None and not least <= value <= greatest:

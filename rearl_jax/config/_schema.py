@@ -1,7 +1,7 @@
-"""Configuration records as a flat list of keys: what can be set, with which type, and what it means.
+"""Configuration records as a flat list of keys, with type and meaning.
 
-In: a task's dataclass (standard library only). Out: its keys by full name, the nearest key to a misspelt one,
-and finished records, with the declared tuples in place of lists, that have passed their own `check`.
+From a task's dataclass (standard library only) this module derives the keys by full name, the nearest key to a misspelt
+one, and finished records, with the declared tuples instead of lists, that have passed their own `check`.
 """
 
 import difflib
@@ -20,7 +20,7 @@ Record = TypeVar("Record")
 
 @dataclass(frozen=True)
 class Key:
-    """One key a user can set: full name, type and default as the user writes them, documentation."""
+    """A configuration key: full name, type and default as written on the command line, documentation."""
 
     name: str
     type_name: str
@@ -30,7 +30,7 @@ class Key:
 
 @dataclass(frozen=True)
 class Group:
-    """The keys of one record: its full name (empty for the task itself) and what it is about."""
+    """The keys of one record: its full name (empty for the task itself) and its description."""
 
     name: str
     help: str
@@ -60,12 +60,12 @@ def groups_of(record: Any, name: str = "", help: str = "") -> Iterator[Group]:
 
 
 def keys_of(record: Any) -> dict[str, Key]:
-    """Full key name to key, for every key of a record of defaults."""
+    """Keys of a record of defaults by their full names."""
     return {key.name: key for group in groups_of(record) for key in group.keys}
 
 
 def nearest(name: str, known: Iterable[str]) -> str:
-    """The known name most like a given one; the last part alone (`stride` for `scenes.stride`) counts too."""
+    """The known name most similar to a given one, also by the last part alone (`stride` for `scenes.stride`)."""
 
     def likeness(candidate: str) -> float:
         whole = difflib.SequenceMatcher(None, name.lower(), candidate.lower()).ratio()
@@ -76,7 +76,7 @@ def nearest(name: str, known: Iterable[str]) -> str:
 
 
 def type_name(hint: Any) -> str:
-    """A type as the user reads it, e.g. `float`, `str or null`, `pooled|per_direction`, `[float, ...]`."""
+    """A type in readable form, e.g. `float`, `str or null`, `pooled|per_direction`, `[float, ...]`."""
     if hint is type(None):
         return "null"
     if get_origin(hint) in (Union, types.UnionType):
@@ -90,7 +90,7 @@ def type_name(hint: Any) -> str:
 
 
 def as_written(value: Any) -> str:
-    """A value as it stands on the command line, e.g. `null`, `true`, `[1, 2]`, an enumeration by its name."""
+    """A value as written on the command line, e.g. `null`, `true`, `[1, 2]`, an enumeration by its name."""
     if value is None or isinstance(value, bool):
         return {None: "null", True: "true", False: "false"}[value]
     if isinstance(value, Enum):
@@ -118,10 +118,10 @@ def as_plain(value: Any) -> Any:
 
 
 def from_plain(record: type[Record], plain: Mapping[str, Any], prefix: str = "") -> Record:
-    """The record that `as_plain` took apart; keys that did not exist then have their defaults.
+    """The record from the result of `as_plain`; missing keys have their defaults.
 
     Raises:
-        InvalidInputError: A key is unknown, or a value is not of its type or none of its choices.
+        InvalidInputError: A key is unknown, or a value has a wrong type or is not among the choices.
     """
     if not isinstance(plain, Mapping):
         raise _wrong_type(prefix.rstrip(".") or "it", "a mapping of keys to values", plain)
@@ -153,8 +153,8 @@ def _from_plain(hint: Any, value: Any, name: str) -> Any:
         if not isinstance(value, (list, tuple)) or not (Ellipsis in parts or len(parts) == len(value)):
             raise _wrong_type(name, type_name(hint), value)
         inner = [parts[0]] * len(value) if Ellipsis in parts else parts
-        return tuple(_from_plain(part, one, name) for part, one in zip(inner, value, strict=True))
-    is_inf_or_nan = hint is float and value in ("inf", "-inf", "nan")  # as `as_plain` writes them
+        return tuple(_from_plain(part, item, name) for part, item in zip(inner, value, strict=True))
+    is_inf_or_nan = hint is float and value in ("inf", "-inf", "nan")  # the form of `as_plain`
     kind = {int: Integral, float: Real}.get(hint, hint)
     if not is_inf_or_nan and (not isinstance(value, kind) or (isinstance(value, bool) and hint is not bool)):
         raise _wrong_type(name, type_name(hint), value)
@@ -162,7 +162,7 @@ def _from_plain(hint: Any, value: Any, name: str) -> Any:
 
 
 def _record_from_plain(hint: type, value: Any, name: str) -> Any:
-    """The record of a group; if it is one of several that are chosen by name, the name alone is enough."""
+    """The record of a group; for a group with several records, the name of one is sufficient."""
     record_for = getattr(hint, "record_for", None)
     if record_for is None:
         return from_plain(hint, value, f"{name}.")
@@ -178,8 +178,8 @@ def finished(record: Record, prefix: str = "") -> Record:
     """The record with lists turned into the declared tuples, after every nested `check` has passed.
 
     Raises:
-        InvalidInputError: A tuple has the wrong length, a number is NaN, or a record's `check` refuses it; its key is
-            the full one.
+        InvalidInputError: A tuple has the wrong length, a number is NaN, or a record's `check` refuses it; the error
+            has the full key.
     """
     hints = get_type_hints(type(record))
     changed = {}
@@ -189,7 +189,9 @@ def finished(record: Record, prefix: str = "") -> Record:
             changed[item.name] = finished(value, f"{prefix}{item.name}.")
         elif isinstance(value, (list, tuple)):
             changed[item.name] = _tuple_of(value, hints[item.name], prefix + item.name)
-        elif value is not None and _is_tuple(hints[item.name]):  # as from ${oc.env:NAME}, whose type OmegaConf leaves
+        elif value is not None and _is_tuple(
+            hints[item.name]
+        ):  # for example from ${oc.env:NAME}, which OmegaConf does not convert
             raise _wrong_type(prefix + item.name, type_name(hints[item.name]), repr(value))
         parts = value if isinstance(value, (list, tuple)) else (value,)
         if any(isinstance(part, float) and math.isnan(part) for part in parts):

@@ -1,4 +1,4 @@
-"""Configuration of the baseline CRITICAL: who proposes the shares of the driver classes, and how they are tried out."""
+"""Configuration of the baseline CRITICAL: source of the shares of driver classes, and their evaluation."""
 
 import math
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ class Proposer(Enum):
     stats = "stats"
     """The recordings: the shares among the vehicles of the threshold scenes."""
     llm = "llm"
-    """A language model that is shown the figures of the rounds before; decision.server names its server."""
+    """A language model that receives the results of earlier rounds; decision.server names its server."""
     search = "search"
     """No proposer: all points of a grid are simulated, the best is selected."""
 

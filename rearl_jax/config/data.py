@@ -1,10 +1,10 @@
 """Configuration of the recordings: format, place, treatment of bad rows."""
 
 import pkgutil
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum, EnumMeta
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from rearl_jax.config._key import key
 from rearl_jax.config._ranges import check_positive, check_within
@@ -74,6 +74,39 @@ class DataConfig:
         4.5,
         "vehicle length if the source has none [m]; the median leader of the NGSIM I-80 pairs has 4.54 m",
     )
+    window: float | None = key(
+        300.0, "length of the windows that recordings of hours (i24) are cut into [s], null = one; own choice"
+    )
+    section: float | None = key(
+        1000.0, "length of the sections that recordings of miles (i24) are cut into [m], null = one; own choice"
+    )
+    stretch: tuple[float, ...] | None = key(
+        None,
+        "straight part of a street (pneuma): latitude and longitude [deg] of the middle of the carriageway where it "
+        "begins and ends, its width [m] and its lanes, six numbers",
+    )
+    # Mutable, so excluded from the hash but not from equality.
+    columns: dict[str, Any] = field(
+        default_factory=dict,
+        hash=False,
+        metadata={
+            "help": (
+                "names of foreign columns by canonical name, for data=table, as in "
+                "'data.columns={track_id: Vehicle ID, position: x_m}', null = none; `rearl prepare FILE` finds them"
+            )
+        },
+    )
+    units: dict[str, Any] = field(
+        default_factory=dict,
+        hash=False,
+        metadata={
+            "help": (
+                "units of foreign columns by canonical name, for data=table, as in "
+                "'data.units={speed: km/h, time: ms}', frame: 25/s for the frame rate, "
+                "0.1 s for a multiple, -m for a reversed axis, lane: from 1 if that is the leftmost; SI for all others"
+            )
+        },
+    )
 
     def check(self) -> None:
         """Raise InvalidInputError for a value out of range."""
@@ -85,3 +118,6 @@ class DataConfig:
             raise out_of_range("recordings", "must be a shell pattern such as *", repr(self.recordings))
         check_positive(self, "max_jump")
         check_within(self, 1.0, 30.0, "default_length")
+        for name in ("window", "section"):
+            if getattr(self, name) is not None:
+                check_positive(self, name)

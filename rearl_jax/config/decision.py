@@ -28,7 +28,7 @@ class PolicyName(Enum):
 
     @property
     def is_outside(self) -> bool:
-        """True if the decisions are made outside the compiled program."""
+        """True if decisions are made outside the compiled program."""
         return self in (PolicyName.llm, PolicyName.replay)
 
 
@@ -42,7 +42,7 @@ class Longitudinal(Enum):
 
 
 class LaneGate(Enum):
-    """Condition of an admissible lane change; the lane must exist and no change be in progress in any case."""
+    """Condition of an admissible lane change, if the lane exists and no lane change is in progress."""
 
     gap = "gap"
     """Enough room ahead and behind on the target lane."""

@@ -14,7 +14,7 @@ class Method(Enum):
     base = "base"
     """IDM and MOBIL with highway-env's parameters, without corrections."""
     rearl = "rearl"
-    """The same, with decisions of a policy if the traffic differs too much from its reference."""
+    """As `base`, with decisions of a policy if the traffic differs too much from its reference."""
     ppo = "ppo"
     """One policy for all vehicles, trained without recordings."""
     critical = "critical"

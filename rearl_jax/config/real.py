@@ -1,4 +1,4 @@
-"""Keys of the study of real traffic, and the sets of shipped recordings that it looks into."""
+"""Keys of the study of real traffic, and its sets of shipped recordings."""
 
 from dataclasses import dataclass
 
@@ -10,15 +10,15 @@ from rearl_jax.problems import InvalidInputError, Problem, out_of_range
 
 @dataclass(frozen=True)
 class RealSet:
-    """Drivers of shipped recordings that one discovery is made of.
+    """Drivers of shipped recordings for one discovery.
 
     Attributes:
         title: Name of the set in tables.
-        format: Format of the recordings, whose shipped ones are read.
+        format: Format of the shipped recordings that are read.
         recordings: Shell pattern of the recordings.
-        by: Label by which drivers are told apart, None where all are one group.
-        group: Name of that one group.
-        on_bad: Treatment of bad rows that the format usually needs.
+        by: Label that divides drivers into groups; None for one group.
+        group: Name of the group if there is only one.
+        on_bad: Default treatment of bad rows for the format.
     """
 
     title: str
@@ -38,16 +38,16 @@ SETS = {
     "openacc_people": RealSet(
         "ZalaZone, people", DataFormat.openacc, "openacc_no_ACC_*", None, "people", OnBad.drop_row
     ),
-    # One setting only: two of them in one car differ by more than two cars do. Runs of setting S are named short or
-    # mixed, which tells them from medium.
+    # One setting only, because two settings of one car differ more than two cars. Names of runs with setting S contain
+    # short or mixed, others medium.
     "openacc_model": RealSet(
         "ZalaZone, setting S, by car", DataFormat.openacc, "openacc_[sm][hi]*_dynamic_*", "model", "", OnBad.drop_row
     ),
 }
-"""Sets by the name that `real.sets` has for them."""
+"""Sets by their name in `real.sets`."""
 
 OWN = "own"
-"""Name of the set of the recordings that the keys `data` describe, told apart by `discover.by`."""
+"""Name of the set of recordings in the keys `data`, grouped by `discover.by`."""
 
 
 @dataclass(unsafe_hash=True)
@@ -61,7 +61,7 @@ class RealConfig:
     )
 
     def check(self) -> None:
-        """Raise InvalidInputError for a set that there is not, or that is named twice."""
+        """Raise InvalidInputError for an unknown set, or one that is named twice."""
         if not self.sets or len(set(self.sets)) != len(self.sets):
             raise out_of_range("sets", "must name each set once, and at least one", f"[{', '.join(self.sets)}]")
         for name in self.sets:

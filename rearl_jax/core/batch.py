@@ -19,7 +19,7 @@ Values = TypeVar("Values")
 
 
 def chunk_for(n_vehicles: int) -> int:
-    """Scenarios a core should take at a time: many, so that starting a pass costs little, but few enough for its cache.
+    """Scenarios per core and pass: many, so that starting a pass costs little, but few enough for the cache.
 
     An odd number of cache lines of float32: rows a power of two apart share the same few cache lines and evict each
     other. Measured on a core with 1 MiB of second-level cache: at 10 vehicles 1,200 scenarios take half the time per
@@ -43,7 +43,7 @@ class ScenarioMap(Generic[Arguments, Result]):
         """Prepares the map; nothing is compiled before the first call.
 
         Args:
-            function: From a pytree of arrays `[..., n_scenarios]` to another one.
+            function: Function from a pytree of arrays `[..., n_scenarios]` to another one.
             chunk: Scenarios a device takes at a time, see `chunk_for`.
         """
         if chunk < 1:
@@ -53,7 +53,7 @@ class ScenarioMap(Generic[Arguments, Result]):
         mesh = Mesh(np.array(self._devices), ("scenarios",))
 
         def run(arguments: Arguments) -> Result:
-            # Traced once: the ranks of the results must be known to partition their last axes.
+            # Traced once, because the ranks of the results must be known to partition their last axes.
             part = jax.tree.map(self._part_of, arguments)
             traced, results = jax.make_jaxpr(function, return_shape=True)(part)
             flat, structure = jaxpr_as_fun(traced), jax.tree.structure(results)
@@ -93,7 +93,7 @@ class ScenarioMap(Generic[Arguments, Result]):
             stop = start + width
             columns: np.ndarray | slice = slice(start, stop)
             if stop > n_scenarios:
-                # The last chunk is filled up with its own last scenario, so that one program serves all.
+                # The last chunk is padded with its own last scenario, so that one program serves all.
                 columns = np.minimum(np.arange(start, stop), n_scenarios - 1)
             result = self._run(select_scenarios(arguments, columns, n_scenarios))
             valid = operator.itemgetter((..., slice(min(width, n_scenarios - start))))
@@ -105,7 +105,8 @@ class ScenarioMap(Generic[Arguments, Result]):
 
 
 def select_scenarios(values: Values, columns: np.ndarray | slice, n_scenarios: int, *, least_ndim: int = 1) -> Values:
-    """Values of some scenarios; arrays with a last axis of length 1, which hold for all scenarios, are unchanged.
+    """Values of the selected scenarios; arrays with a last axis of length 1, which apply to all scenarios, are
+    unchanged.
 
     Args:
         values: Arrays with the scenarios last.
@@ -122,5 +123,5 @@ def select_scenarios(values: Values, columns: np.ndarray | slice, n_scenarios: i
 
 
 def _last_axis(leaf: jax.Array | jax.ShapeDtypeStruct, *, divided: bool) -> PartitionSpec:
-    """Partition along the last axis or, for a value that holds for all scenarios, a copy on every device."""
+    """Partition along the last axis or, for a value common to all scenarios, a copy on every device."""
     return PartitionSpec(*(None,) * (leaf.ndim - 1), "scenarios" if divided else None)

@@ -1,10 +1,10 @@
 """Broad phase of collision detection: pairs of vehicles whose bounding boxes overlap.
 
-In small traffic every pair is a candidate for the box test. In large traffic that would cost a pass over all vehicles
-for every crashed vehicle, and among a thousand vehicles some have always crashed. There the vehicles are sorted along
-the road and swept (sweep and prune): every vehicle is tested against the next WINDOW vehicles ahead. Where traffic is
-piled up, a vehicle further ahead may still be within reach; these few vehicles are tested further, some at a time,
-window by window until no vehicle is left within reach.
+In small traffic the boxes of every pair are tested. In large traffic that would cost a pass over all vehicles for every
+crashed vehicle, and among a thousand vehicles some have usually crashed. Therefore the vehicles are sorted along the
+road and swept (sweep and prune): every vehicle is tested against the next WINDOW vehicles ahead. If vehicles have piled
+up, one further ahead may still be within reach. The few vehicles concerned are tested against further windows, in
+blocks, until no vehicle is left within reach.
 
 Source: Cohen et al., I-COLLIDE, Symposium on Interactive 3D Graphics (1995) (sweep and prune).
 """
@@ -25,16 +25,16 @@ from rearl_jax.core.order import flat_index, take_vehicles
 from rearl_jax.core.state import TrafficState
 
 WINDOW = 8
-"""Places ahead that are tested in one pass; as many bits are kept for each vehicle."""
+"""Number of vehicles ahead that are tested in one pass; each vehicle has one bit per tested vehicle."""
 
 VEHICLES_PER_SWEPT = 64
-"""Vehicles of all scenarios for each that is swept further ahead at a time; own choice."""
+"""One vehicle in this many fits into a block that is tested further ahead; own choice."""
 
 
 def candidates_in_list(boxes: BoundingBox) -> UInt32[Array, "vehicles *scenarios"]:
-    """For each vehicle the candidates in the half of all vehicles that come next in the list, as bits.
+    """For each vehicle, as bits, the candidates among the next half of all vehicles in the list.
 
-    The list is a circle here, so every pair is tested once.
+    The list is treated as circular, so every pair is tested once.
     """
     n_next = boxes.x.shape[0] // 2
     following = jax.tree.map(lambda values: jnp.concatenate([values[1:], values[:n_next]]), boxes)
@@ -50,8 +50,8 @@ def sweep_and_prune(
         boxes: Boxes of all vehicles, by vehicle.
         state: The traffic; its order along the road is up to date.
         body: Sizes of the vehicles.
-        collisions: So far.
-        model: The time step.
+        collisions: Collisions found so far.
+        model: Traffic model; only its time step is used.
     """
     order = state.order
     by_place = jax.tree.map(lambda values: take_vehicles(values, order), boxes)
@@ -70,7 +70,9 @@ def sweep_and_prune(
 
 
 def _largest(values: Float[Array, "vehicles *scenarios"]) -> Float[Array, "1 *scenarios"]:
-    """The largest of each scenario, by halves: XLA's own reduction along this axis is ten times as slow on a CPU."""
+    """The largest value of each scenario, by repeated halving; XLA's reduction along this axis is ten times as slow on
+    a CPU.
+    """
     while (n := values.shape[0]) > 1:
         values = jnp.maximum(values[: (n + 1) // 2], values[n // 2 :])
     return values
@@ -79,7 +81,7 @@ def _largest(values: Float[Array, "vehicles *scenarios"]) -> Float[Array, "1 *sc
 def _first_window(
     by_place: BoundingBox, farthest: Float[Array, "vehicles *scenarios"]
 ) -> tuple[UInt32[Array, "vehicles *scenarios"], Bool[Array, "vehicles *scenarios"]]:
-    """By place, the candidates among the next WINDOW vehicles, as bits, and whether there may be more beyond.
+    """By place, the candidates among the next WINDOW vehicles, as bits, and whether there may be more further ahead.
 
     Args:
         by_place: Boxes of all vehicles.
@@ -104,15 +106,15 @@ def _sweep_further(
     collisions: Collisions,
     model: TrafficModel,
 ) -> Collisions:
-    """Collisions after the pairs beyond the first window have been tested as well.
+    """Collisions after the pairs beyond the first window have also been tested.
 
     Args:
         has_more: By place, whether a vehicle beyond the first window may be touched.
         by_place: Boxes of all vehicles.
         farthest: Position beyond which no vehicle can be touched [m].
         places: The traffic by place.
-        collisions: So far.
-        model: The time step.
+        collisions: Collisions found so far.
+        model: Traffic model; only its time step is used.
     """
     n_places = has_more.size
     flat_boxes, flat_farthest = jax.tree.map(jnp.ravel, (by_place, farthest))

@@ -1,7 +1,7 @@
-"""Collisions: which rectangles touch, and by how much they are pushed apart in the next time step.
+"""Collisions: detects rectangles that touch, and computes their displacement in the next time step.
 
-Contact is rare, so detection has the usual two phases. The broad phase (`rearl_jax.core.broad_phase`) finds pairs whose
-bounding boxes overlap, the narrow phase (`rearl_jax.core.narrow_phase`) tests only those in full.
+Contact is rare, so detection has two phases. The broad phase (`rearl_jax.core.broad_phase`) finds pairs whose bounding
+boxes overlap, the narrow phase (`rearl_jax.core.narrow_phase`) tests only those in full.
 
 Source: highway-env 1.12.1, `Road.step`, `RoadObject.handle_collisions`.
 """
@@ -24,15 +24,15 @@ from rearl_jax.core.state import TrafficState
 
 
 def collide(state: TrafficState, body: Body, model: TrafficModel) -> TrafficState:
-    """State with every vehicle marked that touches another, and with the pushes of the coming time step.
+    """State with colliding vehicles marked, and with their displacements in the next time step.
 
     Args:
         state: The traffic; its order along the road is up to date.
         body: Sizes of the vehicles.
-        model: The time step.
+        model: Traffic model; only its time step is used.
     """
-    # Contact has no slope. Sizes must not carry one into the loops either, which, of unknown length, have no reverse
-    # mode: the barrier of `rollout` gives everything that passes it a derivative, if only of zeros.
+    # Contact has no derivative. Sizes must carry none into the loops either, because loops of unknown length have no
+    # reverse mode; the barrier of `rollout` gives all values that pass it a derivative, even if it is zero.
     shape = state.x.shape
     before, body = lax.stop_gradient((state, body))
     nobody = jnp.full(state.x.size, NOBODY, jnp.int32)

@@ -1,12 +1,12 @@
-"""Stream compaction: work that concerns a few vehicles or scenarios is done on a dense copy of those alone.
+"""Stream compaction: operations on few vehicles or scenarios run on a dense copy of these.
 
-Arrays in JAX have fixed shapes, so "only where needed" takes one of four forms here, all with the result of the work
-done everywhere:
+Arrays in JAX have fixed shapes. Four functions restrict an operation to the elements that need it, with the same result
+as the operation on all elements:
 
-- `if_any`: skip the work if no vehicle needs it;
-- `apply_where`: copy the scenarios concerned into a small batch, treat them, copy them back, until none is left;
-- `process_in_blocks`: list the vehicles concerned and treat blocks of fixed size until the list is done;
-- `compact`: copy a few vehicles of every scenario next to each other, where there are at most so many.
+- `if_any`: skip the computation if no vehicle needs it;
+- `apply_where`: copy the scenarios concerned into a small batch, process them and copy them back, until none is left;
+- `process_in_blocks`: list the vehicles concerned and process blocks of fixed size until the list is finished;
+- `compact`: copy a few vehicles of every scenario next to each other, up to a fixed number.
 
 Of all vehicles of all scenarios one in sixteen decides about its lane in a time step, and a handful touches another;
 a few per cent are changing lanes, and a conflict between two of those concerns a handful of a thousand
@@ -41,8 +41,8 @@ ONE_IN_CHANGES_LANES = 16
 def if_any(is_needed: Bool[Array, "*n"], compute: Callable[[], Value], otherwise: Value) -> Value:
     """`compute()` if any vehicle in the batch needs it, else `otherwise`.
 
-    A large batch seldom skips anything. But a branch is compiled as a program of its own and computed once, where XLA
-    on a CPU would fuse it into each of its uses and compute it there again.
+    A large batch seldom skips the branch. The branch is still useful, because it is compiled separately and computed
+    once, whereas XLA on a CPU would fuse the computation into each of its uses and repeat it.
     """
     return lax.cond(jnp.any(is_needed), compute, lambda: otherwise)
 
@@ -86,13 +86,13 @@ def apply_where(
 
 
 class Block(NamedTuple):
-    """Some members of a list of set bits.
+    """A block of members of a list of set bits.
 
     Attributes:
-        number: Index of the number that holds each bit; that of the last member in places left empty.
+        number: Index of the number that contains each bit; in empty places that of the last member.
         bit: Position of the bit within its number.
-        is_filled: Whether a place holds a member.
-        n_numbers: Count of the numbers.
+        is_filled: Whether a place contains a member.
+        n_numbers: Number of numbers.
     """
 
     number: Int[Array, " block"]
@@ -107,14 +107,14 @@ class Block(NamedTuple):
 
 
 class SetBits(NamedTuple):
-    """The set bits of 32-bit numbers as a list, without the list ever being written out.
+    """The set bits of 32-bit numbers as a list that is never stored.
 
-    The k-th set bit is found by its rank: prefix sums of the population counts say which number holds it, and halving
-    finds its position there. So listing costs one pass over 1/32 as many numbers as there are vehicles.
+    The k-th set bit is found by its rank: prefix sums of the population counts give the number that contains it, and
+    bisection finds its position there. So listing costs one pass over 1/32 as many numbers as there are vehicles.
 
     Attributes:
         numbers: The numbers.
-        end: Set bits up to and with each number.
+        end: Number of set bits up to and including each number.
     """
 
     numbers: UInt32[Array, " numbers"]
@@ -149,13 +149,13 @@ def list_vehicles(is_listed: Bool[Array, "vehicles *scenarios"]) -> SetBits:
 
 
 def process_in_blocks(members: SetBits, size: int, process: Callable[[Block, Work], Work], work: Work) -> Work:
-    """`work` after every block of a list has been processed in turn.
+    """The result after all blocks of a list have been processed in turn, starting from `work`.
 
     Args:
         members: The list.
         size: Members of a block.
-        process: From a block and the work so far to the work after it.
-        work: At the start.
+        process: Function from a block and the result so far to the result after it.
+        work: Result before the first block.
     """
 
     def is_unfinished(progress: tuple[Array, Work]) -> Array:
@@ -169,7 +169,7 @@ def process_in_blocks(members: SetBits, size: int, process: Callable[[Block, Wor
 
 
 def gather(values: Array, index: Int[Array, "*block"], shape: tuple[int, ...]) -> Array:
-    """Values at flat indices; a single value for all vehicles stays one.
+    """Values at flat indices; a single value for all vehicles is unchanged.
 
     Args:
         values: Values of all vehicles and scenarios; axes may have length 1.
@@ -191,7 +191,7 @@ def scatter(values: Array, index: Int[Array, " block"], is_filled: Bool[Array, "
         otherwise: Values of all vehicles.
     """
     flat = otherwise.ravel()
-    # Each empty place has one of its own beyond the end, so that no two are the same.
+    # Each empty place has its own index beyond the end, so that all indices differ.
     index = jnp.where(is_filled, index, flat.size + lax.iota(jnp.int32, index.size))
     return flat.at[index].set(values, mode="drop", unique_indices=True).reshape(otherwise.shape)
 
@@ -200,9 +200,9 @@ class Subset(eqx.Module):
     """A few vehicles of each scenario, in the order of the list.
 
     Attributes:
-        vehicle: Index of each; `n_vehicles` in places left empty.
+        vehicle: Index of each vehicle; `n_vehicles` in empty places.
         suffices: Whether there is room for every vehicle chosen, in all scenarios.
-        n_vehicles: Vehicles they are chosen from.
+        n_vehicles: Number of vehicles that the subset is chosen from.
     """
 
     vehicle: Int[Array, "places *scenarios"]
@@ -211,16 +211,16 @@ class Subset(eqx.Module):
 
     @property
     def index(self) -> Int[Array, "places *scenarios"]:
-        """Index of each; in empty places that of the last vehicle."""
+        """Index of each vehicle; in empty places that of the last vehicle."""
         return jnp.minimum(self.vehicle, self.n_vehicles - 1)
 
     @property
     def is_filled(self) -> Bool[Array, "places *scenarios"]:
-        """True where a place is not empty."""
+        """True if a place is not empty."""
         return self.vehicle < self.n_vehicles
 
     def gather(self, values: Array) -> Array:
-        """Values of the subset, from those of all vehicles; a single value for all vehicles stays one."""
+        """Values of the subset, from those of all vehicles; a single value for all vehicles is unchanged."""
         return take_vehicles(values, self.index)
 
     def scatter(self, values: Array, otherwise: Array) -> Array:
@@ -238,7 +238,7 @@ def compact(is_chosen: Bool[Array, "vehicles *scenarios"], one_in: int) -> Subse
     """The vehicles that are chosen, next to each other.
 
     Args:
-        is_chosen: Which.
+        is_chosen: True for the chosen vehicles.
         one_in: There is room for one vehicle in this many, plus a margin for random variation.
     """
     n_vehicles, others = is_chosen.shape[0], is_chosen.shape[1:]
@@ -249,7 +249,9 @@ def compact(is_chosen: Bool[Array, "vehicles *scenarios"], one_in: int) -> Subse
     rank = jnp.broadcast_to(lax.iota(jnp.int32, places).reshape(places, *(1,) * len(others)), (places, *others))
 
     def locate(number: Array, located: tuple[Array, ...]) -> tuple[Array, ...]:
-        """For every place whose rank falls into a number: that number, its first vehicle, and the rank within it."""
+        """For every place: the number that contains its rank, the number's first vehicle, and the rank within the
+        number.
+        """
         begin, members, first, rank_in_number = located
         number_bits, n_bits = numbers[number][None], counts[number][None]
         is_in = (rank >= begin) & (rank < begin + n_bits)

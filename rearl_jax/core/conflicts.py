@@ -1,4 +1,4 @@
-"""Giving way: a lane change is aborted if a vehicle ahead is changing into the same lane.
+"""Lane-change conflicts: a change is aborted if a vehicle ahead is changing into the same lane.
 
 Source: highway-env 1.12.1, `IDMVehicle.change_lane_policy`.
 """
@@ -19,12 +19,12 @@ from rearl_jax.core.neighbours import DerivedState, Leader, for_each_vehicle, is
 from rearl_jax.core.state import TrafficState
 
 NOWHERE = -1_000
-"""A lane that does not exist; the target lane of the fillers of empty places in a subset."""
+"""A lane that does not exist, the target lane in empty places of a subset."""
 
 _Conflict = tuple[
     Int[Array, "n *s"], Bool[Array, "n *s"], TrafficState, DerivedState, CarFollowing, Float[Array, "#n *#s"]
 ]
-"""Lanes as decided, whether a change is in progress, state, derived quantities, car following and lengths [m]."""
+"""Decided lanes, whether a change is in progress, state, derived quantities, car following and lengths [m]."""
 
 
 def abort_conflicts(
@@ -33,20 +33,21 @@ def abort_conflicts(
     derived: DerivedState,
     drivers: Drivers,
 ) -> Int[Array, "vehicles *scenarios"]:
-    """Target lanes after lane changes in progress have been aborted for the sake of others.
+    """Target lanes after conflicting lane changes have been aborted.
 
     A vehicle aborts its lane change if another vehicle, ahead within its desired spacing, is changing into the same
-    lane. highway-env asks the vehicles one after another, so each sees the new target lanes of those before it in the
-    list and the old ones of those behind. All at once, that is a triangular system of booleans. Fixed-point iteration
-    solves it exactly, in as many rounds as the longest chain of vehicles that give way to each other.
+    lane. highway-env updates the vehicles one after another, so each vehicle uses the new target lanes of vehicles
+    before it in the list and the old ones of those behind. In parallel, this is a triangular system of booleans.
+    Fixed-point iteration solves it exactly, in as many iterations as the longest chain of vehicles that give way to
+    each other.
 
     Args:
-        decided_lane: Target lanes as lane changing has decided.
+        decided_lane: Target lanes after the lane-change decision.
         state: The traffic; its target lanes are those before that decision.
-        derived: Its derived quantities.
+        derived: Derived quantities of the traffic.
         drivers: Parameters of all vehicles.
     """
-    # A decision has no slope; and drivers' memory has other axes than those a subset is gathered from.
+    # A decision has no derivative, and drivers' memory has other axes than the gathered arrays.
     known = replace(state, memory=None), replace(derived, nearest=None), drivers.car_following, drivers.body.length
     state, derived, own, length = lax.stop_gradient(known)
     changing = decides(state, drivers) & (derived.lane != state.target_lane)
@@ -71,8 +72,8 @@ def abort_conflicts(
 
 
 def _solve_where_needed(conflict: _Conflict) -> Int[Array, "n *s"]:
-    """Target lanes, solved for in those scenarios alone where a vehicle may have to give way: two are changing into a
-    lane, and one of them would abort.
+    """Target lanes, solved only in scenarios in which a vehicle may have to give way, that is, two vehicles change into
+    one lane and one of them would abort.
     """
     decided_lane, changing, state, derived, *_ = conflict
 
@@ -85,7 +86,9 @@ def _solve_where_needed(conflict: _Conflict) -> Int[Array, "n *s"]:
     gives_way = bit_of(state.target_lane, changing)
 
     def count_entries(other: Int[Array, ""], lanes: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
-        """Lanes that one, that two or more vehicles enter, and that a vehicle may give way on, as bits."""
+        """Lanes, as bits, that at least one vehicle enters, that two or more enter, and on which a vehicle may give
+        way.
+        """
         once, twice, given = lanes
         entered = row(enters, other)
         return once | entered, twice | (once & entered), given | row(gives_way, other)
@@ -100,7 +103,7 @@ def _solve(conflict: _Conflict) -> Int[Array, "n *s"]:
     decided_lane, changing, state, derived, own, length = conflict
     n_filled = state.x.shape[0]
     if is_large(n_filled):
-        n_filled = jnp.max(jnp.sum(state.target_lane != NOWHERE, axis=0))  # a subset fills the first places
+        n_filled = jnp.max(jnp.sum(state.target_lane != NOWHERE, axis=0))  # the first places of a subset are filled
 
     def iterate(lanes: Int[Array, "n *s"]) -> Int[Array, "n *s"]:
         is_blocked = _is_blocked(lanes, state, derived, own, length, n_filled)

@@ -1,4 +1,4 @@
-"""Two tests of contact: the cheap one of the broad phase, by bounding boxes, and the full one of the narrow phase."""
+"""Two tests of contact: bounding boxes for the broad phase, rectangles for the narrow phase."""
 
 import equinox as eqx
 import jax
@@ -13,18 +13,18 @@ from rearl_jax.core.rectangles import Rectangle, separate
 from rearl_jax.core.state import TrafficState
 
 ROUNDING_MARGIN = 1e-3
-"""Slack [m] of the cheap test, far above any rounding error of a distance between vehicles that touch."""
+"""Margin [m] of the bounding-box test, far above rounding errors of distances between touching vehicles."""
 
 
 class BoundingBox(eqx.Module):
-    """An axis-aligned box around the vehicle, and its displacement in a time step, all in m.
+    """Axis-aligned bounding box of a vehicle with its displacement in a time step, all in m.
 
     Attributes:
         x: Centre along the road.
         y: Centre across the road.
-        reach_x: Half the length of the box, and what a time step may add to it beyond `moved`.
-        reach_y: The same across the road.
-        moved: sqrt(2) times the displacement of a time step, as if along the road.
+        reach_x: Half the length of the box, plus the part of a time step's displacement not contained in `moved`.
+        reach_y: Half the width of the box, plus the corresponding part of a time step's displacement.
+        moved: sqrt(2) times the displacement in a time step, taken as if it were along the road.
     """
 
     x: Float[Array, "vehicles *scenarios"]
@@ -37,12 +37,12 @@ class BoundingBox(eqx.Module):
 def bounding_boxes(state: TrafficState, body: Body, model: TrafficModel) -> BoundingBox:
     """Boxes of all vehicles.
 
-    No sine is needed for a box that is large enough: |sin h| <= min(|h|, 1), and 1 - cos h <= min(h^2 / 2, 2).
+    Upper bounds replace sine and cosine: |sin h| <= min(|h|, 1), and 1 - cos h <= min(h^2 / 2, 2).
 
     Args:
         state: The traffic.
         body: Sizes of the vehicles.
-        model: The time step.
+        model: Traffic model; only its time step is used.
     """
     size = jnp.abs(state.heading)
     sine, missing_cosine = jnp.minimum(size, 1.0), jnp.minimum(size * size / 2, 2.0)
@@ -94,9 +94,9 @@ def contact(
 
     Args:
         first: Vehicles of lower list index.
-        second: Their partners.
-        is_pair: Whether a pair counts.
-        model: The time step.
+        second: Partners of `first`, in the same order.
+        is_pair: Whether each pair is tested.
+        model: Traffic model; only its time step is used.
     """
 
     def test() -> tuple[Array, Array, Array, Array]:
@@ -107,6 +107,6 @@ def contact(
         return touches & is_tested, will_touch & is_tested, shift_x, shift_y
 
     nowhere, nothing = jnp.zeros(second.x.shape, bool), jnp.zeros_like(second.x)
-    # A branch is compiled as a program of its own, so the test rounds alike, to the last place, wherever it is called:
-    # fused into its callers, vehicles in resting contact would be pushed in one and not in the other.
+    # A branch is compiled separately, so the test has the same rounding wherever it is called. If it were fused into
+    # its callers, vehicles in resting contact could be pushed by one caller and not by another.
     return if_any(is_pair, test, (nowhere, nowhere, nothing, nothing))

@@ -1,13 +1,14 @@
 """Arcsine and arctangent in float64, correctly rounded.
 
-The lateral controller passes every steering command through both, and below 0.1 m/s it amplifies one unit in the last
-place to 1e-9 m within a minute. XLA's own arcsine misses the last place for every fourth argument, its arctangent for
-almost every second where it is vectorised; the C library, which highway-env calls, for two in a thousand. So both are
-summed here in double-double arithmetic: a number is the unevaluated sum of two float64, the second of which holds the
-rounding error of the first. That gives about 106 bits, rounded to 53 once at the end.
+Every steering command of the lateral controller passes through both functions, and below 0.1 m/s the controller
+amplifies one unit in the last place to 1e-9 m within a minute. XLA's arcsine is wrong in the last place for a quarter
+of all arguments and its vectorised arctangent for almost half of them; the C library, which highway-env calls, for two
+in a thousand. Therefore both functions are computed here in double-double arithmetic: a number is the unevaluated sum
+of two float64, the second of which holds the rounding error of the first. That gives about 106 bits, rounded to 53 once
+at the end.
 
-The error terms below are exact only where every operation is rounded by itself. XLA may contract a product and a sum
-into a fused multiply-add, or cancel a constant that is added and taken away again; `rounded` and optimisation barriers
+The error terms below are exact only if every operation is rounded separately. XLA may contract a product and a sum into
+a fused multiply-add, or cancel a constant that is added and taken away again; `rounded` and optimisation barriers
 forbid both.
 
 Source of the arithmetic: Dekker, Numer. Math. 18 (1971) 224.
@@ -37,10 +38,10 @@ _HALF_PI = (np.pi / 2, 6.123233995736766e-17)
 
 
 def rounded(product: Float[Array, "*n"]) -> Float[Array, "*n"]:
-    """The product, in float64 kept from being fused with the sum it goes into.
+    """The product; in float64 a barrier prevents its fusion with a following sum.
 
-    A fused multiply-add rounds once where highway-env rounds twice. One unit in the last place of a lateral position is
-    enough to tell: the lateral controller is unstable below 0.1 m/s and amplifies it to 1e-9 m within a minute.
+    A fused multiply-add rounds once, highway-env rounds twice. This difference of one unit in the last place matters,
+    because the lateral controller is unstable below 0.1 m/s and amplifies it to 1e-9 m within a minute.
     """
     return jnp.where(jnp.abs(product) < jnp.inf, product, jnp.nan) if product.dtype == jnp.float64 else product
 
@@ -65,7 +66,7 @@ def arctangent(value: Float[Array, "*n"]) -> Float[Array, "*n"]:
 
 
 def _arcsine(value: _DoubleDouble) -> _DoubleDouble:
-    """By Taylor series: v + v^3 (1/6 + v^2 (3/40 + ...))."""
+    """Arcsine by Taylor series: v + v^3 (1/6 + v^2 (3/40 + ...))."""
     square = _times(value, value)
     rest = jnp.full_like(value[0], float(ARCSINE_SERIES[-1]))
     for coefficient in reversed(ARCSINE_SERIES[_N_EXACT:-1]):
@@ -73,7 +74,7 @@ def _arcsine(value: _DoubleDouble) -> _DoubleDouble:
     factor = rest, jnp.zeros_like(rest)
     for coefficient in reversed(ARCSINE_SERIES[:_N_EXACT]):
         high, low = _times(square, factor)
-        # Behind a barrier, as XLA would cancel a constant that is added and taken away again.
+        # With a barrier, because XLA would cancel a constant that is added and subtracted again.
         leading = lax.optimization_barrier(jnp.full_like(high, float(coefficient)))
         factor = _add(leading, (high, low + float(coefficient - Fraction(float(coefficient)))))
     high, low = _times(_times(square, value), factor)

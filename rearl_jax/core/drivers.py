@@ -1,7 +1,7 @@
-"""Per-vehicle parameters: how each driver follows and changes lanes, and the size of the vehicle.
+"""Parameters of each vehicle: car following, lane changing, and vehicle size.
 
-Every leaf has the rank of the state's arrays, `[n_vehicles, *n_scenarios]`; an axis of length 1 means "the same for
-all" and costs nothing. Defaults are those of highway-env's `IDMVehicle`.
+Every leaf has the rank of the state's arrays, `[n_vehicles, *n_scenarios]`; an axis of length 1 means that all elements
+share the value, at no cost. Defaults are those of highway-env's `IDMVehicle`.
 """
 
 import equinox as eqx
@@ -40,7 +40,7 @@ class Body(eqx.Module):
         length: Length [m].
         width: Width [m].
         accel_limit: Bound of the executed acceleration and deceleration [m/s^2].
-        collides: Whether the vehicle looks for collisions; a pair is tested if one of the two does.
+        collides: Whether the vehicle checks for collisions; a pair is tested if either vehicle does.
         is_truck: Whether the vehicle is a truck; None if all are cars.
     """
 
@@ -70,7 +70,7 @@ class Drivers(eqx.Module):
 
     @property
     def see_gaps(self) -> bool:
-        """True for drivers who follow on bumper gaps and have memory; highway-env's, without effects, do neither."""
+        """True for drivers with bumper-to-bumper gaps and memory; False for highway-env's drivers without effects."""
         return bool(self.effects) or not isinstance(self.car_following, HighwayEnvIDM)
 
 
@@ -81,7 +81,7 @@ def highway_env_drivers(
     dtype: jnp.dtype = jnp.float32,
     ticks_per_second: int = 15,
 ) -> Drivers:
-    """Drivers with highway-env's constants, equal for all vehicles but for the acceleration exponent.
+    """Drivers with highway-env's constants, equal for all vehicles except the acceleration exponent.
 
     Args:
         accel_exponent: IDM exponent delta of each vehicle; None for 4 everywhere. `highway-v0` draws U(3.5, 4.5).

@@ -15,7 +15,7 @@ class Driving(NamedTuple):
         state: The traffic, with the drivers' memory after this time step.
         own: Acceleration on the own lane [m/s^2].
         target_lane: Lane each driver wants to be on.
-        on_lane: From lanes to the accelerations there [m/s^2]; its values for the own lane mean nothing.
+        on_lane: Function from lanes to the accelerations there [m/s^2]; undefined for the own lane.
     """
 
     state: TrafficState

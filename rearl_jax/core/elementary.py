@@ -1,10 +1,10 @@
-"""Elementary functions: vector code in float32, the reference's rounding in float64.
+"""Elementary functions: fast vector code in float32, the rounding of highway-env in float64.
 
 On a CPU, XLA calls the C library once per element for these functions: 1.6 ns for a sine and 8 ns for an arcsine, where
 a whole vehicle may cost 30 ns per time step. In float32 they are short polynomials here, found by Chebyshev
-interpolation when the module is loaded and good to about one unit in the last place. In float64, where agreement with
-highway-env counts and speed does not, they are JAX's own functions where these are as exact as the C library's, and
-double-double arithmetic (`rearl_jax.core.double_double`) where not.
+interpolation when the module is loaded and good to about one unit in the last place. In float64, agreement with
+highway-env matters more than speed, so JAX's functions are used if they are as exact as the C library's, and
+double-double arithmetic (`rearl_jax.core.double_double`) otherwise.
 """
 
 from collections.abc import Callable
@@ -20,7 +20,7 @@ HALF_PI_HIGH = float(np.float32(np.pi / 2))
 HALF_PI_LOW = np.pi / 2 - HALF_PI_HIGH
 
 ARCSINE_RANGE = float(np.sqrt(0.5))
-"""Largest argument of `arcsine`: the sine of 45 degrees, the steepest heading the lateral controller asks for."""
+"""Largest argument of `arcsine`: the sine of 45 degrees, the largest heading commanded by the lateral controller."""
 
 
 def _power_series(function: Callable[[np.ndarray], np.ndarray], upper: float, degree: int) -> list[float]:
@@ -31,19 +31,19 @@ def _power_series(function: Callable[[np.ndarray], np.ndarray], upper: float, de
     return fit.convert(kind=np.polynomial.Polynomial, domain=[-1, 1]).coef.tolist()
 
 
-# As functions of the squared argument, so that odd and even symmetry is exact.
+# Functions of the squared argument, so that odd and even symmetry is exact.
 _SINE_OVER_ARGUMENT = _power_series(lambda s: np.sinc(np.sqrt(s) / np.pi), (np.pi / 4) ** 2 * 1.01, 4)
 _COSINE = _power_series(lambda s: np.cos(np.sqrt(s)), (np.pi / 4) ** 2 * 1.01, 5)
 
 
-# (arcsin(v) / v - 1) / v^2, what the arcsine adds to its argument.
+# (arcsin(v) / v - 1) / v^2, the relative difference of the arcsine from its argument over its square.
 _ARCSINE_EXCESS = _power_series(
     lambda s: np.polynomial.polynomial.polyval(s, [float(c) for c in ARCSINE_SERIES]), ARCSINE_RANGE**2, 8
 )
 
 
 def _polynomial(coefficients: list[float], square: Float[Array, "*n"]) -> Float[Array, "*n"]:
-    """Value by Horner's rule."""
+    """Value of a polynomial by Horner's rule."""
     total = jnp.full_like(square, coefficients[-1])
     for coefficient in reversed(coefficients[:-1]):
         total = total * square + coefficient
@@ -51,7 +51,7 @@ def _polynomial(coefficients: list[float], square: Float[Array, "*n"]) -> Float[
 
 
 def _reduce(angle: Float[Array, "*n"]) -> tuple[Float[Array, "*n"], Int[Array, "*n"]]:
-    """The angle less the nearest multiple of a quarter turn, and that multiple."""
+    """The angle minus the nearest multiple of a quarter turn, and that multiple."""
     quarter = jnp.round(angle * (2 / np.pi))
     return (angle - quarter * HALF_PI_HIGH) - quarter * HALF_PI_LOW, quarter.astype(jnp.int32)
 

@@ -1,6 +1,6 @@
-"""One driver model of measured and simulated traffic: a car-following model with effects at their hooks.
+"""The driver model of measured and simulated traffic: a car-following model with effects.
 
-Effects act in the order in which they are listed; without effects the bare model is left.
+Effects act in the order in which they are listed.
 """
 
 import jax.numpy as jnp
@@ -11,7 +11,7 @@ from rearl_jax.core.effects.effect import Effect
 from rearl_jax.core.effects.stimulus import Stimulus
 
 HARDEST_BRAKING, HARDEST_ACCELERATION = -9.0, 6.0
-"""Bounds of what a vehicle can do [m/s^2]: tyre grip on a dry road; the strongest engine."""
+"""Bounds of the acceleration of vehicles [m/s^2]: tyre grip on a dry road; the strongest engine."""
 
 
 def begin_effects(effects: tuple[Effect, ...], seen: Stimulus, driver: CarFollowing, dt: float) -> tuple[PyTree, ...]:
@@ -20,7 +20,7 @@ def begin_effects(effects: tuple[Effect, ...], seen: Stimulus, driver: CarFollow
     Args:
         effects: The effects of the model.
         seen: Stimulus at the start.
-        driver: Their car-following model.
+        driver: Car-following model of the drivers.
         dt: Time from one call of `follow` to the next [s].
     """
     return tuple(effect.begin(seen, driver, dt) for effect in effects)
@@ -38,11 +38,11 @@ def follow(
 
     Args:
         seen: Present stimulus of each driver.
-        driver: Their car-following model.
+        driver: Car-following model of the drivers.
         effects: Effects that act on it.
         memory: Memory of the effects.
         last: Acceleration of the last call [m/s^2].
-        dt: Time since then [s].
+        dt: Time since the last call [s].
     """
     seen, memory = perceive(seen, driver, effects, memory, dt)
     wanted = respond(seen, adjust_setpoints(seen, driver, effects, memory), effects, memory)
@@ -52,10 +52,10 @@ def follow(
 def perceive(
     seen: Stimulus, driver: CarFollowing, effects: tuple[Effect, ...], memory: tuple[PyTree, ...], dt: float
 ) -> tuple[Stimulus, tuple[PyTree, ...]]:
-    """Stimulus as the drivers perceive it, and the memory of the effects with it.
+    """Perceived stimulus, and the memory of the effects including it.
 
-    Each effect gets the stimulus as those before it leave it: so errors of perception are delayed, and a delayed
-    stimulus is held between action points. Arguments as in `follow`.
+    Each effect receives the stimulus changed by the effects before it; for example, a delay also delays errors of
+    perception, and action points keep the delayed stimulus constant in between. Arguments as in `follow`.
     """
     updated = []
     for effect, own_memory in zip(effects, memory, strict=True):
@@ -67,11 +67,11 @@ def perceive(
 def adjust_setpoints(
     seen: Stimulus, driver: CarFollowing, effects: tuple[Effect, ...], memory: tuple[PyTree, ...]
 ) -> CarFollowing:
-    """The drivers with desired speed, time gap and standstill gap as the effects leave them.
+    """The drivers with desired speed, time gap and standstill gap changed by the effects.
 
     Args:
         seen: Stimulus as the drivers perceive it.
-        driver: Their car-following model.
+        driver: Car-following model of the drivers.
         effects: Effects that act on it.
         memory: Memory of the effects, this time step included.
     """
@@ -80,7 +80,7 @@ def adjust_setpoints(
         desired_speed = effect.desired_speed(desired_speed, seen, own_memory)
         time_gap = effect.time_gap(time_gap, seen, own_memory)
         jam_gap = effect.standstill_gap(jam_gap, seen, own_memory)
-    # Effects that take something away may take too much: shares above 1, or several of them together.
+    # Reductions by several effects, or shares above 1, could make these values negative.
     desired_speed = jnp.maximum(desired_speed, LEAST_DESIRED_SPEED)
     time_gap, jam_gap = jnp.maximum(time_gap, LEAST_TIME_GAP), jnp.maximum(jam_gap, 0.0)
     return driver.with_setpoints(desired_speed, time_gap, jam_gap)
@@ -89,9 +89,9 @@ def adjust_setpoints(
 def respond(
     seen: Stimulus, driver: CarFollowing, effects: tuple[Effect, ...], memory: tuple[PyTree, ...]
 ) -> Float[Array, "*n"]:
-    """Acceleration that drivers want [m/s^2], within what a vehicle can do.
+    """Wanted acceleration [m/s^2], within the bounds of a vehicle.
 
-    `driver` is that of `adjust_setpoints`; the other arguments as there.
+    `driver` is the result of `adjust_setpoints`; other arguments as there.
     """
     interaction = seen.has_leader * driver.interaction(seen.gap, seen.speed, seen.speed - seen.leader_speed)
     for effect, own_memory in zip(effects, memory, strict=True):

@@ -1,6 +1,6 @@
-"""Traffic whose drivers follow on the gap between bumpers, with effects, in the place of highway-env's rules.
+"""Traffic whose drivers use bumper-to-bumper gaps and effects instead of highway-env's rules.
 
-Roads, clock, steering, the rules of changing lanes (when, how safe, which side) and collisions stay as they are.
+Road, clock, steering, collisions and lane-change rules (timing, safety, side) are the same as in highway-env.
 """
 
 from dataclasses import replace
@@ -31,7 +31,7 @@ class DriverMemory(eqx.Module):
         n_ticks: Time steps since the start.
         leader_history: Last change of the leader.
         effects: Memory of each effect.
-        desired_side: -1 or +1 for drivers who at their last decision wanted to change to the left or right and found no
+        desired_side: -1 or +1 for drivers who, at their last decision, wanted to change to the left or right but had no
             room, else 0.
     """
 
@@ -42,9 +42,10 @@ class DriverMemory(eqx.Module):
 
 
 def begin_driving(state: TrafficState, drivers: Drivers, model: TrafficModel) -> TrafficState:
-    """The state with what its drivers need at the start: their desired speeds and their memory.
+    """The initial state with the drivers' desired speeds and memory.
 
-    Drivers whose model has no desired speed keep that of the state; highway-env's, without effects, need no memory.
+    Drivers whose model has no desired speed keep that of the state; highway-env's drivers without effects need no
+    memory.
     """
     if drivers.car_following.desired_speed is not None:
         wanted = jnp.broadcast_to(drivers.car_following.desired_speed, state.x.shape)
@@ -65,9 +66,9 @@ def begin_driving(state: TrafficState, drivers: Drivers, model: TrafficModel) ->
 def drive_by_gaps(state: TrafficState, derived: DerivedState, drivers: Drivers, model: TrafficModel) -> Driving:
     """Accelerations behind the leaders, and target lanes.
 
-    On the own lane and on the one it is changing to, a driver accelerates as the effects say; the latter is seen as it
-    is, without delay or error. Lanes are compared by car following alone, with the driver's present desired speed and
-    time gap, which replace the followers' as in highway-env; then effects act on the gain.
+    Effects act on the acceleration on the own lane and on the target lane of a lane change; the target lane is
+    perceived without delay or error. Lanes are compared by car following alone, with the driver's present desired speed
+    and time gap, which replace those of the followers, as in highway-env; then effects act on the gain.
 
     Raises:
         ValueError: The drivers have no memory yet.

@@ -1,6 +1,6 @@
-"""Lanes compared by car following on the gap between bumpers, with effects on the gain of a change.
+"""Comparison of lanes by car following on bumper-to-bumper gaps, with effects on the gain of a change.
 
-The rules are those of `rearl_jax.core.mobil`: the deciding driver's parameters stand in for those of all others.
+The rules are those of `rearl_jax.core.mobil`; the deciding driver's parameters replace those of all others.
 """
 
 import equinox as eqx
@@ -23,13 +23,13 @@ Gains = tuple[Float[Array, "vehicles *scenarios"], Float[Array, "vehicles *scena
 
 
 class LaneOptions(eqx.Module):
-    """Input to the comparison of lanes, of this time step.
+    """Input to the comparison of lanes in one time step.
 
     Attributes:
         vehicles: Observable state of each vehicle, with the present desired speed of rear driver.
         leader: The nearest vehicle ahead on the own lane.
         seen: Stimulus of each driver.
-        driver: Car following of the drivers, with set points as the effects leave them now.
+        driver: Car following of the drivers, with set points changed by the effects.
         memory: Memory of each effect.
     """
 
@@ -52,12 +52,12 @@ class LaneOptions(eqx.Module):
 
         Args:
             follower: The follower.
-            gap: To the vehicle it follows, bumper to bumper [m].
+            gap: Bumper-to-bumper gap to the vehicle it follows [m].
             front: The vehicle it follows; None for the vehicle itself.
         """
         rear = follower.vehicle
         front_speed = self.vehicles.speed if front is None else front.vehicle.speed
-        # The deciding driver's parameters stand in for the follower's, but for the speed it wants to drive at.
+        # The deciding driver's parameters replace the follower's, except its desired speed.
         stand_in = self.driver.with_setpoints(rear.desired_speed, self.driver.time_gap, self.driver.jam_gap)
         interaction = stand_in.interaction(gap, rear.speed, rear.speed - front_speed)
         if front is not None:
@@ -69,7 +69,7 @@ class LaneOptions(eqx.Module):
         return self.follower_acceleration(follower, bumper_gap(follower, self.vehicles))
 
     def follower_gain(self, follower: Neighbour, leader: Neighbour) -> Float[Array, "vehicles *scenarios"]:
-        """Gain of a follower by the vehicle between it and the leader, mostly negative [m/s^2]."""
+        """Gain of a follower if the vehicle is between it and its leader, usually negative [m/s^2]."""
         gap = bumper_gap(leader, self.vehicles) + self.vehicles.length + bumper_gap(follower, self.vehicles)
         return self.follower_behind_self(follower) - self.follower_acceleration(follower, gap, leader)
 
@@ -77,14 +77,14 @@ class LaneOptions(eqx.Module):
 def compare_lanes(
     state: TrafficState, derived: DerivedState, options: LaneOptions, drivers: Drivers, model: TrafficModel
 ) -> tuple[LaneAccelerations, Gains]:
-    """Accelerations on the own lane and the lanes beside, and gains of a change once the effects have acted.
+    """Accelerations on the own and the adjacent lanes, and gains of a change including effects.
 
     Args:
         state: The traffic.
-        derived: Its derived quantities.
+        derived: Derived quantities of the traffic.
         options: Input of this time step.
         drivers: Parameters of all vehicles.
-        model: The road.
+        model: Traffic model; only its road is used.
     """
     due, vehicles = is_due(state, derived, drivers), options.vehicles
     none = no_neighbour(vehicles)
@@ -124,12 +124,12 @@ def desired_side(
 
     Args:
         state: The traffic.
-        derived: Its derived quantities.
-        accelerations: On the lanes.
+        derived: Derived quantities of the traffic.
+        accelerations: Accelerations on the lanes [m/s^2].
         gains: Gains of the changes.
         drivers: Parameters of all vehicles.
-        model: The road.
-        before: The same one time step ago.
+        model: Traffic model; only its road is used.
+        before: Result of the last time step.
     """
     desired = jnp.zeros_like(before)
     due = is_due(state, derived, drivers)

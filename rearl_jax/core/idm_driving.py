@@ -1,4 +1,4 @@
-"""Traffic whose drivers are those of highway-env: IDM on the lane, MOBIL for the lanes beside."""
+"""Traffic with highway-env's drivers: IDM for car following, MOBIL for lane changes."""
 
 from dataclasses import replace
 from typing import TypeVar
@@ -18,8 +18,8 @@ from rearl_jax.core.neighbours import Candidates, DerivedState, find_leader
 from rearl_jax.core.state import Controller, TrafficState
 
 ONE_IN_ASKED = 12
-"""A block of vehicles that search other lanes has room for one vehicle in this many: one in 16 decides about its lane
-in a time step, and no more are changing lanes.
+"""One vehicle in this many fits into a block of vehicles that search other lanes, because one in 16 decides about its
+lane in a time step, and at most as many are changing lanes.
 """
 
 Values = TypeVar("Values")
@@ -91,7 +91,7 @@ def _choose_lanes(
     due = is_due(state, derived, drivers)
     if derived.nearest is None:
         return _decided_lanes((state, derived, free, own, drivers), due, model)
-    # A decision has no slope.
+    # A decision has no derivative.
     state, derived, free, own, drivers = lax.stop_gradient((state, derived, free, own, drivers))
 
     def decide(block: Block, target_lane: Array) -> Array:
@@ -109,16 +109,16 @@ def _block_size(state: TrafficState) -> int:
 
 
 def _gathered(block: Block, values: Values, state: TrafficState) -> Values:
-    """Values of a block, from those of all vehicles."""
+    """Values of the vehicles in a block."""
     return jax.tree.map(lambda leaf: gather(leaf, block.index, state.x.shape), values)
 
 
 def _of_block(
     block: Block, state: TrafficState, derived: DerivedState
 ) -> tuple[TrafficState, DerivedState, Candidates]:
-    """Some vehicles of large traffic, their derived quantities, and the candidates among which they search."""
-    assert derived.nearest is not None  # so it is in large traffic
-    # Drivers' memory has other axes than those a block is gathered from.
+    """The vehicles of a block in large traffic, their derived quantities, and the candidates that they search."""
+    assert derived.nearest is not None  # always set in large traffic
+    # Drivers' memory has other axes than the gathered arrays.
     candidates = Candidates(replace(state, memory=None), replace(derived, nearest=None))
     own = _gathered(block, candidates, state)
     return own.state, replace(own.derived, nearest=derived.nearest.of_block(block.index)), candidates

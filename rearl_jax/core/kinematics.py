@@ -1,10 +1,9 @@
 """Moving vehicles: the lateral controller, the speed controllers and the kinematic bicycle.
 
-The steering angle delta of highway-env never appears: its slip angle beta = arctan(tan(delta) / 2) is all that moves
-the vehicle, and where the controller sets delta = arctan(2 tan(arcsin u)) the sine of the slip angle is u itself, cut
-at the value that belongs to the largest steering angle. So in float32 the direction of motion follows from that of the
-heading, which others see as well, by products alone. In float64 all functions are evaluated as in highway-env, to
-reproduce its rounding.
+highway-env's steering angle delta is not needed: only the slip angle beta = arctan(tan(delta) / 2) moves the vehicle,
+and since the controller sets delta = arctan(2 tan(arcsin u)), the sine of the slip angle is u itself, limited to the
+value of the largest steering angle. In float32 the direction of motion therefore follows from the heading by products
+alone. In float64 all functions are evaluated as in highway-env, to reproduce its rounding.
 
 Source: highway-env 1.12.1, `vehicle/controller.py` (ControlledVehicle) and `vehicle/kinematics.py` (Vehicle.step).
 """
@@ -37,12 +36,12 @@ SPEED_TIME = 0.6
 """
 
 MAX_SPEED = 40.0
-"""Speed [m/s], forwards and backwards, beyond which the command pulls back. Source: highway-env 1.12.1,
+"""Speed [m/s], forwards and backwards, above which the vehicle is decelerated. Source: highway-env 1.12.1,
 `Vehicle.MAX_SPEED`.
 """
 
 MAX_HEADING = np.pi / 4
-"""Steepest heading the lateral controller asks for [rad]. Source: highway-env 1.12.1, `steering_control`."""
+"""Largest heading commanded by the lateral controller [rad]. Source: highway-env 1.12.1, `steering_control`."""
 
 MAX_STEERING = np.pi / 3
 """Largest steering angle [rad]. Source: highway-env 1.12.1, `ControlledVehicle.MAX_STEERING_ANGLE`."""
@@ -55,9 +54,9 @@ class Command(eqx.Module):
     """Command to a vehicle in this time step.
 
     Attributes:
-        acceleration: Along the heading [m/s^2].
-        sine_of_slip: Sine of the slip angle beta between heading and motion that steering asks for [-]; `course` limits
-            it to the largest steering angle.
+        acceleration: Acceleration along the heading [m/s^2].
+        sine_of_slip: Commanded sine of the slip angle beta between heading and motion [-]; `course` limits it to the
+            largest steering angle.
     """
 
     acceleration: Float[Array, "vehicles *scenarios"]
@@ -79,7 +78,7 @@ def wrap_to_pi(angle: Float[Array, "*n"]) -> Float[Array, "*n"]:
 
 
 def course(state: TrafficState, derived: DerivedState, sine_of_slip: Float[Array, "vehicles *scenarios"]) -> Course:
-    """Direction of motion at a wanted sine of the slip angle, within what the largest steering angle allows."""
+    """Direction of motion at a commanded sine of the slip angle, limited to the largest steering angle."""
     if sine_of_slip.dtype == jnp.float64:
         nowhere = Course(*(jnp.zeros_like(sine_of_slip),) * 3)
         return if_any(state.speed != 0, lambda: _course_by_angles(state.heading, sine_of_slip), nowhere)
@@ -93,7 +92,7 @@ def course(state: TrafficState, derived: DerivedState, sine_of_slip: Float[Array
 
 
 def _course_by_angles(heading: Float[Array, "*n"], sine_of_slip: Float[Array, "*n"]) -> Course:
-    """The same by way of the steering angle, rounded as in highway-env."""
+    """The same through the steering angle, with the rounding of highway-env."""
     steering = arctangent(2 * jnp.tan(arcsine(sine_of_slip)))
     slip = arctangent(jnp.tan(jnp.clip(steering, -MAX_STEERING, MAX_STEERING)) / 2)
     return Course(cosine(heading + slip), sine(heading + slip), sine(slip))
@@ -125,16 +124,16 @@ def control(
     drivers: Drivers,
     model: TrafficModel,
 ) -> Command:
-    """Command of every vehicle: IDM, meta-action target, coming to rest after a crash, or nothing if absent.
+    """Command of every vehicle: IDM, meta-action target, braking to rest after a crash, or zero if absent.
 
     A vehicle that is changing lanes reacts to the leaders of both lanes.
 
     Args:
         state: The traffic.
-        derived: Its derived quantities.
-        target_lane: Lanes the vehicles are steered to.
-        own: Accelerations that car following asks for on the own lane [m/s^2].
-        on_target: The same on the target lane, where it is another one [m/s^2].
+        derived: Derived quantities of the traffic.
+        target_lane: Target lanes of the vehicles.
+        own: Car-following accelerations on the own lane [m/s^2].
+        on_target: Car-following accelerations on the target lane, if it differs [m/s^2].
         drivers: Parameters of all vehicles.
         model: The road and its clock.
 
@@ -143,7 +142,7 @@ def control(
     following = jnp.where(target_lane == derived.lane, own, jnp.minimum(own, on_target))
     if drivers.effects:
         following = actuate(following, state.acceleration, drivers.effects, model.dt)
-        following = jnp.maximum(following, -jnp.maximum(state.speed, 0.0) / model.dt)  # vehicles come to rest
+        following = jnp.maximum(following, -jnp.maximum(state.speed, 0.0) / model.dt)  # crashed vehicles brake to rest
     following = jnp.clip(following, -drivers.body.accel_limit, drivers.body.accel_limit)
     tracking = (1 / SPEED_TIME) * (state.desired_speed - state.speed)
     if model.meta_follows:
@@ -184,13 +183,14 @@ def move(
     drivers: Drivers,
     model: TrafficModel,
 ) -> TrafficState:
-    """State after one explicit Euler step of the kinematic bicycle; collisions of the previous time step push now.
+    """State after one explicit Euler step of the kinematic bicycle, including displacements by collisions of the last
+    time step.
 
-    Position and heading advance with the old speed. A pushed vehicle counts as crashed from here on.
+    Position and heading advance with the old speed. A displaced vehicle counts as crashed from this step on.
 
     Args:
         state: The traffic.
-        derived: Its derived quantities.
+        derived: Derived quantities of the traffic.
         target_lane: Lanes the vehicles are steered to.
         countdown: Ticks to the next lane-change decision before this step.
         command: Command of every vehicle.

@@ -1,7 +1,6 @@
-"""Neighbours with all that drivers with effects react to: index, distance, speed, acceleration, length, class.
+"""Neighbours for drivers with effects: index, distance, speed, acceleration, length, class.
 
-`rearl_jax.core.neighbours` finds what highway-env's drivers react to; here it is the same search for drivers who react
-to more.
+The search is that of `rearl_jax.core.neighbours`, which gives less information, as needed for highway-env's drivers.
 """
 
 import equinox as eqx
@@ -21,8 +20,8 @@ class VehicleState(eqx.Module):
     """Observable state of each vehicle.
 
     Attributes:
-        speed: Along the road [m/s].
-        acceleration: In the last time step [m/s^2].
+        speed: Speed along the road [m/s].
+        acceleration: Acceleration in the last time step [m/s^2].
         length: Length [m].
         is_truck: 1 for a truck, else 0.
         desired_speed: Present desired speed of its driver [m/s].
@@ -36,12 +35,12 @@ class VehicleState(eqx.Module):
 
 
 class Neighbour(eqx.Module):
-    """A vehicle near each vehicle.
+    """One neighbour of each vehicle.
 
     Attributes:
-        index: Its index; NOBODY for none.
-        distance: Along the road, centre to centre, positive [m]; inf for none.
-        vehicle: Its state; that of the searching vehicle itself for none.
+        index: Index of the neighbour; NOBODY without one.
+        distance: Centre-to-centre distance along the road, positive [m]; inf without one.
+        vehicle: State of the neighbour; that of the searching vehicle itself without one.
     """
 
     index: Int[Array, "#vehicles *#scenarios"]
@@ -50,7 +49,7 @@ class Neighbour(eqx.Module):
 
     @property
     def is_there(self) -> Bool[Array, "#vehicles *#scenarios"]:
-        """True where there is one."""
+        """True if there is a neighbour."""
         return self.index != NOBODY
 
 
@@ -82,9 +81,9 @@ def find_ahead(
 
     Args:
         state: The traffic.
-        derived: Its derived quantities.
+        derived: Derived quantities of the traffic.
         vehicles: Observable state of each vehicle.
-        lane: The lane each vehicle searches; -1 and n_lanes are empty.
+        lane: Lane searched by each vehicle; -1 and n_lanes are empty.
         n_leaders: Vehicles to find.
     """
     own_index = lax.broadcasted_iota(jnp.int32, state.x.shape, 0)
@@ -94,7 +93,7 @@ def find_ahead(
         leaders = [index]
         while len(leaders) < n_leaders:
             further = derived.nearest.after(index, lane)
-            # Among vehicles abreast the own place may come after that of a leader, and is passed over.
+            # Among vehicles side by side the own place may come after that of a leader, and is skipped.
             further = jnp.where(further == own_index, derived.nearest.after(own_index, lane), further)
             index = jnp.where(index == NOBODY, NOBODY, further)
             leaders.append(index)
@@ -139,11 +138,11 @@ def find_behind(
 def find_entrant(
     state: TrafficState, derived: DerivedState, vehicles: VehicleState, wanted_lane: Int[Array, "vehicles *scenarios"]
 ) -> Neighbour:
-    """The nearest vehicle ahead of each vehicle that is on another lane and wants to be on that of the vehicle.
+    """The nearest vehicle ahead that is on another lane and wants to change to the own lane, for each vehicle.
 
     Args:
         state: The traffic.
-        derived: Its derived quantities.
+        derived: Derived quantities of the traffic.
         vehicles: Observable state of each vehicle.
         wanted_lane: The lane each vehicle wants to be on.
     """
@@ -160,7 +159,9 @@ def find_entrant(
 def traffic_beside(
     state: TrafficState, derived: DerivedState, vehicles: VehicleState
 ) -> tuple[Float[Array, "vehicles *scenarios"], Float[Array, "vehicles *scenarios"]]:
-    """Slowest speed [m/s], OUT_OF_SIGHT for none, and number of the vehicles beside, within BESIDE_RANGE."""
+    """Slowest speed [m/s] (OUT_OF_SIGHT without a vehicle) and number of vehicles on adjacent lanes within
+    BESIDE_RANGE.
+    """
 
     def add(other: Int[Array, ""], beside: tuple[Array, Array]) -> tuple[Array, Array]:
         is_near = jnp.abs(row(state.x, other) - state.x) <= BESIDE_RANGE
@@ -191,7 +192,7 @@ def _at_index(state: TrafficState, vehicles: VehicleState, index: Int[Array, "ve
 
 
 def _reversed(neighbour: Neighbour) -> Neighbour:
-    """The same with distances counted backwards."""
+    """The neighbour with the sign of distances reversed."""
     return Neighbour(neighbour.index, -neighbour.distance, neighbour.vehicle)
 
 

@@ -1,4 +1,4 @@
-"""Time since the leader last changed, and what the change did to the gap."""
+"""Time since the last change of leader, and the gap lost by it."""
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -7,19 +7,19 @@ from jaxtyping import Array, Float, Int
 from rearl_jax.core.order import NOBODY
 
 NEVER_CHANGED = 60.0
-"""Longest time since the leader changed that is counted, also used if it never changed [s]."""
+"""Upper bound of the time since the last change of leader, also used if it never changed [s]."""
 
 MOST_GAP_LOST = 60.0
 """Bound of the gap that is lost at once [m]."""
 
 IN_SIGHT = 200.0
-"""Gap [m] from which on a new leader changes nothing."""
+"""Gap [m] beyond which a new leader does not count as a change."""
 
 TIME_GAPS = (0.25, 9.0)
 """Range of the time gap right after a change [s]; the upper end if there was no change."""
 
 SLOWEST = 5.0
-"""Least speed a time gap is computed with [m/s]."""
+"""Lower bound of the speed in a time gap [m/s]."""
 
 
 class LeaderHistory(eqx.Module):
@@ -27,8 +27,8 @@ class LeaderHistory(eqx.Module):
 
     Attributes:
         leader: Index of the present leader, NOBODY for none.
-        gap: To it, bumper to bumper [m].
-        time_since_change: Since it became the leader [s].
+        gap: Bumper-to-bumper gap to the leader [m].
+        time_since_change: Time since it became the leader [s].
         gap_lost: Gap lost by that change [m].
         time_gap: Time gap right after it [s].
     """
@@ -47,7 +47,7 @@ class LeaderHistory(eqx.Module):
 
         Args:
             leader: Index of each vehicle's leader, NOBODY for none.
-            gap: To it, bumper to bumper [m].
+            gap: Bumper-to-bumper gap to it [m].
         """
         nothing = jnp.zeros_like(gap)
         return cls(leader, gap, nothing + NEVER_CHANGED, nothing, nothing + TIME_GAPS[1])
@@ -63,7 +63,7 @@ class LeaderHistory(eqx.Module):
 
         Args:
             leader: Index of the present leader.
-            gap: To it, bumper to bumper [m].
+            gap: Bumper-to-bumper gap to it [m].
             speed: Own speed [m/s].
             dt: Time step [s].
         """

@@ -1,8 +1,9 @@
 """Lane changing: MOBIL decisions.
 
 Source: Kesting, Treiber & Helbing, Transp. Res. Rec. 1999 (2007) 86; highway-env 1.12.1,
-`IDMVehicle.change_lane_policy` and `IDMVehicle.mobil`. As there, and unlike in the paper: the deciding driver's
-parameters replace those of all others, the own safety is not tested, and gains of left and right are not compared.
+`IDMVehicle.change_lane_policy` and `IDMVehicle.mobil`. As in highway-env, and unlike in the paper, the deciding
+driver's parameters replace those of all others, the own safety is not tested, and gains of left and right are not
+compared.
 """
 
 from collections.abc import Callable
@@ -36,7 +37,7 @@ REACHABLE_LANES = 2.0
 
 
 class LaneAccelerations(eqx.Module):
-    """Accelerations that car following gives on the lanes in reach [m/s^2], without the vehicle's bounds.
+    """Car-following accelerations on the own and the adjacent lanes [m/s^2], without the vehicle's bounds.
 
     Attributes:
         own: Own acceleration behind the leader on the own lane.
@@ -58,19 +59,19 @@ class LaneAccelerations(eqx.Module):
 
 
 def is_due(state: TrafficState, derived: DerivedState, drivers: Drivers) -> Bool[Array, "vehicles *scenarios"]:
-    """True where a driver takes a lane-change decision in this time step."""
+    """True if a driver takes a lane-change decision in this time step."""
     return decides(state, drivers) & (derived.lane == state.target_lane) & (state.ticks_to_decision <= 0)
 
 
 def restart_countdown(
     state: TrafficState, derived: DerivedState, drivers: Drivers
 ) -> Int[Array, "vehicles *scenarios"]:
-    """Ticks to the next decision, restarted where one is taken in this time step."""
+    """Ticks to the next decision, restarted for drivers who decide in this time step."""
     return jnp.where(is_due(state, derived, drivers), drivers.mobil.decision_period, state.ticks_to_decision)
 
 
 def decides(state: TrafficState, drivers: Drivers) -> Bool[Array, "vehicles *scenarios"]:
-    """True for vehicles that change lanes by this model."""
+    """True for vehicles whose lane changes follow this model."""
     return (state.controller == Controller.IDM) & ~state.crashed & drivers.mobil.changes_lanes
 
 
@@ -86,18 +87,18 @@ def evaluate_lanes(
 ) -> LaneAccelerations:
     """The driver's own acceleration on each lane, and those of the followers before and after a change.
 
-    Each search is a program of its own (`if_any`): one pass over the vehicles. Otherwise XLA fuses all searches and
-    keeps every pair of vehicles in memory, which is three times slower.
+    Each search is compiled separately (`if_any`) as one pass over the vehicles, because otherwise XLA fuses all
+    searches and stores every pair of vehicles, which is three times slower.
 
     Args:
         state: The vehicles that decide.
-        derived: Their derived quantities.
-        free: Their acceleration on a free road [m/s^2].
-        own: Their acceleration on their own lane [m/s^2].
-        due: Vehicles whose decision is due; values of others mean nothing.
-        drivers: Their parameters.
-        model: The road.
-        among: The traffic they are part of, which is large; None for themselves.
+        derived: Derived quantities of these vehicles.
+        free: Acceleration of these vehicles on a free road [m/s^2].
+        own: Acceleration of these vehicles on their own lane [m/s^2].
+        due: Vehicles whose decision is due; results for others are undefined.
+        drivers: Parameters of these vehicles.
+        model: Traffic model; only its road is used.
+        among: The large traffic that contains them; None if they are all vehicles.
     """
     left_lane, right_lane, nothing = derived.lane - 1, derived.lane + 1, jnp.zeros_like(state.x)
 
@@ -134,7 +135,7 @@ def evaluate_lanes(
 
 
 def is_reachable(state: TrafficState, lane: Int[Array, "vehicles *scenarios"], model: TrafficModel) -> Array:
-    """True where a lane exists and a vehicle is near enough to steer to it.
+    """True if a lane exists and the vehicle is near enough to steer to it.
 
     Source: highway-env 1.12.1, `AbstractLane.is_reachable_from`.
     """
@@ -157,12 +158,12 @@ def lane_gains(
 
 
 def is_moving(state: TrafficState) -> Bool[Array, "vehicles *scenarios"]:
-    """True where a vehicle is fast enough to change lanes."""
+    """True if a vehicle is fast enough to change lanes."""
     return jnp.abs(state.speed) >= LEAST_SPEED
 
 
 def is_unsafe(follower: Float[Array, "vehicles *scenarios"], drivers: Drivers) -> Bool[Array, "vehicles *scenarios"]:
-    """True where a change makes the new follower, whose acceleration [m/s^2] is given, brake too hard."""
+    """True if the new follower, with the given acceleration [m/s^2], would brake too hard."""
     return follower < -drivers.mobil.safe_decel
 
 
@@ -175,19 +176,19 @@ def decide_lanes(
     drivers: Drivers,
     model: TrafficModel,
 ) -> Int[Array, "vehicles *scenarios"]:
-    """Target lanes after every driver whose decision is due has taken it.
+    """Target lanes after all due decisions.
 
     The left lane is tested first, then the right lane; if both are accepted, the right lane is chosen. No decision
     depends on another's target lane, so all are taken at once.
 
     Args:
         state: The vehicles that decide.
-        derived: Their derived quantities.
+        derived: Derived quantities of these vehicles.
         due: Vehicles whose decision is due.
-        accelerations: On the lanes.
+        accelerations: Accelerations on the lanes.
         gains: Gains of a change to the left and to the right [m/s^2].
-        drivers: Their parameters.
-        model: The road.
+        drivers: Parameters of these vehicles.
+        model: Traffic model; only its road is used.
     """
     willing = due & is_moving(state)
     target_lane = state.target_lane
@@ -207,7 +208,7 @@ def acceleration_behind(
     leader: Leader,
     drivers: Drivers,
 ) -> Float[Array, "vehicles *scenarios"]:
-    """Acceleration of each vehicle behind a leader [m/s^2], given that on a free road."""
+    """Acceleration of each vehicle behind a leader [m/s^2], from its free-road acceleration."""
     assert isinstance(drivers.car_following, HighwayEnvIDM)  # only then are these rules used
     dv = approach_rate(derived, leader)
     return free - drivers.car_following.interaction_at(distance=leader.distance, speed=state.speed, approach_rate=dv)

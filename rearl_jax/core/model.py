@@ -1,7 +1,7 @@
 """Road, clock and stages of the traffic model, which are fixed while a program runs.
 
-A `TrafficModel` is hashable and static: another value compiles another program. Numbers that vary between
-vehicles or scenarios are arrays and live in `rearl_jax.core.drivers` and `rearl_jax.core.state`.
+A `TrafficModel` is hashable and static; a program is compiled for each value. Numbers that vary between vehicles or
+scenarios are arrays and live in `rearl_jax.core.drivers` and `rearl_jax.core.state`.
 """
 
 import dataclasses
@@ -30,8 +30,8 @@ class TrafficModel:
         collisions: Whether the collision stage is part of the program.
         cooperative: Whether MOBIL evaluates what a change costs the followers. Needed only if the politeness of any
             vehicle is not zero; otherwise the program is shorter without it and the result the same.
-        meta_follows: Whether vehicles under meta-actions keep their distance: they accelerate at most as IDM would
-            towards their target speed behind their leader. highway-env's do not.
+        meta_follows: Whether the acceleration of vehicles under meta-actions is limited to that of IDM behind their
+            leader, with the target speed as desired speed. In highway-env it is not.
         speed_levels: Target speeds [m/s] a meta-action can choose.
 
     Source: highway-env 1.12.1 (`highway-v0`); speed levels: nine levels from 5 to 32 m/s as in REARL (Bi et al.).

@@ -1,7 +1,8 @@
 """Narrow phase of collision detection: candidate pairs tested in full, block by block.
 
-A push is the last one written in highway-env: of all that push a vehicle, the one with the highest list index counts.
-Pairs come in any sequence here, so each push is written only if no vehicle with a higher index has pushed so far.
+In highway-env the displacement of a vehicle is overwritten by each collision partner, so the partner with the highest
+list index determines it. Pairs are processed in any order here, so a displacement is stored only if no partner with a
+higher index has stored one.
 
 Source: highway-env 1.12.1, `RoadObject.handle_collisions`.
 """
@@ -22,17 +23,17 @@ from rearl_jax.core.rectangles import Rectangle
 from rearl_jax.core.state import TrafficState
 
 VEHICLES_PER_CHECKED = 64
-"""Vehicles of all scenarios for each place of a block whose pairs are tested together; own choice."""
+"""One vehicle in this many fits into a block whose pairs are tested together; own choice."""
 
 
 class Collisions(NamedTuple):
-    """Crash marks and pushes so far, by flat index over all vehicles of all scenarios.
+    """Collisions found so far: crash flags and displacements, by flat index over all vehicles of all scenarios.
 
     Attributes:
         crashed: Whether a vehicle has been in a collision.
-        partner: Highest list index, flat, of all that push a vehicle; NOBODY for none.
-        push_x: Displacement by that partner along the road [m].
-        push_y: The same across the road [m].
+        partner: Flat index of the collision partner with the highest list index; NOBODY for none.
+        push_x: Displacement along the road caused by that partner [m].
+        push_y: Displacement across the road caused by that partner [m].
     """
 
     crashed: Bool[Array, " all"]
@@ -64,7 +65,7 @@ class Places(NamedTuple):
         return place if self.vehicle is None else self.vehicle[place]
 
     def rectangles(self, vehicle: Int[Array, "*block"]) -> Rectangle:
-        """Some vehicles as the collision test sees them."""
+        """The rectangles of the given vehicles."""
         state, body = self.state, self.body
         columns = state.x, state.y, state.heading, state.speed, body.length, body.width, body.collides
         x, y, heading, speed, length, width, collides = (gather(values, vehicle, state.x.shape) for values in columns)
@@ -79,8 +80,8 @@ def check_candidates(
     Args:
         candidates: For each place the places ahead to test, as bits, the next one lowest.
         places: The traffic by place.
-        collisions: So far.
-        model: The time step.
+        collisions: Collisions found so far.
+        model: Traffic model; only its time step is used.
     """
     flat = candidates.ravel()
 
@@ -100,22 +101,22 @@ def check_ahead(
     collisions: Collisions,
     model: TrafficModel,
 ) -> Collisions:
-    """Collisions after some vehicles have been tested against their candidates ahead.
+    """Collisions after the given vehicles have been tested against their candidates ahead.
 
     Args:
         place: Flat indices of their places.
         candidates: The places ahead as bits.
         first: Places ahead of the lowest bit.
         places: The traffic by place.
-        collisions: So far.
-        model: The time step.
+        collisions: Collisions found so far.
+        model: Traffic model; only its time step is used.
     """
     n_all = places.state.x.size
 
     def check_block(block: Block, collisions: Collisions) -> Collisions:
         rear = place[block.number]
         front = rear + (first + block.bit) * places.n_scenarios
-        front = jnp.where(front < n_all, front, front - n_all)  # the list is a circle
+        front = jnp.where(front < n_all, front, front - n_all)  # the list is circular
         return _check_pairs(
             places.vehicle_at(rear), places.vehicle_at(front), block.is_filled, places, collisions, model
         )
@@ -131,18 +132,18 @@ def _check_pairs(
     collisions: Collisions,
     model: TrafficModel,
 ) -> Collisions:
-    """Collisions after some pairs of vehicles, given by flat indices."""
+    """Collisions after the given pairs of vehicles (flat indices) have been tested."""
     pair = jnp.stack([jnp.minimum(rear, front), jnp.maximum(rear, front)])
     partner_of_each = pair[::-1]
     rectangles = places.rectangles(pair)
-    # The first row and the last: a value that is the same for all has a single row, which is both.
+    # The first and the last row are the same for a value that all vehicles share.
     first, second = (jax.tree.map(lambda values, k=k: values[k], rectangles) for k in (0, -1))
     touches, will_touch, shift_x, shift_y = contact(first, second, is_pair, model)
     touches, will_touch = (jnp.broadcast_to(flags, pair.shape) for flags in (touches, will_touch))
 
     crashed = collisions.crashed.at[pair].max(touches)
-    # A maximum over partners is the same in any sequence of pairs; the push of the partner that holds it is written,
-    # all other writes go beyond the end of the array and are dropped.
+    # The maximum over partners does not depend on the order of pairs. The displacement by the partner with the maximum
+    # index is written; all other writes have indices beyond the end of the array and are dropped.
     partner = collisions.partner.at[pair].max(jnp.where(will_touch, partner_of_each, NOBODY))
     written = jnp.where(will_touch & (partner[pair] == partner_of_each), pair, partner.size)
     push_x, push_y = (

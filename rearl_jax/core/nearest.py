@@ -3,9 +3,9 @@
 The order along the road is scanned once from the head of the traffic to its tail, carrying the last vehicle passed on
 each lane: that is the leader on this lane for the next vehicle. A scan in the other direction gives the followers.
 
-The carry of all lanes is packed into one 32-bit number, or few: each lane has a bit field, which holds the index of a
-vehicle and a flag that says whether there is one. So a step of the scan is one operation for all lanes, and the
-neighbour on a lane is read off a vehicle's own number, without a look-up in memory.
+The carry of all lanes is packed into one or a few 32-bit numbers: each lane has a bit field with the index of a vehicle
+and a flag for its presence. A step of the scan is then one operation for all lanes, and the neighbour on a lane is a
+bit field of the vehicle's own number, without a look-up in memory.
 """
 
 import dataclasses
@@ -24,13 +24,13 @@ from rearl_jax.core.compaction import Block, gather, if_any, list_vehicles, proc
 from rearl_jax.core.order import NOBODY, flat_index, take_vehicles
 
 Words = tuple[UInt32[Array, "..."], ...]
-"""Bit fields of all lanes, packed into as few numbers as hold them."""
+"""Bit fields of all lanes, packed into as few numbers as possible."""
 
 Lane = TypeVar("Lane", int, Array)
 
 
 def lane_bit(lane: Lane) -> Lane:
-    """The bit that stands for a lane; lane -1, left of the road, has one too, which no vehicle ever sets."""
+    """The bit of a lane; lane -1, left of the road, also has a bit, which is never set."""
     return 1 << (lane + 1)
 
 
@@ -71,7 +71,7 @@ class LaneFields:
         return jnp.where(field >= self.flag, field.astype(jnp.int32) - self.flag, NOBODY)
 
     def extract(self, words: Words, lane: Int[Array, "*n"]) -> UInt32[Array, "*n"]:
-        """The field of a lane of each vehicle's choice; empty for lanes that do not exist."""
+        """The field of a given lane for each vehicle; empty for lanes that do not exist."""
         chosen = jnp.zeros(lane.shape, jnp.uint32)
         for word, lanes in zip(words, self.lanes_by_word, strict=True):
             is_here = (lane >= lanes.start) & (lane < lanes.stop)
@@ -96,7 +96,7 @@ class LaneFields:
         return tuple(words)
 
     def nearer_of(self, nearer: Words, farther: Words) -> Words:
-        """Of each field the nearer vehicle where there is one, else the farther."""
+        """Fields with the nearer vehicle if there is one, else with the farther."""
         return tuple(
             near | (far & ~(((near & self.flags(lanes)) >> (self.width - 1)) * ((1 << self.width) - 1)))
             for near, far, lanes in zip(nearer, farther, self.lanes_by_word, strict=True)
@@ -106,14 +106,14 @@ class LaneFields:
 class NearestOnLanes(eqx.Module):
     """The nearest vehicle ahead and behind on every lane, for each vehicle.
 
-    Vehicles abreast, which have exactly the same x, count as ahead of each other and never as behind. In the order they
-    stand by falling index, so the neighbours of all of them follow from the first: it may be the vehicle ahead itself,
-    being the last in the list, and only those before it are behind.
+    Vehicles side by side, with exactly the same x, count as ahead of each other and never as behind. They are ordered
+    by decreasing index, so the neighbours of all of them follow from those of the first: it is the last in the list and
+    may itself be the vehicle ahead, and only vehicles before it in the order are behind.
 
     Attributes:
         ahead: Nearest vehicle ahead on each lane.
         behind: Nearest vehicle behind on each lane.
-        later: Next vehicle on each lane in the order, which is not the one ahead of vehicles abreast.
+        later: Next vehicle on each lane in the order; for vehicles side by side it differs from `ahead`.
         scenario: Scenario of each vehicle.
         n_scenarios: Number of scenarios.
         fields: Layout of the lanes' bit fields.
@@ -129,7 +129,7 @@ class NearestOnLanes(eqx.Module):
     def ahead_on(self, lane: Int[Array, "vehicles *scenarios"]) -> Int[Array, "vehicles *scenarios"]:
         """The nearest vehicle ahead on a lane given for each vehicle; NOBODY for none and on lanes that do not exist.
 
-        The same x counts as ahead; of equally near vehicles the last in the list is meant.
+        The same x counts as ahead; of equally near vehicles the last in the list is chosen.
         """
         return self.fields.vehicle_in(self.fields.extract(self.ahead, lane))
 
@@ -143,7 +143,7 @@ class NearestOnLanes(eqx.Module):
         """The next on a lane later in the order than a given vehicle; NOBODY for none.
 
         Args:
-            index: The vehicles; means nothing for NOBODY.
+            index: The vehicles; results for NOBODY are undefined.
             lane: The lanes.
         """
         later = tuple(self.take(word, index) for word in self.later)
@@ -154,7 +154,7 @@ class NearestOnLanes(eqx.Module):
 
         Args:
             values: Values of all vehicles of all scenarios.
-            index: The vehicles; of NOBODY the values mean nothing.
+            index: The vehicles; values for NOBODY are undefined.
         """
         place = jnp.maximum(index, 0) * self.n_scenarios + self.scenario
         return values.ravel().at[place].get(mode="promise_in_bounds")
@@ -192,8 +192,8 @@ def scan_along_road(
 def _last_passed(own: Words, fields: LaneFields, reverse: bool) -> Words:
     """The last vehicle passed on each lane before every place, scanning along the order or, reversed, against it.
 
-    Stretches of the order are scanned side by side (`_to_stretches`). The last vehicle of a stretch on each lane is
-    then carried into the stretches after it, and counts wherever a stretch has not passed one of its own yet.
+    Stretches of the order are scanned in parallel (`_to_stretches`). The last vehicle of a stretch on each lane is then
+    carried into the stretches after it, and is used until a stretch has passed a vehicle of its own.
     """
 
     def pass_by(passed: Words, vehicle: Words) -> tuple[Words, Words]:
@@ -210,7 +210,7 @@ def _last_passed(own: Words, fields: LaneFields, reverse: bool) -> Words:
 def _carried_in(last: Words, fields: LaneFields, reverse: bool) -> Words:
     """The last vehicle on each lane over all stretches before each, given that of each: an exclusive prefix scan.
 
-    By doubling: every stretch knows of the one before it, then both of the two before them, and so on.
+    By doubling: results include one stretch before, then two, four, and so on.
 
     Source: Hillis & Steele, Commun. ACM 29 (1986) 1170.
     """
@@ -265,7 +265,7 @@ def _correct_abreast(
     earlier: Words,
     fields: LaneFields,
 ) -> tuple[Words, Words]:
-    """Vehicles ahead and behind: those later and earlier in the order, corrected for vehicles abreast, which are few.
+    """Vehicles ahead and behind: those later and earlier in the order, corrected for the few vehicles side by side.
 
     Arguments as in `scan_along_road`, and the next vehicles later and earlier in the order.
     """

@@ -1,4 +1,4 @@
-"""Leader and follower of every vehicle on the lanes that matter.
+"""Leader and follower of every vehicle on given lanes.
 
 In small traffic every vehicle is compared with all others one after another, and the nearest is kept ("running
 minimum"). That costs n_vehicles^2 comparisons, but only comparisons and selections, which a compiler turns into
@@ -61,19 +61,19 @@ class DerivedState(eqx.Module):
 
 
 class Candidates(NamedTuple):
-    """All vehicles of large traffic, where only some of them search for neighbours."""
+    """All vehicles of large traffic, among which a few search for neighbours."""
 
     state: TrafficState
     derived: DerivedState
 
 
 class Leader(eqx.Module):
-    """The nearest vehicle ahead on a lane; distance inf and standing still where there is none.
+    """The nearest vehicle ahead on a lane; without one, the distance is inf and the speed 0.
 
     Attributes:
         distance: Along the road, centre to centre [m].
-        speed_x: Its speed along the road [m/s].
-        speed_y: Its speed across the road [m/s].
+        speed_x: Speed along the road [m/s].
+        speed_y: Speed across the road [m/s].
     """
 
     distance: Float[Array, "#vehicles *#scenarios"]
@@ -82,11 +82,11 @@ class Leader(eqx.Module):
 
 
 class Follower(eqx.Module):
-    """The nearest vehicle behind on a lane; distance inf and driving at its desired speed where there is none.
+    """The nearest vehicle behind on a lane; without one, the distance is inf and the speed is the desired speed.
 
     Attributes:
         distance: Along the road, centre to centre, positive [m].
-        speed: Its speed [m/s].
+        speed: Speed [m/s].
         cos_heading: Cosine of its heading [-].
         sin_heading: Sine of its heading [-].
         speed_ratio: Its `DerivedState.speed_ratio` [-]; 1 without a follower, which makes its free acceleration zero.
@@ -161,9 +161,9 @@ def find_leader(
 
     Args:
         state: The vehicles that search.
-        derived: Their derived quantities.
-        lane: The lane each of them searches; -1 and n_lanes are empty.
-        among: The traffic that is searched, which is large; None for themselves.
+        derived: Derived quantities of these vehicles.
+        lane: Lane searched by each of them; -1 and n_lanes are empty.
+        among: The large traffic that is searched; None to search among themselves.
 
     Source: highway-env 1.12.1, `Road.neighbour_vehicles`.
     """
@@ -226,12 +226,12 @@ def _nobody_behind(state: TrafficState) -> Follower:
 
 
 def is_large(n_vehicles: int) -> bool:
-    """Whether a scan along the sorted vehicles is cheaper than comparing all pairs."""
+    """True if a scan along the sorted vehicles is cheaper than comparing all pairs."""
     return n_vehicles > LARGEST_SMALL_TRAFFIC
 
 
 def sort_if_large(state: TrafficState) -> TrafficState:
-    """The state with its order along the road up to date, if the search for neighbours needs it."""
+    """The state with its order along the road updated, if the search for neighbours uses it."""
     if not is_large(state.x.shape[0]):
         return state
     return eqx.tree_at(lambda s: s.order, state, sort_along_road(state.x, state.order))
@@ -252,7 +252,7 @@ def for_each_vehicle(n_vehicles: int | Array, body: Callable[[Array, Result], Re
 
 
 def row(values: Array, other: Int[Array, ""]) -> Array:
-    """Values of one vehicle, with its axis kept, to be compared with those of all."""
+    """Values of one vehicle, with the vehicle axis kept for broadcasting."""
     return lax.dynamic_index_in_dim(values, other, 0, keepdims=True)
 
 

@@ -32,14 +32,14 @@ def sort_along_road(
     """
 
     def is_unsorted(places: tuple[_Keyed, _Keyed]) -> Array:
-        return jnp.any(_is_inverted(*places))  # pairs that begin at odd places have just been put right
+        return jnp.any(_is_inverted(*places))  # pairs that begin at odd places have just been sorted
 
     def double_pass(places: tuple[_Keyed, _Keyed]) -> tuple[_Keyed, _Keyed]:
         return _exchange_from_odd_places(*_exchange(*places))
 
     by_place = take_vehicles(x, order), order
     if x.shape[0] % 2:
-        # A sentinel beyond all others, which stays the last, makes pairs of all.
+        # A sentinel at the end gives the last place a partner.
         by_place = _append(by_place[0], jnp.inf), _append(order, NOBODY)
     # Even and odd places are two arrays: a pair is the same row of both, so an exchange is element-wise and nothing
     # is interleaved between passes.
@@ -50,12 +50,12 @@ def sort_along_road(
 
 
 def _append(values: Array, last: float | int) -> Array:
-    """Values by place with one more at the end of every scenario."""
+    """Values by place with one more value at the end of every scenario."""
     return jnp.pad(values, [(0, 1)] + [(0, 0)] * (values.ndim - 1), constant_values=last)
 
 
 def _is_inverted(low: _Keyed, high: _Keyed) -> Array:
-    """Whether the first of a pair belongs behind the second; equal x stand by falling index."""
+    """True if a pair is in the wrong order; at equal x the higher index comes first."""
     return (low[0] > high[0]) | ((low[0] == high[0]) & (low[1] < high[1]))
 
 

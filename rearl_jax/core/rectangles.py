@@ -1,10 +1,9 @@
 """Vehicles as rectangles: overlap now or in the coming time step, and the shift that prevents it.
 
-A separating-axis test in the order of operations of highway-env. In float64 the outcome must be the same to the last
-place: vehicles that rest against each other touch or do not touch by that much. So there the rectangles' projections
-on an axis are those of their corners, as in highway-env. In float32 they follow from half sizes and headings, relative
-to one of the rectangles, which is a tenth of the work and keeps the digits that a corner's position on a long road
-would lose.
+A separating-axis test in the order of operations of highway-env. In float64 the result must be equal to the last place,
+because the last place decides whether resting vehicles touch. Projections on an axis are therefore computed from
+corners, as in highway-env. In float32 they are computed from half sizes and headings relative to one of the rectangles,
+which costs a tenth and avoids the loss of digits in corner positions on a long road.
 
 Source: highway-env 1.12.1, `RoadObject.polygon`, `utils.are_polygons_intersecting`, `Vehicle.velocity`.
 """
@@ -25,11 +24,11 @@ _Vector = tuple[Array, Array]
 
 
 _Projections = tuple[_Vector, _Vector, _Vector, Array]
-"""An edge normal, the ends of both projections on it, and how far the first centre lies beyond the second."""
+"""An edge normal, the ends of both projections on it, and the distance of the first centre beyond the second."""
 
 
 class Rectangle(eqx.Module):
-    """A vehicle as the collision test sees it: centre [m], heading [-], speed [m/s], half sizes [m].
+    """Rectangle of a vehicle in the collision test: centre [m], heading [-], speed [m/s], half sizes [m].
 
     Attributes:
         x: Position of the centre along the road [m].
@@ -39,7 +38,7 @@ class Rectangle(eqx.Module):
         speed: Speed [m/s].
         half_length: Half the length [m].
         half_width: Half the width [m].
-        collides: Whether the vehicle looks for collisions.
+        collides: Whether the vehicle checks for collisions.
     """
 
     x: Float[Array, "rows *scenarios"]
@@ -60,8 +59,8 @@ def separate(first: Rectangle, second: Rectangle, model: TrafficModel) -> tuple[
 
     Args:
         first: Rectangles, of one or all rows.
-        second: Their partners.
-        model: The time step.
+        second: Partners of `first`, in the same order.
+        model: Traffic model; only its time step is used.
     """
     moved = _difference(_displacement(first, model), _displacement(second, model))
     touches, will_touch = [], []

@@ -1,11 +1,11 @@
-"""The road a configuration describes."""
+"""Conversion of a configuration to a traffic model."""
 
 from rearl_jax.config.core import CoreConfig
 from rearl_jax.core.model import TrafficModel
 
 
 def traffic_model(core: CoreConfig, *, cooperative: bool = False) -> TrafficModel:
-    """The simulated road; `cooperative` if the politeness of any driver is not zero."""
+    """The traffic model of a configuration; `cooperative` must be true if any driver's politeness is not zero."""
     return TrafficModel(
         n_lanes=core.n_lanes,
         speed_limit=core.speed_limit,

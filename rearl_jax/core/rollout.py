@@ -1,4 +1,4 @@
-"""Rollouts: decision seconds of many scenarios in lockstep."""
+"""Rollouts: simulation of many scenarios in lockstep, in seconds between decisions."""
 
 import equinox as eqx
 import jax
@@ -72,7 +72,7 @@ def rollout(
         actions: Meta-actions at the start of each second, for META vehicles; None for none.
     """
 
-    # Without the barrier XLA folds what it knows of a freshly drawn state into the loop and loses a third of the speed.
+    # Without the barrier XLA propagates constants of the initial state into the loop, which costs a third of the speed.
     state, drivers = lax.optimization_barrier((state, drivers))
 
     @jax.checkpoint  # a gradient recomputes each second instead of keeping every time step of the rollout

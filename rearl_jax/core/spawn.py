@@ -1,4 +1,4 @@
-"""Random initial traffic, as highway-env places it: one vehicle after the other, each ahead of all before it."""
+"""Random initial traffic as in highway-env: vehicles are placed one after the other, each ahead of all before it."""
 
 import jax
 import jax.numpy as jnp
@@ -22,7 +22,7 @@ EXPONENT_RANGE = (3.5, 4.5)
 """Range of the IDM exponent. Source: highway-env 1.12.1, `IDMVehicle.randomize_behavior`."""
 
 _LEAST_DRAWN = 16
-"""Least number of random numbers drawn at once; the first ones do not depend on how many are drawn. XLA unrolls shorter
+"""Smallest number of random numbers per draw; the first numbers do not depend on the total. XLA would unroll shorter
 loops, which takes five times as long to compile.
 """
 
@@ -43,7 +43,7 @@ def spawn(
 
     Args:
         keys: One random key per scenario.
-        model: The road.
+        model: Traffic model; only its road is used.
         n_vehicles: Vehicles per scenario.
         density: highway-env's `vehicles_density` [-].
         initial_speed: Speed of all vehicles [m/s]; None draws 70 to 80 % of the speed limit for each.
@@ -69,8 +69,8 @@ def spawn(
     if initial_speed is not None:
         speed = jnp.full_like(speed, initial_speed)
     offset = (12 + speed) * float(np.exp(-5 / 40 * model.n_lanes) / density)
-    # Three times the first offset as a sum: a product would be fused with the sum after it in batches of some sizes
-    # and not in others, and round differently.
+    # Three times the first offset as a sum, because a product would be fused with the following sum for some batch
+    # sizes only, with different rounding.
     x = jnp.cumsum(offset * jitter, axis=0) + (offset[:1] + offset[:1] + offset[:1])
     y = lane.astype(dtype) * model.lane_width
     zeros, nobody = jnp.zeros_like(x), jnp.zeros(x.shape, bool)
@@ -104,13 +104,13 @@ def ticks_to_first_decision(
     period: Int[Array, "*n"] | int,
     ticks_per_second: int,
 ) -> Int[Array, "*n"]:
-    """Ticks until vehicles at fresh places decide about their lanes for the first time.
+    """Ticks until newly placed vehicles take their first lane-change decision.
 
     Args:
         x: Positions along the road [m].
         y: Lateral positions [m].
         delay: Time between two decisions [s].
-        period: The same in ticks, from `decision_period`.
+        period: Time between two decisions in ticks, from `decision_period`.
         ticks_per_second: Clock of the simulation [1/s].
 
     Source: highway-env 1.12.1, `IDMVehicle.__init__`: the timer starts at ((x + y) pi) mod delay.

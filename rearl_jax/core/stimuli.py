@@ -1,4 +1,4 @@
-"""The state of simulated traffic as the stimulus that car following and effects react to."""
+"""Stimulus of car following and effects, from the state of simulated traffic."""
 
 from dataclasses import fields
 
@@ -71,13 +71,13 @@ def stimulus(
 
     Args:
         state: The traffic.
-        derived: Its derived quantities.
+        derived: Derived quantities of the traffic.
         vehicles: Observable state of each vehicle.
         neighbours: Neighbours of each vehicle on its own lane.
         history: Last change of the leader.
         wanted_lane: The lane each vehicle wants to be on.
-        time: Since the start [s].
-        model: The road.
+        time: Time since the start [s].
+        model: Traffic model; only its road is used.
     """
     (leader, second, third), follower = neighbours.ahead, neighbours.behind
     is_present = state.controller != Controller.ABSENT
@@ -139,7 +139,7 @@ def stimulus(
 
 
 def in_front(leader: Neighbour, vehicles: VehicleState) -> dict[str, Float[Array, "vehicles *scenarios"]]:
-    """Fields of `Stimulus` about the vehicle ahead; arguments as in `bumper_gap`."""
+    """Fields of `Stimulus` on the vehicle ahead; arguments as in `bumper_gap`."""
     has_leader = leader.is_there.astype(vehicles.speed.dtype)
     return {
         "has_leader": has_leader,

@@ -1,8 +1,8 @@
 """Time to the next lane-change decision of a driver, in whole time steps (ticks).
 
 highway-env adds 1/15 s to a float timer every tick and decides when the timer exceeds one second. In floating point
-fifteen such additions give 0.9999999999999999, so the period is 16 ticks, not 15. Counting ticks reproduces that at
-any precision; only the count itself has to be found with the same additions, in float64 and on the host.
+fifteen such additions give 0.9999999999999999, so the period is 16 ticks, not 15. Counted ticks reproduce this in any
+precision; the count itself is determined once by the same additions, in float64 on the host.
 """
 
 import numpy as np

@@ -1,15 +1,23 @@
 """The clock of a table: its frame rate from times that may be rounded, and the unit that the times are in."""
 
+from collections.abc import Collection
+
 import numpy as np
+
+from rearl_jax.data.units import UNITS
 
 STANDARD_RATES = (1.0, 2.0, 5.0, 10.0, 12.5, 15.0, 20.0, 24.0, 25.0, 30.0, 50.0, 60.0, 100.0, 120.0, 200.0)
 """Frames per second of usual cameras and receivers [1/s]; preferred where rounded times leave a choice."""
 NTSC_RATES = (24000 / 1001, 30000 / 1001, 60000 / 1001)
 """Frames per second of NTSC video [1/s]: 23.976, 29.97 and 59.94."""
-SECONDS = {"ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0}
+SECONDS = {unit: factor for unit, factor in UNITS["s"].items() if unit != "s"}
 """Units of time that are not the second [s]."""
 PLAUSIBLE_RATES = (0.5, 300.0)
 """Frames per second of recordings of traffic [1/s]; beyond them times are in another unit."""
+REGULAR = 0.3
+"""Share of the time between two frames by which a time may be off its frame."""
+MOST_IRREGULAR = 0.05
+"""Share of rows further off from which on the times are no multiples of one step."""
 _LARGEST_STEP = 3  # of resolution: 10^3 s
 _FINEST = 9  # of resolution: 10^-9 s
 _DECIMALS = 6  # of a frame rate that is none of the usual ones
@@ -86,19 +94,72 @@ def rate_of(period: float, uncertainty: float) -> float:
     return round(1.0 / period, _DECIMALS)
 
 
-def unit_of(period: float, scale: float | None) -> str | None:
-    """Unit of the times if it is not the second.
+def unit_of(period: float, scale: float | None, ratios: Collection[float] = ()) -> str | None:
+    """Unit of the times; None if it cannot be told.
+
+    The motion of vehicles tells it best, even if position or speed is in another unit. Without motion the step tells
+    it, if that is the step of a recording of traffic in one unit alone and not 1, as that of frame numbers is.
 
     Args:
         period: Time between two frames in that unit.
         scale: Steps of position over speed x time; None where no vehicle moves.
+        ratios: What the scale is with usual units of position and speed that are not those of SI.
     """
-    for unit, seconds in SECONDS.items():
-        is_plausible = PLAUSIBLE_RATES[0] <= 1.0 / (period * seconds) <= PLAUSIBLE_RATES[1]
-        if scale is None:
-            is_this = not PLAUSIBLE_RATES[0] / 20.0 <= 1.0 / period <= PLAUSIBLE_RATES[1]
-        else:
-            is_this = abs(scale / seconds - 1.0) < 0.1
-        if is_plausible and is_this:
-            return unit
-    return None
+    seconds = UNITS["s"]
+    units = [unit for unit in seconds if PLAUSIBLE_RATES[0] <= 1.0 / (period * seconds[unit]) <= PLAUSIBLE_RATES[1]]
+    if scale is not None:
+        for wanted, tried in (((1.0,), ("s", *units)), (ratios, units)):
+            for unit in tried:
+                if any(abs(scale / seconds[unit] / ratio - 1.0) < 0.07 for ratio in wanted):
+                    return unit
+    far = 20.0 / PLAUSIBLE_RATES[0]  # s: a step of seconds, be it of a very slow camera
+    by_step = [unit for unit in units if unit not in ("min", "h") and (unit == "s" or period > far)]
+    return by_step[0] if by_step and period != 1.0 else None
+
+
+def frames_of(track: np.ndarray, time: np.ndarray) -> tuple[np.ndarray, float] | None:
+    """Frame of each row from its time, counted from the first, and the time between two frames in their unit.
+
+    None if the times of a track do not rise by multiples of one step, as those that are rounded too much do not.
+
+    Args:
+        track: Vehicle of each row.
+        time: Time of each row; the frame of what is not finite is NaN.
+    """
+    known = np.flatnonzero(np.isfinite(track) & np.isfinite(time))
+    order = known[np.lexsort((time[known], track[known]))]
+    same = np.diff(track[order]) == 0
+    steps = np.diff(time[order])[same]
+    if not steps.size or np.median(steps) <= 0.0:
+        return None
+    period = float(np.median(steps))
+    number = np.zeros(len(order))
+    # Rounded steps of 0.03 and 0.04 are frames 1/30 apart: what a track's frames say of the period numbers them again.
+    for _ in range(3):
+        rises = np.where(same, np.maximum(np.rint(np.diff(time[order]) / period), 0.0), 0.0)
+        number[1:] = np.cumsum(rises)
+        found = period_of(track[order], number, time[order])
+        if found is None:
+            return None
+        period = found[0]
+    first = float(np.min(time[order]))
+    period = _refined(time[order] - first, period)
+    frame = np.full(len(time), np.nan)
+    frame[order] = np.rint((time[order] - first) / period)
+    off = np.abs(time[order] - first - frame[order] * period)
+    share_off = np.mean(np.abs(off - np.median(off)) > REGULAR * period)
+    is_twice = np.any((np.diff(frame[order])[same] == 0) & (steps > 0.0))
+    return None if share_off > MOST_IRREGULAR or is_twice else (frame, period)
+
+
+def _refined(time: np.ndarray, period: float) -> float:
+    """The period that the whole recording agrees with, found from parts of it that get longer."""
+    low, high = float(np.min(time)), float(np.max(time))
+    reach = 50.0 * period
+    while reach < 2.0 * (high - low):
+        here = time[time <= low + reach]
+        frame = np.rint(here / period)
+        squares = float(np.sum(frame * frame))
+        period = float(np.sum(frame * here)) / squares if squares > 0.0 else period
+        reach *= 2.0
+    return period

@@ -22,6 +22,26 @@ def column_names(path: Path) -> list[str]:
         return list(pq.read_schema(path).names)
 
 
+def is_parquet(path: Path) -> bool:
+    """Whether a file is Parquet, by its ending or its first bytes."""
+    if path.suffix.lower() == ".parquet" or not path.is_file():
+        return path.suffix.lower() == ".parquet"
+    with path.open("rb") as file:
+        return file.read(4) == b"PAR1"
+
+
+def is_text(path: Path, column: str) -> bool:
+    """Whether a column holds texts.
+
+    Raises:
+        BadRecordingError: The file is not Parquet.
+    """
+    with _readable(path):
+        kind = pq.read_schema(path).field(column).type
+    kind = kind.value_type if pa.types.is_dictionary(kind) else kind
+    return pa.types.is_string(kind) or pa.types.is_large_string(kind)
+
+
 def stored_text(path: Path, key: str) -> str | None:
     """A text of the schema's metadata; None if there is none.
 
@@ -141,9 +161,11 @@ def _seconds(column: pa.ChunkedArray) -> pa.ChunkedArray:
 
 
 def _as_it_is(column: pa.ChunkedArray) -> pa.ChunkedArray:
-    """The column as numbers if it holds some, else as text."""
+    """The column as numbers if it holds some that survive as float64 where there are gaps, else as text."""
     kind = column.type.value_type if pa.types.is_dictionary(column.type) else column.type
     is_number = pa.types.is_integer(kind) or pa.types.is_floating(kind)
+    if pa.types.is_integer(kind) and column.null_count:
+        is_number = column.cast(kind).cast(pa.float64(), safe=False).cast(kind, safe=False).equals(column.cast(kind))
     return column.cast(kind) if is_number else column.cast(kind).cast(pa.string())
 
 

@@ -1,87 +1,44 @@
 """Reads text tables into Arrow tables; a broken line is an error with its number, or is skipped and counted."""
 
-import bz2
-import csv as header_csv
-import gzip
 import io
-import lzma
 import re
-import zipfile
-import zlib
 from collections import Counter
 from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from dataclasses import dataclass, replace
 from itertools import islice
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pyarrow as pa
 from pyarrow import csv
 
 from rearl_jax.config.data import OnBad
-from rearl_jax.data.problems import DROP_HINT, BadRecordingError, bad_recording, file_missing, require_columns
+from rearl_jax.data.problems import DROP_HINT, BadRecordingError, bad_recording, require_columns
+from rearl_jax.data.text_layout import (
+    BLANKS,
+    DAMAGED,
+    OPENERS,
+    compression_of,
+    damaged,
+    fields_of,
+    layout_of,
+    opened,
+    text_of,
+)
 
-_OPENERS = {".gz": gzip.GzipFile, ".bz2": bz2.BZ2File, ".xz": lzma.LZMAFile}
-_DELIMITERS = (",", ";", "\t", "|")
-_LOOKED_AT = 20  # lines that tell the decimal point
-_DAMAGED = (EOFError, OSError, lzma.LZMAError, zipfile.BadZipFile, zlib.error)
+_LARGEST_WHOLE = 2.0**63  # beyond it a number is no 64-bit integer
+_UTF8 = ("utf-8", "utf-8-sig")
 
 
 def text_endings(ending: str) -> tuple[str, ...]:
     """The ending of a text table and of compressed ones, such as .csv, .csv.gz and .csv.zip."""
-    return (ending, *(f"{ending}{packed}" for packed in (*_OPENERS, ".zip")))
+    return (ending, *(f"{ending}{packed}" for packed in (*OPENERS, ".zip")))
 
 
 def stem_of(path: Path) -> str:
     """Name of a table without its ending, and without that of a compressed file."""
-    return Path(path.stem).stem if path.suffix.lower() in (*_OPENERS, ".zip") else path.stem
-
-
-def opened(path: Path) -> io.BufferedIOBase:
-    """The content of a text table, uncompressed.
-
-    Raises:
-        BadRecordingError: A .zip holds not one file.
-    """
-    suffix = path.suffix.lower()
-    if suffix == ".zip":
-        archive = zipfile.ZipFile(path)
-        names = [name for name in archive.namelist() if not name.endswith("/") and not name.startswith("__MACOSX")]
-        if len(names) != 1:
-            text = f"the archive holds {len(names)} files, not one table"
-            raise bad_recording("not-a-table", text, "unpack it, and name the folder", path)
-        return io.BytesIO(archive.read(names[0]))
-    return _OPENERS[suffix](path, "rb") if suffix in _OPENERS else path.open("rb")
-
-
-def first_lines(path: Path, number: int) -> list[str]:
-    """The first lines that are not empty, without what is not text."""
-    try:
-        with opened(path) as file:
-            lines = (line.decode(errors="replace").strip() for line in file)
-            return list(islice((line for line in lines if line), number))
-    except _DAMAGED as error:
-        raise _damaged(path, error) from None
-
-
-def _damaged(path: Path, error: Exception) -> BadRecordingError:
-    text = f"the file cannot be read ({str(error) or type(error).__name__})"
-    return bad_recording("not-text", text, "the file is damaged: copy it again", path)
-
-
-def _delimiter(header: str) -> str:
-    """What separates the names of the columns; a comma if there is but one."""
-    return max(_DELIMITERS, key=header.count)
-
-
-def _decimal_point(lines: Sequence[str], delimiter: str) -> str:
-    """A comma if numbers of the lines have one and none has a point, else a point."""
-    if delimiter == ",":
-        return "."
-    fields = [field.strip(' "') for line in lines for field in line.split(delimiter)]
-    marks = {found[1] for field in fields if (found := re.fullmatch(r"[+-]?\d+([.,])\d+", field))}
-    return "," if marks == {","} else "."
+    return Path(path.stem).stem if path.suffix.lower() in (*OPENERS, ".zip") else path.stem
 
 
 def read_header(path: Path) -> list[str]:
@@ -89,24 +46,19 @@ def read_header(path: Path) -> list[str]:
 
     Raises:
         FileNotFoundError: There is no such file.
-        BadRecordingError: The file is empty or not text.
+        BadRecordingError: The file is empty, not text, or begins with numbers.
     """
-    if not path.is_file():
-        raise file_missing(path)
-    try:
-        with opened(path) as file:
-            line = file.readline().decode("utf-8-sig").strip()
-        names = next(header_csv.reader([line], delimiter=_delimiter(line), skipinitialspace=True), [])
-    except (UnicodeDecodeError, header_csv.Error) as error:
-        raise bad_recording("not-text", f"not a text file ({error})", "give a CSV file in UTF-8", path) from None
-    except _DAMAGED as error:
-        raise _damaged(path, error) from None
-    if not line:
-        raise bad_recording("file-empty", "the file is empty", "remove the file or complete it", path)
-    return [name.strip() for name in names]
+    layout = layout_of(path)
+    names = fields_of(layout.header, layout.delimiter)
+    if len(names) > 1 and all(re.fullmatch(r"[+-]?\d+([.,]\d+)?", name) for name in names):
+        text = f"the first line holds numbers, not names of columns: {', '.join(names[:5])}"
+        raise bad_recording("header-missing", text, "write a first line with the names of the columns", path)
+    return names
 
 
-def read_csv(path: Path, columns: dict[str, pa.DataType], on_bad: OnBad) -> tuple[pa.Table, int]:
+def read_csv(
+    path: Path, columns: dict[str, pa.DataType], on_bad: OnBad, *, quoted: bool = True
+) -> tuple[pa.Table, int]:
     """The named columns of a CSV file, and the number of broken lines that were skipped.
 
     Fields may be separated by commas, semicolons, tabs or bars, and numbers may have a decimal comma. A line is broken
@@ -123,12 +75,89 @@ def read_csv(path: Path, columns: dict[str, pa.DataType], on_bad: OnBad) -> tupl
     """
     present = read_header(path)
     require_columns(present, tuple(columns), str(path))
-    twice = [name for name, n in Counter(present).items() if n > 1 and name in columns]
+    _require_once(present, columns, path)
+    return replace(_lines_of(path, present), quoted=quoted).table(columns, on_bad)
+
+
+def _require_once(names: Sequence[str], columns: dict[str, pa.DataType], path: Path) -> None:
+    twice = [name for name, n in Counter(names).items() if n > 1 and name in columns]
     if twice:
         raise bad_recording("column-twice", "the column occurs twice", "remove one of them", path, column=twice[0])
-    header, *lines = first_lines(path, 1 + _LOOKED_AT)
-    delimiter = _delimiter(header)
-    return _Lines(path, present, None, delimiter, _decimal_point(lines, delimiter)).table(columns, on_bad)
+
+
+def read_below(
+    path: Path, header: Sequence[str], n_above: int, columns: dict[str, pa.DataType], delimiter: str, on_bad: OnBad
+) -> tuple[pa.Table, int]:
+    """The same of a file with other lines above its table, whose fields do not stand in quotes.
+
+    Args:
+        path: The file.
+        header: Names of its columns; those of empty fields at the ends of all lines may be missing.
+        n_above: Lines above the first row, the header among them.
+        columns: Name and type of every column to read.
+        delimiter: What separates fields.
+        on_bad: stop makes a broken line an error.
+    """
+    try:
+        with opened(path) as file:
+            line = next(islice(file, n_above, None), b"").decode(errors="replace").rstrip("\r\n")
+            content = b"\n".join([line.encode(), file.read()]) if compression_of(path) else None
+    except DAMAGED as error:
+        raise damaged(path, error) from None
+    if not line:
+        raise bad_recording("no-rows", "the table has no rows", "remove the file or complete it", path)
+    first = line.split(delimiter)
+    _require_once(header, columns, path)
+    names = list(header)
+    while len(names) > len(first) and not names[-1]:
+        names.pop()
+    if len(first) > len(names) and not "".join(first[len(names) :]).strip():
+        names += [""] * (len(first) - len(names))
+    skipped = n_above if content is None else 0
+    return _Lines(path, names, content, delimiter, header_lines=skipped, quoted=False).table(columns, on_bad)
+
+
+def first_rows(path: Path, number: int) -> tuple[pd.DataFrame, int]:
+    """The first rows of a CSV file as texts, and how many lines among them are broken.
+
+    Numbers have a decimal point.
+
+    Args:
+        path: The file.
+        number: How many rows at most.
+
+    Raises:
+        BadRecordingError: The file is empty, damaged or not text.
+    """
+    names = read_header(path)
+    layout = layout_of(path)
+    try:
+        with text_of(path) as file:
+            lines = list(islice(file, layout.header_lines, layout.header_lines + number))
+    except (*DAMAGED, UnicodeDecodeError) as error:
+        raise damaged(path, error) from None
+    rows = [fields_of(line, layout.delimiter) for line in lines if line.strip()]
+    whole = [row for row in rows if len(row) == len(names)]
+    table = pd.DataFrame(whole, columns=[str(place) for place in range(len(names))], dtype=object)
+    if layout.decimal_point == ",":
+        table = table.replace(r"^([+-]?\d*),(\d+([eE][+-]?\d+)?)$", r"\1.\2", regex=True)
+    return table.set_axis(names, axis=1), len(rows) - len(whole)
+
+
+def _lines_of(path: Path, names: list[str]) -> "_Lines":
+    """The lines of a file below its header; in memory if Arrow cannot read the file itself."""
+    layout = layout_of(path)
+    if not layout.compression and layout.encoding in _UTF8 and layout.delimiter != BLANKS:
+        return _Lines(path, names, None, layout.delimiter, layout.decimal_point, layout.header_lines)
+    try:
+        with text_of(path) as file:
+            if layout.delimiter != BLANKS:
+                content = file.read().encode()
+                return _Lines(path, names, content, layout.delimiter, layout.decimal_point, layout.header_lines)
+            content = "\n".join("\t".join(line.split()) for line in islice(file, layout.header_lines, None)).encode()
+    except (*DAMAGED, UnicodeDecodeError) as error:
+        raise damaged(path, error) from None
+    return _Lines(path, names, content, "\t", layout.decimal_point)
 
 
 def read_blank_separated(
@@ -143,10 +172,10 @@ def read_blank_separated(
         on_bad: stop makes a broken line an error.
     """
     try:
-        with opened(path) as file:
-            content = b"\n".join(b",".join(line.split()) for line in file)
-    except _DAMAGED as error:
-        raise _damaged(path, error) from None
+        with text_of(path) as file:
+            content = "\n".join(",".join(line.split()) for line in file).encode()
+    except (*DAMAGED, UnicodeDecodeError) as error:
+        raise damaged(path, error) from None
     return _Lines(path, list(names), content).table(columns, on_bad)
 
 
@@ -157,9 +186,11 @@ class _Lines:
     Attributes:
         path: The file.
         names: Names of all its columns.
-        content: Comma-separated lines without a header; None if the file itself holds the lines below its header.
+        content: The lines in UTF-8; None if they are those of the file itself.
         delimiter: What separates fields.
         decimal_point: Mark before the fraction of a number.
+        header_lines: Lines before the first row.
+        quoted: Whether fields may stand in quotes.
     """
 
     path: Path
@@ -167,14 +198,15 @@ class _Lines:
     content: bytes | None = None
     delimiter: str = ","
     decimal_point: str = "."
+    header_lines: int = 0
+    quoted: bool = True
 
     def table(self, columns: dict[str, pa.DataType], on_bad: OnBad) -> tuple[pa.Table, int]:
         """The columns, and the number of lines skipped."""
         try:
             return self._parsed(columns, None), 0
         except pa.ArrowInvalid:
-            # Looked at before broken lines are asked for: Arrow can hand them over only as text.
-            self._require_text()
+            pass
         broken: list[csv.InvalidRow] = []
         # Whole numbers may be written as 12.0, as pandas does where a column holds gaps.
         lenient = {name: pa.float64() if pa.types.is_integer(kind) else kind for name, kind in columns.items()}
@@ -193,9 +225,10 @@ class _Lines:
             if columns[name] == values.type:
                 continue
             numbers = values.to_numpy()
-            fraction = np.isfinite(numbers) & (numbers != np.rint(numbers))
-            if fraction.any():
-                row = int(np.argmax(fraction))
+            whole = (np.abs(numbers) < _LARGEST_WHOLE) & (numbers == np.rint(numbers))
+            unfit = values.is_valid().to_numpy() & ~whole
+            if unfit.any():
+                row = int(np.argmax(unfit))
                 text = f"{numbers[row]:g} is not a whole number"
                 raise bad_recording(
                     "value-unreadable", text, "write a whole number there", self.path, column=name, row=row + 1
@@ -212,13 +245,15 @@ class _Lines:
             return "skip"
 
         return csv.read_csv(
-            self.path if self._bytes is None else io.BytesIO(self._bytes),
+            self.path if self.content is None else io.BytesIO(self.content),
             # Row numbers are known only to the sequential parser.
             read_options=csv.ReadOptions(
-                use_threads=broken is None, column_names=self.names, skip_rows=self._header_lines
+                use_threads=broken is None, column_names=self.names, skip_rows=self.header_lines
             ),
             parse_options=csv.ParseOptions(
-                delimiter=self.delimiter, invalid_row_handler=None if broken is None else skip
+                delimiter=self.delimiter,
+                quote_char='"' if self.quoted else False,
+                invalid_row_handler=None if broken is None else skip,
             ),
             convert_options=csv.ConvertOptions(
                 include_columns=list(columns),
@@ -228,39 +263,13 @@ class _Lines:
             ),
         )
 
-    @cached_property
-    def _bytes(self) -> bytes | None:
-        """The content in memory; None if Arrow can read the file itself."""
-        if self.content is not None or self.path.suffix.lower() not in (*_OPENERS, ".zip"):
-            return self.content
-        try:
-            with opened(self.path) as file:
-                return file.read()
-        except _DAMAGED as error:
-            raise _damaged(self.path, error) from None
-
-    @property
-    def _header_lines(self) -> int:
-        return 1 if self.content is None else 0
-
-    def _require_text(self) -> None:
-        with opened(self.path) as file:
-            for number, line in enumerate(file, 1):
-                try:
-                    line.decode()
-                except UnicodeDecodeError as error:
-                    text = f"the line is not UTF-8 text ({error.reason})"
-                    raise bad_recording(
-                        "not-text", text, "the file is damaged: copy it again", self.path, line=number
-                    ) from None
-
     def _broken_line(self, row: csv.InvalidRow, n_rows: int) -> BadRecordingError:
         text = f"the line has {row.actual_columns} fields instead of {row.expected_columns}"
         if n_rows > 1:
             text += f" (and {n_rows - 1} more lines)"
         remedy = f"the file is cut off or damaged: copy it again{DROP_HINT}"
         # Arrow counts lines from 1, the header among them.
-        return bad_recording("line-broken", text, remedy, self.path, row=row.number - self._header_lines)
+        return bad_recording("line-broken", text, remedy, self.path, row=row.number - self.header_lines)
 
     def _bad_value(self, message: str) -> BadRecordingError:
         """The error for a message such as `In CSV column #2: Row #5: CSV conversion error to double: ...`."""
@@ -270,6 +279,6 @@ class _Lines:
                 number = int(part.removeprefix("In CSV column #"))
                 column = self.names[number] if number < len(self.names) else None
             elif part.startswith("Row #"):
-                row = int(part.removeprefix("Row #")) - self._header_lines
+                row = int(part.removeprefix("Row #")) - self.header_lines
         remedy = "the file is damaged: copy it again" if column is None else "write a number there"
         return bad_recording("value-unreadable", message.splitlines()[0], remedy, self.path, column=column, row=row)

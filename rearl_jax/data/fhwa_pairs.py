@@ -32,6 +32,8 @@ LENGTH = 5.0  # m, assumed by the source for all vehicles: its gap is the spacin
 LEADERS = {"CAV": "ACC", "HV": "person"}
 _NUMBERS = "pair follower_id leader_id t_s y_f_m v_f_mps a_f_mps2 y_l_m v_l_mps a_l_mps2".split()
 _TEXTS = ("recording", "group")
+COLUMNS = (*_TEXTS, *_NUMBERS)
+"""Columns by which a file is recognised."""
 _LARGEST_ID = 1e9
 
 

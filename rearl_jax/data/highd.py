@@ -13,13 +13,14 @@ import numpy as np
 import pandas as pd
 import pyarrow as pa
 
-from rearl_jax.config.data import DataConfig, OnBad
+from rearl_jax.config.data import DataConfig
 from rearl_jax.data.checks import RANGES
 from rearl_jax.data.delimited import read_csv, read_header
 from rearl_jax.data.folder import recordings_missing, visible_files
 from rearl_jax.data.highd_meta import read_recording_meta, read_tracks_meta
 from rearl_jax.data.losses import Losses, reject
-from rearl_jax.data.problems import DROP_HINT, Finding, bad_recording, file_missing
+from rearl_jax.data.problems import Finding, bad_recording, file_missing, without_value
+from rearl_jax.data.recorded_tracks import not_in_meta, require_rows, truncated
 from rearl_jax.data.schema import Recording, RecordingInfo, validate
 
 LICENCE = "highD licence: non-commercial research on request, no redistribution"
@@ -39,6 +40,8 @@ _TRACKS = {
     "precedingId": pa.int64(),
     "laneId": pa.int64(),
 }
+COLUMNS = frozenset(_TRACKS)
+"""Columns by which a tracks file is recognised."""
 _SOURCE_COLUMNS = {
     "track_id": "id",
     "speed": "xVelocity",
@@ -119,8 +122,8 @@ def read_recording(tracks_file: Path, policy: DataConfig, *, generated: bool = F
     """
     losses = Losses()
     if "xCenter" in read_header(tracks_file):
-        text = "this is the format of inD, rounD and exiD, whose lanes need a lanelet map"
-        remedy = "convert it to the canonical table and read it with data=table"
+        text = "this is the format of exiD, inD, rounD and uniD"
+        remedy = "read exiD with data=exid; the others are no straight roads"
         raise bad_recording("format-unsupported", text, remedy, tracks_file, column="xCenter")
     _, meta_file, recording_file = recording_files(tracks_file)
     recording = read_recording_meta(recording_file)
@@ -147,12 +150,12 @@ def read_recording(tracks_file: Path, policy: DataConfig, *, generated: bool = F
     def sound(source: pd.DataFrame, finding: Finding | None) -> pd.DataFrame:
         return source if finding is None else reject(source, finding, info, policy, losses)
 
-    source = sound(source, _without_value(source, "track_id")).astype({"track_id": np.int64})
+    source = sound(source, without_value(source, "track_id")).astype({"track_id": np.int64})
     # Completeness before any other loss of single rows, which would make a track look cut off.
-    _require_rows(source, meta, info.file, policy, losses)
-    source = sound(source, _not_in_meta(source, meta))
-    source = sound(source, _truncated(source, meta))
-    source = sound(source, _without_value(source, "laneId")).astype({"laneId": np.int64})
+    require_rows(source, meta, policy, losses, file=info.file, column="id")
+    source = sound(source, not_in_meta(source, meta))
+    source = sound(source, truncated(source, meta))
+    source = sound(source, without_value(source, "laneId")).astype({"laneId": np.int64})
     source = sound(source, _moving_otherwise(source, meta))
     source = sound(source, _no_lane(source, meta, recording.markings))
     lanes, notes = _lane_ids(source, meta, recording.markings)
@@ -178,45 +181,6 @@ def _read_tracks(path: Path, policy: DataConfig, losses: Losses) -> pd.DataFrame
     # One column after the other, so that Arrow's copy of the text and NumPy's of the numbers do not add up.
     source = pd.DataFrame({name: rows.column(name).to_numpy() for name in _TRACKS}, copy=False)
     return source.rename(columns={"id": "track_id"})
-
-
-def _without_value(source: pd.DataFrame, name: str) -> Finding | None:
-    """Rows without the number of a vehicle or of a lane."""
-    missing = source[name].isna().to_numpy()
-    return Finding("not_finite", name, missing, "the value is missing", "complete the row") if missing.any() else None
-
-
-def _require_rows(source: pd.DataFrame, meta: pd.DataFrame, file: str, policy: DataConfig, losses: Losses) -> None:
-    """Counts tracks that are only listed in NN_tracksMeta.csv, or stops at the first."""
-    absent = np.setdiff1d(meta.index.to_numpy(), source["track_id"].to_numpy())
-    if absent.size and policy.on_bad is OnBad.stop:
-        text = f"{absent.size} tracks of the meta file have no row, the first is {absent[0]}"
-        remedy = f"the file is cut off: copy it again{DROP_HINT}"
-        raise bad_recording("tracks-without-rows", text, remedy, file, column="id")
-    if absent.size:
-        losses.counts["tracks_without_rows"] += int(absent.size)
-
-
-def _not_in_meta(source: pd.DataFrame, meta: pd.DataFrame) -> Finding | None:
-    """Rows whose track is not listed in NN_tracksMeta.csv."""
-    track = source["track_id"].to_numpy()
-    unknown = ~np.isin(track, meta.index.to_numpy())
-    if not unknown.any():
-        return None
-    text = f"track {track[np.argmax(unknown)]} is not in the meta file"
-    return Finding("track_without_meta", "track_id", unknown, text, "complete the meta file")
-
-
-def _truncated(source: pd.DataFrame, meta: pd.DataFrame) -> Finding | None:
-    """Rows of tracks that have fewer frames than NN_tracksMeta.csv states."""
-    ids, which, counts = np.unique(source["track_id"].to_numpy(), return_inverse=True, return_counts=True)
-    stated = meta["numFrames"].reindex(ids).to_numpy()
-    short = counts < stated
-    if not short.any():
-        return None
-    first = which[np.argmax(short[which])]
-    text = f"track {ids[first]} has {counts[first]} of the {stated[first]} frames that the meta file states"
-    return Finding("truncated", "track_id", short[which], text, "the file is cut off: copy it again")
 
 
 def _no_lane(source: pd.DataFrame, meta: pd.DataFrame, markings: dict[int, tuple[float, ...]]) -> Finding | None:

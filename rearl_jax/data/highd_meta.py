@@ -73,24 +73,35 @@ def read_recording_meta(path: Path) -> RecordingMeta:
             raise bad_recording("wrong-units", text, "give them in m", path, column=name, row=1)
         return lines
 
-    frame_rate = numbers("frameRate", 1)[0]
-    if not _SLOWEST <= frame_rate <= _FASTEST:
-        text = f"{frame_rate:g} is not a number of frames per second"
-        raise bad_recording("frame-rate", text, "correct it", path, column="frameRate", row=1)
+    frame_rate = sound_frame_rate(numbers("frameRate", 1)[0], path)
     limit = numbers("speedLimit", 1)[0] if "speedLimit" in columns and rows["speedLimit"][0].as_py() else -1.0
-    if limit > 0.0 and not SPEED_LIMITS[0] <= limit <= SPEED_LIMITS[1]:
-        text = f"{limit:g} m/s is not a speed limit of a highway"
-        raise bad_recording("speed-limit", text, "give it in m/s, -1 for none", path, column="speedLimit", row=1)
     return RecordingMeta(
         frame_rate=frame_rate,
-        # highD writes -1 if there is no speed limit.
-        speed_limit=limit if limit > 0.0 else None,
+        speed_limit=sound_speed_limit(limit, path),
         markings={1: markings("upperLaneMarkings"), 2: markings("lowerLaneMarkings")},
     )
 
 
+def sound_frame_rate(value: float, path: Path) -> float:
+    """The frame rate [1/s], or BadRecordingError if it is none of a camera."""
+    if not _SLOWEST <= value <= _FASTEST:
+        text = f"{value:g} is not a number of frames per second"
+        raise bad_recording("frame-rate", text, "correct it", path, column="frameRate", row=1)
+    return value
+
+
+def sound_speed_limit(value: float, path: Path) -> float | None:
+    """The speed limit [m/s], None for -1, which is written where there is none; or BadRecordingError."""
+    if value > 0.0 and not SPEED_LIMITS[0] <= value <= SPEED_LIMITS[1]:
+        text = f"{value:g} m/s is not a speed limit of a highway"
+        raise bad_recording("speed-limit", text, "give it in m/s, -1 for none", path, column="speedLimit", row=1)
+    return value if value > 0.0 else None
+
+
 def read_tracks_meta(path: Path, policy: DataConfig, losses: Losses) -> pd.DataFrame:
     """Columns numFrames, class (in words of the schema) and drivingDirection of every track, by its id.
+
+    Files of exiD call the id trackId and have no direction.
 
     A class the schema does not know is left to `schema.validate` unless data.on_bad is stop.
 
@@ -98,12 +109,16 @@ def read_tracks_meta(path: Path, policy: DataConfig, losses: Losses) -> pd.DataF
         BadRecordingError: A column or value is missing, an id occurs twice, a direction is neither 1 nor 2;
             or a line is broken or a class is unknown and data.on_bad is stop.
     """
-    rows, n_broken = read_csv(path, _TRACKS_META, policy.on_bad)
+    track = "trackId" if "trackId" in read_header(path) else "id"
+    columns = {track if name == "id" else name: kind for name, kind in _TRACKS_META.items()}
+    if track == "trackId":
+        del columns["drivingDirection"]
+    rows, n_broken = read_csv(path, columns, policy.on_bad)
     if n_broken:
         losses.counts["broken_meta_line"] += n_broken
-    meta = rows.to_pandas()
+    meta = rows.to_pandas().rename(columns={track: "id"})
     meta["class"] = classes_of(meta["class"])
-    direction = meta["drivingDirection"]
+    direction = meta["drivingDirection"] if "drivingDirection" in meta else pd.Series(1, index=meta.index)
     stops = (
         ("id-missing", "id", meta["id"].isna(), "has no id", "complete it"),
         ("duplicate", "id", meta["id"].duplicated(), "is listed twice", "keep one of the two rows"),
@@ -123,5 +138,5 @@ def read_tracks_meta(path: Path, policy: DataConfig, losses: Losses) -> pd.DataF
         if bad.any():
             row = int(np.argmax(bad))
             text = f"track {meta['id'].iloc[row]} {message} ({meta[column].astype(object).iloc[row]!r})"
-            raise bad_recording(code, text, remedy, path, column=column, row=row + 1)
+            raise bad_recording(code, text, remedy, path, column=track if column == "id" else column, row=row + 1)
     return meta.set_index("id")

@@ -30,6 +30,8 @@ _MOST_LANES = 100  # a lane beyond it is not a number of a lane
 
 _US101_PERIODS = {0: "us101_0750", 1: "us101_0805", 2: "us101_0820"}
 _US101_COLUMNS = ("period", "vehicle_id", "frame", "x_m", "y_m", "lane_est", "speed_mps", "accel_mps2")
+US101_COLUMNS = (*_US101_COLUMNS, "total_frames", "global_time_ms")
+"""Columns by which a file is recognised."""
 _US101_SPELLING = {
     "track_id": "vehicle_id",
     "x": "y_m",

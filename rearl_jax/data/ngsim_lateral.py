@@ -26,6 +26,8 @@ _OF_BOTH = "follower leader frame lane".split()
 _OF_FOLLOWER = "x_f_m y_f_m v_f_mps a_f_mps2 length_f_m width_f_m class_f".split()
 _OF_LEADER = "y_l_m v_l_mps a_l_mps2 leader_length_m leader_width_m class_l".split()
 _NUMBERS = (*_OF_BOTH, *_OF_FOLLOWER, *_OF_LEADER)
+COLUMNS = _NUMBERS
+"""Columns by which a file is recognised."""
 
 
 def find_lateral(root: Path) -> Path:

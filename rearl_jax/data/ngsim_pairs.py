@@ -24,6 +24,8 @@ from rearl_jax.data.unit_checks import MEDIAN_SIZE, require_period
 TRUCK_LENGTH = 7.0  # m; the lengths of I-80 leaders have a gap between 6.8 m (cars) and 7.7 m
 LANES = 7  # six lanes and the on-ramp, NGSIM I-80 data description
 _NUMBERS = "follower leader t_s y_f_m v_f_mps a_f_mps2 y_l_m v_l_mps a_l_mps2 leader_length_m lane".split()
+COLUMNS = ("run", *_NUMBERS)
+"""Columns by which a file is recognised."""
 _LARGEST_ID = 1e12
 _MOST_TIME = 1e7  # s, more than any recording lasts
 _SAME = 0.01  # m; rows that share a vehicle must agree on where it is and how long

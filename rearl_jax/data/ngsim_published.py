@@ -8,6 +8,7 @@ Source: U.S. Department of Transportation, Next Generation Simulation Vehicle Tr
 Data, DOI 10.21949/1504477.
 """
 
+import re
 from functools import cached_property
 from pathlib import Path
 
@@ -17,13 +18,15 @@ import pyarrow as pa
 
 from rearl_jax.config.data import DataConfig, OnBad
 from rearl_jax.data.checks import MOST_LANES
-from rearl_jax.data.delimited import first_lines, read_blank_separated, read_csv, read_header, text_endings
+from rearl_jax.data.columnar import is_parquet
+from rearl_jax.data.delimited import read_blank_separated, read_csv, read_header, text_endings
 from rearl_jax.data.folder import recordings_missing, visible_files
 from rearl_jax.data.losses import Losses, reject
 from rearl_jax.data.ngsim import ATTRIBUTION, FRAME_RATE, LICENCE, US101_LENGTH
 from rearl_jax.data.ngsim_clock import ARTERIALS, LANES, impossible_times, places_of, plain, recordings_of
 from rearl_jax.data.problems import DROP_HINT, Finding, bad_recording, require_columns
 from rearl_jax.data.schema import Recording, RecordingInfo, validate
+from rearl_jax.data.text_layout import fields_of, first_lines
 from rearl_jax.data.units import to_si
 
 _CLASS = {1: "motorcycle", 2: "car", 3: "truck"}
@@ -174,6 +177,24 @@ class PublishedFile:
         if impossible.any() and not impossible.all() and self._policy.on_bad is not OnBad.stop:
             rows = losses.remove(rows, impossible, "time_impossible")
         return rows, dict(losses.counts)
+
+
+def recognises(path: Path) -> Path | None:
+    """The file or folder if the table, or the first of them, has the columns of the published ones."""
+    files = [path] if path.is_file() else visible_files(path, _ENDINGS)
+    if not files or is_parquet(files[0]):
+        return None
+    if files[0].name.lower().endswith(text_endings(".txt")):
+        lines = [line.split() for line in first_lines(files[0], _LOOKED_AT)]
+        is_table = bool(lines) and all(len(line) == len(_TXT_COLUMNS) and _are_numbers(line) for line in lines)
+        return path if is_table else None
+    required = {name for name, _, needed in _PUBLISHED.values() if needed}
+    names = fields_of(first_lines(files[0], 1)[0], ",") if first_lines(files[0], 1) else []
+    return path if required <= {plain(name) for name in names} else None
+
+
+def _are_numbers(words: list[str]) -> bool:
+    return all(re.fullmatch(r"-?\d+(\.\d*)?", word) for word in words)
 
 
 def find_published(root: Path) -> list[Path]:

@@ -8,6 +8,7 @@ Source: European Commission, Joint Research Centre, Open ACC Database, DOI 10.29
 al., Transportation Research Part C 125 (2021) 103047.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -19,6 +20,7 @@ from rearl_jax.data import checks, openacc_index
 from rearl_jax.data.columnar import column_names, read_columns
 from rearl_jax.data.folder import only_parquet
 from rearl_jax.data.losses import Losses
+from rearl_jax.data.openacc_drivers import switched
 from rearl_jax.data.problems import Finding, bad_recording
 from rearl_jax.data.schema import Recording, RecordingInfo, validate
 from rearl_jax.data.unit_checks import is_other_unit, require_period, scale_of
@@ -31,6 +33,8 @@ MAX_GAP = 1000.0  # m; the widest gap of the set is 230 m
 MAX_BACKWARD = 1.0  # m/s; noise of the satellite receivers makes standing vehicles drive back by 0.07 m/s
 MAX_TIME = 86_400.0  # s from the median time of a run
 _NUMBERS = ("t_s", "pos", "speed_mps", "gap_to_follower_m")
+COLUMNS = ("file", *_NUMBERS)
+"""Columns by which a file is recognised."""
 MODEL = "model"
 """Label of tracks: the car model. A model is one physical car, which drove in many files."""
 _MOST_PLACES = 1000  # more vehicles than any platoon has
@@ -118,21 +122,55 @@ def read_platoon(path: Path, recording: str, platoon: Platoon, policy: DataConfi
             "x": "gap_to_follower_m",
         },
     )
-    losses = Losses()
-    require_period(rows["t_s"].to_numpy(np.float64), rows["pos"].to_numpy(), 1.0 / FRAME_RATE, info.file, "t_s")
+    of_place = {MODEL: _models(rows, info.file)} if models else {}
+    return rebuilt(rows, platoon, info, of_place | runs, policy)
+
+
+def rebuilt(
+    rows: pd.DataFrame,
+    platoon: Platoon,
+    info: RecordingInfo,
+    labels: Mapping[str, Mapping[int, str | None] | str | None],
+    policy: DataConfig,
+    switches: pd.Series | None = None,
+    losses: Losses | None = None,
+) -> Recording:
+    """The recording with positions rebuilt from speeds and gaps.
+
+    Args:
+        rows: t_s, pos, speed_mps and gap_to_follower_m; those of a vehicle in the order of time.
+        platoon: The part of them.
+        info: The recording, without the length of its road.
+        labels: Labels by name: one value for all, or one for each place.
+        policy: What happens to bad rows.
+        switches: Who drives, by place and frame, where drivers switch; see `openacc_drivers`.
+        losses: What is left out already.
+
+    Raises:
+        BadRecordingError: As `read_platoon`.
+    """
+    losses = Losses() if losses is None else losses
+    columns = info.columns
+    require_period(
+        rows["t_s"].to_numpy(np.float64), rows["pos"].to_numpy(), 1.0 / FRAME_RATE, info.file, columns["frame"]
+    )
     rows = _plausible(rows, platoon, info, policy, losses)
-    table, placed, n_filled = _placed(rows, platoon, policy.default_length, info.file)
-    if models:
-        of_place = _models(rows, info.file)
-        table[MODEL] = [of_place[place] for place in table["track_id"]]
-    table = table.assign(**runs)
+    table, placed, n_filled = _placed(rows, platoon, policy.default_length, info)
+    for name, value in labels.items():
+        table[name] = [value[place] for place in table["track_id"]] if isinstance(value, Mapping) else value
     text = "gap or speed unknown for over 1 s"
     _leave_out(~placed, table, "no_gap", "position", text, info, policy, losses)
     table = table.iloc[np.flatnonzero(placed)]
     if table.empty:
         raise bad_recording(
-            "place-unknown", "no vehicle has a known place", "complete speeds and gaps", info.file, column="pos"
+            "place-unknown",
+            "no vehicle has a known place",
+            "complete speeds and gaps",
+            info.file,
+            column=columns["track_id"],
         )
+    if switches is not None:
+        table, info = switched(table, switches, info)
     backward = table["speed"].to_numpy() < 0.0
     note = f"{n_filled} speeds and gaps in holes of 1 s or less interpolated, "
     note += f"{int(backward.sum())} negative speeds set to 0"
@@ -175,7 +213,9 @@ def _plausible(
     _leave_out(lost, rows, "bad_time", "frame", "the time is unknown or a day off", info, policy, losses)
     rows = rows.iloc[np.flatnonzero(inside & ~lost)]
     if rows.empty:
-        raise bad_recording("time-unknown", "no row states its time", "complete the times", info.file, column="t_s")
+        raise bad_recording(
+            "time-unknown", "no row states its time", "complete the times", info.file, column=info.columns["frame"]
+        )
     frame = np.rint(rows["t_s"].to_numpy(dtype=np.float64) * FRAME_RATE).astype(np.int64)
     rows = rows.assign(frame=frame)
     twice = rows.duplicated(["pos", "frame"]).to_numpy()
@@ -196,7 +236,9 @@ def _plausible(
     )
 
 
-def _placed(rows: pd.DataFrame, platoon: Platoon, length: float, file: str) -> tuple[pd.DataFrame, np.ndarray, int]:
+def _placed(
+    rows: pd.DataFrame, platoon: Platoon, length: float, info: RecordingInfo
+) -> tuple[pd.DataFrame, np.ndarray, int]:
     """Table of all vehicles in all frames, mask of rows with a known position, number of filled values."""
     frame, place = rows["frame"].to_numpy(), rows["pos"].to_numpy(np.float64).astype(np.int64)
     frames = np.arange(frame.min(), frame.max() + 1)
@@ -209,7 +251,7 @@ def _placed(rows: pd.DataFrame, platoon: Platoon, length: float, file: str) -> t
 
     measured = grid(rows["speed_mps"].to_numpy(dtype=np.float64))
     gaps = grid(rows["gap_to_follower_m"].to_numpy(dtype=np.float64))[:, :-1]
-    _require_units(gaps, measured, file)
+    _require_units(gaps, measured, info)
     speed, ahead = fill_holes(measured), fill_holes(gaps)
     n_filled = int((~np.isnan(speed)).sum() - (~np.isnan(measured)).sum())
     n_filled += int((~np.isnan(ahead)).sum() - (~np.isnan(gaps)).sum())
@@ -242,7 +284,7 @@ def _placed(rows: pd.DataFrame, platoon: Platoon, length: float, file: str) -> t
     return table, placed.ravel("F"), n_filled
 
 
-def _require_units(gaps: np.ndarray, speed: np.ndarray, file: str) -> None:
+def _require_units(gaps: np.ndarray, speed: np.ndarray, info: RecordingInfo) -> None:
     """Raise BadRecordingError if gaps and speeds are in different units: gaps change by the speeds' differences."""
     n = 2 * round(FRAME_RATE)  # 2 s, over which the receivers' errors matter little
     if len(speed) <= n:
@@ -253,7 +295,8 @@ def _require_units(gaps: np.ndarray, speed: np.ndarray, file: str) -> None:
     scale = scale_of((gaps[n:] - gaps[:-n]).ravel(), expected.ravel())
     if scale is not None and is_other_unit(scale):
         text = f"gaps change {scale[0]:.2f} to {scale[1]:.2f} times as fast as the differences of speeds"
-        raise bad_recording("wrong-units", text, "give speeds in m/s and gaps in m", file, column="gap_to_follower_m")
+        remedy = "give speeds in m/s and gaps in m"
+        raise bad_recording("wrong-units", text, remedy, info.file, column=info.columns["position"])
 
 
 def _leave_out(

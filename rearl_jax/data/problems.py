@@ -63,6 +63,12 @@ class Finding:
         return bad_recording(code, message, f"{self.remedy}{hint}", info.file or info.id, column=column, row=row)
 
 
+def without_value(table: pd.DataFrame, name: str) -> Finding | None:
+    """The finding for rows that lack a value by which they are told apart, such as the vehicle's number."""
+    missing = table[name].isna().to_numpy()
+    return Finding("not_finite", name, missing, "the value is missing", "complete the row") if missing.any() else None
+
+
 def recording_unnamed(file: str, row: int | None = None) -> BadRecordingError:
     """The error for a row that belongs to no recording; the row, from 1, if it is known."""
     return bad_recording(

@@ -1,12 +1,14 @@
 """Format of recordings: how they are listed and read, and which files they come from."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 from rearl_jax.config.data import DataConfig
+from rearl_jax.data.columnar import column_names, is_parquet
+from rearl_jax.data.folder import visible_files
 from rearl_jax.data.records import Recording
 
 
@@ -37,6 +39,8 @@ class Reader:
         files: The files the rows come from, and those that say how to read them. Raises FileNotFoundError for none.
         same: Label that joins what the same driver or car did in several recordings; None where nothing does.
         generated: Whether any of the recordings was made by the generator; None for a format that has no such mark.
+        recognises: What data.root must name for a file or folder in this format, None for one in another; tells from
+            names and first lines alone, and raises nothing but errors of reading. None for a format without signs.
     """
 
     expected: str
@@ -44,6 +48,7 @@ class Reader:
     files: Callable[[Path], list[Path]]
     same: str | None = None
     generated: Callable[[DataConfig, Path], bool] | None = None
+    recognises: Callable[[Path], Path | None] | None = None
 
 
 def parts_of(
@@ -65,3 +70,14 @@ def parts_of(
             yield Entry(name, partial(read, path, name, part, data), file=path)
 
     return entries
+
+
+def by_columns(columns: Collection[str]) -> Callable[[Path], Path | None]:
+    """Recognises the one Parquet file of a folder by columns that it has; what data.root must name is the folder."""
+
+    def recognises(path: Path) -> Path | None:
+        files = visible_files(path, (".parquet",)) if path.is_dir() else [path]
+        is_one = len(files) == 1 and is_parquet(files[0]) and set(columns) <= set(column_names(files[0]))
+        return files[0].parent if is_one else None
+
+    return recognises

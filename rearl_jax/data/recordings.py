@@ -79,8 +79,14 @@ def data_id(data: DataConfig) -> str:
 
     Equal files give equal ids on every machine.
     """
-    policy = (data.recordings, data.on_bad.name, data.max_jump, data.default_length)
+    policy: tuple[object, ...] = (data.recordings, data.on_bad.name, data.max_jump, data.default_length)
+    cut = (data.window, data.section, data.stretch)
+    if cut != (DataConfig.window, DataConfig.section, DataConfig.stretch):
+        policy += cut
     digest = hashlib.sha256(repr(policy).encode())
+    for key, given in (("columns", data.columns), ("units", data.units)):
+        if given:
+            digest.update(repr((key, sorted((name, str(value)) for name, value in given.items()))).encode())
     if isinstance(data, TableInMemory):
         digest.update(str(data.root).encode())
         return f"{data.format.name}-{digest.hexdigest()[:12]}"
@@ -120,6 +126,11 @@ def _selected(data: DataConfig) -> list[Entry]:
     if isinstance(data, TableInMemory):
         entries = list(in_memory.entries(data))
     else:
+        for key in ("columns", "units"):
+            if getattr(data, key) and data.format.name != "table":
+                message = "is for foreign tables: choose data=table, or leave it out"
+                problem = Problem("key-without-effect", message, key=f"data.{key}", value=f"data={data.format.name}")
+                raise InvalidInputError(problem)
         entries = list(reader_of(data.format).entries(data, _root(data)))
     chosen = [entry for entry in entries if fnmatchcase(entry.id, data.recordings)]
     if not chosen:

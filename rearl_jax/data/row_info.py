@@ -8,7 +8,8 @@ from rearl_jax.data.checks import MOST_LANES
 from rearl_jax.data.placeholders import is_placeholder
 from rearl_jax.data.problems import bad_recording
 from rearl_jax.data.records import RecordingInfo
-from rearl_jax.data.unit_checks import MOVING
+from rearl_jax.data.unit_checks import MOVING, UNIT_RATIOS
+from rearl_jax.data.units import SI_FACTOR, to_si
 
 DERIVED = "frame rate, lanes and road length derived from the rows"
 FAR = 1000.0
@@ -20,24 +21,32 @@ FAR_AWAY = 1e5
 _COLUMNS = ("track_id", "frame", "time", "direction", "x", "y", "position", "length", "lane", "speed")
 
 
-def info_of_rows(recording: str, rows: pd.DataFrame, file: str, source: str) -> tuple[pd.DataFrame, RecordingInfo]:
-    """The rows on a road that begins at 0, and frame rate, lanes and road length of the recording.
+def info_of_rows(
+    recording: str, rows: pd.DataFrame, file: str, source: str, *, is_in_seconds: bool = False
+) -> tuple[pd.DataFrame, RecordingInfo]:
+    """The rows on a road that begins at 0, with times in s, and frame rate, lanes and road length of the recording.
 
     Args:
         recording: Its id.
         rows: Canonical rows.
         file: Where they come from, for messages.
         source: Name of the data set.
+        is_in_seconds: The times are known to be in s; else their unit is told from the rows.
 
     Raises:
-        BadRecordingError: There is no column `time`, it is not in s, or the frame rate cannot be told from it.
+        BadRecordingError: There is no column `time`, its unit cannot be told, or the frame rate cannot be told from it.
     """
     if "time" not in rows:
         text = "without metadata of the recording the frame rate is derived from the column time"
-        raise bad_recording("frame-rate-unknown", text, "add the column time [s]", file, column="time")
+        remedy = "add the column time [s], or state the rate of the frames, such as 'data.units={frame: 25/s}'"
+        raise bad_recording("frame-rate-unknown", text, remedy, file, column="time")
     values = {name: _numbers(pd.Series(rows[name])) for name in _COLUMNS if name in rows}
     notes = [DERIVED]
-    rate = _frame_rate(values, file)
+    rate, unit = _frame_rate(values, file, is_in_seconds)
+    if unit != "s":
+        values["time"] = to_si(values["time"], unit)
+        rows = rows.assign(time=values["time"])
+        notes.append(f"time taken to be in {unit}, which makes {rate:g} frames per second")
     if clock.resolution(values["time"]) > 1.0 / rate:
         notes.append(f"times are rounded to {clock.resolution(values['time']):g} s: computed from the frames")
         rows = rows.drop(columns="time")
@@ -69,18 +78,27 @@ def _numbers(column: pd.Series) -> np.ndarray:
     return pd.Series(pd.to_numeric(column, errors="coerce")).to_numpy(np.float64, na_value=np.nan)
 
 
-def _frame_rate(values: dict[str, np.ndarray], file: str) -> float:
+def _frame_rate(values: dict[str, np.ndarray], file: str, is_in_seconds: bool) -> tuple[float, str]:
+    """Frames per second, and the unit of the times."""
     found = clock.period_of(values["track_id"], values["frame"], values["time"])
     if found is None:
         text = "the frame rate cannot be determined: no track has two rows with rising frame and time"
         remedy = "correct frame and time [s], or state the frame rate in the metadata"
         raise bad_recording("frame-rate-unknown", text, remedy, file, column="time")
     period, uncertainty = found
-    unit = clock.unit_of(period, _steps_over_speed(values, period))
-    if unit is not None:
-        text = f"time looks like {unit}: it grows by {10.0 * period:g} per 10 frames"
-        raise bad_recording("wrong-units", text, "give time in s", file, column="time")
-    return clock.rate_of(period, uncertainty)
+    scale = None if is_in_seconds else _steps_over_speed(values, period)
+    unit = "s" if is_in_seconds else clock.unit_of(period, scale, UNIT_RATIOS.values())
+    if unit is None:
+        text = f"the unit of time cannot be told: it grows by {10.0 * period:g} per 10 frames"
+        hint = "'data.units={time: ms}'"
+        if scale is not None and scale > 0.0:
+            rate = clock.rate_of(period * scale, 0.02 * period * scale)
+            text += f", and vehicles move as if {rate * period:g} of it were one second"
+            hint = f"'data.units={{time: {rate * period:g}/s}}'"
+        remedy = f"state its unit, such as {hint}, or 'data.units={{time: s}}'"
+        raise bad_recording("time-unit-unknown", text, remedy, file, column="time")
+    seconds = SI_FACTOR[unit]
+    return clock.rate_of(period * seconds, uncertainty * seconds), unit
 
 
 def _steps_over_speed(values: dict[str, np.ndarray], period: float) -> float | None:

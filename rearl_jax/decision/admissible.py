@@ -30,8 +30,9 @@ def admissible_actions(
 ) -> Bool[Array, "actions vehicles scenarios"]:
     """Actions admissible for each vehicle, in the order of `MetaAction`; none for crashed vehicles.
 
-    FASTER and SLOWER need a speed level to go to. A lane action needs the lane, no change in progress, and what
-    `options.lane` asks for. With `options.longitudinal` the other three need room to the vehicle ahead.
+    FASTER and SLOWER need a speed level to go to. A lane action needs the lane, no change in progress, and the
+    condition of `options.lane`. With `options.longitudinal` the other three actions need a sufficient gap to the
+    vehicle ahead.
     """
     state = sort_if_large(state)
     lane = nearest_lane(state.y, model)
@@ -144,7 +145,7 @@ def leader_interaction(
     is_needed: Bool[Array, "vehicles scenarios"],
     drivers: Drivers,
 ) -> Float[Array, "vehicles scenarios"]:
-    """Deceleration [m/s^2], positive, that car following asks for because of the leader on a lane."""
+    """Car-following deceleration because of the leader on a lane [m/s^2], positive."""
 
     def interaction() -> Float[Array, "vehicles scenarios"]:
         leader = find_leader(state, derived, lane)

@@ -1,4 +1,4 @@
-"""Execution of a policy's answers: only admissible actions, for a while, then back to IDM and MOBIL."""
+"""Execution of a policy's answers: admissible actions are followed for a limited time, then IDM and MOBIL continue."""
 
 from dataclasses import replace
 
@@ -22,7 +22,7 @@ class DecisionMemory(eqx.Module):
 
     Attributes:
         own_speed: Desired speed of each driver before the first decision [m/s].
-        seconds_left: Seconds the present action is still to be followed [s]; 0 for none.
+        seconds_left: Remaining time of the present action [s]; 0 for none.
         last_action: Action each vehicle was given for the last second, NO_ACTION for none.
         lane: Lane at the end of the last second.
         since_lane_change: Seconds since the lane last differed from that of the second before [s].
@@ -39,7 +39,7 @@ class Orders(eqx.Module):
     """Actions to follow in the coming second.
 
     Attributes:
-        is_asked: Vehicles that needed a decision.
+        is_asked: True for vehicles that needed a decision.
         action: The action of those whose answer was accepted, NO_ACTION for all other vehicles.
         n_inadmissible: Vehicles whose answer was an action they may not take.
         n_invalid: Vehicles without a valid answer.
@@ -85,7 +85,7 @@ def accept(
     is_asked: Bool[Array, "vehicles scenarios"],
     admissible: Bool[Array, "actions vehicles scenarios"],
 ) -> Orders:
-    """Orders that are left of a policy's answers: those of vehicles that were asked, admissible ones only."""
+    """Orders from a policy's answers: only admissible actions of vehicles that need a decision."""
     is_action = (actions >= 0) & (actions < N_ACTIONS)
     may = jnp.zeros_like(is_asked)
     for action in range(N_ACTIONS):
@@ -103,10 +103,10 @@ def execute(
 ) -> tuple[TrafficState, DecisionMemory]:
     """State and memory at the start of the second in which the orders are followed.
 
-    A vehicle that gets an action follows it for `options.hold` seconds; a vehicle that was asked and gets none drives
-    by IDM and MOBIL. KEEP, LEFT and RIGHT keep the target speed of a vehicle that followed an action in the second
-    before; otherwise the target speed is the present speed, within the range of the speed levels. FASTER and SLOWER go
-    to the level next to that of the present speed.
+    A vehicle that gets an action follows it for `options.hold` seconds; a vehicle that needs a decision but gets no
+    action is driven by IDM and MOBIL. KEEP, LEFT and RIGHT keep the target speed of a vehicle that followed an action
+    in the second before; otherwise the target speed is the present speed, within the range of the speed levels. FASTER
+    and SLOWER go to the level next to that of the present speed.
 
     Afterwards the target speed stays as desired speed (`options.persist_target`), or the driver's own desired speed
     returns.

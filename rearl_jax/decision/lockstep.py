@@ -1,8 +1,8 @@
 """The closed loop with a host policy, outside the compiled program: all scenarios in lockstep, in two halves.
 
-The halves are interleaved: while the answers for one are awaited, the other simulates its second and asks. With an
-equal policy the result is that of `loop.rollout_with_policy`, bit for bit: both call the same `advance`, `assess` and
-`accept`.
+The halves are interleaved: while the answers for one are awaited, the other simulates its second and submits its
+situation. With an equal policy the result is that of `loop.rollout_with_policy`, bit for bit: both call the same
+`advance`, `assess` and `accept`.
 """
 
 import functools
@@ -39,9 +39,10 @@ from rearl_jax.detection.table import ReferenceTable
 
 @runtime_checkable
 class HostPolicy(Protocol):
-    """A policy on the host that is asked and answers later.
+    """A policy on the host that answers asynchronously.
 
-    One serves one half of the scenarios for a whole rollout and is asked once per second, except after the last.
+    Each instance serves one half of the scenarios for a whole rollout and is called once per second, except after the
+    last.
     """
 
     def ask(self, situation: Situation) -> Future[np.ndarray]:
@@ -88,7 +89,7 @@ def rollout_in_lockstep(
     size = -(-n_scenarios // 2)
     halves = []
     for number, policy in enumerate(policies):
-        # The second half of an odd number is filled up with the last scenario, so that one program serves both.
+        # For an odd number the second half is padded with the last scenario, so that one program serves both.
         columns = np.minimum(np.arange(number * size, (number + 1) * size), n_scenarios - 1)
         half_state, half_drivers = select_scenarios((state, drivers), columns, n_scenarios, least_ndim=2)
         limits = select_scenarios(thresholds, columns, n_scenarios)
@@ -108,8 +109,8 @@ class _Half:
     """Half of the scenarios, during the rollout.
 
     Attributes:
-        n_real: Scenarios that count; the others fill up.
-        pending: Answers of the policy about the last second, to come; None if it was not asked yet.
+        n_real: Number of scenarios without padding.
+        pending: Future of the policy's answers about the last second; None before the first call.
         frames: The traffic after each second so far.
         decisions: Record of detection and decisions of each.
     """
@@ -148,11 +149,11 @@ class _Half:
         self.decisions.append(self._real(decisions))
 
     def ask(self) -> None:
-        """Shows the policy the end of the second."""
+        """Submits the situation at the end of the second to the policy."""
         self.pending = self.policy.ask(self._real(self._situation))
 
     def _real(self, values):
-        """The scenarios that count, as NumPy arrays; what has no scenario axis stays as it is."""
+        """The scenarios without padding, as NumPy arrays; values without a scenario axis are unchanged."""
         return jax.tree.map(
             lambda leaf: np.asarray(leaf)[..., : self.n_real] if leaf.ndim else np.asarray(leaf), values
         )

@@ -1,4 +1,4 @@
-"""The closed loop: simulate a second, assess it, decide, carry on.
+"""The closed loop: simulates a second, compares it with the reference, decides, and continues.
 
 `assess` and `advance` are the two halves around a decision. `rollout_with_policy` runs them with a policy inside one
 compiled scan; a policy that has to leave the program (a language model) is called by the host between the same two.
@@ -36,7 +36,7 @@ from rearl_jax.detection.table import ReferenceTable
 
 @dataclasses.dataclass(frozen=True)
 class LoopOptions:
-    """Static options of the closed loop: another value means another compilation."""
+    """Static options of the closed loop: a changed value compiles the loop again."""
 
     detection: DetectionOptions = dataclasses.field(default_factory=DetectionOptions)
     admissible: AdmissibleConfig = dataclasses.field(default_factory=AdmissibleConfig)
@@ -48,8 +48,8 @@ class LoopState(eqx.Module):
 
     Attributes:
         state: The vehicles.
-        detector: What the detection remembers from earlier seconds.
-        memory: What the execution of decisions remembers from earlier seconds.
+        detector: Memory of the detection about earlier seconds.
+        memory: Memory of the execution of decisions about earlier seconds.
     """
 
     state: TrafficState
@@ -130,7 +130,7 @@ def assess(
     state, frame = loop.state, frame_of(loop.state, model)
     detector, detection = detect(loop.detector, frame, table, thresholds, options.detection)
     situation = Situation(
-        second=loop.detector.second,  # `detector` has counted on to the next one
+        second=loop.detector.second,  # the second just detected; `detector` has the next
         frame=frame,
         target_lane=state.target_lane,
         detection=detection,
@@ -173,7 +173,7 @@ def rollout_with_policy(
 ) -> tuple[TrafficState, Frames, Decisions]:
     """State after some seconds, a frame after each of them, and what was detected and decided.
 
-    If no vehicle is ever asked, the frames are those of `core.rollout.rollout`, bit for bit.
+    If no vehicle ever needs a decision, the frames are those of `core.rollout.rollout`, bit for bit.
 
     Args:
         state: Initial state.

@@ -56,7 +56,7 @@ def _nearest_reference(
 def _random_reference(
     situation: Situation, table: ReferenceTable, keys: Key[Array, " scenarios"], *, match: "partial[Array]"
 ) -> Int[Array, "vehicles scenarios"]:
-    """Actions that imitate a reference drawn anew every second."""
+    """Actions that imitate a reference that is drawn every second."""
     draw = partial(jax.random.randint, shape=(), minval=0, maxval=table.n_references, dtype=jnp.int32)
     return match(situation, snapshot(table, situation.second, jax.vmap(draw)(keys)))
 
@@ -86,7 +86,7 @@ def imitate(
         speed_range: Difference of the highest and the lowest speed level [m/s].
         level_step: Difference of two neighbouring speed levels [m/s].
 
-    Source: our deterministic stand-in for the language model of REARL (Bi et al.), which is asked to find the most
+    Source: our deterministic stand-in for the language model of REARL (Bi et al.), which is instructed to find the most
     similar vehicle and to approach it.
     """
     speed, spacing = situation.frame.speed, situation.spacing

@@ -84,7 +84,7 @@ class DetectorMemory(eqx.Module):
     Attributes:
         second: Number of frames seen.
         counts: Speeds per bin in all of them.
-        counts_before: The same before each of the last frames, frame t in row t modulo the window's length.
+        counts_before: Speeds per bin before each of the last frames, frame t in row t modulo the window's length.
         error_sum: Sum over the frames of the relative error of the mean spacing against each reference.
         drawn: Reference of each scenario for the whole rollout; None if the nearest one is searched.
     """
@@ -263,12 +263,12 @@ def is_in_crowded_bin(
     reference: Int[Array, "bins scenarios"],
     hist: HistConfig,
 ) -> Bool[Array, "vehicles scenarios"]:
-    """True where a vehicle's speed is in a bin that holds a larger share in the simulation than in the reference.
+    """True where a vehicle's speed is in a bin with a larger share in the simulation than in the reference.
 
     Args:
         speed: Speeds [m/s]; those outside the histogram count for its outer bins.
         counts: Speeds per bin in the simulated window.
-        reference: The same of the reference.
+        reference: Speeds per bin in the window of the reference.
         hist: Bins.
     """
     # Shares n / N and m / M compared as n M > m N: exact.

@@ -89,7 +89,7 @@ def root_shares(counts: Int[Array, "bins *n"], dtype: jnp.dtype) -> Float[Array,
 
 
 def tabulate(references: References, hist: HistConfig, dtype: jnp.dtype = jnp.float32) -> ReferenceTable:
-    """The references as the detection and the policies look them up.
+    """Tables of the references for the detection and the policies.
 
     Args:
         references: Representative scenes.

@@ -1,1 +1,1 @@
-"""Closing the loop with measured data: calibrate, look at the residual, name the missing effect, repair the model."""
+"""Discovery: calibrates the driver model, tests its residuals, names missing effects and repairs the model."""

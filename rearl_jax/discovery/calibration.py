@@ -1,4 +1,4 @@
-"""Drivers calibrated to measured trajectories, with nothing added to the model."""
+"""Calibration of the driver model to measured trajectories, without added effects."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,9 +23,9 @@ class Calibration:
     """Calibrated drivers.
 
     Attributes:
-        drivers: One row per driver: parameters, the standard deviations of their logarithms, error one step ahead [m].
-        model: Their population, a traffic model without effects.
-        findings: Faults of the measurement that the columns show; what drivers seem to do may come from them.
+        drivers: One row per driver: parameters, standard deviations of their logarithms, one-step prediction error [m].
+        model: Traffic model with the population of these drivers, without effects.
+        findings: Measurement faults visible in the columns; they can imitate driver behaviour.
     """
 
     drivers: pd.DataFrame
@@ -33,15 +33,16 @@ class Calibration:
     findings: tuple[str, ...]
 
     def save(self, path: str | Path) -> None:
-        """Writes the model as a file for `model=` of other tasks."""
+        """Writes the model to a file that other tasks load with `model=`."""
         write_model(path, self.model)
 
 
 def calibration(config: DiscoverTask) -> Calibration:
-    """All drivers who follow a leader long enough, at most `discover.max_drivers` of them.
+    """Calibration of the drivers who follow a leader long enough, at most `discover.max_drivers` of them.
 
     Raises:
-        FileNotFoundError, ValueError: There are no recordings, one is bad, or nobody follows a leader long enough.
+        FileNotFoundError, ValueError: There are no recordings, a recording is invalid, or no driver follows a leader
+            long enough.
     """
     prior = prior_of(config.driver)
     findings, data = measured_drivers(list(iterate_recordings(config.data)), config.discover, prior)

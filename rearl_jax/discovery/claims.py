@@ -1,4 +1,4 @@
-"""Claims of a discovery: what it says is missing, with numbers and how sure it is, as entries of verdict.json."""
+"""Claims of a discovery: missing effects with parameters and confidence, as entries of verdict.json."""
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
@@ -9,7 +9,7 @@ import numpy as np
 
 @dataclass(frozen=True)
 class Estimate:
-    """A number with its interval; the ends are None where it was not searched."""
+    """A number with its confidence interval; the bounds are None if the number was not fitted."""
 
     value: float
     low: float | None
@@ -19,17 +19,17 @@ class Estimate:
 
 @dataclass(frozen=True)
 class Claim:
-    """Something that is missing from the model, or an artefact of the measurement.
+    """An effect missing from the model, or a measurement artefact.
 
     Attributes:
-        name: Name of the effect in the library, of a dependence without a name, or of an artefact.
-        kind: `driver`, `road`, `generic` for a dependence without a name, `artefact`.
-        parameters: In its units.
-        variables: What it depends on.
-        confidence: Probability that it is there [-].
-        evidence: Log-likelihood it adds [nats], of an effect on the choice of the lane on drivers it was not fitted to;
-            None where nothing was fitted.
-        depends_on_base: Names of other car-following models under which it does not hold.
+        name: Name of the library effect, of a dependence without a library effect, or of an artefact.
+        kind: `driver`, `road`, `artefact`, or `generic` for a dependence without a library effect.
+        parameters: Fitted parameters with their units.
+        variables: Variables that the effect depends on.
+        confidence: Probability that the effect is present [-].
+        evidence: Gain of log-likelihood [nats]; for lane-choice effects on drivers who were not fitted; None if nothing
+            was fitted.
+        depends_on_base: Names of other car-following models under which the effect is not found.
     """
 
     name: str
@@ -41,7 +41,7 @@ class Claim:
     depends_on_base: tuple[str, ...] = ()
 
     def plain(self) -> dict[str, Any]:
-        """As an entry of `effects` in verdict.json."""
+        """The claim as an entry of `effects` in verdict.json."""
         return asdict(self) | {
             "variables": list(self.variables),
             "depends_on_base": list(self.depends_on_base),
@@ -49,5 +49,5 @@ class Claim:
 
 
 def share_of(total: float, rivals: Sequence[float]) -> float:
-    """Probability of an account among its rivals, and that nothing is there, by their log-likelihoods [nats]."""
+    """Posterior probability of an explanation against its rivals and no effect, from log-likelihoods [nats]."""
     return 1.0 / (1.0 + float(np.exp(np.clip(np.array([0.0, *rivals]) - total, -50, 50)).sum()))

@@ -1,4 +1,4 @@
-"""A discovery from beginning to end: recordings read, drivers told apart where that is wanted, each group looked at."""
+"""A complete discovery: reads recordings, groups drivers if requested, analyses each group."""
 
 import re
 import time
@@ -34,8 +34,8 @@ class Drivers:
     Attributes:
         id: Identity of the data.
         generated: Whether any of the data were generated, not measured.
-        recordings: Where they are from.
-        findings: What the columns show of the measurement.
+        recordings: The recordings of the drivers.
+        findings: Artefacts and properties of the measurement that the columns show.
         data: The drivers.
     """
 
@@ -46,13 +46,13 @@ class Drivers:
     data: Measured
 
     def parts(self, data: Measured, seed: int) -> Parts:
-        """Some of the drivers, split into those that are fitted, checked and reported."""
+        """Fitted, checked and reported drivers among the given ones."""
         fitted, checked, reported = split_drivers(data, seed=seed)
         notes = _each_once([note for recording in self.recordings for note in recording.info.notes])
         if data.jumps:
             notes += (f"positions jump {data.jumps} times: left out around them",)
         if shared := in_both(fitted, reported):
-            text = "their runs are split: drivers reported on are not all others than those fitted"
+            text = "their runs are split: some reported drivers are also among the fitted ones"
             notes += (f"{shared} persons or cars are too few to be kept apart, {text}",)
         infos = tuple(recording.info for recording in self.recordings)
         return Parts(self.id, self.generated, infos, self.findings, fitted, checked, reported, notes)
@@ -61,15 +61,15 @@ class Drivers:
 def compute(
     config: DiscoverTask, bar: Progress, identity: str, *, generated: bool, study: Study | None = None
 ) -> Discovery:
-    """What the traffic model lacks; nothing is printed.
+    """Effects that the traffic model lacks; nothing is printed.
 
     Args:
         config: The task.
-        bar: Shows how far it is.
+        bar: Progress display.
         identity: Identity of the data.
         generated: Whether any of the data were generated, not measured.
-        study: Keeps the simulated nulls, the longest part, for a run that goes on after it was killed; None to keep
-            nothing.
+        study: Folder that keeps the simulated null distributions (the longest computation), so that an interrupted run
+            continues; None to keep nothing.
 
     Raises:
         FileNotFoundError, ValueError: As `task.run`.
@@ -86,15 +86,15 @@ def compute(
         discovery = _of_groups(config, drivers, grouped(drivers.data, names), bar, study)
         if kinds is not None:
             labels = {name: drivers.data.label(name).tolist() for name in drivers.data.labels}
-            found = {name: purity(kinds.of_driver, values, config.discover.seed) for name, values in labels.items()}
-            known = {name: value for name, value in found.items() if value is not None}
+            purities = {name: purity(kinds.of_driver, values, config.discover.seed) for name, values in labels.items()}
+            known = {name: value for name, value in purities.items() if value is not None}
             discovery.verdict["grouping"] |= kinds.plain() | {"purity": known}
     discovery.verdict["seconds"] = time.perf_counter() - begin
     return discovery
 
 
 def _kinds(config: DiscoverTask, drivers: Drivers, bar: Progress) -> Kinds:
-    """Kinds of drivers, told apart by how they were calibrated, all of them together."""
+    """Kinds of drivers, clustered by their calibrated parameters."""
     say = shown(bar, "telling kinds of drivers apart")
     say(0, 2)
     solver = solver_of(drivers.data, prior_of(config.driver))
@@ -106,7 +106,7 @@ def _kinds(config: DiscoverTask, drivers: Drivers, bar: Progress) -> Kinds:
 
 
 def read_drivers(config: DiscoverTask, identity: str, bar: Progress, *, generated: bool) -> Drivers:
-    """Recordings read and looked at, and the drivers in them.
+    """Drivers of the recordings, with findings on the measurement.
 
     Raises:
         ValueError: The frame rates differ, a label is unknown, or too few drivers follow a leader long enough.
@@ -142,10 +142,10 @@ def group_studies(
 def _of_groups(
     config: DiscoverTask, drivers: Drivers, grouping: Grouping, bar: Progress, study: Study | None
 ) -> Discovery:
-    """A discovery of each group, and what they have in common."""
+    """A discovery of each group, with a joint verdict."""
     if not grouping.groups:
-        found = ", ".join(f"{name} {n}" for name, n in grouping.left_out.items())
-        said = f"no group has the {THRESHOLDS.least_drivers} drivers that are needed: {found}"
+        left_out = ", ".join(f"{name} {n}" for name, n in grouping.left_out.items())
+        said = f"no group has the {THRESHOLDS.least_drivers} drivers that are needed: {left_out}"
         raise InvalidInputError(Problem("too-few-drivers", said, "choose another label", key="discover.by"))
     names = [group.name for group in grouping.groups]
     studies = {} if study is None else group_studies(study, config, names, drivers.id, generated=drivers.generated)
@@ -161,7 +161,7 @@ def _of_groups(
 
 
 def _each_once(notes: Sequence[str]) -> tuple[str, ...]:
-    """Notes without repetition; of those that differ in their numbers only, the first."""
+    """Notes without repetition; of notes that differ only in numbers, the first is kept."""
     alike: dict[str, list[str]] = {}
     for note in notes:
         alike.setdefault(re.sub(r"\d+", "#", note), []).append(note)

@@ -1,12 +1,11 @@
-"""The task `rearl discover`: measured trajectories in; what the traffic model lacks out.
+"""The task `rearl discover`: identifies effects missing from the traffic model in measured trajectories.
 
-Writes into the study folder `base.parquet` (car-following models compared, of every check driver), `null.parquet`
-(evidence where nothing is missing), `residuals.parquet` and
-`maps.parquet`, `planes.parquet` (what the calibrated model leaves, and on what it depends), `drivers.parquet`
-(calibrated parameters), `candidates.parquet`, `errors.parquet` (before and after, of every report driver),
-`lane_changes.parquet` (predicted and made, of every report driver, where enough are made),
-`model.yaml`, figures, `page.html`, `verdict.json`, `config.json` and, last of all, `summary.json`; without figures,
-page and maps where `discover.page` is false.
+Writes into the study folder `base.parquet` (comparison of car-following models, by check driver), `null.parquet` (null
+distribution of the evidence), `residuals.parquet` (residuals), `maps.parquet` and `planes.parquet` (residuals as
+functions of one and two variables), `drivers.parquet` (calibrated parameters), `candidates.parquet`, `errors.parquet`
+(errors before and after, by report driver), `lane_changes.parquet` (predicted and recorded lane changes, by report
+driver, if there are enough), `model.yaml`, figures, `page.html`, `verdict.json`, `config.json` and, last of all,
+`summary.json`. With `discover.page=false` there are no figures, page and maps.
 """
 
 import json
@@ -35,11 +34,12 @@ def run(config: DiscoverTask, *, show: bool = True, bar: Progress | None = None)
 
     Args:
         config: The task.
-        show: Whether the verdict is printed.
-        bar: Shows how far it is; None for one of its own.
+        show: Whether to print the verdict.
+        bar: Progress display; None for a new one.
 
     Raises:
-        FileNotFoundError, ValueError: There are no recordings, one is bad, or too few drivers follow a leader.
+        FileNotFoundError, ValueError: There are no recordings, a recording is invalid, or too few drivers follow a
+            leader.
     """
     identity, generated = data_id(config.data), is_generated(config.data)
     study = Study(config.results.root, config.study, config, "discover", identity, generated=generated)
@@ -54,7 +54,7 @@ def run(config: DiscoverTask, *, show: bool = True, bar: Progress | None = None)
 
 
 def write(study: Study, discovery: Discovery) -> None:
-    """Writes tables, model, figures, page and verdict, and last of all summary.json; first those of groups."""
+    """Writes tables, model, figures, page and verdict, first of groups, then of the study, and summary.json last."""
     config, generated = discovery.config, discovery.verdict["data"]["generated"]
     groups = discovery.groups
     folders = group_studies(study, config, list(groups), discovery.data_id, generated=generated)
@@ -64,12 +64,12 @@ def write(study: Study, discovery: Discovery) -> None:
         write(inside, groups[name])
     seeds = {"seeds": f"discover.seed={discovery.config.discover.seed}"}
     for name, table in discovery.tables.items():
-        if name not in (NULL_TABLE, BASE_TABLE) or not study.owns(name):  # kept as soon as they are known
+        if name not in (NULL_TABLE, BASE_TABLE) or not study.owns(name):  # written as soon as they are known
             study.write_table(name, table, **seeds)
     if discovery.model is not None:
         write_model(study.own("model.yaml"), discovery.model)
     if discovery.behind is not None and discovery.config.discover.page:
-        # Only now, so that nobody waits for matplotlib to know the verdict.
+        # Figures come after the verdict, so that users need not wait for them.
         from rearl_jax.discovery.report.presentation import present
 
         present(study, discovery)

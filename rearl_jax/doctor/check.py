@@ -5,11 +5,11 @@ from enum import Enum
 
 
 class Status(Enum):
-    """How serious a finding is."""
+    """Severity of a finding."""
 
     ok = "ok"
     warn = "warn"
-    """Works, but something that is optional is missing, or will run short."""
+    """Works, but an optional part is missing, or a resource will run short."""
     fail = "fail"
     """Tasks will fail."""
 

@@ -34,10 +34,10 @@ def _cache(cache: Path) -> Check:
             "cache", f"others can write to {cache}, whose programs are run", f"chmod -R o-w {cache}, or {remedy}"
         )
     size, n_files = _size(cache)
-    found = f"{cache}, {size / _GIB:.2f} GiB in {n_files} files"
+    size_line = f"{cache}, {size / _GIB:.2f} GiB in {n_files} files"
     if size > _LARGE_CACHE:
-        return warn("cache", found, f"rm -r {cache} (needed files are created again)")
-    return ok("cache", found)
+        return warn("cache", size_line, f"rm -r {cache} (needed files are created again)")
+    return ok("cache", size_line)
 
 
 def _results(results: Path) -> Check:
@@ -49,12 +49,12 @@ def _results(results: Path) -> Check:
 
 def _space(name: str, folder: Path) -> Check:
     free = shutil.disk_usage(_existing(folder)).free
-    found = f"{free / _GIB:.1f} GiB free for {name}"
+    free_space = f"{free / _GIB:.1f} GiB free for {name}"
     if free < _NO_SPACE:
-        return fail("disk", found, f"free some space, or move {name} to another disk")
+        return fail("disk", free_space, f"free some space, or move {name} to another disk")
     if free < _LITTLE_SPACE:
-        return warn("disk", found, "large studies need a few GiB")
-    return ok("disk", found)
+        return warn("disk", free_space, "large studies need a few GiB")
+    return ok("disk", free_space)
 
 
 def _existing(folder: Path) -> Path:

@@ -41,11 +41,11 @@ def machine_checks() -> list[Check]:
 
 
 def _python() -> Check:
-    found = f"rearl_jax {__version__}, Python {platform.python_version()}, {platform.system()} {platform.machine()}"
+    line = f"rearl_jax {__version__}, Python {platform.python_version()}, {platform.system()} {platform.machine()}"
     if PYTHONS[0] <= sys.version_info[:2] <= PYTHONS[1]:
-        return ok("python", found)
+        return ok("python", line)
     versions = " to ".join(".".join(map(str, version)) for version in PYTHONS)
-    return fail("python", found, f"install Python {versions} and the package in it")
+    return fail("python", line, f"install Python {versions} and the package in it")
 
 
 def _jax() -> list[Check]:
@@ -66,11 +66,11 @@ def _jax() -> list[Check]:
         return [
             fail("jax", message, "pip install --force-reinstall jax jaxlib, or JAX_PLATFORMS=cpu without accelerator")
         ]
-    found = f"jax {answer['jax']}, jaxlib {answer['jaxlib']}"
-    checks = [ok("jax", found)]
+    versions = f"jax {answer['jax']}, jaxlib {answer['jaxlib']}"
+    checks = [ok("jax", versions)]
     if answer["sum"] != 4.0:
         return [
-            fail("jax", f"{found} cannot add: 1 + 1 + 1 + 1 = {answer['sum']}", "install jaxlib for this processor")
+            fail("jax", f"{versions} cannot add: 1 + 1 + 1 + 1 = {answer['sum']}", "install jaxlib for this processor")
         ]
     devices = f"{answer['n']} x {answer['kind']} ({answer['platform']})"
     if answer["platform"] == "cpu" and _has_nvidia() and not os.environ.get("JAX_PLATFORMS"):
@@ -86,20 +86,20 @@ def _has_nvidia() -> bool:
 def _cores() -> Check:
     n_cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     load = os.getloadavg()[0] if hasattr(os, "getloadavg") else 0.0
-    found = f"{n_cores} for this process, load {load:.1f}"
+    cores = f"{n_cores} for this process, load {load:.1f}"
     if load > 1.5 * n_cores:
-        return warn("cores", found, "other programs use the cores, so measured speeds will be too low")
-    return ok("cores", found)
+        return warn("cores", cores, "other programs use the cores, so measured speeds will be too low")
+    return ok("cores", cores)
 
 
 def _memory() -> Check:
     total, free = _memory_bytes()
     if total is None:
         return ok("memory", "not reported by this system")
-    found = f"{total / _GIB:.1f} GiB" + ("" if free is None else f", {free / _GIB:.1f} GiB of it free")
+    memory = f"{total / _GIB:.1f} GiB" + ("" if free is None else f", {free / _GIB:.1f} GiB of it free")
     if (total if free is None else free) < _LITTLE_MEMORY:
-        return warn("memory", found, "close other programs, or ask for fewer rollouts at a time (eval.n_runs)")
-    return ok("memory", found)
+        return warn("memory", memory, "close other programs, or ask for fewer rollouts at a time (eval.n_runs)")
+    return ok("memory", memory)
 
 
 def _memory_bytes() -> tuple[int | None, int | None]:

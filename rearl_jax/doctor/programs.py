@@ -1,4 +1,4 @@
-"""Packages this one needs, the optional ones of its extras, and programs beside Python."""
+"""Checks of required packages, optional packages of the extras, and programs besides Python."""
 
 import re
 import shutil
@@ -16,7 +16,7 @@ _USES = {
     "docs": "the documentation (make docs)",
     "gymnax": "gymnax's wrappers around the functional environment",
 }
-"""What each extra is for."""
+"""Purpose of each extra."""
 
 _BROWSERS = ("chromium", "chromium-browser", "google-chrome", "chrome")
 
@@ -37,13 +37,13 @@ def program_checks() -> list[Check]:
 
 def _requirements() -> dict[str, list[str]]:
     """Names of the packages this one needs, by extra; the empty name stands for those always needed."""
-    found: dict[str, list[str]] = {"": []}
+    names: dict[str, list[str]] = {"": []}
     for line in requires("rearl-jax") or []:
         needed = re.match(r"[A-Za-z0-9._-]+", line)
         extra = re.search(r"""extra\s*==\s*["']([^"']+)["']""", line)
         if needed is not None:
-            found.setdefault(extra[1] if extra else "", []).append(needed[0])
-    return found
+            names.setdefault(extra[1] if extra else "", []).append(needed[0])
+    return names
 
 
 def _missing(names: list[str]) -> list[str]:
@@ -54,14 +54,14 @@ def _extra(name: str, packages: list[str]) -> Check:
     use = f"for {_USES.get(name, 'some tasks')}"
     missing = _missing(packages)
     if missing:
-        found = f"not installed, {use} (missing: {', '.join(missing)})"
-        return warn(f"extra {name}", found, f"pip install 'rearl_jax[{name}]', if you need it")
+        state = f"not installed, {use} (missing: {', '.join(missing)})"
+        return warn(f"extra {name}", state, f"pip install 'rearl_jax[{name}]', if you need it")
     return ok(f"extra {name}", f"installed, {use}")
 
 
 def _browser() -> Check:
-    found = next(filter(None, map(shutil.which, _BROWSERS)), None)
-    if found is None:
+    browser = next(filter(None, map(shutil.which, _BROWSERS)), None)
+    if browser is None:
         remedy = "apt-get install chromium (Debian), if the pages are to be tested"
         return warn("browser", "no Chromium; only tests of the pages need it", remedy)
-    return ok("browser", found)
+    return ok("browser", browser)

@@ -18,14 +18,14 @@ def recording_checks(data: DataConfig) -> list[Check]:
         remedy = "correct data.root and data.format; docs/reference/recordings.md describes the formats"
         return [fail("data", f"{name}: {error}", remedy)]
     vehicles, seconds = first.table["track_id"].nunique(), time.perf_counter() - begin
-    found = f"{name}: {n_recordings} recordings; {first.info.id} has {vehicles} vehicles, read in {seconds:.1f} s"
-    return [ok("data", found)]
+    recordings = f"{name}: {n_recordings} recordings; {first.info.id} has {vehicles} vehicles, read in {seconds:.1f} s"
+    return [ok("data", recordings)]
 
 
 def shipped_checks() -> list[Check]:
     """One line: the sets that come with the package, and how many recordings each has."""
     try:
-        found = [f"{kind.name} {count_recordings(DataConfig(kind))}" for kind in DataFormat if kind.shipped]
+        sets = [f"{kind.name} {count_recordings(DataConfig(kind))}" for kind in DataFormat if kind.shipped]
     except (OSError, ValueError) as error:
         return [fail("shipped", str(error), "install the package again")]
-    return [ok("shipped", f"recordings by data=NAME: {', '.join(found)}")]
+    return [ok("shipped", f"recordings by data=NAME: {', '.join(sets)}")]

@@ -1,1 +1,1 @@
-"""The document of a task, shown in the terminal and as one HTML page, with its figures in Parquet beside it."""
+"""The document of a task, shown in the terminal and as one HTML page, with its figures in Parquet files."""

@@ -1,4 +1,4 @@
-"""The document of a study: what it found, in tables, sections and figures."""
+"""The document of a study: results in tables, sections and figures."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -12,11 +12,11 @@ class Section:
     """A part of a document.
 
     Attributes:
-        title: Its heading on the page.
+        title: Heading on the page.
         paragraphs: Sentences before its tables.
-        tables: Its tables.
+        tables: Tables of the section.
         notes: Points after its tables.
-        is_folded: Whether the page shows it on demand only and the terminal leaves it out.
+        is_folded: Whether the section is collapsed on the page and left out in the terminal.
     """
 
     title: str
@@ -28,7 +28,7 @@ class Section:
 
 @dataclass(frozen=True)
 class DataSource:
-    """A data set: name, attribution, licence, and what must be known about it."""
+    """A data set: name, attribution, licence, and notes."""
 
     name: str
     attribution: str
@@ -41,9 +41,9 @@ class Document:
     """Everything that the terminal and the page show of a study.
 
     Attributes:
-        title: Its title.
+        title: Title.
         verdict: The result in one sentence.
-        sections: Its parts; the page shows the folded ones below figures and data.
+        sections: Sections; the page shows collapsed ones below figures and data.
         command: The task as it is typed after `rearl`, such as `evaluate method=base`.
         generated: Whether any of the recordings were generated, not measured.
         data: The recordings in a sentence or two.

@@ -1,4 +1,4 @@
-"""A document as one HTML page that loads nothing: figures, licences, and the command that repeats it."""
+"""A document as one self-contained HTML page: figures, licences, and the command that repeats the study."""
 
 import json
 import shlex
@@ -35,7 +35,7 @@ def page_of(
     made_by: Mapping[str, Any] | None = None,
     player: Player | None = None,
 ) -> str:
-    """HTML text of a document: verdict, replay, sections, figures, data; then what is folded away.
+    """HTML text of a document: verdict, replay, sections, figures, data; then the collapsed sections.
 
     Args:
         document: The document.
@@ -81,8 +81,8 @@ def command(task: str, config: Any) -> str:
     """The command that repeats a study: every key that differs from its default.
 
     Args:
-        task: The task and what is always said with it, such as `evaluate method=base`.
-        config: Its record.
+        task: The task with its fixed keys, such as `evaluate method=base`.
+        config: Record of the task.
     """
     usual, given = type(config)(), {word.partition("=")[0] for word in task.split()}
     if hasattr(config, "driver") and config.driver.model != usual.driver.model:

@@ -8,20 +8,20 @@ from typing import Any
 import pandas as pd
 
 NONE = "-"
-"""Text of a number that does not exist."""
+"""Text of a missing number."""
 
 MOST_ROWS = 60
-"""Rows of a table made from a frame; the Parquet file has all of them."""
+"""Largest number of rows of a table made from a frame; the Parquet file contains all."""
 
 _DIGITS = 3
 """Default number of significant digits."""
 
 _SHORT = 40
-"""Characters of a cell that stays on one line."""
+"""Longest text of a cell that stays on one line [characters]."""
 
 
 class Emphasis(Enum):
-    """Emphasis of a row: `strong` for a result, `subdued` for what it is compared with."""
+    """Emphasis of a row: `strong` for a result, `subdued` for a reference."""
 
     plain = auto()
     strong = auto()
@@ -58,9 +58,9 @@ class Table:
     """A table of a document.
 
     Attributes:
-        title: Its title, plain text.
+        title: Title, plain text.
         headings: Headings of the columns after the titles of the rows, with units.
-        rows: Its rows.
+        rows: Rows of the table.
 
     Raises:
         ValueError: A row has more or fewer cells than there are headings.
@@ -76,7 +76,7 @@ class Table:
                 raise ValueError(f"{self.title}: row {row.title} has {len(row.cells)} cells for {len(self.headings)}")
 
     def alignment(self, column: int) -> Alignment:
-        """Alignment of a column, by what its cells hold."""
+        """Alignment of a column, by the content of its cells."""
         values = [row.cells[column].value for row in self.rows]
         if any(len(value) > _SHORT for value in values):
             return Alignment.text
@@ -89,12 +89,13 @@ def table_of(
     columns: Mapping[str, str] | Sequence[str],
     emphasis: Mapping[str, Emphasis] | None = None,
 ) -> Table:
-    """Table of a frame: the first column holds the titles, `x_low` and `x_high` are the interval of `x`.
+    """Table of a frame: the first column contains the titles, `x_low` and `x_high` are the interval of `x`.
 
     Args:
-        title: Its title.
+        title: Title.
         frame: The frame.
-        columns: Names of the columns shown, those that the frame has not left out; as keys of their headings.
+        columns: Names of the displayed columns, or a mapping from names to headings; columns missing in the frame are
+            ignored.
         emphasis: Emphasis of rows by title; the others are plain.
     """
     headings = dict(columns) if isinstance(columns, Mapping) else {name: spoken(name) for name in columns}
@@ -132,7 +133,7 @@ def number(value: Any, sign: str = "") -> str:
 
 
 def interval(low: Any, high: Any, sign: str = "") -> str:
-    """Text of an interval, empty if an end is missing."""
+    """Text of an interval, empty if a bound is missing."""
     ends = (number(low, sign), number(high, sign))
     return "" if NONE in ends else f"{ends[0]} to {ends[1]}"
 

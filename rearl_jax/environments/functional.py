@@ -1,6 +1,6 @@
-"""The highway as gymnax has environments: pure functions of an explicit state and key, to be jitted and vmapped.
+"""The highway with the interface of gymnax: pure functions of an explicit state and key, for `jax.jit` and `jax.vmap`.
 
-Nothing of gymnax is needed but for the spaces, which are its own classes (`pip install 'rearl_jax[gymnax]'`).
+gymnax is needed for the spaces only, which are its own classes (`pip install 'rearl_jax[gymnax]'`).
 
 Source: gymnax 1.0, `environments.environment.Environment`.
 """
@@ -30,7 +30,7 @@ AnyKey: TypeAlias = PRNGKey | UInt32[Array, "2"]
 
 
 class HighwayParams(eqx.Module):
-    """Parameters that may differ from call to call without compiling anew.
+    """Parameters that may change between calls without a new compilation.
 
     Attributes:
         max_steps_in_episode: Seconds until an episode is truncated [s].
@@ -48,15 +48,15 @@ class HighwayParams(eqx.Module):
 class FunctionalHighway:
     """One controlled vehicle on a highway, one scenario at a time.
 
-    `jax.vmap` over it runs all scenarios in lockstep, with the scenario axis where the core wants it:
+    Under `jax.vmap` all scenarios run in lockstep, with the scenario axis last internally:
 
         env = FunctionalHighway(n_others=20)
         keys = jax.random.split(jax.random.key(0), 1024)
         observation, state = jax.vmap(env.reset)(keys)
         observation, state, reward, terminated, truncated, info = jax.vmap(env.step)(keys, state, actions)
 
-    Actions are those of `MetaAction`; observation, reward, termination and truncation those of `highway.Outcome`.
-    `step` begins a new episode where one ends: the observation is then that of the new one, and
+    Actions are those of `MetaAction`; observation, reward, termination and truncation those of `highway.Outcome`. When
+    an episode ends, `step` starts a new one: the observation is the first of the new episode, and
     `info["final_observation"]` the last of the old one.
     """
 
@@ -75,7 +75,7 @@ class FunctionalHighway:
 
     @property
     def name(self) -> str:
-        """Its name in gymnax's way."""
+        """Name of the environment, as in gymnax."""
         return "Highway-rearl_jax"
 
     @property
@@ -126,7 +126,7 @@ class FunctionalHighway:
         return observation, after, outcome.reward, outcome.terminated, outcome.truncated, info
 
     def reset_env(self, key: AnyKey, params: HighwayParams) -> tuple[Float[Array, "rows columns"], HighwayState]:
-        """As `reset`, to be jitted by the caller."""
+        """Same as `reset`, without `jax.jit`."""
 
         def start(key: Array, measured: TrafficState | None) -> tuple[Array, HighwayState]:
             state = highway.begin(key, self.options, measured)
@@ -138,7 +138,7 @@ class FunctionalHighway:
     def step_env(
         self, key: AnyKey, state: HighwayState, action: Int[Array, ""] | int, params: HighwayParams
     ) -> tuple[Float[Array, "rows columns"], HighwayState, Float[Array, ""], Bool[Array, ""], dict]:
-        """As `step`, but no episode begins and none is truncated; to be jitted by the caller."""
+        """Same as `step`, without `jax.jit`, truncation and the start of new episodes."""
         after, outcome = self._second(state, action, params)
         return outcome.observation, after, outcome.reward, outcome.terminated, {"speed": outcome.speed}
 
@@ -151,15 +151,15 @@ class FunctionalHighway:
     def observe(
         self, key: AnyKey, state: HighwayState, action: Int[Array, ""] | int | None, params: HighwayParams
     ) -> Float[Array, "rows columns"]:
-        """As `get_obs`, in the order of gymnax's arguments."""
+        """Same as `get_obs`, with arguments in the order of gymnax."""
         return self.get_obs(state, params, key)
 
     def is_terminated(self, state: HighwayState, params: HighwayParams) -> Bool[Array, ""]:
-        """Whether the controlled vehicle has crashed."""
+        """True if the controlled vehicle has crashed."""
         return state.traffic.crashed[highway.EGO]
 
     def is_truncated(self, state: HighwayState, params: HighwayParams) -> Bool[Array, ""]:
-        """Whether the episode has lasted its full duration."""
+        """True if the episode has lasted its full duration."""
         return state.time >= params.max_steps_in_episode
 
     def action_space(self, params: HighwayParams | None = None) -> Any:

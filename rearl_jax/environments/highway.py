@@ -119,7 +119,7 @@ class Outcome(eqx.Module):
         observation: After the second: per vehicle presence, x, y, vx, vy, normalised, see `ObservationSpec`.
         reward: For the second, within [0, 1], see `decision.reward`.
         terminated: Whether the controlled vehicle has crashed.
-        truncated: Whether the episode has lasted its full duration; both may hold.
+        truncated: Whether the episode has lasted its full duration; an episode may be both terminated and truncated.
         speed: Speed of the controlled vehicle [m/s].
     """
 

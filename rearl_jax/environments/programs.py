@@ -50,19 +50,19 @@ def keys_of(seeds: Sequence[int]) -> Key[Array, " scenarios"]:
 
 @cache
 def start_program(options: HighwayOptions) -> Callable[..., tuple[Scenarios, FirstObservation]]:
-    """From keys and measured cases to the first episodes; compiled once for all environments of a process."""
+    """Function from keys and measured cases to the first episodes; compiled once for all environments of a process."""
     return jax.jit(partial(_start, options=options))
 
 
 @cache
 def restart_program(options: HighwayOptions) -> Callable[..., tuple[Scenarios, FirstObservation]]:
-    """From scenarios, measured cases and a mask of those that begin anew to the scenarios with new episodes there."""
+    """Function from scenarios, measured cases and a mask of restarting scenarios to the scenarios with new episodes."""
     return jax.jit(partial(_restart, options=options))
 
 
 @cache
 def step_program(options: HighwayOptions) -> Callable[..., tuple[Scenarios, Outcome]]:
-    """From scenarios and actions to the scenarios a second later and their outcome."""
+    """Function from scenarios and actions to the scenarios a second later and their outcome."""
     return jax.jit(partial(_step, options=options))
 
 

@@ -1,4 +1,4 @@
-"""The environment under its Gymnasium id."""
+"""Registration of the environment in Gymnasium, under its id."""
 
 from typing import Any, overload
 

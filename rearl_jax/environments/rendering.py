@@ -14,7 +14,7 @@ from rearl_jax.environments.highway import EGO, HighwayOptions, HighwayState
 from rearl_jax.problems import out_of_range
 
 RENDER_MODES = ("rgb_array",)
-"""How a picture can be had."""
+"""Supported render modes."""
 
 FRAMES_PER_SECOND = 1
 """Pictures in a second of the traffic: one after every action."""
@@ -32,7 +32,7 @@ _MARK = 0.6
 """Length of the mark at the front [m]; it begins 1.7 m behind it."""
 
 _EDGE, _FRAME = 0.4, 1.6
-"""What the edge takes from length and width of a vehicle, and the frame of one that has crashed adds [m]."""
+"""Margin inside a vehicle's rectangle, and width of the frame around a crashed vehicle [m]."""
 
 _BACKGROUND, _ROAD, _LINE = (255, 255, 255), (0xE9, 0xEC, 0xEF), (0xAA, 0xB2, 0xBB)
 _CAR, _CAR_EDGE = (0x2F, 0x6F, 0xB0), (0x16, 0x32, 0x4F)
@@ -52,7 +52,7 @@ def check_render_mode(mode: str | None) -> str | None:
 
 
 def metadata(**others: Any) -> dict[str, Any]:
-    """What Gymnasium wants to know of an environment's pictures, and more."""
+    """Metadata of an environment for Gymnasium: render modes, frame rate, and further entries."""
     return {"render_modes": list(RENDER_MODES), "render_fps": FRAMES_PER_SECOND} | others
 
 
@@ -63,7 +63,7 @@ def pictures(state: HighwayState, options: HighwayOptions) -> list[UInt8[np.ndar
         *(traffic.x, traffic.y, traffic.controller, traffic.crashed, body.length, body.width)
     )
     road = _road(model.n_lanes, model.lane_width)
-    found = []
+    drawn = []
     for number in range(x.shape[-1]):
         left = float(x[EGO, number]) - _REACH / 2
         picture = _with_lines(road.copy(), model.n_lanes, model.lane_width, left)
@@ -72,8 +72,8 @@ def pictures(state: HighwayState, options: HighwayOptions) -> list[UInt8[np.ndar
             at = (float(x[vehicle, number]) - left, float(y[vehicle, number]) + model.lane_width / 2)
             size = (float(length[vehicle, number]), float(width[vehicle, number]))
             _draw_vehicle(picture, at, size, is_ego=bool(vehicle == EGO), is_crashed=bool(crashed[vehicle, number]))
-        found.append(picture)
-    return found
+        drawn.append(picture)
+    return drawn
 
 
 def _road(n_lanes: int, lane_width: float) -> UInt8[np.ndarray, "height width 3"]:

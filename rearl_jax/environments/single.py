@@ -18,12 +18,12 @@ class HighwayEnv(gymnasium.Env[np.ndarray, np.int64]):
     """One controlled vehicle on a highway.
 
     Actions: `MetaAction`, one a second. Observation: rows of presence, x, y, vx, vy of the controlled vehicle and of
-    the nearest others, see `decision.observation`. Reward: within [0, 1], see `decision.reward`. Terminated: the
-    controlled vehicle has crashed. Truncated: the episode has lasted `duration` seconds. All as highway-env's
-    `highway-v0` has them.
+        the nearest others, see `decision.observation`. Reward: within [0, 1], see `decision.reward`. Terminated: the
+        controlled vehicle has crashed. Truncated: the episode has lasted `duration` seconds. All are the same as in
+        highway-env's `highway-v0`.
 
-    `info` holds `speed` [m/s] and `crashed` of the controlled vehicle. With `render_mode="rgb_array"` `render` gives a
-    picture of the road around it, see `rendering`.
+    `info` contains `speed` [m/s] and `crashed` of the controlled vehicle. With `render_mode="rgb_array"`, `render`
+    returns a picture of the road around it, see `rendering`.
     """
 
     metadata = rendering.metadata()
@@ -32,8 +32,8 @@ class HighwayEnv(gymnasium.Env[np.ndarray, np.int64]):
         """Prepares the environment; nothing is compiled before the first reset.
 
         Args:
-            scenes: Measured scenes to begin with, each vehicle of each in the place of the controlled one; None to draw
-                the traffic.
+            scenes: Measured scenes as initial states, each once with every vehicle as the controlled one; None for
+                random traffic.
             render_mode: `rgb_array` for pictures, None for none.
             **options: Fields of `HighwayOptions`.
 
@@ -51,8 +51,8 @@ class HighwayEnv(gymnasium.Env[np.ndarray, np.int64]):
         """Observation and info at the beginning of an episode.
 
         Args:
-            seed: Seed of this and all later episodes; None to continue with those that follow.
-            options: Without meaning here.
+            seed: Seed of this and all later episodes; None to continue the present sequence of episodes.
+            options: Not used.
         """
         super().reset(seed=seed)
         if seed is None and self._scenarios is not None:
@@ -68,11 +68,11 @@ class HighwayEnv(gymnasium.Env[np.ndarray, np.int64]):
         """Observation, reward, whether the episode has terminated, whether it was truncated, and info.
 
         Args:
-            action: A `MetaAction` or its number, of Python, NumPy or JAX, alone or in an array of one.
+            action: A `MetaAction` or its number, as a Python, NumPy or JAX scalar or an array of size 1.
 
         Raises:
             RuntimeError: There was no reset.
-            ValueError: The action is none of `MetaAction`.
+            ValueError: The action is not a `MetaAction`.
         """
         if self._scenarios is None:
             raise RuntimeError("there is no episode yet: call reset() before step()")

@@ -1,4 +1,4 @@
-"""Measured scenes as beginnings of episodes: every vehicle of every scene once in the place of the controlled one."""
+"""Measured scenes as initial states of episodes: every vehicle of every scene is once the controlled one."""
 
 from dataclasses import replace
 

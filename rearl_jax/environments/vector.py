@@ -28,11 +28,11 @@ from rearl_jax.problems import out_of_range
 
 
 class HighwayVectorEnv(gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, np.ndarray]):
-    """Scenarios with a controlled vehicle each; the description of `HighwayEnv` holds for each.
+    """Scenarios with a controlled vehicle each; the description of `HighwayEnv` applies to each.
 
-    Seeded with s, scenario i has the episodes of a `HighwayEnv` seeded with s + i, as in Gymnasium's `SyncVectorEnv`.
-    A finished scenario begins anew by `autoreset_mode`: in the next step, whose action is ignored and whose reward is
-    0; in the same step, with `final_obs` and `final_info` in the info; or (disabled) only by
+    Seeded with s, scenario i has the episodes of a `HighwayEnv` seeded with s + i, as in Gymnasium's `SyncVectorEnv`. A
+    finished scenario restarts according to `autoreset_mode`: in the next step, whose action is ignored and whose reward
+    is 0; in the same step, with `final_obs` and `final_info` in the info; or (disabled) only by
     `reset(options={"reset_mask": ...})`.
 
     Source of the modes: Gymnasium 1.4, `SyncVectorEnv`.
@@ -50,8 +50,8 @@ class HighwayVectorEnv(gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, np.nda
 
         Args:
             num_envs: Number of scenarios.
-            scenes: Measured scenes to begin with, each vehicle of each in the place of the controlled one; None to draw
-                the traffic.
+            scenes: Measured scenes as initial states, each once with every vehicle as the controlled one; None for
+                random traffic.
             autoreset_mode: Treatment of finished episodes.
             render_mode: `rgb_array` for pictures, None for none.
             **options: Fields of `HighwayOptions`.
@@ -82,7 +82,7 @@ class HighwayVectorEnv(gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, np.nda
 
         Args:
             seed: s for s, s + 1, ...; or one for each scenario, None to continue with the episodes that follow.
-            options: `reset_mask`, who begins anew; all by default.
+            options: `reset_mask`, the scenarios that restart; all by default.
 
         Raises:
             ValueError: There are too few seeds, or the mask is not a mask of the scenarios.
@@ -116,11 +116,11 @@ class HighwayVectorEnv(gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, np.nda
         Bool[np.ndarray, " scenarios"],
         dict[str, Any],
     ]:
-        """Observations, rewards, who has terminated, who was truncated, and info.
+        """Observations, rewards, masks of terminated and of truncated scenarios, and info.
 
         Raises:
-            RuntimeError: There was no reset, or, without automatic resets, not of those that have finished.
-            ValueError: Actions are missing or none of `MetaAction`.
+            RuntimeError: There was no reset, or, without automatic resets, a finished scenario was not reset.
+            ValueError: Actions are missing or are not a `MetaAction`.
         """
         if self._scenarios is None:
             raise RuntimeError("there are no episodes yet: call reset() before step()")
@@ -139,7 +139,7 @@ class HighwayVectorEnv(gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, np.nda
         observation, speed = _scenarios_first(outcome.observation), np.asarray(outcome.speed)
         reward = np.asarray(outcome.reward, np.float64)
         terminated, truncated = np.array(outcome.terminated), np.array(outcome.truncated)
-        everybody, extra = np.ones(self.num_envs, bool), {}
+        all_scenarios, extra = np.ones(self.num_envs, bool), {}
         if self._mode is AutoresetMode.NEXT_STEP and ended_before.any():
             start = self._restart(ended_before)
             observation, speed = _scenarios_first(start.observation), np.asarray(start.speed)
@@ -152,7 +152,7 @@ class HighwayVectorEnv(gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, np.nda
             start = self._restart(self._has_ended)
             observation, speed = _scenarios_first(start.observation), np.asarray(start.speed)
             crashed = crashed & ~self._has_ended
-        return observation, reward, terminated, truncated, extra | _info(speed, crashed, everybody)
+        return observation, reward, terminated, truncated, extra | _info(speed, crashed, all_scenarios)
 
     def render(self) -> tuple[UInt8[np.ndarray, "height width 3"], ...] | None:  # type: ignore[override]
         """A picture of the present second of every scenario with `render_mode="rgb_array"`, else None.
@@ -167,12 +167,12 @@ class HighwayVectorEnv(gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, np.nda
         return tuple(rendering.pictures(self._scenarios.state, self.options))
 
     def _restart(self, begins: Bool[np.ndarray, " scenarios"]) -> FirstObservation:
-        """Observations once new episodes have begun."""
+        """Observations after new episodes have begun."""
         self._scenarios, start = restart_program(self.options)(self._scenarios, self._cases, begins)
         return start
 
     def _seeds(self, seed: int | Sequence[int | None] | None) -> Sequence[int | None]:
-        """One for each scenario."""
+        """Seeds, one for each scenario."""
         if seed is None:
             return [None] * self.num_envs
         if isinstance(seed, int):
@@ -182,7 +182,7 @@ class HighwayVectorEnv(gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, np.nda
         return seed
 
     def _mask(self, options: dict[str, Any] | None) -> Bool[np.ndarray, " scenarios"]:
-        """Mask of the scenarios that begin anew."""
+        """Mask of the scenarios that restart."""
         mask = (options or {}).get("reset_mask")
         if mask is None:
             return np.ones(self.num_envs, bool)

@@ -1,1 +1,1 @@
-"""Language model: questions, requests to the server, and the reading of answers."""
+"""Language model: questions, requests to the server, and parsing of answers."""

@@ -1,7 +1,7 @@
 """The answers of language models, stored in an SQLite file: a request that was answered is never sent again.
 
-A file may be shared by several processes of one machine. The first answer to a request is kept and given to all later
-processes, so every run that uses the file uses the same answers.
+Several processes of one machine may share a file. The first answer to a request is stored and returned to all later
+processes, so all runs with the same file use the same answers.
 """
 
 import os
@@ -20,7 +20,7 @@ _FORMAT = 1
 """Version of the table's layout, stored as the file's user_version."""
 
 _APPLICATION = 0x5245414C
-"""Application id that marks a file of answers: the letters REAL."""
+"""Application id of a file of answers: the letters REAL in ASCII."""
 
 _PATIENCE = 60.0
 """Longest wait for another process that is writing [s]."""
@@ -82,7 +82,7 @@ class Answers:
             InvalidInputError: The file is damaged.
         """
         wanted = list(digests)
-        found: dict[str, Reply] = {}
+        replies: dict[str, Reply] = {}
         try:
             for start in range(0, len(wanted), _AT_ONCE):
                 part = wanted[start : start + _AT_ONCE]
@@ -93,13 +93,13 @@ class Answers:
                 for digest, *values in rows:
                     _check(values)
                     kept = dict(zip(_FIELDS, values, strict=True))
-                    found[digest] = Reply(cause=Cause.answered, from_cache=True, **kept)
+                    replies[digest] = Reply(cause=Cause.answered, from_cache=True, **kept)
         except (sqlite3.Error, ValueError) as error:
             raise self._unreadable(error) from None
-        return found
+        return replies
 
     def keep(self, replies: Mapping[str, Reply], model: str, profile: Profile) -> dict[str, Reply]:
-        """The stored reply to each request, by digest: the given one, or an earlier one of another process.
+        """The stored reply to each request by digest: the given reply, or an earlier one of another process.
 
         Raises:
             OSError: The file cannot be written.
@@ -131,7 +131,7 @@ class Answers:
         }
 
     def sources(self) -> list[tuple[str, Profile]]:
-        """Models whose answers are kept, each with the dialect they were asked in.
+        """Models with stored answers, each with the dialect of its requests.
 
         Raises:
             InvalidInputError: The file is damaged.
@@ -163,7 +163,7 @@ class Answers:
                 raise ValueError("empty")
             return
         _patiently(database, "PRAGMA journal_mode = WAL")
-        # Every answer survives the end of the process; the last ones may not survive that of the machine.
+        # Answers survive a crash of the process; the last ones may be lost in a crash of the machine.
         database.execute("PRAGMA synchronous = NORMAL")
         database.execute("BEGIN IMMEDIATE")
         database.execute(_TABLE)
@@ -180,10 +180,10 @@ class Answers:
 
 
 def _check(values: Iterable[object]) -> None:
-    """Whether kept values are of their columns' types: SQLite takes and gives any.
+    """Check that stored values have their columns' types, because SQLite does not enforce them.
 
     Raises:
-        ValueError: A text is not text, or a count of tokens no whole number.
+        ValueError: A text column contains no text, or a token count is not a whole number.
     """
     for name, value in zip(_FIELDS, values, strict=True):
         if not isinstance(value, str if name in TEXTS else int | None):
@@ -191,13 +191,13 @@ def _check(values: Iterable[object]) -> None:
 
 
 def _uri(path: Path, read_only: bool) -> str:
-    # A folder that cannot be written to has no room for the files a reader shares with writers.
+    # In a read-only folder SQLite cannot create the files that readers share with writers.
     mode = "?mode=ro" + ("" if os.access(path.parent, os.W_OK) else "&immutable=1") if read_only else ""
     return path.resolve().as_uri() + mode
 
 
 def _patiently(database: sqlite3.Connection, statement: str) -> None:
-    """Executes a statement for which SQLite does not wait by itself while another process holds the file."""
+    """Executes a statement, with waiting while another process locks the file (SQLite does not wait here by itself)."""
     end = time.monotonic() + _PATIENCE
     while True:
         try:

@@ -1,6 +1,7 @@
-"""Circuit breaker: decides from successful and failed requests whether the server counts as down.
+"""Circuit breaker: determines from successful and failed requests whether the server is down.
 
-After some failures in a row nothing is sent for a while. Then one request, the probe, shows whether the server is back.
+After several consecutive failures no requests are sent for some time. Then one request, the probe, tests whether the
+server responds again.
 """
 
 import time
@@ -8,7 +9,7 @@ from collections.abc import Callable
 
 
 class Breaker:
-    """Circuit breaker; not safe for several threads. Its user sends one probe at a time."""
+    """Circuit breaker; not thread-safe. Its user sends one probe at a time."""
 
     def __init__(self, failures: int, pause: float, clock: Callable[[], float] = time.monotonic) -> None:
         """Closed at first; `failures` failed requests in a row open it, and after `pause` [s] a probe is sent."""
@@ -20,23 +21,23 @@ class Breaker:
 
     @property
     def is_open(self) -> bool:
-        """Whether the server counts as down, its pause over or not."""
+        """True while the server counts as down, during and after the pause."""
         return self._open_until is not None
 
     @property
     def refuses(self) -> bool:
-        """Whether nothing may be sent now: the server counts as down and its pause is not over."""
+        """True if no request may be sent now, because the server counts as down and the pause is not over."""
         return self._open_until is not None and self._clock() < self._open_until
 
     def succeeded(self) -> bool:
-        """Whether this answer, the probe's or a late one, closes it."""
+        """Records an answer, of the probe or a late one; True if it closes the breaker."""
         was_open = self.is_open
         self._in_a_row = 0
         self._open_until = None
         return was_open
 
     def failed(self, is_probe: bool) -> bool:
-        """Whether this failure, the probe's or another, opens it, or opens it again."""
+        """Records a failure, of the probe or another request; True if it opens the breaker, or opens it again."""
         self._in_a_row += 1
         if self._in_a_row < self._failures or (self.is_open and not is_probe):
             return False

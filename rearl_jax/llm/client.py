@@ -1,8 +1,8 @@
-"""Client that gets answers to questions from a language model behind an OpenAI-compatible server.
+"""Client that obtains answers from a language model behind an OpenAI-compatible server.
 
-The client asks each chat once, stores every answer, and gives back an answer to every question whatever the server
-does; without an answer it gives the cause. It works in an event loop in a thread of its own, so a simulation can
-continue while its questions are pending.
+The client sends each distinct chat once and stores every answer. Every question gets an answer or the cause of its
+absence, whatever the server does. The event loop runs in a separate thread, so a simulation can continue while its
+questions are pending.
 """
 
 import asyncio
@@ -35,7 +35,7 @@ log = logging.getLogger(__name__)
 _Result = TypeVar("_Result")
 
 Read: TypeAlias = Callable[[str, tuple[int, ...], str], tuple[int, Cause]]
-"""Function of the text of an answer, the question's choices and why the server stopped, to an action and a cause."""
+"""Function from an answer's text, the admissible choices and the server's finish reason to an action and a cause."""
 
 
 _Asked: TypeAlias = tuple[Question, tuple[str, ...]]
@@ -43,22 +43,22 @@ _Asked: TypeAlias = tuple[Question, tuple[str, ...]]
 
 
 class Client:
-    """Asks a language model; a context manager.
+    """Client of a language model; a context manager.
 
     `with Client(config, "http://127.0.0.1:8000/v1") as client: client.submit(questions).result()`
     """
 
     def __init__(self, config: LlmConfig, base_url: str, *, replay: bool = False, read: Read = understand) -> None:
-        """Nothing is opened yet.
+        """Prepares the client; nothing is opened yet.
 
         Args:
-            config: Model, sampling, time-outs, where answers are kept.
+            config: Model, sampling, time-outs, and file of the answers.
             base_url: Address of the server, with or without `/v1` at its end; not used for a replay.
             replay: Whether only stored answers are given, without a server.
-            read: What a text means; KEEP_OUT for an answer that is not an action.
+            read: Function that parses an answer; KEEP_OUT for an answer without an action.
 
         Raises:
-            InvalidInputError: The address is not one of a server, or a key of the configuration is out of range.
+            InvalidInputError: The address is invalid, or a key of the configuration is out of range.
         """
         config.check()
         self._config = config
@@ -91,13 +91,13 @@ class Client:
         return f"Client({self.address or 'replay'!r}, model={self.server.model if self._server else None!r})"
 
     def open(self) -> "Client":
-        """This client, when the server is ready and the file of answers open.
+        """This client, after the server is ready and the file of answers is open.
 
         Raises:
             ServerError: There is no server, or it does not become ready.
             InvalidInputError: The server does not have the model or refuses access, or the file of answers cannot be
                 used.
-            MissingInputError: There is nothing to replay.
+            MissingInputError: There are no answers to replay.
         """
         if self._loop is not None:
             raise RuntimeError("the client is open already")
@@ -106,13 +106,13 @@ class Client:
         self._thread.start()
         try:
             self._in_loop(self._open()).result()
-        except BaseException:  # an interruption as well
+        except BaseException:  # also after an interruption
             self.close()
             raise
         return self
 
     def close(self) -> None:
-        """Stops pending requests and closes everything; answers received are kept."""
+        """Stops pending requests and closes all connections and files; received answers are kept."""
         loop, thread = self._loop, self._thread
         if loop is None or thread is None:
             return
@@ -129,7 +129,7 @@ class Client:
 
     @property
     def server(self) -> Server:
-        """Model and dialect that are asked.
+        """Model and dialect of the server.
 
         Raises:
             RuntimeError: The client is not open.
@@ -163,7 +163,8 @@ class Client:
                     seed=config.seed + vote,
                 )
                 digest = request_digest(body, server.dialect)
-                # The digest is that of what was asked, so that a replay finds the answer whatever the server refused.
+                # The digest is that of the original request, so that a replay finds the answer whichever parameters
+                # were refused.
                 bodies.setdefault(digest, without(body, server.refused))
                 digests.append(digest)
             asked.append((question, tuple(digests)))
@@ -177,11 +178,11 @@ class Client:
         return Counts(self._questions, sum(causes.values()), causes, self._kept, **of_sender)
 
     def check_usable(self, *, is_finished: bool, any_text: bool = False) -> None:
-        """Raise InvalidInputError if no question so far has a usable answer, and it is no use to ask on.
+        """Raise InvalidInputError if no question has a usable answer so far and further questions are pointless.
 
         Args:
-            is_finished: Whether there are no further questions; before, a few questions may stay without an answer.
-            any_text: Whether a text of the model is a result, whatever it says.
+            is_finished: Whether there are no further questions; before the end, a few questions may lack an answer.
+            any_text: Whether any text of the model counts as a result.
         """
         reasons = {cause: f"the last answer was {text[:80]!r}" for cause, text in self._last_texts.items()}
         check_usable(
@@ -236,7 +237,7 @@ class Client:
         loop = asyncio.get_running_loop()
         deadline = loop.time() + self._config.deadline
         new = [Job(digest, body) for digest, body in bodies.items() if digest not in self._jobs]
-        # From here on another burst with the same chat waits for this job, even before it is looked up.
+        # From here on other bursts with the same chat wait for this job, even before it is looked up.
         self._jobs |= {job.digest: job for job in new}
         jobs = {digest: self._jobs[digest] for digest in bodies}
         for job in jobs.values():
@@ -244,7 +245,7 @@ class Client:
             job.deadline = deadline  # bursts come in the order of time, so the last deadline is the latest
         try:
             if new:
-                # Not stopped with this burst: others may wait for the same chats already.
+                # Not stopped with this burst, because others may already wait for the same chats.
                 await asyncio.shield(asyncio.ensure_future(self._look_up(new)))
             waiting = [job.done for job in jobs.values() if not job.done.done()]
             if waiting:
@@ -265,23 +266,23 @@ class Client:
         task.add_done_callback(self._work.discard)
 
     async def _look_up(self, jobs: list[Job]) -> None:
-        """Takes answers from the file, and gives the other jobs to the sender."""
+        """Reads stored answers from the file and passes the other jobs to the sender."""
         assert self._keeper is not None
         self._enter()
-        problem, found = None, {}
+        problem, stored = None, {}
         try:
-            found = await self._keeper.find([job.digest for job in jobs])
+            stored = await self._keeper.find([job.digest for job in jobs])
         except ValueError as error:
             problem = error
-        self._kept += len(found)
+        self._kept += len(stored)
         missing = []
         for job in jobs:
-            if job.done.done():  # abandoned meanwhile
+            if job.done.done():  # abandoned in the meantime
                 continue
             if problem is not None:
                 job.done.set_exception(problem)
-            elif job.digest in found:
-                job.done.set_result(found[job.digest])
+            elif job.digest in stored:
+                job.done.set_result(stored[job.digest])
             elif self._sender is None:
                 job.done.set_result(job.reply(Cause.not_kept))
             else:
@@ -299,7 +300,7 @@ class Client:
             job.done.set_result(reply)
 
     def _leave(self, job: Job) -> None:
-        """Counts a burst that no longer waits for a job; without a waiting burst the job is stopped."""
+        """Removes a burst that waited for a job; the job is stopped if no burst waits for it any more."""
         job.waiting -= 1
         if job.waiting:
             return
@@ -333,7 +334,7 @@ class Client:
         return answers
 
     def _watch_prompt(self, question: Question, reply: Reply) -> None:
-        """Warns once of a server that cuts prompts."""
+        """Warns once if the server truncates prompts."""
         n_characters = sum(len(message.text) for message in question.messages)
         if reply.from_cache or self._prompts is None or not self._prompts.is_cut(n_characters, reply.prompt_tokens):
             return

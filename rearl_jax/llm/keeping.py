@@ -1,4 +1,4 @@
-"""Answers kept while others arrive: the file is read and written by a thread of its own, many answers at a time."""
+"""Asynchronous storage of answers: a separate thread reads and writes the file, many answers at a time."""
 
 import asyncio
 import logging
@@ -13,10 +13,10 @@ log = logging.getLogger(__name__)
 
 
 class Keeper:
-    """The kept answers of one model, for one event loop."""
+    """The stored answers of one model, for one event loop."""
 
     def __init__(self, answers: Answers, model: str, profile: Profile) -> None:
-        """No other object may use the open file meanwhile."""
+        """Takes over the open file; no other object may use it in the meantime."""
         self._answers = answers
         self._model = model
         self._profile = profile
@@ -60,7 +60,7 @@ class Keeper:
                         "answers cannot be stored any more (%s): they are used, but the next run requests them again",
                         error,
                     )
-            except Exception as error:  # passed on to the caller, which would otherwise wait for ever
+            except Exception as error:  # passed to the caller, who would otherwise wait forever
                 for _, done in batch.values():
                     if not done.done():
                         done.set_exception(error)

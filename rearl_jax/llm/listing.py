@@ -1,6 +1,6 @@
-"""The list of a server's models: waits until the server is there, and chooses the model that is asked.
+"""The list of a server's models: waits until the server responds, and chooses the model.
 
-A server without such a list is asked for the configured model.
+For a server without such a list, the configured model is used.
 """
 
 import logging
@@ -18,10 +18,10 @@ from rearl_jax.problems import InvalidInputError, Problem, ProblemError
 log = logging.getLogger(__name__)
 
 _POLL = 1.0
-"""Pause before a server that is loading is asked again [s]."""
+"""Pause between requests to a server that is loading [s]."""
 
 PATIENCE = 10.0
-"""Longest time without a byte of a request that needs no model [s]."""
+"""Read time-out of a request that needs no model [s]."""
 
 
 class ServerError(ProblemError, ConnectionError):
@@ -29,13 +29,13 @@ class ServerError(ProblemError, ConnectionError):
 
 
 async def find_model(connection: Connection, config: LlmConfig) -> tuple[str, Response | None]:
-    """Name the server knows the wanted model by, and its list of models; None for a server without one.
+    """The server's name for the wanted model, and its list of models; None for a server without a list.
 
-    A list that is only found beside the version of the address moves the connection's address there.
+    If the list is only found without the version in the address, the connection's address is changed accordingly.
 
     Raises:
         ServerError: There is no server, or it does not become ready.
-        InvalidInputError: It does not have the model, or no model is named and it lists none.
+        InvalidInputError: The server lacks the model, or no model is named and the server lists none.
     """
     response = await _models(connection, config)
     if not is_list(response) and response.status in (404, 405) and (other := without_version(connection.address)):
@@ -77,7 +77,7 @@ def entries(response: Response) -> list[dict[str, Any]]:
 
 
 def is_list(response: Response) -> bool:
-    """Whether a response is a list of models."""
+    """True if a response is a list of models."""
     try:
         entries(response)
     except ValueError:
@@ -86,7 +86,7 @@ def is_list(response: Response) -> bool:
 
 
 def until_loaded(connection: Connection, config: LlmConfig) -> AsyncRetrying:
-    """Sends a request again as long as the server says that it is loading, for `llm.startup` seconds."""
+    """Retries of a request while the server reports that it is loading, for `llm.startup` seconds."""
     return retrying(
         config,
         _is_loading,
@@ -97,7 +97,7 @@ def until_loaded(connection: Connection, config: LlmConfig) -> AsyncRetrying:
 
 
 async def _models(connection: Connection, config: LlmConfig) -> Response:
-    """The response to the question for the models."""
+    """The response to a request for the list of models."""
     asked = retrying(config, lambda response: not (is_list(response) or response.is_refusal or _is_loading(response)))
     response = await until_loaded(connection, config)(asked, connection.get, "/models", PATIENCE)
     if _is_loading(response):
@@ -119,7 +119,7 @@ def _say_once(state: RetryCallState, connection: Connection, config: LlmConfig) 
 
 
 def _no_server(connection: Connection, config: LlmConfig, response: Response) -> ProblemError:
-    """The problem with a response to the question for models that is not a list of models."""
+    """The problem for a response that is not a list of models."""
     place, status = connection.place, response.status
     http = f"HTTP {status}: {connection.without_key(read_error(response.content))}"
     if status is None:
@@ -139,20 +139,20 @@ def _no_server(connection: Connection, config: LlmConfig, response: Response) ->
 
 
 def refused_access(connection: Connection, config: LlmConfig, http: str) -> InvalidInputError:
-    """The error for a server that wants another key, or any."""
+    """The error for a server that rejects the key, or requires one."""
     remedy = f"put its key into the environment variable {config.api_key_env or 'that llm.api_key_env names'}"
     return InvalidInputError(Problem("server-key", f"the server at {connection.place} refuses access ({http})", remedy))
 
 
 def _choose_model(names: list[str], wanted: str, place: str) -> str:
-    """The name the server knows the wanted model by; the empty name stands for its only one."""
+    """The server's name for the wanted model; an empty name selects its only model."""
     listed = ", ".join(names) or "none"
     if not wanted and len(names) == 1:
         return names[0]
     for name in (wanted, f"{wanted}:latest"):  # Ollama's name for a model without a tag
         if name in names:
             return name
-    behind = [name for name in names if wanted and name.endswith(f"/{wanted}")]  # behind the name of its maker
+    behind = [name for name in names if wanted and name.endswith(f"/{wanted}")]  # after the name of its maker
     if len(behind) == 1:
         return behind[0]
     message = f"must be one of the models of the server at {place} ({listed})"

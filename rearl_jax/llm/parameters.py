@@ -1,6 +1,7 @@
-"""Parameters of a request that a server refuses: which one its error names, and the request without it.
+"""Refused parameters of a request: finds the parameter named in an error, and removes it from the request.
 
-Servers differ in what they refuse of OpenAI's interface, and most name it: in a sentence, or as a field of the error.
+Servers refuse different parameters of OpenAI's interface. Most name the refused parameter, in a sentence or as a field
+of the error.
 """
 
 import json
@@ -10,19 +11,19 @@ from typing import Any
 from rearl_jax.llm.profiles import read_error
 
 _NEEDED = frozenset({"model", "messages"})
-"""Without these there is no question."""
+"""Parameters that every request needs."""
 
 _OTHER_NAMES = {"max_tokens": "max_completion_tokens"}
-"""Names under which some models take a parameter that they refuse under its usual one."""
+"""Alternative names of parameters that some models refuse under the usual name."""
 
 SYSTEM = "system"
-"""Stands for the system message among the refused parameters; its text then begins the user's message."""
+"""Entry for the system message among the refused parameters; if refused, its text is put before the user's message."""
 
 _REFUSED_SYSTEM = re.compile(r"system (?:role|message|prompt|instruction)\w* (?:is |are )?(?:not|un)", re.IGNORECASE)
 
 
 def without(body: str, refused: tuple[str, ...]) -> str:
-    """JSON of a body as a server takes it that refuses some parameters."""
+    """JSON of a body without refused parameters."""
     if not refused:
         return body
     changed: dict[str, Any] = json.loads(body)
@@ -37,10 +38,10 @@ def without(body: str, refused: tuple[str, ...]) -> str:
 
 
 def refused_parameter(body: str, content: bytes) -> str | None:
-    """The parameter of a body that the response to it names as refused; None if it names none.
+    """The parameter named as refused in the response to a body; None if none is named.
 
     Args:
-        body: What was sent.
+        body: The sent body.
         content: Body of the response that refuses it.
     """
     said = content.decode("utf-8", "replace")
@@ -53,14 +54,14 @@ def refused_parameter(body: str, content: bytes) -> str | None:
 
 
 def optional_parameters(body: str) -> list[str]:
-    """Parameters that a body may do without, those first that the fewest servers know."""
+    """Optional parameters of a body, those supported by the fewest servers first."""
     known = ["max_tokens", "temperature", "seed"]
     names = [name for name in json.loads(body) if name not in _NEEDED]
     return sorted(names, key=lambda name: known[::-1].index(name) if name in known else -1)
 
 
 def _in_one(messages: list[dict[str, str]]) -> list[dict[str, str]]:
-    """The messages, those of the system at the beginning of the first other one."""
+    """The messages, with system messages put before the text of the first other message."""
     begin = [message["content"] for message in messages if message["role"] == "system"]
     others = [message for message in messages if message["role"] != "system"]
     if not begin or not others:

@@ -1,6 +1,6 @@
-"""Reads an action, or the reason there is none, from the text of an answer; takes the majority of several answers.
+"""Parsing of answers: finds the action in a text, or the reason why there is none, and the majority of several answers.
 
-Every pattern passes over the text once, so an enormous text costs no more than its length.
+Every pattern passes over the text once, so the time is proportional to the length of the text.
 """
 
 import json
@@ -16,14 +16,14 @@ WORDS = ("left", "keep", "right", "faster", "slower")
 """Names of the actions in questions, in the order of their identifiers."""
 
 _OTHER_NUMBER = len(WORDS)
-"""Stands for every number that is not an identifier."""
+"""Value for every number that is not an identifier."""
 
 _NAMES = {"keep lane": int(MetaAction.IDLE)}
 _NAMES |= {action.name.lower().replace("_", " "): int(action) for action in MetaAction}
 _NAMES |= {word: action for action, word in enumerate(WORDS)}
 
-# Patterns begin with what they look for, and possessive quantifiers (++) never give back: one pass over any text.
-# An underscore is not part of a word: _3_ is an emphasised 3.
+# Possessive quantifiers (++) prevent backtracking, so each pattern passes over a text once. An underscore is not part
+# of a word: _3_ is an emphasised 3.
 _WORD_ENDS = r"(?![^\W_])"
 
 
@@ -46,7 +46,7 @@ _KEYS = tuple(map(re.compile, ("action", "answer", r"\Aid(?:entifier)?\Z")))
 _MARKED = re.compile(
     rf"(?:(?:{_MARK}|####(?!#))[^a-z0-9#]{{0,12}}(?P<name>{_NAME}){_WORD_ENDS}"
     rf"|(?:{_MARK}[^0-9]{{0,12}}|####(?!#)[^a-z0-9#]{{0,12}})(?P<number>{_NUMBER}))"
-    # Another one behind it: the text lists actions, it does not choose.
+    # Followed by another one, it is part of a list of actions, not a choice.
     rf"(?![ \t]*+(?:[,/&|-]|or\b|and\b|to\b)?[ \t]*+(?:[0-9]|(?:{_NAME}){_WORD_ENDS}))"
 )
 _ALONE = re.compile(rf"(?P<number>{_NUMBER})")
@@ -58,12 +58,12 @@ _IDENTIFIER = re.compile(
 
 
 def understand(text: str, choices: tuple[int, ...], finish: str = "") -> tuple[int, Cause]:
-    """The action an answer chooses, KEEP_OUT for none, and the cause.
+    """The chosen action (KEEP_OUT for none) and the cause.
 
     Reasoning is left out: everything up to the last `</think>`; if a `<think>` stays open there is no answer. In the
     rest, without the marks of code fences, the first of these that applies counts:
 
-    1. The whole text is an identifier or a name of an action, but for punctuation.
+    1. The whole text, apart from punctuation, is an identifier or a name of an action.
     2. It is a JSON object with such a value under a key about an action, else about an answer, else `id`.
     3. The last identifier or name that closely follows action, answer or id, or is the first thing after `####`.
     4. The only whole number in the text, or the only name in the spelling of `MetaAction`; if both, they must agree.
@@ -73,7 +73,7 @@ def understand(text: str, choices: tuple[int, ...], finish: str = "") -> tuple[i
     Args:
         text: The answer.
         choices: Identifiers of the admissible actions.
-        finish: Why the server stopped; with `length` a text without an answer was cut off.
+        finish: Finish reason of the server; with `length`, a text without an answer was cut off.
 
     Source: the identifier after `####` is the format of DiLu's answers.
     """
@@ -86,10 +86,10 @@ def understand(text: str, choices: tuple[int, ...], finish: str = "") -> tuple[i
 
 
 def majority(answers: Sequence[tuple[int, Cause]]) -> tuple[int, Cause]:
-    """The action more than half of all votes are for, with invalid votes counted as votes for nothing.
+    """The action with more than half of all votes; invalid votes count in the total.
 
-    Where no action has that many, KEEP_OUT: with the commonest cause of the invalid votes (of equally common ones the
-    first) if more than half are invalid, else `disagreed`.
+    Without such an action the result is KEEP_OUT. Its cause is the most frequent cause of the invalid votes (the first
+    of equally frequent ones) if more than half are invalid, else `disagreed`.
     """
     votes = Counter(action for action, cause in answers if cause is Cause.answered)
     causes = Counter(cause for _, cause in answers if cause is not Cause.answered)
@@ -102,7 +102,7 @@ def majority(answers: Sequence[tuple[int, Cause]]) -> tuple[int, Cause]:
 
 
 def _value(text: str) -> int | None:
-    """Identifier a text chooses, _OTHER_NUMBER for another number, None if it chooses none or several."""
+    """Identifier that a text consists of; _OTHER_NUMBER for another number, None if there is none or several."""
     answer = _without_thinking(text)
     if answer is None:
         return None
@@ -111,14 +111,14 @@ def _value(text: str) -> int | None:
     if whole is not None:
         return _meaning(whole)
     for look in (_under_keys, _last_marked, _alone):
-        found = look(answer)
-        if found is not None:
-            return found.pop() if len(found) == 1 else None
+        match = look(answer)
+        if match is not None:
+            return match.pop() if len(match) == 1 else None
     return None
 
 
 def _without_thinking(text: str) -> str | None:
-    """The text behind the last thought, None if a thought has no end."""
+    """The text after the last reasoning block; None if a reasoning block is not closed."""
     start = 0
     for end in _END_THINK.finditer(text):
         start = end.end()
@@ -126,12 +126,12 @@ def _without_thinking(text: str) -> str | None:
 
 
 def _meaning(match: re.Match[str]) -> int:
-    """Identifier a match stands for, _OTHER_NUMBER for a number that is none."""
+    """Identifier of a match; _OTHER_NUMBER for a number that is not an identifier."""
     groups = match.groupdict()
     if (name := groups.get("name")) is not None:
         return _NAMES[re.sub("[_-]", " ", name.lower())]
     number, start, text = groups["number"], match.start("number"), match.string
-    # A dash behind a word is a hyphen.
+    # A dash after a word is a hyphen.
     is_negative = (
         text[max(start - 1, 0) : start] in ("-", "\u2212") and not text[max(start - 2, 0) : start - 1].isalnum()
     )
@@ -139,7 +139,7 @@ def _meaning(match: re.Match[str]) -> int:
 
 
 def _under_keys(text: str) -> set[int] | None:
-    """Identifiers a JSON object gives as its action, its answer or its id; None if the text is no such object."""
+    """Identifiers under the keys action, answer or id of a JSON object; None if the text is no such object."""
     if not text.startswith("{"):
         return None
     try:
@@ -155,7 +155,7 @@ def _under_keys(text: str) -> set[int] | None:
 
 
 def _last_marked(text: str) -> set[int] | None:
-    """The last identifier said to be the answer; None if there is none."""
+    """The last identifier marked as the answer; None if there is none."""
     last = deque(_MARKED.finditer(text.lower()), maxlen=1)
     return {_meaning(match) for match in last} or None
 

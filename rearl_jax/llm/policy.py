@@ -1,4 +1,4 @@
-"""The language model as a policy: turns a situation into questions, and the answers into one array of actions."""
+"""The language model as a policy: converts a situation to questions, and answers to one array of actions."""
 
 from collections.abc import Callable
 from concurrent.futures import Future
@@ -15,7 +15,7 @@ from rearl_jax.llm.records import Answer, Cause, Question
 
 
 class LanguageModelPolicy:
-    """A `HostPolicy` that asks a language model about those vehicles that need a decision."""
+    """A `HostPolicy` that queries a language model about vehicles that need a decision."""
 
     def __init__(
         self,
@@ -25,7 +25,7 @@ class LanguageModelPolicy:
         first: int = 0,
         watch: Callable[[int], None] = lambda second: None,
     ) -> None:
-        """One policy serves one half of a batch for a whole rollout.
+        """Creates the policy for one half of a batch and one rollout.
 
         `first` is the number of its first scenario; `watch` is called with the number of every second whose questions
         have been submitted.
@@ -51,7 +51,7 @@ class LanguageModelPolicy:
                 answered = done.result()
                 self._client.check_usable(is_finished=False)
                 actions.set_result(actions_of(questions, answered, (n_vehicles, n_scenarios)))
-            except Exception as error:  # raised for the caller that waits for the actions
+            except Exception as error:  # raised in the caller, who waits for the actions
                 actions.set_exception(error)
 
         answers.add_done_callback(finish)

@@ -1,7 +1,7 @@
-"""Body of a request in a server's dialect from a chat, and the completion from the body of a response.
+"""Bodies of requests in a server's dialect, and completions from bodies of responses.
 
-Every server supports chat completions; servers differ in how an answer is restricted to a choice and how the reasoning
-is switched off. What servers return differs in names only, so one reader knows all of them.
+All servers support chat completions, but differ in how answers are restricted to choices and how reasoning is switched
+off. Responses differ in field names only, so one function reads all of them.
 """
 
 import hashlib
@@ -21,11 +21,11 @@ _MOST_TOKENS = 2**31
 
 @dataclass(frozen=True)
 class Dialect:
-    """What a server understands beyond OpenAI's interface.
+    """A server's extensions of OpenAI's interface.
 
     Attributes:
-        profile: Its name.
-        choice: Fields that restrict the answer to some texts; None if the server has none.
+        profile: Name of the dialect.
+        choice: Fields that restrict the answer to given texts; None if the server has none.
         no_thinking: Fields that switch the reasoning off.
     """
 
@@ -45,7 +45,7 @@ _TEMPLATE_SWITCH = {"chat_template_kwargs": {"enable_thinking": False}}
 DIALECTS = {
     dialect.profile: dialect
     for dialect in (
-        # vLLM 0.12 and later; what earlier ones had (guided_choice) is ignored in silence now.
+        # For vLLM 0.12 and later, which silently ignores the earlier field guided_choice.
         Dialect(Profile.vllm, lambda texts: {"structured_outputs": {"choice": list(texts)}}, _TEMPLATE_SWITCH),
         Dialect(Profile.sglang, lambda texts: {"regex": f"({'|'.join(texts)})"}, _TEMPLATE_SWITCH),
         Dialect(Profile.ollama, _response_format, {"reasoning_effort": "none"}),
@@ -60,9 +60,9 @@ DIALECTS = {
 
 
 def is_constrained(config: LlmConfig, dialect: Dialect) -> bool:
-    """Whether answers are restricted to the choices.
+    """True if answers are restricted to the choices.
 
-    Never while the model reasons: some servers would hold the reasoning to the choices as well.
+    Never with reasoning, because some servers would restrict the reasoning to the choices too.
     """
     return config.constrained and dialect.choice is not None and config.thinking is not Thinking.on
 
@@ -96,11 +96,12 @@ def request_digest(body: str, dialect: Dialect) -> str:
 def read_completion(content: bytes) -> Completion:
     """Completion in the body of a response.
 
-    A response without a text counts as the empty text if the model was cut off or returned only reasoning. A text in
-    parts is joined; the words with which a model declines are its text.
+    A response without a text gives the empty text if the model was cut off or returned only reasoning. A text in parts
+    is joined; a refusal of the model is its text.
 
     Raises:
-        ValueError: It is not a completion of a chat: no JSON, an error, another shape, no choices, no text.
+        ValueError: The content is not a chat completion: no JSON, an error, a different structure, no choices, or no
+            text.
     """
     body = _object(read_json(content), "the response")
     choices = body.get("choices")
@@ -135,7 +136,7 @@ def read_completion(content: bytes) -> Completion:
 
 
 def _joined(parts: list[Any]) -> tuple[str | None, str]:
-    """Text and reasoning of a content in parts; no text without a part that holds one.
+    """Text and reasoning of a content in parts; None as text if no part contains one.
 
     Raises:
         ValueError: A part is no object.
@@ -168,7 +169,7 @@ def read_json(content: bytes) -> Any:
     """The value of a JSON text.
 
     Raises:
-        ValueError: It is none, or nested too deeply.
+        ValueError: The text is not JSON, or nested too deeply.
     """
     try:
         return json.loads(content)
@@ -187,7 +188,7 @@ def _mapping(value: Any) -> Mapping[str, Any]:
 
 
 def _text(value: Any) -> str:
-    """A text that can be written in UTF-8: JSON can hold halves of surrogate pairs; no text becomes the empty one."""
+    """A value as text that can be encoded in UTF-8 (JSON may contain unpaired surrogates); the empty text for None."""
     return value.encode("utf-8", "replace").decode() if isinstance(value, str) else ""
 
 

@@ -1,36 +1,36 @@
-"""Notices from a server's own count of tokens that it has cut prompts, which servers do in silence.
+"""Detection of truncated prompts from the server's token counts, because servers truncate without a message.
 
-Ollama, for one, cuts what exceeds its context length, 4,096 tokens by default, and answers the rest.
+For example, Ollama truncates a prompt to its context length, 4,096 tokens by default, and answers the rest.
 """
 
 MOST_CHARACTERS = 8.0
-"""Characters that a token holds at most, on average over a prompt [-]; own choice. English text has 4 to 5, the shipped
-prompt with its many figures 2 to 4.
+"""Largest plausible number of characters per token, averaged over a prompt [-]; own choice. English text has 4 to 5,
+the shipped prompt with its many figures 2 to 4.
 """
 
 _LEAST_PROMPTS = 8
-"""Prompts with the same count that show a limit."""
+"""Number of prompts with the same token count that indicates a limit."""
 
 _DIFFERENCE = 1.05
-"""Longest prompt with a count relative to the shortest, above which a common count is no coincidence [-]."""
+"""Ratio of the longest to the shortest prompt with equal counts [-] above which equality is not a coincidence."""
 
 
 class PromptLengths:
     """Lengths and counted tokens of the prompts of one server."""
 
     def __init__(self) -> None:
-        """No prompt was counted yet."""
+        """Starts without counted prompts."""
         self._most = 0
         self._lengths: list[int] = []
 
     def is_cut(self, n_characters: int, n_tokens: int | None) -> bool:
-        """Whether a prompt, with those before it, shows that the server cuts prompts.
+        """Records a prompt; True if the prompts so far show that the server truncates them.
 
         Either it has too few tokens for its length, or prompts of different lengths all have the largest count.
 
         Args:
-            n_characters: Its length.
-            n_tokens: Tokens that the server has counted; None or 0 if it does not say.
+            n_characters: Length of the prompt.
+            n_tokens: Token count of the server; None or 0 if not stated.
         """
         if not n_tokens:
             return False

@@ -1,8 +1,8 @@
 """The questions of one second, one per vehicle that needs a decision, from the traffic and its references.
 
-What vehicles share comes first in a question, so that a server with a prefix cache reads the rest only:
-the system message (the whole study), ROAD, REFERENCE (every scenario compared with the same reference), SCENE (one
-scenario), then the vehicle. Shared parts are rendered once; questions with equal beginnings follow each other.
+Shared text comes first in a question, so that a server with a prefix cache processes only the rest: the system message
+(same for the whole study), ROAD, REFERENCE (same for all scenarios with this reference), SCENE (one scenario), then the
+vehicle. Shared parts are rendered once; questions with equal beginnings follow each other.
 """
 
 from collections import deque
@@ -31,14 +31,14 @@ _count_speeds = jax.jit(speed_counts, static_argnames="hist")
 
 
 class Prompter:
-    """Asks about the vehicles of one batch of scenarios; remembers the speeds of the last seconds.
+    """Generator of questions about the vehicles of one batch of scenarios; it stores the speeds of the last seconds.
 
     Args:
         table: References.
-        model: The road.
-        options: What the questions show.
+        model: Traffic model; only its road is used.
+        options: Content of the questions.
         detection: Choices of the detection, whose speed bins the questions show.
-        template: The template; None for that of `options`. To be loaded once if there are several batches.
+        template: The template; None for that of `options`. Load it once for several batches.
         vehicle_length: Length [m], or lengths that broadcast to `[n_vehicles, n_scenarios]`; highway-env's by default.
 
     Raises:
@@ -75,10 +75,10 @@ class Prompter:
     def questions(self, situation: Situation, thresholds: Thresholds) -> list[Question]:
         """A question for every vehicle that needs a decision, sorted by (reference, scenario, vehicle).
 
-        To be called once for every simulated second, also if no vehicle is asked. A vehicle without any admissible
-        action is not asked, because no answer could be followed: it stays with IDM and MOBIL like a vehicle without a
-        valid answer, and `decision.execution.accept` counts it among those (`n_invalid`). There are as many of them as
-        `situation.detection.mask` has vehicles more than there are questions.
+        Call it once for every simulated second, even if there are no questions. There is no question about a vehicle
+        without admissible actions, because no answer could be followed. It is controlled by IDM and MOBIL like a
+        vehicle without a valid answer, and `decision.execution.accept` counts it among those (`n_invalid`). There are
+        as many of them as `situation.detection.mask` has vehicles more than there are questions.
 
         Raises:
             ValueError: A second was left out, or the template fails.
@@ -109,14 +109,14 @@ class Prompter:
         return questions
 
     def _shared(self, situation: Situation, thresholds: Thresholds, asked: Asked) -> dict[int, _Shared]:
-        """What the questions of each scenario share."""
+        """Shared variables of the questions of each scenario."""
         second, table = int(situation.second), self._table
         model = self._model
         road = Road(model.n_lanes, model.lane_width, model.speed_limit, len(situation.frame.speed))
         of_road = self._with_block("road", {**self._constants, "road": road}, {})
         simulated = np.sum(self._counts, axis=0)
         of_references: dict[int, _Shared] = {}
-        found: dict[int, _Shared] = {}
+        shared: dict[int, _Shared] = {}
         for scenario in np.unique(asked.scenario).tolist():
             number = int(situation.detection.reference[scenario])
             if number not in of_references:
@@ -126,8 +126,8 @@ class Prompter:
             variables, ready = of_references[number]
             recorded = table.window_counts[second, :, number]
             scene = scene_of(situation, thresholds, simulated[:, scenario], recorded, scenario)
-            found[scenario] = self._with_block("scene", {**variables, "scene": scene}, ready)
-        return found
+            shared[scenario] = self._with_block("scene", {**variables, "scene": scene}, ready)
+        return shared
 
     def _with_block(self, block: str, variables: Mapping[str, object], ready: Mapping[str, Rendered]) -> _Shared:
         """The variables, and the rendered blocks with one more, if the template has it."""
@@ -137,7 +137,7 @@ class Prompter:
 
 
 def _asked(situation: Situation) -> Asked:
-    """Vehicles that are asked, in the order of the questions."""
+    """Vehicles with a question, in the order of the questions."""
     is_asked = np.asarray(situation.detection.mask & situation.admissible.any(axis=0))
     vehicle, scenario = np.nonzero(is_asked)
     order = np.lexsort((vehicle, scenario, np.asarray(situation.detection.reference)[scenario]))

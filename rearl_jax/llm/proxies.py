@@ -1,7 +1,7 @@
-"""The proxy of the environment through which an address is reached, by the usual variables.
+"""The proxy for an address, from the usual environment variables.
 
-`http_proxy`, `https_proxy` and `all_proxy` in either case, or what the operating system has in their place; `no_proxy`
-names hosts, domains and networks that are reached directly, as this machine's own addresses always are.
+`http_proxy`, `https_proxy` and `all_proxy`, in upper or lower case, or the proxy settings of the operating system, name
+proxies. `no_proxy` names hosts, domains and networks without a proxy; addresses of this machine never use one.
 """
 
 import os
@@ -13,7 +13,7 @@ from urllib.request import getproxies, proxy_bypass
 from rearl_jax.problems import InvalidInputError, Problem
 
 SCHEMES = ("http", "https", "socks5", "socks5h")
-"""Kinds of proxies that httpx speaks to."""
+"""Kinds of proxies that httpx supports."""
 
 
 @dataclass(frozen=True)
@@ -21,9 +21,9 @@ class Proxy:
     """A proxy of the environment.
 
     Attributes:
-        url: Its address, with the password if it has one.
-        variable: The environment variable that names it; empty if the operating system does.
-        place: Host and port, to be shown.
+        url: Address of the proxy, with its password if there is one.
+        variable: Environment variable that names the proxy; empty for settings of the operating system.
+        place: Host and port, for messages.
     """
 
     url: str
@@ -38,7 +38,7 @@ def proxy_for(address: str) -> Proxy | None:
     """The proxy through which an address is reached; None if it is reached directly.
 
     Raises:
-        InvalidInputError: The variable holds no address of a proxy, or one of a kind that is not known.
+        InvalidInputError: The variable contains no valid proxy address, or an unsupported kind of proxy.
     """
     parts = urlsplit(address)
     host, proxies = parts.hostname or "", getproxies()
@@ -77,7 +77,7 @@ def _is_loopback(host: str) -> bool:
 
 
 def _is_excepted(host: str) -> bool:
-    """Whether `no_proxy` holds a network the address lies in."""
+    """True if `no_proxy` contains a network with this address."""
     excepted = os.environ.get("no_proxy") or os.environ.get("NO_PROXY", "")
     try:
         own = ip_address(host)

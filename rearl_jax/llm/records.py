@@ -8,12 +8,12 @@ KEEP_OUT = -1
 
 
 class Cause(Enum):
-    """Result of a question: answered, or why the vehicle is left to IDM and MOBIL."""
+    """Result of a question: answered, or the cause why the vehicle is controlled by IDM and MOBIL."""
 
     answered = "answered"
     """One admissible action was understood."""
     unparsable = "unparsable"
-    """The text holds no action, or several."""
+    """The text contains no action, or several."""
     out_of_range = "out_of_range"
     """A number that is not an action."""
     inadmissible = "inadmissible"
@@ -25,13 +25,13 @@ class Cause(Enum):
     late = "late"
     """No answer within the time-outs or the deadline of the burst."""
     refused = "refused"
-    """The server answered with an error that asking again does not mend."""
+    """The server answered with an error that a retry cannot solve."""
     failed = "failed"
     """Every try failed: the server sent errors, broken replies or nothing."""
     broken = "broken"
     """Not sent: the circuit breaker is open, because the server was down."""
     not_kept = "not_kept"
-    """Replay: the cache holds no answer."""
+    """Replay: the cache contains no answer."""
 
 
 @dataclass(frozen=True)
@@ -48,7 +48,7 @@ class Question:
 
     Attributes:
         scenario: Column of the vehicle's scenario in the batch.
-        vehicle: Its row.
+        vehicle: Row of the vehicle.
         messages: The chat, shared text first.
         choices: Identifiers of the admissible actions, rising.
     """
@@ -61,17 +61,17 @@ class Question:
 
 @dataclass(frozen=True)
 class Completion:
-    """Completion of one chat, as a server sends it and as it is kept.
+    """Completion of one chat, as sent by a server and as stored.
 
-    The one declaration of these fields: the file of the answers takes its columns from here.
+    The columns of the file of answers follow from these fields.
 
     Attributes:
         text: Text of the answer; None if there is none.
         thinking: Text the server returned as reasoning; logged, never an action.
-        finish: Why the server stopped (`stop`, `length`, ...); empty if it did not say.
-        prompt_tokens: Tokens of the chat; None if the server does not say.
-        cached_tokens: Those of them that the server had in its prefix cache; None if it does not say.
-        answer_tokens: Tokens of the answer; None if the server does not say.
+        finish: Finish reason of the server (`stop`, `length`, ...); empty if not stated.
+        prompt_tokens: Tokens of the chat; None if not stated.
+        cached_tokens: Tokens of the chat that were in the server's prefix cache; None if not stated.
+        answer_tokens: Tokens of the answer; None if not stated.
     """
 
     text: str | None = None
@@ -91,14 +91,14 @@ TEXTS = tuple(field.name for field in fields(Completion) if field.name not in TO
 
 @dataclass(frozen=True, kw_only=True)
 class Reply(Completion):
-    """A completion from the server or from the cache, or the cause why there is none.
+    """A completion from the server or from the cache, or the cause of its absence.
 
     Attributes:
-        cause: `answered` if there is a text, to be parsed; else why there is none.
-        latency: From the first sending to the last byte, all tries [s]; 0 from the cache.
-        tries: Times it was sent; 0 from the cache or if it was not sent.
+        cause: `answered` if there is a text to parse; else the cause of its absence.
+        latency: Time from the first sending to the last byte, all tries included [s]; 0 from the cache.
+        tries: Number of times the chat was sent; 0 from the cache.
         status: Last HTTP status; None without one.
-        from_cache: Whether our own cache gave it.
+        from_cache: Whether the reply comes from the file of answers.
     """
 
     cause: Cause
@@ -114,8 +114,8 @@ class Answer:
 
     Attributes:
         action: The action to execute, KEEP_OUT for none.
-        cause: `answered`, or why there is none.
-        replies: What came back, one per vote.
+        cause: `answered`, or the cause why there is no action.
+        replies: Replies, one per vote.
         digest: Hash of the chat and of everything sent with it, as in the cache.
     """
 

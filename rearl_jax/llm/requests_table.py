@@ -1,6 +1,7 @@
 """Table of the questions and their results with one row per request, and the counts so far.
 
-A row holds what the table shows and nothing else: a study has a hundred thousand questions of some thousand characters.
+Rows contain only the columns of the table, because a study may have a hundred thousand questions of several thousand
+characters.
 """
 
 from collections.abc import Mapping, Sequence
@@ -32,9 +33,9 @@ COLUMNS = {
 }
 """Columns of the table and their types in pandas; those not described here are the fields of `Question` and `Reply`.
 
-`second` is that of the simulation, missing if it was not given; `vote` counts from 0; `thinking_length` is that of
-the reasoning [characters]; `action` and `cause` are those of this reply alone; `was_sent` is false if the answer was
-stored or an equal question was sent. `latency` and tokens summed over the rows with `was_sent` are those of the server.
+`second` is that of the simulation, missing if it was not given; `vote` counts from 0; `thinking_length` is that of the
+reasoning [characters]; `action` and `cause` refer to this reply alone; `was_sent` is false if the answer was stored or
+an equal question was sent. `latency` and tokens summed over the rows with `was_sent` are those of the server.
 """
 
 
@@ -44,9 +45,9 @@ class Counts:
 
     Attributes:
         questions: Questions submitted so far.
-        answers: Those of them that have an answer or a cause.
-        causes: The same by cause.
-        kept: Chats whose answer was kept from earlier.
+        answers: Questions with an answer or a cause.
+        causes: Number of these questions by cause.
+        kept: Chats whose answer was already stored.
         sent: Chats that were sent.
         tries: Times a chat was sent.
         waiting: Chats that are not sent yet.
@@ -64,7 +65,9 @@ class Counts:
 
 
 def request_row(question: Question, reply: Reply, **others: Any) -> tuple[Any, ...]:
-    """The row of one reply to one question, in the order of COLUMNS; `others` are what neither record holds."""
+    """The row of one reply to one question, in the order of COLUMNS; `others` are the columns that neither record
+    contains.
+    """
     values = vars(question) | vars(reply) | {"thinking_length": len(reply.thinking)} | others
     return tuple(values[name] for name in COLUMNS)
 

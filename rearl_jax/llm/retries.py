@@ -9,10 +9,10 @@ from rearl_jax.config.llm import LlmConfig
 
 
 def retrying(config: LlmConfig, is_transient: Callable[[Any], bool], **changes: Any) -> AsyncRetrying:
-    """Retries of one request; called with what sends it, it returns the last result.
+    """Retries of one request: a callable that takes the sending function and returns the last result.
 
-    The pause after the n-th try is uniform in [0, llm.backoff 2^(n - 1)] s, so that requests that failed together do
-    not come back together.
+    The pause after the n-th try is uniform in [0, llm.backoff 2^(n - 1)] s, so that requests that failed at the same
+    time are not repeated at the same time.
     """
     usual = {
         "retry": retry_if_result(is_transient),

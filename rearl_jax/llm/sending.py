@@ -1,6 +1,6 @@
-"""Sends waiting requests in their order, a limited number at a time, and again if that can help.
+"""Sending of requests in their order, a limited number at a time, with retries.
 
-Everything here runs in one event loop. A reply with a cause comes out whatever the server does.
+Everything here runs in one event loop. Every job gets a reply, with a cause if there is no answer.
 """
 
 import asyncio
@@ -22,7 +22,7 @@ from rearl_jax.llm.retries import last_result, retrying
 log = logging.getLogger(__name__)
 
 _OF_CONTENT = (400, 413, 415, 422)
-"""Statuses of refusals that may be due to the one request; with others the server refuses all alike."""
+"""Statuses of refusals that may concern a single request; with other statuses the server refuses all requests."""
 
 
 @dataclass(eq=False, slots=True)
@@ -30,15 +30,15 @@ class Job:
     """One pending request.
 
     Attributes:
-        digest: Hash of what is sent.
-        body: What is sent.
-        done: The reply, when there is one.
-        deadline: Time of the event loop after which no burst waits for it.
-        waiting: Bursts of questions that wait for it.
-        started: Time at which it was first sent; None before.
-        tries: Times it was sent.
+        digest: Hash of the request.
+        body: Body of the request.
+        done: Future of the reply.
+        deadline: Time of the event loop after which no burst waits for the job.
+        waiting: Number of bursts of questions that wait for the job.
+        started: Time of the first sending; None before.
+        tries: Number of times the request was sent.
         status: Last HTTP status.
-        task: What sends it; None before.
+        task: Task that sends the request; None before.
     """
 
     digest: str
@@ -60,9 +60,9 @@ class Job:
 
 @dataclass(frozen=True)
 class _Try:
-    """One sending: a completion, or a cause and whether sending it again can help.
+    """Result of one sending: a completion, or a cause and whether a retry can help.
 
-    A server that is busy, or refuses, is not down: `is_alive`.
+    `is_alive` is also true for a server that is busy or refuses the request.
     """
 
     cause: Cause
@@ -77,7 +77,7 @@ class Sender:
     """Sends jobs to one server."""
 
     def __init__(self, connection: Connection, config: LlmConfig, finish: Callable[[Job, Reply], None]) -> None:
-        """Nothing is sent yet; `finish` takes every reply."""
+        """Prepares the sender; nothing is sent yet. `finish` is called with every reply."""
         self._connection = connection
         self._config = config
         self._finish = finish
@@ -100,7 +100,7 @@ class Sender:
         return len(self._waiting)
 
     def add(self, jobs: list[Job]) -> None:
-        """Sends jobs in this order, as soon as there is room."""
+        """Queues jobs in this order."""
         self._waiting.update(jobs)
         for job in jobs:
             job.task = asyncio.create_task(self._run(job))
@@ -114,7 +114,7 @@ class Sender:
             job.task.cancel()
 
     async def close(self) -> None:
-        """Stops everything."""
+        """Stops all jobs."""
         for task in self._tasks:
             task.cancel()
         await asyncio.gather(*self._tasks, return_exceptions=True)
@@ -123,7 +123,7 @@ class Sender:
         self._waiting.discard(job)
         self._tasks.discard(task)
         if not task.cancelled() and (error := task.exception()) is not None and not job.done.done():
-            job.done.set_exception(error)  # an error of this package, which the caller must see
+            job.done.set_exception(error)  # a programming error, which the caller must see
 
     async def _run(self, job: Job) -> None:
         async with self._slots:
@@ -131,7 +131,7 @@ class Sender:
         self._finish(job, job.reply(last.cause, last.completion))
 
     async def _send_unless_down(self, job: Job) -> _Try:
-        """Result of a job; at a server that counts as down the others wait for the one that is the probe."""
+        """Result of a job; if the server counts as down, other jobs wait for the probe."""
         if self._breaker.is_open:
             async with self._probe:
                 if self._breaker.refuses:
@@ -154,7 +154,7 @@ class Sender:
         return last
 
     async def _ask(self, job: Job) -> _Try:
-        """Result of the last of at most `llm.tries` tries; while the server counts as down there is no second one."""
+        """Result of the last of at most `llm.tries` tries; no retries while the server counts as down."""
         loop = asyncio.get_running_loop()
         job.started = loop.time()
         body = job.body.encode()
@@ -194,7 +194,7 @@ class Sender:
         return await tried(send)
 
     def _give_up(self, state: RetryCallState) -> _Try:
-        """Result of a job that is not sent again: too often already, or there is no time left."""
+        """Result of a job that is not sent again, after too many tries or without time left."""
         last = last_result(state)
         if state.attempt_number >= self._config.tries:
             return last

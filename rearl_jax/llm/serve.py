@@ -1,7 +1,7 @@
-"""A llama.cpp server in a process of its own: `python -m rearl_jax.llm.serve MODEL SLOTS THREADS`.
+"""A llama.cpp server in a separate process: `python -m rearl_jax.llm.serve MODEL SLOTS THREADS`.
 
-Prints `READY <address>` when it takes requests, and lives until it is told to stop or its standard input is closed,
-so that it never outlives the process that started it.
+Prints `READY <address>` when it accepts requests, and runs until it is stopped or its standard input is closed, so that
+it ends with the process that started it.
 """
 
 import os
@@ -15,13 +15,13 @@ CONTEXT = 2048
 
 
 def _leave(number: int, frame: FrameType | None) -> None:
-    # At once, because the server's own shutdown waits for requests in progress, over a minute as measured.
+    # Immediate exit, because the server's own shutdown waits for pending requests, measured at over a minute.
     os._exit(0)
 
 
 def main() -> None:
-    """Serves until the end."""
-    # By name, as it is compiled code without types, and only there with the extra `llm`.
+    """Serves requests until the process is stopped."""
+    # Imported by name, because the module is untyped and only installed with the extra `llm`.
     xllamacpp = import_module("xllamacpp")
     model, slots, threads = sys.argv[1], int(sys.argv[2]), int(sys.argv[3])
     params = xllamacpp.CommonParams()

@@ -1,4 +1,4 @@
-"""Finds from the server's address and the configuration which model is asked, in which dialect; or raises a problem.
+"""Start of a session with a server: determines model and dialect from the address and the configuration.
 
 Before the first question the server must respond, have loaded the model and list its name, if it lists any. A trial
 request shows whether it answers at all, what it refuses, and whether it restricts answers to the choices.
@@ -18,7 +18,7 @@ from rearl_jax.problems import InvalidInputError, Problem
 log = logging.getLogger(__name__)
 
 _MAKERS = {"vllm": Profile.vllm, "sglang": Profile.sglang, "llamacpp": Profile.llamacpp}
-"""Servers that name themselves as the owner of their models."""
+"""Servers that state themselves as the owner of their models."""
 
 
 @dataclass(frozen=True)
@@ -26,9 +26,9 @@ class Server:
     """Model and server software that the questions go to.
 
     Attributes:
-        model: Its name.
-        dialect: What the server understands.
-        refused: Parameters that it refuses, see `parameters.without`.
+        model: Name of the model.
+        dialect: Dialect of the server.
+        refused: Parameters that the server refuses, see `parameters.without`.
     """
 
     model: str
@@ -37,11 +37,11 @@ class Server:
 
 
 async def meet(connection: Connection, config: LlmConfig) -> Server:
-    """Waits until the server is there and knows the model, and sends it a trial request.
+    """The server's model and dialect, after it responds, has the model, and has answered a trial request.
 
     Raises:
         ServerError: There is no server, or it does not become ready.
-        InvalidInputError: It does not have the model, or refuses what it is sent.
+        InvalidInputError: The server does not have the model, or refuses the trial request.
     """
     model, listed = await find_model(connection, config)
     profile = config.profile
@@ -68,7 +68,7 @@ def replayed(answers: Answers, config: LlmConfig) -> Server:
     """The model whose answers are replayed.
 
     Raises:
-        InvalidInputError: The configuration fits none of the kept models, or several.
+        InvalidInputError: The configuration matches none of the stored models, or several.
     """
     kept = answers.sources()
     fitting = [

@@ -1,4 +1,4 @@
-"""Neighbours of some vehicles in one frame, ahead and behind, on the own lane and the two lanes beside it."""
+"""Neighbours of the given vehicles in one frame, ahead and behind, on the own and the two adjacent lanes."""
 
 from typing import NamedTuple
 
@@ -17,9 +17,9 @@ class Surroundings(NamedTuple):
     """The nearest vehicle at each of the `PLACES` around some vehicles.
 
     Attributes:
-        gap: Bumper to bumper [m], negative if the two are side by side; inf if there is no vehicle.
-        speed: Its speed [m/s].
-        relative_speed: Its speed less that of the vehicle [m/s].
+        gap: Bumper-to-bumper gap [m], negative if the two are side by side; inf without a vehicle.
+        speed: Speed of the neighbour [m/s].
+        relative_speed: Speed of the neighbour minus that of the vehicle [m/s].
     """
 
     gap: Float[np.ndarray, "places asked"]

@@ -1,6 +1,6 @@
-"""Blocks of the Jinja file of the prompts, rendered; an error in the file becomes one sentence.
+"""Rendering of the blocks of the prompts' Jinja file; an error in the file is reported in one sentence.
 
-The shipped file, `prompt.txt.j2`, says which blocks and variables there are.
+The shipped file, `prompt.txt.j2`, lists the blocks and variables.
 """
 
 from collections.abc import Callable, Iterator, Mapping
@@ -31,10 +31,10 @@ _REFERENCE = _ROAD | {"reference"}
 _SCENE = _REFERENCE | {"scene"}
 _USER = _SCENE | {"car", "neighbours", "choices"}
 VARIABLES = {"system": _EVERYWHERE, "road": _ROAD, "reference": _REFERENCE, "scene": _SCENE, "user": _USER}
-"""What each block may use; blocks of other names may use what `user` may."""
+"""Variables that each block may use; blocks of other names may use those of `user`."""
 
 Rendered = Callable[[Context], Iterator[str]]
-"""A block that has been rendered before."""
+"""A block that is already rendered."""
 
 
 class PromptTemplate:
@@ -45,27 +45,27 @@ class PromptTemplate:
         self._template = template
 
     def has(self, block: str) -> bool:
-        """Whether the file has a block of that name."""
+        """True if the file has a block of that name."""
         return block in self._template.blocks
 
     def render(self, block: str, variables: Mapping[str, object], ready: Mapping[str, Rendered] | None = None) -> str:
         """Text of a block.
 
         Raises:
-            InvalidInputError: Something in the block does not work; the problem names file and line.
+            InvalidInputError: The block contains an error; the problem names file and line.
         """
         context = self._template.new_context(dict(variables))
         for name, text in (ready or {}).items():
             context.blocks[name] = [text]
         try:
             return "".join(self._template.blocks[block](context))
-        except Exception as error:  # a template can raise anything; all of it is the fault of that file
+        except Exception as error:  # a template can raise any exception; all are errors of the template file
             fault = str(error) if isinstance(error, UndefinedError) else f"{type(error).__name__}: {error}"
             problem = Problem("template-fails", fault, file=self.file, line=self._line(error))
             raise InvalidInputError(problem) from error
 
     def _line(self, error: BaseException) -> int:
-        """Line of the file an error comes from."""
+        """Line of the file that caused an error."""
         line, step = 0, error.__traceback__
         while step is not None:
             if step.tb_frame.f_code.co_filename == self._template.filename:
@@ -84,12 +84,12 @@ def rendered(text: str) -> Rendered:
 
 
 def load_template(path: str) -> PromptTemplate:
-    """The template in a file; the empty path stands for the shipped one.
+    """The template in a file; the shipped one for an empty path.
 
     Raises:
         MissingInputError: There is no such file.
-        InvalidInputError: It is not a template, lacks a block or uses a variable that does not exist; the problem names
-            file and line.
+        InvalidInputError: The file is not a template, lacks a block or uses a variable that does not exist; the problem
+            names file and line.
     """
     file, loader = (
         (Path(path), FileSystemLoader(Path(path).parent))
@@ -121,7 +121,7 @@ def load_template(path: str) -> PromptTemplate:
 
 
 def _written(value: object) -> object:
-    """How the value of an expression is written."""
+    """Text of the value of an expression."""
     if isinstance(value, float):
         return f"{value:z.1f}"
     return "none" if value is None else value

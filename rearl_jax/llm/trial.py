@@ -1,7 +1,8 @@
-"""The trial request before the first question: whether a server answers, what it refuses, whether it keeps constraints.
+"""The trial request before the first question: tests whether a server answers, which parameters it refuses, and whether
+it respects constraints.
 
-Many servers ignore a constraint in silence, and some refuse parameters that others need. A refused parameter is left
-out of all requests and said; a server that answers no form of the request is a problem.
+Many servers silently ignore a constraint, and some refuse parameters that others need. A refused parameter is left out
+of all requests with a message; a server that answers no form of the request is a problem.
 """
 
 import logging
@@ -23,13 +24,13 @@ _CHAT = (
     Message("user", "What is the capital of France? Reply with its name only."),
 )
 _CHOICES = (7, 8)
-"""Choices that no model answers to that question unless it is restricted to them."""
+"""Choices that no model would answer to the trial question unless it is restricted to them."""
 
 _MOST_NAMED = 8
 """Refused parameters that are left out one after another."""
 
 _OF_CONTENT = (400, 415, 422)
-"""Statuses of a request that is refused for what it says."""
+"""Statuses of a request that is refused for its content."""
 
 
 class RefusedTrialError(InvalidInputError):
@@ -43,18 +44,19 @@ class RefusedTrialError(InvalidInputError):
 async def try_out(
     connection: Connection, config: LlmConfig, model: str, dialect: Dialect, *, is_known: bool
 ) -> tuple[str, ...]:
-    """Parameters that the server refuses, after a trial request in the form of the questions; warns of what it ignores.
+    """Parameters that the server refuses, found by a trial request in the form of the questions; warns about ignored
+    ones.
 
     Args:
         connection: The server.
-        config: What is asked of it.
+        config: Options of the requests.
         model: Name of the model.
-        dialect: What the server is taken to understand.
-        is_known: Whether it has listed its models; if not, only an answer shows that it is a server of models.
+        dialect: Assumed dialect of the server.
+        is_known: Whether the server has listed its models; if not, only an answer shows that it serves models.
 
     Raises:
-        RefusedTrialError: It refuses the request, whatever is left out.
-        ServerError: It gives no answer and has not listed its models.
+        RefusedTrialError: The server refuses the request in every form.
+        ServerError: The server gives no answer and has not listed its models.
     """
     body = request_body(_CHAT, _CHOICES, model=model, dialect=dialect, config=config, seed=config.seed)
     post = retrying(config, lambda response: not response.is_refusal and _text_of(response)[0] is None)
@@ -102,7 +104,7 @@ def _check_answer(
     *,
     is_known: bool,
 ) -> None:
-    """Warn of an answer that does not keep the constraint, or of none."""
+    """Warn about an answer that violates the constraint, or a missing answer."""
     text, why = _text_of(response)
     if text is None:
         why = connection.without_key(why)
@@ -148,7 +150,7 @@ def _refusal(connection: Connection, config: LlmConfig, dialect: Dialect, respon
 
 
 def _said(name: str) -> tuple[str, str]:
-    """A refused parameter and what is done instead."""
+    """Texts: a refused parameter, and the replacement."""
     if name == SYSTEM:
         return "a message of the system", "with its text in the message of the user"
     return name, "with max_completion_tokens" if name == "max_tokens" else "without it"

@@ -1,4 +1,4 @@
-"""Whether a run still gets usable answers: without any, its result would be that of the traffic left to itself."""
+"""Check for usable answers: without any, the result of a run would be that of traffic without corrections."""
 
 from collections.abc import Mapping
 
@@ -30,15 +30,16 @@ def check_usable(
     refused_in_a_row: int,
     most_refused: int,
 ) -> None:
-    """Raise InvalidInputError if there is no use in asking on.
+    """Raise InvalidInputError if further questions are pointless.
 
     Args:
         counts: Progress of the client.
-        reasons: What the server said or did last, by cause.
+        reasons: Last message of the server, by cause.
         is_finished: Whether there are no further questions.
-        any_text: Whether a text of the model is a result, whatever it says.
-        refused_in_a_row: Requests since the last answer that were refused whatever they ask, as without credit.
-        most_refused: Refused requests that are enough.
+        any_text: Whether any text of the model counts as a result.
+        refused_in_a_row: Requests since the last answer that were refused independently of their content, for example
+            without credit.
+        most_refused: Number of such requests that stops the run.
     """
     if counts.answers == 0 or not (causes := {cause: n for cause, n in counts.causes.items() if n}):
         return

@@ -1,6 +1,6 @@
 """Variables of a template for one second of the traffic, as plain numbers and words, from NumPy arrays.
 
-The records' fields are the names that templates use.
+Fields of these records are the names in templates.
 """
 
 from collections.abc import Iterator
@@ -79,7 +79,7 @@ class Scene(NamedTuple):
 
 
 class Car(NamedTuple):
-    """The vehicle that is asked about: speed [m/s], acceleration [m/s^2], mean distance to the others [m].
+    """The vehicle of the question: speed [m/s], acceleration [m/s^2], mean distance to the others [m].
 
     Ranks count from the highest value; equal values share the better rank. `last_action` is None without an action in
     the last second, `since_lane_change` [s] None without a lane change so far.
@@ -111,7 +111,7 @@ class Neighbour(NamedTuple):
 
 
 class Asked(NamedTuple):
-    """Rows and columns of the vehicles that are asked about."""
+    """Rows and columns of the vehicles with a question."""
 
     vehicle: Int[np.ndarray, " asked"]
     scenario: Int[np.ndarray, " asked"]
@@ -133,7 +133,7 @@ def scene_of(
     scenario: int,
 ) -> Scene:
     """A scenario as a whole."""
-    found = situation.detection
+    detection = situation.detection
     shares = ((100 * counts / max(counts.sum(), 1)).tolist() for counts in (simulated, recorded))
 
     def error(value: ArrayLike, threshold: ArrayLike, exceeded: ArrayLike) -> Error:
@@ -142,9 +142,9 @@ def scene_of(
 
     return Scene(
         shares=[Share(*both) for both in zip(*shares, strict=True)],
-        mean_distance=float(found.mean_spacing[scenario]),
-        speeds=error(found.hellinger, thresholds.hellinger, found.speed_exceeded),
-        spacing=error(found.mape, thresholds.mape, found.spacing_exceeded),
+        mean_distance=float(detection.mean_spacing[scenario]),
+        speeds=error(detection.hellinger, thresholds.hellinger, detection.speed_exceeded),
+        spacing=error(detection.mape, thresholds.mape, detection.spacing_exceeded),
     )
 
 
@@ -172,7 +172,7 @@ def cars_of(situation: Situation, asked: Asked, model: TrafficModel) -> Iterator
 
 
 def ranks(values: ArrayLike, asked: Asked) -> Int[np.ndarray, " asked"]:
-    """Rank of each vehicle that is asked about in its scenario, 1 for the highest value."""
+    """Rank of each vehicle with a question in its scenario, 1 for the highest value."""
     values = np.asarray(values)
     own, rank = values[asked], np.ones(len(asked.vehicle), int)
     for other in values:

@@ -1,8 +1,8 @@
-"""The metric table: what each figure is, its unit, and whether more of it is better.
+"""The metric table: definition, unit and direction of improvement of each metric.
 
 The names are the columns of the result tables and the keys of their summaries. Those of the table below are fields of
-`rearl_jax.metrics.scene.SceneMetrics`; `realism` comes from `rearl_jax.metrics.realism.realism_scores`, which pools
-the runs of a scene. `rearl_jax.metrics.further` holds further ones, one per file.
+`rearl_jax.metrics.scene.SceneMetrics`; `realism` comes from `rearl_jax.metrics.realism.realism_scores`, which pools the
+runs of a scene. `rearl_jax.metrics.further` contains further metrics, one per file.
 """
 
 from collections.abc import Iterable

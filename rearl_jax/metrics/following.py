@@ -8,7 +8,7 @@ from rearl_jax.metrics.measure import fold_vehicles
 
 
 class Followers(eqx.Module):
-    """What each vehicle sees of its leader. Without one both distances are inf and the approach rate is 0."""
+    """Leader of each vehicle. Without a leader both distances are inf and the approach rate is 0."""
 
     has_leader: Bool[Array, "steps vehicles *scenarios"]
     centre_distance: Float[Array, "steps vehicles *scenarios"]
@@ -46,8 +46,8 @@ def find_leaders(
         nearer = (pick(lane) == lane) & (distance > 0) & (distance < best[0])
         if direction is not None:
             nearer = nearer & (pick(direction) == direction)
-        found = (distance, pick(speed), pick(length), pick(crashed))
-        return tuple(jnp.where(nearer, new, old) for new, old in zip(found, best, strict=True))
+        candidate = (distance, pick(speed), pick(length), pick(crashed))
+        return tuple(jnp.where(nearer, new, old) for new, old in zip(candidate, best, strict=True))
 
     nobody = (jnp.full_like(position, jnp.inf), speed, length, jnp.zeros_like(crashed))
     distance, leader_speed, leader_length, leader_crashed = fold_vehicles(nearer_of, nobody, position.shape[1])

@@ -13,7 +13,7 @@ from rearl_jax.metrics.measure import safe_sqrt, unrolled_sum
 
 
 class Distances(eqx.Module):
-    """Distances per window; if `valid` is false a histogram was empty, and the value 0 means nothing."""
+    """Distances per window; if `valid` is false a histogram was empty, and the value 0 is a placeholder."""
 
     value: Float[Array, "*windows"]
     valid: Bool[Array, "*windows"]
@@ -91,7 +91,7 @@ def speed_counts(speed: Float[Array, " vehicles *scenarios"], hist: HistConfig) 
 
     Args:
         speed: Speed [m/s], scaled if it comes from a recording.
-        hist: Bins and what happens outside them.
+        hist: Bins and treatment of values outside them.
     """
     return bin_counts(speed, speed_edges(hist), drop=hist.oob is OutOfBounds.drop)
 
@@ -180,7 +180,7 @@ def noise_floor(
 ) -> Float[Array, " draws"]:
     """Hellinger distances between two independent samples of one distribution.
 
-    What the distance shows when nothing differs: below the mean of these no method can be distinguished from the truth.
+    The distances of identical distributions: below their mean no method can be distinguished from the truth.
 
     Args:
         shares: The distribution; sums to 1.
@@ -188,7 +188,7 @@ def noise_floor(
         n_draws: Number of pairs of samples.
         key: Random key.
     """
-    # In one row: the loop over a short last axis XLA unrolls, and takes ten times as long to compile.
+    # In one row, because XLA would unroll a loop over a short last axis and take ten times as long to compile.
     drawn = jax.random.choice(key, shares.shape[0], (2 * n_draws * n_samples,), p=shares)
     drawn = drawn.reshape(2, n_draws, n_samples)
     counts = jnp.stack([jnp.sum(drawn == b, axis=-1, dtype=jnp.int32) for b in range(shares.shape[0])])

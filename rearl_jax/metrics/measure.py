@@ -14,7 +14,7 @@ Carry = TypeVar("Carry")
 class Measure(eqx.Module):
     """A figure and the number of samples behind it.
 
-    `value` is finite for finite inputs; if `count` is 0 it is 0 and means nothing. Pool several as sum(value * count) /
+    `value` is finite for finite inputs; if `count` is 0 it is 0 and undefined. Pool several as sum(value * count) /
     sum(count) if the metric is a mean or a share.
     """
 
@@ -76,7 +76,7 @@ def share_of(
     among: Bool[Array, "steps vehicles *scenarios"],
     dtype: jnp.dtype,
 ) -> Measure:
-    """Measure share of the entries of `among` where `mask` holds too."""
+    """Measure share of the entries of `among` for which `mask` is also true."""
     return ratio(scene_count(mask & among), scene_count(among), dtype)
 
 
@@ -111,9 +111,9 @@ def scene_median(
     count = scene_count(valid)
     rank = jnp.maximum(count - 1, 0) // 2
 
-    def set_bit(i: Int[Array, ""], found: Int[Array, "*scenarios"]) -> Int[Array, "*scenarios"]:
-        candidate = found + (jnp.array(1, integer) << (n_bits - 2 - i).astype(integer))
-        return jnp.where(scene_count(bits < candidate[None, None]) <= rank, candidate, found)
+    def set_bit(i: Int[Array, ""], prefix: Int[Array, "*scenarios"]) -> Int[Array, "*scenarios"]:
+        candidate = prefix + (jnp.array(1, integer) << (n_bits - 2 - i).astype(integer))
+        return jnp.where(scene_count(bits < candidate[None, None]) <= rank, candidate, prefix)
 
     lower = jax.lax.fori_loop(0, n_bits - 1, set_bit, jnp.zeros(count.shape, integer))
     above = jnp.where(bits > lower[None, None], bits, largest)

@@ -1,11 +1,11 @@
-"""Description of a metric: its name, unit and definition, which way is better, and what it can be measured on."""
+"""Description of a metric: name, unit, definition, direction of improvement, and required data."""
 
 from dataclasses import dataclass
 from enum import Enum
 
 
 class Direction(Enum):
-    """Which way is better.
+    """Direction of improvement.
 
     `none`: the figure describes traffic, and the reference is the same figure of the real scenes. A higher time headway
     or lane-change rate is never better in itself.
@@ -23,13 +23,13 @@ class Metric:
     Attributes:
         name: Column of the result tables.
         title: Title in tables and figures.
-        unit: "1" for none.
-        direction: Which way is better.
-        definition: One line.
-        source: Where the definition comes from.
-        compares: Whether it compares two scenes; a scene compared with itself says nothing.
-        needs_lanes: Whether recordings without lanes have no such figure.
-        digits: After the decimal point, in tables for people.
+        unit: Unit; "1" for none.
+        direction: Direction of improvement.
+        definition: Definition in one line.
+        source: Source of the definition.
+        compares: Whether it compares two scenes; then it is undefined for a single scene.
+        needs_lanes: Whether it needs lanes in the recording.
+        digits: Digits after the decimal point in tables of documents.
     """
 
     name: str

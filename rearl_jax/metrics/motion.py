@@ -42,11 +42,11 @@ def previous_values(
     earlier = values[:-1]
     if track_id is None:
         return earlier, jnp.ones(earlier.shape, bool)
-    found, previous = jnp.zeros(earlier.shape, bool), jnp.zeros_like(earlier)
+    is_there, previous = jnp.zeros(earlier.shape, bool), jnp.zeros_like(earlier)
     for slot in range(values.shape[1]):
         same = track_id[:-1, slot : slot + 1] == track_id[1:]
-        found, previous = found | same, jnp.where(same, earlier[:, slot : slot + 1], previous)
-    return previous, found
+        is_there, previous = is_there | same, jnp.where(same, earlier[:, slot : slot + 1], previous)
+    return previous, is_there
 
 
 def rate_of_change(
@@ -124,8 +124,8 @@ def lane_changes(
 
     Source: REARL (Bi et al.): lane-change rate, clipped to [0, 1]; the denominator uses all 60 frames.
     """
-    previous, found = previous_values(lane, track_id)
-    observed = found & ~crashed[1:]
+    previous, is_known = previous_values(lane, track_id)
+    observed = is_known & ~crashed[1:]
     n_changes, n_observed = scene_count((previous != lane[1:]) & observed), scene_count(observed)
     rate = n_changes.astype(dtype) / (lane.shape[0] * lane.shape[1])
     return LaneChanges(Measure(jnp.clip(rate, 0, 1), n_observed), ratio(n_changes, n_observed, dtype))

@@ -4,9 +4,8 @@ Waymo estimates, for every logged vehicle, how likely its logged values are unde
 vehicle's values in 32 simulations; the meta-metric is the weighted mean of the likelihoods of nine features
 (ten from 2025 on). What is kept here and what differs:
 
-- Features: linear speed, linear acceleration, distance to the nearest object, time to collision, collision.
-  The two angular features, the two map features and the traffic-light feature say nothing about a straight
-  carriageway.
+- Features: linear speed, linear acceleration, distance to the nearest object, time to collision, collision. The two
+angular features, the two map features and the traffic-light feature carry no information on a straight carriageway.
 - Our simulations share no vehicles with the recording, so a scene's simulated values are pooled over
   vehicles, frames and runs, and all its real values are scored under this one histogram. Waymo's
   scenario-generation challenge pools in the same way (`aggregate_objects: true`, with `independent_timesteps:
@@ -84,8 +83,8 @@ def distance_to_nearest(
         over_x = jnp.abs(pick(x) - x) - (pick(length) + length) / 2
         over_y = jnp.abs(pick(y) - y) - (pick(width) + width) / 2
         square = jnp.maximum(over_x, 0) ** 2 + jnp.maximum(over_y, 0) ** 2
-        found = (square, jnp.maximum(over_x, over_y))
-        pairs = zip(found, best, strict=True)
+        candidate = (square, jnp.maximum(over_x, over_y))
+        pairs = zip(candidate, best, strict=True)
         return tuple(jnp.where(slots == slot, old, jnp.minimum(old, new)) for new, old in pairs)
 
     nothing = (jnp.full_like(x, jnp.inf), jnp.zeros_like(x))

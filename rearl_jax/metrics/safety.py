@@ -50,7 +50,7 @@ def time_headways(
         crashed: Whether the follower has crashed.
         thw: Kind of gap and slowest follower.
 
-    Source: REARL (Bi et al.); which pairs are valid is our reading.
+    Source: REARL (Bi et al.); the rule for valid pairs is this package's reading.
     """
     gap = followers.gap if thw.gap is Gap.bumper else followers.centre_distance
     moving = (speed >= thw.v_min) & ~crashed & ~followers.leader_crashed

@@ -24,7 +24,7 @@ VEHICLE_WIDTH = 2.0
 
 
 class SceneSeries(eqx.Module):
-    """Figures per window (h) or frame; if a `valid` is false its values are 0 and mean nothing."""
+    """Figures per window (h) or frame; if a `valid` is false its values are placeholders of 0."""
 
     h: Float[Array, " windows *scenarios"]
     h_valid: Bool[Array, " windows *scenarios"]

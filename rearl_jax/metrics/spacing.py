@@ -11,8 +11,8 @@ from rearl_jax.metrics.measure import fold_vehicles, safe_sqrt, unrolled_sum
 class SpacingErrors(eqx.Module):
     """Relative errors of the mean spacing per frame under three definitions.
 
-    `valid` is false if a mean spacing is 0 (a lone vehicle, or all at one place): there is nothing to
-    compare, and the errors are 0 and mean nothing.
+    `valid` is false if a mean spacing is 0 (a lone vehicle, or all at one place): the errors are then undefined and set
+    to 0.
     """
 
     a: Float[Array, " steps *scenarios"]

@@ -5,13 +5,13 @@ from jaxtyping import Array, Bool, Float, Int
 
 
 class Trajectories(eqx.Module):
-    """What the metrics need to know of a scene's vehicles.
+    """Vehicles of a scene, as needed for the metrics.
 
     Attributes:
         x, y: Centre in the ground frame [m], both carriageways in the same frame.
         position: Centre along the own driving direction [m]; x in a simulation.
-        speed: [m/s].
-        scaled_speed: The same rescaled to the simulator's range; equal to it in a simulation.
+        speed: Speed [m/s].
+        scaled_speed: Speed rescaled to the simulator's range; equal to `speed` in a simulation.
         lane: Lane index within the carriageway.
         crashed: Whether the vehicle has crashed; false in recordings.
         length, width: Size of the vehicle [m].
@@ -33,7 +33,7 @@ class Trajectories(eqx.Module):
 
 
 class SceneReference(eqx.Module):
-    """What a simulated scene is compared with: speed histogram and spacings [m] of a real one."""
+    """Reference for a simulated scene: speed histogram and spacings [m] of a real scene."""
 
     cumulative_counts: Int[Array, "rows bins *scenarios"]
     mean_spacing: Float[Array, " steps *scenarios"]

@@ -79,7 +79,7 @@ def read_model(path: str | Path) -> RepairedModel:
 
     Raises:
         MissingInputError: There is no such file.
-        IsADirectoryError: It is a folder.
+        IsADirectoryError: The path is a folder.
         BadModelError: A key is missing, unknown or outside its bounds.
     """
     path = Path(path)

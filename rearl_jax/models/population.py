@@ -22,11 +22,11 @@ class LaneChanging(eqx.Module):
     """Parameters of MOBIL, the same for all drivers; see `core.drivers.MOBILParams`.
 
     Attributes:
-        politeness: [-].
-        gain_threshold: [m/s^2].
-        safe_decel: [m/s^2].
+        politeness: Weight of the followers' gain [-].
+        gain_threshold: Smallest gain of a change [m/s^2].
+        safe_decel: Largest deceleration of the new follower [m/s^2].
         delay: Time between two decisions [s].
-        period: The same in ticks.
+        period: Time between two decisions in ticks.
     """
 
     politeness: Float[Array | np.ndarray, "*one"]
@@ -37,21 +37,21 @@ class LaneChanging(eqx.Module):
 
 
 class Population(eqx.Module):
-    """Drivers by class, and what acts on them, as arrays. Parameters are log-normal.
+    """Drivers by class, and their effects, as arrays. Parameters are log-normal.
 
     Attributes:
         shares: Shares of all classes but the first, which has the rest [-].
-        median: Medians of the drivers' parameters; nan for what stays as drawn.
+        median: Medians of the drivers' parameters; nan for parameters drawn with the initial state.
         factor: Lower triangular factor of the covariance of their logarithms.
         noise: Standard deviation [m/s^2] and correlation time [s] of the acceleration's noise.
         length: Mean and standard deviation of the length [m].
-        is_truck: Whether a class are trucks.
-        effects: Effects on the drivers beyond car following.
-        lane_changing: Their MOBIL parameters; None for highway-env's.
-        car_following: Name of their car-following model.
-        drawn: Names of parameters that stay as they were drawn with the initial state, in all classes.
+        is_truck: Whether each class is trucks.
+        effects: Effects in addition to car following.
+        lane_changing: MOBIL parameters; None for highway-env's.
+        car_following: Name of the car-following model.
+        drawn: Names of parameters drawn with the initial state, in all classes.
         is_noisy: Whether there is any noise.
-        is_resized: Whether the vehicles are not those of highway-env, 5 m long.
+        is_resized: Whether vehicle lengths differ from highway-env's 5 m.
     """
 
     shares: Float[Array | np.ndarray, "others *one"]
@@ -105,7 +105,7 @@ def population_of_model(
 def population_of_keys(
     driver: DriverConfig, mobil: MobilConfig, dtype: np.dtype, ticks_per_second: int
 ) -> Population | None:
-    """The drivers that keys describe; None if they are highway-env's.
+    """The drivers of a configuration; None if they are highway-env's.
 
     Args:
         driver: Car following, sizes, classes.
@@ -126,7 +126,7 @@ def population_of_keys(
 
 
 def lane_changing_of(mobil: MobilConfig, dtype: np.dtype, ticks_per_second: int) -> LaneChanging | None:
-    """The MOBIL parameters that keys describe; None for highway-env's."""
+    """The MOBIL parameters of a configuration; None for highway-env's."""
     if mobil.is_default:
         return None
     return LaneChanging(
@@ -157,7 +157,7 @@ def _class(driver: DriverConfig, name: str | None, share: float) -> DriverClass:
 
 
 def _medians(driver: DriverConfig, name: str | None) -> list[float]:
-    """Medians of the parameters of a class; nan for what stays as it was drawn with the initial state."""
+    """Medians of the parameters of a class; nan for parameters drawn with the initial state."""
     values = driver.values(name)
     # The keys are mean and standard deviation of the parameter itself, not of its logarithm.
     means = {name: math.nan if value is None else value for name, value in values.items()}

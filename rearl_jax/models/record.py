@@ -1,4 +1,4 @@
-"""A repaired traffic model: the drivers as they were calibrated with and without effects, and the effects.
+"""A repaired traffic model: drivers calibrated with and without effects, and the effects.
 
 Plain numbers and texts only, so that a model can be written by hand.
 """
@@ -22,10 +22,10 @@ class DriverClass:
         share: Share of all vehicles [-].
         log_mean: Mean of the logarithm of each parameter of the car-following model, by name.
         log_covariance: Covariance of these logarithms, rows and columns in the order of the model's declaration.
-        noise_sd: Standard deviation of the acceleration that no model explains [m/s^2].
-        noise_time: Its correlation time [s].
+        noise_sd: Standard deviation of the acceleration noise [m/s^2].
+        noise_time: Correlation time of the noise [s].
         length: Mean length of the vehicles [m].
-        length_sd: Its standard deviation [m].
+        length_sd: Standard deviation of the length [m].
     """
 
     share: float
@@ -39,7 +39,7 @@ class DriverClass:
 
 @dataclass(frozen=True)
 class EffectValues:
-    """An effect with its numbers.
+    """An effect with its parameter values.
 
     Attributes:
         name: One of `core.effects.EFFECTS`.
@@ -101,12 +101,12 @@ class RepairedModel:
     """A traffic model that was repaired by effects.
 
     Attributes:
-        source: Where it comes from.
+        source: Origin of the model.
         population: Drivers by class, `car` and perhaps `truck`, calibrated together with the effects.
-        effects: Effects on them beyond car following.
+        effects: Effects in addition to car following.
         baseline: The same drivers calibrated without effects; classes, shares and lengths as in `population`.
-        car_following: Name of their car-following model, one of `config.driver.CALIBRATED`.
-        lane_changing: Their parameters of MOBIL, with and without effects; None for highway-env's.
+        car_following: Name of the car-following model, one of `config.driver.CALIBRATED`.
+        lane_changing: Parameters of MOBIL, with and without effects; None for highway-env's.
     """
 
     source: Source

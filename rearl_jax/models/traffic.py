@@ -26,13 +26,13 @@ from rearl_jax.core.state import TrafficState, nearest_lane
 from rearl_jax.models.population import LaneChanging, Population
 
 POPULATION_STREAM = 3
-"""Separates the random numbers of the drivers from those of the initial state."""
+"""Random stream of the drivers, separate from that of the initial state."""
 
 SEED_STREAM = 100
 """First of the streams of the effects' random numbers, one for each effect."""
 
 FURTHEST = 2.5
-"""Standard deviations at which a driver's parameters and a vehicle's length are cut; own choice."""
+"""Standard deviations at which a driver's parameters and a vehicle's length are truncated; own choice."""
 
 LEAST_GAP = 4.0
 """Gap [m] that is left between vehicles which would start inside or close behind each other; own choice, what
@@ -53,10 +53,10 @@ def populate(
 
     Args:
         state: Initial state.
-        drivers: Its drivers, whose lane-changing parameters are kept if the population has none.
+        drivers: Drivers of the traffic, whose lane-changing parameters are kept if the population has none.
         keys: One random key per scenario.
         population: Population of the drivers.
-        model: The road.
+        model: Traffic model; only its road is used.
     """
     drawn = draw_drivers(keys, state.x.shape[0], state.x.dtype, population)
     values = {name: _with_drawn(name, value, state, drivers) for name, value in drawn.values.items()}
@@ -193,8 +193,8 @@ def make_room(
 
     Args:
         state: The vehicles.
-        length: Their lengths [m].
-        model: The road.
+        length: Lengths of the vehicles [m].
+        model: Traffic model; only its road is used.
     """
     order = jnp.argsort(state.x, axis=0).astype(jnp.int32)
     lane = nearest_lane(state.y, model)

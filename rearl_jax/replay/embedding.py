@@ -1,4 +1,4 @@
-"""Trajectories as compact JSON inside the page: whole centimetres, each less the one before."""
+"""Trajectories as compact JSON inside the page: differences of successive positions in whole centimetres."""
 
 import json
 from collections.abc import Sequence
@@ -27,10 +27,10 @@ def embedded(value: Any) -> str:
 
 
 def replay_data(replay: Replay) -> dict[str, Any]:
-    """What the player draws.
+    """Data of the player.
 
-    `lanes`, `laneWidth` [cm]: the simulated road; `seconds`: frames of a scene; `decisions`: whether the asked vehicles
-    are known; `scenes`: objects with `id`, `recording`, `start` [s], `run`, `h`, `sim` and `real`. Both have
+    `lanes`, `laneWidth` [cm]: the simulated road; `seconds`: frames of a scene; `decisions`: whether vehicles with
+    decisions are known; `scenes`: objects with `id`, `recording`, `start` [s], `run`, `h`, `sim` and `real`. Both have
     `vehicles`: pieces `{t, x, y, l}`, first frame, positions along and across the road as differences [cm], length
     [cm]; and `speed`, the mean of each frame [m/s]. `sim` has `crash` (frame of each vehicle's crash, -1 for none) and
     `asked`, `[frame, vehicle, action]`.
@@ -85,8 +85,8 @@ def _means(speed: np.ndarray) -> list[float]:
 
 
 def _lateral(scenes: SceneSet, index: int, lane_width: float) -> tuple[Float[np.ndarray, "frames slots"], int]:
-    """Where recorded vehicles are drawn across the road [m], and for how many lanes: the middle of their lane, the
-    carriageways side by side; if lanes are unknown, the measured place.
+    """Lateral positions at which recorded vehicles are drawn [m], and the number of lanes: lane centres, with the
+    carriageways side by side; if lanes are unknown, measured positions.
     """
     lane, direction = scenes.lane[index].astype(np.int64), scenes.direction[index]
     if (lane == UNKNOWN_LANE).any():
@@ -100,7 +100,7 @@ def _lateral(scenes: SceneSet, index: int, lane_width: float) -> tuple[Float[np.
 
 
 def _recorded_pieces(scenes: SceneSet, index: int, y: np.ndarray) -> list[dict[str, Any]]:
-    """Every vehicle as long as it is among the picked ones without a break."""
+    """Pieces of vehicles: intervals in which a vehicle is among the selected ones without interruption."""
     track, x, length = scenes.track_id[index], scenes.position[index], scenes.length[index]
     pieces = []
     for vehicle in np.unique(track):
@@ -116,7 +116,8 @@ def _piece(first: int, x: np.ndarray, y: np.ndarray, length: float) -> dict[str,
 
 
 def differences(values: np.ndarray) -> list[int]:
-    """Whole centimetres, each less the one before, the first as it is; no error adds up.
+    """Differences of successive positions in whole centimetres, after the first position; rounding errors do not
+    accumulate.
 
     Args:
         values: Positions [m].
@@ -126,5 +127,5 @@ def differences(values: np.ndarray) -> list[int]:
 
 
 def positions(steps: Sequence[int]) -> Float[np.ndarray, " frames"]:
-    """Positions [m] from what `differences` made of them."""
+    """Positions [m] from the result of `differences`."""
     return np.cumsum(np.asarray(steps, np.int64)) / _CM

@@ -1,4 +1,4 @@
-"""The scenes that a page replays: one rollout each, beside the recorded scene it was scored on."""
+"""Replayed scenes of a page: one rollout each, and the recorded scene it is compared with."""
 
 from dataclasses import dataclass
 
@@ -12,11 +12,11 @@ from rearl_jax.data.scene_set import SceneSet
 
 @dataclass(frozen=True)
 class Decision:
-    """One vehicle that was asked.
+    """One decision about a vehicle.
 
     Attributes:
         rollout: Number of the rollout.
-        second: Frame at whose end it was asked; the answer is followed in the second after it.
+        second: Frame at whose end the decision was made; the action is followed in the next second.
         vehicle: Number of the vehicle.
         action: Action it gets, in the order of `MetaAction`; NO_ACTION if the answer cannot be followed.
     """
@@ -36,8 +36,8 @@ class ReplayedScene:
         run: Run of the study.
         frames: The rollout, `[n_steps, n_vehicles]`.
         lengths: Lengths of its vehicles [m].
-        h: Its Hellinger distance [-].
-        decisions: Which vehicle was asked when, and its action.
+        h: Hellinger distance of the rollout [-].
+        decisions: Decisions about vehicles, with times and actions.
     """
 
     index: int
@@ -57,7 +57,7 @@ class Replay:
         scenes: All recorded scenes.
         replayed: The chosen ones.
         origin: Where the rollouts come from, in a sentence or two.
-        has_decisions: Whether the method intervenes and it is known which vehicles were asked.
+        has_decisions: Whether the method intervenes and the vehicles with decisions are known.
     """
 
     config: EvaluateTask

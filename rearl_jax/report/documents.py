@@ -53,7 +53,7 @@ def sweep_document(study: FinishedStudy) -> Document:
 
 
 def paper_document(study: FinishedStudy) -> Document:
-    """The document of a study beside the paper.
+    """The document of a study that is compared with the paper.
 
     Raises:
         FileNotFoundError, ValueError: The table is missing, or of an older version.
@@ -78,7 +78,7 @@ def real_document(study: FinishedStudy) -> Document:
 
 
 def _remarks(study: FinishedStudy, table: str) -> Remarks:
-    """Text that goes with a table; empty in studies of an older version."""
+    """Remarks on a table; empty in studies of an older version."""
     remarks = study.metadata(table).get("remarks")
     return Remarks() if remarks is None else Remarks.from_json(remarks)
 

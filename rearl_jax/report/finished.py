@@ -21,7 +21,7 @@ class FinishedStudy:
     """A finished study.
 
     Attributes:
-        path: Its folder.
+        path: Folder of the study.
         task: The task that wrote it.
         config: The task's record, as in config.json.
         provenance: Origin of the figures, as in every file.
@@ -36,12 +36,12 @@ class FinishedStudy:
 
     @property
     def generated(self) -> bool:
-        """Whether the recordings were generated, not measured."""
+        """True if the recordings were generated, not measured."""
         return bool(self.provenance["generated"])
 
     @property
     def has_new_keys(self) -> bool:
-        """Whether the record has keys that did not exist when the study was made."""
+        """True if the record has keys that did not exist when the study was made."""
         return config_hash(self.config) != self.provenance["config_hash"]
 
     @property
@@ -53,7 +53,7 @@ class FinishedStudy:
         """The Parquet table of that name.
 
         Raises:
-            FileNotFoundError, ValueError: It is not there, or is not a Parquet file.
+            FileNotFoundError, ValueError: The file does not exist, or is not a Parquet file.
         """
         path = self.path / f"{name}.parquet"
         if not path.exists():
@@ -72,7 +72,7 @@ class FinishedStudy:
         """The content of the JSON file `name`.
 
         Raises:
-            FileNotFoundError, ValueError: It is not there, or is not JSON.
+            FileNotFoundError, ValueError: The file does not exist, or is not JSON.
         """
         return _read_json(self.path / name, self.remedy)
 
@@ -86,22 +86,22 @@ class FinishedStudy:
         """Data set of the first recording that the configuration names; empty for a task without recordings.
 
         Raises:
-            OSError, ValueError: There is no recording, or it is bad.
+            OSError, ValueError: There is no recording, or it is invalid.
         """
         if not hasattr(self.config, "data"):
             return ()
         return data_sources([next(iterate_recordings(self.config.data)).info])
 
-    def needs(self, found: Mapping[str, Any] | pd.DataFrame, names: tuple[str, ...], where: str) -> None:
-        """Raise ValueError if keys or columns are not there, as in studies of an older version.
+    def needs(self, content: Mapping[str, Any] | pd.DataFrame, names: tuple[str, ...], where: str) -> None:
+        """Raise ValueError if keys or columns are missing, as in studies of an older version.
 
         Args:
             found: An object or a table of the study.
             names: Keys or columns that are needed.
-            where: Name of its file.
+            where: Name of the file.
         """
         for name in names:
-            if name not in found:
+            if name not in content:
                 message = (
                     f"is missing: the study is of version {self.provenance['code_version']}, which wrote other figures"
                 )
@@ -118,7 +118,7 @@ def read_finished(root: str, name: str) -> FinishedStudy:
 
     Raises:
         FileNotFoundError: There is no such study, or it is not finished.
-        ValueError: The name does not stay inside the folder, or the study is of a version with other keys or tasks.
+        ValueError: The name leads out of the folder, or the study is of a version with other keys or tasks.
     """
     parts = PurePosixPath(name).parts
     if not parts or name.startswith("/") or ".." in parts:

@@ -37,11 +37,13 @@ from rearl_jax.results import Study
 from rearl_jax.runtime import set_precision
 
 SAME_FIGURE = 1e-5
-"""Difference of Hellinger distances [-] up to which a rollout is that of the study: what rounding may do to a mean."""
+"""Difference of Hellinger distances [-] up to which a rollout is that of the study: the largest effect of rounding on a
+mean.
+"""
 
 
 class NoReplayError(ValueError):
-    """The scenes of a study cannot be shown; the message says why and what to do."""
+    """The scenes of a study cannot be shown; the message contains reason and remedy."""
 
 
 def simulate_again(study: FinishedStudy, options: ReportConfig, bar: Progress) -> Replay:
@@ -49,12 +51,12 @@ def simulate_again(study: FinishedStudy, options: ReportConfig, bar: Progress) -
 
     Args:
         study: A finished `rearl evaluate`.
-        options: Which scenes, which run.
-        bar: Shows what is read and simulated.
+        options: Choice of scenes and run.
+        bar: Progress display.
 
     Raises:
         NoReplayError: The data are missing or others, or the rollouts are not those of the study.
-        ValueError: The scenes or the run asked for are none of the study.
+        ValueError: The requested scenes or the requested run are not part of the study.
     """
     config, row = _one_method(study.config)
     if options.run >= config.eval.n_runs:
@@ -83,7 +85,7 @@ def _one_method(config: EvaluateTask) -> tuple[EvaluateTask, str]:
         config = replace(config, method=Method.rearl, variant=Variant.repaired)
         row = f"{Method.rearl.name}{WITH_EFFECT}"
     if config.decision.policy is PolicyName.llm:
-        # The answers are stored, so no language model is asked again.
+        # The answers are stored, so no language model is queried again.
         config = replace(config, decision=replace(config.decision, policy=PolicyName.replay))
     return config, row
 
@@ -91,22 +93,22 @@ def _one_method(config: EvaluateTask) -> tuple[EvaluateTask, str]:
 def _require_same_data(study: FinishedStudy) -> None:
     """Raise NoReplayError if the recordings are not there, or not those of the study."""
     try:
-        found = inputs_id(study.config)
+        data_id = inputs_id(study.config)
     except (OSError, ValueError) as error:
         raise NoReplayError(f"its data cannot be read: {error}") from error
-    if found != study.provenance["data_id"]:
+    if data_id != study.provenance["data_id"]:
         raise NoReplayError(
-            f"the data of the study are {study.provenance['data_id']}, those at data.root are {found} now: restore "
+            f"the data of the study are {study.provenance['data_id']}, those at data.root are {data_id} now: restore "
             "the former, or run the study again"
         )
 
 
 def chosen_scenes(scenes: SceneSet, held_out: np.ndarray, options: ReportConfig) -> np.ndarray:
-    """Indices of the scenes that are shown, rising; by default from the slowest to the fastest, so that none is picked
-    for its looks.
+    """Indices of the scenes that are shown, rising; by default from the slowest to the fastest, so that the choice is
+    not biased.
 
     Raises:
-        ValueError: A scene asked for is not held out.
+        ValueError: A requested scene is not held out.
     """
     if options.scenes is not None:
         return named_scenes(scenes, held_out, options.scenes, "report.scenes")
@@ -163,7 +165,7 @@ def _mixture(study: FinishedStudy) -> Mixture | None:
 def _witness(
     config: EvaluateTask, rollouts_with: Callable[[MakePolicy | None], Rollouts], bar: Progress
 ) -> Iterator[Witness | None]:
-    """Records which vehicles are asked; None if no vehicle is."""
+    """Recorder of decisions; None if the method makes none."""
     acts = interventions(config)
     if acts is None:
         yield None

@@ -1,4 +1,4 @@
-"""The task `rearl report`: writes the page of a finished study anew.
+"""The task `rearl report`: writes the page of a finished study again.
 
 Nothing else of the study is changed. Of `rearl evaluate` some scenes are simulated again for the replay; if that is
 impossible, the page is written without them and states why.
@@ -32,7 +32,7 @@ def run(config: ReportTask) -> dict:
 
     Raises:
         FileNotFoundError: There is no such study, it is not finished, or a file of it is missing.
-        ValueError: It is of another version or of a task without reports, or requested scenes do not belong to it.
+        ValueError: The study has another version or a task without reports, or requested scenes do not belong to it.
     """
     study = read_finished(config.results.root, config.study)
     words = study.task.words

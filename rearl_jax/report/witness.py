@@ -1,4 +1,4 @@
-"""Policies that record every decision: which vehicle was asked in which second, and its action.
+"""Policies that record every decision: vehicle, second and action.
 
 The closed loop inside the compiled program stores only counts. Here its policy decides outside, in lockstep, which
 gives the same traffic bit for bit.
@@ -31,7 +31,7 @@ class Witness:
 
     Attributes:
         make: Makes the policies themselves.
-        decisions: What they have decided so far.
+        decisions: Decisions so far.
     """
 
     make: MakePolicy
@@ -49,7 +49,7 @@ class _Witnessed:
     decisions: list[Decision]
 
     def ask(self, situation: Situation) -> Future[np.ndarray]:
-        """The policy's own answer, once it is recorded."""
+        """The policy's answer, after it has been recorded."""
         answer = self.policy.ask(situation)
         told: Future[np.ndarray] = Future()
         told.set_result(self._written_down(situation, np.asarray(answer.result())))

@@ -24,13 +24,13 @@ def of_data(config: EvaluateTask | ClusterTask, scenes: SceneSet) -> list[str]:
     return [
         data,
         f"scenes: {len(scenes)} of {scenes.seconds} s with {scenes.n_slots} vehicles; the paper has {PAPER_SCENES}, "
-        "and says neither how both carriageways are counted nor between which speeds it rescales "
+        "and states neither the treatment of the two carriageways nor the speed range of rescaling "
         f"(here scenes.direction={config.scenes.direction.name}, speed.norm={config.speed.norm.name})",
     ]
 
 
 def of_subset(n_scenes: int, n_paper: int, purpose: str, n_runs: int) -> list[str]:
-    """How many scenes serve a purpose, and how often they are simulated."""
+    """Number of scenes for a purpose, and of simulations per scene."""
     return [f"{purpose}: {n_scenes} scenes x {n_runs} runs; the paper has {n_paper} x {N_RUNS}"]
 
 
@@ -60,7 +60,7 @@ def of_errors(config: EvaluateTask) -> list[str]:
 
 
 def of_decisions(*, asks_model: bool, interval: int, n_runs: int) -> list[str]:
-    """Who decides in the closed loop."""
+    """Decisions in the closed loop."""
     sentences = [
         "decisions: the matcher, a rule, replaces the paper's language models; its rows are listed beside REARL "
         "Qwen3-32B for lack of a better match"

@@ -1,4 +1,4 @@
-"""Document of a study of the paper, from its long table: our figures beside the paper's, and the differences."""
+"""Document of a study of the paper, from its long table: own figures, the paper's figures, and differences."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -17,7 +17,7 @@ from rearl_jax.results import PROVENANCE, Study
 from rearl_jax.study.published import TABLE1
 
 _SHORT = 100
-"""Characters of a text in summary.json that is a figure, not a paragraph."""
+"""Longest text [characters] in summary.json that counts as a figure instead of a paragraph."""
 
 _FIGURES = ("ours", "low", "high", "sd", "less_base", "less_base_low", "less_base_high", "paper")
 
@@ -40,7 +40,7 @@ class Form:
 
 
 def long_table(records: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
-    """One row per row of the study and metric: `row`, `metric`, `ours`, `low`, `high`, `paper`, and what else is known.
+    """One row per row of the study and metric: `row`, `metric`, `ours`, `low`, `high`, `paper`, and further columns.
 
     Missing values are null, never NaN.
     """
@@ -61,14 +61,14 @@ def remarks_on(
     findings: Sequence[str],
     differences: Sequence[str],
 ) -> Remarks:
-    """Text that goes with the long table.
+    """Remarks on the long table.
 
     Args:
         config: The task.
         scenes: All scenes.
-        use: How many of them are used for what.
-        findings: What follows from the figures; the first sentence is the verdict.
-        differences: What differs from the paper besides the method, each as `name: text`.
+        use: Number of scenes by purpose.
+        findings: Conclusions from the figures; the first sentence is the verdict.
+        differences: Differences from the paper besides the method, each as `name: text`.
     """
     data = data_summary(config, scenes, use)
     return Remarks(data, tuple(findings), tuple(differences), data_sources(scenes.infos))
@@ -88,14 +88,14 @@ def publish(
     """Prints the document and writes `NAME.parquet`, the figures, `page.html` and, last of all, `summary.json`.
 
     Args:
-        study: The folder.
+        study: Folder of the study.
         form: The form of the study.
-        config: Its record.
+        config: Record of the task.
         scenes: All scenes; None without data.
         table: The long table.
         summary: Flat figures.
-        remarks: Text that goes with the table.
-        draw: Makes the figures, PNG by name; called after the tables are printed.
+        remarks: Remarks on the table.
+        draw: Function that returns the figures, PNG by name; called after the tables are printed.
         **metadata: Metadata of the table besides its provenance.
     """
     study.write_table(form.name, table, **metadata, remarks=remarks.to_json())
@@ -153,7 +153,7 @@ def beside_paper(
         title: Title of the table.
         table: The long table; its column `paper_row` names rows of Table 1 of the paper.
         headings: Headings of the metrics.
-        digits: Digits after the point of metrics that are none of `METRICS`, or that need others.
+        digits: Digits after the decimal point, for metrics outside `METRICS` or with other digits than there.
     """
     digits = {name: metric.digits for name, metric in METRICS.items()} | dict(digits or {})
     records = records_of(table)
@@ -173,7 +173,7 @@ def beside_paper(
 
 
 def _paper_row(figures: Mapping[str, Mapping[str, Any]]) -> str | None:
-    """The row of the paper's Table 1 beside a row of ours."""
+    """The row of the paper's Table 1 that corresponds to an own row."""
     names = (figure.get("paper_row") for figure in figures.values())
     return next((name for name in names if isinstance(name, str)), None)
 
@@ -215,7 +215,7 @@ def _text(value: Any, metric: str, digits: int | None, sign: str) -> str:
 
 
 def _other_figures(summary: Mapping[str, Any], rows: Sequence[str]) -> Table:
-    """Figures of summary.json that belong to no row of the long table, without the provenance."""
+    """Figures of summary.json outside the long table, without provenance."""
     plain = {key: value for key, value in summary.items() if not isinstance(value, (list, dict))}
     left_out = ("_low", "_high", "_paper", "_sd")
     of_rows = tuple(f"{row}_" for row in rows)

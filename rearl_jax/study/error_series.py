@@ -23,8 +23,8 @@ class Band:
         second: Time [s].
         mean: Mean.
         low: Lower end of the band.
-        high: Its upper end.
-        n_values: Rollouts and scenes.
+        high: Upper end of the band.
+        n_values: Number of rollouts and scenes.
     """
 
     second: Int[np.ndarray, " seconds"]
@@ -36,12 +36,12 @@ class Band:
 
 @dataclass(frozen=True)
 class ErrorSeries:
-    """One row second by second.
+    """Errors of one row, second by second.
 
     Attributes:
         name: Row of the table, or `real_vs_real`.
         title: Title in tables and figures.
-        errors: By name of the error.
+        errors: Bands by name of the error.
     """
 
     name: str
@@ -51,11 +51,11 @@ class ErrorSeries:
 
 def error_series(results: Results, metrics: Sequence[str]) -> list[ErrorSeries]:
     """All rows, then real against real; base is included even if it is not a row of the table."""
-    found = [_series(item, item.method, item.row.name, item.row.title, metrics) for item in results.rows]
+    series = [_series(item, item.method, item.row.name, item.row.title, metrics) for item in results.rows]
     reference = results.reference
-    if all(item.name != BASE for item in found):
-        found.insert(0, _series(reference, BASE, BASE, BASE, metrics))
-    return [*found, _series(reference, REAL_VS_REAL, REAL_VS_REAL, TITLES[REAL_VS_REAL], metrics)]
+    if all(item.name != BASE for item in series):
+        series.insert(0, _series(reference, BASE, BASE, BASE, metrics))
+    return [*series, _series(reference, REAL_VS_REAL, REAL_VS_REAL, TITLES[REAL_VS_REAL], metrics)]
 
 
 def _series(item: Evaluated, method: str, name: str, title: str, metrics: Sequence[str]) -> ErrorSeries:
@@ -63,11 +63,11 @@ def _series(item: Evaluated, method: str, name: str, title: str, metrics: Sequen
     own = frames["method"].to_numpy(str) == method
     second = frames["frame"].to_numpy(int)[own]
     values = {metric: frames[metric].to_numpy(np.float64, na_value=np.nan)[own] for metric in metrics}
-    return ErrorSeries(name, title, {metric: band(second, found) for metric, found in values.items()})
+    return ErrorSeries(name, title, {metric: band(second, errors) for metric, errors in values.items()})
 
 
 def band(second: Int[np.ndarray, " values"], values: Float[np.ndarray, " values"]) -> Band:
-    """Mean and band of every second; NaN does not count."""
+    """Mean and band of every second; NaN is ignored."""
     known = np.isfinite(values)
     seconds = np.unique(second[known])
     groups = [values[known & (second == at)] for at in seconds]

@@ -103,7 +103,7 @@ def thirds(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def _findings(parts: pd.DataFrame, metrics: tuple[str, str]) -> list[str]:
-    """Whether the errors rise or fall in the course of a rollout."""
+    """Sentences on whether the errors rise or fall in the course of a rollout."""
     sentences = []
     for metric in metrics:
         changes = {"higher": [], "lower": []}
@@ -121,9 +121,9 @@ def _long(series: list[ErrorSeries], metrics: tuple[str, str]) -> pd.DataFrame:
     records: list[dict[str, Any]] = []
     for item in series:
         for metric in metrics:
-            found = item.errors[metric]
+            errors = item.errors[metric]
             keys = {"row": item.name, "title": item.title, "metric": metric, "paper": None}
-            columns = (found.second, found.mean, found.low, found.high, found.n_values)
+            columns = (errors.second, errors.mean, errors.low, errors.high, errors.n_values)
             names = ("second", "ours", "low", "high", "n_values")
             rows = zip(*(column.tolist() for column in columns), strict=True)
             records += [keys | dict(zip(names, row, strict=True)) for row in rows]

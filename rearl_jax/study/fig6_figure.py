@@ -11,7 +11,7 @@ from rearl_jax.study.error_series import Band, ErrorSeries
 
 
 def draw_series(series: list[ErrorSeries], metrics: tuple[str, str], *, generated: bool) -> bytes:
-    """PNG of all rows beside base and real against real."""
+    """PNG of all rows with base and real against real."""
     known = {item.name: item for item in series}
     base, real = known[BASE], known[REAL_VS_REAL]
     rows = [item for item in series if item is not real]
@@ -39,11 +39,11 @@ def draw_series(series: list[ErrorSeries], metrics: tuple[str, str], *, generate
     return png(figure)
 
 
-def _top(found: Band) -> float:
-    """Where an axis should end: the band, unless its end is far from the means."""
-    return float(min(found.high.max(), 2 * found.mean.max()))
+def _top(errors: Band) -> float:
+    """Upper end of an axis: that of the band, unless it is far from the means."""
+    return float(min(errors.high.max(), 2 * errors.mean.max()))
 
 
-def _draw_band(panel: Axes, found: Band, colour: str, label: str) -> None:
-    panel.fill_between(found.second, found.low, found.high, color=colour, alpha=0.2, linewidth=0)
-    panel.plot(found.second, found.mean, color=colour, linewidth=1.5, label=label)
+def _draw_band(panel: Axes, errors: Band, colour: str, label: str) -> None:
+    panel.fill_between(errors.second, errors.low, errors.high, color=colour, alpha=0.2, linewidth=0)
+    panel.plot(errors.second, errors.mean, color=colour, linewidth=1.5, label=label)

@@ -51,7 +51,8 @@ def run(config: StudyFig7Task) -> dict:
     """The summary, as in summary.json.
 
     Raises:
-        FileNotFoundError, ValueError: There are no recordings, one is bad, or too few scenes can be cut from them.
+        FileNotFoundError, ValueError: There are no recordings, a recording is invalid, or too few scenes can be cut
+            from them.
     """
     set_precision(config.core.dtype)
     study = begin("study fig7", config, inputs_id(config))

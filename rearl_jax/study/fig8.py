@@ -70,30 +70,30 @@ def run(config: StudyFig8Task) -> dict:
     """
     study = begin("study fig8", config, data_id(config.data))
     folder = carry_out(task.run, part_record(ClusterTask, config, f"{config.study}/cluster"))
-    found = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
+    clustering = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
     with progress_bar() as bar:
         scenes = read_inputs(config, study, bar, with_references=False).scenes
     differing = (
         *differences.of_data(config, scenes),
-        *differences.of_references(len(found["references"]), config),
-        f"clusters of tracks: (k,l)-clustering with l = {found['l']}; the paper does not state l",
+        *differences.of_references(len(clustering["references"]), config),
+        f"clusters of tracks: (k,l)-clustering with l = {clustering['l']}; the paper does not state l",
     )
-    summary: dict[str, Any] = {name: found[name] for name in _KEPT} | {
+    summary: dict[str, Any] = {name: clustering[name] for name in _KEPT} | {
         "n_scenes_paper": PAPER_SCENES,
         "n_scene_clusters_paper": N_SCENE_CLUSTERS,
         "k_paper": N_TRACK_CLUSTERS,
-        "references": found["references"],
+        "references": clustering["references"],
     }
-    use = f"{found['n_fitted_scenes']} of them fitted on"
+    use = f"{clustering['n_fitted_scenes']} of them fitted on"
     publish(
         study,
         FORM,
         config,
         scenes,
-        _long(found),
+        _long(clustering),
         summary,
-        remarks_on(config, scenes, use, _findings(found), differing),
-        partial(_draw, folder, found, generated=scenes.generated),
+        remarks_on(config, scenes, use, _findings(clustering), differing),
+        partial(_draw, folder, clustering, generated=scenes.generated),
         seeds=seeds(config),
     )
     return summary
@@ -102,40 +102,42 @@ def run(config: StudyFig8Task) -> dict:
 _KEPT = ("n_tracks", "k", "l", "n_scenes", "n_fitted_scenes", "n_distinct", "n_scene_clusters", "n_leaked")
 
 
-def _draw(folder: Path, found: dict, *, generated: bool) -> dict[str, bytes]:
+def _draw(folder: Path, clustering: dict, *, generated: bool) -> dict[str, bytes]:
     from rearl_jax.study.fig8_figure import draw_clusters
 
     scenes = pd.read_parquet(folder / "scene_clusters.parquet")
     return {
         "fig8": (folder / "scenes.png").read_bytes(),
-        "fig8_clusters": draw_clusters(scenes, found["k"], generated=generated),
+        "fig8_clusters": draw_clusters(scenes, clustering["k"], generated=generated),
     }
 
 
-def _findings(found: dict) -> list[str]:
+def _findings(clustering: dict) -> list[str]:
     sentences = [
-        f"{found['n_scenes']:,} scenes form {found['n_scene_clusters']} clusters, their tracks {found['k']}; "
+        f"{clustering['n_scenes']:,} scenes form {clustering['n_scene_clusters']} clusters, "
+        f"their tracks {clustering['k']}; "
         f"the paper has {PAPER_SCENES}, {N_SCENE_CLUSTERS} and {N_TRACK_CLUSTERS}."
     ]
-    if found["n_scene_clusters"] < N_SCENE_CLUSTERS:
+    if clustering["n_scene_clusters"] < N_SCENE_CLUSTERS:
         sentences.append(
-            f"There are fewer clusters of scenes because they are fitted on {found['n_fitted_scenes']} scenes, "
-            f"{found['n_distinct']} of them different."
+            f"There are fewer clusters of scenes because they are fitted on {clustering['n_fitted_scenes']} scenes, "
+            f"{clustering['n_distinct']} of them different."
         )
-    members = [row["n_members"] for row in found["references"]]
+    members = [row["n_members"] for row in clustering["references"]]
     sentences.append(
         f"The largest cluster holds {max(members)} of {sum(members)} fitted scenes, the smallest {min(members)}."
     )
     return sentences
 
 
-def _long(found: dict) -> pd.DataFrame:
+def _long(clustering: dict) -> pd.DataFrame:
     """`row` (all or cluster_N), `metric`, `ours`, `paper`; for a cluster its scenes and label shares."""
     records: list[dict[str, Any]] = [
-        {"row": "all", "metric": name, "ours": found[name], "paper": paper} for name, (_, paper) in _COMPARED.items()
+        {"row": "all", "metric": name, "ours": clustering[name], "paper": paper}
+        for name, (_, paper) in _COMPARED.items()
     ]
-    for row in found["references"]:
-        names = ("scene_id", "n_members", *(f"share_{label}" for label in range(found["k"])))
+    for row in clustering["references"]:
+        names = ("scene_id", "n_members", *(f"share_{label}" for label in range(clustering["k"])))
         records += [
             {"row": f"cluster_{row['reference']}", "metric": name, "ours": row[name], "paper": None} for name in names
         ]

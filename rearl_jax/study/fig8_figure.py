@@ -1,4 +1,4 @@
-"""The figure of what the clusters of scenes hold."""
+"""The figure of the content of scene clusters."""
 
 import numpy as np
 import pandas as pd

@@ -1,4 +1,4 @@
-"""What follows from the figures of Table 1, in sentences that are computed from them and from nothing else.
+"""Conclusions from the figures of Table 1, in sentences computed from these figures alone.
 
 "Closer" and "farther" are used only if an interval excludes zero. Time headway and lane-change rate are never called
 better, because they describe the traffic.
@@ -13,7 +13,7 @@ FEW_SCENES = 20
 
 @dataclass(frozen=True)
 class Difference:
-    """A figure less another one, with its interval; no ends if fewer than two scenes have both."""
+    """Difference of two figures with its interval; without bounds if fewer than two scenes have both."""
 
     value: float
     low: float | None = None
@@ -35,13 +35,13 @@ class Difference:
 
 @dataclass(frozen=True)
 class RowDifferences:
-    """An error of one row less that of others.
+    """Differences of one row's error from that of others.
 
     Attributes:
         title: Title of the row.
-        less_base: Less base from the same initial states; None for base itself.
-        less_real: Less real against real.
-        less_controls: Less each control, by its title; empty for rows that have none.
+        less_base: Error minus that of base from the same initial states; None for base itself.
+        less_real: Error minus that of real against real.
+        less_controls: Error minus that of each control, by its title; empty for rows without controls.
     """
 
     title: str
@@ -58,7 +58,7 @@ def findings(
     Args:
         errors: Differences of every row, by the title of the error (smaller is closer).
         n_scenes: Held-out scenes behind the intervals.
-        confidence: Probability the intervals are made for.
+        confidence: Confidence of the intervals [-].
         generated: Whether the recordings were generated, not measured.
     """
     sentences = ["GENERATED recordings: the following says nothing about real traffic."] if generated else []
@@ -89,8 +89,8 @@ def _against_real(title: str, rows: Sequence[RowDifferences]) -> list[str]:
     closer, same, _ = _sorted(compared)
     if closer:
         return [
-            f"{title}: closer than real scenes are to each other: {closer}. This is not realism: no simulation can be "
-            "expected there, but a method that copies its references can get there."
+            f"{title}: closer than real scenes are to each other: {closer}. This is not realism: only a method "
+            "that copies its references can be this close, not an independent simulation."
         ]
     if same:
         return [f"{title}: not distinguished from real against real: {same}; no row is closer."]
@@ -122,7 +122,7 @@ def _against_controls(title: str, rows: Sequence[RowDifferences]) -> list[str]:
 
 
 def _sorted(compared: Mapping[str, Difference]) -> tuple[str, str, str]:
-    """Names with their differences: below zero, not told from zero, above zero."""
+    """Names with their differences, in three lists: below zero, not significantly different from zero, above zero."""
     by_sign: dict[int, list[str]] = {-1: [], 0: [], 1: []}
     for name, difference in compared.items():
         by_sign[difference.sign].append(f"{name} ({difference})")
@@ -132,18 +132,19 @@ def _sorted(compared: Mapping[str, Difference]) -> tuple[str, str, str]:
 
 def _reliability(errors: Mapping[str, Sequence[RowDifferences]], n_scenes: int, confidence: float) -> list[str]:
     """Number of intervals computed, and a warning if there are few scenes."""
-    found = [
+    differences = [
         difference
         for rows in errors.values()
         for row in rows
         for difference in (row.less_base, row.less_real, *row.less_controls.values())
         if difference is not None and difference.low is not None
     ]
-    if not found:
+    if not differences:
         return [f"{n_scenes} held-out scene(s) give no intervals, so nothing can be distinguished."]
-    by_chance = (1 - confidence) * len(found)
+    by_chance = (1 - confidence) * len(differences)
     sentences = [
-        f"{len(found)} intervals of {100 * confidence:g} % were computed; about {by_chance:.1f} of them would exclude "
+        f"{len(differences)} intervals of {100 * confidence:g} % were computed; "
+        f"about {by_chance:.1f} of them would exclude "
         "zero by chance alone."
     ]
     if n_scenes < FEW_SCENES:

@@ -1,7 +1,7 @@
 """Time of consecutive decision steps with a language model as policy: real questions to a real server.
 
-The steps are those of the program `loop` of the decision steps (traffic, references, every vehicle asked every second);
-only the policy differs. Stored answers would cost no time, so none are used.
+The steps are those of the program `loop` of the decision steps (traffic, references, a decision for every vehicle every
+second); only the policy differs. Stored answers would cost no time, so none are used.
 """
 
 import tempfile
@@ -34,7 +34,7 @@ class ModelSteps:
         repetition: Number of the measurement, from 0.
         wall_s: Elapsed time of all steps, simulation included [s].
         n_steps: Decision steps.
-        n_questions: Questions asked in them, one per vehicle that drives.
+        n_questions: Number of questions, one per vehicle that has not crashed.
         n_sent: Questions sent to the server; equal ones are sent once.
         n_answered: Questions that got an admissible answer.
     """
@@ -73,14 +73,14 @@ def measure_model_steps(
     scene = scene_of(loop, loop.steps_vehicles, loop.steps, batch)
     scenes = Scenes(loop.steps_vehicles, loop.density, synthetic_table(scene["references"]))
     prepare = jax.jit(lambda keys: replace(scenes.draw_recorded(keys, loop.steps), recorded=None))
-    found = []
+    measurements = []
     for number in range(-1, repetitions):
         keys = jax.random.split(jax.random.key(loop.seed + 1 + number), batch)
         n_steps = 1 if number < 0 else loop.steps
         measured = _measure(client, prompt, jax.block_until_ready(prepare(keys)), number, n_steps)
         if number >= 0:
-            found.append(measured)
-    return found
+            measurements.append(measured)
+    return measurements
 
 
 def _measure(client: Client, prompt: PromptConfig, batch: Batch, repetition: int, n_steps: int) -> ModelSteps:

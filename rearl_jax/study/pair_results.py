@@ -1,4 +1,4 @@
-"""Results of a threshold sweep: every pair with intervals, and which pairs no other beats in both errors."""
+"""Results of a threshold sweep: every pair with intervals, and the Pareto-optimal pairs."""
 
 import json
 import math
@@ -14,13 +14,13 @@ from rearl_jax.sweep.parts import RUNS
 from rearl_jax.sweep.task import FIGURES
 
 METRICS = (*FIGURES, "mape")
-"""Metrics of a pair; `mape` is the error that decides."""
+"""Metrics of a pair; `mape` is the chosen definition of the spacing error."""
 
 _OF_PAIRS = ("h_pct", "m_pct", "threshold_h", "threshold_m", "win_share")
 
 
 def pareto(points: Sequence[tuple[float, float]]) -> list[int]:
-    """Indices of the Pareto-optimal points: no other point is as low in both values and lower in one."""
+    """Indices of the Pareto-optimal points, for which no other point is as low in both values and lower in one."""
     return [
         index
         for index, (x, y) in enumerate(points)
@@ -34,7 +34,7 @@ def read_pairs(folder: Path, config: StudyTable3Task) -> pd.DataFrame:
 
     Args:
         folder: Results of the sweep.
-        config: Which spacing error decides; resamples, confidence and seed of the intervals.
+        config: Definition of the spacing error; resamples, confidence and seed of the intervals.
     """
     runs, table = pd.read_parquet(folder / RUNS), pd.read_parquet(folder / "table3.parquet")
     h_pct, m_pct = (runs[name].to_numpy(np.float64, na_value=np.nan) for name in ("h_pct", "m_pct"))

@@ -1,6 +1,6 @@
-"""Parts of a study: other tasks, carried out by their own functions in sub-folders of the study.
+"""Parts of a study: other tasks, run in sub-folders of the study.
 
-A part that is finished for the same configuration, data and code is not run again, so a killed study can be continued.
+A finished part with the same configuration, data and code is not run again, so an interrupted study continues.
 """
 
 from collections.abc import Callable
@@ -29,13 +29,13 @@ def begin(task: str, config: Any, data_id: str) -> Study:
 
 
 def part_record(kind: type[Record], config: Any, study: str, **other: Any) -> Record:
-    """The record of a part: the keys that both tasks know have the values of the study.
+    """The record of a part; keys that both tasks have take the values of the study.
 
     Args:
         kind: Record of the part's task.
         config: Record of the study.
         study: Folder of the part, below results.root.
-        **other: Groups or keys of the part with values of their own.
+        **other: Groups or keys of the part with different values.
     """
     names = {item.name for item in fields(kind)} & {item.name for item in fields(config)}  # type: ignore[arg-type]
     shared = {name: getattr(config, name) for name in names - {"study", "results"}}

@@ -1,4 +1,4 @@
-"""What REARL (Bi et al.) prints: figures from highD, under definitions that it partly leaves open.
+"""Published figures of REARL (Bi et al.) from highD; some of their definitions are not stated in the paper.
 
 Only the signs of differences and the order of methods can be compared with them: highD is not shipped, and the scale of
 the Hellinger distance and the unit of the inference time are not stated.
@@ -12,8 +12,8 @@ class PublishedRow:
     """A row of the paper's Table 1.
 
     Attributes:
-        title: Its name there.
-        h_legacy: Hellinger distance, on whatever scale it was computed [-].
+        title: Name of the row in the paper.
+        h_legacy: Hellinger distance, on an unknown scale [-].
         mape: Relative error of the mean spacing [-].
         thw: Time headway [s].
         lcr: Lane-change rate [1/s].
@@ -46,13 +46,13 @@ BEST_PAIR = (30.0, 5.0)
 """Percentiles of Hellinger distance and spacing error that the paper uses [%]."""
 
 PARETO_PAIRS = ((30.0, 5.0), (20.0, 20.0), (20.0, 30.0))
-"""Pairs of Table 3 that no other pair beats in both errors."""
+"""Pareto-optimal pairs of Table 3."""
 
 N_VALUES_H, N_VALUES_MAPE = 42_000, 45_000
 """Values behind Fig. 7: 150 scenes x 5 runs x 56 windows, and x 60 frames."""
 
 N_THRESHOLD_SCENES, N_TUNING_SCENES, N_EVALUATION_SCENES, N_RUNS = 150, 15, 50, 5
-"""Scenes by what they are for, and runs of each."""
+"""Number of scenes by purpose, and runs of each."""
 
 N_TRACK_CLUSTERS, N_SCENE_CLUSTERS = 3, 15
 """Clusters of tracks and of scenes; Fig. 8 shows those of the scenes."""

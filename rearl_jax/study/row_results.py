@@ -1,4 +1,4 @@
-"""The rows of Table 1 evaluated, and what was measured: estimates with intervals, paired differences, frames."""
+"""Evaluated rows of Table 1: estimates with intervals, paired differences, frames."""
 
 import json
 import logging
@@ -22,21 +22,21 @@ from rearl_jax.study.rows import CONTROL, Role, Row, chosen_rows, row_record
 log = logging.getLogger(__name__)
 
 REFERENCES = (REAL_VS_REAL, NOISE_FLOOR, REAL)
-"""Rows that every evaluation has besides its method."""
+"""Reference rows of every evaluation, besides its method."""
 
 _ESTIMATE = tuple(item.name for item in fields(Estimate))
 
 
 @dataclass(frozen=True)
 class Evaluated:
-    """One row as `rearl evaluate` wrote it.
+    """One row with the results of `rearl evaluate`.
 
     Attributes:
         row: The row.
-        folder: Its results.
-        estimates: By row of its own table and metric.
-        rollouts: Rollouts by row of its own table.
-        figures: Its object in its summary.json.
+        folder: Folder of its results.
+        estimates: Estimates by row of the evaluation's table and metric.
+        rollouts: Rollouts by row of the evaluation's table.
+        figures: Content of its summary.json.
     """
 
     row: Row
@@ -47,7 +47,7 @@ class Evaluated:
 
     @property
     def method(self) -> str:
-        """Its row in its own table."""
+        """Name of the method's row in the evaluation's table."""
         return self.figures["method"]
 
     def estimate(self, metric: str) -> Estimate | None:
@@ -55,7 +55,7 @@ class Evaluated:
         return self.estimates.get((self.method, metric))
 
     def scene_means(self, metric: str) -> dict[int, float]:
-        """Mean over the rollouts of every scene that has a figure, by scene_id."""
+        """Mean over the rollouts of every scene with a figure, by scene_id."""
         runs = pd.read_parquet(self.folder / "runs.parquet", columns=["method", "scene_id", metric])
         own = runs["method"].to_numpy(str) == self.method
         scene, values = runs["scene_id"].to_numpy(int)[own], runs[metric].to_numpy(np.float64, na_value=np.nan)[own]
@@ -77,30 +77,30 @@ class Results:
 
     @property
     def has_references(self) -> bool:
-        """Whether any row holds the traffic to representative scenes."""
+        """True if any row compares the traffic with representative scenes."""
         return any(Method[item.method].needs_references for item in self.rows)
 
     @property
     def reference(self) -> Evaluated:
-        """The row whose reference rows are shown: they are the same for all that have the same number of runs."""
+        """The row whose reference rows are shown; they are equal for all rows with the same number of runs."""
         return next((row for row in self.rows if not row.row.asks_model), self.rows[0])
 
     def differences(self, config: StudyTable1Task) -> dict[str, list[RowDifferences]]:
-        """Differences of the two errors the study speaks about, by the title of the error."""
+        """Differences of the two main errors of the study, by the title of the error."""
         return {
             HEADINGS[metric]: [self._differences_of(row, metric, config.eval) for row in self.rows]
             for metric in ("h", config.mape.column)
         }
 
     def _differences_of(self, row: Evaluated, metric: str, eval: EvaluationConfig) -> RowDifferences:
-        found = row.estimate(metric)
-        if found is None:
+        estimate = row.estimate(metric)
+        if estimate is None:
             return RowDifferences(row.row.title)
         less_base = less_real = None
-        if found.less_base is not None:
-            less_base = Difference(found.less_base, found.less_base_low, found.less_base_high)
-        if found.difference is not None:
-            less_real = Difference(found.difference, found.difference_low, found.difference_high)
+        if estimate.less_base is not None:
+            less_base = Difference(estimate.less_base, estimate.less_base_low, estimate.less_base_high)
+        if estimate.difference is not None:
+            less_real = Difference(estimate.difference, estimate.difference_low, estimate.difference_high)
         controls = {}
         if row.row.role is Role.matcher:
             for other in self.rows:
@@ -111,7 +111,7 @@ class Results:
 
 
 def paired_difference(row: Evaluated, other: Evaluated, metric: str, eval: EvaluationConfig) -> Difference | None:
-    """A metric of one row less that of another from the same initial states; None if no scene has both."""
+    """Difference of a metric between two rows with the same initial states; None if no scene has both."""
     mine, theirs = row.scene_means(metric), other.scene_means(metric)
     less = np.array([mine[scene] - theirs[scene] for scene in mine if scene in theirs])
     if not len(less):
@@ -129,11 +129,11 @@ def evaluate_rows(config: StudyTable1Task) -> Results:
     rows = chosen_rows(config.table1, config.model)
     # All records first, so that an invalid one stops before hours of work.
     records = [row_record(row, config) for row in rows]
-    found = []
+    evaluated = []
     for number, (row, record) in enumerate(zip(rows, records, strict=True), 1):
         log.info("row %d of %d: %s", number, len(rows), row.title)
-        found.append(_read(row, carry_out(task.run, record)))
-    return Results(found)
+        evaluated.append(_read(row, carry_out(task.run, record)))
+    return Results(evaluated)
 
 
 def _read(row: Row, folder: Path) -> Evaluated:

@@ -1,4 +1,6 @@
-"""The rows of Table 1 as data: what each changes in the configuration of `rearl evaluate`, and its row in the paper."""
+"""The rows of Table 1 as data: changes to the configuration of `rearl evaluate`, and the corresponding row in the
+paper.
+"""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
@@ -17,7 +19,7 @@ Record = TypeVar("Record")
 
 
 class Role(Enum):
-    """What a row is compared with."""
+    """Comparisons of a row."""
 
     method = "method"
     """With base."""
@@ -32,13 +34,13 @@ class Row:
     """A row of the table.
 
     Attributes:
-        name: Its name in `table1.rows`, and its folder.
+        name: Name in `table1.rows`, and of its folder.
         title: Title in tables and figures.
-        changes: Values of keys, as they are written on the command line.
-        paper: Its row in `published.TABLE1`; None if the paper has none.
-        role: What it is compared with.
-        asks_model: Whether a language model is asked.
-        is_repaired: Whether it is on the traffic of a repaired model; all others are on highway-env's.
+        changes: Values of keys, as written on the command line.
+        paper: Corresponding row of `published.TABLE1`; None without one.
+        role: Comparisons of the row.
+        asks_model: Whether a language model is used.
+        is_repaired: Whether it uses the traffic of a repaired model instead of highway-env's.
     """
 
     name: str
@@ -55,7 +57,7 @@ def _loop(policy: str, **other: Any) -> dict[str, Any]:
 
 
 CONTROL = "control: "
-"""Begins the titles of controls."""
+"""Prefix of the titles of controls."""
 
 _PAPER_REARL = "rearl_qwen3_32b"
 
@@ -98,7 +100,7 @@ ROWS = (
 
 
 def chosen_rows(table1: Table1Config, model: str | None = None) -> list[Row]:
-    """The rows asked for, in the order of the table.
+    """The requested rows, in the order of the table.
 
     Raises:
         ValueError: There is no row of a name, or it needs a model.
@@ -119,14 +121,14 @@ def chosen_rows(table1: Table1Config, model: str | None = None) -> list[Row]:
 def row_record(row: Row, config: StudyTable1Task) -> EvaluateTask:
     """The evaluation behind a row.
 
-    A language model is asked less often and in fewer rollouts, see the group table1.
+    A language model is queried less often and in fewer rollouts, see the group table1.
     """
     record = part_record(EvaluateTask, config, f"{config.table1.kept_in or config.study}/rows/{row.name}")
     changes = dict(row.changes)
     if not row.is_repaired:
         changes["model"] = None
     if row.is_repaired or changes.get("method") in ("ppo", "critical"):
-        changes["driver"] = record_of(DEFAULT)()  # these rows bring drivers of their own
+        changes["driver"] = record_of(DEFAULT)()  # these rows have their own drivers
     if changes.get("method") in ("ppo", "critical"):
         changes["mobil"] = MobilConfig()
     if row.asks_model and changes["method"] == "rearl":

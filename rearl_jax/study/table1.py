@@ -1,4 +1,4 @@
-"""The task `rearl study table1`: the methods beside each other and beside the paper's Table 1.
+"""The task `rearl study table1`: comparison of the methods with each other and with the paper's Table 1.
 
 Every row is evaluated by `rearl evaluate` in `rows/NAME`. Writes `table1.parquet` (one row per row of the table and
 metric), `table1.png`, `page.html`, `config.json` and, last of all, `summary.json`.
@@ -32,8 +32,8 @@ def run(config: StudyTable1Task) -> dict:
     """The summary, as in summary.json.
 
     Raises:
-        FileNotFoundError, ValueError: There are no recordings, one is bad, too few scenes can be cut from them, two
-            keys contradict each other, or there is no row of a name.
+        FileNotFoundError, ValueError: There are no recordings, a recording is invalid, too few scenes can be cut from
+            them, two keys contradict each other, or there is no row of a name.
     """
     study = begin("study table1", config, inputs_id(config))
     results = evaluate_rows(config)
@@ -65,7 +65,7 @@ def _draw(config: StudyTable1Task, results: Results, *, generated: bool) -> dict
 def remarks_on_rows(
     config: StudyTable1Task, results: Results, inputs: Inputs, findings: list[str], *others: str
 ) -> Remarks:
-    """Text that goes with the rows of Table 1: what follows from them, and what differs from the paper.
+    """Remarks on the rows of Table 1: conclusions, and differences from the paper.
 
     Args:
         config: The task.

@@ -1,4 +1,4 @@
-"""The figure of Table 1: every row a line, every metric a panel, ours with intervals beside the paper's."""
+"""The figure of Table 1: a line per row, a panel per metric; own figures with intervals, and the paper's."""
 
 from matplotlib.axes import Axes
 
@@ -53,16 +53,16 @@ def _draw_panel(panel: Axes, results: Results, metric: str) -> None:
     if real is not None:
         panel.axvline(real.value, color=GREY, linewidth=1.2, label="recorded (real against real for H and MAPE)")
     for role, colour in _COLOURS.items():
-        found = [
+        points = [
             (place, estimate)
             for place, item in enumerate(results.rows)
             if item.row.role is role and (estimate := item.estimate(metric)) is not None
         ]
-        if not found:
+        if not points:
             continue
-        places, values = [place for place, _ in found], [estimate.value for _, estimate in found]
+        places, values = [place for place, _ in points], [estimate.value for _, estimate in points]
         panel.plot(values, places, "o", color=colour, markersize=4, label=f"ours: {role.name}", clip_on=False)
-        for place, estimate in found:
+        for place, estimate in points:
             if estimate.low is not None and estimate.high is not None:
                 panel.hlines(place, estimate.low, estimate.high, color=colour, linewidth=1.4)
     published = [

@@ -27,10 +27,10 @@ LESS_BASE = tuple(name for name in TITLES_OF_METRICS if name not in ("h_legacy",
 """Metrics of the table of differences; H legacy differs as H does."""
 
 PUBLISHED = {"h_legacy": "h_legacy", "mape_a": "mape", "thw": "thw", "lcr": "lcr"}
-"""The paper's column that stands under a metric of ours."""
+"""The paper's column that corresponds to an own metric."""
 
 EXTRAS = ("trigger_rate", "main_reference_share", "ratio_aggressive", "ratio_defensive", "ratio_truck")
-"""Figures of the closed loop and of CRITICAL that have no interval."""
+"""Figures of the closed loop and of CRITICAL without an interval."""
 
 
 def paper_figure(row: PublishedRow | None, metric: str) -> float | None:
@@ -39,7 +39,7 @@ def paper_figure(row: PublishedRow | None, metric: str) -> float | None:
 
 
 def sections(config: StudyTable1Task, table: pd.DataFrame, summary: Mapping[str, Any]) -> tuple[Section, ...]:
-    """Ours beside the paper's, what every row changes against base, and all metrics."""
+    """Sections: own and published figures, differences from base, and all metrics."""
     intervals = f"{100 * config.eval.confidence:g} % intervals"
     ours = beside_paper(
         f"Table 1, ours beside the paper's; {summary['n_scenes']} held-out scenes, {intervals}",
@@ -57,7 +57,7 @@ def sections(config: StudyTable1Task, table: pd.DataFrame, summary: Mapping[str,
             counts = (Cell(number(first.get(name))) for name in ("n_scenes", "n_rollouts"))
             changes.append(Row(first["title"], (*cells, *counts)))
     less_base = Table(
-        f"Less base, from the same initial states, paired over scenes; {intervals}",
+        f"Difference from base, from the same initial states, paired over scenes; {intervals}",
         (*(TITLES_OF_METRICS[metric] for metric in LESS_BASE), "scenes", "rollouts"),
         tuple(changes),
     )
@@ -72,7 +72,7 @@ def sections(config: StudyTable1Task, table: pd.DataFrame, summary: Mapping[str,
 
 
 def verdict(table: pd.DataFrame) -> str:
-    """How many rows are closer to the recorded traffic than base."""
+    """Sentence on the number of rows that are closer to the recorded traffic than base."""
     of_h = table[(table["metric"] == "h") & table["less_base_low"].notna()]
     if of_h.empty:
         return "No row has an interval of its difference to base."
@@ -88,7 +88,7 @@ def long_rows(results: Results) -> pd.DataFrame:
     """`row`, `title`, `metric`, `unit`, `ours`, `low`, `high`, `sd`, `less_base` with its ends, `paper`, `paper_row`,
     `n_scenes`, `n_rollouts`; one row per row of the table and metric.
 
-    The paper's rows that stand beside none of ours have rows of their own, called `paper_NAME`.
+    Rows of the paper without a corresponding own row are added under the name `paper_NAME`.
     """
     records: list[dict[str, Any]] = []
     for item in results.rows:
@@ -112,13 +112,13 @@ def long_rows(results: Results) -> pd.DataFrame:
 
 
 def _records(item: Evaluated, method: str, row: str, title: str, paper: str | None) -> list[dict[str, Any]]:
-    found = []
+    records = []
     for metric in METRICS:
         estimate = item.estimates.get((method, metric))
         if estimate is None:
             continue
         published = paper_figure(None if paper is None else TABLE1[paper], metric)
-        found.append(
+        records.append(
             {
                 "row": row,
                 "title": title,
@@ -133,7 +133,7 @@ def _records(item: Evaluated, method: str, row: str, title: str, paper: str | No
                 "n_rollouts": item.rollouts[method],
             }
         )
-    return found
+    return records
 
 
 def summary_of(config: StudyTable1Task, results: Results, findings: list[str]) -> dict:

@@ -1,4 +1,4 @@
-"""The task `rearl study table3`: the threshold pairs beside what is known of the paper's Table 3.
+"""The task `rearl study table3`: the threshold pairs compared with the known part of the paper's Table 3.
 
 The pairs are simulated by `rearl sweep thresholds` in `sweep/`. Writes `table3.parquet` (one row per pair and figure),
 `table3.png`, `page.html`, `config.json` and, last of all, `summary.json`.
@@ -46,7 +46,7 @@ def run(config: StudyTable3Task) -> dict:
     with progress_bar() as bar:
         inputs = read_inputs(config, study, bar, with_references=True)
     scenes, splits = inputs.scenes, inputs.splits
-    assert inputs.references is not None  # asked for
+    assert inputs.references is not None  # requested
     n_runs = config.eval.n_runs
     differing = (
         *differences.of_data(config, scenes),

@@ -1,4 +1,4 @@
-"""The figure of the threshold pairs: one error against the other, and which pairs no other beats in both."""
+"""The figure of the threshold pairs: one error against the other, with Pareto-optimal pairs marked."""
 
 import numpy as np
 import pandas as pd
@@ -8,7 +8,7 @@ from rearl_jax.study.published import PARETO_PAIRS
 
 
 def draw_pairs(pairs: pd.DataFrame, n_scenes: int, *, generated: bool) -> bytes:
-    """PNG of all pairs: left beside base with intervals, right among each other.
+    """PNG of all pairs: left with base and intervals, right the pairs alone.
 
     Args:
         pairs: As in `pair_results.read_pairs`, base last.
@@ -43,6 +43,6 @@ def draw_pairs(pairs: pd.DataFrame, n_scenes: int, *, generated: bool) -> bytes:
 
 
 def _reach(row: pd.DataFrame, name: str) -> list[np.ndarray] | None:
-    """How far the interval reaches below and above the mean; None without one."""
+    """Lengths of the interval below and above the mean; None without an interval."""
     value, low, high = (row[column].to_numpy(np.float64) for column in (name, f"{name}_low", f"{name}_high"))
     return [value - low, high - value] if np.isfinite(low).all() else None

@@ -18,7 +18,7 @@ _DIGITS = {"threshold_h": 4, "threshold_m": 4, "mape": METRICS["mape_a"].digits,
 
 
 def sections(config: StudyTable3Task, table: pd.DataFrame, summary: Mapping[str, Any]) -> tuple[Section, ...]:
-    """Every pair beside the paper's thresholds and marks."""
+    """Section of every pair with the paper's thresholds and marks."""
     mape = f"MAPE {config.mape.definition.name}"
     headings = {
         "threshold_h": "H >",

@@ -1,4 +1,4 @@
-"""The task `rearl study table4`: the time of ten consecutive decisions beside the paper's Table 4.
+"""The task `rearl study table4`: the time of ten consecutive decisions, compared with the paper's Table 4.
 
 Measurements are kept in `steps/`, those with a language model in `llm/`. Writes `table4.parquet` (one row per program
 and batch), `table4.png`, `page.html`, `config.json` and, last of all, `summary.json`.
@@ -121,7 +121,7 @@ def _timings(config: StudyTable4Task) -> tuple[pd.DataFrame, dict[str, Any]]:
 
 
 def _timings_with_model(config: StudyTable4Task) -> pd.DataFrame:
-    """One row per batch and measurement, as `ModelSteps` has them; read from disk if it was measured before."""
+    """One row per batch and measurement, with the fields of `ModelSteps`; read from disk if it was measured before."""
     part = Study(config.results.root, f"{config.study}/llm", config, "study table4")
     if not part.owns(MODEL_STEPS):
         rows = []

@@ -27,7 +27,9 @@ TITLES = {
 """Rows of the table in their order, and their titles."""
 
 PAPER = {BASE: "idm_mobil", PPO: "ppo", MODEL: "rearl"}
-"""The paper's figure a row stands beside; its REARL asks a language model, so the matcher's rows stand beside none."""
+"""The paper's figure that corresponds to a row. The paper's REARL queries a language model, so the matcher's rows have
+no counterpart.
+"""
 
 
 def long_timings(steps: pd.DataFrame, with_model: pd.DataFrame | None) -> pd.DataFrame:
@@ -70,7 +72,7 @@ def _record(program: str, runs: pd.DataFrame) -> dict[str, Any]:
 
 
 def sections(config: StudyTable4Task, table: pd.DataFrame, summary: Mapping[str, Any]) -> tuple[Section, ...]:
-    """Every program beside the paper's figure."""
+    """Section of every program with the paper's figure."""
     columns = {"title": "", "batch": "batch", "ours": "ms", "low": "least", "high": "greatest"}
     columns |= {"each": "ms per scenario", "compile_s": "compile s", "paper": "paper ms"}
     title = f"Table 4: {summary['n_steps']} consecutive decision steps of {config.loop.steps_vehicles} vehicles"

@@ -1,4 +1,4 @@
-"""The values of base that percentiles are taken of, as stored in the study folder."""
+"""Errors of base whose percentiles are the thresholds, as stored in the study folder."""
 
 from collections.abc import Callable, Mapping
 
@@ -24,8 +24,8 @@ def kept_base_values(
     metadata: Mapping[str, str],
     progress: Callable[[int, int], None],
 ) -> BaseValues:
-    """Values of base as `base_values.parquet` holds them, so that a resumed study has the same thresholds. They are
-    computed by `evaluation.percentiles.base_values` and written, with the metadata, unless they are there.
+    """Values of base from `base_values.parquet`, so that a resumed study has the same thresholds. If the file does not
+    exist, they are computed by `evaluation.percentiles.base_values` and written with the metadata.
     """
     if not study.owns(BASE_VALUES):
         base = base_values(config, scenes, subset, progress)

@@ -1,4 +1,4 @@
-"""The cells of a multirun as a figure: every cell a line, every metric a panel, beside the rows to read it against."""
+"""The cells of a multirun as a figure: a line per cell, a panel per metric, with reference rows."""
 
 import pandas as pd
 from matplotlib.axes import Axes
@@ -10,7 +10,7 @@ from rearl_jax.evaluation.scores import COMPARING, REAL, REAL_VS_REAL, TITLES
 from rearl_jax.evaluation.tables import HEADINGS
 
 METRICS_DRAWN = ("h", "mape", "thw", "lcr", "collisions")
-"""Metrics with a panel; `mape` stands for the definition all cells share."""
+"""Metrics with a panel; `mape` is the definition common to all cells."""
 
 _RECORDED = "recorded scenes (real against real for H and MAPE)"
 
@@ -19,7 +19,7 @@ def draw_cells(config: EvaluateTask, names: list[str], table: pd.DataFrame, *, g
     """PNG of the cells' estimates with their intervals.
 
     Args:
-        config: What all cells share.
+        config: Configuration common to all cells.
         names: Names of the cells, drawn from top to bottom.
         table: `cells.parquet`.
         generated: Whether the recordings were generated, not measured.
@@ -50,25 +50,25 @@ def draw_cells(config: EvaluateTask, names: list[str], table: pd.DataFrame, *, g
 def _marks(
     panel: Axes, table: pd.DataFrame, names: list[str], row: str, metric: str, label: str, marker: str, colour: str
 ) -> None:
-    """One mark per cell for a row to compare with."""
-    found = _figures(table, row, metric)
-    if not found.empty:
-        at = [names.index(cell) for cell in found.index]
+    """Draws one mark per cell for a reference row."""
+    figures = _figures(table, row, metric)
+    if not figures.empty:
+        at = [names.index(cell) for cell in figures.index]
         size = 10 if marker == "|" else 4
-        panel.plot(found["value"], at, marker, color=colour, markersize=size, mfc="none", linestyle="", label=label)
+        panel.plot(figures["value"], at, marker, color=colour, markersize=size, mfc="none", linestyle="", label=label)
 
 
 def _intervals(panel: Axes, table: pd.DataFrame, names: list[str], method: str, metric: str) -> None:
     """One dot per cell for a method, with its interval."""
-    found = _figures(table, method, metric)
-    at = [names.index(cell) for cell in found.index]
-    panel.plot(found["value"], at, "o", color=BLUE, markersize=4, label=method)
-    known = found["low"].notna().to_numpy()
+    figures = _figures(table, method, metric)
+    at = [names.index(cell) for cell in figures.index]
+    panel.plot(figures["value"], at, "o", color=BLUE, markersize=4, label=method)
+    known = figures["low"].notna().to_numpy()
     lines = [y for y, is_known in zip(at, known, strict=True) if is_known]
-    panel.hlines(lines, found["low"][known], found["high"][known], color=BLUE, linewidth=1.2)
+    panel.hlines(lines, figures["low"][known], figures["high"][known], color=BLUE, linewidth=1.2)
 
 
 def _figures(table: pd.DataFrame, row: str, metric: str) -> pd.DataFrame:
     """Estimates of one row and metric, by cell."""
-    found = table[(table["method"] == row) & (table["metric"] == metric)].set_index("cell")
-    return found.astype({name: float for name in ("value", "low", "high")})
+    rows = table[(table["method"] == row) & (table["metric"] == metric)].set_index("cell")
+    return rows.astype({name: float for name in ("value", "low", "high")})

@@ -25,9 +25,9 @@ class Cell:
 
     Attributes:
         keys: Value of each swept key, as written on the command line.
-        folder: Its results.
-        estimates: Its `summary.parquet`.
-        figures: Its objects of `summary.json`, the method first.
+        folder: Folder of its results.
+        estimates: Content of `summary.parquet`.
+        figures: Objects of `summary.json`, the method first.
     """
 
     keys: dict[str, str]
@@ -45,7 +45,7 @@ def collect(config: EvaluateTask, swept: list[dict[str, str]]) -> None:
     """Combines the finished cells.
 
     Args:
-        config: What all cells share.
+        config: Configuration common to all cells.
         swept: The swept keys and their values, cell by cell.
     """
     root = Path(config.results.root) / config.study
@@ -91,7 +91,7 @@ def _read(root: Path, keys: dict[str, str]) -> Cell | None:
 
 
 def _own(figures: dict) -> dict:
-    """What a cell has measured, without the provenance that all files have."""
+    """Figures of a cell, without provenance."""
     return {name: value for name, value in figures.items() if name not in PROVENANCE}
 
 
@@ -106,12 +106,12 @@ def run_table(cells: list[Cell]) -> pd.DataFrame:
 
 
 def _columns(cell: Cell) -> dict[str, str]:
-    """The swept keys as columns: `method`, which is also what a row of the table is, becomes `cell_method`."""
+    """The swept keys as columns; `method` becomes `cell_method`, because the table also has a column `method`."""
     return {"cell_method" if key == "method" else key: value for key, value in cell.keys.items()}
 
 
 def _long(cells: list[Cell], frames: list[pd.DataFrame]) -> pd.DataFrame:
-    """The tables of the cells below each other."""
+    """The concatenated tables of the cells."""
     parts = []
     for cell, frame in zip(cells, frames, strict=True):
         named = {"cell": cell.name, **_columns(cell)}

@@ -17,7 +17,7 @@ def document_of(config: EvaluateTask, cells: pd.DataFrame, *, generated: bool) -
     """The document of the cells of a multirun.
 
     Args:
-        config: What all cells share.
+        config: Configuration common to all cells.
         cells: The table `cells.parquet`.
         generated: Whether any of the recordings were generated.
     """

@@ -1,4 +1,4 @@
-"""Document of a sweep of thresholds: every pair beside base, and whether the scenes distinguish the best two."""
+"""Document of a sweep of thresholds: every pair compared with base, and whether the scenes distinguish the best two."""
 
 from collections.abc import Mapping
 from typing import Any

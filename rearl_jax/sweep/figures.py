@@ -1,4 +1,4 @@
-"""Figures of the threshold sweep: where the thresholds lie among the values of base, and what each pair achieves."""
+"""Figures of the threshold sweep: thresholds in the distributions of base, and errors of each pair."""
 
 from collections.abc import Mapping
 
@@ -16,7 +16,7 @@ from rearl_jax.evaluation.percentiles import BaseValues
 _LINE, _MARK, _OTHERS = drawing.BLUE, drawing.VERMILION, drawing.DARK_GREY
 
 _NEAR = 0.3
-"""Part of the horizontal axis that a text takes."""
+"""Share of the horizontal axis that a text occupies."""
 
 _PUBLISHED = {"color": _OTHERS, "marker": "D", "markerfacecolor": "none", "markersize": 5, "linewidth": 0.8}
 
@@ -65,7 +65,7 @@ def _distribution(
     for percentile in percentiles:
         threshold = float(np.percentile(values, percentile))
         axes.plot([threshold], [percentile / 100], "o", color=_MARK, markersize=4)
-        # The text stands to the right of whatever is near.
+        # Text is placed to the right of nearby elements.
         other = others.get(percentile, threshold)
         is_near = threshold < other < threshold + _NEAR * axes.get_xlim()[1]
         axes.annotate(

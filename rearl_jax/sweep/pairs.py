@@ -45,18 +45,18 @@ def threshold_pairs(sweep: SweepConfig, base: BaseValues) -> list[Pair]:
 
 @dataclass(frozen=True)
 class Choice:
-    """The best pair, and whether the tuning scenes can tell it from the next best.
+    """The best pair, and whether the tuning scenes can distinguish it from the next best.
 
     The score of a pair is its mean Hellinger distance plus its mean spacing error.
 
     Attributes:
         best: Index of the pair with the lowest score; of equal ones the first.
-        runner_up: Index of the next.
+        runner_up: Index of the second best pair.
         score: Score of each pair.
         win_share: Share of the resamples of the scenes in which each pair is best.
-        lead: Score of the runner-up less that of the best.
-        lead_low: Lower end of the paired bootstrap interval of the lead.
-        lead_high: Upper end.
+        lead: Score of the runner-up minus that of the best pair.
+        lead_low: Lower bound of the paired bootstrap interval of the lead.
+        lead_high: Upper bound of the same interval.
     """
 
     best: int
@@ -69,7 +69,7 @@ class Choice:
 
     @property
     def is_distinguishable(self) -> bool:
-        """Whether the interval of the lead leaves zero out."""
+        """True if the interval of the lead excludes zero."""
         return self.lead_low > 0
 
 
@@ -78,18 +78,18 @@ def choose(
 ) -> Choice:
     """The pair with the lowest mean Hellinger distance plus mean spacing error.
 
-    Scenes in which a pair has no figure are left out for all pairs.
+    Scenes without a value for any one of the pairs are excluded for all pairs.
 
     Args:
-        h: Mean over runs of every pair and scene.
-        mape: The same of the spacing error.
+        h: Mean Hellinger distance over runs of every pair and scene [-].
+        mape: Mean spacing error over runs of every pair and scene [-].
         eval: Resamples, confidence and seed of the bootstrap over scenes.
 
     Raises:
         ValueError: No scene has figures of all pairs.
 
-    Source: REARL (Bi et al.) does not say how its pair (30 %, 5 %) was picked; it is the one with the least sum in its
-    Table 3. Percentile bootstrap: Efron & Tibshirani, An Introduction to the Bootstrap (1993), chapter 13.
+    Source: REARL (Bi et al.) does not state how its pair (30 %, 5 %) was chosen; in its Table 3 it has the smallest
+    sum. Percentile bootstrap: Efron & Tibshirani, An Introduction to the Bootstrap (1993), chapter 13.
     """
     total = h + mape
     total = total[:, np.isfinite(total).all(axis=0)]

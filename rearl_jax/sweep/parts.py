@@ -17,10 +17,10 @@ from rearl_jax.results import Study, part_name
 log = logging.getLogger(__name__)
 
 PART = 16_384
-"""Rollouts of a part at most: seconds of work, and a file of a few megabytes."""
+"""Largest number of rollouts per part: seconds of computation, and a file of a few megabytes."""
 
 RUNS = "runs"
-"""The table: a folder of parts, read as one Parquet table."""
+"""Name of the table: a folder of parts, read as one Parquet table."""
 
 
 def write_runs(
@@ -37,7 +37,7 @@ def write_runs(
     The parts do not depend on the machine, so a study may be continued on another machine.
 
     Args:
-        study: Where the table goes.
+        study: Study of the table.
         rollouts: All rollouts, with eval.seed_scope=run_x_scene.
         scenes: All scenes.
         table_of: Rows of a part.
@@ -60,20 +60,20 @@ def write_runs(
 
 
 def parts_of(n_rollouts: int) -> list[slice]:
-    """Parts of almost equal size, so that the same program serves all."""
+    """Ranges of rollouts of almost equal size, so that one compiled program serves all parts."""
     n_parts = math.ceil(n_rollouts / PART)
     bounds = [number * n_rollouts // n_parts for number in range(n_parts + 1)]
     return [slice(start, stop) for start, stop in zip(bounds[:-1], bounds[1:], strict=True)]
 
 
 def finished_parts(study: Study, n_rollouts: int) -> dict[int, slice]:
-    """The parts that are on disk already, by number; what is there and no such part is removed."""
+    """Finished parts on disk, by number; other files of the table are removed."""
     there = study.finished_parts(RUNS)
     return {number: part for number, part in enumerate(parts_of(n_rollouts)) if number in there}
 
 
 def run_columns(scene_id: np.ndarray, rollouts: Rollouts, scores: Scores) -> dict[str, np.ndarray]:
-    """What every table of rollouts holds: `scene_id`, `run`, every metric."""
+    """Columns of every table of rollouts: `scene_id`, `run`, every metric."""
     keys = {"scene_id": scene_id[rollouts.scene].astype(np.int32), "run": rollouts.run.astype(np.int32)}
     return keys | {name: figures.astype(np.float32) for name, figures in scores.values.items()}
 

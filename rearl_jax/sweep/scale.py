@@ -1,4 +1,4 @@
-"""The task `rearl sweep scale`: very many rollouts simulated and scored in constant memory, and what they cost.
+"""The task `rearl sweep scale`: very many rollouts, simulated and scored in constant memory, with their cost.
 
 Writes into the study folder `cost.parquet` (one row per batch size), `runs/part-*.parquet` (one row per rollout),
 `progress.parquet` (one row per part), `scale.png`, `config.json` and, last of all, `summary.json`. A killed study
@@ -41,8 +41,8 @@ def run(config: SweepScaleTask) -> dict:
     """The summary: rates, memory, cost of a rollout by the number simulated at a time.
 
     Raises:
-        FileNotFoundError, ValueError: There are no recordings, one is bad, too few scenes can be cut from them, or two
-            keys contradict each other.
+        FileNotFoundError, ValueError: There are no recordings, a recording is invalid, too few scenes can be cut from
+            them, or two keys contradict each other.
     """
     config.check()
     if config.eval.seed_scope is not SeedScope.run_x_scene:
@@ -68,7 +68,7 @@ def run(config: SweepScaleTask) -> dict:
 
 
 def _measured(config: SweepScaleTask, study: Study, bar: Progress, *, generated: bool) -> ScaleResults:
-    """The batch sizes, then the stream; both are written."""
+    """Results of the measured batch sizes and of the stream, after both are written."""
     load_average = runtime.load_average()
     inputs = read_inputs(config, study, bar, with_references=config.method.needs_references)
     scenes, subset = inputs.scenes, inputs.held_out(config.eval)
@@ -103,7 +103,7 @@ def list_rollouts(
     references: References | None,
     thresholds: tuple[float, float],
 ) -> Rollouts:
-    """Exactly `n_rollouts` rollouts: as many runs of every scene as that takes, the last one cut short."""
+    """Exactly `n_rollouts` rollouts: as many runs of every scene as needed, the last run incomplete."""
     n_rollouts = int(config.n_rollouts)
     enough = replace(config, eval=replace(config.eval, n_runs=math.ceil(n_rollouts / len(subset))))
     row = Row(enough, config.method.name, thresholds)

@@ -12,7 +12,7 @@ from rearl_jax.evaluation.scoring import Scorer
 from rearl_jax.timing.measurement import Stopwatch
 
 BATCHES = (1, 10, 100, 1_000, 10_000)
-"""Numbers of rollouts at a time that are measured, up to the number there is."""
+"""Measured batch sizes, up to the number of rollouts."""
 
 LEAST_REPETITIONS, LEAST_S = 3, 1.0
 """Least number of repetitions of a batch, and least time of all its repetitions [s]."""
@@ -24,7 +24,7 @@ class BatchCost:
 
     Attributes:
         n_rollouts: Rollouts of the batch.
-        repetitions: How often it was measured.
+        repetitions: Number of measurements.
         first_s: Elapsed time of the first call, which compiles or loads the programs, the whole batch [s].
         simulate_s: Elapsed time of the simulation per rollout [s].
         simulate_cpu_s: CPU time of the simulation per rollout [s].
@@ -55,7 +55,7 @@ def batch_costs(rollouts: Rollouts, scenes: SceneSet, progress: Callable[[int, i
 
 
 def batch_sizes(n_rollouts: int) -> list[int]:
-    """Rollouts at a time that are measured; the last is all of them if they are few."""
+    """Measured batch sizes; for few rollouts, the last is all of them."""
     return sorted({min(size, n_rollouts) for size in BATCHES})
 
 

@@ -39,7 +39,7 @@ def _memory(panel: Axes, results: ScaleResults) -> None:
     panel.set_xlim(0, results.n_rollouts)
     panel.xaxis.set_major_locator(MaxNLocator(4))
     panel.xaxis.set_major_formatter(StrMethodFormatter("{x:,.0f}"))
-    # From zero, so that nothing looks steeper than it is, and with room for the legend.
+    # The axis starts at zero, so that slopes are not exaggerated, and leaves room for the legend.
     panel.set_ylim(0, 1.3 * panel.get_ylim()[1])
     panel.set(xlabel="rollouts on disk", ylabel="resident memory [MiB]")
     n_sessions = len(set(table["session"]))

@@ -1,6 +1,6 @@
-"""A stream of rollouts watched part by part: how fast it goes, and how much memory the process holds meanwhile.
+"""Progress of a stream of rollouts, part by part: speed, and memory of the process.
 
-Written after every part, so that a killed study keeps its measurements; a resumed study adds a session.
+Written after every part, so that an interrupted study keeps its measurements; a resumed study adds a session.
 """
 
 import math
@@ -26,11 +26,11 @@ _MIB = 2**20
 
 
 class StreamLog:
-    """What has been simulated since the log was opened, and what earlier sessions have left in the table.
+    """Rollouts simulated since the log was opened, and rollouts of earlier runs in the table.
 
     Attributes:
-        n_before: Rollouts that were on disk when it was opened.
-        n_simulated: Rollouts simulated since.
+        n_before: Rollouts on disk when the log was opened.
+        n_simulated: Rollouts simulated since the log was opened.
         wall_s: Time since, up to the end of the last part [s].
         cpu_s: CPU time of all threads of the process since, up to the end of the last part [s].
     """
@@ -45,7 +45,7 @@ class StreamLog:
         self.n_before, self.n_simulated, self.wall_s, self.cpu_s = n_before, 0, 0.0, 0.0
 
     def add(self, number: int, n_rollouts: int) -> None:
-        """Notes that a part has been written."""
+        """Records that a part has been written."""
         self.n_simulated += n_rollouts
         self.wall_s = time.perf_counter() - self._begin[0]
         self.cpu_s = time.process_time() - self._begin[1]
@@ -58,7 +58,8 @@ class StreamLog:
         """One row per part simulated, in the order of time.
 
         Columns: `session`, `part`, `rollouts` (on disk by then), `seconds` and `cpu_s` (since the session's stream
-        began), `peak_mib` (largest resident memory of the process so far), `resident_mib` (that of the moment).
+            began), `peak_mib` (largest resident memory of the process so far), `resident_mib` (present resident
+            memory).
         """
         parts = [part for part in (self._earlier, self.now()) if part is not None and len(part)]
         return pd.concat(parts, ignore_index=True) if parts else self.now()
@@ -73,7 +74,7 @@ def shown_with_rate(bar: Progress, title: str, before: list[slice]) -> Callable[
 
     Args:
         bar: The bar.
-        title: Begins the line.
+        title: Beginning of the line.
         before: Parts that were on disk already; they do not count for the rate.
     """
     line = bar.add_task(title, total=None)
@@ -92,7 +93,7 @@ def shown_with_rate(bar: Progress, title: str, before: list[slice]) -> Callable[
 
 
 def resident_bytes() -> int | None:
-    """Resident memory of this process at the moment [bytes]; None if the system does not tell."""
+    """Present resident memory of this process [bytes]; None if the system does not report it."""
     if sys.platform != "linux":
         return None
     return int(Path("/proc/self/statm").read_text(encoding="ascii").split()[1]) * os.sysconf("SC_PAGE_SIZE")

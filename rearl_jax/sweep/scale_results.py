@@ -1,4 +1,4 @@
-"""What a stream of rollouts has cost, as the figures that are printed, drawn and written."""
+"""Costs of a stream of rollouts, as figures that are printed, drawn and written."""
 
 import math
 from collections.abc import Mapping
@@ -12,7 +12,7 @@ from rearl_jax.sweep.scale_progress import StreamLog
 
 @dataclass(frozen=True)
 class ScaleResults:
-    """What was measured.
+    """Results of a stream of rollouts.
 
     Attributes:
         config: The task.
@@ -20,9 +20,9 @@ class ScaleResults:
         seconds: Simulated time of a rollout [s].
         thresholds: Thresholds of the Hellinger distance and of the spacing error; infinite if nothing is detected.
         costs: Cost of a rollout by the number at a time.
-        stream: What was simulated now, and the memory meanwhile.
-        machine: What a speed depends on.
-        load_average: Processes that wanted to run when the task began; None if the system does not tell.
+        stream: Simulated rollouts of this run, and their memory use.
+        machine: Description of the machine.
+        load_average: Processes that wanted to run when the task began; None if the system does not report it.
         generated: Whether the recordings were generated, not measured.
     """
 
@@ -38,13 +38,14 @@ class ScaleResults:
 
     @property
     def n_rollouts(self) -> int:
-        """Rollouts on disk, whenever they were simulated."""
+        """Number of rollouts on disk, from this and earlier runs."""
         return int(self.config.n_rollouts)
 
     def rates(self) -> dict[str, float | None]:
         """Rollouts, vehicle-seconds and agent-substeps per second of elapsed and of CPU time; None if nothing was run.
 
-        They count what was simulated, scored and written now. An agent-substep is one vehicle in one tick.
+        They only include rollouts simulated, scored and written in this run. An agent-substep is one vehicle in one
+        tick.
         """
         core, stream = self.config.core, self.stream
         vehicle_seconds = core.n_vehicles * self.seconds
@@ -63,7 +64,7 @@ class ScaleResults:
     def memory(self) -> dict[str, float | None]:
         """Memory of the process after the first and after the last part simulated now [MiB]; None if it is not known.
 
-        `peak_mib`: largest resident memory so far; `resident_mib`: that of the moment.
+        `peak_mib`: largest resident memory so far; `resident_mib`: present resident memory.
         """
         table = self.stream.now()
         figures: dict[str, float | None] = {}

@@ -1,8 +1,8 @@
-"""The task `rearl sweep thresholds`: which thresholds of the detection bring the traffic closest to the recorded one.
+"""The task `rearl sweep thresholds`: finds the detection thresholds with traffic closest to the recorded one.
 
-Writes into the study folder `base_values.parquet` (what the percentiles are taken of), `runs/part-*.parquet` (one row
-per pair, scene and run), `table3.parquet` (one row per pair), two PNG figures, `page.html`, `config.json` and, last of
-all, `summary.json`. A killed study continues where it stopped.
+Writes into the study folder `base_values.parquet` (the values of base whose percentiles are used),
+`runs/part-*.parquet` (one row per pair, scene and run), `table3.parquet` (one row per pair), two PNG figures,
+`page.html`, `config.json` and, last of all, `summary.json`. An interrupted study continues.
 """
 
 import json
@@ -33,7 +33,7 @@ from rearl_jax.sweep.pairs import Pair, choose, pair_table, scene_means, thresho
 from rearl_jax.sweep.parts import RUNS, run_columns, write_runs
 
 FIGURES = ("h", "mape_a", "mape_b", "mape_c", "thw", "lcr", "collisions")
-"""Metrics of the table beside the two that decide."""
+"""Metrics of the table besides the two errors that determine the choice."""
 
 
 def run(config: SweepThresholdsTask, *, show: bool = True) -> dict:
@@ -44,8 +44,8 @@ def run(config: SweepThresholdsTask, *, show: bool = True) -> dict:
         show: Whether the table is printed.
 
     Raises:
-        FileNotFoundError, ValueError: There are no recordings, one is bad, too few scenes can be cut from them, or two
-            keys contradict each other.
+        FileNotFoundError, ValueError: There are no recordings, a recording is invalid, too few scenes can be cut from
+            them, or two keys contradict each other.
     """
     if config.eval.seed_scope is not SeedScope.run_x_scene:
         message = "must be run_x_scene: a sweep scores every rollout against its own scene"
@@ -71,7 +71,7 @@ def run(config: SweepThresholdsTask, *, show: bool = True) -> dict:
         base = kept_base_values(config, study, scenes, splits.threshold, metadata, shown(bar, "base"))
         pairs = threshold_pairs(config.sweep, base)
         rows = [Row(config, pair.name, (pair.threshold_h, pair.threshold_m)) for pair in pairs]
-        # Base is the row whose thresholds are never passed: bit for bit, and in the same program.
+        # Base is the row with infinite thresholds, in the same program and with bitwise equal results.
         rows.append(Row(config, Method.base.name, NEVER))
         rollouts = Rollouts(rows, scenes, splits.tuning, inputs.references)
         table_of = partial(_run_table, pairs, scenes.scene_id)

@@ -15,4 +15,4 @@ from rearl_jax.tasks.task import Task
 __all__ = ["CLOSED_LOOP", "TASKS", "Task", "conf_dir", "sweeps_dir"]
 
 TASKS = (*DATA, *SIMULATION, *STUDIES, *EXCHANGE, *MAINTENANCE)
-"""All of them, in the order in which help lists them."""
+"""All tasks, in the order of the help text."""

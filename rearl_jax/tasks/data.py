@@ -7,14 +7,17 @@ DATA = (
         words="prepare",
         run="rearl_jax.data.prepare:run",
         config="rearl_jax.config:PrepareTask",
+        on_file="rearl_jax.data.survey.task:run",
         summary="read recordings, check them, write canonical tables and scenes",
         description=(
             "Reads trajectory recordings (highD family, NGSIM tables, OpenACC, FHWA pairs, canonical tables, shipped "
             "sets), checks every row, converts units once and writes canonical Parquet tables and 60 s scenes. "
-            "data=generated first writes new recordings in the highD three-file format."
+            "data=generated first writes new recordings in the highD three-file format. `rearl prepare FILE` says what "
+            "an unknown file holds, and the command that reads it."
         ),
         examples=(
             "rearl prepare",
+            "rearl prepare unknown.csv",
             "rearl prepare data=highd data.root=/data/highD study=highd",
             "rearl prepare data=generated study=generated generator.n_recordings=4",
         ),
@@ -46,7 +49,7 @@ DATA = (
         description=(
             "Calibrates every driver, examines what the model cannot predict, identifies the effect or the measurement "
             "fault that causes it, adds the effect, checks it on other drivers and reports the error before and after "
-            "on drivers that took no part in the fit. A killed study continues where it stopped. Prints the verdict, "
+            "on drivers that were not used in the fit. An interrupted study continues. Prints the verdict, "
             "writes it as verdict.json, the repaired model as model.yaml, Parquet, figures and one HTML page."
         ),
         examples=(

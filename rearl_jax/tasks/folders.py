@@ -4,19 +4,19 @@ from pathlib import Path
 
 
 def conf_dir() -> Path:
-    """The folder of the configuration files: inside the package in a wheel, beside it in a checkout.
+    """The folder of the configuration files: inside the package in a wheel, next to it in a checkout.
 
     Raises:
-        FileNotFoundError: Neither exists, the installation is incomplete.
+        FileNotFoundError: Neither exists, because the installation is incomplete.
     """
     return _beside("conf")
 
 
 def sweeps_dir() -> Path:
-    """The folder of the sweep files, beside that of `conf_dir`.
+    """The folder of the sweep files, next to that of `conf_dir`.
 
     Raises:
-        FileNotFoundError: There is none, the installation is incomplete.
+        FileNotFoundError: The folder does not exist, because the installation is incomplete.
     """
     return _beside("sweeps")
 

@@ -1,4 +1,4 @@
-"""The task that looks after the installation."""
+"""The task that checks the installation."""
 
 from rearl_jax.tasks.task import Task
 

@@ -1,4 +1,4 @@
-"""Tasks that put results beside the paper's tables and figures, and the one that reports any of them."""
+"""Tasks that compare results with the paper's tables and figures, and the task `report`."""
 
 from rearl_jax.tasks.task import Task
 
@@ -12,7 +12,7 @@ STUDIES = (
         description=(
             "Evaluates every row (base, PPO, CRITICAL, the closed loop with its controls, with table1.llm=true a "
             "language model) as `rearl evaluate` does, each in a folder of its own below rows/, and puts them beside "
-            "the figures of the paper, with a list of differences. A killed study continues where it stopped. "
+            "the figures of the paper, with a list of differences. An interrupted study continues. "
             "Prints the table and conclusions, writes Parquet, a figure and one HTML page."
         ),
         examples=(

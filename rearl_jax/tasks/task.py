@@ -11,12 +11,14 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Task:
-    """One task. `run`, `config` and `collect` are addresses `module:name`; the function takes the record.
+    """One task. `run`, `config` and `collect` are addresses `module:name`; the function `run` takes the configuration
+    record.
 
-    `collect` combines the cells of a multirun: it takes the record with what all cells share, and for each cell
-    the values of the swept keys. `implied` names overrides that keys of a group imply. `goes_on` states that the same
-    command resumes an interrupted task, `failures` names the figure in the function's result that makes `rearl` fail
-    unless it is 0. A task that does not use JAX does not wait for its import.
+    `collect` combines the cells of a multirun: it takes the record common to all cells, and the values of the swept
+    keys for each cell. `on_file` is the function for `rearl TASK FILE`, which takes the name of the file. `implied`
+    maps groups of keys to overrides that they imply. `goes_on` states that the same command resumes an interrupted
+    task, `failures` names the figure in the function's result that makes `rearl` fail unless it is 0. With
+    `uses_jax=False` the task starts without the import of JAX.
     """
 
     words: str
@@ -30,6 +32,7 @@ class Task:
     uses_jax: bool = True
     failures: str | None = None
     collect: str | None = None
+    on_file: str | None = None
     implied: dict[str, str] = field(default_factory=dict)
 
     @property
@@ -48,6 +51,11 @@ class Task:
     def load_run(self) -> Callable[[Any], dict]:
         """The function of the task; importing it imports JAX and whatever else the task needs."""
         return _load(self.run)
+
+    def load_on_file(self) -> Callable[[str], dict]:
+        """The function for a file that is named instead of keys."""
+        assert self.on_file is not None
+        return _load(self.on_file)
 
     def load_collect(self) -> Callable[[Any, list[dict[str, str]]], None]:
         """The function that combines cells."""

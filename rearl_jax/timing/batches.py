@@ -16,7 +16,7 @@ from rearl_jax.timing.measurement import Measurement, Stopwatch, measurement_of
 
 @dataclass(frozen=True)
 class Subject:
-    """A program to be measured, the preparation of its input, and the reading of its output.
+    """A measured program, with functions that prepare its input and read its output.
 
     Attributes:
         prepare: Function of one random key per scenario to the input of the program; not measured.
@@ -55,7 +55,7 @@ class Batches:
         """The cost of whole batches drawn from the seed.
 
         Raises:
-            ValueError: The scenarios are no multiple of the batch.
+            ValueError: The number of scenarios is not a multiple of the batch.
         """
         if n_scenarios % self._batch:
             raise ValueError(f"n_scenarios = {n_scenarios} is not a multiple of the batch of {self._batch}")

@@ -49,11 +49,11 @@ BASE = "base"
 """IDM and MOBIL alone."""
 
 PPO = "ppo"
-"""All vehicles driven by the trained policy that comes with the package."""
+"""All vehicles controlled by the shipped trained policy."""
 
 LOOP, DETECTION, DECISION = "loop", "detection", "decision"
-"""Whole steps of the closed loop with the matcher by rank; on recorded traffic the detection alone, and all that
-follows from it alone.
+"""Whole steps of the closed loop with the matcher by rank; detection alone, on recorded traffic; all steps after
+detection alone, on recorded traffic.
 """
 
 PARTS = (BASE, PPO, LOOP, DETECTION, DECISION)
@@ -65,12 +65,12 @@ of one decision or of all ten, and of how many vehicles.
 """
 
 WARM_UP = 20
-"""Simulated time before decision steps are measured, so that vehicles have met [s]; own choice."""
+"""Simulated time before decision steps are measured [s], so that vehicles interact; own choice."""
 
 BASE_MODEL = TrafficModel(ticks_per_second=TICKS_PER_SECOND)
 
 LOOP_MODEL = model_under_decisions(BASE_MODEL, ExecConfig().longitudinal)
-"""The same road with the stages that a closed loop at its defaults adds to it."""
+"""The road of `BASE_MODEL` with the additional stages of a closed loop with default options."""
 
 ALWAYS = LoopOptions(DetectionOptions(cues=Cues.always))
 """The closed loop at its defaults, triggered every second."""
@@ -81,11 +81,11 @@ class Batch(eqx.Module):
 
     Attributes:
         state: Initial traffic.
-        drivers: Its drivers.
+        drivers: Drivers of the traffic.
         keys: Random keys of the policy.
         table: The references.
         thresholds: Infinite, so that no value passes them.
-        recorded: Traffic at the end of successive seconds, for programs that only look at it; else None.
+        recorded: Traffic at the end of successive seconds, for programs that only evaluate it; else None.
         shown: Situations of that traffic as a policy sees them, for programs that only decide; else None.
     """
 
@@ -113,7 +113,7 @@ class Scenes:
         return Batch(state, drivers, keys, self.table, Thresholds(nothing, nothing))
 
     def draw_recorded(self, keys: Key[Array, " scenarios"], n_seconds: int) -> Batch:
-        """The same some time later, and the seconds before."""
+        """Batch whose traffic starts some time later, with the recorded seconds before."""
         batch = self.draw(keys)
 
         def second(state: TrafficState, _: None) -> tuple[TrafficState, TrafficState]:
@@ -125,7 +125,7 @@ class Scenes:
         return dataclasses.replace(batch, state=state, recorded=recorded)
 
     def draw_shown(self, keys: Key[Array, " scenarios"], n_seconds: int) -> Batch:
-        """The same, and what a policy that is always asked is shown of the seconds before."""
+        """Batch as of `draw_recorded`, with the situations of a policy that decides every second."""
         batch = self.draw_recorded(keys, n_seconds)
 
         def second(traffic: LoopState, state: TrafficState) -> tuple[LoopState, tuple[TrafficState, Situation]]:
@@ -144,7 +144,7 @@ def synthetic_table(references: Mapping[str, int]) -> ReferenceTable:
 
 
 def scene_of(loop: StepsConfig, n_vehicles: int, seconds: int, batch: int) -> dict[str, Any]:
-    """Arguments of a program beside its name."""
+    """Arguments of a program, except its name."""
     references = {
         "seed": loop.seed,
         "n_references": loop.n_references,
@@ -259,18 +259,24 @@ def _driven_subject(prepare: Any, seconds: int) -> Subject:
 
 
 def matcher(space: MatchSpace) -> Policy:
-    """The matcher, its other options at their defaults."""
+    """The matcher with default options except the given space."""
     return make_policy(PolicyName.matcher, MatcherConfig(space=space), LOOP_MODEL)
 
 
 def look_for_drift(batch: Batch) -> tuple[Array, ...]:
-    """Findings of the detection in each second of the recorded traffic, as far as a rollout hands it over."""
+    """Results of the detection in each second of the recorded traffic, those used in a rollout."""
 
     def second(memory: DetectorMemory, state: TrafficState) -> tuple[DetectorMemory, tuple[Array, ...]]:
-        # In a rollout the state is an array; here it is a slice, which XLA would cut anew for every use.
+        # In a rollout the state is an array; here it is a slice, which XLA would compute again for every use.
         frame = frame_of(lax.optimization_barrier(state), LOOP_MODEL)
-        memory, found = detect(memory, frame, batch.table, batch.thresholds, ALWAYS.detection)
-        return memory, (found.reference, found.hellinger, found.mape, found.triggered, count(found.mask))
+        memory, detection = detect(memory, frame, batch.table, batch.thresholds, ALWAYS.detection)
+        return memory, (
+            detection.reference,
+            detection.hellinger,
+            detection.mape,
+            detection.triggered,
+            count(detection.mask),
+        )
 
     return lax.scan(second, initial_memory(batch.table, batch.keys, ALWAYS.detection), batch.recorded)[1]
 

@@ -27,7 +27,7 @@ class Spread:
     greatest: float
 
     def figures(self, name: str) -> dict[str, float]:
-        """The three under the keys of a summary."""
+        """Median, least and greatest value, under the keys that a summary uses."""
         return {name: self.median, f"{name}_min": self.least, f"{name}_max": self.greatest}
 
 
@@ -47,7 +47,7 @@ class Measurement:
         cpu_s: CPU time of the stepping over all threads of the process [s].
         wall_s: Elapsed time of the stepping [s].
         mean_speed: Mean speed of all vehicles at the end [m/s].
-        lane_changes: Changes of lane seen between whole seconds; None if they are not reported.
+        lane_changes: Lane changes detected between consecutive whole seconds; None if they are not reported.
         crashed: Vehicles that have collided by the end; None if the program has no collisions.
         peak_memory_bytes: Largest resident memory of the process so far; None if it is not reported.
     """
@@ -75,7 +75,7 @@ class Measurement:
 
 @dataclass(frozen=True)
 class Series:
-    """The repetitions of one program at one number of vehicles, and the facts of the program."""
+    """Repeated measurements of one program at one number of vehicles, and facts about the program."""
 
     program: str
     n_vehicles: int
@@ -96,7 +96,7 @@ class Series:
     def lane_changes_per_vehicle_min(self) -> float | None:
         """Lane changes per vehicle and minute [1/min]; None if they are not reported."""
         counts = [run.lane_changes for run in self.measurements if run.lane_changes is not None]
-        # A change in the first second has no earlier second to be seen against.
+        # A change in the first second cannot be detected without an earlier second.
         minutes = sum(run.n_scenarios * self.n_vehicles * (run.seconds - 1) / 60 for run in self.measurements)
         return sum(counts) / minutes if counts and minutes else None
 
@@ -115,7 +115,7 @@ class Series:
 
 @runtime_checkable
 class Simulator(Protocol):
-    """A program that has been made ready for scenes of one kind."""
+    """A program prepared for scenes of one kind."""
 
     @property
     def facts(self) -> Mapping[str, float | int]:
@@ -169,9 +169,9 @@ def measurement_of(
 
 
 def peak_memory_bytes() -> int | None:
-    """Largest resident memory this process has had so far [bytes]; None if the system does not tell."""
+    """Largest resident memory this process has had so far [bytes]; None if the system does not report it."""
     if sys.platform == "linux":
-        # getrusage would count what the parent process held at the moment it started this one.
+        # getrusage would include memory of the parent process at the start of this process.
         for line in Path("/proc/self/status").read_text(encoding="utf-8").splitlines():
             if line.startswith("VmHWM:"):
                 return int(line.split()[1]) * 1024

@@ -1,4 +1,4 @@
-"""Measured programs in processes of their own, which makes CPU time and memory theirs alone.
+"""Measured programs in separate processes, so that CPU time and memory are those of the program alone.
 
 The other process runs `python -m rearl_jax.timing.process SPECIFICATION`. In: a JSON object as argument (`program`, the
 address of a function or class as `module:name`, its `arguments`, and `cpu_devices`), then one JSON object per line on
@@ -21,11 +21,11 @@ from rearl_jax.timing.measurement import Measurement, Simulator
 from rearl_jax.timing.turns import Report
 
 _SECONDS_TO_END = 10.0
-"""Time a process gets to end after it was told to [s]."""
+"""Time for a process to end after the request to stop [s]."""
 
 
 class ProcessSession:
-    """A program in a Python process of its own."""
+    """A program in a separate Python process."""
 
     def __init__(
         self, program: str, *, cpu_devices: int | None = 1, on_cpu: bool = True, remedy: str = "", **arguments: Any
@@ -33,10 +33,10 @@ class ProcessSession:
         """Starts the process and waits until it is warm.
 
         Args:
-            program: Address `module:name` of what makes the simulator.
+            program: Address `module:name` of the function or class that creates the simulator.
             cpu_devices: CPU devices of JAX; None for one per core.
             on_cpu: Whether JAX sees the CPU alone.
-            remedy: What to do if the program fails.
+            remedy: Remedy if the program fails.
             **arguments: What the function or class takes.
 
         Raises:

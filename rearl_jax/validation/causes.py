@@ -36,11 +36,11 @@ class Facts:
 
     Attributes:
         tick: That tick.
-        vehicle: Its place in the list; of several the one that differs most.
-        difference: Difference of its position [m].
+        vehicle: Place of the vehicle in the list; of several the one that differs most.
+        difference: Difference of the vehicle's position [m].
         growth: That difference over the one a tick before [-].
-        speed: Its speed [m/s].
-        slowest: Its least speed, whatever the sign, in the two seconds before [m/s].
+        speed: Speed [m/s].
+        slowest: Smallest absolute speed in the two seconds before [m/s].
         unstable_below: Speed below which its lateral controller is unstable [m/s].
         is_crashed: Whether it has crashed.
         has_flipped: Whether its target lanes have differed.

@@ -25,7 +25,7 @@ class Comparison:
         position: Largest difference of x and y for every vehicle [m].
         contact: First tick with a crashed vehicle in the reference; the number of ticks where there is none.
         changed: Lane changes of the reference: the nearest lane differs from the tick before.
-        changed_alike: Those of them that the other run makes on the same tick, into the same lane.
+        changed_alike: Lane changes that the other run makes on the same tick into the same lane.
         changed_either: Lane changes that at least one run makes.
         flipped: Whether the target lanes of the two runs differ.
         crash_differs: Whether the crash flags of the two runs differ.

@@ -35,7 +35,7 @@ def document_of(
         config: Tolerances.
     """
     sections = [_agreement(groups, precision, summary, config) for precision in PRECISIONS]
-    note = "highway-env's own: its difference after a start one unit in the last place further ahead"
+    note = "highway-env's own: its difference from a run that starts one unit in the last place further ahead"
     for precision in PRECISIONS:
         excepted = where(scenes, precision=precision, agrees=False)
         if len(excepted):
@@ -55,7 +55,9 @@ def document_of(
 
 
 def _agreement(groups: pd.DataFrame, precision: str, summary: Mapping[str, Any], config: ValidationConfig) -> Section:
-    """float64 is judged over all ticks, float32 before the first contact of each scene."""
+    """Section on the agreement of one precision: float64 over all ticks, float32 before the first contact of each
+    scene.
+    """
     whole = precision == "float64"
     ending, scope = ("", "at all ticks") if whole else ("_before_contact", "before the first contact")
     columns = {

@@ -37,7 +37,7 @@ class Start:
         changes_lanes: Whether the vehicle changes lanes at all.
         length: Length [m].
         width: Width [m].
-        collides: Whether the vehicle looks for collisions.
+        collides: Whether the vehicle checks for collisions.
     """
 
     x: Float[np.ndarray, "vehicles *scenarios"]

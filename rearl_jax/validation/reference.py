@@ -1,4 +1,5 @@
-"""highway-env itself: builds a scene, drives it tick by tick, records everything. The only module that imports it.
+"""Reference simulation in highway-env: builds a scene, simulates it tick by tick, and records it. The only module that
+imports highway-env.
 
 Run in worker processes (see `workers`), never imported by the main process: the arithmetic of NumPy is chosen there,
 by environment, before NumPy is loaded.
@@ -48,8 +49,8 @@ def simulate(scenario: Scenario, *, nudged: bool = False) -> Recorded:
 
     Args:
         scenario: The scene.
-        nudged: Move every vehicle forward by one unit in the last place before the first tick. Tells how far
-            highway-env carries the least possible difference by itself.
+        nudged: Move every vehicle forward by one unit in the last place before the first tick. This shows how
+            highway-env amplifies the smallest possible difference.
 
     Raises:
         ValueError: If a result is not finite.
@@ -151,7 +152,7 @@ def _describe(vehicles: list[ControlledVehicle]) -> Start:
 
     def parameter(name: str) -> np.ndarray:
         attribute, kind = ATTRIBUTES[name], bool if name in ("changes_lanes", "collides") else np.float64
-        # A vehicle with meta-actions has no parameters of IDM and MOBIL; nobody asks for them.
+        # A vehicle with meta-actions has no parameters of IDM and MOBIL; they are not used.
         default = True if kind is bool else getattr(IDMVehicle, attribute)
         values = column([getattr(vehicle, attribute, default) for vehicle in vehicles], kind)
         return -values if name == "comfort_decel" else values

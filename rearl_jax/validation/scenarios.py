@@ -1,7 +1,8 @@
 """The scenes of the comparison, set by set, drawn from one seed.
 
-A scenario holds everything highway-env needs to build and drive a scene, so its identity is the hash of its content.
-Scene k of a set is the same whatever the number of scenes. NumPy only: worker processes import this without JAX.
+A scenario contains everything that highway-env needs to build and simulate a scene, so its identity is the hash of its
+content. Scene k of a set is the same whatever the number of scenes. NumPy only: worker processes import this without
+JAX.
 """
 
 import dataclasses
@@ -39,8 +40,8 @@ class Source(Enum):
 
 @dataclass(frozen=True)
 class Injection:
-    """Vehicles placed by us, in list order; the names are those of `records.Start`. An absent timer is highway-env's
-    own.
+    """Vehicles placed by this module, in list order, with the names of `records.Start`. Without a timer, highway-env's
+    value is used.
     """
 
     x: tuple[float, ...]
@@ -60,7 +61,7 @@ class Scenario:
     Attributes:
         set_name: The set it belongs to.
         index: Number within the set.
-        source: Who places the vehicles.
+        source: Origin of the vehicles.
         seed: Seed of highway-env's generator.
         n_idm: Vehicles driven by IDM and MOBIL.
         n_meta: Vehicles driven by meta-actions.
@@ -102,9 +103,9 @@ class ScenarioSet:
     """Scenes of one kind.
 
     Attributes:
-        name: As in the configuration.
-        size: Size class the set counts for: 2, 10, 30 or 60. An ego or further vehicles may come on top.
-        source: Who places the vehicles.
+        name: Name in the configuration.
+        size: Size class of the set: 2, 10, 30 or 60; an ego or further vehicles may be added.
+        source: Origin of the vehicles.
         n_idm: Vehicles driven by IDM and MOBIL.
         n_meta: Vehicles driven by meta-actions.
         speed_levels: Target speeds of the meta-actions [m/s].

@@ -42,7 +42,7 @@ def simulate(scenes: Sequence[Recorded], model: TrafficModel, dtype: type) -> Tr
 
     Args:
         scenes: Scenes of equal size, at most `batch_width`.
-        model: The road.
+        model: Traffic model; only its road is used.
         dtype: np.float32 or np.float64; the latter needs JAX's x64 mode.
 
     Raises:

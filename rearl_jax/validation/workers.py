@@ -1,11 +1,10 @@
-"""Worker processes in which highway-env runs, with the arithmetic of NumPy chosen by environment.
+"""Worker processes in which highway-env runs, with NumPy's arithmetic chosen by an environment variable.
 
 On processors with AVX-512 NumPy has its own vector versions of arcsin, tan, arctan and pow. They differ from those of
 the C library, which XLA calls, by one unit in the last place for 0.5 to 10 % of the arguments, and highway-env's
-lateral controller, unstable below about 0.1 m/s, amplifies that. So NumPy is kept from using them, by its own
-documented switch NPY_DISABLE_CPU_FEATURES, in the processes that make the reference. Elsewhere there is nothing to
-switch off.
-How much they matter is measured: highway-env with them against highway-env without is the control of the report.
+lateral controller, unstable below about 0.1 m/s, amplifies that. Therefore the reference runs in processes in which
+NumPy's documented variable NPY_DISABLE_CPU_FEATURES disables its vector versions. Other processors have no vector
+versions. The control of the report compares highway-env with and without the vector versions.
 """
 
 import multiprocessing
@@ -27,9 +26,9 @@ SWITCH = "NPY_DISABLE_CPU_FEATURES"
 class Variant(Enum):
     """Variant of a run of highway-env.
 
-    plain: with the functions of the C library; the reference. vectorised: as NumPy does by itself; the control.
-    nudged: plain, but every vehicle starts one unit in the last place further ahead; shows what highway-env makes of
-    the least possible difference.
+    plain: with the functions of the C library; the reference. vectorised: with NumPy's default functions; the control.
+    nudged: plain, but every vehicle starts one unit in the last place further ahead; shows how highway-env amplifies
+        the smallest possible difference.
     """
 
     plain = "plain"
@@ -39,7 +38,7 @@ class Variant(Enum):
 
 @dataclass(frozen=True)
 class Job:
-    """One scene to run in one way."""
+    """One scene to run with one variant."""
 
     scenario: Scenario
     variant: Variant
@@ -54,7 +53,7 @@ def vector_features() -> tuple[str, ...]:
 
 
 def run(jobs: Iterable[Job], n_workers: int) -> Iterator[tuple[Job, Recorded]]:
-    """The jobs with their results, in the order in which they are done. All must be of the same arithmetic.
+    """The jobs with their results, in order of completion. All jobs must use the same arithmetic.
 
     Raises:
         RuntimeError: If highway-env failed in a scene; names it.
@@ -84,7 +83,7 @@ def run(jobs: Iterable[Job], n_workers: int) -> Iterator[tuple[Job, Recorded]]:
 
 @contextmanager
 def _environment(*, vectorised: bool) -> Iterator[None]:
-    """The environment of new processes: with NumPy's vector functions, or without. Restored at the end."""
+    """Environment variables for new processes with or without NumPy's vector functions; restored at the end."""
     before = os.environ.get(SWITCH)
     if vectorised:
         os.environ.pop(SWITCH, None)
@@ -100,7 +99,7 @@ def _environment(*, vectorised: bool) -> Iterator[None]:
 
 
 def _simulate(job: Job) -> Recorded:
-    """Runs in a worker, the only kind of process that imports highway-env."""
+    """The recorded scene of a job; runs in a worker, the only kind of process that imports highway-env."""
     from rearl_jax.validation import reference
 
     return reference.simulate(job.scenario, nudged=job.variant is Variant.nudged)

@@ -1,13 +1,13 @@
 import pytest
 
-from benchmarks.options import CoreOptions, DiscoverOptions, LoopOptions, LoopPolicy, Peer
+from benchmarks.options import CoreOptions, DiscoverOptions, LoopOptions, LoopPolicy, Peer, ReadersOptions
 from rearl_jax.problems import InvalidInputError
 
 
 @pytest.mark.parametrize(
     "options",
     [CoreOptions(), CoreOptions(chunks=(), threads=(), against="there"), DiscoverOptions()]
-    + [LoopOptions(), LoopOptions(steps_batches=()), LoopOptions(batches=())],
+    + [LoopOptions(), LoopOptions(steps_batches=()), LoopOptions(batches=()), ReadersOptions()],
 )
 def test_sound_options(options):
     options.check()
@@ -39,6 +39,7 @@ BAD = {
         "reference_seconds": [59],
     },
     DiscoverOptions: {"drivers": [(8, 20), ()], "seconds": [(60, 60)], "replicates": [1]},
+    ReadersOptions: {"layouts": [(), ("vissim", "vissim")], "megabytes": [0.0]},
 }
 
 

@@ -50,15 +50,32 @@ def test_a_few_wrong_times_do_not_move_the_frame_rate(vehicle_rows):
 
 
 @pytest.mark.parametrize(("unit", "factor"), [("ms", 1e3), ("us", 1e6), ("ns", 1e9), ("min", 1 / 60), ("h", 1 / 3600)])
-def test_times_in_another_unit_are_named(vehicle_rows, unit, factor):
+def test_times_in_another_unit_are_read_and_said(vehicle_rows, unit, factor):
     rows = _at(vehicle_rows, 10.0)
-    with refused("wrong-units", column="time") as caught:
-        _read(rows.assign(time=rows["time"] * factor))
-    assert unit in caught.value.problem.fault.split()[3]
-    still = rows.assign(position=100.0 + rows["track_id"] * 20.0, speed=0.0)
+    found = _read(rows.assign(time=rows["time"] * factor))
+    assert found.info.frame_rate == 10.0
+    np.testing.assert_allclose(found.table["time"], _read(rows).table["time"], atol=1e-6)
+    assert any(f"time taken to be in {unit}," in note for note in found.info.notes)
+    still = rows.assign(position=200.0 - rows["track_id"] * 20.0, speed=0.0)
     if factor >= 1e3:
-        with refused("wrong-units", column="time"):
-            _read(still.assign(x=still["position"], time=rows["time"] * factor))
+        assert _read(still.assign(x=still["position"], time=rows["time"] * factor)).info.frame_rate == 10.0
+
+
+def test_a_wrong_speed_does_not_hide_the_unit_of_time(vehicle_rows):
+    rows = _at(vehicle_rows, 10.0)
+    with refused("wrong-units", column="speed"):
+        _read(rows.assign(time=rows["time"] * 1e3, speed=rows["speed"] * 3.6))
+
+
+def test_times_that_count_something_else_are_asked_for(vehicle_rows):
+    rows = _at(vehicle_rows, 10.0)
+    with refused("time-unit-unknown", column="time") as caught:
+        _read(rows.assign(time=rows["frame"]))
+    assert "data.units={time: 10/s}" in caught.value.problem.remedy
+    still = rows.assign(position=200.0 - rows["track_id"] * 20.0, speed=0.0)
+    with refused("time-unit-unknown", column="time") as caught:
+        _read(still.assign(x=still["position"], time=rows["frame"]))
+    assert "data.units={time: ms}" in caught.value.problem.remedy
 
 
 def test_positions_in_km_are_no_times_in_ms(vehicle_rows):

@@ -17,7 +17,7 @@ _FILE = re.compile(r"((?:[\w.-]+/)+[\w.-]+\.\w+)(?:, in (\w+))?")
 """A title that is a path in a checkout, or names a table in that file."""
 
 _SPAN = re.compile(r"(?<!`)`(rearl [^`\n]+)`(?!`)")
-_UNFINISHED = re.compile(r"\.\.\.|\b(TASK|STUDY|NAME)\b")
+_UNFINISHED = re.compile(r"\.\.\.|\b(TASK|STUDY|NAME|FILE)\b")
 """Placeholders in running text."""
 
 

@@ -44,7 +44,7 @@ def check_launcher(task, words):
 
 def check_rearl(words):
     """Raise UsageError or ValueError where `rearl` would complain before anything runs."""
-    from rearl_jax.cli.command_line import _parser, _task
+    from rearl_jax.cli.command_line import _is_file, _parser, _task
     from rearl_jax.cli.composition import compose_task
     from rearl_jax.cli.sweep_files import read_sweep
 
@@ -54,6 +54,8 @@ def check_rearl(words):
         return  # help, of all tasks or of those that begin like this
     task = _task(options.words)
     overrides = options.words[len(task.words.split()) :]
+    if task.on_file is not None and len(overrides) == 1 and _is_file(overrides[0]):
+        return  # a file of the reader's own
     if options.sweep:
         overrides = [*read_sweep(options.sweep, task, options.config_dir), *overrides]
     launcher = [word for word in overrides if word.startswith("hydra")]

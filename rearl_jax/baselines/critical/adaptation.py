@@ -12,7 +12,7 @@ import numpy as np
 from rearl_jax.baselines.critical.mixture import ALL_REGULAR, Mixture
 
 GIVEN, START, KNOWN = "given", "start", "known"
-"""Causes of mixtures that no proposer was asked for: set by the user, the first mixture, known from the start."""
+"""Origins of mixtures without a proposal: set by the user, the first mixture, known from the start."""
 
 
 @dataclass(frozen=True)
@@ -46,14 +46,15 @@ class Assessment:
 
 @dataclass(frozen=True)
 class Trial:
-    """A mixture that was tried out.
+    """A mixture that was simulated.
 
     Attributes:
         number: Round, from 0; all points of a grid are one round.
-        mixture: Its shares.
-        assessment: Its assessment.
-        attempts: Answers that were requested until one held the mixture.
-        cause: `answered` if a proposer gave the mixture; else why it equals that of the round before, or its origin.
+        mixture: Shares of the classes.
+        assessment: Assessment of the mixture.
+        attempts: Answers that were requested until one contained the mixture.
+        cause: `answered` if a proposer gave the mixture; else the reason why it equals that of the round before, or its
+            origin.
     """
 
     number: int
@@ -93,7 +94,7 @@ class Proposal:
     Attributes:
         mixture: Proposed shares; None without a proposal, which leaves the shares as they are.
         attempts: Answers that were requested.
-        cause: `answered`, or why there is none.
+        cause: `answered`, or the reason why there is no proposal.
     """
 
     mixture: Mixture | None
@@ -109,7 +110,7 @@ Propose: TypeAlias = Callable[[int, Sequence[Trial]], Proposal]
 
 
 def best_of(candidates: Sequence[Mixture], assess: Assess, proposer: str) -> Adaptation:
-    """The best of some mixtures by the sum of both errors; of equally good mixtures the first."""
+    """The best of the candidates by the sum of both errors; of equally good mixtures the first."""
     trials = tuple(
         Trial(0, mixture, assessment, 0, KNOWN)
         for mixture, assessment in zip(candidates, assess(candidates), strict=True)
@@ -127,7 +128,7 @@ def adapt_by_rounds(
     start: Mixture = ALL_REGULAR,
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> Adaptation:
-    """The last valid proposal, whatever its figures.
+    """The last valid proposal, independent of its figures.
 
     The first mixture is simulated, then every round proposes and simulates another, so the selected mixture has figures
     too.

@@ -1,4 +1,4 @@
-"""Reads a mixture, or the reason why there is none, from the text of a language model."""
+"""Parsing of answers of a language model: a mixture, or the reason why there is none."""
 
 import json
 from enum import Enum
@@ -15,7 +15,7 @@ SCHEMA = {
 
 
 class Fault(Enum):
-    """Why a text is not a mixture."""
+    """Reason why a text is not a mixture."""
 
     unparsable = "unparsable"
     """No JSON object with the three numbers."""
@@ -32,10 +32,10 @@ class BadAnswerError(ValueError):
 
 
 def read_mixture(text: str) -> Mixture:
-    """The mixture in a text: the JSON object between its first { and its last }, after the last thought.
+    """The mixture in a text: the JSON object between its first { and its last }, after the last reasoning block.
 
     Raises:
-        BadAnswerError: There is none.
+        BadAnswerError: The text contains no mixture.
 
     Source: CRITICAL, main.py, for the braces.
     """

@@ -1,4 +1,4 @@
-"""A language model as a proposer: the prompt, and the reading of its answers."""
+"""A language model as a proposer: prompts, and parsing of answers."""
 
 import json
 from collections.abc import Callable, Sequence
@@ -18,33 +18,33 @@ that of `safety.ttc`, FHWA-HRT-08-051 (2008).
 """
 
 _LONGEST = 200
-"""Characters of a refused answer that are shown again."""
+"""Number of characters of a refused answer that are repeated in the next prompt."""
 
 
 class Said(NamedTuple):
-    """Reply to one chat: its text, None if there is none, and why."""
+    """Reply to one chat: its text, or None and the reason."""
 
     text: str | None
     cause: str
 
 
 Ask: TypeAlias = Callable[[str, str, int, int], Said]
-"""Function of the system message, the user message, the round and the attempt within it, to the reply."""
+"""Function from the system message, the user message, the round and the attempt within it to the reply."""
 
 
 class LanguageModelProposer:
-    """Proposes what a language model answers; see `adaptation.Propose`."""
+    """Proposer that queries a language model; see `adaptation.Propose`."""
 
     def __init__(self, ask: Ask, recorded: Mixture, *, attempts: int, history: int) -> None:
-        """Nothing is asked yet."""
+        """Prepares the proposer; no request is sent yet."""
         self._ask, self._recorded = ask, recorded
         self._attempts, self._history = attempts, history
 
     def __call__(self, number: int, trials: Sequence[Trial]) -> Proposal:
         """The proposal of a round.
 
-        An answer that is not a mixture is asked for again with a reminder of the ranges. If no reply came, nothing is
-        asked again, because the client has already retried as often as is useful.
+        If an answer is not a mixture, the request is repeated with a reminder of the ranges. If there was no reply, it
+        is not repeated, because the client has already retried.
         """
         refused, why, cause = "", "", ""
         for attempt in range(1, self._attempts + 1):
@@ -100,5 +100,5 @@ def _written(value: object) -> object:
 
 
 def _shares(mixture: Mixture) -> str:
-    """A mixture as the JSON that is asked for."""
+    """A mixture in the requested JSON form."""
     return json.dumps({name: round(share, 3) for name, share in mixture._asdict().items()})

@@ -2,7 +2,7 @@
 
 Lanes, positions, acceleration exponents and the phase of the lane-change decisions are those of `method=base`, drawn
 from the same key. The random numbers behind class and speed do not depend on the shares, so that two mixtures differ in
-nothing but the shares (common random numbers).
+the shares alone (common random numbers).
 """
 
 from dataclasses import dataclass, replace
@@ -33,7 +33,7 @@ class DriverClass:
         delay: Time between two lane-change decisions, highway-env's LANE_CHANGE_DELAY [s].
         politeness: MOBIL weight p of the followers' change of acceleration [-].
         mean_speed: Mean of the speeds [m/s].
-        speed_sd: Their standard deviation [m/s].
+        speed_sd: Standard deviation of the speeds [m/s].
     """
 
     max_accel: float
@@ -74,10 +74,10 @@ def populate(
 
     Args:
         state: Drawn initial state.
-        drivers: Its drivers.
+        drivers: Drivers of the traffic.
         keys: Random keys the state was drawn from.
         shares: Shares of aggressive drivers, defensive drivers and trucks [-]; regular drivers get the remainder.
-        model: The road.
+        model: Traffic model; only its road is used.
     """
     n_vehicles, dtype = state.x.shape[0], state.x.dtype
 

@@ -23,9 +23,9 @@ class Stretch:
     """Part of a recording.
 
     Attributes:
-        first: Its first frame.
-        stop: The frame after its last frame.
-        direction: The carriageway that counts; None for both.
+        first: First frame of the part.
+        stop: Frame after the last frame of the part.
+        direction: Carriageway that is used; None for both.
     """
 
     first: int
@@ -42,7 +42,7 @@ class Driving:
         acceleration: Mean absolute change of speed over one second [m/s^2], because some recordings have no
             accelerations and others only noisy ones.
         lane_changes: Number of lane changes; 0 if lanes are unknown.
-        is_truck: Whether the source calls it a truck.
+        is_truck: Whether the data source classifies the vehicle as a truck.
     """
 
     speed: Float[np.ndarray, " vehicles"]

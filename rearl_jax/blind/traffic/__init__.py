@@ -1,7 +1,7 @@
 """Generator of traffic with hidden effects, independent of the simulation core and of discovery.
 
-It shares no code with either: own integrator, own neighbour search, own functional forms of every effect. What is
-found in its data says something about the finder.
+It shares no code with either and has its own integrator, neighbour search and functional forms of every effect, so that
+results on its data are an independent test of discovery.
 """
 
 from rearl_jax.blind.traffic.dataset import write_dataset as write_dataset

@@ -1,8 +1,8 @@
-"""One data set by hand: `python -m rearl_jax.blind.traffic NAME SEED STRENGTH FOLDER [KEY=VALUE ...]`.
+"""A single data set: `python -m rearl_jax.blind.traffic NAME SEED STRENGTH FOLDER [KEY=VALUE ...]`.
 
 NAME is an effect or artefact, several joined by +, or `none`. KEY is a field of Scenario; `highd=1` writes highD's
-files of a camera's view. An effect on the choice of the lane brings free lane changes with it, as does free_changes=1.
-What is hidden is printed, not written.
+files of a camera's view. Effects on lane choice switch free lane changes on, as does free_changes=1. The truth is
+printed, not written.
 """
 
 import json
@@ -25,7 +25,7 @@ def main(words: list[str]) -> None:
     given = {key: value for key, _, value in (pair.partition("=") for pair in pairs)}
     as_highd = bool(int(given.pop("highd", "0")))
     given = ({"view": "420", "frame_rate": "25"} if as_highd else {}) | given
-    # All but the seed and what is planted, which are words of their own.
+    # All fields except the seed and the hidden effects, which have arguments of their own.
     types = {item.name: int if item.type in (int, bool) else float for item in fields(Scenario)[2:]}
     if unknown := given.keys() - types:
         sys.exit(f"no such key: {', '.join(sorted(unknown))}; one of highd, {', '.join(types)}")

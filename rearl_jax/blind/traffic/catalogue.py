@@ -1,4 +1,4 @@
-"""Everything the generator can hide in drivers and road, by the name it has in a scenario."""
+"""All effects that the generator can hide in drivers and road, by their name in a scenario."""
 
 from rearl_jax.blind.traffic import following, headways, lane_choice, places, unlisted
 from rearl_jax.blind.traffic.effect import HiddenEffect
@@ -22,7 +22,7 @@ LISTED: dict[str, type[HiddenEffect]] = {
     "lane_desired_speed": places.LaneHabits,
     "weather": places.Fog,
 }
-"""Effects that have a name everybody knows."""
+"""Effects with an established name."""
 
 UNLISTED: dict[str, type[HiddenEffect]] = {
     "lateral_offset": unlisted.OffCentre,
@@ -36,13 +36,13 @@ UNLISTED: dict[str, type[HiddenEffect]] = {
     "distraction": unlisted.Distraction,
     "smooth_distraction": unlisted.SmoothDistraction,
 }
-"""Effects without one."""
+"""Effects without an established name."""
 
 COUNTERPARTS: dict[str, type[HiddenEffect]] = {"anticipation": following.Anticipation}
-"""Effects that only hide others."""
+"""Effects that are only used to mask others."""
 
 HIDDEN = LISTED | UNLISTED | COUNTERPARTS
-"""Everything that acts on how drivers follow."""
+"""All effects on car following."""
 
 LANE_CHOICE: dict[str, type[HiddenEffect]] = {
     "politeness": lane_choice.GoodManners,
@@ -51,4 +51,4 @@ LANE_CHOICE: dict[str, type[HiddenEffect]] = {
     "moving_over": lane_choice.GivingWay,
     "truck_aversion": lane_choice.AwayFromTrucks,
 }
-"""Effects on the choice of the lane; they act in free changes only, see `scenario.FREE_CHANGES`."""
+"""Effects on lane choice; they act in free lane changes only, see `scenario.FREE_CHANGES`."""

@@ -1,4 +1,4 @@
-"""A data set as files: canonical tables that say nothing but what was measured."""
+"""A data set as files: canonical tables with measured quantities only."""
 
 import hashlib
 from pathlib import Path
@@ -17,19 +17,19 @@ from rearl_jax.data.records import Recording, RecordingInfo
 from rearl_jax.problems import out_of_range
 
 PLACES = ("start", "end")
-"""Parameters that are places on the road."""
+"""Parameters that are positions on the road."""
 
 
 def write_dataset(folder: Path, scenario: Scenario, *, as_highd: bool = False) -> dict[str, Any]:
-    """Writes one canonical table per recording; returns what is hidden, which is written nowhere.
+    """Writes one canonical table per recording; returns the truth, which is not written.
 
     Args:
-        folder: Folder of the tables; made if missing.
-        scenario: What to generate.
+        folder: Folder of the tables; created if missing.
+        scenario: Scenario of the data set.
         as_highd: Write highD's three files instead.
 
     Raises:
-        ValueError: The scenario hides something the generator does not know, or is nothing highD can hold.
+        ValueError: The scenario contains an unknown effect, or cannot be stored in the highD format.
     """
     for item in scenario.planted:
         if item.name not in (*HIDDEN, *LANE_CHOICE, *ARTEFACTS):
@@ -51,7 +51,7 @@ def write_tables(folder: Path, scenario: Scenario, events: Events, frames: Frame
 
 
 def hidden_truth(scenario: Scenario, events: Events) -> dict[str, Any]:
-    """What is hidden in a data set, for the scorer: one entry per effect, and what happened in the traffic."""
+    """The truth of a data set: one entry per hidden effect, and statistics of the traffic."""
     known = iter(events.effects)
     begin, _ = seen_road(scenario, events)
     planted = []
@@ -71,7 +71,7 @@ def hidden_truth(scenario: Scenario, events: Events) -> dict[str, Any]:
 
 def _recording(scenario: Scenario, events: Events, frames: Frames, number: int) -> Recording:
     own = np.flatnonzero(events.fleet.recording == number)
-    # Numbers that say nothing about the place in the platoon.
+    # Random identifiers, so that they do not reveal the order in the platoon.
     shuffled = np.random.default_rng([scenario.seed, 7, number]).permutation(own)
     n_frames = len(frames.position)
     seen = frames.seen[:, shuffled].T.ravel()

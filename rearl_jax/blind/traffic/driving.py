@@ -1,4 +1,4 @@
-"""The generator's own car following: the Intelligent Driver Model on bumper-to-bumper gaps, and who must brake anyway.
+"""The generator's own car following: the Intelligent Driver Model on bumper-to-bumper gaps, and emergency braking.
 
 Source: Treiber, Hennecke & Helbing, Phys. Rev. E 62 (2000) 1805; its desired gap is never below s0.
 """
@@ -14,18 +14,18 @@ HARDEST = 8.0
 """Deceleration on dry asphalt [m/s^2]."""
 
 LAST_METRE = 1.0
-"""Gap [m] an emergency stop leaves."""
+"""Gap [m] that remains after an emergency stop."""
 
 
 def desired_over_actual(now: Snapshot, gap: np.ndarray, dv: np.ndarray) -> np.ndarray:
-    """s* / s [-], with the time gap of the moment."""
+    """s* / s [-], with the current time gap."""
     fleet, speed = now.fleet, now.speed[: now.n]
     dynamic = speed * now.time_gap + 0.5 * speed * dv / np.sqrt(fleet.max_accel * fleet.comfort_decel)
     return (fleet.jam_gap + np.maximum(0.0, dynamic)) / np.maximum(gap, 0.3)
 
 
 def wanted_acceleration(now: Snapshot, effects: Sequence[HiddenEffect]) -> np.ndarray:
-    """Acceleration of the model with everything that is hidden in it [m/s^2], before noise and emergencies."""
+    """Acceleration of the model with all hidden effects [m/s^2], before noise and emergency braking."""
     fleet, speed = now.fleet, now.speed[: now.n]
     gap, dv = now.gap_to(now.leader), speed - now.speed[now.leader]
     now.time_gap, now.desired_speed = fleet.time_gap, fleet.desired_speed
@@ -45,10 +45,11 @@ def wanted_acceleration(now: Snapshot, effects: Sequence[HiddenEffect]) -> np.nd
 
 
 def with_emergencies(value: np.ndarray, now: Snapshot) -> tuple[np.ndarray, np.ndarray]:
-    """Accelerations that nobody crashes with [m/s^2], and who has an emergency.
+    """Accelerations that avoid collisions [m/s^2], and which vehicles have an emergency.
 
-    It is one where the way to a standstill at the hardest braking ends behind that of the leader by less than the last
-    metre (Gipps, Transp. Res. B 15 (1981) 105, without reaction time). The model alone never comes there.
+    An emergency occurs if own braking at HARDEST would stop less than LAST_METRE behind the stopping point of the
+    leader (Gipps, Transp. Res. B 15 (1981) 105, without reaction time). The model without noise and hidden effects
+    never has one.
     """
     ahead = now.gap_to(now.leader) + now.speed[now.leader] ** 2 / (2.0 * HARDEST)
     is_emergency = now.speed[: now.n] ** 2 / (2.0 * HARDEST) + LAST_METRE > ahead

@@ -1,6 +1,6 @@
-"""What can be hidden in the drivers and in the road: hooks into the generator's own driving.
+"""Base class of hidden effects: hooks into the generator's driving.
 
-Each effect has a functional form of its own, another reading of the literature than the library that is tested with it.
+Each effect has its own functional form, a different one from the literature than in the library that is tested with it.
 """
 
 from collections.abc import Mapping
@@ -11,13 +11,13 @@ from rearl_jax.blind.traffic.snapshot import Choice, Snapshot
 
 
 class HiddenEffect:
-    """Base of all: nothing is different.
+    """Base class of hidden effects, without any influence.
 
     Attributes:
-        truths: What counts as the right answer: names of effects, of which one is enough.
-        variables: For what no list holds: what it depends on.
+        truths: Correct answers: names of effects, any of which is sufficient.
+        variables: Variables that an unlisted effect depends on.
         usual: Parameters that are proportional to the strength, at strength 1.
-        parameters: Values that mean the same in the library, by its names.
+        parameters: Parameter values with the same meaning in the library, by the library's names.
     """
 
     truths: tuple[str, ...] = ()
@@ -29,35 +29,35 @@ class HiddenEffect:
         self.parameters = {name: value * strength for name, value in self.usual.items()}
 
     def begin(self, now: Snapshot, section: tuple[float, float], rng: np.random.Generator) -> None:
-        """Called once, before the first step; `section` is the part of the road everybody crosses [m]."""
+        """Called once, before the first step; `section` is the part of the road that all vehicles cross [m]."""
 
     def observe(self, now: Snapshot, dt: float) -> None:
-        """Called in every step before anything else, for what is remembered."""
+        """Called first in every step, to update the memory of the effect."""
 
     def perceive(self, gap: np.ndarray, dv: np.ndarray, now: Snapshot) -> tuple[np.ndarray, np.ndarray]:
-        """Gap [m] and approach rate [m/s] as the driver takes them."""
+        """Gap [m] and approach rate [m/s] as perceived by the driver."""
         return gap, dv
 
     def desired_speed(self, value: np.ndarray, now: Snapshot) -> np.ndarray:
-        """v0 [m/s]."""
+        """Desired speed v0 [m/s]."""
         return value
 
     def time_gap(self, value: np.ndarray, now: Snapshot) -> np.ndarray:
-        """T [s]."""
+        """Time gap T [s]."""
         return value
 
     def interaction(self, value: np.ndarray, now: Snapshot) -> np.ndarray:
-        """(s*/s)^2 [-]."""
+        """Interaction term (s*/s)^2 [-]."""
         return value
 
     def acceleration(self, value: np.ndarray, now: Snapshot) -> np.ndarray:
-        """What is added to the model's acceleration is added here [m/s^2]."""
+        """Acceleration with the effect's contribution added [m/s^2]."""
         return value
 
     def respond(self, value: np.ndarray, now: Snapshot) -> np.ndarray:
-        """The acceleration the driver carries out, of the one the driver wants now [m/s^2]."""
+        """Executed acceleration, from the one that the driver wants now [m/s^2]."""
         return value
 
     def gain_of_change(self, value: np.ndarray, choice: Choice, now: Snapshot) -> np.ndarray:
-        """What a change of lanes pays [m/s^2]."""
+        """Gain of a lane change with the effect's contribution [m/s^2]."""
         return value

@@ -35,10 +35,10 @@ class Fleet:
 
     Attributes:
         recording: Number of the recording.
-        rank: Place in the platoon, 0 = the first, who follows nobody.
-        lane: Lane at the start, 0 = leftmost.
-        is_truck: Whether it is one.
-        length, width: [m].
+        rank: Place in the platoon; 0 is the platoon leader.
+        lane: Lane at the start; 0 is the leftmost.
+        is_truck: Whether the vehicle is a truck.
+        length, width: Length and width of the vehicle [m].
         desired_speed, time_gap, jam_gap, max_accel, comfort_decel: v0 [m/s], T [s], s0 [m], a, b [m/s^2].
     """
 

@@ -1,4 +1,4 @@
-"""Hidden effects on how drivers react to those ahead and behind."""
+"""Hidden effects on the reaction to vehicles ahead and behind."""
 
 import numpy as np
 
@@ -9,7 +9,7 @@ from rearl_jax.blind.traffic.snapshot import Snapshot
 
 
 class SlowReaction(HiddenEffect):
-    """What the driver wants is carried out 0.7 s later."""
+    """The wanted acceleration is executed 0.7 s later."""
 
     truths = ("reaction_delay",)
     usual = {"delay": 0.7}
@@ -24,7 +24,7 @@ class SlowReaction(HiddenEffect):
 
 
 class Anticipation(HiddenEffect):
-    """The driver reacts to the gap and the own speed expected 0.7 s ahead, the leader at constant speed.
+    """The driver reacts to the gap and own speed expected in 0.7 s if the leader keeps its speed.
 
     Source: Treiber, Kesting & Helbing, Physica A 360 (2006) 71, section 3.3 (temporal anticipation).
     """
@@ -55,7 +55,7 @@ class Foresight(HiddenEffect):
 
 
 class BrakeLights(HiddenEffect):
-    """Half of the leader's acceleration is felt, through a low-pass of 0.3 s, less the farther away the leader is."""
+    """The driver adds half of the leader's acceleration, low-pass filtered over 0.3 s; less with a larger gap."""
 
     truths = ("leader_acceleration",)
     lag, sight = 0.3, 150.0  # s, m
@@ -72,7 +72,7 @@ class BrakeLights(HiddenEffect):
 
 
 class HardBraking(HiddenEffect):
-    """Approaching is answered more strongly than falling back; both saturate."""
+    """The reaction to approaching is stronger than to falling back; both saturate."""
 
     truths = ("asymmetry",)
 
@@ -83,7 +83,9 @@ class HardBraking(HiddenEffect):
 
 
 class SlowNeighbours(HiddenEffect):
-    """The nearest vehicle ahead on a lane beside holds back who is faster, in proportion up to 6 m/s."""
+    """The nearest vehicle ahead on an adjacent lane slows down faster drivers, in proportion to a speed difference of
+    up to 6 m/s.
+    """
 
     truths = ("lane_friction",)
     usual = {"gain": 0.6}
@@ -96,8 +98,8 @@ class SlowNeighbours(HiddenEffect):
 
 
 class StayingBehind(HiddenEffect):
-    """Above 16 m/s nobody drives past the next vehicle ahead on the lane to the left: as if it were on the own lane,
-    but with no more than 2 m/s^2 of braking. At strength 2 the rule is kept, at 1 half of it.
+    """Above 16 m/s drivers do not pass the next vehicle ahead on the left lane. They react as if it were on the own
+    lane, but brake with at most 2 m/s^2. Strength 2 gives the full reaction, strength 1 half of it.
     """
 
     truths = ("no_undertaking",)

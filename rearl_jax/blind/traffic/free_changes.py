@@ -1,7 +1,8 @@
-"""Free lane changes: twice a second all drivers compare the lanes, and change at random, the likelier the more it pays.
+"""Free lane changes: twice a second all drivers compare lanes and change at random, with a probability that grows with
+the gain.
 
-What a change pays is the own acceleration it gains (Kesting, Treiber & Helbing, Transp. Res. Rec. 1999 (2007) 86); the
-choice is a logit of it (McFadden, in: Frontiers in Econometrics (1974) 105).
+The gain of a change is the gained own acceleration (Kesting, Treiber & Helbing, Transp. Res. Rec. 1999 (2007) 86); the
+choice is a logit model of the gain (McFadden, in: Frontiers in Econometrics (1974) 105).
 """
 
 from collections.abc import Sequence
@@ -16,30 +17,30 @@ PERIOD = 25
 """Sub-steps from one decision to the next."""
 
 REST = 5.0
-"""Time [s] a driver who has changed stays."""
+"""Time [s] after a change during which a driver does not change again."""
 
 LEAST_GAP = 3.0
-"""Gap [m] ahead and behind that there must be."""
+"""Smallest gap [m] ahead and behind for a change."""
 
 HARDEST = 3.0
-"""Deceleration [m/s^2] that a change may ask of the driver or of the one behind."""
+"""Largest deceleration [m/s^2] that a change may require of the driver or of the new follower."""
 
 THRESHOLD, SCATTER = 0.3, 0.15
-"""Gain [m/s^2] at which half of those change who may, and the scale of the logit [m/s^2]."""
+"""Gain [m/s^2] at which the logit probability is one half, and the scale of the logit [m/s^2]."""
 
 READINESS = 0.4
-"""Probability that somebody to whom it would pay very much changes at a decision [-]."""
+"""Probability of a change per decision at a very large gain [-]."""
 
 
 class FreeChanges:
-    """When who changes, by what it pays."""
+    """Times and drivers of lane changes, by their gains."""
 
     def __init__(self, scenario: Scenario, n: int, effects: Sequence[HiddenEffect], rng: np.random.Generator) -> None:
         self._effects, self._rng = effects, rng
         self._changed = np.full(n, -np.inf)
 
     def carry_out(self, now: Snapshot) -> None:
-        """Moves those over who have decided to; of those who would meet, one."""
+        """Executes decided lane changes; of conflicting changes, only one."""
         if now.step % PERIOD:
             return
         rested = (now.time - self._changed >= REST) & (now.fleet.rank > 0)
@@ -68,7 +69,7 @@ class FreeChanges:
 
 
 def weigh(now: Snapshot, side: int) -> Choice:
-    """What a change to one side would be for every vehicle."""
+    """The lane change to one side as an option for every vehicle."""
     own, everyone, speed, follower = slice(0, now.n), np.arange(now.n), now.speed, now.follower
     leader, rear = _neighbours(now, side)
     gap, rear_gap, follower_gap = now.gap_to(leader), now.gap_behind(rear), now.gap_behind(follower)
@@ -83,7 +84,7 @@ def weigh(now: Snapshot, side: int) -> Choice:
     rear_after = accel[rear] * (_free(now)[rear] - behind_me)
     own_after = now.fleet.max_accel * (_free(now)[own] - there)
     lane, gain = now.lane + side, now.fleet.max_accel * (here - there)
-    # Nobody passes the first vehicle of a lane: it sees nobody and does not react.
+    # The first vehicle of a lane does not react to others, so no vehicle may pass it.
     fits = (leader < now.n) & (gap > LEAST_GAP) & (rear_gap > LEAST_GAP) & (now.leader < now.n)
     fits &= (lane >= 0) & (lane < now.n_lanes) & (own_after > -HARDEST) & (rear_after > -HARDEST)
     return Choice(
@@ -92,7 +93,7 @@ def weigh(now: Snapshot, side: int) -> Choice:
 
 
 def _neighbours(now: Snapshot, side: int) -> tuple[np.ndarray, np.ndarray]:
-    """Who is ahead and behind of each vehicle on the lane on one side, n for nobody."""
+    """Index of the vehicles ahead and behind on the adjacent lane of one side, n for none."""
     place = now.position[: now.n]
     group = now.fleet.recording * (now.n_lanes + 2) + now.lane + 1
     order = np.lexsort((place, group))
@@ -106,12 +107,12 @@ def _neighbours(now: Snapshot, side: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _free(now: Snapshot) -> np.ndarray:
-    """1 - (v / v0)^4 of every vehicle, and of nobody [-]."""
+    """Free-road term 1 - (v / v0)^4 of every vehicle, and of the placeholder [-]."""
     return 1.0 - np.append((now.speed[: now.n] / now.desired_speed) ** 4, 0.0)
 
 
 def _interaction(now: Snapshot, who: np.ndarray, gap: np.ndarray, speed_ahead: np.ndarray) -> np.ndarray:
-    """(s* / s)^2 of some vehicles behind somebody [-]; 0 for nobody."""
+    """Interaction term (s* / s)^2 of the given vehicles behind a leader [-]; 0 without one."""
     fleet, speed = now.fleet, now.speed[who]
 
     def of(values: np.ndarray) -> np.ndarray:

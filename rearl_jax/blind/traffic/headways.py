@@ -1,4 +1,4 @@
-"""Hidden effects on the time gap drivers want."""
+"""Hidden effects on the desired time gap."""
 
 import numpy as np
 
@@ -7,7 +7,7 @@ from rearl_jax.blind.traffic.snapshot import Snapshot
 
 
 class SpeedyDistance(HiddenEffect):
-    """The time gap grows linearly with speed; it is the driver's own at 16 m/s."""
+    """The time gap grows linearly with speed and equals the driver's own value at 16 m/s."""
 
     truths = ("speed_dependent_time_gap",)
 
@@ -51,7 +51,9 @@ class Frustration(HiddenEffect):
 
 
 class PatienceAfterCutIn(HiddenEffect):
-    """After a change of the leader the time gap found there is accepted and given up linearly within 20 s."""
+    """After a change of leader the driver accepts the present time gap and returns linearly to the desired one within
+    20 s.
+    """
 
     truths = ("relaxation",)
     patience = 20.0  # s
@@ -63,8 +65,8 @@ class PatienceAfterCutIn(HiddenEffect):
     def observe(self, now: Snapshot, dt: float) -> None:
         new = now.leader != self._leader
         self._leader = now.leader.copy()
-        found = now.gap_to(now.leader) / np.maximum(now.speed[: now.n], 1.0)
-        self._found = np.where(new, found, self._found)
+        present = now.gap_to(now.leader) / np.maximum(now.speed[: now.n], 1.0)
+        self._found = np.where(new, present, self._found)
         self._since = np.where(new, 0.0, self._since + dt)
 
     def time_gap(self, value: np.ndarray, now: Snapshot) -> np.ndarray:
@@ -84,7 +86,7 @@ class TruckAhead(HiddenEffect):
 
 
 class Tailgated(HiddenEffect):
-    """A follower within 1.8 s presses, linearly the more the closer."""
+    """A follower within a time gap of 1.8 s exerts pressure, linearly growing as it comes closer."""
 
     truths = ("rear_pressure",)
 

@@ -17,11 +17,11 @@ from rearl_jax.data.generator.road import LOWER, Section
 from rearl_jax.whole_files import replacing
 
 FRAME_RATE = 25.0
-"""Of highD [1/s]."""
+"""Frame rate of highD [1/s]."""
 
 
 def write_highd(folder: Path, scenario: Scenario, events: Events, frames: Frames) -> None:
-    """Writes three files per recording, and a mark that they are generated.
+    """Writes three files per recording, and a file that marks them as generated.
 
     Raises:
         ValueError: The scenario has no view, or another frame rate than highD.
@@ -60,7 +60,7 @@ def _write(folder: Path, scenario: Scenario, view: float, events: Events, frames
 
 
 def _unbroken(inside: np.ndarray) -> np.ndarray:
-    """Every vehicle's frames from the first inside to the last: noise at an edge makes no holes."""
+    """Every vehicle's frames from the first inside to the last, so that noise at an edge causes no interruptions."""
     after_first = np.logical_or.accumulate(inside, axis=0)
     before_last = np.logical_or.accumulate(inside[::-1], axis=0)[::-1]
     return after_first & before_last

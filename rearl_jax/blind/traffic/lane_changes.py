@@ -1,4 +1,4 @@
-"""Forced lane changes: at drawn times somebody moves over into a gap, short ones included."""
+"""Forced lane changes: at random times a vehicle moves into a gap on another lane, also into short gaps."""
 
 import numpy as np
 
@@ -9,11 +9,11 @@ RETRY = 0.5
 """Time [s] after which a change that found no gap is tried again."""
 
 REST = 8.0
-"""Time [s] a driver who has changed stays."""
+"""Time [s] after a change during which a driver does not change again."""
 
 
 class ForcedChanges:
-    """When who changes; every recording has its own times."""
+    """Random times of lane changes; every recording has its own."""
 
     def __init__(self, scenario: Scenario, n: int, rng: np.random.Generator) -> None:
         self._rng, self._per = rng, scenario.n_vehicles
@@ -24,7 +24,7 @@ class ForcedChanges:
         self._changed = np.full(n, -np.inf)
 
     def carry_out(self, now: Snapshot) -> None:
-        """Moves those over whose time has come, and finds the neighbours anew."""
+        """Executes due lane changes and updates the neighbours."""
         for recording, due in enumerate(self._due):
             if due and due[0] <= now.time:
                 chosen = self._choose(now, recording)
@@ -37,20 +37,20 @@ class ForcedChanges:
                 now.look_along()
 
     def _choose(self, now: Snapshot, recording: int) -> tuple[int, int] | None:
-        """A vehicle and its new lane, at random of all that would survive it; None without any."""
+        """A random vehicle and its new lane, among all safe changes; None if there is none."""
         members = np.arange(recording * self._per, (recording + 1) * self._per)
         place, speed, lane = now.position[members], now.speed[members], now.lane[members]
-        found = []
+        possible = []
         for own in range(self._per):
             if now.fleet.rank[members[own]] == 0 or now.time - self._changed[members[own]] < REST:
                 continue
             for target in {max(lane[own] - 1, 0), min(lane[own] + 1, now.n_lanes - 1)} - {lane[own]}:
                 if self._fits(own, np.flatnonzero(lane == target), place, speed, now.length[members]):
-                    found.append((int(members[own]), int(target)))
-        return found[int(self._rng.integers(len(found)))] if found else None
+                    possible.append((int(members[own]), int(target)))
+        return possible[int(self._rng.integers(len(possible)))] if possible else None
 
     def _fits(self, own: int, there: np.ndarray, place: np.ndarray, speed: np.ndarray, length: np.ndarray) -> bool:
-        """Whether somebody is ahead there and both gaps allow it without hard braking."""
+        """True if there is a leader on the target lane and both gaps allow the change without hard braking."""
         ahead, behind = there[place[there] > place[own]], there[place[there] <= place[own]]
         if ahead.size == 0:
             return False

@@ -1,4 +1,4 @@
-"""Hidden in the choice of the lane: what drivers mind besides their own acceleration."""
+"""Hidden effects on lane choice, in addition to the own acceleration."""
 
 import numpy as np
 
@@ -7,7 +7,7 @@ from rearl_jax.blind.traffic.snapshot import Choice, Snapshot
 
 
 class GoodManners(HiddenEffect):
-    """What others lose or gain by a change counts, by their own parameters."""
+    """Gains and losses of other drivers count, computed with their own parameters."""
 
     truths = ("politeness",)
     usual = {"weight": 0.5}
@@ -17,7 +17,7 @@ class GoodManners(HiddenEffect):
 
 
 class BackToTheRight(HiddenEffect):
-    """The right lane is worth something, the left one costs as much."""
+    """A change to the right has a bonus, a change to the left a malus of the same size."""
 
     truths = ("keep_right",)
     usual = {"bias": 0.35}
@@ -27,7 +27,7 @@ class BackToTheRight(HiddenEffect):
 
 
 class NoUndertaking(HiddenEffect):
-    """Outside jams nobody goes to the right of a slower vehicle that is near."""
+    """Outside congestion drivers do not change to the right of a near, slower vehicle."""
 
     truths = ("no_passing_on_the_right",)
 
@@ -38,7 +38,7 @@ class NoUndertaking(HiddenEffect):
 
 
 class GivingWay(HiddenEffect):
-    """Somebody close behind makes drivers go to the right, and keeps them from going to the left."""
+    """A close follower makes drivers change to the right and keeps them from changing to the left."""
 
     truths = ("moving_over",)
 
@@ -49,7 +49,7 @@ class GivingWay(HiddenEffect):
 
 
 class AwayFromTrucks(HiddenEffect):
-    """A truck ahead within sight counts as such, on either lane."""
+    """A truck ahead within sight makes its lane less attractive."""
 
     truths = ("truck_aversion",)
 

@@ -1,4 +1,4 @@
-"""What a data provider releases of what really happened: frames, noise, derived speeds, and faults."""
+"""Measurement of generated traffic as a data provider would release it: frames, noise, derived speeds, faults."""
 
 from dataclasses import dataclass
 
@@ -16,16 +16,16 @@ CHANGE_TIME = 4.0
 """Time of the sideways motion of a lane change [s], half of it before the marking is crossed."""
 
 LATERAL_NOISE = 0.04
-"""Standard deviation of the measured place across the road [m]."""
+"""Standard deviation of the measured lateral position [m]."""
 
 DERIVATIVE_TIME = 1.1
-"""Window over which a provider fits the parabola whose slope is the speed [s]."""
+"""Window of the parabola fit whose slope is the released speed [s]."""
 
 GATE = 0.95
-"""Error of a position [m] beyond which a tracker takes it for another vehicle."""
+"""Error of a position [m] above which a tracker attributes it to another vehicle."""
 
 PAD = 4.4
-"""Time before and after the recording that is measured too [s]; filters and late columns reach into it."""
+"""Additional measured time before and after the recording [s], needed by filters and delayed columns."""
 
 LATEST = 0.5
 """Bound of clock offsets [s]."""
@@ -38,7 +38,7 @@ ARTEFACTS = (
 
 @dataclass(frozen=True)
 class Frames:
-    """Measured columns, arrays [n_frames, n]; `seen` says which vehicles are in the view of the camera."""
+    """Measured columns, arrays [n_frames, n]; `seen` marks vehicles in the view of the camera."""
 
     position: np.ndarray
     lateral: np.ndarray
@@ -49,7 +49,7 @@ class Frames:
 
 
 def measure(scenario: Scenario, events: Events) -> Frames:
-    """The columns as released."""
+    """The released columns."""
     fault = {item.name: item.strength for item in scenario.planted if item.name in ARTEFACTS}
     rng = np.random.default_rng([scenario.seed, 6])
     rate = scenario.frame_rate
@@ -66,7 +66,7 @@ def measure(scenario: Scenario, events: Events) -> Frames:
         np.asarray(savgol_filter(position, window, 2, deriv=order, delta=1.0 / rate, axis=0)) for order in (1, 2)
     )
     speed = np.maximum(0.0, speed * (1.0 + 0.05 * fault.get("speed_scale", 0.0)))
-    # Only now: a scale that speeds share is another unit of length, and no data would show it.
+    # After speeds are derived: a scale error shared by speeds would be a change of unit and undetectable.
     position = position * (1.0 + 0.05 * fault.get("position_scale", 0.0))
 
     def released(column: np.ndarray, late_by: float = 0.0) -> np.ndarray:
@@ -96,13 +96,13 @@ def _sampled(events: Events, time: np.ndarray, offsets: np.ndarray) -> np.ndarra
 
 
 def _clock_offsets(events: Events, fault: dict[str, float], rng: np.random.Generator) -> np.ndarray:
-    """How much every vehicle's logger is early [s]."""
+    """Clock offset of every vehicle's logger [s]; positive if early."""
     drawn = rng.standard_normal(events.position.shape[1])
     return np.clip(0.2 * fault.get("clock_offset", 0.0) * drawn, -LATEST, LATEST)
 
 
 def _lens(position: np.ndarray, fault: dict[str, float], events: Events) -> np.ndarray:
-    """A smooth shift of up to 5 m that depends on the place in the picture [m]."""
+    """A smooth shift of up to 5 m that depends on the position in the image [m]."""
     if "lens" not in fault:
         return np.zeros_like(position)
     first = events.position[round(WARM_UP / (events.time[1] - events.time[0]))].mean()
@@ -124,7 +124,7 @@ def _errors(
 def _across(
     scenario: Scenario, events: Events, time: np.ndarray, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Lane and place across the road [m] in every frame."""
+    """Lane and lateral position [m] in every frame."""
     steps = np.searchsorted(events.time, time - 1e-6)
     lane = events.lane[steps]
     dt = events.time[1] - events.time[0]
@@ -137,7 +137,7 @@ def _across(
 
 
 def seen_road(scenario: Scenario, events: Events) -> tuple[float, float]:
-    """Where the recorded part of the road begins and how long it is [m]: all of it, or what a camera sees."""
+    """Start and length of the recorded part of the road [m]: all of it, or the view of a camera."""
     if scenario.view is None:
         return 0.0, np.inf
     return 0.5 * (sum(events.section) - scenario.view), scenario.view

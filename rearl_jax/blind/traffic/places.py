@@ -7,7 +7,7 @@ from rearl_jax.blind.traffic.snapshot import Snapshot
 
 
 def share_inside(position: np.ndarray, section: tuple[float, float], edge: float) -> np.ndarray:
-    """How much of a section is felt, rising along half a cosine over `edge` [m] around its ends."""
+    """Weight of a section [-], rising along half a cosine over `edge` [m] around its ends."""
     start, end = section
     rise = np.clip((position - start) / edge + 0.5, 0.0, 1.0)
     fall = np.clip((end - position) / edge + 0.5, 0.0, 1.0)
@@ -28,7 +28,7 @@ class Slope(HiddenEffect):
 
 
 class LimitedSection(HiddenEffect):
-    """A section on which the desired speed is cut, entered over 40 m."""
+    """A section with a lower desired speed; it is reached over 40 m."""
 
     truths = ("speed_limit", "bend")
 
@@ -56,7 +56,7 @@ class Curve(LimitedSection):
 
 
 class LaneHabits(HiddenEffect):
-    """Drivers want to drive 12 % faster on the leftmost and 12 % slower on the rightmost lane."""
+    """The desired speed is 12 % higher on the leftmost and 12 % lower on the rightmost lane."""
 
     truths = ("lane_desired_speed",)
 
@@ -70,7 +70,7 @@ class LaneHabits(HiddenEffect):
 
 
 class Fog(HiddenEffect):
-    """From 22 s on visibility falls for 10 s: drivers want less speed and more distance."""
+    """From 22 s on visibility falls for 10 s; desired speeds fall and desired gaps grow."""
 
     truths = ("weather",)
 

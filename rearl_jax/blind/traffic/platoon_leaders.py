@@ -1,4 +1,4 @@
-"""Leaders of the platoons: nothing is ahead of them, they drive a rough speed profile that all others follow."""
+"""Platoon leaders: they have no vehicle ahead and drive a prescribed, varying speed profile."""
 
 import numpy as np
 from scipy.ndimage import gaussian_filter1d
@@ -29,7 +29,7 @@ def _draw_profile(n_steps: int, pace: float, rng: np.random.Generator) -> np.nda
     speed = float(pace * rng.uniform(19.0, 28.0))
     pieces, length, last = [np.array([speed])], 1, -1
     while length < n_steps:
-        # Never the same phase twice in a row: a driver who sees no change tells nothing.
+        # Never the same phase twice in a row, because constant driving carries no information.
         weights = np.where(np.arange(len(PHASES)) == last, 0.0, shares)
         last = int(rng.choice(len(PHASES), p=weights / weights.sum()))
         _, speeds, durations = PHASES[last]

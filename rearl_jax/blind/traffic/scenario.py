@@ -1,4 +1,4 @@
-"""What a generated data set is: how many vehicles, for how long, measured how, and what is hidden in it."""
+"""The scenario of a generated data set: vehicles, duration, measurement and hidden effects."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -14,12 +14,12 @@ FREE_CHANGES: Mapping[str, int | float] = {
     "duration": 240.0,
     "frame_rate": 10.0,
 }
-"""A scenario of some hundred free lane changes per recording."""
+"""Fields of a scenario with some hundred free lane changes per recording."""
 
 
 @dataclass(frozen=True)
 class Planted:
-    """A hidden effect or artefact by the name the generator knows it by; 1 is its usual strength."""
+    """A hidden effect or artefact, by its name in `catalogue`; its default strength is 1."""
 
     name: str
     strength: float = 1.0
@@ -27,25 +27,25 @@ class Planted:
 
 @dataclass(frozen=True)
 class Scenario:
-    """One data set.
+    """The scenario of one data set.
 
     Attributes:
-        seed: Seed of everything random; two data sets with one seed and one fleet have the same drivers.
-        planted: What is hidden; nothing in a control.
-        n_recordings: Recordings of the same road, none of which shares a driver with another.
-        n_vehicles: Vehicles per recording, a multiple of the lanes; the first of each lane follows nobody.
-        n_lanes: Lanes of the one carriageway.
+        seed: Seed of all random draws; data sets with equal seed and fleet size have the same drivers.
+        planted: Hidden effects and artefacts; empty in a control.
+        n_recordings: Recordings of the same road, with different drivers.
+        n_vehicles: Vehicles per recording, a multiple of the lanes; the first of each lane is a platoon leader.
+        n_lanes: Number of lanes; there is one carriageway.
         duration: Recorded time [s].
         frame_rate: Frames per second [1/s]; a whole number of sub-steps fits between two.
         lane_changes: Forced lane changes per recording.
-        free_changes: Whether drivers change lanes where it pays, instead of the forced changes.
-        spacing: Distances at the start as a share of those drivers want [-].
-        pace: Speeds of the first vehicles as a share of the usual ones [-].
-        spread: Differences between drivers as a share of the usual ones [-].
+        free_changes: Whether drivers change lanes for their own gain, instead of forced changes.
+        spacing: Initial gaps as a share of the desired gaps [-].
+        pace: Factor on the speeds of platoon leaders [-].
+        spread: Factor on the differences between drivers [-].
         driver_noise: Standard deviation of a driver's random acceleration [m/s^2].
         position_noise: Standard deviation of measured positions [m].
         noise_time: Time over which errors of positions are correlated [s]; 0 for white noise.
-        view: Length of the road a camera sees [m]; None where every vehicle is seen all the time.
+        view: Length of road in the view of a camera [m]; None if every vehicle is seen all the time.
     """
 
     seed: int
@@ -66,7 +66,7 @@ class Scenario:
     view: float | None = None
 
     def __post_init__(self) -> None:
-        """Raise InvalidInputError for what cannot be simulated."""
+        """Raises InvalidInputError for a scenario that cannot be simulated."""
         if self.n_vehicles % self.n_lanes or self.n_vehicles < 2 * self.n_lanes:
             raise out_of_range("n_vehicles", f"must be a multiple of {self.n_lanes} lanes", self.n_vehicles)
         if abs(self.steps_per_frame * SUB_STEP * self.frame_rate - 1.0) > 1e-9:

@@ -1,4 +1,4 @@
-"""The traffic of a data set, all its recordings at once: from a scenario to what really happened, step by step.
+"""Simulation of the traffic of a scenario, all recordings at once.
 
 Positions follow the ballistic rule, x + (v + v') dt / 2 (Treiber & Kanagaraj, Physica A 419 (2015) 183).
 """
@@ -23,13 +23,13 @@ WARM_UP = 12.0
 """Time before the recording [s]."""
 
 COOL_DOWN = 5.0
-"""Time after it [s], for what is measured too late."""
+"""Time after the recording [s], needed for delayed measurements."""
 
 NOISE_TIME = 1.5
-"""Time over which a driver's random acceleration is remembered [s]."""
+"""Correlation time of a driver's random acceleration [s]."""
 
 WANDER, WANDER_TIME = 0.25, 4.0
-"""Standard deviation [m] and memory [s] of the place in the lane."""
+"""Standard deviation [m] and correlation time [s] of the lateral position in the lane."""
 
 MARGIN = 60.0
 """Road [m] behind the last vehicle when the recording begins."""
@@ -37,17 +37,18 @@ MARGIN = 60.0
 
 @dataclass(frozen=True)
 class Events:
-    """What really happened: arrays [n_steps, n] over sub-steps and vehicles.
+    """True motion of all vehicles: arrays [n_steps, n] over sub-steps and vehicles.
 
     Attributes:
         time: Times of each step since the recording began [s], [n_steps].
-        position, speed, acceleration, wander: [m], [m/s], [m/s^2], [m].
-        lane: 0 = leftmost.
-        leader: Index of the vehicle ahead, n for nobody.
+        position, speed, acceleration, wander: Position [m], speed [m/s], acceleration [m/s^2], lateral offset in the
+            lane [m].
+        lane: Lane, 0 = leftmost.
+        leader: Index of the vehicle ahead; n without one.
         fleet: The vehicles.
-        effects: What was hidden.
-        section: Part of the road most vehicles reach and leave [m].
-        n_emergencies: Steps of vehicles in which somebody had to brake whatever the model said.
+        effects: Hidden effects.
+        section: Part of the road that most vehicles reach and leave [m].
+        n_emergencies: Number of vehicle steps with emergency braking.
     """
 
     time: np.ndarray
@@ -99,7 +100,7 @@ def _drive(
     wander: np.ndarray,
     changes: ForcedChanges | FreeChanges,
 ) -> tuple[dict[str, np.ndarray], int]:
-    """What happens step by step, [n_steps, n], and in how many steps somebody had an emergency."""
+    """Motion in every step, [n_steps, n], and the number of vehicle steps with emergency braking."""
     n_steps, own, platoon_leaders = len(noise), slice(0, now.n), np.flatnonzero(now.fleet.rank == 0)
     log = {name: np.empty((n_steps, now.n)) for name in ("position", "speed", "acceleration")}
     log |= {"lane": np.empty((n_steps, now.n), dtype=np.int8), "leader": np.empty((n_steps, now.n), dtype=np.int32)}
@@ -122,9 +123,9 @@ def _drive(
 
 
 def place_platoons(scenario: Scenario, fleet: Fleet, profiles: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Positions [m] and speeds [m/s] at the start, and the way of the first vehicles, [n_heads, n_steps] [m].
+    """Initial positions [m] and speeds [m/s], and positions of the platoon leaders, [n_heads, n_steps] [m].
 
-    Everybody is about as far from the leader as the driver wants.
+    Every driver starts near the desired gap.
     """
     per_lane = scenario.n_vehicles // scenario.n_lanes
     speed = np.minimum(np.repeat(profiles[:, 0], per_lane), 0.85 * fleet.desired_speed)
@@ -135,7 +136,7 @@ def place_platoons(scenario: Scenario, fleet: Fleet, profiles: np.ndarray) -> tu
     step[:, 0] = 0.0
     way = np.cumsum(0.5 * SUB_STEP * (profiles[:, 1:] + profiles[:, :-1]), axis=1)
     travelled = np.concatenate([np.zeros((len(profiles), 1)), way], axis=1)
-    # A lane that will fall behind begins ahead, so that lanes are beside each other in the middle of the recording.
+    # Slower lanes start further ahead, so that all lanes are side by side in the middle of the recording.
     place = -np.cumsum(step, axis=1) - 0.5 * (travelled[:, -1:] - travelled[:, -1:].mean())
     speed[fleet.rank == 0] = profiles[:, 0]
     return (place - place.min() + MARGIN).ravel(), speed, travelled
@@ -153,7 +154,7 @@ def _common_section(
 
 
 def _ornstein_uhlenbeck(n_steps: int, n: int, memory: float, rng: np.random.Generator) -> np.ndarray:
-    """Processes of unit variance, [n_steps, n]."""
+    """Ornstein-Uhlenbeck processes of unit variance, [n_steps, n]."""
     kept = np.exp(-SUB_STEP / memory)
     drawn = np.sqrt(1.0 - kept**2) * rng.standard_normal((n_steps, n))
     drawn[0] = rng.standard_normal(n)

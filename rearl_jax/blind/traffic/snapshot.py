@@ -1,6 +1,6 @@
-"""Snapshot of the traffic as drivers see it: who is ahead, behind and beside, how far and how fast.
+"""Snapshot of the traffic: states of all vehicles, and their neighbours.
 
-Arrays over vehicles have one element more than there are vehicles: the last stands for nobody, very far ahead.
+Arrays over vehicles have one additional element, a placeholder very far ahead that represents a missing vehicle.
 """
 
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from rearl_jax.blind.traffic.fleet import Fleet
 from rearl_jax.blind.traffic.scenario import Scenario
 
 FAR = 1.0e7
-"""Distance to nobody [m]."""
+"""Distance of the placeholder for a missing vehicle [m]."""
 
 BESIDE_REFRESH = 5
 """Sub-steps after which the neighbours on other lanes are looked up again."""
@@ -21,13 +21,13 @@ class Snapshot:
     """The state of all vehicles and the neighbours that follow from it.
 
     Attributes:
-        time: Since the recording began [s]; negative before.
+        time: Time since the recording began [s]; negative before.
         step: Number of the sub-step.
-        position, speed, acceleration, length, is_truck: Of every vehicle, and of nobody.
-        lane: 0 = leftmost; without nobody, as are the following.
-        leader, follower: Index of the vehicle ahead and behind on the lane, n for nobody.
-        wander: Place in the lane, positive to the right [m].
-        time_gap, desired_speed: What the driver wants at the moment, effects included.
+        position, speed, acceleration, length, is_truck: State of every vehicle, and of the placeholder.
+        lane: Lane of every vehicle, 0 = leftmost; without the placeholder, like the attributes below.
+        leader, follower: Index of the vehicle ahead and behind on the lane; n without one.
+        wander: Lateral offset in the lane, positive to the right [m].
+        time_gap, desired_speed: Current values of the driver, hidden effects included.
     """
 
     def __init__(self, scenario: Scenario, fleet: Fleet, position: np.ndarray, speed: np.ndarray) -> None:
@@ -44,7 +44,7 @@ class Snapshot:
         self.look_along()
 
     def look_along(self) -> None:
-        """Finds leaders and followers anew; they stay the same until somebody changes lanes."""
+        """Updates leaders and followers; they only change with lane changes."""
         group = self.fleet.recording * self.n_lanes + self.lane
         order = np.lexsort((self.position[: self.n], group))
         same = group[order[1:]] == group[order[:-1]]
@@ -54,26 +54,26 @@ class Snapshot:
         self._next = np.append(self.leader, self.n)
 
     def ahead(self, places: int) -> np.ndarray:
-        """Index of the vehicle so many places ahead on the lane, n for nobody."""
-        found = self.leader
+        """Index of the vehicle a number of places ahead on the lane; n without one."""
+        vehicle = self.leader
         for _ in range(places - 1):
-            found = self._next[found]
-        return found
+            vehicle = self._next[vehicle]
+        return vehicle
 
     def gap_to(self, other: np.ndarray) -> np.ndarray:
-        """Bumper to bumper, forward to a vehicle ahead [m]; FAR for nobody."""
+        """Bumper-to-bumper gap to a vehicle ahead [m]; FAR without one."""
         own = slice(0, self.n)
         distance = self.position[other] - self.position[own] - 0.5 * (self.length[other] + self.length[own])
         return np.where(other == self.n, FAR, distance)
 
     def gap_behind(self, other: np.ndarray) -> np.ndarray:
-        """Bumper to bumper, back to a vehicle behind [m]; FAR for nobody."""
+        """Bumper-to-bumper gap to a vehicle behind [m]; FAR without one."""
         own = slice(0, self.n)
         distance = self.position[own] - self.position[other] - 0.5 * (self.length[other] + self.length[own])
         return np.where(other == self.n, FAR, distance)
 
     def offsets_beside(self) -> np.ndarray:
-        """How far ahead each vehicle of the recording is of each other on a lane next to it [m], [n, n_vehicles].
+        """Distance by which each vehicle of the recording is ahead on an adjacent lane [m], [n, n_vehicles].
 
         Infinite for all others; up to BESIDE_REFRESH sub-steps old.
         """
@@ -86,13 +86,15 @@ class Snapshot:
         return self._beside
 
     def ahead_on_left(self) -> np.ndarray:
-        """Index of the next vehicle ahead on the lane to the left, n for nobody; as old as `offsets_beside`."""
+        """Index of the next vehicle ahead on the left lane, n without one; updated like `offsets_beside`."""
         offsets, lanes = self.offsets_beside(), self.lane.reshape(self._shape)
         is_left = np.repeat(lanes, self._shape[1], axis=0) < self.lane[:, None]
         return self.nearest(np.where(is_left & (offsets >= 0.0), offsets, np.inf))
 
     def nearest(self, offsets: np.ndarray) -> np.ndarray:
-        """Index of the vehicle with the smallest of offsets as of `offsets_beside`, n where all are infinite."""
+        """Index of the vehicle with the smallest of the given offsets (form of `offsets_beside`); n if all are
+        infinite.
+        """
         column = np.argmin(offsets, axis=1)
         is_there = np.isfinite(offsets[np.arange(self.n), column])
         return np.where(is_there, self.fleet.recording * self._shape[1] + column, self.n)
@@ -100,16 +102,16 @@ class Snapshot:
 
 @dataclass(frozen=True)
 class Choice:
-    """A change to one side as every vehicle sees it.
+    """The option of a lane change to one side, for every vehicle.
 
     Attributes:
         side: -1 to the left, +1 to the right.
-        leader, rear: Who would be ahead and behind, n for nobody.
-        gap, rear_gap: Bumper to bumper to them [m]; FAR for nobody.
-        gain: In own acceleration [m/s^2].
-        cost_to_rear: What the one behind there would lose [m/s^2], positive.
-        follower_gain: What the present follower would gain [m/s^2].
-        is_possible: Whether the lane exists, there is room, and nobody would have to brake too hard.
+        leader, rear: New leader and new follower; n without one.
+        gap, rear_gap: Bumper-to-bumper gaps to them [m]; FAR without one.
+        gain: Gain in own acceleration [m/s^2].
+        cost_to_rear: Loss of the new follower's acceleration [m/s^2], positive.
+        follower_gain: Gain of the present follower's acceleration [m/s^2].
+        is_possible: Whether the lane exists, the gaps are sufficient, and no driver would have to brake too hard.
     """
 
     side: int

@@ -1,4 +1,4 @@
-"""Hidden effects that no list of effects holds: some depend on a variable that is measured, some on none."""
+"""Hidden effects outside the library: some depend on a measured variable, some do not."""
 
 import numpy as np
 
@@ -9,7 +9,7 @@ from rearl_jax.blind.traffic.snapshot import Snapshot
 
 
 class OffCentre(HiddenEffect):
-    """Who drives beside the middle of the lane sees past the leader and follows closer."""
+    """Drivers off the lane centre see past the leader and follow more closely."""
 
     variables = ("lateral_offset",)
 
@@ -18,7 +18,7 @@ class OffCentre(HiddenEffect):
 
 
 class LongLeader(HiddenEffect):
-    """The time gap follows the length of the car ahead, also among cars."""
+    """The time gap depends on the length of the vehicle ahead, also among cars."""
 
     variables = ("leader_length",)
 
@@ -28,7 +28,7 @@ class LongLeader(HiddenEffect):
 
 
 class Company(HiddenEffect):
-    """Every vehicle within 25 m on the lanes beside costs some acceleration."""
+    """Every vehicle within 25 m on adjacent lanes reduces the acceleration."""
 
     variables = ("vehicles_beside",)
 
@@ -46,7 +46,7 @@ class Rain(HiddenEffect):
 
 
 class Roadworks(HiddenEffect):
-    """Only on the right lane, and only on one section, everybody is held back."""
+    """All vehicles are slowed down on one section of the right lane."""
 
     variables = ("position", "lane")
 
@@ -59,7 +59,7 @@ class Roadworks(HiddenEffect):
 
 
 class ActionPoints(HiddenEffect):
-    """The acceleration is decided anew only now and then and kept in between; 1 s on average."""
+    """The acceleration is updated at random times, 1 s apart on average, and constant in between."""
 
     truths = ("action_points",)
 
@@ -110,9 +110,9 @@ class BlindToSlowApproach(HiddenEffect):
 
 
 class Distraction(HiddenEffect):
-    """Now and then a driver looks away for seconds and keeps the acceleration of that moment."""
+    """At random times a driver looks away for seconds and keeps the present acceleration."""
 
-    every, fade = 14.0, 0.0  # s between episodes on average, s over which attention goes and comes
+    every, fade = 14.0, 0.0  # mean time between episodes [s]; time over which attention fades and returns [s]
 
     def begin(self, now: Snapshot, section: tuple[float, float], rng: np.random.Generator) -> None:
         self._rng, self._share = rng, np.zeros(now.n)
@@ -130,6 +130,6 @@ class Distraction(HiddenEffect):
 
 
 class SmoothDistraction(Distraction):
-    """The same with attention that fades over a second."""
+    """Distraction with attention that fades over a second."""
 
     fade = 1.0

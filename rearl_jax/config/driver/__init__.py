@@ -1,7 +1,7 @@
 """Keys of the drivers: car-following model, values and spreads of its parameters.
 
-Every module beside this one that holds a `MODEL` is one model: `driver=NAME` chooses it, and its keys follow from its
-declaration. Another file is all that another model needs here.
+Every module in this folder with a `MODEL` declares one car-following model, chosen by `driver=NAME`; its keys follow
+from the declaration. A new model needs one new file here.
 """
 
 import pkgutil
@@ -55,7 +55,7 @@ class DriverConfig:
 
     @property
     def declaration(self) -> DriverModel:
-        """The car-following model these are keys of."""
+        """Declaration of the car-following model."""
         return MODELS[self.model]
 
     @property
@@ -65,7 +65,7 @@ class DriverConfig:
 
     @staticmethod
     def record_for(plain: Mapping[str, Any]) -> "type[DriverConfig]":
-        """The record of the model that plain keys name.
+        """The record class of the model named in plain keys.
 
         Raises:
             ValueError: There is no such model.
@@ -77,14 +77,16 @@ class DriverConfig:
         return record_of(name)
 
     def values(self, class_name: str | None = None) -> dict[str, float | None]:
-        """Value of every key of one class of drivers; without a name, of all drivers in no class."""
+        """Value of every key of one class of drivers; without a name, of drivers outside all classes."""
         keys_of_class = {} if class_name is None else self.classes[class_name]
         return {name: getattr(self, name) for name in self._names()} | {
             k: v for k, v in keys_of_class.items() if k != "share"
         }
 
     def check_prior(self) -> None:
-        """Raise InvalidInputError if these keys are not a prior of a calibration, which finds how drivers differ."""
+        """Raise InvalidInputError if these keys cannot be the prior of a calibration, which estimates differences
+        between drivers.
+        """
         if self.model not in CALIBRATED:
             message = f"must be one of {', '.join(CALIBRATED)}, which have usual values to calibrate from"
             raise InvalidInputError(Problem("driver-not-calibrated", message, key="driver", value=self.model))
@@ -96,11 +98,13 @@ class DriverConfig:
                 raise InvalidInputError(Problem("found-by-calibration", message, key=f"driver.{name}"))
 
     def _names(self) -> list[str]:
-        """Names of the keys that every class of drivers has a value of."""
+        """Names of the keys with a value per class of drivers."""
         return [item.name for item in fields(self) if item.name not in ("model", "classes")]
 
     def check(self) -> None:
-        """Raise InvalidInputError for a value outside its bounds, an unknown key of a class, or shares beyond 1."""
+        """Raise InvalidInputError for a value outside its bounds, an unknown key of a class, or shares with a sum above
+        1.
+        """
         if type(self) is not record_of(self.model):
             message = "must be left out: choose a car-following model with driver=NAME"
             raise InvalidInputError(Problem("driver-keys-of-another", message, key="model", value=self.model))
@@ -162,7 +166,7 @@ def _record(model: DriverModel) -> type[DriverConfig]:
     items = own + [item for parameter in model.parameters for item in keys_of(parameter)]
     record = make_dataclass(f"{model.name}_driver", items, bases=(DriverConfig,), unsafe_hash=True)
     record.__doc__, record.__module__ = f"{model.title}; {model.source}.", __name__
-    globals()[record.__name__] = record  # where pickle looks for it
+    globals()[record.__name__] = record  # pickle looks the class up here
     return record
 
 

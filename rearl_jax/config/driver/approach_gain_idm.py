@@ -1,4 +1,4 @@
-"""Declaration of the Intelligent Driver Model with an approach-rate gain of its own."""
+"""Declaration of the Intelligent Driver Model with a separate approach-rate gain."""
 
 from rearl_jax.config.driver import declaration
 

@@ -1,7 +1,7 @@
-"""Declaration of a car-following model: its parameters with unit, usual value, spread, bounds and source.
+"""Declaration of a car-following model: its parameters with unit, typical value, spread, bounds and source.
 
 One declaration serves the command line (keys, defaults, help), the simulation (populations of drivers) and the
-calibration (priors and bounds). Standard library only, so that help does not wait for JAX.
+calibration (priors and bounds). Standard library only, so that `--help` need not load JAX.
 """
 
 from dataclasses import dataclass
@@ -9,18 +9,18 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class DriverParameter:
-    """One parameter of a driver; all of them are positive, and differ between drivers by a factor.
+    """One parameter of a driver. Parameters are positive; their logarithms vary between drivers.
 
     Attributes:
         name: Field of the model's class.
-        unit: "-" for none.
-        meaning: One line.
-        usual: Usual value of a car; None if highway-env draws it with the initial state.
-        low, high: Bounds, wide enough that real drivers do not sit on them.
-        source: Source of the usual value.
+        unit: Unit; "-" for none.
+        meaning: Meaning in one line.
+        usual: Typical value for cars; None if highway-env draws it with the initial state.
+        low, high: Bounds, wide enough for real drivers.
+        source: Source of the typical value.
         spread: Standard deviation of the logarithm between drivers [-], the prior of a calibration. Source of the order
             of magnitude: Kesting & Treiber, Transp. Res. Rec. 2088 (2008) 148.
-        truck: Usual value of a truck; None for that of a car.
+        truck: Typical value for trucks; None for that of cars.
     """
 
     name: str
@@ -39,11 +39,12 @@ class DriverModel:
     """One car-following model.
 
     Attributes:
-        name: As in `driver=NAME`; also the name of its module in `rearl_jax.core.car_following`.
-        title: One line.
-        source: Where its equation comes from.
-        parameters: In the order of every covariance; desired speed, time gap and jam gap, which every model has, first.
-        calibrated: Whether its parameters have usual values and spreads to calibrate it from.
+        name: Name in `driver=NAME`, and of its module in `rearl_jax.core.car_following`.
+        title: Title in one line.
+        source: Source of its equation.
+        parameters: Parameters in the order of covariances; desired speed, time gap and jam gap, which every model has,
+            come first.
+        calibrated: Whether the model can be calibrated.
     """
 
     name: str
@@ -53,7 +54,7 @@ class DriverModel:
 
     @property
     def calibrated(self) -> bool:
-        """True if every parameter has a usual value, the centre of the prior of a calibration."""
+        """True if every parameter has a typical value, the centre of the prior in a calibration."""
         return all(parameter.usual is not None for parameter in self.parameters)
 
     @property
@@ -67,7 +68,7 @@ _TABLE = "own choice, near Treiber & Kesting, Traffic Flow Dynamics (2013), tabl
 
 def desired_speed(usual: float | None = 32.0, source: str = _TABLE) -> DriverParameter:
     """Desired speed v0, which every model has."""
-    # A queue holds little information about it: with a wide spread the estimate would diverge.
+    # Congested traffic contains little information about it, so with a wide spread the estimate would diverge.
     return DriverParameter("desired_speed", "m/s", "desired speed v0", usual, 1.0, 100.0, source, 0.12, truck=25.0)
 
 
@@ -78,7 +79,7 @@ def time_gap(usual: float = 1.25, source: str = _TABLE) -> DriverParameter:
 
 def jam_gap(usual: float = 2.5, source: str = _TABLE) -> DriverParameter:
     """Standstill gap s0, which every model has."""
-    # Below the lower bound the response of the models no longer grows, and vehicles would not stop.
+    # Below the lower bound the response of the models does not grow further, and vehicles would not stop.
     return DriverParameter("jam_gap", "m", "bumper-to-bumper gap s0 at standstill", usual, 0.5, 20.0, source)
 
 

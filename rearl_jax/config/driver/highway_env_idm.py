@@ -1,4 +1,4 @@
-"""Declaration of the Intelligent Driver Model as highway-env has it."""
+"""Declaration of highway-env's Intelligent Driver Model."""
 
 from rearl_jax.config.driver import declaration
 

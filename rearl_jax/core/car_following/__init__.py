@@ -1,4 +1,4 @@
-"""Car-following models, one per file; every module here with a `CarFollowing` of its own is one."""
+"""Car-following models, one per file; every subclass of `CarFollowing` in a module here is registered."""
 
 import pkgutil
 from importlib import import_module

@@ -20,9 +20,9 @@ class ConstantTimeHeadway(CarFollowing):
     """A linear controller with a constant time headway.
 
     Attributes:
-        gap_gain: k_s [1/s^2].
-        approach_gain: k [1/s].
-        speed_gain: k0 [1/s].
+        gap_gain: Gain k_s of the gap error [1/s^2].
+        approach_gain: Gain k of the approach rate [1/s].
+        speed_gain: Gain k0 of the difference to the desired speed [1/s].
     """
 
     declaration: ClassVar[DriverModel] = constant_time_headway.MODEL
@@ -32,16 +32,16 @@ class ConstantTimeHeadway(CarFollowing):
     speed_gain: Float[Array, "*#n"]
 
     def free_acceleration(self, speed: Float[Array, "*#n"]) -> Float[Array, "*n"]:
-        """k0 (v0 - v)."""
+        """Free-road acceleration [m/s^2]: k0 (v0 - v)."""
         return self.speed_gain * (self.desired_speed - speed)
 
     def acceleration(
         self, gap: Float[Array, "*#n"], speed: Float[Array, "*#n"], approach_rate: Float[Array, "*#n"]
     ) -> Float[Array, "*n"]:
-        """min(k_s (s - s0 - v T) - k dv, k0 (v0 - v))."""
+        """Acceleration behind a leader [m/s^2]: min(k_s (s - s0 - v T) - k dv, k0 (v0 - v))."""
         following = self.gap_gain * (gap - self.equilibrium_gap(speed)) - self.approach_gain * approach_rate
         return jnp.minimum(following, self.free_acceleration(speed))
 
     def equilibrium_gap(self, speed: Float[Array, "*#n"]) -> Float[Array, "*n"]:
-        """s0 + v T."""
+        """Equilibrium gap [m]: s0 + v T."""
         return self.jam_gap + speed * self.time_gap

@@ -19,15 +19,15 @@ from rearl_jax.config.driver.declaration import DriverModel
 from rearl_jax.core.car_following.model import CarFollowing
 
 NEAR_DESIRED_SPEED = 0.999
-"""Share of the desired speed beyond which the gap at equilibrium grows no further."""
+"""Share of the desired speed above which the equilibrium gap is kept constant."""
 
 
 class FVDM(CarFollowing):
     """The full velocity difference model.
 
     Attributes:
-        speed_gain: k0 [1/s], the sensitivity.
-        approach_gain: k [1/s].
+        speed_gain: Gain k0 of the difference to the desired speed [1/s], the sensitivity.
+        approach_gain: Gain k of the approach rate [1/s].
     """
 
     declaration: ClassVar[DriverModel] = fvdm.MODEL
@@ -36,18 +36,18 @@ class FVDM(CarFollowing):
     approach_gain: Float[Array, "*#n"]
 
     def free_acceleration(self, speed: Float[Array, "*#n"]) -> Float[Array, "*n"]:
-        """k0 (v0 - v)."""
+        """Free-road acceleration [m/s^2]: k0 (v0 - v)."""
         return self.speed_gain * (self.desired_speed - speed)
 
     def acceleration(
         self, gap: Float[Array, "*#n"], speed: Float[Array, "*#n"], approach_rate: Float[Array, "*#n"]
     ) -> Float[Array, "*n"]:
-        """k0 [V(s) - v] - k dv."""
+        """Acceleration behind a leader [m/s^2]: k0 [V(s) - v] - k dv."""
         reach = self.desired_speed * self.time_gap
         optimal_speed = self.desired_speed * jnp.tanh(jnp.maximum(gap - self.jam_gap, 0.0) / reach)
         return self.speed_gain * (optimal_speed - speed) - self.approach_gain * approach_rate
 
     def equilibrium_gap(self, speed: Float[Array, "*#n"]) -> Float[Array, "*n"]:
-        """s0 + v0 T artanh(v / v0)."""
+        """Equilibrium gap [m]: s0 + v0 T artanh(v / v0)."""
         share = jnp.clip(speed / self.desired_speed, 0.0, NEAR_DESIRED_SPEED)
         return self.jam_gap + self.desired_speed * self.time_gap * jnp.arctanh(share)

@@ -4,9 +4,9 @@
     v_safe = -b tau + sqrt(b^2 tau^2 + b [2 (s - s0) - v tau] + v_leader^2)
     acceleration = (min(v_free, v_safe) - v) / tau
 
-Drivers take the leader's braking for their own, b. The safety margin is half a reaction time, as Gipps has it, so the
-time gap at equilibrium is T = 1.5 tau; it is the parameter here, as in all other models. Gipps steps from one reaction
-time to the next; here the speed is approached in continuous time.
+Drivers assume that the leader brakes with their own deceleration b. The safety margin is half a reaction time, as in
+Gipps' paper, so the equilibrium time gap is T = 1.5 tau. T is the parameter here, as in all other models. Gipps' model
+has time steps of one reaction time; here the speed changes in continuous time.
 
 Source: Gipps, Transp. Res. B 15 (1981) 105.
 """
@@ -24,7 +24,7 @@ TIME_GAP_OF_REACTIONS = 1.5
 """Time gap at equilibrium over the reaction time [-]: the reaction time and half of it as a margin. Source: ibid."""
 
 SLOWEST_ROOT = 0.1
-"""Least speed [m/s] under the root of the safe speed, for gaps in which no driver could stop; its slope stays finite.
+"""Lower bound [m/s] of the square root in the safe speed, for gaps too short to stop; it keeps the slope finite.
 """
 
 
@@ -32,8 +32,8 @@ class Gipps(CarFollowing):
     """Gipps' model in continuous time.
 
     Attributes:
-        max_accel: a [m/s^2].
-        comfort_decel: b, positive [m/s^2], the hardest braking a driver wants.
+        max_accel: Maximum acceleration a [m/s^2].
+        comfort_decel: Comfortable deceleration b, positive [m/s^2], the hardest braking a driver wants.
     """
 
     declaration: ClassVar[DriverModel] = gipps.MODEL
@@ -42,14 +42,14 @@ class Gipps(CarFollowing):
     comfort_decel: Float[Array, "*#n"]
 
     def free_acceleration(self, speed: Float[Array, "*#n"]) -> Float[Array, "*n"]:
-        """2.5 a (1 - v / v0) sqrt(0.025 + v / v0)."""
+        """Free-road acceleration [m/s^2]: 2.5 a (1 - v / v0) sqrt(0.025 + v / v0)."""
         ratio = speed / self.desired_speed
         return 2.5 * self.max_accel * (1 - ratio) * jnp.sqrt(0.025 + jnp.maximum(ratio, 0.0))
 
     def acceleration(
         self, gap: Float[Array, "*#n"], speed: Float[Array, "*#n"], approach_rate: Float[Array, "*#n"]
     ) -> Float[Array, "*n"]:
-        """(min(v_free, v_safe) - v) / tau."""
+        """Acceleration behind a leader [m/s^2]: (min(v_free, v_safe) - v) / tau."""
         reaction_time = self.time_gap / TIME_GAP_OF_REACTIONS
         decel, leader_speed = self.comfort_decel, jnp.maximum(speed - approach_rate, 0.0)
         reserve = 2 * (gap - self.jam_gap) - speed * reaction_time
@@ -58,9 +58,9 @@ class Gipps(CarFollowing):
         return jnp.minimum(self.free_acceleration(speed), (safe_speed - speed) / reaction_time)
 
     def equilibrium_gap(self, speed: Float[Array, "*#n"]) -> Float[Array, "*n"]:
-        """s0 + v T."""
+        """Equilibrium gap [m]: s0 + v T."""
         return self.jam_gap + speed * self.time_gap
 
     def comfortable_deceleration(self) -> Float[Array, "*n"]:
-        """b."""
+        """Comfortable deceleration [m/s^2]: b."""
         return self.comfort_decel

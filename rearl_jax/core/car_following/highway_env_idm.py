@@ -2,10 +2,10 @@
 
     a [1 - (max(v, 0) / |v0|)^delta - (s* / d)^2]   with   s* = d0 + v T + v dv / (2 sqrt(a b))
 
-Two deviations from the published model matter: distances d are centre to centre (d0 = s0 + 5 m holds one vehicle
-length, the same for all), and s* is not cut at zero, so a leader that drives away fast enough makes its follower brake.
+Two deviations from the published model matter: distances d are centre to centre (d0 = s0 + 5 m includes one vehicle
+length, the same for all), and s* may be negative, so a leader that drives away fast enough makes its follower brake.
 
-The functions with keyword arguments are what traffic without effects is driven by: they round as highway-env rounds.
+Traffic without effects uses the functions with keyword arguments, which reproduce the rounding of highway-env.
 
 Source: Treiber, Hennecke & Helbing, Phys. Rev. E 62 (2000) 1805; highway-env 1.12.1, `IDMVehicle.acceleration`.
 """
@@ -22,7 +22,7 @@ from rearl_jax.core.double_double import rounded
 from rearl_jax.core.elementary import not_zero, power
 
 VEHICLE_LENGTH = 5.0
-"""Length [m] that a spacing from centre to centre holds. Source: highway-env 1.12.1, `Vehicle.LENGTH`."""
+"""Vehicle length [m] included in a centre-to-centre spacing. Source: highway-env 1.12.1, `Vehicle.LENGTH`."""
 
 
 class HighwayEnvIDM(CarFollowing):
@@ -30,9 +30,9 @@ class HighwayEnvIDM(CarFollowing):
 
     Attributes:
         desired_speed: None if each vehicle has its own, in the state.
-        max_accel: a [m/s^2].
-        comfort_decel: b, positive [m/s^2].
-        accel_exponent: delta [-].
+        max_accel: Maximum acceleration a [m/s^2].
+        comfort_decel: Comfortable deceleration b, positive [m/s^2].
+        accel_exponent: Acceleration exponent delta [-].
     """
 
     declaration: ClassVar[DriverModel] = highway_env_idm.MODEL
@@ -48,62 +48,65 @@ class HighwayEnvIDM(CarFollowing):
         return self.jam_gap + VEHICLE_LENGTH
 
     def free_acceleration(self, speed: Float[Array, "*#n"]) -> Float[Array, "*n"]:
-        """a [1 - (max(v, 0) / |v0|)^delta]."""
+        """Free-road acceleration [m/s^2]: a [1 - (max(v, 0) / |v0|)^delta]."""
         speed_ratio = jnp.maximum(speed, 0.0) / jnp.abs(not_zero(self._wanted()))
         return self.free_acceleration_at(speed_ratio=speed_ratio)
 
     def acceleration(
         self, gap: Float[Array, "*#n"], speed: Float[Array, "*#n"], approach_rate: Float[Array, "*#n"]
     ) -> Float[Array, "*n"]:
-        """a [1 - (max(v, 0) / |v0|)^delta - (s* / d)^2]."""
+        """Acceleration behind a leader [m/s^2]: a [1 - (max(v, 0) / |v0|)^delta - (s* / d)^2]."""
         return self.free_acceleration(speed) - self.interaction(gap, speed, approach_rate)
 
     def interaction(
         self, gap: Float[Array, "*#n"], speed: Float[Array, "*#n"], approach_rate: Float[Array, "*#n"]
     ) -> Float[Array, "*n"]:
-        """a (s* / d)^2."""
+        """Deceleration because of a leader [m/s^2]: a (s* / d)^2."""
         distance = jnp.maximum(gap + VEHICLE_LENGTH, SMALLEST_GAP)
         return self.interaction_at(distance=distance, speed=speed, approach_rate=approach_rate)
 
     def equilibrium_gap(self, speed: Float[Array, "*#n"]) -> Float[Array, "*n"]:
-        """(d0 + v T) / sqrt(1 - (v / v0)^delta) - 5 m; without bound towards the desired speed."""
+        """Equilibrium gap [m]: (d0 + v T) / sqrt(1 - (v / v0)^delta) - 5 m; without bound towards the desired speed."""
         free = 1 - power(jnp.maximum(speed, 0.0) / self._wanted(), self.accel_exponent)
         return (self.jam_spacing + speed * self.time_gap) / jnp.sqrt(jnp.maximum(free, 1e-6)) - VEHICLE_LENGTH
 
     def desired_gap(self, speed: Float[Array, "*#n"], approach_rate: Float[Array, "*#n"]) -> Float[Array, "*n"]:
-        """s* - 5 m."""
+        """Desired gap [m]: s* - 5 m."""
         return self.desired_distance(speed=speed, approach_rate=approach_rate) - VEHICLE_LENGTH
 
     def _wanted(self) -> Float[Array, "*#n"]:
-        """Desired speed [m/s], which must be known by now.
+        """Desired speed [m/s] of the record.
 
         Raises:
-            ValueError: It is in the state alone.
+            ValueError: The desired speed is only known in the state.
         """
         if self.desired_speed is None:
             raise ValueError("these drivers' desired speeds are in the traffic's state: set one by with_setpoints")
         return self.desired_speed
 
     def comfortable_deceleration(self) -> Float[Array, "*n"]:
-        """b."""
+        """Comfortable deceleration [m/s^2]: b."""
         return self.comfort_decel
 
     def spacing_acceleration(self, seen: Spacing) -> Float[Array, "*n"]:
-        """a [1 - (max(v, 0) / |v0|)^delta - (s* / d)^2], whatever the lengths."""
+        """Acceleration behind a leader [m/s^2], independent of vehicle lengths.
+
+        a [1 - (max(v, 0) / |v0|)^delta - (s* / d)^2]
+        """
         return self.free_acceleration_at(speed_ratio=seen.speed_ratio) - self.spacing_interaction(seen)
 
     def spacing_interaction(self, seen: Spacing) -> Float[Array, "*n"]:
-        """a (s* / d)^2, whatever the lengths."""
+        """Deceleration because of a leader [m/s^2]: a (s* / d)^2, independent of vehicle lengths."""
         return self.interaction_at(distance=seen.spacing, speed=seen.speed, approach_rate=seen.approach_rate)
 
     def desired_spacing(
         self, length: Float[Array, "*#n"], speed: Float[Array, "*#n"], approach_rate: Float[Array, "*#n"]
     ) -> Float[Array, "*n"]:
-        """s*, whatever the lengths."""
+        """s*, independent of vehicle lengths."""
         return self.desired_distance(speed=speed, approach_rate=approach_rate)
 
     def free_acceleration_at(self, *, speed_ratio: Float[Array, "*n"]) -> Float[Array, "*n"]:
-        """Acceleration on a free road [m/s^2]: a [1 - (v / v0)^delta]; without lower bound for v > v0.
+        """Acceleration on a free road [m/s^2]: a [1 - (v / v0)^delta], unbounded below for v > v0.
 
         Args:
             speed_ratio: max(v, 0) / |v0| [-].

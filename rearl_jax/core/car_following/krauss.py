@@ -3,8 +3,8 @@
     v_safe = v_leader + (s - s0 - v_leader T) / ((v + v_leader) / (2 b) + T)
     acceleration = min(a, (min(v0, v_safe) - v) / T)
 
-The reaction time T is the time gap at equilibrium. Krauss steps from one reaction time to the next; here the speed is
-approached in continuous time. Dawdling is noise: `driver.noise_sd`, or the effect `acceleration_noise`.
+The reaction time T is the equilibrium time gap. Krauss' model has time steps of one reaction time; here the speed
+changes in continuous time. Dawdling is modelled as noise (`driver.noise_sd`, or the effect `acceleration_noise`).
 
 Source: Krauss, Microscopic Modeling of Traffic Flow (1998), DLR-FB 98-08.
 """
@@ -23,8 +23,8 @@ class Krauss(CarFollowing):
     """Krauss' model in continuous time, without dawdling.
 
     Attributes:
-        max_accel: a [m/s^2].
-        comfort_decel: b, positive [m/s^2], the hardest braking a driver wants.
+        max_accel: Maximum acceleration a [m/s^2].
+        comfort_decel: Comfortable deceleration b, positive [m/s^2], the hardest braking a driver wants.
     """
 
     declaration: ClassVar[DriverModel] = krauss.MODEL
@@ -33,13 +33,13 @@ class Krauss(CarFollowing):
     comfort_decel: Float[Array, "*#n"]
 
     def free_acceleration(self, speed: Float[Array, "*#n"]) -> Float[Array, "*n"]:
-        """min(a, (v0 - v) / T)."""
+        """Free-road acceleration [m/s^2]: min(a, (v0 - v) / T)."""
         return jnp.minimum(self.max_accel, (self.desired_speed - speed) / self.time_gap)
 
     def acceleration(
         self, gap: Float[Array, "*#n"], speed: Float[Array, "*#n"], approach_rate: Float[Array, "*#n"]
     ) -> Float[Array, "*n"]:
-        """min(a, (min(v0, v_safe) - v) / T)."""
+        """Acceleration behind a leader [m/s^2]: min(a, (min(v0, v_safe) - v) / T)."""
         leader_speed = jnp.maximum(speed - approach_rate, 0.0)
         mean_speed = (jnp.maximum(speed, 0.0) + leader_speed) / 2
         reserve = gap - self.jam_gap - leader_speed * self.time_gap
@@ -47,9 +47,9 @@ class Krauss(CarFollowing):
         return jnp.minimum(self.free_acceleration(speed), (safe_speed - speed) / self.time_gap)
 
     def equilibrium_gap(self, speed: Float[Array, "*#n"]) -> Float[Array, "*n"]:
-        """s0 + v T."""
+        """Equilibrium gap [m]: s0 + v T."""
         return self.jam_gap + speed * self.time_gap
 
     def comfortable_deceleration(self) -> Float[Array, "*n"]:
-        """b."""
+        """Comfortable deceleration [m/s^2]: b."""
         return self.comfort_decel

@@ -1,7 +1,7 @@
 """Car following: the interface of every model, and its linearisation.
 
 A model is a record of its drivers' parameters, one value per vehicle, with methods for the acceleration. Traffic,
-effects and discovery use nothing else of it, neither its formula nor the number of its parameters.
+effects and discovery use only this interface and do not depend on its formula or number of parameters.
 """
 
 from abc import abstractmethod
@@ -16,16 +16,16 @@ from jaxtyping import Array, Bool, Float
 from rearl_jax.config.driver.declaration import DriverModel
 
 SMALLEST_GAP = 0.5
-"""Gap [m] below which no model answers more strongly; measured gaps may be negative."""
+"""Lower bound of the gap in all models [m], because measured gaps may be negative."""
 
 LEAST_DESIRED_SPEED = 0.1
-"""Least desired speed [m/s]; the value of absent vehicles would cause a division by zero."""
+"""Lower bound of desired speeds [m/s]; the zero of absent vehicles would cause a division by zero."""
 
 LEAST_TIME_GAP = 0.05
-"""Least time gap that effects leave [s]: some models divide by it."""
+"""Lower bound of the time gap after effects [s], because some models divide by it."""
 
 COMFORTABLE_DECELERATION = 2.0
-"""Deceleration [m/s^2] that drivers of models without such a parameter find comfortable.
+"""Comfortable deceleration [m/s^2] of models without such a parameter.
 
 Source: Treiber & Kesting, Traffic Flow Dynamics (2013), table 11.2.
 """
@@ -38,9 +38,9 @@ class CarFollowing(eqx.Module):
         declaration: Names, units, usual values, bounds and sources of the parameters, in the order of the fields.
 
     Attributes:
-        desired_speed: v0 [m/s]; in a simulation that of the state takes its place, which decisions may change.
-        time_gap: T [s].
-        jam_gap: s0, bumper to bumper at standstill [m].
+        desired_speed: Desired speed v0 [m/s]; in a simulation the desired speed of the state replaces it.
+        time_gap: Time gap T [s].
+        jam_gap: Bumper-to-bumper gap s0 at standstill [m].
     """
 
     declaration: ClassVar[DriverModel]
@@ -67,41 +67,45 @@ class CarFollowing(eqx.Module):
         """Acceleration behind a leader [m/s^2].
 
         Args:
-            gap: To the leader, bumper to bumper [m].
+            gap: Bumper-to-bumper gap to the leader [m].
             speed: Own speed [m/s].
             approach_rate: Own minus leader's speed dv [m/s].
         """
 
     @abstractmethod
     def equilibrium_gap(self, speed: Float[Array, "*#n"]) -> Float[Array, "*n"]:
-        """Gap at which a driver follows a leader of constant speed [m], below the desired speed."""
+        """Gap behind a leader of constant speed below the desired speed [m]."""
 
     def desired_gap(self, speed: Float[Array, "*#n"], approach_rate: Float[Array, "*#n"]) -> Float[Array, "*n"]:
-        """Gap a driver wants at a speed and an approach rate [m]; of most models that at equilibrium."""
+        """Desired gap at a speed and an approach rate [m]; for most models the equilibrium gap."""
         return self.equilibrium_gap(speed) + 0.0 * approach_rate
 
     def comfortable_deceleration(self) -> Float[Array, "*n"]:
-        """Deceleration a driver finds comfortable, positive [m/s^2]."""
+        """Comfortable deceleration, positive [m/s^2]."""
         return jnp.full_like(self.time_gap, COMFORTABLE_DECELERATION)
 
     def interaction(
         self, gap: Float[Array, "*#n"], speed: Float[Array, "*#n"], approach_rate: Float[Array, "*#n"]
     ) -> Float[Array, "*n"]:
-        """Deceleration because of a leader [m/s^2]: what is missing to the acceleration on a free road."""
+        """Deceleration because of a leader [m/s^2]: free-road acceleration minus acceleration."""
         return self.free_acceleration(speed) - self.acceleration(gap, speed, approach_rate)
 
     def spacing_acceleration(self, seen: "Spacing") -> Float[Array, "*n"]:
-        """`acceleration` of drivers who see spacings, each with its own desired speed [m/s^2]; 0 without a leader."""
+        """`acceleration` [m/s^2] from centre-to-centre spacings, with each driver's own desired speed; 0 without a
+        leader.
+        """
         gap = jnp.where(seen.has_leader, seen.spacing - seen.length, 0.0)
         return jnp.where(seen.has_leader, self._wanting(seen).acceleration(gap, seen.speed, seen.approach_rate), 0.0)
 
     def spacing_interaction(self, seen: "Spacing") -> Float[Array, "*n"]:
-        """`interaction` of drivers who see spacings, each with its own desired speed [m/s^2]; 0 without a leader."""
+        """`interaction` [m/s^2] from centre-to-centre spacings, with each driver's own desired speed; 0 without a
+        leader.
+        """
         gap = jnp.where(seen.has_leader, seen.spacing - seen.length, 0.0)
         return jnp.where(seen.has_leader, self._wanting(seen).interaction(gap, seen.speed, seen.approach_rate), 0.0)
 
     def _wanting(self, seen: "Spacing") -> "CarFollowing":
-        """The same drivers with desired speeds v / (v / v0) from the stimulus; those of the record at standstill."""
+        """The same drivers with desired speeds v / (v / v0) from the stimulus; at standstill, those of the record."""
         is_moving = (seen.speed > 0) & (seen.speed_ratio > 0)
         own = LEAST_DESIRED_SPEED if self.desired_speed is None else self.desired_speed
         desired_speed = jnp.where(is_moving, seen.speed / jnp.where(is_moving, seen.speed_ratio, 1), own)
@@ -110,7 +114,7 @@ class CarFollowing(eqx.Module):
     def desired_spacing(
         self, length: Float[Array, "*#n"], speed: Float[Array, "*#n"], approach_rate: Float[Array, "*#n"]
     ) -> Float[Array, "*n"]:
-        """Spacing a driver wants, centre to centre [m]; `length` is that of the vehicles [m]."""
+        """Desired centre-to-centre spacing [m]; `length` is the vehicle length [m]."""
         return self.desired_gap(speed, approach_rate) + length
 
     def with_setpoints(
@@ -134,7 +138,7 @@ class CarFollowing(eqx.Module):
 
 
 class Spacing(NamedTuple):
-    """Stimulus of drivers who measure from centre to centre, as highway-env's do.
+    """Stimulus with centre-to-centre distances, as in highway-env.
 
     Attributes:
         spacing: To the leader, centre to centre [m]; inf without one.

@@ -1,6 +1,6 @@
-"""The effect library: what drivers and roads do beyond car following, shared by simulation and discovery.
+"""The effect library: influences of drivers and road in addition to car following, shared by simulation and discovery.
 
-Every module here that holds an effect with a name of its own is part of the library.
+Every effect with a name in a module here is part of the library.
 """
 
 import pkgutil

@@ -17,7 +17,7 @@ SITUATION = (
     *("second_speed", "has_third", "third_speed", "has_follower", "follower_gap", "follower_speed"),
     *("has_left", "left_gap", "left_speed", "beside_speed", "n_beside"),
 )
-"""Fields of the stimulus that are held between two decisions; place and time are not."""
+"""Fields of the stimulus that stay constant between two decisions; position and time change."""
 
 
 class InMind(eqx.Module):
@@ -25,7 +25,7 @@ class InMind(eqx.Module):
 
     Attributes:
         count: Ticks so far.
-        situation: The situation then, in the order of `SITUATION`.
+        situation: Stimulus at the last decision, in the order of `SITUATION`.
     """
 
     count: Int[Array, ""]
@@ -58,9 +58,9 @@ class ActionPoints(Effect):
         return InMind(jnp.zeros((), jnp.int32), _situation(seen))
 
     def remember(self, memory: InMind, seen: Stimulus, driver: CarFollowing, dt: float) -> InMind:
-        """The situation at the last moment at which the driver observed."""
+        """Memory with the stimulus of the driver's last observation."""
         count = memory.count + 1
-        # Where mean_time is 0 every moment is a decision: no draw is 1.
+        # With mean_time = 0 every time step is a decision, because draws are below 1.
         chance = 1 - jnp.exp(-dt / jnp.maximum(self.mean_time, 1e-6))
         now, change = _situation(seen), _answer(seen, driver) - _answer(_restored(seen, memory), driver)
         is_new_leader = seen.has_leader != memory.situation[SITUATION.index("has_leader")]
@@ -69,7 +69,7 @@ class ActionPoints(Effect):
         return InMind(count, jnp.where(looks, now, memory.situation))
 
     def perceive(self, seen: Stimulus, memory: InMind) -> Stimulus:
-        """The situation of the last decision."""
+        """The stimulus of the last decision."""
         return _restored(seen, memory)
 
 

@@ -1,4 +1,4 @@
-"""Effects of the vehicle itself, between the acceleration that is wanted and the one that is executed."""
+"""Effects of the vehicle between the wanted and the executed acceleration."""
 
 from typing import ClassVar
 
@@ -8,14 +8,14 @@ from jaxtyping import Array, Float
 from rearl_jax.core.effects.effect import Effect, Parameter
 
 NO_BOUND = 20.0
-"""Acceleration [m/s^2] beyond what any vehicle can do."""
+"""Acceleration [m/s^2] above the capability of any vehicle."""
 
 NO_JERK_BOUND = 400.0
-"""Jerk [m/s^3] that bounds nothing: from full braking to full acceleration within a time step."""
+"""Jerk [m/s^3] without effect as a bound: from full braking to full acceleration within a time step."""
 
 
 class ActuatorLag(Effect):
-    """The vehicle follows the acceleration that is wanted with a first-order lag."""
+    """The vehicle follows the wanted acceleration with a first-order lag."""
 
     time: Float[Array, "*#n"]
 
@@ -29,14 +29,14 @@ class ActuatorLag(Effect):
     )
 
     def actuate(self, wanted: Float[Array, "*n"], last: Float[Array, "*n"], dt: float) -> Float[Array, "*n"]:
-        """Part of the step from the executed to the wanted acceleration."""
-        # Backward Euler: stable for every time constant, and with a slope at the time constant 0, which the search
+        """The executed acceleration, moved part of the way to the wanted one."""
+        # Backward Euler is stable for every time constant and has a derivative at the time constant 0, which the search
         # needs.
         return wanted + (last - wanted) * self.time / (self.time + dt)
 
 
 class VehicleLimits(Effect):
-    """The vehicle accelerates and brakes no harder than it can, and changes its acceleration no faster."""
+    """Acceleration, braking and jerk of the vehicle are limited."""
 
     acceleration_limit: Float[Array, "*#n"]
     deceleration_limit: Float[Array, "*#n"]
@@ -54,7 +54,7 @@ class VehicleLimits(Effect):
     )
 
     def actuate(self, wanted: Float[Array, "*n"], last: Float[Array, "*n"], dt: float) -> Float[Array, "*n"]:
-        """Wanted acceleration within the limits; those of acceleration come before that of jerk."""
+        """Wanted acceleration within the limits; limits of acceleration are applied before the limit of jerk."""
         bounded = jnp.clip(wanted, -self.deceleration_limit, self.acceleration_limit)
         step = self.jerk_limit * dt
         return jnp.clip(bounded, last - step, last + step)

@@ -1,4 +1,4 @@
-"""Effects of more than the gap and the speed of the one vehicle ahead on the own lane."""
+"""Effects of further vehicles ahead and beside, and of the leader's acceleration."""
 
 from typing import ClassVar
 
@@ -33,13 +33,22 @@ class SeveralLeaders(Effect):
     source: ClassVar[str] = "after Treiber, Kesting & Helbing, Physica A 360 (2006) 71 (human driver model)"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("weight", "-", "weight of the second leader", off=0.0, low=0.0, high=1.0, scale=0.4),
-        Parameter("relief", "-", "how much less the first leader then counts", 0.5, 0.0, 1.0, 0.5, is_strength=False),
+        Parameter(
+            "relief",
+            "-",
+            "how much less the first leader then counts",
+            0.5,
+            0.0,
+            1.0,
+            0.5,
+            is_strength=False,
+        ),
     )
 
     def leaders(
         self, value: Float[Array, "*n"], seen: Stimulus, memory: None, driver: CarFollowing
     ) -> Float[Array, "*n"]:
-        """Both leaders count if there are two."""
+        """Weighted deceleration because of both leaders, if there are two."""
         dv = seen.speed - seen.second_speed
         second = jnp.minimum(driver.interaction(seen.second_gap / 2, seen.speed, dv), STRONGEST_SECOND)
         return value + self.weight * seen.has_second * seen.has_leader * (second - self.relief * value)
@@ -61,12 +70,12 @@ class LeaderAcceleration(Effect):
     )
 
     def acceleration(self, value: Float[Array, "*n"], seen: Stimulus, memory: None) -> Float[Array, "*n"]:
-        """A share of the leader's acceleration is added."""
+        """Acceleration plus a share of the leader's acceleration."""
         return value + self.gain * seen.has_leader * seen.leader_acceleration * jnp.exp(-seen.gap / self.reach)
 
 
 class Asymmetry(Effect):
-    """The driver responds to a shrinking gap otherwise than to a growing one, up to some approach rate."""
+    """The driver responds differently to a shrinking and to a growing gap; both responses saturate."""
 
     closing: Float[Array, "*#n"]
     opening: Float[Array, "*#n"]
@@ -83,14 +92,14 @@ class Asymmetry(Effect):
     )
 
     def acceleration(self, value: Float[Array, "*n"], seen: Stimulus, memory: None) -> Float[Array, "*n"]:
-        """Acceleration less a term in the rate at which the gap shrinks or grows."""
+        """Acceleration minus a term in the rate at which the gap shrinks or grows."""
         dv = seen.speed - seen.leader_speed
         nearer, farther = (self.scale * jnp.tanh(jnp.maximum(rate, 0.0) / self.scale) for rate in (dv, -dv))
         return value - seen.has_leader * (self.closing * nearer + self.opening * farther)
 
 
 class LaneFriction(Effect):
-    """The driver is held back by slower vehicles on the lane beside."""
+    """Slower vehicles on adjacent lanes slow the driver down."""
 
     gain: Float[Array, "*#n"]
     scale: Float[Array, "*#n"]
@@ -105,13 +114,13 @@ class LaneFriction(Effect):
     )
 
     def acceleration(self, value: Float[Array, "*n"], seen: Stimulus, memory: None) -> Float[Array, "*n"]:
-        """Acceleration less a term in the speed difference to slower vehicles beside."""
+        """Acceleration minus a term in the speed difference to slower vehicles on adjacent lanes."""
         faster_by = jnp.maximum(seen.speed - seen.beside_speed, 0.0)
         return value - self.gain * jnp.tanh(faster_by / self.scale)
 
 
 class NoUndertaking(Effect):
-    """A driver faster than the vehicle ahead on the left lane falls in behind it, braking comfortably at most."""
+    """A driver does not pass a slower vehicle ahead on the left lane; braking for it is at most comfortable."""
 
     weight: Float[Array, "*#n"]
 

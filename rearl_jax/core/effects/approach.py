@@ -11,14 +11,14 @@ from rearl_jax.core.effects.effect import Effect, Parameter
 from rearl_jax.core.effects.stimulus import Stimulus
 
 SLOWEST = 2.0
-"""Least speed a present time gap is taken of [m/s]."""
+"""Smallest speed for which a present time gap is computed [m/s]."""
 
 TIME_GAPS = (0.1, 6.0)
 """Range of a present time gap [s]; beyond it a driver does not follow."""
 
 
 class ApproachRateGain(Effect):
-    """The driver answers to the approach rate with a gain of its own."""
+    """The driver responds to the approach rate with an additional gain."""
 
     gain: Float[Array, "*#n"]
 
@@ -31,7 +31,7 @@ class ApproachRateGain(Effect):
     )
 
     def acceleration(self, value: Float[Array, "*n"], seen: Stimulus, memory: None) -> Float[Array, "*n"]:
-        """Acceleration less a term in the approach rate."""
+        """Acceleration minus a term in the approach rate."""
         return value - self.gain * seen.has_leader * (seen.speed - seen.leader_speed)
 
 
@@ -39,10 +39,10 @@ class FirstGap(eqx.Module):
     """Memory of the gap at which a driver began to follow.
 
     Attributes:
-        time_gap: Right after the leader had come [s]; nan without a leader.
+        time_gap: Time gap right after the leader appeared [s]; nan without a leader.
         elapsed: Time since then [s].
-        had_leader: Whether there was a leader a moment ago.
-        time_since_change: As it was seen then [s].
+        had_leader: Whether there was a leader in the last time step.
+        time_since_change: The stimulus' time since the change of leader in the last time step [s].
     """
 
     time_gap: Float[Array, "*n"]
@@ -52,7 +52,7 @@ class FirstGap(eqx.Module):
 
 
 class GapRelaxation(Effect):
-    """When a driver gets a leader, or a record begins, its time gap relaxes from the present one to the desired one."""
+    """At the start of following, or of a recording, the time gap relaxes from its present to its desired value."""
 
     share: Float[Array, "*#n"]
     relaxation_time: Float[Array, "*#n"]
@@ -83,7 +83,7 @@ class GapRelaxation(Effect):
         )
 
     def remember(self, memory: FirstGap, seen: Stimulus, driver: CarFollowing, dt: float) -> FirstGap:
-        """The gap to a new leader if there is one, else that to the present leader."""
+        """Memory of the gap to a new leader, or else of the gap to the present leader."""
         came = (seen.has_leader > memory.had_leader) | (seen.time_since_change < memory.time_since_change)
         return FirstGap(
             time_gap=jnp.where(came, _present_time_gap(seen, driver), memory.time_gap),
@@ -93,7 +93,7 @@ class GapRelaxation(Effect):
         )
 
     def time_gap(self, value: Float[Array, "*n"], seen: Stimulus, memory: FirstGap) -> Float[Array, "*n"]:
-        """Between the present and the desired time gap."""
+        """Time gap between the present and the desired one."""
         return value + self.share * seen.has_leader * (memory.time_gap - value) * jnp.exp(
             -memory.elapsed / self.relaxation_time
         )

@@ -1,4 +1,4 @@
-"""Drivers who make room for others."""
+"""Cooperation: drivers open a gap for a lane change of another vehicle."""
 
 from typing import ClassVar
 
@@ -32,7 +32,7 @@ class Cooperation(Effect):
     def leaders(
         self, value: Float[Array, "*n"], seen: Stimulus, memory: None, driver: CarFollowing
     ) -> Float[Array, "*n"]:
-        """Larger if a vehicle wants to change to the own lane.
+        """Deceleration, larger if a vehicle wants to change to the own lane.
 
         Raises:
             ValueError: The stimulus is that of a recording.

@@ -1,4 +1,4 @@
-"""An effect without a name in the list: a term that depends on one variable of the stimulus by a smooth curve."""
+"""An effect outside the library: a term that depends on one variable of the stimulus through a smooth curve."""
 
 from typing import ClassVar
 
@@ -38,7 +38,7 @@ def hat_weights(value: Float[Array, "*n"], knots: Float[Array, " knots"]) -> Flo
 
 
 class Dependence(Effect):
-    """Acceleration depends on a variable by a curve that was found in data and has no name."""
+    """The acceleration depends on a variable through a curve estimated from data."""
 
     kind: ClassVar[str] = "generic"
 
@@ -55,12 +55,12 @@ class Dependence(Effect):
     )
 
     def acceleration(self, value: Float[Array, "*n"], seen: Stimulus, memory: None) -> Float[Array, "*n"]:
-        """More or less by the curve."""
+        """Acceleration plus the curve."""
         return value + curve_at(self.values, self.knots, VARIABLES[self.variable][1](seen))
 
 
 class TimeGapDependence(Dependence):
-    """The time gap depends on a variable by a curve that was found in data and has no name."""
+    """The time gap depends on a variable through a curve estimated from data."""
 
     name: ClassVar[str] = "time_gap_dependence"
     equation: ClassVar[str] = "T exp(curve(variable)), piecewise linear between knots"
@@ -70,11 +70,11 @@ class TimeGapDependence(Dependence):
     )
 
     def acceleration(self, value: Float[Array, "*n"], seen: Stimulus, memory: None) -> Float[Array, "*n"]:
-        """As it is."""
+        """The acceleration, unchanged."""
         return value
 
     def time_gap(self, value: Float[Array, "*n"], seen: Stimulus, memory: None) -> Float[Array, "*n"]:
-        """Longer or shorter by the curve."""
+        """Time gap changed by the curve."""
         return value * jnp.exp(curve_at(self.values, self.knots, VARIABLES[self.variable][1](seen)))
 
 

@@ -39,7 +39,7 @@ class EarlyResponse(Effect):
     def leaders(
         self, value: Float[Array, "*n"], seen: Stimulus, memory: None, driver: CarFollowing
     ) -> Float[Array, "*n"]:
-        """Larger if a vehicle on another lane is about to become the leader.
+        """Deceleration, larger if a vehicle on another lane is about to become the leader.
 
         Raises:
             ValueError: The stimulus is that of a recording.

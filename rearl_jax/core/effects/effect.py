@@ -1,7 +1,7 @@
-"""Interface of an effect: driver behaviour beyond car following, as hooks into the one traffic model.
+"""Interface of an effect: driver behaviour in addition to car following, as hooks into the traffic model.
 
-An effect is a record of its parameters; each parameter has a value at which the effect is off. Everything else is the
-identity unless the effect says otherwise. All hooks are element-wise and differentiable.
+An effect is a record of its parameters and overrides some of the hooks; all other hooks return their input unchanged.
+If all strengths have their value `off`, the effect is off. All hooks are element-wise and differentiable.
 """
 
 from dataclasses import dataclass
@@ -21,12 +21,12 @@ class Parameter:
 
     Attributes:
         name: Field of the effect.
-        unit: In brackets in every text; "-" for none.
-        meaning: One line.
-        off: Value at which the effect is off, for a strength; a usual value for a shape.
-        low: Lower bound; 0 for a strength whose sign is part of what the effect is.
+        unit: Unit; "-" for none.
+        meaning: Meaning in one line.
+        off: For a strength, the value at which the effect is off; for a shape parameter, a typical value.
+        low: Lower bound; 0 for a strength whose sign is fixed.
         high: Upper bound.
-        scale: Usual distance of values from `off`, the standard deviation of a prior.
+        scale: Typical distance of values from `off`, the standard deviation of the prior.
         is_strength: Whether the effect is off if this parameter (with the other strengths) is `off`; others only shape
             the effect.
         is_list: Whether it is a list of values, one per knot of a curve.
@@ -44,16 +44,16 @@ class Parameter:
 
 
 class Effect(eqx.Module):
-    """Base of all effects: every hook returns its input unchanged; none depends on a model's formula.
+    """Base class of effects: every hook returns its input unchanged; no hook depends on the formula of a car-following
+    model.
 
     Class attributes:
-        name: As in a model file and in a verdict.
+        name: Name in model files and verdicts.
         kind: `driver` (car following), `road`, `generic`, `random`, `lane_change`.
-        equation: Its equation, in one line.
+        equation: Equation in one line.
         source: Where the equation comes from.
         parameters: Parameters of the effect, in the order of its fields.
-        depends_on: Variables it depends on, as a verdict says it; discovery searches effects that state them, along
-            their strengths.
+        depends_on: Variables that the effect depends on, as in a verdict; discovery only tests effects that state them.
     """
 
     name: ClassVar[str]
@@ -93,29 +93,31 @@ class Effect(eqx.Module):
         """Deceleration because of the vehicles ahead [m/s^2], positive.
 
         Args:
-            value: That because of the leader, as changed so far.
+            value: Deceleration because of the leader, after the effects before.
             seen: Stimulus as the driver perceives it.
             memory: Memory of the effect.
-            driver: With its present set points; `driver.interaction` is the response to another vehicle.
+            driver: Car following with its present set points; `driver.interaction` is the response to another vehicle.
         """
         return value
 
     def acceleration(self, value: Float[Array, "*n"], seen: Stimulus, memory: PyTree) -> Float[Array, "*n"]:
-        """Acceleration that the driver wants [m/s^2], before the bounds of what a vehicle can do."""
+        """Wanted acceleration [m/s^2], before the bounds of the vehicle."""
         return value
 
     def actuate(self, wanted: Float[Array, "*n"], last: Float[Array, "*n"], dt: float) -> Float[Array, "*n"]:
         """Acceleration that the vehicle executes [m/s^2].
 
         Args:
-            wanted: By the driver.
-            last: Executed in the last time step [m/s^2].
-            dt: Time since then [s].
+            wanted: Acceleration wanted by the driver [m/s^2].
+            last: Acceleration executed in the last time step [m/s^2].
+            dt: Time step [s].
         """
         return wanted
 
     def incentive(
         self, value: Float[Array, "*n"], side: SideLane, seen: Stimulus, memory: PyTree
     ) -> Float[Array, "*n"]:
-        """Gain of a change to a lane beside [m/s^2]; `seen` is the own lane as it is, not as it is perceived."""
+        """Gain of a change to an adjacent lane [m/s^2]; `seen` is the true stimulus of the own lane, without errors of
+        perception.
+        """
         return value

@@ -1,6 +1,7 @@
-"""Effects on the choice of the lane: what a change gains beside the own acceleration.
+"""Effects on lane choice: gains of a lane change in addition to the own acceleration.
 
-`incentive` gets and gives the gain of a change to one side [m/s^2], which is held against the driver's threshold.
+`incentive` receives and returns the gain of a change to one side [m/s^2], which is compared with the driver's
+threshold.
 """
 
 from typing import ClassVar
@@ -29,7 +30,7 @@ class KeepRight(Effect):
     )
 
     def incentive(self, value: Float[Array, "*n"], side: SideLane, seen: Stimulus, memory: None) -> Float[Array, "*n"]:
-        """More to the right, less to the left."""
+        """Gain, larger to the right and smaller to the left."""
         return value + side.direction * self.bias
 
 
@@ -47,7 +48,7 @@ class NoPassingOnTheRight(Effect):
     )
 
     def incentive(self, value: Float[Array, "*n"], side: SideLane, seen: Stimulus, memory: None) -> Float[Array, "*n"]:
-        """Less to the right if the change would be a gain."""
+        """Gain, smaller to the right if it is positive there."""
         if side.direction < 0:
             return value
         return value - self.weight * jnp.where(seen.speed > PASSING_SPEED, jnp.maximum(value, 0.0), 0.0)
@@ -67,7 +68,7 @@ class Politeness(Effect):
     )
 
     def incentive(self, value: Float[Array, "*n"], side: SideLane, seen: Stimulus, memory: None) -> Float[Array, "*n"]:
-        """With the others' gain."""
+        """Gain plus the weighted gain of the followers."""
         return value + self.weight * side.gain_of_others
 
 
@@ -89,7 +90,7 @@ class MovingOver(Effect):
     )
 
     def incentive(self, value: Float[Array, "*n"], side: SideLane, seen: Stimulus, memory: None) -> Float[Array, "*n"]:
-        """More to the right under pressure."""
+        """Gain, larger to the right under pressure."""
         if side.direction < 0:
             return value
         behind = jnp.maximum(seen.follower_gap, 0.5) / (jnp.maximum(seen.follower_speed, 0.0) + 2.0)
@@ -113,7 +114,7 @@ class TruckAversion(Effect):
     )
 
     def incentive(self, value: Float[Array, "*n"], side: SideLane, seen: Stimulus, memory: None) -> Float[Array, "*n"]:
-        """Away from trucks."""
+        """Gain, larger if the change leads away from a truck."""
         here = seen.has_leader * seen.leader_is_truck * jnp.exp(-seen.gap / self.reach)
         there = side.has_leader * side.leader_is_truck * jnp.exp(-side.gap / self.reach)
         return value + self.gain * (here - there)

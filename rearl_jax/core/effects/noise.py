@@ -151,5 +151,5 @@ class TimeGapVariation(Effect):
         return fluctuate(memory, self.seed, 3, self.time, dt)
 
     def time_gap(self, value: Float[Array, "*n"], seen: Stimulus, memory: Fluctuation) -> Float[Array, "*n"]:
-        """Longer or shorter."""
+        """Time gap with its variation."""
         return value * jnp.exp(self.sd * memory.value)

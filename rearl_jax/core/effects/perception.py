@@ -13,17 +13,17 @@ from rearl_jax.core.effects.effect import Effect, Parameter
 from rearl_jax.core.effects.stimulus import Stimulus
 
 LONGEST_DELAY = 1.5
-"""Longest reaction delay that is remembered [s]."""
+"""Longest possible reaction delay [s]."""
 
 AHEAD = ("has_leader", "gap", "leader_speed")
-"""What is seen late of the vehicle ahead."""
+"""Delayed fields of the vehicle ahead."""
 
 
 class ReactionDelay(Effect):
-    """The driver acts on the gap and the leader's speed of a moment ago, and on the own speed of another moment.
+    """The driver acts on an earlier gap and leader's speed, and on an own speed with another delay.
 
-    Own motion is felt, which may take no time; where both delays are equal, everything is late. A negative delay is
-    anticipation by extrapolation.
+    Own motion is felt and may be known without delay; with equal delays, all observations are equally late. A negative
+    delay is anticipation by extrapolation.
     """
 
     delay: Float[Array, "*#n"]
@@ -41,13 +41,13 @@ class ReactionDelay(Effect):
     )
 
     def begin(self, seen: Stimulus, driver: CarFollowing, dt: float) -> "Past":
-        """A past in which the present stimulus has always been the same."""
+        """Memory at the start, as if the stimulus had always been the present one."""
         length = math.ceil(LONGEST_DELAY / dt) + 2
         now = _stacked(seen)
         return Past(jnp.zeros((), jnp.int32), jnp.broadcast_to(now[:, None], (len(now), length, *now.shape[1:])), now)
 
     def remember(self, memory: "Past", seen: Stimulus, driver: CarFollowing, dt: float) -> "Past":
-        """The past in a ring, and in it the moments that are acted on, interpolated."""
+        """The memory with the present stimulus added, and the interpolated delayed stimulus."""
         now = _stacked(seen)
         ring = lax.dynamic_update_index_in_dim(memory.ring, now, memory.count % memory.ring.shape[1], axis=1)
 
@@ -66,17 +66,17 @@ class ReactionDelay(Effect):
         return Past(memory.count + 1, ring, acted_on)
 
     def perceive(self, seen: Stimulus, memory: "Past") -> Stimulus:
-        """The remembered moments in the place of the present."""
+        """The stimulus with delayed values."""
         return replace(seen, **dict(zip(("speed", *AHEAD), memory.acted_on, strict=True)))
 
 
 class Past(NamedTuple):
-    """What a delayed driver remembers: own speed first, then what is ahead.
+    """Memory of a delayed driver: own speed first, then the fields `AHEAD`.
 
     Attributes:
         count: Ticks so far.
-        ring: The last moments, the newest at count - 1 modulo their number.
-        acted_on: The moments that are acted on.
+        ring: Ring buffer of the last time steps, the newest at count - 1 modulo its size.
+        acted_on: The delayed values that the driver acts on.
     """
 
     count: Int[Array, ""]

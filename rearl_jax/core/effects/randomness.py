@@ -1,4 +1,4 @@
-"""Random numbers of effects: from a seed per scenario, a stream per use and a count of ticks."""
+"""Random numbers of effects, from a seed per scenario, a stream per purpose and a count of ticks."""
 
 from collections.abc import Callable
 

@@ -1,4 +1,4 @@
-"""Effects of the place and the time (road, weather) on all drivers."""
+"""Effects of position and time (road, weather) on all drivers."""
 
 from typing import ClassVar
 
@@ -13,7 +13,7 @@ NO_LIMIT = 100.0
 """Speed [m/s] that limits no vehicle."""
 
 FAR_AWAY = 1.0e5
-"""Place [m] no section reaches."""
+"""Position [m] beyond every section."""
 
 _SECTION = (
     Parameter("start", "m", "beginning of the section", 0.0, -FAR_AWAY, FAR_AWAY, 500.0, is_strength=False),
@@ -53,7 +53,7 @@ class Grade(Effect):
     )
 
     def acceleration(self, value: Float[Array, "*n"], seen: Stimulus, memory: None) -> Float[Array, "*n"]:
-        """More downhill, less uphill."""
+        """Acceleration, larger downhill and smaller uphill."""
         return value + self.push * inside(seen.position, self.start, self.end, self.edge)
 
 
@@ -76,7 +76,7 @@ class SpeedLimit(Effect):
     )
 
     def desired_speed(self, value: Float[Array, "*n"], seen: Stimulus, memory: None) -> Float[Array, "*n"]:
-        """At most the limit."""
+        """Desired speed, at most the limit."""
         cut = value - limited(value, self.limit)
         return value - inside(seen.position, self.start, self.end, self.edge) * cut
 
@@ -102,7 +102,7 @@ class Bend(Effect):
     )
 
     def desired_speed(self, value: Float[Array, "*n"], seen: Stimulus, memory: None) -> Float[Array, "*n"]:
-        """At most what the bend allows."""
+        """Desired speed, at most the comfortable speed in the bend."""
         limit = jnp.sqrt(self.lateral_acceleration * self.radius)
         cut = value - limited(value, limit)
         return value - inside(seen.position, self.start, self.end, self.edge) * cut
@@ -126,7 +126,7 @@ class LaneDesiredSpeed(Effect):
     )
 
     def desired_speed(self, value: Float[Array, "*n"], seen: Stimulus, memory: None) -> Float[Array, "*n"]:
-        """Higher on the left lane, lower on the right."""
+        """Desired speed, higher on left and lower on right lanes."""
         return value * jnp.exp(self.leftmost * seen.is_leftmost + self.rightmost * seen.is_rightmost)
 
 
@@ -153,11 +153,11 @@ class Weather(Effect):
     )
 
     def desired_speed(self, value: Float[Array, "*n"], seen: Stimulus, memory: None) -> Float[Array, "*n"]:
-        """Lower in bad weather."""
+        """Desired speed, lower in bad weather."""
         return value * jnp.exp(-self.slower * self._share(seen))
 
     def time_gap(self, value: Float[Array, "*n"], seen: Stimulus, memory: None) -> Float[Array, "*n"]:
-        """Longer in bad weather."""
+        """Time gap, longer in bad weather."""
         return value * jnp.exp(self.wider * self._share(seen))
 
     def _share(self, seen: Stimulus) -> Float[Array, "*n"]:
@@ -165,7 +165,7 @@ class Weather(Effect):
 
 
 class ClosedCourse(Effect):
-    """Acceleration that every lap of a closed course has at the same place: slopes and bends of a test track."""
+    """Acceleration as a function of the position on a closed course, such as slopes and bends of a test track."""
 
     kind: ClassVar[str] = "road"
 
@@ -187,7 +187,7 @@ class ClosedCourse(Effect):
         n_knots = self.values.shape[0]
         place = jnp.mod(seen.position / self.lap, 1.0) * n_knots
         knot = jnp.arange(n_knots, dtype=place.dtype).reshape(-1, *(1,) * place.ndim)
-        # The nearer way round to each knot: the last is next to the first.
+        # Shortest distance around the course to each knot; the last knot is next to the first.
         away = jnp.abs(place[None] - knot)
         weight = jnp.maximum(0.0, 1.0 - jnp.minimum(away, n_knots - away))
         return value + jnp.sum(self.values * weight, axis=0)

@@ -1,23 +1,23 @@
-"""Stimulus of a lane beside, for drivers who may change lanes."""
+"""Stimulus of an adjacent lane, for drivers who may change lanes."""
 
 import equinox as eqx
 from jaxtyping import Array, Float
 
 
 class SideLane(eqx.Module):
-    """A lane beside the own one, arrays over the vehicles; flags are 0 or 1.
+    """Stimulus of an adjacent lane, arrays over the vehicles; flags are 0 or 1.
 
-    If there is no vehicle, gaps are OUT_OF_SIGHT, speeds the own, and the flag is 0.
+    Without a vehicle, the gap is OUT_OF_SIGHT, the speed is the own speed, and the flag is 0.
 
     Attributes:
         direction: -1 for the lane on the left, +1 for that on the right.
         has_leader: Whether a vehicle is ahead on it.
-        gap: To that vehicle, bumper to bumper [m].
-        leader_speed: Its speed [m/s].
+        gap: Bumper-to-bumper gap to that vehicle [m].
+        leader_speed: Speed of that vehicle [m/s].
         leader_is_truck: Whether it is a truck.
         has_follower: Whether a vehicle is behind on it.
-        follower_gap: To that vehicle, bumper to bumper [m].
-        follower_speed: Its speed [m/s].
+        follower_gap: Bumper-to-bumper gap to that vehicle [m].
+        follower_speed: Speed of that vehicle [m/s].
         gain_of_others: Gain of the followers on both lanes together by the change [m/s^2].
     """
 

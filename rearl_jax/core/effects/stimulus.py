@@ -1,4 +1,4 @@
-"""Stimulus of a driver: the own motion, the vehicles around, the place and the time."""
+"""Stimulus of a driver: own motion, surrounding vehicles, position and time."""
 
 import equinox as eqx
 from jaxtyping import Array, Float
@@ -10,12 +10,12 @@ OUT_OF_SIGHT = 1000.0
 class Stimulus(eqx.Module):
     """Stimulus of each driver in one time step, arrays over the vehicles; flags are 0 or 1.
 
-    If there is no vehicle, gaps are OUT_OF_SIGHT, speeds the own, accelerations 0, and the flag is 0.
+    Without a vehicle, the gap is OUT_OF_SIGHT, the speed is the own speed, the acceleration is 0, and the flag is 0.
 
     Attributes:
-        time: Since the start [s].
+        time: Time since the start [s].
         position: Position of the own centre along the road [m].
-        lane: 0 = leftmost [-].
+        lane: Lane of the driver, 0 = leftmost [-].
         is_leftmost, is_rightmost: Whether there is no further lane on that side.
         lateral_offset: Distance from the centre of the lane [m], positive to the right.
         speed: Own speed v [m/s].
@@ -23,18 +23,18 @@ class Stimulus(eqx.Module):
         is_truck: Whether the own vehicle is a truck.
         has_leader: Whether a vehicle is ahead on the lane.
         gap: To the leader, bumper to bumper, s [m].
-        leader_speed: [m/s].
-        leader_acceleration: [m/s^2].
-        leader_length: [m].
+        leader_speed: Speed of the leader [m/s].
+        leader_acceleration: Acceleration of the leader [m/s^2].
+        leader_length: Length of the leader [m].
         leader_is_truck: Whether the leader is a truck.
         has_second, second_gap, second_speed: The leader's leader; the gap is the sum of both gaps, lengths left out.
-        has_third, third_speed: The one ahead of that.
+        has_third, third_speed: The third vehicle ahead.
         has_follower, follower_gap, follower_speed: The vehicle behind on the lane.
         has_left, left_gap, left_speed: The next vehicle ahead on the lane to the left.
         beside_speed: Slowest speed within BESIDE_RANGE on the lanes next to the own [m/s]; OUT_OF_SIGHT without one.
         n_beside: Number of these vehicles.
-        time_since_change: Since another vehicle has become the leader by a lane change [s].
-        gap_lost: Gap lost by that change [m], 0 where it grew.
+        time_since_change: Time since the leader last changed because of a lane change [s].
+        gap_lost: Gap lost by that change [m]; 0 if the gap grew.
         time_gap_at_change: Time gap right after it [s].
     """
 
@@ -72,4 +72,4 @@ class Stimulus(eqx.Module):
 
 
 BESIDE_RANGE = 40.0
-"""Distance along the road [m] within which a vehicle on the next lane is beside."""
+"""Distance along the road [m] within which a vehicle on an adjacent lane counts as beside."""

@@ -1,4 +1,4 @@
-"""Effects on the time gap a driver wants."""
+"""Effects on the desired time gap."""
 
 from dataclasses import replace
 from typing import ClassVar
@@ -29,7 +29,7 @@ class SpeedDependentTimeGap(Effect):
     )
 
     def time_gap(self, value: Float[Array, "*n"], seen: Stimulus, memory: None) -> Float[Array, "*n"]:
-        """Longer or shorter at high speed."""
+        """Time gap, changed with the own speed."""
         return value * jnp.exp(self.slope * (seen.speed / USUAL_SPEED - 1))
 
 
@@ -47,17 +47,17 @@ class VarianceDrivenTimeGap(Effect):
     )
 
     def time_gap(self, value: Float[Array, "*n"], seen: Stimulus, memory: None) -> Float[Array, "*n"]:
-        """Longer in uneven traffic."""
+        """Time gap, longer if the speeds ahead are unequal."""
         second = jnp.where(seen.has_second > 0, seen.second_speed, seen.leader_speed)
         third = jnp.where(seen.has_third > 0, seen.third_speed, second)
         speeds = jnp.stack(jnp.broadcast_arrays(seen.speed, seen.leader_speed, second, third))
-        # The small constants keep the derivative finite in perfectly even and in standing traffic.
+        # The small constants keep the derivative finite for equal speeds and in standing traffic.
         variation = jnp.sqrt(jnp.var(speeds, axis=0) + 0.04) / (jnp.mean(speeds, axis=0) + 2.0)
         return value * jnp.exp(self.gain * variation)
 
 
 class Resignation(Effect):
-    """Long queues change drivers: the time gap depends on how far below the desired speed they have driven recently."""
+    """The time gap depends on how far below the desired speed the driver has been recently, as in long queues."""
 
     gain: Float[Array, "*#n"]
     memory_time: Float[Array, "*#n"]
@@ -82,12 +82,12 @@ class Resignation(Effect):
         return memory + dt / self.memory_time * (seen.speed / driver.desired_speed - memory)
 
     def time_gap(self, value: Float[Array, "*n"], seen: Stimulus, memory: Float[Array, "*n"]) -> Float[Array, "*n"]:
-        """Longer the longer the queue has lasted."""
+        """Time gap, longer after more time in a queue."""
         return value * jnp.exp(self.gain * (1 - memory))
 
 
 class Relaxation(Effect):
-    """Right after a lane change a short gap is accepted; the usual gap returns slowly."""
+    """Right after a lane change the driver accepts a short gap; the desired gap returns slowly."""
 
     gap_share: Float[Array, "*#n"]
     time_gap_share: Float[Array, "*#n"]
@@ -108,19 +108,21 @@ class Relaxation(Effect):
     )
 
     def perceive(self, seen: Stimulus, memory: None) -> Stimulus:
-        """The gap as large as if part of it had not been lost."""
-        return replace(seen, gap=seen.gap + self.gap_share * seen.gap_lost * self._left(seen))
+        """Stimulus with part of the lost gap added."""
+        return replace(seen, gap=seen.gap + self.gap_share * seen.gap_lost * self._remaining_share(seen))
 
     def time_gap(self, value: Float[Array, "*n"], seen: Stimulus, memory: None) -> Float[Array, "*n"]:
-        """Shorter if the gap after the change was shorter."""
-        return value + self.time_gap_share * jnp.minimum(seen.time_gap_at_change - value, 0.0) * self._left(seen)
+        """Time gap, shorter if the gap after the change was shorter."""
+        return value + self.time_gap_share * jnp.minimum(seen.time_gap_at_change - value, 0.0) * self._remaining_share(
+            seen
+        )
 
-    def _left(self, seen: Stimulus) -> Float[Array, "*n"]:
+    def _remaining_share(self, seen: Stimulus) -> Float[Array, "*n"]:
         return jnp.exp(-seen.time_since_change / self.relaxation_time)
 
 
 class RearPressure(Effect):
-    """A close follower makes the driver follow closer too."""
+    """A close follower makes the driver follow more closely."""
 
     gain: Float[Array, "*#n"]
     pressing_time_gap: Float[Array, "*#n"]
@@ -135,14 +137,14 @@ class RearPressure(Effect):
     )
 
     def time_gap(self, value: Float[Array, "*n"], seen: Stimulus, memory: None) -> Float[Array, "*n"]:
-        """Shorter under pressure."""
+        """Time gap, shorter under pressure."""
         behind = jnp.maximum(seen.follower_gap, 0.5) / (jnp.maximum(seen.follower_speed, 0.0) + 2.0)
         pressure = jax.nn.sigmoid((self.pressing_time_gap - behind) / 0.25)
         return value * jnp.exp(-self.gain * seen.has_follower * pressure)
 
 
 class LeaderClass(Effect):
-    """Drivers follow a truck at another time gap than a car."""
+    """The time gap behind a truck differs from that behind a car."""
 
     gain: Float[Array, "*#n"]
 
@@ -155,5 +157,5 @@ class LeaderClass(Effect):
     )
 
     def time_gap(self, value: Float[Array, "*n"], seen: Stimulus, memory: None) -> Float[Array, "*n"]:
-        """Longer or shorter behind a truck."""
+        """Time gap, longer or shorter behind a truck."""
         return value * jnp.exp(self.gain * seen.has_leader * seen.leader_is_truck)

@@ -6,7 +6,9 @@ from pathlib import Path
 
 from rearl_jax.config.data import DataConfig
 from rearl_jax.data import highd
+from rearl_jax.data.delimited import read_header
 from rearl_jax.data.reader import Entry, Reader
+from rearl_jax.problems import MissingInputError
 
 
 def is_generated(data: DataConfig, root: Path) -> bool:
@@ -34,9 +36,23 @@ def entries_of(data: DataConfig, root: Path, *, generated: bool) -> Iterator[Ent
         yield Entry(name, partial(highd.read_recording, path, data, generated=generated), file=path)
 
 
+def recognises(path: Path) -> Path | None:
+    """The folder of three files per recording, the first of which has the columns of highD."""
+    folder = path if path.is_dir() else path.parent
+    if path.is_file() and not path.name.endswith(("_tracks.csv", "_tracksMeta.csv", "_recordingMeta.csv")):
+        return None
+    try:
+        first = highd.find_recordings(folder)[0]
+    except MissingInputError:
+        return None
+    is_whole = all(file.is_file() for file in highd.recording_files(first))
+    return folder if is_whole and highd.COLUMNS <= set(read_header(first)) else None
+
+
 READER = Reader(
     expected="the folder of NN_tracks.csv, NN_tracksMeta.csv and NN_recordingMeta.csv",
     entries=entries,
     files=files,
     generated=is_generated,
+    recognises=recognises,
 )

@@ -1,11 +1,12 @@
 """Leader-follower pairs of NGSIM I-80 with lateral positions, one Parquet file in SI units."""
 
 from rearl_jax.data import ngsim_lateral
-from rearl_jax.data.reader import Reader, parts_of
+from rearl_jax.data.reader import Reader, by_columns, parts_of
 
 READER = Reader(
     expected="the folder of the Parquet file of NGSIM I-80 pairs with lateral positions; leave it empty for the "
     "shipped one",
     entries=parts_of(ngsim_lateral.find_lateral, ngsim_lateral.lateral_recordings, ngsim_lateral.read_lateral),
     files=lambda root: [ngsim_lateral.find_lateral(root)],
+    recognises=by_columns(ngsim_lateral.COLUMNS),
 )

@@ -32,5 +32,8 @@ def entries(data: DataConfig, root: Path) -> Iterator[Entry]:
 
 
 READER = Reader(
-    expected="the folder of the NGSIM tables (.csv or .txt)", entries=entries, files=ngsim_published.find_published
+    expected="the folder of the NGSIM tables (.csv or .txt)",
+    entries=entries,
+    files=ngsim_published.find_published,
+    recognises=ngsim_published.recognises,
 )

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from rearl_jax.data import ngsim
+from rearl_jax.data.columnar import column_names, is_parquet
 from rearl_jax.data.reader import Reader, parts_of
 from rearl_jax.problems import MissingInputError, Problem
 
@@ -23,8 +24,16 @@ def find_file(root: Path) -> Path:
     return path
 
 
+def recognises(path: Path) -> Path | None:
+    """The file if it has the columns of the shipped one."""
+    file = path / FILE if path.is_dir() else path
+    is_one = file.is_file() and is_parquet(file) and set(ngsim.US101_COLUMNS) <= set(column_names(file))
+    return file if is_one else None
+
+
 READER = Reader(
     expected=f"the file {FILE} or its folder; leave it empty for the shipped one",
     entries=parts_of(find_file, ngsim.us101_recordings, ngsim.read_us101),
     files=lambda root: [find_file(root)],
+    recognises=recognises,
 )

@@ -1,1 +1,1 @@
-"""Groups of drivers: by a label, or by kinds that are found without one."""
+"""Groups of drivers, by a label of the data or by clustering."""

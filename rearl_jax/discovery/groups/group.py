@@ -9,15 +9,15 @@ from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.thresholds import THRESHOLDS
 
 UNKNOWN = "unknown"
-"""Name of those whose group is unknown."""
+"""Name of the group of drivers whose group is unknown."""
 
 
 @dataclass(frozen=True)
 class Group:
-    """Drivers who are told apart from others.
+    """One group of drivers.
 
     Attributes:
-        name: Value of the label, or of the kind that was found.
+        name: Value of the label, or name of the cluster.
         data: The drivers.
     """
 
@@ -27,11 +27,11 @@ class Group:
 
 @dataclass(frozen=True)
 class Grouping:
-    """Drivers told apart.
+    """Drivers divided into groups.
 
     Attributes:
-        groups: Groups of enough drivers, by name.
-        left_out: Number of drivers of each value that too few have, and of those whose value is unknown.
+        groups: Groups with enough drivers, by name.
+        left_out: Number of drivers by label value, for values with too few drivers and for unknown values.
     """
 
     groups: tuple[Group, ...]
@@ -39,7 +39,7 @@ class Grouping:
 
 
 def grouped(data: Measured, names: Sequence[str | None]) -> Grouping:
-    """Drivers of each name, where there are enough to fit, check and report on different ones.
+    """Groups of drivers; a group needs enough drivers to fit, check and report on different ones.
 
     Args:
         data: All drivers.

@@ -1,8 +1,8 @@
-"""Kinds of drivers, found without labels: by their own parameters, and by how evenly they drive.
+"""Kinds of drivers, found without labels from their calibrated parameters and their acceleration noise.
 
-Every driver is calibrated under one model. What is known of its parameters, and of the size of its noise and how long
-that lasts (machines are smoother), goes into mixtures of populations. The number of kinds is that of the largest
-evidence among mixtures whose populations are distinct and have enough drivers.
+Every driver is calibrated under one model. Mixtures of populations are fitted to the estimated parameters and to the
+standard deviation and correlation time of the noise (automated vehicles drive more smoothly). The number of kinds is
+that of the mixture with the largest evidence whose populations are distinct and have enough drivers.
 """
 
 from collections.abc import Sequence
@@ -14,35 +14,35 @@ import numpy as np
 from rearl_jax.discovery.groups.mixture import Mixture, Seen, drawn_from, one_group, split_further
 from rearl_jax.discovery.observe.fit import Fit
 from rearl_jax.discovery.observe.kalman import Noise
-from rearl_jax.discovery.observe.observer import unrest
+from rearl_jax.discovery.observe.observer import squared_leader_acceleration
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.thresholds import THRESHOLDS
 
 MOST_KINDS = 6
-"""Kinds that are looked for at most."""
+"""Largest number of kinds that is tested."""
 
 HOPELESS = 10.0
-"""Loss of evidence [nats] from which no more kinds are looked for."""
+"""Loss of evidence [nats] beyond which no larger number of kinds is tested."""
 
 REPLICATES = 39
-"""Data sets of one kind that say how often chance gives the evidence for two."""
+"""Simulated data sets with a single kind; they show how often chance gives as much evidence for two kinds."""
 
 FACTORS = 2.0 ** np.arange(-4, 4)
-"""Factors of the usual noise of drivers and of the time it lasts that innovations are held against [-]."""
+"""Tested multiples of the population's noise level and of its correlation time [-]."""
 
 FARTHEST = 4.0
-"""Spreads from the usual driver at which a driver's numbers are taken to lie at most [-]: far beyond what was seen, the
-likelihood is not the parabola that it is taken for.
+"""Bound of a driver's parameters, in standard deviations from the mean [-]: further out the likelihood is not
+quadratic, as this method assumes.
 """
 
 HARDLY_KNOWN = 0.1
-"""Information about a number below which it is taken to be as usual [-]."""
+"""Information about a parameter below which the population mean is used [-]."""
 
 LARGEST = 4.0
-"""Innovations beyond so many standard deviations count as that much [-]."""
+"""Innovations are clipped to this number of standard deviations [-]."""
 
 DRAWS = 200
-"""Random assignments that the purity by chance is the mean of."""
+"""Random assignments over which the purity by chance is averaged."""
 
 
 @dataclass(frozen=True)
@@ -50,11 +50,11 @@ class Kinds:
     """Kinds of drivers.
 
     Attributes:
-        of_driver: Number of the kind of each driver, from 1, the largest first; None where it is uncertain.
-        evidence: Log-likelihood of each mixture less its price [nats], from one kind on.
-        distinctness: Of each mixture, see `Mixture.distinctness`.
-        gain: Evidence for the best mixture of several kinds above that for one [nats].
-        chance: Share of data sets of one kind with a gain as large as that [-].
+        of_driver: Number of each driver's kind, from 1 for the largest kind; None if it is uncertain.
+        evidence: Log-likelihood of each mixture less its complexity penalty [nats], from one kind on.
+        distinctness: Distinctness of each mixture, see `Mixture.distinctness`.
+        gain: Evidence for the best mixture of several kinds minus the evidence for one kind [nats].
+        chance: Share of simulated single-kind data sets with at least this gain [-].
     """
 
     of_driver: list[int | None]
@@ -73,7 +73,7 @@ class Kinds:
         return [None if kind is None else f"kind {kind}" for kind in self.of_driver]
 
     def plain(self) -> dict[str, Any]:
-        """As in verdict.json."""
+        """The kinds as in verdict.json."""
         return {
             "kinds": self.n,
             "evidence": list(map(float, self.evidence)),
@@ -85,17 +85,17 @@ class Kinds:
 
 
 def kinds_of(seen: Seen, seed: int) -> Kinds:
-    """Kinds of drivers, one kind unless the evidence for more is what one kind hardly ever gives."""
+    """Kinds of drivers; more than one only if a single kind would hardly ever give as much evidence for several."""
     mixtures = [one_group(seen)]
     distinctness = [1.0]
     while len(mixtures) < MOST_KINDS and len(seen.weighted) >= (len(mixtures) + 1) * THRESHOLDS.least_drivers:
         mixtures.append(split_further(seen, mixtures[-1]))
         distinctness.append(mixtures[-1].distinctness())
-        if mixtures[-1].evidence < max(one.evidence for one in mixtures) - HOPELESS:
+        if mixtures[-1].evidence < max(mixture.evidence for mixture in mixtures) - HOPELESS:
             break
     best = max(
-        (one for one, distinct in zip(mixtures, distinctness, strict=True) if _are_kinds(one, distinct)),
-        key=lambda one: one.evidence,
+        (mixture for mixture, distinct in zip(mixtures, distinctness, strict=True) if _are_kinds(mixture, distinct)),
+        key=lambda mixture: mixture.evidence,
     )
     gain = best.evidence - mixtures[0].evidence
     chance = 1.0
@@ -108,14 +108,15 @@ def kinds_of(seen: Seen, seed: int) -> Kinds:
     member = best.member[:, order]
     sure = member.max(axis=1) >= THRESHOLDS.least_membership
     of_driver = [int(kind) + 1 if is_sure else None for kind, is_sure in zip(member.argmax(axis=1), sure, strict=True)]
-    return Kinds(of_driver, [one.evidence for one in mixtures], distinctness, gain, chance)
+    return Kinds(of_driver, [mixture.evidence for mixture in mixtures], distinctness, gain, chance)
 
 
 def seen_of(solver: Solver, fit: Fit) -> Seen:
-    """What is known of each driver of a calibrated model, about the mean of its class, car or truck: its standardised
-    parameters, in the directions in which data tell most of them and least, and its noise.
+    """Estimates of each driver of a calibrated model, relative to the mean of its class (car or truck): standardised
+    parameters, in principal directions of the information, and noise.
 
-    A direction stands for what is known together: gaps at usual speeds, and not time gap and jam gap, which trade.
+    A direction combines parameters that are only known together: for example the gap at typical speeds is known well,
+    while time gap and jam gap can compensate for each other.
     """
     state = fit.state
     assert state.sums is not None
@@ -124,7 +125,7 @@ def seen_of(solver: Solver, fit: Fit) -> Seen:
     slope = state.sums.gradient[:, own] / state.variances[:, None]
     away = state.away
     n, size = away.shape
-    # Each driver counts alike: with the share of its spread that its data tell.
+    # Equal weight for each driver: the share of the spread that its data determine.
     told = np.linalg.solve(information + state.precision, information).mean(axis=0)
     _, directions = np.linalg.eigh((told + told.T) / 2)
     best = away - np.linalg.solve(information + HARDLY_KNOWN * np.eye(size), slope[:, :, None])[:, :, 0]
@@ -138,8 +139,8 @@ def seen_of(solver: Solver, fit: Fit) -> Seen:
 
 
 def purity(kinds: Sequence[int | None], labels: Sequence[str | None], seed: int) -> dict[str, float] | None:
-    """Share of drivers whose label is the most common one of their kind, and what chance makes of it [-]; None where
-    fewer than two labels are known.
+    """Share of drivers with the most common label of their kind, and the share expected by chance [-]; None if fewer
+    than two labels are known.
     """
     known = [(kind, label) for kind, label in zip(kinds, labels, strict=True) if kind is not None and label is not None]
     if len({label for _, label in known}) < 2:
@@ -157,7 +158,7 @@ def purity(kinds: Sequence[int | None], labels: Sequence[str | None], seed: int)
 
 
 def _are_kinds(mixture: Mixture, distinctness: float) -> bool:
-    """True if every population has enough drivers and would hardly be taken for another."""
+    """True if every population has enough drivers and is distinct from the others."""
     if len(mixture.share) == 1:
         return True
     sizes = np.bincount(mixture.member.argmax(axis=1), minlength=len(mixture.share))
@@ -165,7 +166,9 @@ def _are_kinds(mixture: Mixture, distinctness: float) -> bool:
 
 
 def _gains_by_chance(seen: Seen, single: Mixture, seed: int) -> list[float]:
-    """Evidence for two kinds above that for one [nats] in data sets of one; 0 where two are no kinds."""
+    """Evidence for two kinds minus that for one [nats] in simulated single-kind data sets; 0 if the two are not
+    distinct.
+    """
     gains = []
     for replicate in range(REPLICATES):
         drawn = drawn_from(seen, single, np.random.default_rng([seed, replicate]))
@@ -176,13 +179,13 @@ def _gains_by_chance(seen: Seen, single: Mixture, seed: int) -> list[float]:
 
 
 def _noise_of_drivers(solver: Solver, fit: Fit) -> tuple[np.ndarray, np.ndarray]:
-    """Logarithms of the size of each driver's noise and of the time it lasts, over the usual ones, and what is known of
-    them: where its innovations are likeliest among FACTORS, and how fast they become less likely.
+    """Logarithms of each driver's noise level and correlation time relative to the population, and their information:
+    the maximum of the likelihood over FACTORS and its curvature.
     """
     noise, data = fit.noise, fit.state.data
     looks = slice(None, None, data.stride)
     weight = (data.weight[looks] > 0) * noise.independent
-    unequal = 1 + noise.growth * unrest(data)[looks]
+    unequal = 1 + noise.growth * squared_leader_acceleration(data)[looks]
 
     def likely(other: Noise) -> np.ndarray:
         gain = other.gain(data.dt, data.stride)
@@ -198,7 +201,7 @@ def _noise_of_drivers(solver: Solver, fit: Fit) -> tuple[np.ndarray, np.ndarray]
 
 
 def _tops(likely: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Where log-likelihoods over FACTORS are largest, as logarithms of the factor, and their curvature there."""
+    """Maxima of log-likelihoods over FACTORS, as logarithms of the factor, and the curvature there."""
     step, drivers = float(np.log(FACTORS[1] / FACTORS[0])), np.arange(likely.shape[1])
     middle = np.clip(likely.argmax(axis=0), 1, len(FACTORS) - 2)
     below, here, above = (likely[middle + k, drivers] for k in (-1, 0, 1))

@@ -1,12 +1,12 @@
-"""Mixtures of populations of drivers, each driver known with an error of its own.
+"""Mixtures of populations of drivers whose parameters are estimated with known errors.
 
-What is known of driver i is a Gaussian likelihood of its numbers x with the information J_i and J_i times the estimate,
-h_i; a driver of whom nothing is known has J_i = 0 and tells groups nothing about themselves. Population k is Gaussian.
-Its mean is of its own in some numbers and common in the others, which then cost nothing; its covariance is the common
-one times a factor of its own, for people scatter more than machines.
+The likelihood of the parameters x of driver i is Gaussian with information J_i and h_i = J_i times the estimate; a
+driver without data has J_i = 0 and does not affect the populations. Population k is Gaussian. Populations differ in the
+means of some parameters and share the means of the others, which then carry no complexity penalty. The covariance of a
+population is the common covariance times a factor of its own, because people differ more than automated vehicles.
 
 Source: expectation maximisation with errors of measurement, Bovy, Hogg & Roweis, Ann. Appl. Stat. 5 (2011) 1657; common
-shape with own volume, Celeux & Govaert, Pattern Recognit. 28 (1995) 781; choice of the numbers that differ, Raftery &
+shape with own volume, Celeux & Govaert, Pattern Recognit. 28 (1995) 781; choice of the differing parameters, Raftery &
 Dean, J. Am. Stat. Assoc. 101 (2006) 168; evidence by Schwarz, Ann. Stat. 6 (1978) 461.
 """
 
@@ -17,29 +17,29 @@ import numpy as np
 from jaxtyping import Float
 
 ITERATIONS, NEARBY = 60, 12
-"""Steps of the search from one start at most, and from a mixture that differs in one number."""
+"""Maximum number of iterations from a new start, and from a mixture in which one parameter was changed."""
 
 TOLERANCE = 0.02
 """Rise of the log-likelihood below which the search ends [nats]."""
 
 USUAL_DRIVERS = 20.0
-"""Drivers that the usual covariance, the unit matrix of standardised numbers, is worth: data must not make a spread of
-what they hardly tell.
+"""Weight of the prior covariance (unit matrix of standardised parameters), in drivers: parameters that data hardly
+determine must not get a small or large spread by accident.
 """
 
 PRIOR_DRIVERS = 4.0
-"""Drivers that the factor of a population's covariance being 1 is worth."""
+"""Weight, in drivers, of the prior that the factor of a population's covariance is 1."""
 
 DRAWN = 4000
-"""Drivers drawn to see how often they would be told apart."""
+"""Drivers drawn to estimate how often they are assigned to their own population."""
 
 
 @dataclass(frozen=True)
 class Seen:
-    """What is known of each driver.
+    """Gaussian likelihood of each driver's parameters.
 
     Attributes:
-        information: J, the inverse of the covariance of the estimate; 0 where nothing is known.
+        information: J, the inverse of the covariance of the estimate; 0 without data.
         weighted: h, the information times the estimate.
     """
 
@@ -52,13 +52,13 @@ class Mixture:
     """Populations.
 
     Attributes:
-        share: Of the drivers [-].
-        mean: Of each population.
-        covariance: Of each population.
-        differing: Places of the numbers in which means differ.
-        log_likelihood: Of all drivers, less a constant that is the same for all mixtures [nats].
-        member: Probability that a driver is of a population.
-        expected: Mean of a driver's numbers, were it of that population.
+        share: Share of the drivers in each population [-].
+        mean: Mean parameters of each population.
+        covariance: Covariance of each population.
+        differing: Indices of the parameters in which means differ.
+        log_likelihood: Log-likelihood of all drivers, less a constant that is the same for all mixtures [nats].
+        member: Probability that a driver belongs to a population [-].
+        expected: Posterior mean of a driver's parameters if it belongs to that population.
     """
 
     share: Float[np.ndarray, " groups"]
@@ -71,15 +71,16 @@ class Mixture:
 
     @property
     def evidence(self) -> float:
-        """Log-likelihood less the price of the numbers that were fitted [nats]."""
+        """Log-likelihood less the complexity penalty of the fitted parameters [nats]."""
         n_groups, size = self.mean.shape
         numbers = size * (size + 1) / 2 + size + (n_groups - 1) * (2 + len(self.differing))
         return self.log_likelihood - 0.5 * numbers * np.log(len(self.member))
 
     def distinctness(self) -> float:
-        """Least share of a population's drivers who would be assigned to it if their numbers were known exactly [-].
+        """Smallest share of a population's drivers who would be assigned to it if their parameters were known exactly
+        [-].
 
-        Two halves of one skewed or wide population overlap; kinds do not.
+        Two halves of one skewed or wide population overlap; distinct kinds do not.
         """
         rng, least = np.random.default_rng(0), 1.0
         for k in range(len(self.share)):
@@ -99,11 +100,11 @@ def one_group(seen: Seen) -> Mixture:
 
 
 def split_further(seen: Seen, mixture: Mixture) -> Mixture:
-    """The best mixture with one population more.
+    """The best mixture with one more population; the same mixture if no population can be split.
 
-    It is searched from each population split at the middle of each number. Means then differ in that number, and in
-    more of them while evidence rises; or in all numbers, and in fewer of them while evidence rises: either alone misses
-    kinds that the other finds. The same mixture where no population can be split.
+    The search starts with each population split at the median of each parameter. Means first differ in that parameter
+    alone, and further parameters are added while the evidence rises; a second search starts with all parameters
+    differing and removes them while the evidence rises. Each of the two finds kinds that the other misses.
     """
     pooled, numbers = spread_of_all(seen), range(seen.weighted.shape[1])
     few, all_of_them = [], []
@@ -118,23 +119,25 @@ def split_further(seen: Seen, mixture: Mixture) -> Mixture:
                 all_of_them.append(_climbed(seen, member, numbers, pooled))
     if not few:
         return mixture
-    ends = (_improved(seen, max(starts, key=lambda one: one.evidence), pooled) for starts in (few, all_of_them))
-    return max(ends, key=lambda one: one.evidence)
+    ends = (
+        _improved(seen, max(starts, key=lambda candidate: candidate.evidence), pooled) for starts in (few, all_of_them)
+    )
+    return max(ends, key=lambda candidate: candidate.evidence)
 
 
 def _improved(seen: Seen, mixture: Mixture, pooled: np.ndarray) -> Mixture:
-    """The mixture with one more or one fewer of the numbers differing, again and again while evidence rises."""
+    """The mixture after adding or removing differing parameters, one at a time, while the evidence rises."""
     while True:
         others = [{*mixture.differing} ^ {place} for place in range(len(pooled))]
         tried = [_climbed(seen, mixture.member, places, pooled, NEARBY) for places in others if places]
-        better = max(tried, key=lambda one: one.evidence, default=mixture)
+        better = max(tried, key=lambda candidate: candidate.evidence, default=mixture)
         if better.evidence <= mixture.evidence:
             return mixture
         mixture = better
 
 
 def drawn_from(seen: Seen, mixture: Mixture, rng: np.random.Generator) -> Seen:
-    """Other drivers of the same mixture, known as well as these."""
+    """Simulated drivers of a mixture, with the same information as the given ones."""
     groups = rng.choice(len(mixture.share), len(seen.weighted), p=mixture.share)
     roots = np.linalg.cholesky(mixture.covariance)
     numbers = mixture.mean[groups] + np.einsum("nij,nj->ni", roots[groups], rng.standard_normal(seen.weighted.shape))
@@ -145,7 +148,7 @@ def drawn_from(seen: Seen, mixture: Mixture, rng: np.random.Generator) -> Seen:
 
 
 def spread_of_all(seen: Seen) -> Float[np.ndarray, "numbers numbers"]:
-    """Covariance of all drivers as one population, found from a unit start."""
+    """Covariance of all drivers as one population; the search starts at the unit matrix."""
     size = seen.weighted.shape[1]
     mean, covariance = np.zeros(size), np.eye(size)
     for _ in range(ITERATIONS):
@@ -158,7 +161,7 @@ def spread_of_all(seen: Seen) -> Float[np.ndarray, "numbers numbers"]:
 
 
 def _posterior(seen: Seen, mean: np.ndarray, covariance: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Mean and covariance of each driver's numbers in a population, and the log-likelihood of being of it."""
+    """Posterior mean and covariance of each driver's parameters in a population, and its log-likelihood there."""
     precision = np.linalg.inv(covariance)
     whole = seen.information + precision
     error = np.linalg.inv(whole)
@@ -172,7 +175,7 @@ def _posterior(seen: Seen, mean: np.ndarray, covariance: np.ndarray) -> tuple[np
 def _climbed(
     seen: Seen, member: np.ndarray, differing: Collection[int], pooled: np.ndarray, iterations: int = ITERATIONS
 ) -> Mixture:
-    """The mixture that a start leads to."""
+    """The mixture found by expectation maximisation from a start."""
     n_groups, size, places = member.shape[1], len(pooled), tuple(sorted(differing))
     mean, covariance, shape = np.zeros((n_groups, size)), np.stack([pooled] * n_groups), pooled
     posteriors = [_posterior(seen, np.zeros(size), pooled)] * n_groups
@@ -194,17 +197,17 @@ def _climbed(
         covariance = factor[:, None, None] * shape
         posteriors = [_posterior(seen, mean[k], covariance[k]) for k in range(n_groups)]
         share = counts / counts.sum()
-        likely = np.stack([one[2] for one in posteriors], axis=1) + np.log(share)
+        likely = np.stack([posterior[2] for posterior in posteriors], axis=1) + np.log(share)
         total = np.logaddexp.reduce(likely, axis=1)
         member, before, reached = np.exp(likely - total[:, None]), reached, float(total.sum())
         if reached < before + TOLERANCE or member.sum(axis=0).min() < 1.0:
             break
-    expected = np.stack([one[0] for one in posteriors])
+    expected = np.stack([posterior[0] for posterior in posteriors])
     return Mixture(share, mean, covariance, places, reached, member, expected)
 
 
 def _constrained(own: np.ndarray, counts: np.ndarray, covariance: np.ndarray, differing: Sequence[int]) -> np.ndarray:
-    """Means of the populations that are the same but in some numbers, by weighted least squares from their own."""
+    """Means of the populations, equal except in some parameters, by weighted least squares from unconstrained means."""
     n_groups, size = own.shape
     if n_groups == 1 or len(differing) == size:
         return own

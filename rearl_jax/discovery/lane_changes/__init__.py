@@ -1,4 +1,4 @@
-"""Effects missing in lane changing: opportunities, the chance that they are taken, and what else it depends on."""
+"""Effects missing in lane changing: opportunities, the probability of a change, and the variables it depends on."""
 
 from rearl_jax.discovery.lane_changes.findings import LaneChangeFindings as LaneChangeFindings
 from rearl_jax.discovery.lane_changes.incentives import KnownDrivers as KnownDrivers

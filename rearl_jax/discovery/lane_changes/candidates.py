@@ -1,4 +1,4 @@
-"""Candidates of the choice of the lane beside the own acceleration: one or more columns per candidate."""
+"""Candidate influences on lane choice besides the own acceleration: one or more columns per candidate."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -12,22 +12,22 @@ from rearl_jax.discovery.lane_changes.opportunities import Opportunities
 Column = Float[np.ndarray, " rows"]
 
 LANE_CHOICE_DEPENDENCE = "lane_choice_dependence"
-"""Name of what no effect of the library stands for."""
+"""Name of a dependence without a library effect."""
 
 MOST_GAIN = 2.0
-"""Bound of accelerations gained or lost [m/s^2]: what lies beyond counts no more, and is mostly error."""
+"""Bound of accelerations gained or lost [m/s^2], because larger values are mostly measurement error."""
 
 NEAR, PASSED_BY = 80.0, 1.0
-"""Gap [m] within which somebody on the own lane would be passed, and how much faster [m/s] it may be even so."""
+"""Gap [m] within which the leader on the own lane would be passed, and the most [m/s] by which it may be faster."""
 
 
 @dataclass(frozen=True)
 class Form:
-    """One way in which a candidate may act.
+    """One functional form of a candidate.
 
     Attributes:
-        column: What is added to the incentive, per unit of the effect's strength.
-        shape: Parameters of the effect that are fixed in this form, with units.
+        column: Addition to the incentive per unit of the effect's strength.
+        shape: Parameters of the effect that are fixed in this form, with their units.
     """
 
     column: Callable[[Opportunities], Column]
@@ -36,17 +36,17 @@ class Form:
 
 @dataclass(frozen=True)
 class LaneCandidate:
-    """Something that may count.
+    """A possible influence on lane choice.
 
     Attributes:
         name: Name of the effect in the library, or `lane_choice_dependence`.
-        kind: `driver`, or `generic` for what no effect stands for.
-        variables: What it depends on.
+        kind: `driver`, or `generic` for a dependence without a library effect.
+        variables: Variables that it depends on.
         strength: Parameter of the effect that multiplies the column, with its unit.
         low, high: Values the strength may have.
-        forms: Ways in which it may act; the best one stands for it.
-        is_circumstance: Whether every model holds it, and it is never named: it may stand for what is wrong with the
-            own gain as it was worked out.
+        forms: Functional forms; the best one represents the candidate.
+        is_circumstance: Whether every model contains it and it is never named, because it may compensate for errors of
+            the computed own gain.
     """
 
     name: str
@@ -60,7 +60,7 @@ class LaneCandidate:
 
     @property
     def key(self) -> str:
-        """Name that no other candidate has."""
+        """Unique name of the candidate."""
         return self.name if self.kind == "driver" else f"{self.name}.{self.variables[0]}"
 
 
@@ -74,19 +74,19 @@ def _politeness(table: Opportunities) -> Column:
 
 
 def _unused_gain(table: Opportunities) -> Column:
-    """The gain on the right that does not count."""
+    """The gain on the right lane that a driver ignores under the candidate."""
     fast = (table.side > 0) & (table.speed > PASSING_SPEED)
     return -np.where(fast, np.clip(table.incentive, 0.0, MOST_GAIN), 0.0)
 
 
 def _undertaking(table: Opportunities) -> Column:
-    """-1 m/s^2 where somebody slower is near on the own lane and the change goes to the right."""
+    """-1 m/s^2 if a slower vehicle is near on the own lane and the change is to the right."""
     passes = (table.gap < NEAR) & (table.leader_speed < table.speed + PASSED_BY) & (table.speed > PASSING_SPEED)
     return -((table.side > 0) & passes).astype(float)
 
 
 def _pressure(pressing: float) -> Callable[[Opportunities], Column]:
-    """As in `MovingOver`: the follower's time gap against the one that presses."""
+    """Pressure as in `MovingOver`, from the follower's time gap and the time gap at which it presses."""
 
     def column(table: Opportunities) -> Column:
         behind = np.maximum(table.follower_gap, 0.5) / (np.maximum(table.follower_speed, 0.0) + 2.0)
@@ -96,7 +96,7 @@ def _pressure(pressing: float) -> Callable[[Opportunities], Column]:
 
 
 def _truck(reach: float) -> Callable[[Opportunities], Column]:
-    """As in `TruckAversion`: the own lane's truck less that of the lane beside."""
+    """Term of `TruckAversion`: the truck ahead on the own lane less that on the adjacent lane."""
 
     def column(table: Opportunities) -> Column:
         here = table.leader_is_truck * np.exp(-np.maximum(table.gap, 0.0) / reach)
@@ -130,4 +130,4 @@ CANDIDATES = (
     _dependence("speed_of_lanes",
                 lambda table: np.clip(table.side_leader_speed - table.leader_speed, -8.0, 8.0) / 5.0),
 )  # fmt: skip
-"""Everything that is looked for."""
+"""All candidates."""

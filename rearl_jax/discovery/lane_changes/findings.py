@@ -1,4 +1,4 @@
-"""Findings in lane changing, as they go into a verdict."""
+"""Findings on lane changing, as entries of a verdict."""
 
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -9,14 +9,14 @@ from rearl_jax.discovery.lane_changes.prediction import Prediction
 
 @dataclass(frozen=True)
 class RankedCandidate:
-    """A candidate as it was seen before anything was added.
+    """Test results of a candidate before any effect was added.
 
     Attributes:
-        name, kind, variables: What it is.
-        z_score: Slope of its likelihood, in standard deviations between drivers [-].
-        gain: Log-likelihood it adds on the drivers it is fitted to [nats]; None where it was not fitted.
-        check: The same on drivers it was not fitted to [nats].
-        ambiguous: Whether it explains the changes about as well as what was named.
+        name, kind, variables: As in `LaneCandidate`.
+        z_score: Slope of the likelihood along the candidate, in standard deviations between drivers [-].
+        gain: Gain of log-likelihood on the fitted drivers [nats]; None if it was not fitted.
+        check: Gain of log-likelihood on the other drivers [nats].
+        ambiguous: Whether it explains the changes about as well as the named effect.
     """
 
     name: str
@@ -28,7 +28,7 @@ class RankedCandidate:
     ambiguous: bool
 
     def plain(self) -> dict[str, Any]:
-        """As an entry of `candidates` in verdict.json."""
+        """The candidate as an entry of `candidates` in verdict.json."""
         return {
             "name": self.name,
             "kind": self.kind,
@@ -47,14 +47,14 @@ class LaneChangeFindings:
     """Findings in lane changing.
 
     Attributes:
-        effects: What is claimed, in the order in which it was found.
-        candidates: All that was looked for, the most surprising first.
-        n_changes, n_opportunities: In the data, as far as they could be used.
-        loss_before, loss_after: Mean log-loss of an opportunity of drivers nothing was fitted to [nats]; None where
-            there were too few changes.
-        loss_change: After less before, with its interval.
-        words: One line for a reader; why nothing could be seen, where nothing could.
-        prediction: Chances that models give the changes of the report drivers; None where there are too few changes.
+        effects: Claimed effects, in the order in which they were added.
+        candidates: All candidates, the largest z-score first.
+        n_changes, n_opportunities: Usable lane changes and opportunities in the data.
+        loss_before, loss_after: Mean log-loss per opportunity of the held-out drivers [nats]; None if there were too
+            few changes.
+        loss_change: Loss after minus loss before, with its interval.
+        words: Summary in one line, or the reason why nothing could be tested.
+        prediction: Predicted lane changes of the held-out drivers; None if there are too few changes.
     """
 
     effects: tuple[Claim, ...]
@@ -80,5 +80,5 @@ class LaneChangeFindings:
 
 
 def nothing_seen(n_changes: int, n_opportunities: int, words: str) -> LaneChangeFindings:
-    """Where there is too little to look at."""
+    """Findings for data with too few lane changes."""
     return LaneChangeFindings((), (), n_changes, n_opportunities, None, None, None, words)

@@ -1,4 +1,4 @@
-"""The chance that an opportunity is taken: a logit in the own gain, and what a further column would add to it.
+"""Probability that an opportunity is taken: a logit in the own gain, and a score test of further columns.
 
 Source: discrete choice of lanes, Ahmed, thesis, MIT (1999), ch. 3; Toledo, Koutsopoulos & Ben-Akiva, Transp. Res. Rec.
 1857 (2003) 30. Score test: Rao, Proc. Camb. Phil. Soc. 44 (1948) 50; variance by drivers, whose decisions are not
@@ -11,16 +11,18 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 RIDGE = 1e-3
-"""Precision of a weak prior of every coefficient [-]: keeps a fit finite where a column says nothing."""
+"""Precision of a weak prior of every coefficient [-]: keeps a fit finite if a column carries no information."""
 
 OWN_SHARE = 1e-4
-"""Share of a column's information that must be its own [-]; below it there is only what the weak prior leaves."""
+"""Smallest share of a column's information that other columns do not contain [-]; below it, only the weak prior
+determines the coefficient.
+"""
 
 NEWTON_STEPS = 40
-"""Steps at most."""
+"""Maximum number of Newton steps."""
 
 KNOT_SHARES = (0.25, 0.5, 0.75, 0.9)
-"""Shares of the gains of those who change at which the log-odds may bend."""
+"""Quantiles of the gain among taken opportunities at which the slope of the log-odds may change."""
 
 
 @dataclass(frozen=True)
@@ -42,18 +44,18 @@ class Logit:
     def log_likelihood(
         self, columns: Float[np.ndarray, "rows columns"], taken: Bool[np.ndarray, " rows"]
     ) -> Float[np.ndarray, " rows"]:
-        """Of every opportunity [nats]."""
+        """Log-likelihood of every opportunity [nats]."""
         odds = columns @ self.coefficients
         return taken * odds - np.logaddexp(0.0, odds)
 
 
 def knots(gain: Float[np.ndarray, " rows"], taken: Bool[np.ndarray, " rows"]) -> Float[np.ndarray, " knots"]:
-    """Gains at which the log-odds may bend [m/s^2]."""
+    """Gains at which the slope of the log-odds may change [m/s^2]."""
     return np.quantile(gain[taken], KNOT_SHARES)
 
 
 def baseline(gain: Float[np.ndarray, " rows"], bends: Float[np.ndarray, " knots"]) -> Float[np.ndarray, "rows columns"]:
-    """Columns of a constant and of a broken line in the own gain."""
+    """Columns of a constant and of a piecewise linear function of the own gain."""
     return np.column_stack([np.ones(len(gain)), gain, *(np.maximum(gain - bend, 0.0) for bend in bends)])
 
 
@@ -63,9 +65,9 @@ def fit(
     driver: Int[np.ndarray, " rows"],
     start: Float[np.ndarray, " columns"] | None = None,
 ) -> Logit:
-    """The most likely logit of opportunities that drivers, numbered from 0, took or not; from `start`, or from 0.
+    """Maximum-likelihood logit of opportunities; drivers are numbered from 0; the search begins at `start` or at 0.
 
-    Found by Newton steps that are halved where they lead away.
+    Newton's method; a step that lowers the likelihood is halved.
     """
     size = columns.shape[1]
     beta = np.zeros(size) if start is None else start
@@ -97,9 +99,9 @@ def score_test(
     driver: Int[np.ndarray, " rows"],
     extra: Float[np.ndarray, " rows"],
 ) -> float:
-    """Slope of the likelihood along a column that is not in the model, in standard deviations between drivers [-].
+    """Score test: slope of the likelihood along a column outside the model, in standard deviations between drivers [-].
 
-    It is positive where more of the column (`extra`) means more changes. Coefficients are the most likely ones.
+    It is positive if changes become more frequent as the column (`extra`) grows. Coefficients must be fitted.
     """
     chance = _chance(columns, coefficients)
     weight = chance * (1.0 - chance)
@@ -110,7 +112,7 @@ def score_test(
     spread = float(np.sqrt((scores**2).sum()))
     information = float((weight * own * extra).sum())
     if spread <= 0.0 or information <= OWN_SHARE * float((weight * extra**2).sum()):
-        return 0.0  # the model knows all that the column says, or nobody had a choice
+        return 0.0  # the column is a combination of the model's columns, or there were no opportunities
     return float(scores.sum()) / spread
 
 

@@ -1,4 +1,4 @@
-"""Car following of drivers who may change lanes: as it was calibrated, or the most likely by their accelerations."""
+"""Car-following parameters of drivers who may change lanes: calibrated, or estimated from measured accelerations."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,38 +13,38 @@ from rearl_jax.discovery.observe.drivers import IDM_PRIOR, Prior
 from rearl_jax.discovery.observe.fit_state import FitState
 
 MEMORY = 3.0
-"""Time after which the error of an acceleration is a new one [s]: twice the correlation time of drivers' noise.
-Source: Zhang & Sun, arXiv:2210.03571 (highD, about 1.4 s).
+"""Time after which acceleration errors are independent [s]: twice the correlation time of drivers' noise. Source: Zhang
+& Sun, arXiv:2210.03571 (highD, about 1.4 s).
 """
 
 RESPONSE = 3
-"""First place of the parameters that say how hard drivers respond, after desired speed, time gap and jam gap. What they
-respond to has been moved by their own noise and is smoothed, so everybody seems less responsive than they are; only how
-far each is from the others is taken.
+"""Index of the first sensitivity parameter, after desired speed, time gap and jam gap. The measured gap and speed
+contain the drivers' own noise and are smoothed, so all sensitivities are underestimated; only the difference of each
+driver from the mean is used.
 """
 
 FURTHEST = 4.0
-"""Bound of a standardised parameter [-]: a handful of accelerations says no more."""
+"""Bound of a standardised parameter [-], because a few accelerations cannot determine larger values."""
 
 ROUNDS = 8
-"""Gauss-Newton steps; most drivers are there after four."""
+"""Gauss-Newton steps; most drivers converge within four."""
 
 STEP = 0.05
 """Step of the finite differences, in standard deviations between drivers [-]."""
 
 HARD = 4.0
-"""Acceleration [m/s^2] beyond which it is not car following."""
+"""Absolute acceleration [m/s^2] beyond which a row is not counted as car following."""
 
 
 @dataclass(frozen=True)
 class KnownDrivers:
-    """Calibrated car-following parameters of some vehicles, and those of everybody else.
+    """Calibrated car-following parameters of some vehicles, and population values for all others.
 
     Attributes:
-        vehicle: Numbers of the vehicles as in `Measured.vehicle`, rising.
-        values: Their parameters, in the order of the model's declaration.
-        usual: The same of a car and of a truck nobody has calibrated.
-        prior: Their car-following model, and what is usual of drivers.
+        vehicle: Sorted numbers of the calibrated vehicles, as in `Measured.vehicle`.
+        values: Parameters of these vehicles, in the order of the model's declaration.
+        usual: Parameters of a car and of a truck that were not calibrated.
+        prior: Car-following model and prior distribution of its parameters.
     """
 
     vehicle: Int[np.ndarray, " known"]
@@ -58,7 +58,7 @@ class KnownDrivers:
 
     @classmethod
     def of(cls, states: Sequence[FitState], prior: Prior = IDM_PRIOR) -> "KnownDrivers":
-        """The drivers of calibrated states, which share none."""
+        """Drivers of calibrated states; no driver may be in two states."""
         vehicles, values = [np.empty(0, np.int64)], [np.empty((0, prior.size))]
         for state in states:
             of_driver = np.zeros(state.data.n_drivers, np.int64)
@@ -73,7 +73,7 @@ class KnownDrivers:
     def of_vehicles(
         self, vehicle: Int[np.ndarray, " rows"], is_truck: Bool[np.ndarray, " rows"]
     ) -> Float[np.ndarray, "own rows"]:
-        """Parameters of each row's vehicle; those of its population where it is not known."""
+        """Parameters of each row's vehicle; population values if the vehicle was not calibrated."""
         out = self.usual[is_truck.astype(int)]
         if len(self.vehicle):
             place = np.minimum(np.searchsorted(self.vehicle, vehicle), len(self.vehicle) - 1)
@@ -90,9 +90,9 @@ def acceleration(
     leader_speed: Float[np.ndarray, " rows"],
     is_led: Bool[np.ndarray, " rows"],
 ) -> Float[np.ndarray, " rows"]:
-    """Acceleration of drivers [m/s^2] of a car-following model behind a leader at a gap [m], or free."""
+    """Acceleration [m/s^2] of a car-following model behind a leader at a gap [m], or without a leader."""
     n = len(speed)
-    size = max(_LEAST_ROWS, 1 << max(n - 1, 0).bit_length())  # few sizes, few programs to compile
+    size = max(_LEAST_ROWS, 1 << max(n - 1, 0).bit_length())  # rounded to few sizes, so that few programs are compiled
 
     def padded(values: np.ndarray) -> np.ndarray:
         return np.concatenate([values, np.ones(size - n, values.dtype)])
@@ -122,20 +122,20 @@ def likely_parameters(
     period: float,
     prior: Prior,
 ) -> Float[np.ndarray, "own rows"]:
-    """Parameters of each row's driver: the most likely ones, where drivers differ as they usually do.
+    """Maximum a posteriori parameters of each row's driver.
 
-    Coarser than the calibration by an observer, and for thousands of drivers at once: what a change of lanes pays
-    depends on the time gap a driver wants more than on anything else, and with one time gap for all, politeness and
-    trucks would seem to count where they do not.
+    This estimate is coarser than the calibration by an observer, but handles thousands of drivers at once. Own
+    parameters are needed because the gain of a lane change depends most on the driver's time gap: with one time gap for
+    all, politeness and aversion to trucks would be found where there are none.
 
     Args:
-        usual: Parameters of the population each row's driver belongs to.
-        driver: Driver of each row, 0 to some number.
+        usual: Population parameters for each row's driver.
+        driver: Driver of each row, numbered from 0.
         speed, gap, leader_speed: Own speed [m/s], gap to the leader [m], its speed [m/s].
         measured: Acceleration [m/s^2].
-        is_led: True where there is a leader; other rows tell nothing.
+        is_led: True if there is a leader; other rows are not used.
         period: Time between two rows of a driver [s].
-        prior: Their car-following model, and how much drivers differ.
+        prior: Car-following model and prior distribution of its parameters.
 
     Source: Gauss-Newton with a normal prior, Gelman et al., Bayesian Data Analysis (2013), ch. 13; drivers' spread as
     in `drivers.Prior`.

@@ -1,12 +1,12 @@
-"""MOBIL as a choice: the rule accepts a change or refuses it, and drivers follow the rule at two rates.
+"""MOBIL as a choice model: the rule accepts or refuses a change, and each case has its own rate of changes.
 
-A driver whom the rule lets change decides every `delay` seconds at a moment nobody knows, so the chance within one
-opportunity is PERIOD / delay. A driver whom it refuses changes at a small rate all the same, for what MOBIL does not
-know; without it one such change would make the rule impossible.
+If the rule accepts a change, the driver decides every `delay` seconds at an unknown instant, so the probability of a
+change within one opportunity is PERIOD / delay. If the rule refuses a change, drivers still change at a small rate, for
+reasons outside MOBIL; with a rate of zero, one such change would give the rule a likelihood of zero.
 
-Source: Kesting, Treiber & Helbing, Transp. Res. Rec. 1999 (2007) 86. As in the simulation the own safety is not tested,
-and as in the paper the gains of others are those of their own parameters. A chance per moment of choice: Toledo,
-Koutsopoulos & Ben-Akiva, Transp. Res. Rec. 1857 (2003) 30.
+Source: Kesting, Treiber & Helbing, Transp. Res. Rec. 1999 (2007) 86. As in the simulation, the own safety is not
+tested; as in the paper, the gains of other drivers are computed with their own parameters. Probability per decision:
+Toledo, Koutsopoulos & Ben-Akiva, Transp. Res. Rec. 1857 (2003) 30.
 """
 
 from dataclasses import dataclass, replace
@@ -19,34 +19,35 @@ from rearl_jax.discovery.claims import Estimate
 from rearl_jax.discovery.lane_changes.opportunities import PERIOD, Opportunities
 
 POLITENESS = np.round(np.arange(0.0, 1.05, 0.1), 2)
-"""Politeness tried [-]. Source: Kesting et al. (2007): 0 selfish, 1 as much for others as for oneself."""
+"""Tested values of politeness [-]. Source: Kesting et al. (2007): 0 selfish, 1 as much for others as for oneself."""
 
 GAIN_THRESHOLD = np.round(np.arange(-0.5, 2.025, 0.05), 3) + 0.0
-"""Thresholds tried [m/s^2]."""
+"""Tested gain thresholds [m/s^2]."""
 
 SAFE_DECEL = np.array([0.25, 0.5, 1.0, 1.5, 2.0])
-"""Safe decelerations tried [m/s^2]: what asks for more is no opportunity."""
+"""Tested safe decelerations [m/s^2]; changes that require more are not opportunities."""
 
 BIAS = np.round(np.arange(-1.0, 1.05, 0.1), 2) + 0.0
-"""Biases to the right lane tried [m/s^2]."""
+"""Tested biases to the right lane [m/s^2]."""
 
 SPREAD = {"politeness": 0.3, "gain_threshold": 0.3, "safe_decel": 1.0, "bias": 0.3}
-"""Standard deviation of a parameter around its usual value [as the parameter]: what data do not tell stays as usual.
-Source: the scales of the effects `politeness` and `keep_right`; the range of published thresholds is .1 to .6 m/s^2.
+"""Prior standard deviation of a parameter around its default [unit of the parameter]; without information in the data
+the default is kept. Source: the scales of the effects `politeness` and `keep_right`; the range of published thresholds
+is .1 to .6 m/s^2.
 """
 
 UNITS = {"politeness": "-", "gain_threshold": "m/s^2", "safe_decel": "m/s^2", "bias": "m/s^2", "delay": "s"}
 """Units of the parameters."""
 
 LONGEST_DELAY = 3600.0
-"""Bound of the time between two decisions [s]; as in a model file."""
+"""Bound of the time between two decisions [s], as in model files."""
 
 _USUAL = MobilConfig()
 
 
 @dataclass(frozen=True)
 class MobilRule:
-    """MOBIL with the rates at which drivers follow it.
+    """MOBIL with the rates of accepted and refused changes.
 
     Attributes:
         politeness: Weight of the followers' gain [-].
@@ -54,7 +55,7 @@ class MobilRule:
         safe_decel: Largest deceleration of the new follower [m/s^2].
         bias: Gain of the right lane, loss of the left one [m/s^2].
         delay: Time between two decisions [s].
-        refused_chance: Chance of a change that the rule refuses, within one opportunity [-].
+        refused_chance: Probability within one opportunity of a change that the rule refuses [-].
     """
 
     politeness: float = _USUAL.politeness
@@ -65,34 +66,34 @@ class MobilRule:
     refused_chance: float = 0.0
 
     def accepts(self, table: Opportunities) -> Bool[np.ndarray, " rows"]:
-        """True where the rule lets a driver change."""
+        """True if the rule accepts the change."""
         gain = _gain(table, self.politeness, self.bias)
         return (gain >= self.gain_threshold) & (table.rear_after >= -self.safe_decel)
 
     def chance(self, table: Opportunities) -> Float[np.ndarray, " rows"]:
-        """Chance of a change within one opportunity [-]."""
+        """Probability of a change within one opportunity [-]."""
         return np.where(self.accepts(table), min(PERIOD / self.delay, 1.0), self.refused_chance)
 
     def with_rates(self, table: Opportunities) -> "MobilRule":
-        """The same rule, followed at the rates of these opportunities."""
+        """The same rule with the rates observed in these opportunities."""
         accepted = self.accepts(table)
         chance = rate(float(table.changes[accepted].sum()), float(accepted.sum()))
         delay = float(np.clip(PERIOD / chance, PERIOD, LONGEST_DELAY))
         return replace(self, delay=delay).with_refused(table)
 
     def with_refused(self, table: Opportunities) -> "MobilRule":
-        """The same rule and delay, with the chance that drivers change where it refuses."""
+        """The same rule and delay, with the observed probability of refused changes."""
         refused = ~self.accepts(table)
         return replace(self, refused_chance=float(rate(float(table.changes[refused].sum()), float(refused.sum()))))
 
 
 @dataclass(frozen=True)
 class CalibratedMobil:
-    """MOBIL as drivers change lanes by it.
+    """MOBIL calibrated to measured lane changes.
 
     Attributes:
-        rule: The most likely rule, where parameters are usually around their usual values.
-        estimates: Its parameters with intervals, by name; the delay has none.
+        rule: Maximum a posteriori rule.
+        estimates: Parameters of the rule with intervals, by name; the delay has no interval.
     """
 
     rule: MobilRule
@@ -100,10 +101,12 @@ class CalibratedMobil:
 
 
 def calibrated_mobil(table: Opportunities, confidence: float) -> CalibratedMobil:
-    """MOBIL calibrated to opportunities, on a grid of all its parameters with the rates that are best for each.
+    """MOBIL calibrated to opportunities: a grid search over its parameters, with the most likely rates at each grid
+    point.
 
-    The rule must raise the chance of a change; where none does, the usual one stays. Intervals are of the grid's
-    posterior at the given confidence, in which moments of a driver count as independent: they are rather too narrow.
+    An accepted change must be more likely than a refused one; if no rule on the grid achieves this, the default rule is
+    kept. Intervals come from the posterior on the grid at the given confidence. They are somewhat too narrow because
+    opportunities of one driver are treated as independent.
     """
     taken = table.changes
     posterior = np.full((len(POLITENESS), len(BIAS), len(SAFE_DECEL), len(GAIN_THRESHOLD)), -np.inf)
@@ -142,14 +145,14 @@ def _grids() -> tuple[np.ndarray, ...]:
 
 
 def _gain(table: Opportunities, politeness: float, bias: float) -> Float[np.ndarray, " rows"]:
-    """Gain of a change that is held against the threshold [m/s^2]."""
+    """Gain of a change, to be compared with the threshold [m/s^2]."""
     return table.incentive + politeness * (table.rear_gain + table.follower_gain) + bias * table.side
 
 
 def _likelihood(reached: np.ndarray, taken: np.ndarray) -> np.ndarray:
-    """Log-likelihood under each threshold [nats]; -inf where nobody who is accepted changes, or as seldom as others."""
+    """Log-likelihood under each threshold [nats]; -inf if accepted changes are not more frequent than refused ones."""
     size = len(GAIN_THRESHOLD) + 1
-    # Whoever reaches n thresholds is accepted under the first n of them.
+    # A gain above n thresholds is accepted under the first n of them.
     n_accepted = np.bincount(reached, minlength=size)[::-1].cumsum()[::-1][1:]
     accepted = np.bincount(reached, taken, size)[::-1].cumsum()[::-1][1:]
     n_refused, refused = len(taken) - n_accepted, taken.sum() - accepted
@@ -160,5 +163,5 @@ def _likelihood(reached: np.ndarray, taken: np.ndarray) -> np.ndarray:
 
 
 def rate(changes: np.ndarray | float, opportunities: np.ndarray | float) -> np.ndarray | float:
-    """Chance of a change [-] under Jeffreys' prior, which is never 0 nor 1."""
+    """Estimated probability of a change [-] under Jeffreys' prior; never 0 or 1."""
     return (changes + 0.5) / (opportunities + 1.0)

@@ -1,4 +1,4 @@
-"""Smooth motion of every row of a recording, and when its vehicle has changed lanes and will again."""
+"""Smooth motion in every row of a recording, and the times of the previous and the next lane change."""
 
 import numpy as np
 import pandas as pd
@@ -7,7 +7,7 @@ from rearl_jax.discovery.read.smoothing import cut_off, position_noise, smoothed
 
 
 def with_motion(table: pd.DataFrame, dt: float) -> pd.DataFrame:
-    """The table with smooth motion, the time since the last change of lanes and that to the next one, and its side."""
+    """The table with smooth motion, the time since the last lane change, the time to the next one, and its side."""
     position, bounds = table["position"].to_numpy(), track_bounds(table)
     x, v, a = smoothed_tracks(position, *bounds, dt, cut_off(position_noise(position, *bounds), dt))
     lane = table["lane"].to_numpy(dtype=np.float64, na_value=np.nan)
@@ -32,7 +32,7 @@ def with_motion(table: pd.DataFrame, dt: float) -> pd.DataFrame:
 
 
 def count_changes(table: pd.DataFrame) -> int:
-    """Number of lane changes in a canonical table; moments of an unknown lane are skipped."""
+    """Number of lane changes in a canonical table; rows with an unknown lane are skipped."""
     known = table["lane"].notna().to_numpy()
     track = table["track_id"].to_numpy()[known]
     lane = table["lane"].to_numpy(dtype=np.float64, na_value=np.nan)[known]

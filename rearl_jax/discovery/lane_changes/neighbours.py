@@ -1,4 +1,4 @@
-"""Vehicles ahead and behind on the own lane and on those beside, as rows of a table."""
+"""Vehicles ahead and behind on the own and the adjacent lanes, as rows of a table."""
 
 from dataclasses import dataclass
 
@@ -9,7 +9,7 @@ from jaxtyping import Int
 from rearl_jax.core.order import NOBODY
 
 _LANES = 64
-"""More lanes than any carriageway has, with room for the neighbours' numbers."""
+"""Stride of lane numbers: more lanes than any carriageway has, with room for adjacent lanes."""
 
 
 @dataclass(frozen=True)
@@ -30,7 +30,7 @@ def next_on_lanes(table: pd.DataFrame) -> dict[int, Pair]:
     position = table["position"].to_numpy()
     street = (frame - frame.min()) * 4 + table["direction"].to_numpy(np.int64)
     street = street * _LANES + table["lane"].to_numpy(np.int64) + 1
-    # One sortable number: streets apart by more than the road is long. Ranks keep it exact in long recordings.
+    # One sortable number: lane and frame times more than the road length, plus position. Ranks keep it exact.
     streets = np.unique(street)
     span = float(np.ptp(position)) + 1.0
     place = position - position.min()
@@ -52,7 +52,7 @@ def next_on_lanes(table: pd.DataFrame) -> dict[int, Pair]:
 def _row(
     number: np.ndarray, order: np.ndarray, street: np.ndarray, wanted: np.ndarray, exists: np.ndarray
 ) -> Int[np.ndarray, " rows"]:
-    """Rows by their number in the order, where they are on the wanted street."""
+    """Rows at given places of the sorted order; NOBODY if they are on another lane or in another frame."""
     inside = exists & (number >= 0) & (number < len(order))
     row = order[np.clip(number, 0, len(order) - 1)]
     return np.where(inside & (street[row] == wanted), row, NOBODY)

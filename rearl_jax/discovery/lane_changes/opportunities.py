@@ -1,8 +1,10 @@
-"""Opportunities to change lanes: twice a second every driver and side with room, and whether a change follows.
+"""Opportunities to change lanes: twice a second, for every driver and side with enough room, and whether a change
+follows.
 
-An opportunity is left out where what it pays cannot be seen: nobody ahead on the own or the other lane (the leader may
-be out of the picture), an unknown place behind, a lane that exists on part of the road only (changes there are forced).
-What is left out depends on what is seen before the decision, never on the decision, so nothing is biased by it.
+An opportunity is left out if the gain of a change is unknown: no vehicle is seen ahead on the own or the target lane
+(the leader may be outside the recorded area), the space behind is not recorded, or a lane exists on part of the road
+only (changes are mandatory there). These criteria use only what is seen before the decision, so they do not bias the
+result.
 """
 
 from collections.abc import Sequence
@@ -25,26 +27,26 @@ PERIOD = 0.5
 """Time from one opportunity to the next, within which a change counts as taken [s]."""
 
 REST = 6.0
-"""Time after a change in which no other one is an opportunity [s]."""
+"""Time after a lane change during which there are no opportunities [s]."""
 
 LEAST_GAP = 3.0
-"""Gap ahead and behind that is room [m]."""
+"""Smallest gap ahead and behind on the target lane [m]."""
 
 HARDEST = 2.0
-"""Deceleration that a change may ask of the driver or of the one behind [m/s^2]. Source: usual safe deceleration of
-MOBIL, as in the simulation; beyond it nobody would change, whatever it paid.
+"""Largest deceleration that a change may require of the driver or of the new follower [m/s^2]. Source: default safe
+deceleration of MOBIL, as in the simulation; a change that requires more is refused whatever its gain.
 """
 
 SLOWEST = 3.0
-"""Speed below which nobody changes lanes by choice [m/s]."""
+"""Speed below which lane changes are not counted as discretionary [m/s]."""
 
 EARLIER = 1.5
-"""Time before an opportunity at which others' braking is looked at [s]: smoothing spreads later braking half a second
-back, and whoever has been cut in on brakes.
+"""Time before an opportunity at which the braking of others is evaluated [s]. At the opportunity itself it would
+already contain the reaction to the lane change, because smoothing spreads braking half a second back in time.
 """
 
 SEEN_BEHIND = 60.0
-"""Length of road behind that must be in the picture where nobody is seen there [m]."""
+"""Length of road behind that must be recorded if no follower is seen there [m]."""
 
 
 @dataclass(frozen=True)
@@ -54,23 +56,24 @@ class Opportunities:
     Attributes:
         vehicle: Number of the vehicle, unique over the recordings, as in `Measured.vehicle`.
         recording: Index of the recording.
-        frame: Frame of the moment.
+        frame: Frame of the opportunity.
         side: -1 to the left, +1 to the right.
         changes: Whether the driver changes to that side within PERIOD.
         incentive: Own acceleration gained [m/s^2].
-        rear_after: Acceleration of the one behind on that lane after the change, by its own parameters [m/s^2]; 0 for
-            nobody.
-        rear_gain: What the one behind on that lane gains, by its own parameters [m/s^2]; negative where it loses.
-        follower_gain: What the present follower gains [m/s^2].
+        rear_after: Acceleration of the new follower after the change, with its own parameters [m/s^2]; 0 without a new
+            follower.
+        rear_gain: Acceleration gained by the new follower, with its own parameters [m/s^2]; negative for a loss.
+        follower_gain: Acceleration gained by the present follower [m/s^2].
         speed: Own speed [m/s].
-        gap, leader_speed, leader_is_truck: The leader on the own lane [m], [m/s].
-        side_gap, side_leader_speed, side_leader_is_truck: The one on that lane.
-        rear_gap: To the one behind there [m]; OUT_OF_SIGHT for nobody.
-        rear_braking: How much less it accelerated EARLIER than it would behind its leader [m/s^2]; 0 for nobody.
-        follower_gap, follower_speed: The present follower; OUT_OF_SIGHT and the own speed for nobody.
-        is_truck: Whether the own vehicle is one.
-        is_mandatory: Whether a ramp lane that the vehicle reaches later is on that side. It looks ahead, so it sorts
-            what is known afterwards and predicts nothing.
+        gap, leader_speed, leader_is_truck: Gap [m], speed [m/s] and class of the leader on the own lane.
+        side_gap, side_leader_speed, side_leader_is_truck: Gap, speed and class of the leader on the target lane.
+        rear_gap: Gap to the new follower [m]; OUT_OF_SIGHT without one.
+        rear_braking: Acceleration of the new follower, EARLIER, below that of its model behind its leader [m/s^2]; 0
+            without a new follower.
+        follower_gap, follower_speed: Gap and speed of the present follower; OUT_OF_SIGHT and the own speed without one.
+        is_truck: Whether the own vehicle is a truck.
+        is_mandatory: Whether the vehicle later reaches a ramp lane on that side. This uses the future, so it only
+            classifies opportunities and is never used to predict.
     """
 
     vehicle: Int[np.ndarray, " rows"]
@@ -97,7 +100,7 @@ class Opportunities:
     is_mandatory: Bool[np.ndarray, " rows"]
 
     def take(self, rows: np.ndarray) -> "Opportunities":
-        """Some of the rows."""
+        """The given rows."""
         return Opportunities(**{name: getattr(self, name)[rows] for name in _NAMES})
 
 
@@ -105,7 +108,7 @@ _NAMES = tuple(Opportunities.__dataclass_fields__)
 
 
 def opportunities(recordings: Sequence[Recording], drivers: KnownDrivers) -> tuple[Opportunities, str]:
-    """All opportunities of the recordings, and why there are none, or "".
+    """All opportunities of the recordings, and the reason why there are none, or "".
 
     Args:
         recordings: Canonical recordings.
@@ -124,7 +127,7 @@ def opportunities(recordings: Sequence[Recording], drivers: KnownDrivers) -> tup
 def _of_recording(
     table: pd.DataFrame, dt: float, offset: int, number: int, drivers: KnownDrivers
 ) -> tuple[Opportunities, str]:
-    """Those of one recording."""
+    """Opportunities of one recording."""
     if not table["lane"].notna().to_numpy().any():
         return _empty(), "the data have no lanes"
     moving = with_motion(table, dt)
@@ -136,12 +139,12 @@ def _of_recording(
     around = next_on_lanes(rows)
     scene = _Scene(rows, drivers, offset, number, around[0])
     joined = _joined([scene.side(side, around[0], around[side]) for side in (-1, 1)])
-    word = "" if len(joined.side) else "nobody has a leader on the own lane and on one beside it, and room to change"
+    word = "" if len(joined.side) else "no driver has leaders on the own and on an adjacent lane, and room to change"
     return joined, word
 
 
 class _Scene:
-    """The rows of one recording at the moments of opportunities."""
+    """The rows of one recording in the frames of opportunities."""
 
     def __init__(self, rows: pd.DataFrame, drivers: KnownDrivers, offset: int, recording: int, around: Pair) -> None:
         self.vehicle, self.recording = rows["track_id"].to_numpy().astype(np.int64) + offset, recording
@@ -159,7 +162,7 @@ class _Scene:
         self.braking = self._earlier_braking(around.leader)
 
     def _parameters(self, drivers: KnownDrivers, leader: np.ndarray) -> np.ndarray:
-        """Of every row's driver: calibrated ones, else the likely ones."""
+        """Parameters of every row's driver: calibrated ones, else those of `likely_parameters`."""
         own = drivers.of_vehicles(self.vehicle, self.is_truck)
         driver, gap = np.unique(self.vehicle, return_inverse=True)[1], self._gap(np.arange(len(leader)), leader)
         behind = (self.v, gap, self.v[leader], self.a, leader != NOBODY)
@@ -167,7 +170,7 @@ class _Scene:
         return np.where(drivers.is_known(self.vehicle), own, likely)
 
     def _earlier_braking(self, leader: np.ndarray) -> np.ndarray:
-        """Acceleration each vehicle lacked EARLIER against that behind its leader [m/s^2]; 0 where unknown."""
+        """Acceleration of each vehicle, EARLIER, below that of its model behind its leader [m/s^2]; 0 if unknown."""
         everyone = np.arange(len(leader))
         less = np.where(leader == NOBODY, 0.0, self._behind(everyone, leader) - self.a)
         back = round(EARLIER / PERIOD)
@@ -177,7 +180,7 @@ class _Scene:
         return np.where(same, less[before], 0.0)
 
     def side(self, side: int, here: Pair, there: Pair) -> Opportunities:
-        """Opportunities to change to one side, with the vehicles on the own lane and on that one."""
+        """Opportunities to change to one side, from the neighbours on the own lane and on the target lane."""
         leader, follower, ahead, rear = here.leader, here.rear, there.leader, there.rear
         chosen = np.flatnonzero(self._may_change(side) & (leader != NOBODY) & (ahead != NOBODY))
         near_edge = self.x[chosen] - self.upstream[chosen] < SEEN_BEHIND
@@ -216,7 +219,7 @@ class _Scene:
         return options.take(np.flatnonzero(fits))
 
     def _may_change(self, side: int) -> np.ndarray:
-        """Rows of drivers who are on a whole lane, with one on that side, and have stayed for a while."""
+        """True for drivers on a through lane with a through lane on that side and no lane change within REST."""
         whole = np.zeros(len(self.x), bool)
         for direction, lane in self.whole:
             if (direction, lane + side) in self.whole:
@@ -224,19 +227,19 @@ class _Scene:
         return whole & (self.since >= REST) & (self.left_in_record >= PERIOD - 1e-9) & (self.v > SLOWEST)
 
     def _gap(self, behind: np.ndarray, front: np.ndarray) -> np.ndarray:
-        """Bumper to bumper [m]; OUT_OF_SIGHT where one of the two is nobody."""
+        """Bumper-to-bumper gap [m]; OUT_OF_SIGHT if one of the two vehicles is missing."""
         gap = self.x[front] - self.x[behind] - (self.length[front] + self.length[behind]) / 2
         return np.where((behind == NOBODY) | (front == NOBODY), OUT_OF_SIGHT, gap)
 
     def _behind(self, who: np.ndarray, front: np.ndarray) -> np.ndarray:
-        """Acceleration of vehicles behind others [m/s^2]; 0 for nobody."""
+        """Model acceleration of vehicles behind given leaders [m/s^2]; 0 without a vehicle."""
         gap, is_led = self._gap(who, front), front != NOBODY
         value = acceleration(self.model, self.own[:, who], self.v[who], gap, self.v[front], is_led)
         return np.where(who == NOBODY, 0.0, value)
 
 
 def _goes_on(rows: pd.DataFrame) -> Bool[np.ndarray, " rows"]:
-    """True if each row is the next moment of the vehicle of the row before it."""
+    """True if a row is the next opportunity time of the vehicle in the row before."""
     track, frame = rows["track_id"].to_numpy(), rows["frame"].to_numpy()
     frames = np.unique(frame)
     each = int(np.diff(frames).min()) if len(frames) > 1 else 1

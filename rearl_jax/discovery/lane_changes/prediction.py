@@ -1,4 +1,4 @@
-"""Chances of a lane change at every decision of drivers on whose lane changes nothing was fitted, by several models."""
+"""Lane-change probabilities of several models at every opportunity of held-out drivers."""
 
 from dataclasses import dataclass
 
@@ -17,37 +17,37 @@ PREDICTORS = {
     CALIBRATED: "MOBIL calibrated",
     HAZARD: "calibrated hazard",
 }
-"""Models whose chances are compared, the one that knows least first. What is not MOBIL's usual is fitted to other
-drivers: of `mobil` only the chance of a change that the rule refuses, which it takes for impossible; of `mobil_rates`
-also how often drivers follow the rule.
+"""Compared models, from the simplest on. Values that differ from MOBIL's defaults are fitted to other drivers: in
+`mobil` only the probability of refused changes, which the original rule excludes; in `mobil_rates` also the rate of
+accepted changes.
 """
 
 LEAST_CHANGES = 30
-"""Recorded lane changes below which no prediction is scored, and no MOBIL calibrated."""
+"""Recorded lane changes below which no prediction is scored and MOBIL is not calibrated."""
 
 LEAST_IN_PART = 8
-"""Changes by choice that the drivers who are fitted and those who are held out need each."""
+"""Smallest number of discretionary changes, each, of the fitted and of the held-out drivers."""
 
 SUREST = 1e-9
-"""Bound of the hazard's chances and of their complements [-]: no fit is surer."""
+"""Bound of the hazard's probabilities and of their complements [-], because no fit justifies more certainty."""
 
 LARGE_ADVANTAGE = 10 / 3.6
-"""Advantage in speed of the target lane [m/s] from which it is large: 10 km/h, a convention of this package."""
+"""Speed advantage of the target lane [m/s] above which it counts as large: 10 km/h, a convention of this package."""
 
 
 @dataclass(frozen=True)
 class Prediction:
-    """Opportunities of held-out drivers and the chances that models give a change. One row per opportunity.
+    """Opportunities of held-out drivers with the lane-change probabilities of the models. One row per opportunity.
 
     Attributes:
-        table: The opportunities; `table.changes` is what the drivers did.
-        chance: Chance of a change within the opportunity [-], by the names of PREDICTORS.
-        says: Whether a change counts as predicted: by MOBIL where its rule accepts it, by the hazard where the chance
-            is above the constant rate of the side.
+        table: The opportunities; `table.changes` is the recorded choice.
+        chance: Probability of a change within the opportunity [-], by the names of PREDICTORS.
+        says: Whether a change counts as predicted. MOBIL predicts the changes that its rule accepts; the hazard
+            predicts a change if its probability is above the constant rate of the side.
         mobil: The calibrated MOBIL.
-        n_fitted_drivers, n_fitted_changes: What was fitted to.
-        n_recorded: Lane changes in the recordings, of everybody and of any kind.
-        n_ramp: Those of them from or to a ramp lane, which are mandatory and not scored.
+        n_fitted_drivers, n_fitted_changes: Number of fitted drivers and of their changes.
+        n_recorded: All lane changes in the recordings.
+        n_ramp: Lane changes from or to a ramp lane, which are mandatory and not scored.
     """
 
     table: Opportunities
@@ -61,16 +61,16 @@ class Prediction:
 
     @property
     def advantage(self) -> Float[np.ndarray, " rows"]:
-        """Speed of the leader on the target lane less that of the own leader [m/s]."""
+        """Speed of the leader on the target lane minus that of the own leader [m/s]."""
         return self.table.side_leader_speed - self.table.leader_speed
 
     def strata(self) -> dict[str, Bool[np.ndarray, " rows"]]:
         """Opportunities by side and by urgency.
 
-        Urgency is what the recordings can tell of it: the advantage in speed of the target lane for discretionary
-        changes, by which their rate grows (Laval & Daganzo, Transp. Res. B 40 (2006) 251), and a ramp lane on that side
-        that the driver reaches later for mandatory ones. Destinations beyond the recording are unknown, so mandatory
-        changes of drivers who leave the road later count as discretionary.
+        Urgency is estimated from the recordings. For discretionary changes it is the speed advantage of the target
+        lane, with which their rate grows (Laval & Daganzo, Transp. Res. B 40 (2006) 251). Changes towards a ramp lane
+        that the driver reaches later are mandatory. Destinations beyond the recording are unknown, so mandatory changes
+        of drivers who leave the road later count as discretionary.
         """
         forced, advantage = self.table.is_mandatory, self.advantage
         return {
@@ -84,13 +84,13 @@ class Prediction:
 
 
 def log_loss(chance: Float[np.ndarray, " rows"], changes: Bool[np.ndarray, " rows"]) -> Float[np.ndarray, " rows"]:
-    """Negative log-likelihood of what each driver did [nats]; inf where a model takes it for impossible."""
+    """Negative log-likelihood of each recorded choice [nats]; inf if the model excludes it."""
     with np.errstate(divide="ignore"):
         return -np.where(changes, np.log(chance), np.log1p(-chance))
 
 
 def seconds_at_risk(table: Opportunities) -> Float[np.ndarray, " rows"]:
-    """Time that each opportunity stands for [s]: two sides at one moment share it."""
+    """Time represented by each opportunity [s]; two sides in the same frame share it."""
     moment = np.stack([table.vehicle, table.recording, table.frame])
     _, place, count = np.unique(moment, axis=1, return_inverse=True, return_counts=True)
     return PERIOD / count[place.ravel()]
@@ -104,12 +104,12 @@ def prediction(
     n_recorded: int,
     n_ramp: int,
 ) -> Prediction | None:
-    """Predictions for the third part of the drivers, or None where either side of the split has too few changes.
+    """Predictions for the third part of the drivers; None if the fitted or the held-out drivers have too few changes.
 
     Args:
         table: All opportunities.
-        part: Part of the driver of each, 0 to 2; drivers of 0 and 1 are fitted.
-        hazard: Chance of a change by the calibrated hazard [-].
+        part: Part of each opportunity's driver, 0 to 2; drivers of parts 0 and 1 are fitted.
+        hazard: Probability of a change under the calibrated hazard [-].
         confidence: Confidence of the intervals of MOBIL's parameters.
         n_recorded, n_ramp: As in `Prediction`.
     """

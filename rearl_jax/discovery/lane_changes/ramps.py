@@ -1,4 +1,4 @@
-"""Ramp lanes: lanes that exist on part of the road only, where changes are mandatory."""
+"""Ramp lanes: lanes that exist on part of the road only; changes from and to them are mandatory."""
 
 from collections.abc import Sequence
 
@@ -8,7 +8,7 @@ from jaxtyping import Float, Int
 from rearl_jax.data.records import Recording
 
 WHOLE_LANE = 0.8
-"""Share of the road that a lane must cover; others are ramps [-]."""
+"""Share of the road that a through lane must cover [-]; other lanes are ramp lanes."""
 
 Lanes = set[tuple[int, int]]
 """Directions and lanes."""
@@ -31,12 +31,12 @@ def side_of_ramp(
     lane: Int[np.ndarray, " rows"],
     whole: Lanes,
 ) -> Int[np.ndarray, " rows"]:
-    """-1 or +1 where the next ramp lane that the vehicle reaches later is to the left or to the right, else 0.
+    """Side of the next ramp lane that the vehicle reaches later: -1 left, +1 right, 0 for none.
 
     Args:
-        vehicle: Rows of one vehicle follow each other in time.
-        direction, lane: Where it is.
-        whole: Lanes that are no ramps.
+        vehicle: Vehicle of each row; rows of one vehicle are consecutive in time.
+        direction, lane: Driving direction and lane of each row.
+        whole: Through lanes.
     """
     n, row = len(vehicle), np.arange(len(vehicle))
     on_ramp = ~_are_in(direction, lane, whole)
@@ -60,7 +60,7 @@ def count_ramp_changes(recordings: Sequence[Recording]) -> int:
 
 
 def _are_in(direction: np.ndarray, lane: np.ndarray, whole: Lanes) -> np.ndarray:
-    """True where a lane covers most of the road."""
+    """True if the lane is a through lane."""
     known = np.zeros(len(lane), bool)
     for way, number in whole:
         known |= (direction == way) & (lane == number)

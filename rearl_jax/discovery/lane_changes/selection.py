@@ -1,4 +1,4 @@
-"""From recordings to what is missing in lane changing: effects are added while other drivers confirm them."""
+"""Selection of lane-choice effects: effects are added as long as other drivers confirm them."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -29,9 +29,9 @@ _NEEDED = f"{THRESHOLDS.least_lane_changes} are needed"
 
 
 def too_few_changes(recordings: Sequence[Recording]) -> LaneChangeFindings | None:
-    """That nothing can be seen, where there are fewer changes of any kind than a prediction needs; else None.
+    """Empty findings if there are fewer changes than a prediction needs; else None.
 
-    It costs a look at one column, so whoever has to calibrate drivers first asks it before.
+    This reads one column only, so callers test it before they calibrate drivers.
     """
     n_changes = _recorded(recordings)
     return nothing_seen(n_changes, 0, _too_few(n_changes)) if n_changes < LEAST_CHANGES else None
@@ -44,14 +44,14 @@ def lane_change_findings(
     confidence: float = 0.9,
     seed: int = 0,
 ) -> LaneChangeFindings:
-    """Influences on the choice of the lane beside the own acceleration, and how well it is predicted.
+    """Influences on lane choice besides the own acceleration, and the accuracy of predicted lane changes.
 
     Args:
-        recordings: Canonical recordings, the same and in the same order as `measure` got them.
-        drivers: Calibrated parameters; of all others, and of all with None, they are fitted here, more coarsely.
-        split: Vehicles that are fitted, checked and reported, as in `Measured.vehicle`; None for a split by recordings.
+        recordings: Canonical recordings, the same and in the same order as for `measure`.
+        drivers: Calibrated parameters; those of other drivers are estimated here, more coarsely. None to estimate all.
+        split: Fitted, checked and reported vehicles, as in `Measured.vehicle`; None for a split by recordings.
         confidence: Confidence of all intervals [-].
-        seed: Seed of the split of drivers it does not know, and of resampling.
+        seed: Seed of the split of drivers outside `split`, and of resampling.
     """
     if (few := too_few_changes(recordings)) is not None:
         return few
@@ -65,10 +65,10 @@ def lane_change_findings(
         return nothing_seen(n_changes, len(table.side), f"{UNSEEN}, {_too_few_in_part(0)}")
     every = Tried(table, part, seed)
     unnamed = _why_nothing_is_named(every, n_recorded)
-    found, added = (None, []) if unnamed else _named(every, confidence)
+    findings, added = (None, []) if unnamed else _named(every, confidence)
     hazard = every.fitted(every.effects(added), 0, 1).chance(every.data, every.effects(added))
     predicted = prediction(table, part, hazard, confidence, n_recorded, count_ramp_changes(recordings))
-    return replace(found or nothing_seen(n_changes, len(table.side), unnamed), prediction=predicted)
+    return replace(findings or nothing_seen(n_changes, len(table.side), unnamed), prediction=predicted)
 
 
 def _recorded(recordings: Sequence[Recording]) -> int:
@@ -86,7 +86,7 @@ def _too_few_in_part(fewest: int) -> str:
 
 
 def _why_nothing_is_named(every: Tried, n_recorded: int) -> str:
-    """Why no influence can be named, or ""."""
+    """Reason why no influence can be named, or ""."""
     taken, least = every.data.taken, THRESHOLDS.least_lane_changes
     if n_recorded < least:
         return _too_few(n_recorded)
@@ -96,18 +96,18 @@ def _why_nothing_is_named(every: Tried, n_recorded: int) -> str:
     if fewest < THRESHOLDS.least_lane_changes_in_part:
         return f"{UNSEEN}, {_too_few_in_part(fewest)}"
     if not _gain_counts(every):
-        return "lane changes do not follow what drivers gain: they are forced, or made for a destination"
+        return "lane changes do not depend on the gain of drivers: they are forced, or made for a destination"
     return ""
 
 
 def _named(every: Tried, confidence: float) -> tuple[LaneChangeFindings, list[Trial]]:
-    """What is named, and what was added for it."""
+    """Findings, and the trials that were added."""
     added, rounds = _selected(every)
     before, after, change = _loss(every, added, confidence)
     names = ", ".join(trial.candidate.name.replace("_", " ") for trial in added)
     names = names or "nothing beside the own acceleration counts"
     n_changes = int(every.data.taken.sum())
-    found = LaneChangeFindings(
+    findings = LaneChangeFindings(
         effects=_effects(every, added, rounds, confidence),
         candidates=_ranked(every, added, rounds),
         n_changes=n_changes,
@@ -117,7 +117,7 @@ def _named(every: Tried, confidence: float) -> tuple[LaneChangeFindings, list[Tr
         loss_change=change,
         words=f"choice of the lane, {n_changes} changes: {names}",
     )
-    return found, added
+    return findings, added
 
 
 def part_of_rows(
@@ -125,18 +125,18 @@ def part_of_rows(
 ) -> Int[np.ndarray, " rows"]:
     """Part of each opportunity, 0 to 2; no driver is in two parts.
 
-    Drivers the split does not know (they follow nobody long enough) go with their recording where all of it is in one
-    part, else to a part at random.
+    Drivers outside the split (those who do not follow a leader long enough) join the part that contains their whole
+    recording, or else a random part.
 
     Args:
         table: The opportunities.
-        split: Numbers of the vehicles of each part, as in `Measured.vehicle`; None where there is no split yet.
-        seed: Seed of what is random.
+        split: Numbers of the vehicles of each part, as in `Measured.vehicle`; None if there is no split yet.
+        seed: Seed of the random assignment.
     """
     recordings = np.unique(table.recording)
     home = {}
     if split is None and len(recordings) >= N_PARTS:
-        # Whole recordings, the one with most changes first, to the part that has fewest.
+        # Whole recordings, in decreasing order of changes, each to the part with the fewest changes so far.
         changes = {int(number): int(table.changes[table.recording == number].sum()) for number in recordings}
         filled = [0] * N_PARTS
         for recording in sorted(changes, key=lambda key: (-changes[key], key)):
@@ -157,14 +157,14 @@ def part_of_rows(
 
 
 def _gain_counts(every: Tried) -> bool:
-    """True if drivers are the more likely to change the more they gain."""
+    """True if the probability of a change grows with the own gain."""
     data = every.data.take(every.rows(0, 1))
     line = fit(np.column_stack([np.ones(len(data.gain)), data.gain]), data.taken, data.driver)
     return bool(line.coefficients[1] > THRESHOLDS.own_gain_z_score * np.sqrt(line.covariance[1, 1]))
 
 
 def _selected(every: Tried) -> tuple[list[Trial], list[list[Trial]]]:
-    """Effects that are added, in order, and everything that was tried in each round."""
+    """Added effects in order, and all trials of each round."""
     added: list[Trial] = []
     rounds: list[list[Trial]] = []
     while len(added) < THRESHOLDS.most_lane_effects:
@@ -180,7 +180,7 @@ def _selected(every: Tried) -> tuple[list[Trial], list[list[Trial]]]:
 def _effects(
     every: Tried, added: Sequence[Trial], rounds: Sequence[Sequence[Trial]], confidence: float
 ) -> tuple[Claim, ...]:
-    """Effects that were added, with strengths from the drivers that were fitted and checked."""
+    """Claims on the added effects, with strengths estimated on the fitted and checked drivers."""
     model = every.fitted(every.effects(added), 0, 1)
     reach = float(norm.ppf(0.5 + confidence / 2))
     claims = []
@@ -198,7 +198,7 @@ def _effects(
 
 
 def _ranked(every: Tried, added: Sequence[Trial], rounds: Sequence[Sequence[Trial]]) -> tuple[RankedCandidate, ...]:
-    """All candidates as they were in the first round, and the circumstances that every model holds."""
+    """All candidates as in the first round, and the circumstances that every model contains."""
     alike = {
         other.candidate.key
         for trial, trials in zip(added, rounds, strict=False)
@@ -220,7 +220,7 @@ def _ranked(every: Tried, added: Sequence[Trial], rounds: Sequence[Sequence[Tria
 
 
 def _loss(every: Tried, added: Sequence[Trial], confidence: float) -> tuple[float, float, Estimate]:
-    """Mean log-loss of the reported drivers' opportunities before and after, and the change [nats]."""
+    """Mean log-loss per opportunity of the reported drivers before and after, and its change [nats]."""
     reported, losses = every.rows(2), []
     for effects in (every.effects(()), every.effects(added)):
         losses.append(-every.fitted(effects, 0, 1).log_likelihood(every.data, effects))

@@ -1,4 +1,4 @@
-"""Effects as part of the incentive: they move drivers along the same curve as the own gain, in its units."""
+"""Effects as part of the incentive, in m/s^2: they act through the same log-odds curve as the own gain."""
 
 from dataclasses import dataclass
 
@@ -8,27 +8,28 @@ from jaxtyping import Bool, Float, Int
 from rearl_jax.discovery.lane_changes.hazard import Logit, baseline, fit
 
 ROUNDS = 25
-"""Steps at most."""
+"""Maximum number of iterations."""
 
 CLOSE = 1e-3
-"""Change of the strengths, in units of their columns' spread, below which they are found [m/s^2]."""
+"""Change of the strengths, times their columns' standard deviation, below which the search has converged [m/s^2]."""
 
 LONGEST = 0.5
-"""Bound of a step of a strength, in units of its column's spread [m/s^2]."""
+"""Bound of a step of a strength, times its column's standard deviation [m/s^2]."""
 
 LEAST_SLOPE = 0.02
-"""Least slope of the curve as a share of its steepest [-]: chances level off, and never fall where more is gained."""
+"""Smallest slope of the curve as a share of its largest [-]: probabilities level off but never fall as the gain grows.
+"""
 
 
 @dataclass(frozen=True)
 class Choices:
-    """Opportunities and what is known of them.
+    """Opportunities with their gains and outcomes.
 
     Attributes:
         gain: Own acceleration gained [m/s^2].
         others: Further columns of every model.
         taken: True where an opportunity was taken.
-        driver: Whose it was, 0 to some number.
+        driver: Driver of each opportunity, numbered from 0.
     """
 
     gain: Float[np.ndarray, " rows"]
@@ -43,13 +44,13 @@ class Choices:
 
 @dataclass(frozen=True)
 class IncentiveModel:
-    """Log-odds as a broken line in `gain + effects @ strengths`, plus what other columns add.
+    """Log-odds: a piecewise linear function of `gain + effects @ strengths`, plus a linear term in other columns.
 
     Attributes:
-        bends: Where the line may bend [m/s^2].
+        bends: Incentives at which the slope may change [m/s^2].
         strengths: Strengths of the effects, in m/s^2 per unit of their columns.
         covariance: Covariance of the strengths, by the scatter between drivers.
-        line: The logit of the line and the other columns.
+        line: Logit of the piecewise linear function and the other columns.
     """
 
     bends: Float[np.ndarray, " knots"]
@@ -66,15 +67,15 @@ class IncentiveModel:
         return np.column_stack([baseline(self.incentive(data, effects), self.bends), data.others])
 
     def chance(self, data: Choices, effects: Float[np.ndarray, "rows effects"]) -> Float[np.ndarray, " rows"]:
-        """Chance that each opportunity is taken [-]."""
+        """Probability that each opportunity is taken [-]."""
         return self.line.chance(self.columns(data, effects))
 
     def log_likelihood(self, data: Choices, effects: Float[np.ndarray, "rows effects"]) -> Float[np.ndarray, " rows"]:
-        """Of every opportunity [nats]."""
+        """Log-likelihood of every opportunity [nats]."""
         return self.line.log_likelihood(self.columns(data, effects), data.taken)
 
     def slope(self, data: Choices, effects: Float[np.ndarray, "rows effects"]) -> Float[np.ndarray, " rows"]:
-        """Of the curve where each driver is [log-odds per m/s^2]."""
+        """Slope of the curve at each opportunity's incentive [log-odds per m/s^2]."""
         first, *later = self.line.coefficients[1 : 2 + len(self.bends)]
         pieces = first + np.concatenate([[0.0], np.cumsum(later)])
         pieces = np.maximum(pieces, LEAST_SLOPE * max(float(pieces.max()), 1e-6))
@@ -84,7 +85,8 @@ class IncentiveModel:
 def fit_incentive(
     data: Choices, effects: Float[np.ndarray, "rows effects"], bends: Float[np.ndarray, " knots"]
 ) -> IncentiveModel:
-    """The most likely strengths: each step is a logit with the effects times the slope of the line as further columns.
+    """Maximum-likelihood strengths; each iteration is a logit with the effects times the curve's slope as extra
+    columns.
 
     Columns of the effects are in m/s^2 per unit of strength.
     """

@@ -1,6 +1,6 @@
-"""Candidates tried beside what was added before, on two parts of the drivers: each checks what the other was fitted to.
+"""Trials of candidates in addition to the effects added before. Two parts of the drivers check each other's fits.
 
-Changes are rare, so both parts together decide whether a candidate is beyond chance; the third part is not looked at.
+Changes are rare, so both parts together decide whether a candidate exceeds chance; the third part is not used.
 """
 
 from collections.abc import Sequence
@@ -17,25 +17,25 @@ from rearl_jax.discovery.lane_changes.strengths import Choices, IncentiveModel, 
 from rearl_jax.discovery.thresholds import THRESHOLDS
 
 RESAMPLES = 1000
-"""Resamples of drivers behind the gain on drivers not fitted to."""
+"""Resamples of drivers for the gain on held-out drivers."""
 
-NAMEABLE = tuple(one for one in CANDIDATES if not one.is_circumstance)
+NAMEABLE = tuple(candidate for candidate in CANDIDATES if not candidate.is_circumstance)
 """Candidates that may be added."""
 
-NEEDED = float(norm.isf(THRESHOLDS.lane_false_rate / 2 / sum(len(one.forms) for one in NAMEABLE)))
+NEEDED = float(norm.isf(THRESHOLDS.lane_false_rate / 2 / sum(len(candidate.forms) for candidate in NAMEABLE)))
 """Standard deviations a column's slope must have (Bonferroni over all of them)."""
 
 
 @dataclass(frozen=True)
 class Trial:
-    """A candidate in its best form beside what was added before.
+    """A candidate in its best form, tested in addition to the effects added before.
 
     Attributes:
-        candidate, form: What it is.
-        z: Slope of the likelihood in standard deviations between drivers.
-        gain: Log-likelihood it adds on the drivers it is fitted to [nats]; None where z alone speaks against it.
-        check: The same on drivers it is not fitted to, each part under the numbers of the other [nats].
-        is_confirmed: Whether the slope is beyond chance, and drivers it was not fitted to gain too.
+        candidate, form: The candidate and its best form.
+        z: Slope of the likelihood, in standard deviations between drivers [-].
+        gain: Gain of log-likelihood on the fitted drivers [nats]; None if z is already too small.
+        check: Gain of log-likelihood of each part under the strengths fitted to the other part [nats].
+        is_confirmed: Whether the slope exceeds chance and the held-out drivers gain too.
     """
 
     candidate: LaneCandidate
@@ -47,7 +47,7 @@ class Trial:
 
     @property
     def total(self) -> float:
-        """Total that it is compared by [nats]."""
+        """Total gain by which candidates are compared [nats]."""
         return self.check or 0.0
 
 
@@ -61,7 +61,9 @@ class Tried:
             for candidate in CANDIDATES
             for number, form in enumerate(candidate.forms)
         }
-        others = np.column_stack([self.columns[one.key, 0] for one in CANDIDATES if one.is_circumstance])
+        others = np.column_stack(
+            [self.columns[candidate.key, 0] for candidate in CANDIDATES if candidate.is_circumstance]
+        )
         driver = np.unique(table.vehicle, return_inverse=True)[1]
         self.data = Choices(own_gain(table), others, table.changes, driver)
         self.bends = knots(self.data.gain[part == 0], table.changes[part == 0])
@@ -71,23 +73,23 @@ class Tried:
         return self.columns[candidate.key, candidate.forms.index(form)]
 
     def effects(self, added: Sequence[Trial]) -> Float[np.ndarray, "rows effects"]:
-        """Columns of what was added."""
-        columns = [self.column(one.candidate, one.form) for one in added]
+        """Columns of the added effects."""
+        columns = [self.column(trial.candidate, trial.form) for trial in added]
         return np.stack(columns, axis=1) if columns else np.empty((len(self.part), 0))
 
     def rows(self, *parts: int) -> Bool[np.ndarray, " rows"]:
-        """Opportunities of the drivers of some parts."""
+        """True for opportunities of drivers in the given parts."""
         return np.isin(self.part, parts)
 
     def fitted(self, effects: Float[np.ndarray, "rows effects"], *parts: int) -> IncentiveModel:
-        """The model of the drivers of some parts."""
+        """The model fitted to drivers of the given parts."""
         rows = self.rows(*parts)
         return fit_incentive(self.data.take(rows), effects[rows], self.bends)
 
     def score(
         self, model: IncentiveModel, effects: Float[np.ndarray, "rows effects"], extra: Float[np.ndarray, " rows"]
     ) -> float:
-        """Slope of the likelihood of the first two parts along one more effect, as of `score_test` [-]."""
+        """Score test of one more effect on the first two parts, see `score_test` [-]."""
         rows = self.rows(0, 1)
         data, added = self.data.take(rows), effects[rows]
         slope = model.slope(data, added)[:, None]
@@ -96,7 +98,7 @@ class Tried:
         return score_test(held, columns, data.taken, data.driver, slope[:, 0] * extra[rows])
 
     def unseen(self, effects: Float[np.ndarray, "rows effects"]) -> Float[np.ndarray, " rows"]:
-        """Log-likelihood of the first two parts, each under the model of the other [nats]; 0 for the third."""
+        """Log-likelihood of each of the first two parts under the model fitted to the other [nats]; 0 for the third."""
         value = np.zeros(len(self.part))
         for fitted, checked in ((0, 1), (1, 0)):
             rows = self.rows(checked)
@@ -104,7 +106,7 @@ class Tried:
         return value
 
     def resampled(self, values: Float[np.ndarray, " rows"], *parts: int) -> Float[np.ndarray, " resamples"]:
-        """Sums over the opportunities of drivers of some parts, drawn anew."""
+        """Sums over the opportunities of resampled drivers of the given parts."""
         rows = self.rows(*parts)
         sums = np.bincount(np.unique(self.data.driver[rows], return_inverse=True)[1], values[rows])
         rng = np.random.default_rng(self.seed)
@@ -112,12 +114,12 @@ class Tried:
 
 
 def tried(all_of: Tried, added: Sequence[Trial]) -> list[Trial]:
-    """Every candidate that was not added yet, each in its best form."""
+    """A trial of every candidate that has not been added yet, in its best form."""
     effects = all_of.effects(added)
     model = all_of.fitted(effects, 0, 1)
     before, unseen = model.log_likelihood(all_of.data, effects), all_of.unseen(effects)
     rows = all_of.rows(0, 1)
-    known = {one.candidate.key for one in added}
+    known = {trial.candidate.key for trial in added}
     trials = []
     for candidate in NAMEABLE:
         if candidate.key in known:
@@ -135,5 +137,5 @@ def tried(all_of: Tried, added: Sequence[Trial]) -> list[Trial]:
             is_confirmed = bool(np.quantile(all_of.resampled(other, 0, 1), THRESHOLDS.lane_check_quantile) > 0.0)
             gain, check = float(more[rows].sum()), float(other.sum())
             forms.append(Trial(candidate, form, z, gain, check, is_confirmed))
-        trials.append(max(forms, key=lambda one: (one.is_confirmed, one.total, abs(one.z))))
+        trials.append(max(forms, key=lambda trial: (trial.is_confirmed, trial.total, abs(trial.z))))
     return trials

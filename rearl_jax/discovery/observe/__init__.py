@@ -1,1 +1,3 @@
-"""The observer: what a driver model fails to predict of measured drivers, its derivatives, and the fit to it."""
+"""The observer: prediction errors of a driver model on measured drives, their derivatives, and the fit that minimises
+them.
+"""

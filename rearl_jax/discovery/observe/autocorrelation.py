@@ -1,4 +1,4 @@
-"""Correlation of innovations with those before them."""
+"""Autocorrelation of innovations."""
 
 import numpy as np
 from jaxtyping import Float
@@ -10,18 +10,18 @@ def autocorrelation(
     stride: int,
     furthest: int,
 ) -> Float[np.ndarray, " lags"]:
-    """Correlation of innovations that count and are one, two, ... strides apart [-].
+    """Autocorrelation of weighted innovations at lags of one, two, ... strides [-].
 
     Args:
         innovation: Innovations.
         weight: 1 where a time step counts.
-        stride: Time steps from one innovation that says something new to the next.
-        furthest: Time steps up to which they are apart.
+        stride: Time steps from one independent measurement to the next.
+        furthest: Largest lag in time steps.
     """
     counted = innovation * weight
     variance = max(float((counted**2).sum() / max(weight.sum(), 1.0)), 1e-12)
-    found = []
+    correlations = []
     for lag in range(stride, min(furthest, len(weight) - 1) + 1, stride):
         pairs = max((weight[lag:] * weight[:-lag]).sum(), 1.0)
-        found.append((counted[lag:] * counted[:-lag]).sum() / pairs)
-    return np.array(found) / variance
+        correlations.append((counted[lag:] * counted[:-lag]).sum() / pairs)
+    return np.array(correlations) / variance

@@ -1,7 +1,8 @@
-"""The calibrated model that everything is held against: drivers, their population, noise, and changes of lane.
+"""The calibrated base model that all candidates are compared with: drivers, population, noise, and lane changes.
 
-Every recording of several lanes shows that drivers answer to a change of leader before the lane column does, and accept
-short gaps for a while afterwards. Left out, it is the strongest thing in the data and hides all else.
+Every recording of several lanes shows that drivers respond to a new leader before the lane column changes, and accept
+short gaps for a while afterwards. Without these two effects in the base model, they would dominate the residuals and
+hide all other effects.
 """
 
 from dataclasses import dataclass
@@ -23,7 +24,8 @@ STARTS = {
     ),
     "relaxation": ({"relaxation.gap_share": 0.3},),
 }
-"""Values that the search starts from: strengths away from their bounds, where no step leads on, and two lead times."""
+"""Start values of the search: strengths away from their bounds (where the search would be stuck), and two lead times.
+"""
 
 
 @dataclass(frozen=True)
@@ -31,8 +33,9 @@ class Base:
     """A calibrated model.
 
     Attributes:
-        bare: Without changes of lane.
-        steps: With early answers to the next leader, then with relaxation too; empty where too few leaders change.
+        bare: The model without effects of lane changes.
+        steps: The model with early responses to the next leader, then also with relaxation; empty if too few leaders
+            change.
     """
 
     bare: Fit
@@ -40,17 +43,17 @@ class Base:
 
     @property
     def fit(self) -> Fit:
-        """The model with all of it."""
+        """The model with all its effects of lane changes."""
         return self.steps[-1] if self.steps else self.bare
 
 
 def leader_changes(data: Measured) -> int:
-    """Changes of leader in the pieces of drives."""
+    """Number of changes of leader in the pieces of drives."""
     return int((np.diff(data.around.time_since_change, axis=0) < 0).sum())
 
 
 def base_of(solver: Solver, data: Measured, *, lane_changes: bool = True) -> Base:
-    """Drivers calibrated, with what changes of lane bring with them where there are enough and it is asked for."""
+    """Calibrated drivers, with the effects of lane changes if these are requested and there are enough of them."""
     bare = Fit(None, *calibrate(solver, data))
     if not lane_changes or leader_changes(data) < THRESHOLDS.least_leader_changes:
         return Base(bare)
@@ -62,7 +65,7 @@ def base_of(solver: Solver, data: Measured, *, lane_changes: bool = True) -> Bas
 
 
 def _with(solver: Solver, fit: Fit, term: Term) -> Fit:
-    """The model with one thing that changes of lane bring with them, fitted."""
+    """The model with one effect of lane changes, fitted."""
     active = (*fit.state.active, term)
     states = [
         copied(fit.state, theta=solver.layout.with_values(fit.state.theta, start), active=active)

@@ -1,7 +1,7 @@
-"""Candidates: all that may be missing from the model, as one vector of numbers, theta.
+"""Candidates: all effects that may be missing from the model, with their parameters in one vector, theta.
 
-At its reference value nothing acts. A candidate owns some places of the vector: directions that are looked at where
-nothing acts yet (the screen), and places that are free when it is fitted (the refit).
+At the reference value of theta no effect acts. A candidate owns some elements of the vector: the directions that the
+screen tests at the reference value, and the elements that the refit estimates.
 """
 
 from collections.abc import Mapping, Sequence
@@ -21,21 +21,21 @@ from rearl_jax.discovery.observe.early_leader import EarlyLeader
 from rearl_jax.discovery.observe.lens import Lens
 
 FLAT = 1e6
-"""Scale of a prior that says nothing."""
+"""Scale of an uninformative prior."""
 
 POSITION_KNOTS, TIME_KNOTS, CURVE_KNOTS, LENS_KNOTS = 17, 7, 5, 21
 
 CANDIDATE_EFFECTS: dict[str, type[Effect]] = {EarlyLeader.name: EarlyLeader} | EFFECTS
-"""Effects by name: those of the library, and what only a recording shows."""
+"""Effects by name: those of the library, and those that exist only in recordings."""
 
 NAMED = tuple(name for name, effect in CANDIDATE_EFFECTS.items() if effect.depends_on)
 """Effects whose strengths are themselves the directions of the screen."""
 
 PLACED = {"grade": "position", "speed_limit": "position", "weather": "time"}
-"""Effects that begin somewhere: the screen looks along a curve over place or time, the refit fits the section."""
+"""Effects on a section of road or time: the screen tests a curve over position or time, the refit fits the section."""
 
 TWINS = {"speed_limit": ("bend",)}
-"""Effects that do the same to a follower: what would tell them apart lies outside the trajectories."""
+"""Effects with the same influence on a follower; trajectories alone cannot distinguish them."""
 
 CURVES = (
     "time",
@@ -53,10 +53,13 @@ CURVES = (
     "follower_gap",
     "speed_beside",
 )
-"""Variables of `dependence.VARIABLES` that an unnamed effect is looked for in; place is what `grade` looks along."""
+"""Variables of `dependence.VARIABLES` that are tested for effects outside the library; `grade` already covers position.
+"""
 
 TIME_GAP_CURVES = ("lateral_offset", "leader_length", "vehicles_beside", "time_since_change", "follower_gap")
-"""Variables that the time gap may depend on; what hardly changes within a drive is the driver's own."""
+"""Variables that the time gap may depend on. A variable that hardly changes within a drive is left to the driver's own
+parameters.
+"""
 
 RANGES = {
     "lateral_offset": (0.0, 0.6),
@@ -66,7 +69,7 @@ RANGES = {
     "vehicles_beside": (0.0, 4.0),
     "speed_beside": (-10.0, 15.0),
 }
-"""Outer knots of curves over variables whose usual range is known; of the others the range in the data."""
+"""Outer knots of curves over variables with a known range; for other variables the range in the data is used."""
 
 
 @dataclass(frozen=True)
@@ -75,7 +78,7 @@ class Term:
 
     Attributes:
         effect: Name of an effect of the library, or of an artefact.
-        variable: What a curve is over; None for what has parameters of its own.
+        variable: Variable of a curve; None for an effect with parameters of its own.
     """
 
     effect: str
@@ -88,7 +91,7 @@ class Term:
         return cls(effect, variable or None)
 
     def __str__(self) -> str:
-        """As in files: `effect` or `effect.variable`."""
+        """The term as in files: `effect` or `effect.variable`."""
         return self.effect if self.variable is None else f"{self.effect}.{self.variable}"
 
     @property
@@ -98,13 +101,13 @@ class Term:
 
 
 ALONG_ROAD = Term("dependence", "position")
-"""The acceleration depends on the place: what a grade looks like before it has edges."""
+"""Acceleration as a curve over position; the screen uses it for grades, whose edges are not known yet."""
 
 EARLY_LEADER = Term("early_leader")
-"""Answers to the next leader before the lane column shows it."""
+"""Response to the next leader before the lane column shows the change."""
 
 LANE_CHANGES = (EARLY_LEADER, Term("relaxation"))
-"""What every change of lanes brings with it: in the calibrated model from the start, so that it hides nothing else."""
+"""Effects of every lane change; the base model contains them, because they would otherwise hide other effects."""
 
 LENS = Term("lens")
 """Distortion of positions by the camera."""
@@ -112,14 +115,14 @@ LENS = Term("lens")
 
 @dataclass(frozen=True)
 class Candidate:
-    """Something that may be missing.
+    """An effect that may be missing.
 
     Attributes:
-        term: What it is.
+        term: The effect or curve.
         kind: `driver`, `road`, `generic`, `artefact`.
-        look: Places of theta whose directions the screen looks along.
-        free: Places that are fitted.
-        variables: What it depends on.
+        look: Indices of theta whose directions the screen tests.
+        free: Indices of theta that the refit estimates.
+        variables: Variables that it depends on.
     """
 
     term: Term
@@ -130,11 +133,11 @@ class Candidate:
 
 
 class Knots(eqx.Module):
-    """Where curves have their knots; arrays, so that other data need no other program.
+    """Knots of the curves, as arrays, so that one compiled program serves all data.
 
     Attributes:
-        position: Along the road [m].
-        time: [s].
+        position: Knots along the road [m].
+        time: Knots in time [s].
         lens: Knots of the camera's distortion [m].
         curve: Knots of the curves over other variables, by variable.
         centre: Mean weight of these knots in the data [-].
@@ -148,22 +151,22 @@ class Knots(eqx.Module):
 
 
 Numbers = dict[str, Float[Array, "knots *#n"]]
-"""Numbers in theta, under the names of `Layout.places`."""
+"""Elements of theta, by the names of `Layout.places`."""
 
 
 @dataclass(frozen=True)
 class Layout:
-    """Where everything is in theta.
+    """Layout of theta: the meaning, bounds and prior of each element.
 
     Attributes:
-        candidates: By term.
-        reference: Theta at which nothing acts, and shapes have their usual values.
-        low, high: Bounds.
+        candidates: Candidates by term.
+        reference: Theta without any acting effect; shape parameters have their default values.
+        low, high: Bounds of each element.
         scale: Standard deviation of the prior.
-        unit: Length of a step of the search, near what changes the fit noticeably.
-        places: Place of `effect.parameter` and of the curves' knots.
-        knots: Where curves have their knots.
-        prior: What is taken for usual of drivers.
+        unit: Step length of the search, near the smallest change with a noticeable influence on the fit.
+        places: Indices of `effect.parameter` and of the curves' values.
+        knots: Knots of the curves.
+        prior: Prior distribution of drivers' parameters.
     """
 
     candidates: dict[Term, Candidate]
@@ -184,7 +187,7 @@ class Layout:
     def with_values(
         self, theta: Float[np.ndarray, " parameters"], values: Mapping[str, float]
     ) -> Float[np.ndarray, " parameters"]:
-        """Theta with other values of parameters, by the names of `places`, each within its bounds."""
+        """Theta with new values of parameters, by the names of `places`, each clipped to its bounds."""
         theta = theta.copy()
         for name, value in values.items():
             place = self.places[name][0]
@@ -192,11 +195,11 @@ class Layout:
         return theta
 
     def by_name(self, theta: Float[Array, "parameters *n"]) -> Numbers:
-        """The numbers in theta under the names of `places`."""
+        """The elements of theta by the names of `places`."""
         return {name: theta[place[0] : place[-1] + 1] for name, place in self.places.items()}
 
     def at(self, numbers: Numbers, places: Sequence[int]) -> list[Float[Array, "some *n"]]:
-        """The numbers at places of theta, in their order: runs of neighbours under one name in one piece."""
+        """The elements at indices of theta, in their order; consecutive elements under one name stay together."""
         home = {place: (name, k) for name, own in self.places.items() for k, place in enumerate(own)}
         runs: list[tuple[str, int, int]] = []
         for name, k in (home[place] for place in places):
@@ -208,12 +211,12 @@ class Layout:
 
 
 def effects_at(numbers: Numbers, knots: Knots, active: Sequence[Term] | None = None) -> tuple[Effect, ...]:
-    """Effects and curves with these numbers.
+    """Effects and curves with these parameter values.
 
     Args:
-        numbers: Numbers as of `Layout.by_name`.
+        numbers: Elements of theta as of `Layout.by_name`.
         knots: Knots of the curves.
-        active: Terms that are built; None for all, and for everything the screen looks along.
+        active: Terms that are built; None for all terms, including those that only the screen uses.
     """
 
     def named(name: str) -> Effect:
@@ -249,5 +252,5 @@ def effects_at(numbers: Numbers, knots: Knots, active: Sequence[Term] | None = N
 
 
 def lens_at(numbers: Numbers, knots: Knots) -> Lens:
-    """The camera's distortion with these numbers, those of `Layout.by_name`."""
+    """Camera distortion with these elements of theta, as of `Layout.by_name`."""
     return Lens(numbers["lens"], jnp.asarray(knots.lens))

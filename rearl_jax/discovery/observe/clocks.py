@@ -1,8 +1,8 @@
-"""Clocks that differ from vehicle to vehicle: an artefact of loggers, one number per vehicle.
+"""Clock offsets between vehicles: an artefact of data loggers, with one offset per vehicle.
 
-A driver whose leader's clock is ahead by d sees the leader where it will be in d. Along a chain of vehicles the same
-offset acts once as the leader's and once, with the other sign, as the follower's: that is its signature. What is no
-clock, a leader that looks longer than it is, shifts every pair by itself.
+If the leader's clock is ahead by d, the data show the leader where it will be after d. In a platoon the offset of one
+vehicle acts twice: on its follower, and with the opposite sign on its own response to its leader. Other faults, such as
+a wrong length of the leader, shift each leader-follower pair independently.
 """
 
 from abc import ABC, abstractmethod
@@ -17,17 +17,17 @@ from rearl_jax.discovery.observe.observer import synchronised
 from rearl_jax.discovery.read.measured import Measured
 
 CLOCK_OFFSET = Term("clock_offset")
-"""Clocks that differ from vehicle to vehicle."""
+"""Clock offsets between vehicles."""
 
 MOST_LEADERS = 4
-"""Leaders of one driver that are told apart; the others count as on time."""
+"""Largest number of leaders of one driver with a shift of their own; further leaders are not shifted."""
 
 VARIANCES = (0.01, 0.04, 0.1)
-"""Variances of offsets [s^2] of which the best is taken."""
+"""Tested variances of offsets [s^2]; the best one is used."""
 
 
 def usual_leaders(data: Measured) -> Int[np.ndarray, "drivers leaders"]:
-    """The leaders each driver has followed longest, -1 where there were fewer."""
+    """The leaders that each driver followed longest; -1 if there were fewer."""
     usual = np.full((data.n_drivers, MOST_LEADERS), -1)
     for driver in range(data.n_drivers):
         pieces = data.driver == driver
@@ -39,18 +39,18 @@ def usual_leaders(data: Measured) -> Int[np.ndarray, "drivers leaders"]:
 
 
 def following(data: Measured) -> Float[np.ndarray, "leaders steps pieces"]:
-    """1 where a driver follows its k-th usual leader."""
+    """1 if a driver follows its k-th main leader."""
     leaders = usual_leaders(data)[data.driver]  # [pieces, leaders]
     return (data.leader[None] == leaders.T[:, None]).astype(float) * (leaders.T[:, None] >= 0)
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """Numbers that shift leaders in time.
+    """Time shifts of leaders.
 
     Attributes:
-        values: [s].
-        cost: What values of that size, and freedom to choose them, cost [nats].
+        values: Shifts [s].
+        cost: Complexity penalty of the shifts: prior and Occam factor [nats].
     """
 
     values: Float[np.ndarray, "groups numbers"]
@@ -58,12 +58,12 @@ class Estimate:
 
 
 class Shifts(ABC):
-    """An account of how leaders are shifted in time; numbers of one group have nothing to do with those of another.
+    """A model of how leaders are shifted in time; shifts of different groups are independent.
 
     Attributes:
-        values_per_shift: Variance of a number as a multiple of that of a clock [-].
+        values_per_shift: Prior variance of a shift as a multiple of that of a clock offset [-].
         data: As measured.
-        values: Nothing is shifted.
+        values: Shifts of zero, the start value.
     """
 
     values_per_shift: float
@@ -74,21 +74,21 @@ class Shifts(ABC):
     def normal(
         self, score: Float[np.ndarray, "drivers leaders"], information: Float[np.ndarray, "drivers leaders leaders"]
     ) -> tuple[Float[np.ndarray, "groups numbers"], Float[np.ndarray, "groups numbers numbers"]]:
-        """Score and information of the numbers.
+        """Score and information of the shifts.
 
         Args:
-            score: Scores of each driver, by how much each usual leader is ahead.
-            information: The same.
+            score: Score of each driver with respect to the time by which each main leader is ahead.
+            information: Information matrix with respect to the same times.
         """
 
     @abstractmethod
     def corrected(self, values: Float[np.ndarray, "groups numbers"]) -> Measured:
-        """The data as if leaders had not been shifted."""
+        """The data with the shifts of leaders removed."""
 
     def evidence(
         self, score: Float[np.ndarray, "drivers leaders"], information: Float[np.ndarray, "drivers leaders leaders"]
     ) -> float:
-        """For shifts, against none, from the score where nothing is shifted [nats]; arguments as of `normal`."""
+        """Evidence for shifts against no shifts, from the score at zero shift [nats]; arguments as of `normal`."""
         side, total = self.normal(score, information)
         return max(self._fitted(self.values, side, total, variance)[1] for variance in VARIANCES)
 
@@ -98,7 +98,7 @@ class Shifts(ABC):
         score: Float[np.ndarray, "drivers leaders"],
         information: Float[np.ndarray, "drivers leaders leaders"],
     ) -> Estimate:
-        """Better numbers, from the score where some have shifted leaders already; other arguments as of `normal`."""
+        """Improved shifts, from the score at the present shifts; other arguments as of `normal`."""
         side, total = self.normal(score, information)
         fits = [self._fitted(values, side, total, variance) for variance in VARIANCES]
         return max(fits, key=lambda fit: fit[1])[0]
@@ -106,7 +106,7 @@ class Shifts(ABC):
     def _fitted(
         self, values: np.ndarray, side: np.ndarray, total: np.ndarray, variance: float
     ) -> tuple[Estimate, float]:
-        """The most likely numbers, and how likely they are, to second order."""
+        """Most likely shifts and their log-likelihood, to second order."""
         variance *= self.values_per_shift
         inner = np.eye(values.shape[1]) + variance * total
         step = np.linalg.solve(inner, (variance * side - values)[:, :, None])[:, :, 0]
@@ -117,10 +117,10 @@ class Shifts(ABC):
 
 
 class Clocks(Shifts):
-    """Offsets of the vehicles' clocks, one group.
+    """Clock offsets of the vehicles, in one group.
 
     Attributes:
-        vehicle: Which vehicles.
+        vehicle: Numbers of the vehicles.
     """
 
     values_per_shift = 1.0
@@ -131,21 +131,21 @@ class Clocks(Shifts):
         own[data.driver] = data.vehicle
         self.data, self.vehicle = data, np.unique(np.concatenate([own, leaders[leaders >= 0]]))
         self.values = np.zeros((1, len(self.vehicle)))
-        # By how much each usual leader is ahead of each driver, per offset.
+        # Time by which each main leader is ahead of each driver, per offset.
         self._ahead = np.zeros((*leaders.shape, len(self.vehicle)))
         driver, k = np.nonzero(leaders >= 0)
         self._ahead[driver, k, np.searchsorted(self.vehicle, leaders[driver, k])] += 1.0
         self._ahead[driver, k, np.searchsorted(self.vehicle, own[driver])] -= 1.0
 
     def normal(self, score: np.ndarray, information: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """All drivers together."""
+        """Score and information summed over all drivers."""
         total = np.zeros((len(self.vehicle), len(self.vehicle)))
         for ahead, own in zip(self._ahead, information, strict=True):
             total += ahead.T @ own @ ahead
         return np.einsum("dkn,dk->n", self._ahead, score)[None], total[None]
 
     def corrected(self, values: np.ndarray) -> Measured:
-        """All leaders, usual or not."""
+        """The data with all leaders corrected, main leaders and others."""
 
         def offset(vehicle: np.ndarray) -> np.ndarray:
             where = np.minimum(np.searchsorted(self.vehicle, vehicle), len(self.vehicle) - 1)
@@ -156,7 +156,7 @@ class Clocks(Shifts):
 
 
 class Pairs(Shifts):
-    """A shift of every driver against every usual leader, a group per driver."""
+    """One shift for every driver and main leader; each driver is a group."""
 
     values_per_shift = 2.0
 
@@ -164,16 +164,16 @@ class Pairs(Shifts):
         self.data, self.values = data, np.zeros((data.n_drivers, MOST_LEADERS))
 
     def normal(self, score: np.ndarray, information: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """As they are."""
+        """Score and information of each driver, unchanged."""
         return score, information
 
     def corrected(self, values: np.ndarray) -> Measured:
-        """Usual leaders."""
+        """The data with main leaders corrected."""
         return _moved(self.data, np.einsum("ksp,pk->sp", following(self.data), values[self.data.driver]))
 
 
 def _moved(data: Measured, ahead: Float[np.ndarray, "steps pieces"]) -> Measured:
-    """Leaders where they are at the own time, which are ahead by some time [s]."""
+    """Leader positions moved back by the time they are ahead [s]."""
     around = synchronised(data.around, jnp.asarray(ahead))
     moved = {name: np.asarray(getattr(around, name)) for name in ("leader_rear", "leader_speed")}
     return replace(data, around=replace(data.around, **moved))

@@ -1,4 +1,4 @@
-"""Drivers simulated behind their measured leader, without correction, and how far off they are."""
+"""Closed-loop simulation of drivers behind their measured leaders, and its errors."""
 
 from collections.abc import Sequence
 
@@ -10,23 +10,24 @@ from rearl_jax.discovery.observe.kalman import CLOSED_LOOP
 from rearl_jax.discovery.observe.solver import Solver
 
 FARTHEST = 60.0
-"""Bound of a position error [m]: a simulation that has lost its leader is lost, however far."""
+"""Bound of a position error [m]; beyond it the simulation has lost its leader and larger errors carry no information.
+"""
 
 TYPICAL_ERROR = 1.0
 """Closed-loop gap error [m] against which the population's spread is weighed when a driver is calibrated to the gap."""
 
 
 def gap_errors(solver: Solver, states: Sequence[FitState]) -> list[Float[np.ndarray, " drivers"]]:
-    """Closed-loop gap error of each driver [m] under solved models, its own parameters calibrated to the gap."""
+    """Closed-loop gap error of each driver [m] under solved models, with own parameters calibrated to the gap."""
     calibrated = [calibrated_to_gap(solver, state) for state in states]
     return [np.sqrt(state.data.driver_mean(simulated_error(solver, state) ** 2)) for state in calibrated]
 
 
 def simulated_error(solver: Solver, state: FitState) -> Float[np.ndarray, "steps pieces"]:
-    """Measured less simulated positions [m].
+    """Measured minus simulated positions [m].
 
     Raises:
-        FloatingPointError: The model gives no number for a driver.
+        FloatingPointError: The simulation of a driver is not finite.
     """
     error = solver.innovations([state], CLOSED_LOOP)[0]
     if not np.isfinite(error).all():
@@ -39,7 +40,7 @@ def simulated_error(solver: Solver, state: FitState) -> Float[np.ndarray, "steps
 
 
 def calibrated_to_gap(solver: Solver, state: FitState) -> FitState:
-    """The same drivers with parameters that simulate the gap best."""
+    """The same drivers with the parameters that minimise the simulated gap error."""
     start = copied(state, pieces=replace_gain(state.pieces, CLOSED_LOOP), variance=TYPICAL_ERROR**2, freedom=np.inf)
     solver.solve([start], iterations=20, tolerance=0.1)
     return start

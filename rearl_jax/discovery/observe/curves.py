@@ -1,4 +1,4 @@
-"""Curves that the screen looks along where an effect has no place or form yet."""
+"""Curves that the screen tests for effects whose position or functional form is not known yet."""
 
 from typing import ClassVar
 
@@ -12,7 +12,7 @@ from rearl_jax.core.effects.stimulus import Stimulus
 
 
 class _Curve(Effect):
-    """A curve over a variable, without its mean over the data, which is the driver's own."""
+    """A curve over a variable, less its mean over the data, which the driver's own parameters take up."""
 
     values: Float[Array, "knots *#n"]
     knots: Float[Array, " knots"]
@@ -26,7 +26,7 @@ class _Curve(Effect):
 
 
 class DesiredSpeedCurve(_Curve):
-    """The desired speed depends on place or time: what a limit or the weather look like before they have edges."""
+    """Desired speed as a curve over position or time; the screen uses it for speed limits and weather."""
 
     name: ClassVar[str] = "desired_speed_curve"
 
@@ -36,7 +36,7 @@ class DesiredSpeedCurve(_Curve):
 
 
 class TimeGapCurve(_Curve):
-    """The time gap depends on something."""
+    """Time gap as a curve over a variable."""
 
     name: ClassVar[str] = "time_gap_curve"
 

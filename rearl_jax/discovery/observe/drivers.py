@@ -1,4 +1,4 @@
-"""A driver's own parameters as standard numbers: logarithms, in units of how much drivers differ.
+"""Standardised driver parameters: logarithms, divided by their standard deviation between drivers.
 
 Which parameters there are, their usual values, spreads and bounds follow from the declaration of the car-following
 model (`rearl_jax.config.driver`).
@@ -18,12 +18,12 @@ from rearl_jax.core.car_following.model import CarFollowing
 
 @dataclass(frozen=True)
 class Prior:
-    """Prior of drivers: what is usual of them before anything is measured; hashable.
+    """Prior distribution of drivers' parameters; hashable.
 
     Attributes:
         name: Name of the car-following model.
-        usual_car: Parameters of a car's driver, in the order of the model's declaration.
-        usual_truck: The same of a truck.
+        usual_car: Median parameters of car drivers, in the order of the model's declaration.
+        usual_truck: Median parameters of truck drivers.
     """
 
     name: str
@@ -52,7 +52,7 @@ class Prior:
 
     @property
     def usual(self) -> Float[np.ndarray, "classes own"]:
-        """Usual values of cars and of trucks."""
+        """Median parameters of cars and of trucks."""
         return np.array([self.usual_car, self.usual_truck])
 
     @property
@@ -83,7 +83,7 @@ class Prior:
 
 
 def prior_of(driver: DriverConfig) -> Prior:
-    """The prior that keys describe: trucks differ from cars as they usually do."""
+    """The prior of a `driver` configuration; trucks differ from cars as in the published defaults."""
     parameters = driver.declaration.parameters
     car = tuple(float(getattr(driver, parameter.name)) for parameter in parameters)
     # A parameter that was given another value for cars is changed for trucks by the same factor.

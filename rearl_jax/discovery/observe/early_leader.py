@@ -1,8 +1,9 @@
-"""The leader that a recording will show next: drivers follow it before the lane column says so.
+"""Early response to the next leader, before the lane column shows the lane change.
 
-A lane column flips where a vehicle crosses the marking, seconds after the change was decided. From then on the driver
-follows the leader of the lane it goes to, who will be behind it has made it its leader, and who was behind it has
-another one already. Only a recording knows what comes; in a simulation `early_response` stands for the first two.
+A lane column changes when a vehicle crosses the marking, seconds after the driver decided to change. In between, the
+driver already follows the leader on the target lane, the new follower already follows the driver, and the old follower
+already follows its next leader. This needs the future of a recording; in a simulation the effect `early_response`
+represents the first two.
 """
 
 from typing import ClassVar
@@ -17,18 +18,18 @@ from rearl_jax.core.effects.stimulus import Stimulus
 from rearl_jax.discovery.read.next_leaders import LONGEST_LEAD
 
 SCATTER = 0.4
-"""Scatter of the lead time between changes [s]; own choice, which keeps the response differentiable."""
+"""Standard deviation of the lead time between lane changes [s]; own choice, which keeps the response differentiable."""
 
 
 class RecordedStimulus(Stimulus):
-    """Stimulus in a recording, which knows who will be the leader next.
+    """Stimulus in a recording, with the next leader known.
 
     Attributes:
-        time_to_next: Time until somebody else is the leader [s]; beyond LONGEST_LEAD for nobody.
-        next_gap: To whoever is it then, bumper to bumper [m].
-        next_speed: Its speed [m/s].
-        next_by_own: Whether it is the driver who changes lanes.
-        next_is_nearer: Whether somebody comes in between, without a lane change of the driver.
+        time_to_next: Time until the next change of leader [s]; above LONGEST_LEAD without one.
+        next_gap: Bumper-to-bumper gap to the next leader [m].
+        next_speed: Speed of the next leader [m/s].
+        next_by_own: Whether the leader changes because the driver itself changes lanes.
+        next_is_nearer: Whether another vehicle cuts in between, without a lane change of the driver.
     """
 
     time_to_next: Float[Array, "*#n"]
@@ -39,7 +40,7 @@ class RecordedStimulus(Stimulus):
 
 
 class EarlyLeader(Effect):
-    """Drivers answer to the next leader before the lane column shows it."""
+    """Drivers respond to the next leader before the lane column shows the change."""
 
     of_changer: Float[Array, "*#n"]
     of_follower: Float[Array, "*#n"]
@@ -64,7 +65,7 @@ class EarlyLeader(Effect):
     def leaders(
         self, value: Float[Array, "*n"], seen: Stimulus, memory: None, driver: CarFollowing
     ) -> Float[Array, "*n"]:
-        """That because of the next leader, the more the surer it is one already."""
+        """Deceleration including the next leader, weighted with the probability that the driver already follows it."""
         assert isinstance(seen, RecordedStimulus)
         of_others = seen.next_is_nearer * self.of_follower + (1 - seen.next_is_nearer) * self.of_left
         weight = seen.next_by_own * self.of_changer + (1 - seen.next_by_own) * of_others

@@ -1,4 +1,4 @@
-"""A fitted model, and the same model on other drivers."""
+"""A fitted model, and its application to other drivers."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -15,12 +15,12 @@ from rearl_jax.discovery.read.measured import Measured
 
 @dataclass(frozen=True)
 class Fit:
-    """One candidate added to the model and fitted.
+    """A model fitted after one candidate was added.
 
     Attributes:
-        candidate: What was added last.
-        state: With everything that was added.
-        noise: Found anew under it.
+        candidate: Candidate that was added last; None for the base model.
+        state: Parameters and data of the fitted model, all added candidates included.
+        noise: Noise re-estimated under this model.
     """
 
     candidate: Candidate | None
@@ -29,9 +29,9 @@ class Fit:
 
 
 def on_others(solver: Solver, data: Measured, fits: Sequence[Fit]) -> list[FitState]:
-    """Other drivers under fitted models: each finds its own parameters, everything else stays.
+    """Other drivers under fitted models: their own parameters are calibrated, everything else is kept.
 
-    Every model has the same freedom, so likelihoods compare.
+    All models have the same number of free parameters on these drivers, so their likelihoods are comparable.
     """
     states = []
     for fit in fits:
@@ -46,9 +46,9 @@ def on_others(solver: Solver, data: Measured, fits: Sequence[Fit]) -> list[FitSt
 
 
 def with_others(solver: Solver, fit: Fit, data: Measured) -> Fit:
-    """The fitted drivers and others together, everything found anew from what was fitted.
+    """The model fitted again to its drivers and other drivers together, starting from the present fit.
 
-    What few drivers show at times, such as what follows a cut-in, needs all of them to be seen.
+    All drivers together are needed for rare situations, such as the response to a cut-in.
     """
     state = fit.state
     both = new_state(state.data.beside(data), solver.layout, fit.noise)

@@ -1,6 +1,6 @@
-"""One data set under one candidate: where the search for its parameters is, and how well they do there.
+"""State of the fit of one data set under one candidate: parameters, sums and objective.
 
-Source of a variance of its own for everybody, integrated out: Gelman et al., Bayesian Data Analysis (2013), chapter 3.
+Source for the variance of each driver, integrated out: Gelman et al., Bayesian Data Analysis (2013), chapter 3.
 """
 
 from dataclasses import dataclass, replace
@@ -17,28 +17,29 @@ CLASSES = 2
 """Populations of drivers: cars and trucks."""
 
 VARIANCE_FREEDOM = 40.0
-"""Innovations f that what is known of all drivers is worth for the variance of one driver's."""
+"""Prior weight of the common variance for the variance of one driver, as a number f of innovations."""
 
 
 @dataclass
 class FitState:
-    """One data set under one candidate: where the search is, and what was found.
+    """State of the fit of one data set under one candidate.
 
     Attributes:
-        data: What was measured.
-        pieces: The same for the observer.
+        data: Measured drives.
+        pieces: The measured drives as arrays for the observer.
         z: Standardised parameters of the drivers.
-        mean: Their mean over cars and trucks.
-        spread: Their standard deviation between drivers; 1 before anything is known of it.
-        theta: What was added.
-        active: Terms that have been added; theirs are the places of theta that are searched.
-        variance: Usual variance of the innovations, S_usual [m^2].
-        freedom: Innovations f that it is worth; inf where all drivers have the usual variance.
-        holds_population: Whether the mean stays as it is, and only the drivers are searched; the spread always does.
-        holds_variance: Whether S_usual stays as it is.
-        holds_theta: Whether what was added stays as it is.
-        sums: At these parameters; None until they have been evaluated.
-        objective: What the search makes small, at these parameters [nats]; inf before it has begun.
+        mean: Mean standardised parameters of cars and of trucks.
+        spread: Standard deviation of standardised parameters between drivers; 1 before it is estimated.
+        theta: Parameters of the added candidates.
+        active: Terms that have been added; the search varies their elements of theta.
+        variance: Common variance of the innovations, S_usual [m^2].
+        freedom: Prior weight f of S_usual, as a number of innovations; inf if all drivers have the variance S_usual.
+        holds_population: Whether the mean is fixed and only drivers' parameters are searched; the spread is always
+            fixed.
+        holds_variance: Whether S_usual is fixed.
+        holds_theta: Whether theta is fixed.
+        sums: Sums at these parameters; None until they have been evaluated.
+        objective: Objective that the search minimises, at these parameters [nats]; inf before the search begins.
     """
 
     data: Measured
@@ -75,13 +76,13 @@ class FitState:
 
     @property
     def variances(self) -> Float[np.ndarray, " drivers"]:
-        """Variance S of each driver's innovations [m^2]; the usual one before they have been evaluated."""
+        """Variance S of each driver's innovations [m^2]; S_usual before they have been evaluated."""
         if self.sums is None or np.isinf(self.freedom):
             return np.full(self.data.n_drivers, self.variance)
         return (self.freedom * self.variance + self.sums.square) / (self.freedom + self.sums.count)
 
     def log_likelihood(self) -> Float[np.ndarray, " drivers"]:
-        """Log-likelihood of each driver's innovations, its variance integrated out, without the constant [nats]."""
+        """Log-likelihood of each driver's innovations with its variance integrated out, less a constant [nats]."""
         assert self.sums is not None
         n, square = self.sums.count, self.sums.square
         if np.isinf(self.freedom):
@@ -89,19 +90,20 @@ class FitState:
         return 0.5 * self.freedom * np.log(self.variance) - 0.5 * (n + self.freedom) * np.log(self.variances)
 
     def penalised(self) -> Float[np.ndarray, " drivers"]:
-        """Log-likelihood of each driver and of its parameters in their population [nats]."""
+        """Log-likelihood of each driver plus the log prior density of its parameters in the population [nats]."""
         return self.log_likelihood() - 0.5 * (self.away**2 / self.spread**2).sum(axis=1)
 
     def log_width(self) -> Float[np.ndarray, " drivers"]:
-        """Twice the logarithm of how much narrower than its population each driver's own parameters are known [-]."""
+        """Twice the logarithm of the ratio of prior to posterior width of each driver's own parameters [-]."""
         assert self.sums is not None
         n_own = self.z.shape[1]
         own = self.sums.gram[:, :n_own, :n_own] / self.variances[:, None, None] + self.precision
         return np.linalg.slogdet(own)[1] + 2 * np.log(self.spread).sum()
 
     def marginal(self) -> Float[np.ndarray, " drivers"]:
-        """Log-likelihood of each driver with its own parameters integrated out over their population [nats]: models of
-        different numbers of parameters compare, for each parameter costs what the data narrow it by.
+        """Log-likelihood of each driver with its own parameters integrated out over the population [nats]. It makes
+        models with different numbers of parameters comparable, because each parameter is penalised by how much the data
+        narrow it.
 
         Source: Laplace approximation of the evidence, MacKay, Neural Comput. 4 (1992) 415.
         """
@@ -110,7 +112,7 @@ class FitState:
 
 @dataclass(frozen=True)
 class DriverSums:
-    """Sums over the weighted time steps of each driver; its own directions first, then those of what was added.
+    """Sums over the weighted time steps of each driver; own parameters first, then those of the added candidates.
 
     Attributes:
         square: Sum of squared innovations [m^2].
@@ -126,7 +128,7 @@ class DriverSums:
 
 
 def new_state(data: Measured, layout: Layout, noise: Noise) -> FitState:
-    """A state at the usual parameters, with nothing added."""
+    """A state at the prior's median parameters, without candidates."""
     return FitState(
         data=data,
         pieces=pieces_of(data, noise),
@@ -140,19 +142,19 @@ def new_state(data: Measured, layout: Layout, noise: Noise) -> FitState:
 
 
 def with_noise(state: FitState, noise: Noise) -> FitState:
-    """The same state under another observer; S_usual starts at what that observer expects."""
+    """The same state under the observer of another noise; S_usual starts at that observer's variance."""
     gain = noise.gain(state.data.dt, state.data.stride)
     pieces = replace(replace_gain(state.pieces, gain), weight=weights(state.data, noise))
     return copied(state, pieces=pieces, variance=float(gain.variance))
 
 
 def copied(state: FitState, **changes: object) -> FitState:
-    """A state of its own, not evaluated yet, that begins where another one is."""
+    """A copy of a state with changes, not evaluated yet."""
     own = {"z": state.z.copy(), "mean": state.mean.copy(), "sums": None, "objective": np.inf}
     return replace(state, **(own | changes))
 
 
 def replace_gain(pieces: Pieces, gain: Gain) -> Pieces:
-    """Pieces under another observer."""
+    """Pieces with another gain of the observer."""
     n = pieces.length.shape[0]
     return replace(pieces, gain=repeated(gain, n), deviation=np.full(n, np.sqrt(gain.variance)))

@@ -1,9 +1,9 @@
-"""Response of the innovations to any acceleration beside the model, and how much of it is there.
+"""Response of the innovations to an additional acceleration, and estimates of its size.
 
-An acceleration b(t) changes the innovations by what the observer makes of it; whatever a driver's own mean and own
-parameters could imitate is taken out. The rest, least squares on white innovations, says how much of b there is:
-without bias (b knows nothing of the future) and with the smallest error. Every question is answered from one small
-matrix and vector per driver, so drivers can be resampled and left out at no cost.
+The observer maps an additional acceleration b(t) to a change of the innovations. The part that a driver's own mean and
+own parameters could imitate is projected out. Least squares on the remaining white innovations gives the size of b,
+without bias (b does not depend on the future) and with minimum variance. One small matrix and vector per driver are
+sufficient for all estimates, so drivers can be resampled and left out at no cost.
 
 Source: score test, Rao (1948); partial regression, Frisch & Waugh, Econometrica 1 (1933) 387.
 """
@@ -28,15 +28,15 @@ from rearl_jax.discovery.observe.residuals import Residuals, smoothed_accelerati
 from rearl_jax.discovery.observe.solver import Solver
 
 AT_ONCE = 64
-"""Accelerations that are passed through the observer side by side."""
+"""Number of accelerations that are passed through the observer in one batch."""
 
 FORGOTTEN = 1e-12
-"""Innovation [m] or acceleration [m/s^2] that is none."""
+"""Absolute innovation [m] or acceleration [m/s^2] that is set to zero."""
 
 
 @dataclass(frozen=True)
 class DriverScores:
-    """Scores of each driver for the size of each acceleration, own mean and own parameters taken out.
+    """Scores of each driver for the size of each acceleration, with own mean and own parameters projected out.
 
     Attributes:
         gram: Products of the columns.
@@ -51,7 +51,7 @@ class DriverScores:
     variance: float
 
     def of(self, columns: Sequence[int] | np.ndarray | slice) -> "DriverScores":
-        """Of some columns."""
+        """Scores of the given columns."""
         return DriverScores(self.gram[:, columns][:, :, columns], self.score[:, columns], self.square, self.variance)
 
 
@@ -60,9 +60,9 @@ class Answers:
     """Derivatives of the model's acceleration in every time step.
 
     Attributes:
-        x: Its derivative by the own place [1/s^2].
-        v: By the own speed [1/s].
-        own: By the logarithms of the driver's own parameters [m/s^2].
+        x: Derivative by the own position [1/s^2].
+        v: Derivative by the own speed [1/s].
+        own: Derivatives by the logarithms of the driver's own parameters [m/s^2].
     """
 
     x: Float[np.ndarray, "steps pieces"]
@@ -77,7 +77,9 @@ def drivers_of(left: Residuals) -> CarFollowing:
 
 
 def answers(left: Residuals) -> Answers:
-    """Derivatives of the car-following model where the observer was; added effects change them little."""
+    """Derivatives of the car-following model along the observer's states; added effects change them little and are
+    ignored.
+    """
     data, seen, usual = left.state.data, left.stimulus(), drivers_of(left)
 
     def wanted(x: Array, v: Array, logs: Array) -> Array:
@@ -120,7 +122,7 @@ def _felt(
         x, v = halfway(change, last, dt)
         last = answer_x * x + answer_v * v + push + change.o
         change = predict(change, change.v + dt * last, gain, dt)
-        # Bounded: right behind a leader that is measured too close, a linear answer runs away.
+        # Bounded, because the linear response diverges behind a leader that is measured too close.
         x, v = (jnp.clip(values, -FARTHEST, FARTHEST) for values in (change.x, change.v))
         return (change._replace(x=x, v=v), last), slope
 
@@ -139,7 +141,7 @@ def driver_scores(pushed: Float[np.ndarray, "columns steps pieces"], left: Resid
 def scores_and_seen(
     pushed: Float[np.ndarray, "columns steps pieces"], left: Residuals, answer: Answers
 ) -> tuple[DriverScores, DriverScores]:
-    """The same, and what the scores would be on the acceleration residual, for shares that people can read."""
+    """Scores on the innovations, and scores on the acceleration residual for readable shares of its variance."""
     columns, n_own = _left_behind(pushed, left, answer)
     data, seen = left.state.data, np.empty_like(columns)
     for first in range(0, len(columns), AT_ONCE):
@@ -151,13 +153,13 @@ def scores_and_seen(
 
 
 def _left_behind(pushed: np.ndarray, left: Residuals, answer: Answers) -> tuple[np.ndarray, int]:
-    """Innovations that accelerations leave where the model has none of them, drivers' own first; how many those are."""
+    """Changes of the innovations by accelerations outside the model, drivers' own first; the number of own ones."""
     own = np.concatenate([np.ones((1, *left.x.shape)), answer.own])
     return -np.concatenate([felt(own, left, answer), felt(pushed, left, answer)]), len(own)
 
 
 def _flushed(values: np.ndarray) -> np.ndarray:
-    """Nothing where next to nothing is left: processors are slow with denormal numbers."""
+    """Values with tiny numbers set to zero, because processors are slow with denormal numbers."""
     return np.where(np.abs(values) < FORGOTTEN, np.float32(0), values)
 
 
@@ -167,13 +169,13 @@ def plain_scores(
     left: Residuals,
     answer: Answers,
 ) -> DriverScores:
-    """Scores on how much of accelerations another one is made of, time step by time step [m/s^2]."""
+    """Scores of a regression of one acceleration on others, time step by time step [m/s^2]."""
     own = np.concatenate([np.ones((1, *left.x.shape)), answer.own])
     return _scored(np.concatenate([own, pushed]).astype(np.float32), target, len(own), left)
 
 
 def added_acceleration(solver: Solver, left: Residuals) -> Float[np.ndarray, "steps pieces"]:
-    """By how much what was added to the model changes its acceleration in every time step [m/s^2]."""
+    """Change of the model's acceleration by the added candidates in every time step [m/s^2]."""
     data, layout = left.state.data, solver.layout
     driver = left.prior.drivers(jnp.asarray(left.state.z[data.driver].T), data.is_truck.astype(float))
     theta = jnp.repeat(jnp.asarray(left.state.theta)[:, None], len(data.driver), axis=1)
@@ -196,7 +198,7 @@ def _scored(
     n_own: int,
     left: Residuals,
 ) -> DriverScores:
-    """Products driver by driver, the first `n_own` columns taken out."""
+    """Products of columns driver by driver, with the first `n_own` columns projected out."""
     data = left.state.data
     counts, target = (data.weight > 0).astype(np.float32), target.astype(np.float32)
     products = []
@@ -212,7 +214,9 @@ def _scored(
 def _products(
     rows: Float[Array, "columns moments"], target: Float[Array, " moments"], n_own: int
 ) -> tuple[Float[Array, "others others"], Float[Array, " others"], Float[Array, ""]]:
-    """Of the other rows with each other and with the target, and of the target with itself, the own rows taken out."""
+    """Products of the other rows with each other and with the target, and of the target with itself; own rows projected
+    out.
+    """
     own, rest = rows[:n_own], rows[n_own:]
     size = jnp.sqrt(jnp.mean(own**2, axis=1, keepdims=True)) + 1e-12
     basis = jnp.linalg.qr((own / size).T)[0]

@@ -1,8 +1,8 @@
-"""The Kalman filter of a driver: gain, prediction and correction, once for all who run the observer.
+"""The Kalman filter of a driver: gain, prediction and correction.
 
-State of a driver: position x, speed v, o, what the driver does beside the model (an Ornstein-Uhlenbeck process), and w,
-the error of measured positions where it lasts from one time step to the next. The functions take NumPy and JAX arrays
-alike, and tangents of a state as they take a state: both steps are linear in it but for the bound of the speed.
+State of a driver: position x, speed v, acceleration residual o (the acceleration that the model does not explain, an
+Ornstein-Uhlenbeck process), and w, the part of the position error that is correlated in time. The functions accept
+NumPy and JAX arrays, and also tangents of a state, because both steps are linear except for the bound of the speed.
 
 Source: Kalman, J. Basic Eng. 82 (1960) 35.
 """
@@ -15,34 +15,34 @@ import numpy as np
 from jaxtyping import Float
 
 GAIN_ITERATIONS = 600
-"""Recursions of the covariance, after which gains are within 2e-6 of their limit for every noise that is tried, as
-`scipy.linalg.solve_discrete_are` has it.
+"""Recursions of the covariance. For every tested noise the gains are then within 2e-6 of the limit that
+`scipy.linalg.solve_discrete_are` gives.
 """
 
 MEASURED = np.array([1.0, 0.0, 0.0, 1.0])
-"""Share of x, v, o, w in what is measured [-]."""
+"""Measurement vector: coefficients of x, v, o, w in the measured position [-]."""
 
 STIFFNESS, DAMPING = 0.075, 0.5
-"""Response of a driver's acceleration to being ahead of its place [1/s^2] and too fast [1/s] in the observer:
-IDM at 20 m/s, 30 m behind, with usual parameters. Without it, what drivers take back would count as less noise.
+"""Response of the acceleration to a position ahead of equilibrium [1/s^2] and to excess speed [1/s] in the observer:
+IDM at 20 m/s and a gap of 30 m with default parameters. Without it, the corrections that drivers make would be mistaken
+for lower noise.
 """
 
 ANEW = 0.01
-"""Share of the variance of lasting errors that is measured anew in every time step [-]: none at all cannot be
-inverted.
+"""Share of the variance of correlated errors that is white [-]; with a share of zero the covariance is singular.
 """
 
 
 class Gain(NamedTuple):
-    """The filter in its steady state: numbers, or arrays of one shape.
+    """Gain of the filter in its steady state: numbers, or arrays of one shape.
 
     Attributes:
         x: Correction of the position per innovation [-].
         v: Correction of the speed [1/s].
-        o: Correction of the acceleration beside the model [1/s^2].
-        w: Correction of the lasting error of measured positions [-].
-        kept_o: What is left of o after a time step [-].
-        kept_w: What is left of w after a time step [-].
+        o: Correction of the acceleration residual [1/s^2].
+        w: Correction of the correlated position error [-].
+        kept_o: Share of o that remains after a time step [-].
+        kept_w: Share of w that remains after a time step [-].
         variance: Variance of the innovations [m^2].
     """
 
@@ -61,8 +61,8 @@ class State(NamedTuple):
     Attributes:
         x: Position [m].
         v: Speed [m/s].
-        o: Acceleration beside the model [m/s^2].
-        w: Lasting error of measured positions [m].
+        o: Acceleration residual [m/s^2].
+        w: Correlated position error [m].
     """
 
     x: Any
@@ -72,22 +72,22 @@ class State(NamedTuple):
 
 
 CLOSED_LOOP = Gain(0.0, 0.0, 0.0, 0.0, kept_o=0.0, kept_w=0.0, variance=1.0)
-"""The gain that never corrects: a simulation behind the measured leader."""
+"""Zero gain: the observer becomes a simulation behind the measured leader."""
 
 
 @dataclass(frozen=True)
 class Noise:
-    """Noise of drivers and measurements, as the observer takes it.
+    """Noise of drivers and measurements as assumed by the observer.
 
     Attributes:
-        acceleration: Standard deviation of what drivers do beside the model [m/s^2].
+        acceleration: Standard deviation of the acceleration residual [m/s^2].
         time: Its correlation time [s].
         position: Standard deviation of measured positions [m].
-        position_time: Correlation time of their errors [s]; 0 where every time step is measured anew.
-        independent: Share of the innovations that are worth as much as all of them, which go together with those before
-            where noise is not quite of this form [-].
-        growth: Growth of the innovations' variance with the squared acceleration of the leader [s^4/m^2]; a driver who
-            is made to accelerate or brake drives less evenly.
+        position_time: Correlation time of position errors [s]; 0 for white errors.
+        independent: Effective share of independent innovations [-]; below 1 if innovations are correlated because the
+            true noise differs from this model.
+        growth: Growth of the innovations' variance with the squared acceleration of the leader [s^4/m^2], because
+            drivers are less steady while they have to accelerate or brake.
     """
 
     acceleration: float
@@ -108,13 +108,13 @@ class Noise:
 
 
 class SteadyState(NamedTuple):
-    """The observer after a long time.
+    """The steady state of the observer.
 
     Attributes:
         gain: Gain of the filter.
-        step: From x, v, o, w to those one step later.
-        corrected: The same for the error of the prediction where it is corrected first.
-        covariance: Covariance of x, v, o, w before each step of a period; the first is corrected.
+        step: Transition matrix of x, v, o, w over one step.
+        corrected: Transition matrix of the prediction error when a correction precedes the step.
+        covariance: Covariance of x, v, o, w before each step of a period; the first step includes a correction.
     """
 
     gain: Gain
@@ -141,14 +141,14 @@ def steady_state(noise: Noise, dt: float, stride: int) -> SteadyState:
         gain = variance @ MEASURED / (MEASURED @ variance @ MEASURED + measured)
         variance = variance - np.outer(gain, MEASURED @ variance)
     expected = MEASURED @ covariance[-1] @ MEASURED + measured
-    # Numbers of NumPy, not of Python: beside them, arrays of single precision are computed with in double.
-    found = Gain(*np.array([*gain, kept, lasting, expected]))
+    # NumPy numbers instead of Python numbers: they make single-precision arrays compute in double precision.
+    steady_gain = Gain(*np.array([*gain, kept, lasting, expected]))
     corrected = step - step @ np.outer(gain, MEASURED)
-    return SteadyState(found, step, corrected, [covariance[-1], *covariance[:-1]])
+    return SteadyState(steady_gain, step, corrected, [covariance[-1], *covariance[:-1]])
 
 
 def correct(state: State, innovation: Any, gain: Gain) -> State:
-    """The state corrected by an innovation [m], 0 where nothing new is measured."""
+    """The state corrected by an innovation [m]; the innovation is 0 without a new measurement."""
     return State(
         state.x + gain.x * innovation,
         state.v + gain.v * innovation,
@@ -160,11 +160,11 @@ def correct(state: State, innovation: Any, gain: Gain) -> State:
 def halfway(state: State, last: Any, dt: float) -> tuple[Any, Any]:
     """Position [m] and speed [m/s] in the middle of the step, under the acceleration of the step before [m/s^2].
 
-    The model is asked there, so that a step does not count as a reaction time.
+    The model is evaluated there, so that the time step does not act as an additional reaction time.
     """
     return state.x + state.v * (dt / 2) + last * (dt * dt / 8), state.v + last * (dt / 2)
 
 
 def predict(state: State, speed: Any, gain: Gain, dt: float) -> State:
-    """The state one step later, at which the driver has this speed [m/s]."""
+    """The state one step later, where the driver has the given speed [m/s]."""
     return State(state.x + dt * (state.v + speed) / 2, speed, gain.kept_o * state.o, gain.kept_w * state.w)

@@ -1,4 +1,4 @@
-"""Laying theta out for a data set: places, bounds, priors and knots of everything that may be missing."""
+"""Layout of theta for a data set: indices, bounds, priors and knots of all candidates."""
 
 import jax.numpy as jnp
 import numpy as np
@@ -31,7 +31,7 @@ from rearl_jax.discovery.read.measured import Measured
 
 
 def layout_of(data: Measured, prior: Prior = IDM_PRIOR) -> Layout:
-    """The vector theta for these data: its curves span the places, times and values that occur."""
+    """Layout of theta for these data; its curves span the positions, times and values that occur."""
     used = data.weight > 0
     positions, times = data.y[used], data.around.time[used]
     position_knots = np.linspace(positions.min(), positions.max(), POSITION_KNOTS)
@@ -60,7 +60,7 @@ def layout_of(data: Measured, prior: Prior = IDM_PRIOR) -> Layout:
         if variable == "time":
             low, high = times.min(), times.max()
         if not values.max() - values.min() > 1e-6 or not high - low > 1e-6:
-            continue  # nobody could react to what never changes
+            continue  # a constant variable cannot cause a reaction
         knots[variable] = np.linspace(low, high, CURVE_KNOTS)
         centres[variable] = np.asarray(hat_weights(jnp.asarray(values), jnp.asarray(knots[variable]))).mean(axis=1)
         builder.curve(f"curve.{variable}", CURVE_KNOTS, 0.3)
@@ -87,7 +87,7 @@ def layout_of(data: Measured, prior: Prior = IDM_PRIOR) -> Layout:
 
 
 class _Builder:
-    """Collects places of theta one after the other."""
+    """Assigns the elements of theta one after the other."""
 
     def __init__(self) -> None:
         self.rows: list[tuple[float, float, float, float, float]] = []
@@ -95,14 +95,14 @@ class _Builder:
         self.candidates: dict[Term, Candidate] = {}
 
     def parameters(self, name: str) -> None:
-        """Places of an effect's parameters."""
+        """Adds the parameters of an effect."""
         for parameter in CANDIDATE_EFFECTS[name].parameters:
             self.places[f"{name}.{parameter.name}"] = (len(self.rows),)
             unit = _STEPS.get(parameter.unit, parameter.scale) if parameter.name in _UNKNOWN else parameter.scale
             self.rows.append((parameter.low, parameter.high, parameter.off, _prior(parameter), unit))
 
     def effect(self, name: str) -> None:
-        """An effect whose strengths are looked along."""
+        """Adds an effect whose strengths are the screen's directions."""
         self.parameters(name)
         strengths = (p.name for p in CANDIDATE_EFFECTS[name].parameters if p.is_strength)
         look = tuple(self.places[f"{name}.{strength}"][0] for strength in strengths)
@@ -111,23 +111,23 @@ class _Builder:
         )
 
     def all_of(self, name: str) -> tuple[int, ...]:
-        """Places of all parameters of an effect."""
+        """Indices of all parameters of an effect."""
         return tuple(self.places[f"{name}.{parameter.name}"][0] for parameter in CANDIDATE_EFFECTS[name].parameters)
 
     def curve(self, name: str, n_knots: int, scale: float) -> None:
-        """Places of a curve's values."""
+        """Adds the values of a curve."""
         self.places[name] = tuple(range(len(self.rows), len(self.rows) + n_knots))
         self.rows += [(-20.0, 20.0, 0.0, scale, scale)] * n_knots
 
     def candidate(
         self, term: Term, kind: str, look: tuple[int, ...], free: tuple[int, ...], variables: tuple[str, ...]
     ) -> None:
-        """Registers a candidate."""
+        """Adds a candidate."""
         self.candidates[term] = Candidate(term, kind, look, free, variables)
 
 
 def _prior(parameter: Parameter) -> float:
-    """Where a section lies is not known before."""
+    """Prior scale of a parameter; uninformative for the position of a section."""
     return FLAT if parameter.name in _UNKNOWN else parameter.scale
 
 
@@ -136,7 +136,7 @@ _STEPS = {"m": 50.0, "s": 5.0, "m/s": 3.0, "m/s^2": 1.0}
 
 
 def curve_values(data: Measured, variable: str) -> Float[np.ndarray, "steps pieces"]:
-    """A variable as it was measured in every time step."""
+    """Measured values of a variable in every time step."""
     seen = stimulus(data.smooth, data.smooth_speed, data.length, data.is_truck.astype(float), data.around)
     values = np.asarray(VARIABLES[variable][1](seen), float)
     return np.broadcast_to(values, data.y.shape)

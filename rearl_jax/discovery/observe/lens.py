@@ -1,6 +1,7 @@
 """Distortion of measured positions by the camera: a smooth function of the true position.
 
-A distortion must be smooth: a kinked one would look like a jerk of every vehicle that passes. Hence cubic B-splines.
+A distortion must be smooth, because a kink would look like a jerk of every vehicle that passes; cubic B-splines are
+smooth enough.
 
 Source: de Boor, A Practical Guide to Splines (1978), chapter IX.
 """
@@ -14,15 +15,15 @@ class Lens(eqx.Module):
     """A distortion as the values of a cubic B-spline at its knots.
 
     Attributes:
-        values: [m].
-        knots: Equidistant places [m].
+        values: Displacements at the knots [m].
+        knots: Equidistant positions [m].
     """
 
     values: Float[Array, "knots *#n"]
     knots: Float[Array, " knots"]
 
     def weights(self, x: Float[Array, "*n"]) -> Float[Array, "knots *n"]:
-        """Weight of each knot's value at a place [-]."""
+        """Weight of each knot's value at a position [-]."""
         u = jnp.abs(self._from_knots(x))
         return jnp.where(u < 1, 2 / 3 - u**2 + u**3 / 2, jnp.maximum(2 - u, 0.0) ** 3 / 6)
 
@@ -31,7 +32,7 @@ class Lens(eqx.Module):
         return jnp.sum(self.values * self.weights(x), axis=0)
 
     def slope(self, x: Float[Array, "*n"]) -> Float[Array, "*n"]:
-        """Derivative of the distortion by the place [-]."""
+        """Derivative of the distortion by position [-]."""
         signed = self._from_knots(x)
         u = jnp.abs(signed)
         slope = jnp.where(u < 1, -2 * u + 1.5 * u**2, -(jnp.maximum(2 - u, 0.0) ** 2) / 2)

@@ -1,7 +1,7 @@
 """Levenberg-Marquardt search of one state, with one block per driver, eliminated by a Schur complement.
 
-Every driver has a damping of its own, so that one who drives where the model bends does not hold up all others. Own
-parameters at a bound that the objective pushes beyond stay there and take no part in the step.
+Every driver has a damping of its own, so that one driver in a strongly nonlinear range does not slow down all others.
+Own parameters at a bound stay there and are left out of the step if the gradient points beyond the bound.
 
 Source: Marquardt, SIAM J. Appl. Math. 11 (1963) 431; block elimination as in bundle adjustment, Triggs et al. (2000);
 fixed bounds: projected Newton methods, Bertsekas, SIAM J. Control Optim. 20 (1982) 221.
@@ -16,32 +16,32 @@ from rearl_jax.discovery.observe.candidates import Layout
 from rearl_jax.discovery.observe.fit_state import CLASSES, DriverSums, FitState
 
 VARIANCE_ITERATIONS = 5
-"""Steps of the search for S_usual after each step of the search for everything else."""
+"""Iterations for S_usual after each step of the other parameters."""
 
 LONGEST_STEP = 1.0
 """Bound of a step of a driver's standardised parameters [-]."""
 
 DAMPING, LEAST_DAMPING, MOST_DAMPING = 1e-2, 1e-7, 1e4
-"""Damping at the start, its lower bound, and from where on no better point is expected [-]."""
+"""Damping at the start, its lower bound, and the value at which the search gives up [-]."""
 
 CALMED, ROUSED = 0.2, 8.0
-"""Factors of the damping after a step that was taken and after one that was not [-]."""
+"""Factors of the damping after an accepted and after a rejected step [-]."""
 
 LEAST_STEPS = 3
-"""Steps taken before a small gain ends the search."""
+"""Accepted steps before a small gain ends the search."""
 
 
 class LevenbergMarquardt:
     """Search from a state that has been evaluated; the state is changed in place.
 
     Attributes:
-        goes_on: Whether a better point is still expected.
+        goes_on: Whether the search continues.
     """
 
     def __init__(self, state: FitState, layout: Layout, free: Int[np.ndarray, " free"]) -> None:
         self.goes_on = True
         self._state, self._layout, self._free = state, layout, free
-        self._damping = np.full(len(state.z), DAMPING)  # of drivers
+        self._damping = np.full(len(state.z), DAMPING)  # damping of each driver
         self._shared_damping = DAMPING
         self._expected = np.zeros(len(state.z))
         self._taken = 0
@@ -102,7 +102,7 @@ class LevenbergMarquardt:
         return replace(state, z=z, mean=mean, theta=theta, sums=None)
 
     def judge(self, trial: FitState, tolerance: float) -> None:
-        """Takes a point that has been evaluated where it is better; less than `tolerance` [nats] ends the search."""
+        """Accepts an evaluated point if it is better; a gain below `tolerance` [nats] ends the search."""
         state = self._state
         gained = trial.penalised() - state.penalised()
         if state.holds_population and not len(self._free):
@@ -122,7 +122,7 @@ class LevenbergMarquardt:
             self.goes_on = self._shared_damping < MOST_DAMPING
 
     def _judge_drivers(self, trial: FitState, gained: Float[np.ndarray, " drivers"], tolerance: float) -> None:
-        """Takes the point of each driver who does better there, where drivers have nothing in common."""
+        """Accepts the point separately for each driver who improves; only valid if drivers share no free parameters."""
         state, better = self._state, gained > 0
         assert state.sums is not None
         assert trial.sums is not None
@@ -146,23 +146,23 @@ class LevenbergMarquardt:
 
 
 def adapt_variance(state: FitState) -> None:
-    """Moves S_usual towards where it is most likely, the harmonic mean of the drivers' variances."""
+    """Moves S_usual towards its most likely value, the harmonic mean of the drivers' variances."""
     if not state.holds_variance:
         for _ in range(VARIANCE_ITERATIONS):
             state.variance = float(1 / np.mean(1 / state.variances))
 
 
 def _stays(values: np.ndarray, slope: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """True where a number is at a bound and a slope of the objective pushes it beyond."""
+    """True if a parameter is at a bound and the slope of the objective pushes it beyond."""
     return ((values <= low) & (slope > 0)) | ((values >= high) & (slope < 0))
 
 
 def _without(held: Bool[np.ndarray, "*n k"], block: Float[np.ndarray, "*n k k"]) -> Float[np.ndarray, "*n k k"]:
-    """Second derivatives without the numbers that are held, each of which stands alone."""
+    """Second derivatives with the held parameters decoupled from all others."""
     moves = ~held
     return block * (moves[..., :, None] & moves[..., None, :]) + held[..., None] * np.eye(held.shape[-1])
 
 
-def _where(chosen: Bool[np.ndarray, " drivers"], one: np.ndarray, other: np.ndarray) -> np.ndarray:
-    """Rows of one array where chosen, else of the other."""
-    return np.where(chosen.reshape(-1, *(1,) * (one.ndim - 1)), one, other)
+def _where(chosen: Bool[np.ndarray, " drivers"], first: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """Rows of the first array for chosen drivers, else of the second."""
+    return np.where(chosen.reshape(-1, *(1,) * (first.ndim - 1)), first, other)

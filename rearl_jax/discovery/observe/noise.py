@@ -1,4 +1,4 @@
-"""Noise of drives and measurements: the observer under which errors are most likely."""
+"""Estimation of driver and measurement noise by maximum likelihood of the innovations."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -9,20 +9,22 @@ from jaxtyping import Float
 from rearl_jax.discovery.observe.autocorrelation import autocorrelation
 from rearl_jax.discovery.observe.fit_state import FitState, copied, new_state, with_noise
 from rearl_jax.discovery.observe.kalman import Noise
-from rearl_jax.discovery.observe.observer import unrest
+from rearl_jax.discovery.observe.observer import squared_leader_acceleration
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.read.smoothing import lasting_noise
 from rearl_jax.discovery.thresholds import THRESHOLDS
 
 ACCELERATIONS = (0.03, 0.05, 0.07, 0.1, 0.125, 0.15, 0.2, 0.25, 0.3, 0.45, 0.7, 1.0)
-"""Standard deviations of what drivers do beside the model that are tried [m/s^2]."""
+"""Tested standard deviations of the acceleration residual [m/s^2]."""
 
 EXACT = 0.05
-"""Standard deviation [m/s^2] below which it is the steps in time that are seen; the most even of people have 0.1."""
+"""Standard deviation [m/s^2] below which the residual comes from the time discretisation; the steadiest people have
+0.1.
+"""
 
 TIMES = (0.6, 1.5, 4.0)
-"""Correlation times that are tried [s]. Source of the middle: Zhang & Sun, arXiv:2210.03571 (highD, about 1.4 s)."""
+"""Tested correlation times [s]. Source of the middle value: Zhang & Sun, arXiv:2210.03571 (highD, about 1.4 s)."""
 
 USUAL = Noise(0.15, 1.5, 0.1)
 
@@ -30,36 +32,36 @@ MOST_GROWTH = 3.0
 """Bound of the growth of noise with the squared acceleration of the leader [s^4/m^2]."""
 
 SPREAD_ITERATIONS = 3
-"""Times that the spread between drivers is found and the drivers with it."""
+"""Alternating estimates of the spread between drivers and of the drivers' parameters."""
 
 USUAL_DRIVERS = 10.0
-"""Drivers that what is usual of the spread is worth."""
+"""Weight of the prior spread, in drivers."""
 
 SPREADS = (0.5, 4.0)
-"""Bounds of the spread as a share of the usual one [-]."""
+"""Bounds of the spread as a multiple of the prior spread [-]."""
 
 INDEPENDENT_AFTER = 4.0
-"""Time after which innovations have nothing to do with each other [s]."""
+"""Time after which innovations are uncorrelated [s]."""
 
 SLOW = np.linspace(0.05, 2.0, 40)
-"""Angular frequencies at which drivers do things [rad/s]."""
+"""Angular frequencies of driver behaviour [rad/s]."""
 
 CERTAIN = 3.5
-"""Standard deviations from which a correlation of innovations counts [-]: most of many are there by chance."""
+"""Standard deviations above which an autocorrelation counts [-]; smaller ones among many lags occur by chance."""
 
 LASTING = (0.2, 0.5, 1.0)
-"""Correlation times of position errors that are tried beside none [s]: of trackers and filters."""
+"""Tested correlation times of position errors [s], as trackers and filters cause; white errors are tested too."""
 
 
 def best_noise(solver: Solver, state: FitState, tried: Sequence[Noise]) -> tuple[Noise, float]:
-    """The noise under which what a state, as it is, fails to predict is most likely, and how likely it is then [nats].
+    """The noise with the largest likelihood of a state's innovations, parameters fixed, and this log-likelihood [nats].
 
-    The drivers' own parameters are integrated out: they have taken in part of the noise, the more of it the less there
-    is taken to be.
+    The drivers' own parameters are integrated out, because their fit has absorbed part of the noise, and more of it the
+    smaller the assumed noise is.
 
     Source: restricted likelihood, Patterson & Thompson, Biometrika 58 (1971) 545.
     """
-    # S is what each observer expects, not what fits best: the errors' size says how large the noise is.
+    # S is the variance that each observer expects, not the best fit, because the errors' size determines the noise.
     trials = [with_noise(state, noise) for noise in tried]
     solver.sums(trials)
     likely = [float(trial.log_likelihood().sum()) - 0.5 * float(trial.log_width().sum()) for trial in trials]
@@ -70,7 +72,7 @@ def best_noise(solver: Solver, state: FitState, tried: Sequence[Noise]) -> tuple
 def under_best_noise(
     solver: Solver, state: FitState, tried: Sequence[Noise], *, iterations: int = 20, tolerance: float = 0.05
 ) -> tuple[FitState, Noise]:
-    """A state solved anew under the noise that is most likely for it as it is, and that noise."""
+    """The state solved again under the noise that is most likely at its present parameters, and that noise."""
     noise, _ = best_noise(solver, state, tried)
     state = with_noise(state, noise)
     solver.solve([state], iterations=iterations, tolerance=tolerance)
@@ -78,37 +80,38 @@ def under_best_noise(
 
 
 def under_best_time(solver: Solver, state: FitState, tried: Sequence[Noise]) -> tuple[FitState, Noise]:
-    """The same where nothing is known of the correlation time: of each, the most likely noise of the state as it is, is
-    asked again at its own optimum, for parameters that were found under one noise favour it.
+    """The state under the most likely noise of an unknown correlation time, and that noise. For each correlation time
+    the state is solved again under its most likely noise before likelihoods are compared, because parameters found
+    under one noise favour that noise.
     """
     chosen = []
     for time in dict.fromkeys(noise.time for noise in tried):
         chosen.append(best_noise(solver, state, [noise for noise in tried if noise.time == time])[0])
     states = [with_noise(state, noise) for noise in chosen]
     solver.solve(states, iterations=20, tolerance=0.05)
-    likely = [best_noise(solver, one, [noise])[1] for one, noise in zip(states, chosen, strict=True)]
+    likely = [best_noise(solver, fitted, [noise])[1] for fitted, noise in zip(states, chosen, strict=True)]
     best = int(np.argmax(likely))
     return states[best], chosen[best]
 
 
 def is_exact(solver: Solver, data: Measured) -> bool:
-    """True if drivers do nothing beside the model, as nobody but a simulation does."""
+    """True if the drives follow the model without noise, as only simulated drives do."""
     _, noise = calibrate(solver, data)
     return noise.acceleration <= EXACT
 
 
 def noises(like: Noise, accelerations: Sequence[float]) -> list[Noise]:
-    """Noises of drivers, with the measurement's as it is."""
+    """Noise with each of several acceleration levels; measurement noise as given."""
     return [replace(like, acceleration=sd, time=time) for sd in accelerations for time in TIMES]
 
 
 def no_larger(noise: Noise) -> list[float]:
-    """Sizes of the drivers' noise up to the present one [m/s^2]: an addition can only lower what is left to chance."""
+    """Tested noise levels of drivers up to the present one [m/s^2], because an added effect can only reduce noise."""
     return [sd for sd in ACCELERATIONS if sd <= noise.acceleration] or [ACCELERATIONS[0]]
 
 
 def calibrate(solver: Solver, data: Measured) -> tuple[FitState, Noise]:
-    """Drivers, their population and the noise, jointly, with nothing added to the model."""
+    """Joint calibration of drivers, population and noise, without candidates."""
     usual = replace(USUAL, position=data.noise)
     state = new_state(data, solver.layout, usual)
     solver.solve([state], iterations=8, tolerance=1.0)
@@ -125,18 +128,18 @@ def calibrate(solver: Solver, data: Measured) -> tuple[FitState, Noise]:
     for _ in range(SPREAD_ITERATIONS):
         state = copied(state, spread=spread_of(state))
         solver.solve([state], iterations=5, tolerance=0.3)
-    noise = _as_innovations_are(solver, state, noise)
+    noise = _with_growth_and_independence(solver, state, noise)
     state = with_noise(state, noise)
     solver.solve([state], iterations=10)
     return state, noise
 
 
 def spread_of(state: FitState) -> Float[np.ndarray, " own"]:
-    """Standard deviations of standardised parameters between the drivers of a state that has been solved.
+    """Standard deviations of standardised parameters between the drivers of a solved state.
 
-    What is not known of a driver counts as spread, so that drivers who show little do not look alike; the usual spread
-    counts as much as some drivers do. It is found once, for the calibrated model, and every candidate is held against
-    it: a spread that shrank under one candidate only would be false evidence.
+    Estimation errors of drivers count as spread, so that drivers with little data do not look alike; the prior spread
+    has the weight of USUAL_DRIVERS drivers. The spread is estimated once, for the calibrated base model, and kept for
+    every candidate, because a spread that shrank under one candidate only would give false evidence.
 
     Source: expectation maximisation, Dempster, Laird & Rubin, J. R. Stat. Soc. B 39 (1977) 1.
     """
@@ -148,18 +151,19 @@ def spread_of(state: FitState) -> Float[np.ndarray, " own"]:
     return np.clip(np.sqrt(square), *SPREADS)
 
 
-def _as_innovations_are(solver: Solver, state: FitState, noise: Noise) -> Noise:
-    """The noise with its growth and with the share of innovations that are independent, from those of a fitted state.
+def _with_growth_and_independence(solver: Solver, state: FitState, noise: Noise) -> Noise:
+    """The noise with its growth and its share of independent innovations, estimated from the innovations of a fitted
+    state.
 
-    A score that varies at some frequency scatters by the spectral density of the innovations there; the largest of the
-    frequencies at which drivers do things counts.
+    The variance of a score that varies at some frequency is the spectral density of the innovations there; the largest
+    density over the frequencies of driver behaviour is used.
 
     Source: long-run variance, Newey & West, Econometrica 55 (1987) 703.
     """
     data = state.data
     (innovation,) = solver.innovations([state])
     relative = innovation**2 / state.variances[data.driver]
-    counts, size = data.weight, unrest(data)
+    counts, size = data.weight, squared_leader_acceleration(data)
     size_mean, mean = (float((values * counts).sum() / counts.sum()) for values in (size, relative))
     slope = float(
         (relative * (size - size_mean) * counts).sum() / max(float(((size - size_mean) ** 2 * counts).sum()), 1e-9)

@@ -1,7 +1,7 @@
-"""Sums over time of what the observer fails to predict, and of its derivatives, for every piece.
+"""Sums over time of squared innovations and of products of their derivatives, for every piece.
 
-The least-squares steps, the screen and the evidence need no more of the derivatives than their products summed over
-time, so these are formed where they are computed and the derivatives themselves are never kept.
+Least squares, the screen and the evidence need only these sums, so the products are summed while they are computed and
+the derivatives are never stored.
 """
 
 from collections.abc import Callable
@@ -20,21 +20,22 @@ from rearl_jax.discovery.observe.robust import kept_share, robust_square
 from rearl_jax.discovery.observe.sensitivity import look_along
 
 _MADE: dict[tuple, dict[tuple, ScenarioMap]] = {}
-"""Programs of every configuration this process has met: time step, places of theta, car following."""
+"""Compiled programs by configuration: time step, elements of theta, car-following model."""
 
 _SHAPES: set[tuple] = set()
-"""Shapes they have been compiled for: configuration, program, number of steps and of pieces."""
+"""Shapes compiled so far: configuration, program, number of steps and of pieces."""
 
 MOST_SHAPES = 120
-"""So many are kept: each takes about two hundred memory maps, and Linux gives a process 65,530 (vm.max_map_count)."""
+"""Largest number of compiled shapes that is kept: each needs about two hundred memory maps, and Linux allows a process
+65,530 (vm.max_map_count).
+"""
 
 
 class Programs:
-    """The compiled programs of one data configuration: time step and places of theta.
+    """Compiled programs of one data configuration: time step and elements of theta.
 
-    A program holds what is active and nothing else: with one effect it takes a twentieth of the time of all at once.
-    Programs are shared with other data of the same configuration: a process that looks at one data set after the other
-    compiles once.
+    A program contains the active terms only, because with one effect it takes a twentieth of the time of all effects.
+    Data sets of the same configuration share programs, so a process that analyses many data sets compiles once.
     """
 
     def __init__(self, layout: Layout, dt: float) -> None:
@@ -47,7 +48,7 @@ class Programs:
         self._made = _MADE.setdefault(self._configuration, {})
 
     def free(self, active: tuple[Term, ...]) -> tuple[int, ...]:
-        """Places of theta that belong to active candidates, in order."""
+        """Indices of theta that belong to active candidates, in order."""
         return tuple(place for term in active for place in self.layout.candidates[term].free)
 
     def innovations(self, active: tuple[Term, ...]) -> Callable[[dict], np.ndarray]:
@@ -75,7 +76,7 @@ class Programs:
         return self._program(("sums", active), run, WIDEST if len(places) < 8 else WIDEST // 2)
 
     def _sums_from_one_pass(self, active: tuple[Term, ...]) -> Callable[[dict], dict]:
-        """The same where nothing is remembered: one reverse pass per time step serves all directions."""
+        """The same sums if no effect has memory: one reverse pass per time step serves all directions."""
         places = self.free(active)
 
         def run(a: dict) -> dict:
@@ -89,7 +90,7 @@ class Programs:
         return self._program(("sums", active), run, WIDEST)
 
     def look(self, places: tuple[int, ...], groups: tuple[tuple[int, ...], ...], n_kept: int) -> Callable[[dict], dict]:
-        """`sensitivity.look_along` for these places."""
+        """`sensitivity.look_along` for these indices of theta."""
 
         def run(a: dict) -> dict:
             knots = _squeezed(a["knots"])
@@ -121,20 +122,20 @@ class Programs:
 
 
 WIDEST = 64
-"""Pieces that one core takes at a time: more take as long for each."""
+"""Pieces per batch on one core; larger batches do not reduce the time per piece."""
 
 _WIDTHS = (2, 4, 8, 16, 24, 32, 48, 64)
 
 
 def _width(n: int, widest: int) -> int:
-    """Pieces to fill up to: few different numbers, so that few programs are compiled."""
+    """Number of pieces after padding: one of few values, so that few programs are compiled."""
     cores = len(jax.local_devices())
     share = -(-n // cores)
     return n if share > widest else cores * next(width for width in _WIDTHS if width >= share)
 
 
 def _widened(arguments: dict, n: int, width: int) -> dict:
-    """Arguments filled up with their own last piece."""
+    """Arguments padded with copies of their last piece."""
     columns = np.minimum(np.arange(width), n - 1)
     return select_scenarios(arguments, columns, n) if width > n else arguments
 
@@ -148,7 +149,7 @@ def _squeezed(knots: Knots) -> Knots:
 
 
 def _sums(innovation: Callable[[Array], Array], point: Array, pieces: Pieces) -> dict[str, Array]:
-    """Innovations, then everything that is summed over time."""
+    """Innovations, and the sums over time."""
     p, n = point.shape
 
     def along(tangent: Array) -> tuple[Array, Array]:

@@ -1,9 +1,9 @@
-"""The observer: a driver model that is held to the measured positions, and what it fails to predict.
+"""The observer: a driver model corrected by the measured positions, and its innovations.
 
 Each step predicts with the model and corrects by a gain times the innovation, measured minus predicted position
 (`kalman`).
 
-    gain 0: the closed-loop simulation, whose errors are those readers expect;
+    gain 0: the closed-loop simulation, with the errors usually reported;
     steady-state Kalman gain: innovations of a right model are white, so tests on them are calibrated.
 
 Source: prediction-error method, Ljung, System Identification (1999), chapter 7.
@@ -29,24 +29,24 @@ from rearl_jax.discovery.observe.lens import Lens
 from rearl_jax.discovery.read.measured import Measured, Surroundings
 
 MOST_UNREST = 4.0
-"""Bound of the squared acceleration of a leader that the noise of its follower grows with [m^2/s^4]."""
+"""Bound of the squared acceleration of the leader in the growth of the follower's noise [m^2/s^4]."""
 
 
 class Pieces(eqx.Module):
-    """Arrays that the observer runs through, the pieces last.
+    """Arrays for the observer; the last axis is the pieces.
 
     Attributes:
         y: Measured position [m].
-        weight: 1 where the time step counts.
-        looks: 1 where the observer corrects its prediction.
+        weight: 1 if the time step counts, else 0.
+        looks: 1 if the observer corrects its prediction, else 0.
         start: Position [m] and speed [m/s] in the first time step.
-        seen: What is around, in the middle between each time step and the next.
+        seen: Surroundings in the middle between each time step and the next.
         length: Own length [m].
         is_truck: 1 for trucks.
-        gain: Gain of the filter, an array each.
-        deviation: Standard deviation of innovations [m], beyond some multiples of which one is an outlier.
-        known: Acceleration beside the model that is given [m/s^2]; one row of zeros for none.
-        varied: Logarithm of the time gap over the driver's own [-], where it varies; None where it does not.
+        gain: Gain of the filter, each field an array over pieces.
+        deviation: Standard deviation of innovations [m], the unit of the outlier limit.
+        known: Prescribed acceleration in addition to the model [m/s^2]; one row of zeros for none.
+        varied: Logarithm of the time gap over the driver's own time gap [-]; None if it does not vary.
     """
 
     y: Float[Any, "steps pieces"]
@@ -69,12 +69,12 @@ def innovations(
     lens: Lens | None,
     dt: float,
 ) -> Float[Array, "steps pieces"]:
-    """Measured minus predicted position in every time step [m]; in the first, minus the smoothed one it starts from.
+    """Measured minus predicted position in every time step [m]; in the first step, minus the smoothed start position.
 
     Args:
-        pieces: What was measured.
+        pieces: Measured drives.
         driver: Car following of the drivers.
-        effects: What acts on them beyond it.
+        effects: Effects that act on the drivers.
         lens: Distortion of positions by the camera; None for none.
         dt: Time step [s].
     """
@@ -105,7 +105,7 @@ def innovations(
 
 
 def with_time_gap(driver: CarFollowing, varied: Float[Array, " pieces"] | None) -> CarFollowing:
-    """The drivers with a time gap that has varied by so much in its logarithm; None for their own."""
+    """The drivers with their time gap changed by a given difference of its logarithm; None for no change."""
     if varied is None:
         return driver
     return driver.with_setpoints(driver.desired_speed, driver.time_gap * jnp.exp(varied), driver.jam_gap)
@@ -140,8 +140,8 @@ _AS_MEASURED = sorted(RecordedStimulus.__dataclass_fields__.keys() & Surrounding
 
 
 def straightened(around: Surroundings, lens: Lens) -> Surroundings:
-    """Leaders where they were before the camera bent the picture."""
-    # The distortion belongs to the true place, which is found by going back twice.
+    """Surroundings with the camera distortion removed from leaders' positions."""
+    # The distortion is a function of the true position, which two fixed-point iterations find.
     place = around.leader_centre - lens.bend(around.leader_centre - lens.bend(around.leader_centre))
     bent = around.has_leader * (around.leader_centre - place)
     slope = around.has_leader * lens.slope(place)
@@ -149,14 +149,14 @@ def straightened(around: Surroundings, lens: Lens) -> Surroundings:
 
 
 def straightened_start(start: Float[Array, "two pieces"], lens: Lens) -> tuple[Array, Array]:
-    """Position and speed in the first time step before the camera bent the picture."""
+    """Position and speed in the first time step with the camera distortion removed."""
     x, v = start
     x = x - lens.bend(x - lens.bend(x))
     return x, v / (1 + lens.slope(x))
 
 
 def synchronised(around: Surroundings, shift: Float[Array, "*n"]) -> Surroundings:
-    """Leaders at the own time, where their clock is ahead by `shift` [s]."""
+    """Surroundings with leaders moved to the own time; their clock is ahead by `shift` [s]."""
     ahead = around.has_leader * shift
     return replace(
         around,
@@ -166,7 +166,7 @@ def synchronised(around: Surroundings, shift: Float[Array, "*n"]) -> Surrounding
 
 
 def pieces_of(data: Measured, noise: Noise) -> Pieces:
-    """The pieces of measured drives as the observer takes them, all with one noise."""
+    """The pieces of measured drives as arrays for the observer, all with one noise."""
     n, gain = len(data.driver), noise.gain(data.dt, data.stride)
     return Pieces(
         y=data.y,
@@ -183,15 +183,15 @@ def pieces_of(data: Measured, noise: Noise) -> Pieces:
 
 
 def weights(data: Measured, noise: Noise) -> Float[np.ndarray, "steps pieces"]:
-    """Weight of each innovation: what it is worth over its variance, as a share of the usual one of its driver [-]."""
-    return data.weight * noise.independent / (1 + noise.growth * unrest(data))
+    """Weight of each innovation: effective share of independent information over its relative variance [-]."""
+    return data.weight * noise.independent / (1 + noise.growth * squared_leader_acceleration(data))
 
 
-def unrest(data: Measured) -> Float[np.ndarray, "steps pieces"]:
-    """Squared acceleration of the leader [m^2/s^4], bounded; the driver's own would depend on the noise itself."""
+def squared_leader_acceleration(data: Measured) -> Float[np.ndarray, "steps pieces"]:
+    """Squared acceleration of the leader [m^2/s^4], bounded. The driver's own would depend on its noise."""
     return np.minimum(data.around.leader_acceleration**2, MOST_UNREST)
 
 
 def repeated(gain: Gain, n: int) -> Gain:
-    """One gain for every one of n pieces."""
+    """One gain repeated for n pieces."""
     return Gain(*(np.full(n, value) for value in gain))

@@ -1,4 +1,4 @@
-"""The data of a discovery: drivers of recordings, in parts that share none."""
+"""The data of a discovery: fitted, checked and reported drivers, all different."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -21,25 +21,25 @@ from rearl_jax.discovery.read.smoothness import smoothness
 from rearl_jax.discovery.read.speed_sensor import SPEED_SENSOR, has_speed_sensor, with_fast_speeds
 
 AUTO = "auto"
-"""Value of `discover.by` by which kinds of drivers are found without labels."""
+"""Value of `discover.by` for kinds of drivers that are found without labels."""
 
 ENOUGH = 36
-"""Drivers who are asked whether they do anything beside the model."""
+"""Number of drivers used to test whether the drives contain noise."""
 
 
 @dataclass(frozen=True)
 class Parts:
-    """The data, and what their columns show.
+    """The data and the findings of the data check.
 
     Attributes:
         id: Identity of the data.
         generated: Whether any of the data were generated, not measured.
-        infos: What is known about the recordings.
+        infos: Descriptions of the recordings.
         findings: Artefacts and properties of the measurement that the columns show.
-        fitted: Drivers that everything is fitted to.
-        checked: Others, on whom it is checked.
-        reported: Others again, on whom the error is reported, once.
-        notes: What a reader must know of the recordings.
+        fitted: Drivers that all models are fitted to.
+        checked: Other drivers, on whom candidates are checked.
+        reported: A third set of drivers, used once to report errors.
+        notes: Notes on the recordings for the reader.
     """
 
     id: str
@@ -55,17 +55,17 @@ class Parts:
 def measured_drivers(
     recordings: Sequence[Recording], options: DiscoverConfig, prior: Prior = IDM_PRIOR, same: str | None = None
 ) -> tuple[list[Finding], Measured]:
-    """Findings in the columns, and drivers who follow a leader long enough, at most `max_drivers` of each group, at
-    random.
+    """Findings in the columns, and drivers who follow a leader long enough: a random sample of at most `max_drivers`
+    per group.
 
     Args:
         recordings: The recordings.
         options: Keys of discovery.
-        prior: What is usual of drivers.
-        same: The label by which the format knows the same driver or car again, where `options.same` names no other.
+        prior: Prior distribution of drivers' parameters.
+        same: Label by which the data format identifies the same driver or car, if `options.same` names no label.
 
     Raises:
-        ValueError: The frame rates differ, a label is unknown, or nobody follows a leader long enough.
+        ValueError: The frame rates differ, a label is unknown, or no driver follows a leader long enough.
     """
     one_frame_rate(recordings)
     tables = [thinned(recording) for recording in recordings]
@@ -79,16 +79,16 @@ def measured_drivers(
     known = partial(measure, position_lag=amount(findings, "position_lag"), labels=labels, same=same)
     data = _chosen(known(tables, smooth=smooth), options)
     if data.noise < EXACT_NOISE and _are_exact(data, prior):
-        # A simulation without noise is as smooth by itself as a kernel would have made it.
+        # A simulation without noise is as smooth as a smoothed recording, so smoothness proves nothing here.
         return findings, _chosen(known(tables, least_noise=EXACT_NOISE), options)
     return [*findings, *([smoothed_positions(smooth.drives)] if smooth.drives else [])], data
 
 
 def labels_of(recordings: Sequence[Recording], options: DiscoverConfig) -> dict[str, list[pd.Series]]:
-    """Labels of the tracks of each recording: all that the recordings have, and those that the keys name.
+    """Labels of the tracks of each recording: those in the recordings, and those named by configuration keys.
 
     Raises:
-        InvalidInputError: A key names a label that no recording has.
+        InvalidInputError: A configuration key names a label that no recording has.
     """
     wanted = {name: "data.format" for recording in recordings for name in recording.info.labels}
     wanted |= {name: f"discover.{key}" for key, name in named_labels(options).items()}
@@ -96,13 +96,13 @@ def labels_of(recordings: Sequence[Recording], options: DiscoverConfig) -> dict[
 
 
 def named_labels(options: DiscoverConfig) -> dict[str, str]:
-    """Labels that keys name, by the key."""
+    """Labels named by configuration keys, by key."""
     named = {"by": options.by, "same": options.same}
     return {key: name for key, name in named.items() if name is not None and (key, name) != ("by", AUTO)}
 
 
 def _chosen(data: Measured, options: DiscoverConfig) -> Measured:
-    """At most so many drivers of each group, at random."""
+    """A random sample of at most `max_drivers` drivers of each group."""
     by = named_labels(options).get("by")
     groups = np.zeros(data.n_drivers, int) if by is None else pd.factorize(data.label(by))[0]
     rng = np.random.default_rng(options.seed)
@@ -116,6 +116,6 @@ def _chosen(data: Measured, options: DiscoverConfig) -> Measured:
 
 
 def _are_exact(data: Measured, prior: Prior) -> bool:
-    """True if some of the drivers, which are enough to see it, do nothing beside the model."""
+    """True if a sample of the drivers follows the model without noise."""
     some = data.select(np.flatnonzero(data.driver < ENOUGH))
     return is_exact(solver_of(some, prior), some)

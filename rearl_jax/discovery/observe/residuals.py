@@ -1,13 +1,14 @@
-"""Residuals of a calibrated model: innovations, an acceleration beside the model, a gap error.
+"""Residuals of a calibrated model: innovations, acceleration residual, gap error.
 
-The acceleration residual is the smoothed state o of the observer: what the driver did beside the model, given the whole
-drive. Of the estimates at hand it errs least. The observer's own o comes late and takes back part of what lasts; o and
-the correction of the speed over a step are right on average but pass all measurement noise on; a differentiated speed
-less the model's wish needs a cut-off of its own. The smoothed o has no delay, keeps what lasts longer than a second,
-and follows from the innovations alone, so it is right for every effect that the observer can run.
+The acceleration residual is the smoothed state o of the observer: the part of the measured acceleration that the model
+does not explain, estimated from the whole drive. It has the smallest error of the available estimates. The filtered o
+is late and underestimates lasting residuals; o plus the speed correction per step is unbiased but contains all
+measurement noise; the derivative of the speed minus the model's acceleration needs its own cut-off frequency. The
+smoothed o has no delay, keeps everything slower than a second, and follows from the innovations alone, so it is valid
+for every effect in the observer.
 
-It is for people to look at. Drivers' noise moves speed and gap, so it goes together with both even where nothing is
-missing; what depends on what is therefore measured on the innovations (`forcing`), which no past explains.
+It is meant for figures. Drivers' noise changes speed and gap, so the residual is correlated with both even if no effect
+is missing. Dependences are therefore estimated from the innovations (`forcing`), which are independent of the past.
 
 Source: fixed-interval smoother by backward recursion of the innovations, de Jong, Ann. Stat. 17 (1989) 1073.
 """
@@ -33,7 +34,7 @@ from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.read.measured import Surroundings, is_new
 
 LAGS_FOR = 3.0
-"""Time over which autocorrelations are looked at [s]."""
+"""Longest lag of the autocorrelations [s]."""
 
 
 @dataclass(frozen=True)
@@ -41,15 +42,15 @@ class Residuals:
     """Residuals of a fitted model.
 
     Attributes:
-        state: Which.
-        prior: What is taken for usual of its drivers.
-        noise: Its observer's.
+        state: State of the fitted model.
+        prior: Prior distribution of its drivers' parameters.
+        noise: Noise of its observer.
         innovation: Measured minus predicted position [m].
-        acceleration: Smoothed acceleration beside the model [m/s^2].
-        gap: Simulated minus measured gap, simulated without correction with the same parameters [m].
-        x, v: Centre [m] and speed [m/s] of the driver halfway to the next time step, as the observer expects them from
-            what was measured before.
-        seen: What was around halfway, as the observer takes it.
+        acceleration: Acceleration residual [m/s^2].
+        gap: Gap in the closed-loop simulation with the same parameters, minus measured gap [m].
+        x, v: Centre [m] and speed [m/s] of the driver halfway to the next time step, predicted from earlier
+            measurements.
+        seen: Surroundings halfway to the next time step, as in the observer.
     """
 
     state: FitState
@@ -70,15 +71,15 @@ class Residuals:
         return jax.vmap(stimulus, in_axes=(0, 0, None, None, 0))(*own, truck, jax.tree.map(jnp.asarray, self.seen))
 
     def autocorrelation(self) -> tuple[Float[np.ndarray, " lags"], Float[np.ndarray, " lags"]]:
-        """Times apart [s], up to LAGS_FOR, and the correlation of innovations that count and are so far apart [-]."""
+        """Lags [s] up to LAGS_FOR, and the autocorrelation of weighted innovations [-]."""
         data = self.state.data
         furthest = max(round(LAGS_FOR / data.dt), data.stride)
-        found = autocorrelation(self.innovation, data.weight, data.stride, furthest)
-        return np.arange(1, len(found) + 1) * data.stride * data.dt, found
+        correlations = autocorrelation(self.innovation, data.weight, data.stride, furthest)
+        return np.arange(1, len(correlations) + 1) * data.stride * data.dt, correlations
 
 
 def residuals_of(solver: Solver, states: Sequence[FitState], fits: Sequence[Fit]) -> list[Residuals]:
-    """Residuals of solved states, one fit each for its noise."""
+    """Residuals of solved states; each state comes with the fit that gives its noise."""
     return [_residuals(solver, state, fit.noise) for state, fit in zip(states, fits, strict=True)]
 
 
@@ -118,12 +119,12 @@ def smoothed_acceleration(
     dt: float,
     stride: int,
 ) -> Float[np.ndarray, "steps pieces"]:
-    """Acceleration beside the model in every time step, given the whole drive [m/s^2].
+    """Acceleration residual in every time step, estimated from the whole drive [m/s^2].
 
     Args:
         innovation: Innovation of the observer with the gain of `noise` [m].
-        weight: 1 where a time step counts; after the last of them a drive has ended.
-        noise: As the observer takes it.
+        weight: 1 if a time step counts, else 0; a drive ends at its last time step that counts.
+        noise: Noise of the observer.
         dt: Time step [s].
         stride: Time steps from one correction to the next.
     """

@@ -1,9 +1,10 @@
-"""Response time of drivers: how much later than their model asks they accelerate.
+"""Response time of drivers: delay of their measured acceleration behind the acceleration of their model.
 
-The model is asked in every time step where its driver was measured to be, so no error adds up. What drivers do beside
-the model moves gap and speed, and with them what the model asks; correlated with each other, both would show that. What
-the leader does owes nothing to it: if drivers do late what the model asks, the covariance of their acceleration with
-the leader's some time before is that of the model's, later by the response time.
+The model acceleration is computed at the measured state in every time step, so errors do not accumulate. A direct
+correlation of measured and model acceleration would be biased, because the driver's noise changes gap and speed and
+thereby the model acceleration. The leader's acceleration does not depend on this noise. If drivers respond late, the
+covariance of their acceleration with the leader's earlier acceleration equals that of the model, shifted by the
+response time.
 
 Source: delay by cross-correlation, Knapp & Carter, IEEE Trans. ASSP 24 (1976) 320; with the leader's acceleration as
 the instrument, Young, Recursive Estimation and Time-Series Analysis (2011), chapter 7.
@@ -25,29 +26,29 @@ from rearl_jax.discovery.observe.observer import stimulus, straightened, straigh
 from rearl_jax.discovery.observe.solver import Solver
 
 LONGEST_AFTER = 6.0
-"""Time after what a leader does over which its follower is watched [s]."""
+"""Longest lag of the follower's acceleration behind the leader's [s]."""
 
 EARLIEST, LATEST = -1.0, 3.0
-"""Response times that are tried [s]; below zero the model is later than the driver."""
+"""Range of tested response times [s]; below zero the model is later than the driver."""
 
 
 WIDEST_INTERVAL = 1.0
-"""Width of an interval [s] from which a response time is not identified."""
+"""Width of an interval [s] above which a response time is not identified."""
 
 SEEN_AS_LATE = 0.15
-"""Response time [s] from which drivers' own parameters are found again under that delay."""
+"""Response time [s] above which drivers' own parameters are calibrated again under that delay."""
 
 DELAY = Term("reaction_delay")
 
 
 @dataclass(frozen=True)
 class Covariances:
-    """Covariances with the leader's acceleration before, driver by driver, summed over time [m^2/s^4].
+    """Covariances with the leader's earlier acceleration, driver by driver, summed over time [m^2/s^4].
 
     Attributes:
         dt: Time step [s].
-        measured: Of the measured acceleration, from lag 0 to LONGEST_AFTER.
-        asked: Of what the model asks, from lag -LATEST to LONGEST_AFTER - EARLIEST.
+        measured: Covariances of the measured acceleration, from lag 0 to LONGEST_AFTER.
+        asked: Covariances of the model acceleration, from lag -LATEST to LONGEST_AFTER - EARLIEST.
     """
 
     dt: float
@@ -55,7 +56,7 @@ class Covariances:
     asked: Float[np.ndarray, "drivers more"]
 
     def delay(self, drivers: Int[np.ndarray, " some"]) -> float:
-        """Shift [s] with which the model's covariances are most alike to the measured ones of some drivers."""
+        """Shift [s] at which the model's covariances fit the measured ones of the given drivers best."""
         measured, asked = self.measured[drivers].sum(axis=0), self.asked[drivers].sum(axis=0)
         shifted = np.lib.stride_tricks.sliding_window_view(asked, len(measured))[::-1]  # from EARLIEST to LATEST
         alike = shifted @ measured / np.maximum(np.linalg.norm(shifted, axis=1), 1e-12)
@@ -68,12 +69,12 @@ class Covariances:
 
 @dataclass(frozen=True)
 class Responses:
-    """How much later than their model asks drivers accelerate.
+    """Response times of drivers.
 
     Attributes:
-        found: Under the model.
-        again: Under the model with a delay, own parameters found anew; None where they are not seen to be late.
-        added: That delay [s].
+        found: Covariances under the model.
+        again: Covariances under the model with a delay and own parameters calibrated again; None if no delay was found.
+        added: The added delay [s].
     """
 
     found: Covariances
@@ -81,8 +82,8 @@ class Responses:
     added: float = 0.0
 
     def figure(self, confidence: float, draws: int, seed: int) -> dict[str, float] | None:
-        """Response time {value, low, high} [s] with its interval over drivers; None where it is not identified: where
-        resamples of the drivers have it far from each other, or at the ends of what is tried.
+        """Response time {value, low, high} [s] with its interval over drivers; None if it is not identified, because
+        its values in resamples of the drivers differ too much or lie at the ends of the tested range.
         """
         n, rng = len(self.found.measured), np.random.default_rng(seed)
         drawn = [self.of(rng.integers(0, n, n)) for _ in range(draws)]
@@ -93,9 +94,10 @@ class Responses:
         return {"value": self.of(np.arange(n)), "low": low, "high": high}
 
     def of(self, drivers: Int[np.ndarray, " some"]) -> float:
-        """Response time of some drivers [s]: the delay that the model needs for them not to be late.
+        """Response time of the given drivers [s]: the delay with which the model is no longer ahead of them.
 
-        Parameters that were found without a delay imitate a part of it; how much is left with one tells the rest.
+        Parameters calibrated without a delay imitate part of it. The remaining shift after a delay was added gives the
+        correction.
         """
         late = self.found.delay(drivers)
         if self.again is None:
@@ -105,22 +107,22 @@ class Responses:
 
 
 def responses(solver: Solver, state: FitState) -> Responses:
-    """How much later than the model of a state asks its drivers accelerate."""
-    found = covariances(solver, state)
-    late = found.delay(np.arange(state.data.n_drivers))
+    """Response times of the drivers of a state."""
+    undelayed = covariances(solver, state)
+    late = undelayed.delay(np.arange(state.data.n_drivers))
     layout = solver.layout
     if late < SEEN_AS_LATE or DELAY in state.active or DELAY not in layout.candidates:
-        return Responses(found)
+        return Responses(undelayed)
     places = list(layout.candidates[DELAY].free)
     theta = state.theta.copy()
     theta[places] = np.minimum(late, layout.high[places])
     delayed = copied(state, theta=theta, active=(*state.active, DELAY))
     solver.solve([delayed], iterations=15, tolerance=0.1)
-    return Responses(found, covariances(solver, delayed), float(theta[places[0]]))
+    return Responses(undelayed, covariances(solver, delayed), float(theta[places[0]]))
 
 
 def covariances(solver: Solver, state: FitState) -> Covariances:
-    """Covariances of a state; accelerations are taken about their means in each piece."""
+    """Covariances of a state; the mean of each piece is subtracted from accelerations."""
     data = state.data
     counts = _between_looks(data.weight > 0, data.stride)
     leader = data.around.leader_acceleration
@@ -142,7 +144,7 @@ def covariances(solver: Solver, state: FitState) -> Covariances:
 
 
 def _between_looks(counts: Bool[np.ndarray, "steps pieces"], stride: int) -> Bool[np.ndarray, "steps pieces"]:
-    """Time steps between two neighbouring ones that count, both included."""
+    """True for time steps between two neighbouring ones that count, both included."""
     looks, row = counts[::stride], np.arange(len(counts))
     last, following = row // stride, -(-row // stride)
     return looks[last] & looks[np.minimum(following, len(looks) - 1)] & (following < len(looks))[:, None]
@@ -161,7 +163,7 @@ def _lagged(
 
 
 def asked_acceleration(solver: Solver, state: FitState) -> Float[np.ndarray, "steps pieces"]:
-    """Acceleration [m/s^2] that the model asks of each driver at the measured place and speed."""
+    """Model acceleration [m/s^2] of each driver at the measured position and speed."""
     data, layout = state.data, solver.layout
     is_truck = data.is_truck.astype(float)
     driver = layout.prior.drivers(jnp.asarray(state.z[data.driver].T), is_truck)

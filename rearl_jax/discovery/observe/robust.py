@@ -7,7 +7,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 OUTLYING = 4.0
-"""Standard deviations beyond which an innovation is an outlier; Gaussian noise hardly ever gets there."""
+"""Standard deviations beyond which an innovation is an outlier; Gaussian noise hardly ever exceeds them."""
 
 
 def kept_share(error: Float[Array, "*n"], deviation: Float[Array, "*#n"]) -> Float[Array, "*n"]:

@@ -1,9 +1,9 @@
 """Derivatives of the innovations along many directions at once.
 
-Along every direction only the observer's own state (position, speed, what the driver does beside the model, the last
-acceleration) is carried; how the model's acceleration answers to state and parameters comes from one reverse pass per
-time step. Exact as long as what effects remember does not act, which is so where they are off; where such an effect has
-been added, `normal_equations.Programs.sums` carries its memory along too.
+For every direction, only the derivatives of the observer's state (position, speed, acceleration residual, last
+acceleration) are propagated; the derivatives of the model's acceleration come from one reverse pass per time step. This
+is exact as long as no effect with memory is active. After such an effect was added, `normal_equations.Programs.sums`
+also propagates the derivatives of its memory.
 """
 
 from collections.abc import Sequence
@@ -38,24 +38,24 @@ def look_along(
     dt: float,
     active: tuple[Term, ...] | None = None,
 ) -> dict[str, Float[Array, "*any pieces"]]:
-    """Sums over time for the drivers' own directions and for single places of theta.
+    """Sums over time for drivers' own parameters and for single elements of theta.
 
     Args:
         z: Standardised parameters of the drivers.
-        theta: What has been added.
+        theta: Parameters of the added candidates.
         pieces: What was measured.
-        layout: Where everything is in theta.
+        layout: Layout of theta.
         knots: Knots of the curves.
-        places: Places that are looked along, those that have been added already first.
-        groups: Which of the places belong together, as positions in `places`.
-        n_kept: How many have been added already.
-        following: 1 where a driver follows its k-th usual leader, whose clock may be ahead.
+        places: Indices of theta whose directions are tested, those already added first.
+        groups: Indices that belong together, as positions in `places`.
+        n_kept: Number of indices already added.
+        following: 1 if a driver follows its k-th main leader, whose clock may be ahead.
         dt: Time step [s].
         active: Terms that are computed; None for all.
 
     Returns:
         `square` and `count` (robust squares of innovations, weights), `gradient` (innovation times derivative, own
-        directions first), `nuisance` (derivatives along own directions and what has been added, times all), `block_k`
+        directions first), `nuisance` (derivatives along own and already added directions, times all), `block_k`
         (derivatives of group k times each other; the last group is the leaders' clocks, whose directions come last).
     """
     pieces, prior = jax.tree.map(jnp.asarray, pieces), layout.prior
@@ -105,7 +105,7 @@ def look_along(
         (middle_x, middle_v), (d_middle_x, d_middle_v) = halfway(state, last, dt), halfway(d, d_last, dt)
         middle = (middle_x, jnp.maximum(middle_v, 0.0))
         by, (acceleration, memory) = answer((*middle, z, numbers, jnp.zeros_like(x), last), memory, around)
-        # Behind a branch, or it is worked out again for every direction that it is multiplied with.
+        # In a branch, because XLA would otherwise recompute it for every direction.
         is_vehicle, nothing = pieces.length > 0, jnp.zeros_like(x)
         by_x, by_v = if_any(is_vehicle, lambda: (by[0], jnp.where(middle_v > 0, by[1], 0.0)), (nothing, nothing))
         forcing = jnp.concatenate([by[2], *layout.at(by[3], places), by[4][None] * follows])

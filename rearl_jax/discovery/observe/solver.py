@@ -1,13 +1,13 @@
-"""Least squares over everything at once: each driver's own parameters, the population's mean, and what was added.
+"""Joint least squares: each driver's own parameters, the population's mean, and the added candidates.
 
 Minimises for a state (one data set under one candidate)
 
     sum over drivers [(n + f) / 2 log S - f / 2 log S_usual + |(z - mean) / spread|^2 / 2]
         + |mean|^2 / 2 + |(theta - ref) / scale|^2 / 2,   S = (f S_usual + sum over steps of nu^2) / (f + n)
 
-many states side by side. The population's spread stays as it is: one that shrank with every step would make false
-evidence. S is the variance of a driver's innovations, n of which count; it scatters between drivers about S_usual as if
-each had shown f innovations before.
+for many states in one batch. The population's spread is fixed, because a spread that shrank with every step would give
+false evidence. S is the variance of a driver's innovations, n of which count; its prior is centred on S_usual with the
+weight of f innovations.
 """
 
 from collections.abc import Sequence
@@ -28,17 +28,17 @@ from rearl_jax.discovery.observe.observer import Pieces
 from rearl_jax.discovery.read.measured import Measured
 
 SIDE_BY_SIDE = 512
-"""Pieces that fill all cores."""
+"""Pieces per batch that use all cores."""
 
 
 class Solver:
-    """Finds the best parameters of many states side by side."""
+    """Solver that optimises the parameters of many states in one batch."""
 
     def __init__(self, programs: Programs) -> None:
         self.programs, self.layout = programs, programs.layout
 
     def free(self, state: FitState) -> Int[np.ndarray, " free"]:
-        """Places of theta that are searched in a state."""
+        """Indices of theta that are searched in a state."""
         if state.holds_theta:
             return np.empty(0, int)
         return np.array(self.programs.free(state.active), int)
@@ -46,7 +46,7 @@ class Solver:
     def solve(self, states: Sequence[FitState], *, iterations: int = 25, tolerance: float = 0.03) -> None:
         """Searches until the objective falls by less than `tolerance` [nats] or after some iterations.
 
-        The states, in which the same is active, are changed in place.
+        The states are changed in place; all must have the same active terms.
         """
         free = self.free(states[0])
         self._evaluate(states)
@@ -61,8 +61,8 @@ class Solver:
                 search.judge(trial, tolerance)
 
     def sums(self, states: Sequence[FitState]) -> None:
-        """Fills in the sums at the present parameters."""
-        # A few side by side fill the cores; more would only be copies of the same data.
+        """Computes the sums at the present parameters of each state, in place."""
+        # A few states use all cores; larger batches would only need more memory.
         together = max(1, SIDE_BY_SIDE // len(states[0].data.driver))
         for first in range(0, len(states), together):
             self._evaluate(states[first : first + together])
@@ -70,14 +70,14 @@ class Solver:
     def look(
         self, states: Sequence[FitState], places: tuple[int, ...], groups: tuple[tuple[int, ...], ...]
     ) -> list[dict[str, np.ndarray]]:
-        """Sums of `sensitivity.look_along` over each driver; all states have added the same."""
+        """Sums of `sensitivity.look_along` over each driver; all states must have the same added candidates."""
         n_kept = len(self.free(states[0]))
         arguments = self._arguments(states, _joined([state.pieces for state in states]))
         arguments["following"] = np.concatenate([following(state.data) for state in states], axis=-1)
         return _by_driver(self.programs.look(places, groups, n_kept)(arguments), states)
 
     def innovations(self, states: Sequence[FitState], gain: Gain | None = None) -> list[np.ndarray]:
-        """Measured minus predicted positions [m] of each state, `[n_steps, n_pieces]`; under another gain if given."""
+        """Measured minus predicted positions [m] of each state, `[n_steps, n_pieces]`; with another gain if given."""
         pieces = [state.pieces if gain is None else replace_gain(state.pieces, gain) for state in states]
         result = self.programs.innovations(states[0].active)(self._arguments(states, _joined(pieces)))
         return [result[..., columns] for columns in _columns(states)]
@@ -97,7 +97,7 @@ class Solver:
 
 
 def solver_of(data: Measured, prior: Prior = IDM_PRIOR) -> Solver:
-    """A solver with the places and knots of some data."""
+    """A solver with the layout and knots of the given data."""
     return Solver(Programs(layout_of(data, prior), data.dt))
 
 
@@ -119,13 +119,13 @@ def _by_driver(result: dict, states: Sequence[FitState]) -> list[dict[str, np.nd
 
 
 def _columns(states: Sequence[FitState]) -> list[slice]:
-    """Where the pieces of each state are among those of all."""
+    """Columns of each state's pieces in the batch."""
     ends = np.cumsum([len(state.data.driver) for state in states])
     return [slice(end - len(state.data.driver), end) for state, end in zip(states, ends, strict=True)]
 
 
 def _added(values: np.ndarray, data: Measured) -> np.ndarray:
-    """Values of pieces, pieces last, added up over each driver, drivers first."""
+    """Values of pieces (last axis) summed over each driver (first axis)."""
     moved = np.moveaxis(np.asarray(values), -1, 0)
     total = np.zeros((data.n_drivers, *moved.shape[1:]))
     np.add.at(total, data.driver, moved)

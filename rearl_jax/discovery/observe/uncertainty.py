@@ -1,4 +1,4 @@
-"""Standard deviations of fitted numbers, and the price of freedom."""
+"""Standard deviations of fitted parameters, and complexity penalties."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,16 +13,16 @@ from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.thresholds import THRESHOLDS
 
 CONTENT = np.log(THRESHOLDS.independent_observations)
-"""Logarithm of a usual number of independent observations of one number [-]."""
+"""Logarithm of a typical number of independent observations of one parameter [-]."""
 
 
 @dataclass(frozen=True)
 class Known:
-    """Standard deviations of fitted numbers.
+    """Standard deviations of fitted parameters.
 
     Attributes:
-        theta: Those of the numbers that were searched, in order.
-        drivers: Those of the drivers' standardised parameters, given everything else [-].
+        theta: Standard deviations of the searched elements of theta, in order.
+        drivers: Standard deviations of the drivers' standardised parameters, all else fixed [-].
     """
 
     theta: Float[np.ndarray, " free"]
@@ -30,10 +30,10 @@ class Known:
 
 
 def known(solver: Solver, state: FitState) -> Known:
-    """Standard deviations in a state that has been solved.
+    """Standard deviations in a solved state.
 
-    The larger of two for each number of theta: the curvature's, which trusts the noise model, and the sandwich's, which
-    takes the scatter of the drivers' own scores.
+    For each element of theta the larger of two estimates: from the curvature, which relies on the noise model, and from
+    the sandwich formula, which uses the scatter of the drivers' scores.
 
     Source: White, Econometrica 50 (1982) 1 (sandwich); Kauermann & Carroll, JASA 96 (2001) 1387.
     """
@@ -60,7 +60,7 @@ def known(solver: Solver, state: FitState) -> Known:
 
 
 def _projected(state: FitState, n_free: int) -> tuple[np.ndarray, np.ndarray]:
-    """Response of the drivers' own parameters to what was added, and the information that is left of it."""
+    """Response of the drivers' own parameters to theta, and the information on theta that remains."""
     assert state.sums is not None
     n_own = state.z.shape[1]
     own, added = slice(0, n_own), slice(n_own, n_own + n_free)
@@ -71,10 +71,10 @@ def _projected(state: FitState, n_free: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def price(solver: Solver, state: FitState, places: Sequence[int]) -> float:
-    """Price of the freedom of some places [nats]: how much narrower the data make their prior, and how far they are
-    from its middle.
+    """Complexity penalty of some elements of theta [nats]: how much the data narrow their prior, and how far they lie
+    from its mean.
 
-    Source: Laplace approximation of the evidence, MacKay, Neural Comput. 4 (1992) 415; where a prior says nothing, half
+    Source: Laplace approximation of the evidence, MacKay, Neural Comput. 4 (1992) 415; for uninformative priors, half
     the logarithm of the number of independent observations, Schwarz, Ann. Stat. 6 (1978) 461.
     """
     layout, free = solver.layout, solver.free(state)

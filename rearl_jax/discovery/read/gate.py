@@ -1,6 +1,6 @@
-"""A look at the data before any model: do their columns agree with each other, and how noisy are they?
+"""Data check before any model: agreement of the columns with each other, and their noise.
 
-What is found here is a measurement artefact whatever drivers do.
+A disagreement found here is a measurement artefact, whatever drivers do.
 """
 
 from collections.abc import Sequence
@@ -12,7 +12,7 @@ from rearl_jax.discovery.read.smoothing import Thinned, cut_off, position_noise,
 from rearl_jax.discovery.thresholds import THRESHOLDS
 
 LOWEST_FREQUENCY = 2.0
-"""Cut-off [rad/s] of the comparison: slower than any noise, faster than any drift."""
+"""Cut-off [rad/s] of the comparison: below the frequencies of noise, above those of drift."""
 
 
 @dataclass(frozen=True)
@@ -20,13 +20,13 @@ class Finding:
     """An artefact, or a property of the measurement, that the columns themselves show.
 
     Attributes:
-        name: As in the verdict.
-        is_artefact: Whether a column is wrong; else this is how measurements are, which the observer allows for.
-        parameter: Name of its number.
-        unit: Unit of the number.
-        value: The number.
-        deviation: Its standard deviation.
-        words: What was seen, in one sentence.
+        name: Name as in the verdict.
+        is_artefact: Whether a column is wrong; otherwise a normal property of measurements, which the observer models.
+        parameter: Name of the measured parameter.
+        unit: Unit of the parameter.
+        value: Value of the parameter.
+        deviation: Standard deviation of the value.
+        words: Description in one sentence.
     """
 
     name: str
@@ -39,7 +39,7 @@ class Finding:
 
 
 def amount(findings: Sequence[Finding], name: str) -> float:
-    """Amount of an artefact, in its own unit; 0 for none."""
+    """Size of an artefact in its unit; 0 without a finding."""
     return next((finding.value for finding in findings if finding.name == name), 0.0)
 
 
@@ -47,10 +47,10 @@ def gate(tables: Sequence[Thinned]) -> list[Finding]:
     """Lags, scales and noise that the columns show."""
     noise = [position_noise(table["position"].to_numpy(), *track_bounds(table)) for table, _ in tables]
     lag, scale = _speed_against_position(tables, noise)
-    found = []
+    findings = []
     if lag is not None and abs(lag[0]) > max(THRESHOLDS.least_lag, THRESHOLDS.columns_z_score * lag[1]):
         late, other = ("speed", "position") if lag[0] > 0 else ("position", "speed")
-        found.append(
+        findings.append(
             Finding(
                 f"{late}_lag",
                 True,
@@ -62,7 +62,7 @@ def gate(tables: Sequence[Thinned]) -> list[Finding]:
             )
         )
     if scale is not None and abs(scale[0]) > max(THRESHOLDS.least_scale_error, THRESHOLDS.columns_z_score * scale[1]):
-        found.append(
+        findings.append(
             Finding(
                 "speed_scale",
                 True,
@@ -77,12 +77,12 @@ def gate(tables: Sequence[Thinned]) -> list[Finding]:
     if typical > THRESHOLDS.noisy_positions:
         spread = float(np.std(noise) / np.sqrt(len(noise))) if len(noise) > 1 else 0.05 * typical
         words = f"positions scatter by {typical:.2f} m, more than a motorway camera's"
-        found.append(Finding("position_noise", False, "sd", "m", typical, spread, words))
-    return found
+        findings.append(Finding("position_noise", False, "sd", "m", typical, spread, words))
+    return findings
 
 
 def smoothed_positions(width: float) -> Finding:
-    """That positions have been smoothed with a kernel of this width [s]."""
+    """Finding that positions were smoothed with a kernel of this width [s]."""
     words = f"positions have been smoothed over about {width:.1f} s before they were released"
     return Finding("smoothing", False, "time", "s", width, 0.2 * width, words)
 
@@ -99,7 +99,7 @@ def _speed_against_position(
             if (stop - start) * dt < 6.0:
                 continue
             _, v, a = smoothed(position[start:stop], dt, frequency)
-            # The integral of the column, smoothed in the same way: its derivative has lost what v has lost.
+            # The integral of the column is smoothed in the same way, so its derivative is attenuated like v.
             driven = np.concatenate([[0.0], np.cumsum((speed[start + 1 : stop] + speed[start : stop - 1]) / 2) * dt])
             _, column, _ = smoothed(driven, dt, frequency)
             inner = slice(int(1.5 / dt), -int(1.5 / dt))

@@ -1,6 +1,6 @@
-"""Measured drivers: what each did, and what it saw, in arrays that the observer runs through.
+"""Measured drivers: own motion and surroundings, in arrays for the observer.
 
-A long track is cut into pieces that share one driver. Everything but the own motion is measured and given, so drivers
+A long track is cut into pieces that share one driver. The motion of all other vehicles is taken as measured, so drivers
 are independent of each other.
 """
 
@@ -30,7 +30,7 @@ _SPEED_OF = {
 }
 
 _JUMP = 6.0
-"""Change [m/s], or [m] beyond what the speed explains, that is no motion: somebody else is there."""
+"""Change of speed [m/s], or of position beyond what the speed explains [m], that indicates another vehicle."""
 
 
 class Surroundings(eqx.Module):
@@ -39,21 +39,21 @@ class Surroundings(eqx.Module):
     Attributes:
         time: Since the start of the recording [s].
         lane, is_leftmost, is_rightmost, lateral_offset: As in `Stimulus`.
-        has_leader: Whether there is one.
-        leader_rear: Its rear bumper [m].
-        leader_centre: Its centre [m].
-        leader_speed: [m/s].
-        leader_acceleration: [m/s^2].
-        leader_length: [m].
-        leader_is_truck: Whether it is one.
-        has_second, second_rear, second_speed: The rear bumper as if the leader between had no length.
-        has_third, third_speed: The one ahead of that.
+        has_leader: Whether there is a leader.
+        leader_rear: Rear bumper of the leader [m].
+        leader_centre: Centre of the leader [m].
+        leader_speed: Speed of the leader [m/s].
+        leader_acceleration: Acceleration of the leader [m/s^2].
+        leader_length: Length of the leader [m].
+        leader_is_truck: Whether the leader is a truck.
+        has_second, second_rear, second_speed: The leader's leader; its rear bumper minus the length of the leader
+            between.
+        has_third, third_speed: The third vehicle ahead.
         has_follower, follower_front, follower_speed: The vehicle behind.
         has_left, left_rear, left_speed: The next vehicle ahead on the lane to the left.
         beside_speed, n_beside: As in `Stimulus`.
         time_since_change, gap_lost, time_gap_at_change: As in `Stimulus`.
-        time_to_next, next_rear, next_speed, next_by_own, next_is_nearer: Who is the leader next, as in
-            `RecordedStimulus`.
+        time_to_next, next_rear, next_speed, next_by_own, next_is_nearer: The next leader, as in `RecordedStimulus`.
     """
 
     time: Float[Any, "*steps pieces"]
@@ -92,19 +92,19 @@ class Surroundings(eqx.Module):
 
 
 def is_new(steps: int, stride: int) -> Bool[np.ndarray, " steps"]:
-    """True if a time step of a piece says something new, where every `stride`-th does."""
+    """True for every `stride`-th time step, those with an independent measurement."""
     return np.arange(steps) % stride == 0
 
 
 @dataclass(frozen=True)
 class Measured:
-    """Pieces of measured drives and who drove them.
+    """Pieces of measured drives with their drivers.
 
     Attributes:
         y: Measured position of the own centre [m].
-        weight: 1 where the time step counts, 0 where it is left out or padding.
-        smooth, smooth_speed: The own motion, smoothed [m], [m/s].
-        around: What was around.
+        weight: 1 if the time step counts, 0 if it is excluded or padding.
+        smooth, smooth_speed: Smoothed own position [m] and speed [m/s].
+        around: Surroundings.
         length: Own length [m].
         is_truck: Whether the own vehicle is a truck.
         driver: Index of the driver of each piece, 0 to n_drivers - 1.
@@ -113,10 +113,10 @@ class Measured:
         recording: Index of the recording of each piece.
         identity: Number of the driver or car of each piece, the same in all its tracks and recordings; -1 if unknown.
         dt: Time step [s].
-        stride: Time steps from one that says something new to the next; those between do not count.
+        stride: Time steps from one independent measurement to the next; those between do not count.
         noise: Standard deviation of the measured positions [m].
         smoothing: Width of the kernel that positions were smoothed with before they were released [s]; 0 for none.
-        jumps: Jumps of positions in the recordings, around which nothing counts.
+        jumps: Number of jumps of positions in the recordings; samples around them are excluded.
         labels: Labels of each piece, the same for all of a driver: texts, None where unknown.
     """
 
@@ -146,7 +146,7 @@ class Measured:
 
     @property
     def seconds(self) -> float:
-        """Driver-seconds that count [s]; a time step stands for the time to the next one that says something new."""
+        """Driver-seconds that count [s]; a time step represents the time to the next independent measurement."""
         return float(np.sum(self.weight) * self.dt * self.stride)
 
     @property
@@ -169,11 +169,11 @@ class Measured:
         return values
 
     def of_drivers(self, is_kept: Bool[np.ndarray, " drivers"]) -> "Measured":
-        """Some drivers, numbered anew in their order."""
+        """The selected drivers, renumbered in their order."""
         return self.select(np.flatnonzero(is_kept[self.driver]))
 
     def looks(self) -> Float[np.ndarray, " steps"]:
-        """1 where something new is measured."""
+        """1 for time steps with an independent measurement, else 0."""
         return is_new(len(self.y), self.stride).astype(float)
 
     def driver_mean(self, values: Float[np.ndarray, "steps pieces"]) -> Float[np.ndarray, " drivers"]:
@@ -184,7 +184,7 @@ class Measured:
         return total / np.maximum(count, 1.0)
 
     def halfway(self) -> Surroundings:
-        """Surroundings in the middle between each time step and the next; those of the first where something jumps."""
+        """Surroundings halfway between each time step and the next; those of the former if a value jumps."""
         around = self.around
         last = np.zeros_like(self.y[:1])
         same = self.leader[1:] == self.leader[:-1]
@@ -196,7 +196,7 @@ class Measured:
             if name in _SPEED_OF:
                 speed = getattr(around, _SPEED_OF[name])
                 drift = step - (speed[1:] + speed[:-1]) * (self.dt / 2)
-                half = half - (speed[1:] - speed[:-1]) * (self.dt / 8)  # of who changes speed evenly
+                half = half - (speed[1:] - speed[:-1]) * (self.dt / 8)  # assumes constant acceleration
             smooth = same
             if name in _OF_SECOND:
                 smooth = same & (around.has_second[1:] == around.has_second[:-1])
@@ -210,7 +210,7 @@ class Measured:
         return dataclasses.replace(around, **changed)
 
     def select(self, pieces: np.ndarray) -> "Measured":
-        """Some pieces; drivers are numbered anew in their order."""
+        """The selected pieces; drivers are renumbered in their order."""
         return dataclasses.replace(
             self,
             around=jax.tree.map(lambda values: values[:, pieces], self.around),
@@ -220,17 +220,17 @@ class Measured:
         )
 
     def beside(self, other: "Measured") -> "Measured":
-        """These drivers and others of the same recordings, whose numbers follow."""
+        """These drivers together with others of the same recordings, whose driver numbers are appended."""
         later = dataclasses.replace(other, driver=self.n_drivers + other.driver)
         return dataclasses.replace(self, **joined([self, later]))
 
 
 BY_PIECE = ("y", "weight", "smooth", "smooth_speed", "length", "is_truck", "vehicle", "leader", "recording", "identity")
-"""Arrays of `Measured` whose last axis is the pieces, beside `driver`."""
+"""Arrays of `Measured`, except `driver`, whose last axis is the pieces."""
 
 
 def joined(parts: Sequence[Measured]) -> dict[str, Any]:
-    """Arrays of several parts side by side, by the names of `Measured`; drivers keep their numbers."""
+    """Concatenated arrays of several parts, by the names of `Measured`; drivers keep their numbers."""
     around = jax.tree.map(lambda *values: np.concatenate(values, axis=-1), *(part.around for part in parts))
     arrays = {name: np.concatenate([getattr(part, name) for part in parts], axis=-1) for name in (*BY_PIECE, "driver")}
     labels = {name: np.concatenate([part.labels[name] for part in parts]) for name in parts[0].labels}

@@ -1,4 +1,4 @@
-"""The leaders before and after each change of leader, and how a smoothed recording hands a driver over to the next."""
+"""The leaders before and after each change of leader, and the gradual transition in smoothed recordings."""
 
 from dataclasses import dataclass
 
@@ -11,7 +11,7 @@ from rearl_jax.core.order import NOBODY
 from rearl_jax.data.vehicle_rows import VehicleRows
 
 LONGEST_LEAD = 5.0
-"""Time before a change of leader in which the next one is looked at [s]: lane changes take 3 to 6 s.
+"""Time before a change of leader from which a driver may respond to the next leader [s]; lane changes take 3 to 6 s.
 
 Source: Toledo & Zohar, Transp. Res. Rec. 1999 (2007) 71.
 """
@@ -19,14 +19,14 @@ Source: Toledo & Zohar, Transp. Res. Rec. 1999 (2007) 71.
 
 @dataclass(frozen=True)
 class Handovers:
-    """Changes of leader around each row, rows of the table as in `surroundings.Around`.
+    """Changes of leader around each row; leaders are rows of the table as in `surroundings.Around`.
 
     Attributes:
-        following: Row of the leader after the next change, at the same time; NOBODY where none is near.
-        time_to: Time until then [s]; inf where none is near.
-        by_own: Whether the driver changes lanes then.
-        preceding: Row of the leader before the last change, at the same time; NOBODY where none is near.
-        time_since: Time since then [s]; inf where none is near.
+        following: Row of the leader after the next change, in the same frame; NOBODY if no change is near.
+        time_to: Time until the next change [s]; inf if no change is near.
+        by_own: Whether the driver itself changes lanes at the next change.
+        preceding: Row of the leader before the last change, in the same frame; NOBODY if no change is near.
+        time_since: Time since the last change [s]; inf if no change is near.
     """
 
     following: Int[np.ndarray, " rows"]
@@ -50,10 +50,10 @@ def handovers(
         bounds: First row of each track, and one past its last.
         leader: Track of the leader of every row, NOBODY without one.
         dt: Time step [s].
-        longest: Time before and after a change that is near [s].
+        longest: Largest time to or since a change that is near [s].
     """
     n = len(table)
-    found = Handovers(*(np.full(n, value) for value in (NOBODY, np.inf, 0.0, NOBODY, np.inf)))
+    changes = Handovers(*(np.full(n, value) for value in (NOBODY, np.inf, 0.0, NOBODY, np.inf)))
     lane = table["lane"].to_numpy(dtype=np.float64, na_value=-1.0)
     frame, index = table["frame"].to_numpy(np.int64), VehicleRows(table)
     first, stop = (np.repeat(bound, bounds[1] - bounds[0]) for bound in bounds)
@@ -69,13 +69,13 @@ def handovers(
         last = k
         place = index.rows(int(new), frame[before])
         here = place != NOBODY
-        found.following[before[here]], found.time_to[before[here]] = place[here], (k - before[here]) * dt
-        found.by_own[before[here]] = float(lane[k] != lane[k - 1])
+        changes.following[before[here]], changes.time_to[before[here]] = place[here], (k - before[here]) * dt
+        changes.by_own[before[here]] = float(lane[k] != lane[k - 1])
         after = row[k : min(stop[k], k + reach)]
         place = index.rows(int(old), frame[after])
         here = place != NOBODY
-        found.preceding[after[here]], found.time_since[after[here]] = place[here], (after[here] - k) * dt
-    return found
+        changes.preceding[after[here]], changes.time_since[after[here]] = place[here], (after[here] - k) * dt
+    return changes
 
 
 def handed_over(
@@ -85,13 +85,14 @@ def handed_over(
     smoothing: float,
     dt: float,
 ) -> Float[np.ndarray, " rows"]:
-    """A quantity of the leader as a driver seems to have seen it whose motion was smoothed.
+    """A quantity of the leader, blended over changes of leader to match the follower's smoothed motion.
 
-    A driver who answers to a step at once has, smoothed with a Gaussian kernel, answered to a smoothed step.
+    A driver's immediate response to a step becomes, after smoothing with a Gaussian kernel, the response to a smoothed
+    step.
 
     Args:
-        values: Of the present leader.
-        of: The same quantity of every row's vehicle.
+        values: The quantity of the present leader.
+        of: The quantity of every row's own vehicle.
         near: Changes of leader.
         smoothing: Standard deviation of the kernel [s]; 0 for none.
         dt: Time step [s].

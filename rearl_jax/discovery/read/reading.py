@@ -1,4 +1,4 @@
-"""From recordings to measured drivers: positions smoothed, surroundings looked up, tracks cut into pieces."""
+"""Measured drivers from recordings: smooths positions, finds surrounding vehicles, cuts tracks into pieces."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -21,43 +21,43 @@ from rearl_jax.discovery.thresholds import THRESHOLDS
 from rearl_jax.problems import InvalidInputError, Problem
 
 LONGEST = 65.0
-"""Longest piece of a record [s]; longer ones are cut."""
+"""Longest piece of a track [s]; longer ones are cut."""
 
 SETTLING = 1.5
-"""Time the observer needs to settle at the start of a piece, or after a stretch that is left out [s]."""
+"""Time the observer needs to settle at the start of a piece, or after an excluded interval [s]."""
 
 BEFORE_JUMP = 0.5
-"""Time before a jump of a position in which smoothing feels it [s]."""
+"""Time before a position jump in which the jump affects smoothed values [s]."""
 
 
 LEAST_NOISE, EXACT_NOISE = 0.02, 0.05
-"""Least standard deviation of positions [m], of measured ones and of a simulation without noise. Better ones get noise
-added up to it: closer than that, it is only the steps in time that are compared, of the model and of whoever made the
-data. Exact drives of IDM itself were called `unexplained` with 0.02 m.
+"""Smallest assumed standard deviation of positions [m], for measurements and for simulations without noise. Noise is
+added to more accurate positions, because at smaller errors only the time discretisation of the model and of the data's
+source would be compared: noise-free IDM drives were reported as `unexplained` with 0.02 m.
 """
 
 APART = 2.0
-"""Time steps that say something new in smoothed positions are this many kernel widths apart."""
+"""Distance between independent measurements in smoothed positions, in kernel widths."""
 
 EDGE = 3.0
-"""So many kernel widths from its ends a smoothed track is bent, where there was nothing beyond to smooth with."""
+"""Distance from the ends of a smoothed track, in kernel widths, within which smoothing distorts it."""
 
 SMOOTHED_NOISE = 0.005
-"""Standard deviation of smoothed positions [m]: smoothing hides noise and does not undo it."""
+"""Standard deviation of smoothed positions [m]: smoothing hides noise but does not remove its effect."""
 
 UNSMOOTHED = Smoothness()
 
 NO_LABELS: Mapping[str, Sequence[pd.Series]] = MappingProxyType({})
 
 _STEPS_UNIT = 64
-"""Numbers of steps are rounded up to multiples of it, so that few programs are compiled."""
+"""Numbers of steps are rounded up to multiples of this, so that few programs are compiled."""
 
 
 def one_frame_rate(recordings: Sequence[Recording]) -> None:
-    """Makes sure that all recordings have the same.
+    """Checks that all recordings have the same frame rate.
 
     Raises:
-        ValueError: They have not.
+        ValueError: The frame rates differ.
     """
     rates = sorted({recording.info.frame_rate for recording in recordings})
     if len(rates) > 1:
@@ -73,18 +73,18 @@ def measure(
     labels: Mapping[str, Sequence[pd.Series]] = NO_LABELS,
     same: str | None = None,
 ) -> Measured:
-    """All drivers of the recordings who follow somebody long enough.
+    """All drivers of the recordings who follow a leader long enough.
 
     Args:
         tables: Tables of the recordings, with the same time step.
-        position_lag: By how much positions are late [s]; lanes and places in them are put to the same clock.
-        smooth: What positions and their errors have been smoothed with.
-        least_noise: Standard deviation that the noise of unsmoothed positions is brought up to [m].
+        position_lag: Delay of positions [s]; lanes and lateral positions are shifted to the same clock.
+        smooth: Kernels with which positions or their errors were smoothed.
+        least_noise: Smallest standard deviation of unsmoothed positions [m]; noise is added to reach it.
         labels: Labels of the tracks of each recording, by track_id.
-        same: The label that joins what the same driver or car did; None if there is none.
+        same: Label that identifies the same driver or car; None without such a label.
 
     Raises:
-        ValueError: Nobody follows anybody long enough.
+        ValueError: No driver follows a leader long enough.
     """
     dt = tables[0][1]
     rows = [_Rows(table, dt, round(position_lag / dt)) for table, _ in tables]
@@ -121,7 +121,7 @@ def measure(
 
 
 class _Rows:
-    """The rows of one recording with everything that is seen from each."""
+    """The rows of one recording with the surroundings of each."""
 
     def __init__(self, table: pd.DataFrame, dt: float, late_by: int) -> None:
         self.dt = dt
@@ -152,8 +152,9 @@ class _Rows:
         recording: int,
         offset: int,
     ) -> Measured:
-        """All usable pieces of the recording: every `stride`-th time step says something new, the first and last `edge`
-        rows of a track are bent, own positions get `blur` added, and all have been smoothed over `smoothing` [s].
+        """All usable pieces of the recording. Every `stride`-th time step is an independent measurement; the first and
+        last `edge` rows of a track are distorted by smoothing; `blur` is added to own positions; positions were
+        smoothed over `smoothing` [s].
         """
         dt, table = self.dt, self.table
         x, v, a = smoothed_tracks(self.position, self.starts, self.stops, dt, cut_off(noise, dt))
@@ -211,18 +212,18 @@ class _Rows:
         def of(row: np.ndarray, values: np.ndarray, otherwise: np.ndarray | float | int) -> np.ndarray:
             return np.where(row != NOBODY, values[row], otherwise)
 
-        one, rear = around.leader, x - length / 2  # rows of the first, second and third leader
-        two = of(one, one, NOBODY).astype(int)
-        three = np.where(two != NOBODY, one[two], NOBODY)
+        first, rear = around.leader, x - length / 2  # rows of the first, second and third leader
+        two = of(first, first, NOBODY).astype(int)
+        three = np.where(two != NOBODY, first[two], NOBODY)
         front = x + length / 2
-        second_speed = of(two, v, of(one, v, v))
-        leader = of(one, track, NOBODY).astype(np.int64)
-        gap = of(one, rear, front + OUT_OF_SIGHT) - front
+        second_speed = of(two, v, of(first, v, v))
+        leader = of(first, track, NOBODY).astype(np.int64)
+        gap = of(first, rear, front + OUT_OF_SIGHT) - front
         since, lost, headway = _changes(self.starts, self.stops, leader, gap, v, self.dt)
         reach = max(LONGEST_LEAD, EDGE * smoothing)
         near = handovers(table, (self.starts, self.stops), leader, self.dt, reach)
         leader_rear, leader_centre, leader_speed = (
-            handed_over(of(one, values, otherwise), values, near, smoothing, self.dt)
+            handed_over(of(first, values, otherwise), values, near, smoothing, self.dt)
             for values, otherwise in ((rear, front + OUT_OF_SIGHT), (x, x + OUT_OF_SIGHT), (v, v))
         )
         next_rear = of(near.following, rear, leader_rear)
@@ -232,15 +233,15 @@ class _Rows:
             "is_leftmost": (lane == 0).astype(float),
             "is_rightmost": (lane == rightmost).astype(float),
             "lateral_offset": _offset_in_lane(table),
-            "has_leader": (one != NOBODY).astype(float),
+            "has_leader": (first != NOBODY).astype(float),
             "leader_rear": leader_rear,
             "leader_centre": leader_centre,
             "leader_speed": leader_speed,
-            "leader_acceleration": np.clip(of(one, a, 0.0), HARDEST_BRAKING, -HARDEST_BRAKING),
-            "leader_length": of(one, length, 4.5),
-            "leader_is_truck": of(one, is_truck.astype(float), 0.0),
+            "leader_acceleration": np.clip(of(first, a, 0.0), HARDEST_BRAKING, -HARDEST_BRAKING),
+            "leader_length": of(first, length, 4.5),
+            "leader_is_truck": of(first, is_truck.astype(float), 0.0),
             "has_second": (two != NOBODY).astype(float),
-            "second_rear": of(two, rear, front + OUT_OF_SIGHT) - of(two, of(one, length, 0.0), 0.0),
+            "second_rear": of(two, rear, front + OUT_OF_SIGHT) - of(two, of(first, length, 0.0), 0.0),
             "second_speed": second_speed,
             "has_third": (three != NOBODY).astype(float),
             "third_speed": of(three, v, second_speed),
@@ -261,11 +262,11 @@ class _Rows:
             "next_by_own": near.by_own,
             "next_is_nearer": (next_rear < leader_rear).astype(float),
         }
-        return columns, leader, one
+        return columns, leader, first
 
     def _weight(self, leader: np.ndarray, leader_row: np.ndarray, edge: int) -> np.ndarray:
-        """1 where a leader has been seen for a moment: without one, it may be out of the picture; 0 where it or the
-        driver has jumped, or is within `edge` rows of the ends of its track.
+        """1 if a leader has been seen for some time, because a missing leader may be outside the recorded area; 0 if
+        the leader or the driver has jumped or is within `edge` rows of the ends of its track.
         """
         n = max(1, round(1.0 / self.dt))
         row = np.arange(len(leader))
@@ -295,7 +296,7 @@ def _offset_in_lane(table: pd.DataFrame) -> np.ndarray:
 def _changes(
     starts: np.ndarray, stops: np.ndarray, leader: np.ndarray, gap: np.ndarray, speed: np.ndarray, dt: float
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Time since somebody else became the leader [s], the gap lost then [m], the time gap right after it [s]."""
+    """Time since the last change of leader [s], the gap lost at it [m], the time gap right after it [s]."""
     n = len(leader)
     since, lost, headway = np.full(n, NEVER_CHANGED), np.zeros(n), np.full(n, TIME_GAPS[1])
     for start, stop in zip(starts, stops, strict=True):

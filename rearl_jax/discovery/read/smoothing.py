@@ -1,4 +1,4 @@
-"""Measured positions in few enough time steps, and smooth speeds and accelerations from them."""
+"""Measured positions at a reduced time resolution, and smooth speeds and accelerations from them."""
 
 import numpy as np
 import pandas as pd
@@ -7,25 +7,28 @@ from scipy.linalg import solveh_banded
 from rearl_jax.data.records import Recording
 
 SLOWEST_RATE = 7.5
-"""Time steps per second [1/s] that are enough: drivers do nothing faster than a few tenths of a second."""
+"""Lowest sufficient number of time steps per second [1/s], because drivers do not act faster than within a few tenths
+of a second.
+"""
 
 AVERAGED = ("time", "position", "lateral", "x", "y", "speed", "acceleration")
-"""Columns of which neighbouring frames are averaged."""
+"""Columns whose neighbouring frames are averaged."""
 
 CUT_OFF = 3.44
-"""Angular frequency [rad/s] above which motion is taken for noise, for 0.1 m of noise at 10 Hz."""
+"""Angular frequency [rad/s] above which motion is regarded as noise, for 0.1 m of noise at 10 Hz."""
 
 CUT_OFF_NOISE = 0.1 * np.sqrt(0.1)
-"""Noise density of that choice [m sqrt(s)]."""
+"""Noise density to which CUT_OFF belongs [m sqrt(s)]."""
 
 CUT_OFF_RANGE = (2.0, 12.0)
 """Bounds of the cut-off [rad/s]."""
 
 JUMP = 12.0
-"""Change of the acceleration from one time step to the next that is no driver's [m/s^2]: he may brake fully at once."""
+"""Change of the acceleration from one time step to the next [m/s^2] beyond any driver's, sudden full braking included.
+"""
 
 JUMP_NOISE = 8.0
-"""The same in standard deviations of what else scatters [-]."""
+"""The same limit in standard deviations of the other changes [-]."""
 
 
 Thinned = tuple[pd.DataFrame, float]
@@ -33,10 +36,10 @@ Thinned = tuple[pd.DataFrame, float]
 
 
 def thinned(recording: Recording) -> Thinned:
-    """The table with as few time steps as are enough, and their length [s].
+    """The table at the lowest sufficient time resolution, and its time step [s].
 
-    Neighbouring frames become one: positions are averaged, so that no measurement is thrown away; what does not
-    average (lane, leader) is taken from the last of them.
+    Groups of neighbouring frames are merged: positions are averaged, so that no measurement is lost; lane and leader
+    are taken from the last frame of each group.
     """
     rate = recording.info.frame_rate
     n = max(1, int(rate / SLOWEST_RATE)) if rate >= 2 * SLOWEST_RATE else 1
@@ -74,9 +77,9 @@ def position_noise(position: np.ndarray, starts: np.ndarray, stops: np.ndarray) 
 
 
 def jumps(position: np.ndarray, dt: float) -> np.ndarray:
-    """Rows of one track [bool] at which its position jumps as no vehicle moves and no noise scatters.
+    """True for rows of one track at which its position jumps beyond vehicle motion and noise.
 
-    Receivers that lose their satellites and sensors that take another vehicle for the leader leave such jumps.
+    Such jumps occur when a receiver loses satellites or a sensor switches to another vehicle.
     """
     jumped = np.zeros(len(position), bool)
     if len(position) > 3:
@@ -87,14 +90,14 @@ def jumps(position: np.ndarray, dt: float) -> np.ndarray:
 
 
 def lasting_noise(white: float, time: float, dt: float) -> float:
-    """Standard deviation [m] of errors with a correlation time [s] that are as rough as white noise [m] would be."""
-    lags = np.array([70.0, -56.0, 28.0, -8.0, 1.0])  # of the fourth difference with itself
+    """Standard deviation [m] of correlated errors with the same fourth differences as white noise [m]."""
+    lags = np.array([70.0, -56.0, 28.0, -8.0, 1.0])  # autocorrelation of the fourth-difference operator
     share = (lags * np.exp(-dt / time) ** np.arange(5) * np.array([1, 2, 2, 2, 2])).sum() / 70.0
     return white / float(np.sqrt(share))
 
 
 def cut_off(noise: float, dt: float) -> float:
-    """Angular frequency [rad/s] beyond which noise outweighs motion.
+    """Angular frequency [rad/s] above which noise exceeds motion.
 
     Source: Wiener filtering of a motion whose third derivative is white: the cut-off grows with the inverse third power
     of the noise density.

@@ -1,8 +1,8 @@
-"""Fall of the power of measured positions with frequency: were drives smoothed, or only errors smooth?
+"""Detection of smoothed positions, from the fall of their power with frequency.
 
-What drivers and engines do falls by a quarter an octave at most, as power of the acceleration; what a camera makes of
-it rises sixteenfold. Where it falls much steeper, a kernel has been at work. If the power has risen before it falls,
-there is more noise in it than driving: trackers leave such errors.
+The power of the acceleration of real drives falls at most to a quarter per octave; white noise in positions makes it
+rise sixteenfold. A much steeper fall indicates a smoothing kernel. If the power rises before it falls, noise dominates
+and only the errors are smooth, as trackers leave them.
 """
 
 from collections.abc import Sequence
@@ -19,24 +19,24 @@ BANDS = (1.1, 1.6, 2.2, 3.2, 4.5, 6.4, 9.0, 12.8)
 
 
 DRIVING, NOISE = 0.25, 16.0
-"""The ratio for drives and for white noise in positions [-]."""
+"""Ratio of the acceleration's power an octave apart, for drives and for white noise in positions [-]."""
 
 SPECTRUM_TIME = 10.0
 """Window of the spectrum [s]."""
 
 
 MEDIAN_OVER_MEAN = float(np.log(2.0))
-"""Of a power, which is exponentially distributed [-]."""
+"""Ratio of median to mean of a spectral power, which is exponentially distributed [-]."""
 
 
 @dataclass(frozen=True)
 class Smoothness:
-    """Gaussian kernels that have been at work.
+    """Detected Gaussian smoothing kernels.
 
     Attributes:
-        drives: Standard deviation of the kernel positions have been smoothed with [s]; 0 for none.
-        errors: That of the kernel that only errors have been smoothed with [s]; 0 for none.
-        size: Standard deviation of those errors before, white as they were [m].
+        drives: Standard deviation of the kernel that smoothed positions [s]; 0 for none.
+        errors: Standard deviation of the kernel that smoothed only the errors [s]; 0 for none.
+        size: Standard deviation of the white errors before smoothing [m].
     """
 
     drives: float = 0.0
@@ -64,7 +64,7 @@ def smoothness(tables: Sequence[Thinned]) -> Smoothness:
     middle = [np.sqrt(low * high) for low, high in bands]
     level = [power[(frequency >= low) & (frequency < high)].mean() for low, high in bands]
     if not min(level, default=0.0) > 0.0:
-        return Smoothness()  # nobody has ever accelerated
+        return Smoothness()  # no vehicle has ever accelerated
     ratio = [later / earlier for earlier, later in zip(level[:-2], level[2:], strict=True)]
     if not ratio or min(ratio) > THRESHOLDS.steepest_power_ratio:
         return Smoothness()
@@ -81,8 +81,8 @@ def smoothness(tables: Sequence[Thinned]) -> Smoothness:
 def _acceleration_power(
     tables: Sequence[Thinned],
 ) -> tuple[Float[np.ndarray, " frequencies"], Float[np.ndarray, " frequencies"], float] | None:
-    """Frequencies [rad/s], the usual power density of accelerations there [m^2/s^3], and the time step [s];
-    None where tracks are too short for it.
+    """Frequencies [rad/s], the median power density of accelerations [m^2/s^3], and the time step [s]; None if tracks
+    are too short.
     """
     powers, window, dt = [], np.empty(0), 0.1
     for table, dt in tables:

@@ -1,8 +1,8 @@
-"""Speeds that were measured by themselves, and positions that take their fast part from them.
+"""Independently measured speeds, and positions that take their high-frequency part from them.
 
-Satellite receivers and wheels measure speeds better than the derivative of a position or a gap shows them, so what a
-vehicle does within seconds is in its speed column, and where it is, in its position. A speed column that was computed
-from the positions says nothing new and is left alone: it is a filter of them, however smooth.
+Satellite receivers and wheel sensors measure speed more accurately than the derivative of a position, so the speed
+column is better for changes within seconds and the position for slow changes. A speed column that was computed from
+positions (a filter of them, however smooth) contains no new information and is not used.
 
 Source: complementary filter, Higgins, IEEE Trans. Aerosp. Electron. Syst. 11 (1975) 321.
 """
@@ -20,13 +20,13 @@ FAST = 2.0
 """Angular frequency [rad/s] above which the two columns are compared."""
 
 DRIFT = 0.3
-"""Angular frequency [rad/s] below which the position is believed: integrated speeds drift."""
+"""Angular frequency [rad/s] below which the position is used, because integrated speeds drift."""
 
 FILTER_TIME = 1.0
-"""Time before and after a moment from which a computed speed would take positions [s]."""
+"""Half width of the window of positions that a computed speed would use [s]."""
 
 LEAST_TIME = 20.0
-"""Shortest piece of a track that is compared [s]."""
+"""Shortest part of a track that is compared [s]."""
 
 SPEED_SENSOR = Finding(
     "speed_sensor",
@@ -35,14 +35,13 @@ SPEED_SENSOR = Finding(
     "rad/s",
     DRIFT,
     0.0,
-    "speeds were measured by themselves and are smoother than positions: what vehicles do within seconds is taken from "
-    "them",
+    "speeds were measured independently and are smoother than positions: motion within seconds is taken from them",
 )
-"""That the fast part of positions is taken from the speeds."""
+"""Finding that the high-frequency part of positions is taken from the speeds."""
 
 
 def has_speed_sensor(tables: Sequence[Thinned]) -> bool:
-    """True if speeds are smoother than positions, and no filter of the positions."""
+    """True if speeds are smoother than positions and are not a filter of the positions."""
     of_position, of_speed, dt = [], [], tables[0][1]
     reach = round(FILTER_TIME / dt)
     for position, driven in _tracks(tables):
@@ -50,7 +49,7 @@ def has_speed_sensor(tables: Sequence[Thinned]) -> bool:
             continue
         fast, other = (values - smoothed(values, dt, FAST)[0] for values in (position, driven))
         window = np.lib.stride_tricks.sliding_window_view(fast, 2 * reach + 1)
-        inner = slice(reach, len(window) - reach)  # the ends are bent by smoothing
+        inner = slice(reach, len(window) - reach)  # smoothing distorts the ends
         of_position.append(window[inner])
         of_speed.append(other[reach : len(other) - reach][inner])
     if not of_position:
@@ -63,7 +62,7 @@ def has_speed_sensor(tables: Sequence[Thinned]) -> bool:
 
 
 def with_fast_speeds(table: Thinned) -> Thinned:
-    """The table with positions whose fast part is the integrated speed."""
+    """The table with positions whose high-frequency part is the integrated speed."""
     rows, dt = table
     fused = [driven + smoothed(position - driven, dt, DRIFT)[0] for position, driven in _tracks([table])]
     return rows.assign(position=np.concatenate(fused) if fused else rows["position"]), dt
@@ -72,7 +71,7 @@ def with_fast_speeds(table: Thinned) -> Thinned:
 def _tracks(
     tables: Sequence[Thinned],
 ) -> Iterator[tuple[Float[np.ndarray, " steps"], Float[np.ndarray, " steps"]]]:
-    """Positions of each track [m], and the distance driven since its start by its speeds [m]."""
+    """Positions of each track [m], and the integral of its speeds since its start [m]."""
     for table, dt in tables:
         position, speed = table["position"].to_numpy(), table["speed"].to_numpy()
         for start, stop in zip(*track_bounds(table), strict=True):

@@ -1,4 +1,4 @@
-"""Parts of measured drivers that share nobody: what is fitted, checked and reported rests on different drivers."""
+"""Disjoint parts of measured drivers: models are fitted, checked and reported on different drivers."""
 
 from collections.abc import Sequence
 
@@ -13,8 +13,8 @@ SHARES = (1 / 3, 1 / 3, 1 / 3)
 
 
 def split_drivers(data: Measured, shares: Sequence[float] = SHARES, seed: int = 0) -> list[Measured]:
-    """Parts of the data that share no driver: whole persons or cars where there are enough of them, else whole
-    recordings, both where they are alike in size; else drivers at random.
+    """Parts of the data without common drivers: whole persons or cars if there are enough of similar size, else whole
+    recordings of similar size, else random drivers.
 
     Args:
         data: All drivers.
@@ -23,7 +23,7 @@ def split_drivers(data: Measured, shares: Sequence[float] = SHARES, seed: int = 
     """
     owner = None
     if known_again(data) >= THRESHOLDS.least_drivers:
-        # Whoever is not known again is somebody for himself.
+        # A driver without known identity counts as a separate person.
         alone = data.identity.max() + 1 + data.driver
         owner = _whole(np.where(data.identity < 0, alone, data.identity), shares)
     if owner is None:
@@ -38,7 +38,7 @@ def split_drivers(data: Measured, shares: Sequence[float] = SHARES, seed: int = 
 
 
 def known_again(data: Measured) -> int:
-    """Number of persons or cars whose tracks are known to be theirs."""
+    """Number of persons or cars with known identity."""
     return len(np.unique(data.identity[data.identity >= 0]))
 
 
@@ -48,7 +48,9 @@ def in_both(first: Measured, second: Measured) -> int:
 
 
 def _whole(units: Int[np.ndarray, " pieces"], shares: Sequence[float]) -> Int[np.ndarray, " pieces"] | None:
-    """Part of each piece where no unit is divided, the largest units first; None if they are too unlike in size."""
+    """Part of each piece such that no unit is divided, assigned from the largest unit on; None if sizes differ too
+    much.
+    """
     owner, filled = np.full(len(units), -1), np.zeros(len(shares))
     numbers, sizes = np.unique(units, return_counts=True)
     for place in np.argsort(-sizes, kind="stable"):

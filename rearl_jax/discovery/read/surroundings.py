@@ -1,4 +1,4 @@
-"""Vehicles around each vehicle in every moment of a recording, as rows of its table."""
+"""Vehicles around each vehicle in every frame of a recording, as rows of its table."""
 
 from dataclasses import dataclass
 
@@ -11,20 +11,20 @@ from rearl_jax.data.leaders import states_all_leaders
 from rearl_jax.data.vehicle_rows import VehicleRows
 
 MOST_BESIDE = 8
-"""Vehicles on one lane that are looked at within BESIDE_RANGE."""
+"""Largest number of vehicles on one lane that is evaluated within BESIDE_RANGE."""
 
 
 @dataclass(frozen=True)
 class Around:
-    """Rows of the vehicles around, NOBODY where there is none.
+    """Rows of the surrounding vehicles; NOBODY if there is none.
 
     Attributes:
-        leader: Next ahead on the same lane; that which the source states, where it states any, and nobody else if it
-            states the leaders of all, see `leaders.states_all_leaders`.
+        leader: Next ahead on the same lane. A leader stated by the data source takes precedence; if the source states
+            all leaders (see `leaders.states_all_leaders`), no other leader is used.
         follower: Next behind on the same lane.
         left: Next ahead on the lane to the left; the same position counts as ahead.
-        beside_speed: Slowest speed within BESIDE_RANGE on the lanes beside [m/s]; inf without one.
-        n_beside: Number of vehicles within BESIDE_RANGE on the lanes beside.
+        beside_speed: Slowest speed within BESIDE_RANGE on adjacent lanes [m/s]; inf without a vehicle.
+        n_beside: Number of vehicles within BESIDE_RANGE on adjacent lanes.
     """
 
     leader: np.ndarray
@@ -64,16 +64,16 @@ def look_around(table: pd.DataFrame, speed: np.ndarray) -> Around:
 
 
 class _Lines:
-    """All lanes of all moments in one sorted row of numbers, lanes apart by more than any road is long."""
+    """All lanes of all frames in one sorted array, with an offset per lane and frame larger than any road."""
 
     def __init__(self, street: np.ndarray, position: np.ndarray, order: np.ndarray) -> None:
-        """Rows' lanes, numbered over all moments, lanes beside each other by subsequent numbers; their order."""
+        """Stores each row's lane number (unique over all frames, adjacent lanes consecutive) and the sorted order."""
         self.street, self.position, self.order = street, position - position.min(), order
         self.length = self.position.max() + 4 * BESIDE_RANGE
         self.sorted = self.places(0)[order]
 
     def places(self, side: int) -> np.ndarray:
-        """Where each row is on the lane beside, -1 the left one."""
+        """Place of each row in the order of the adjacent lane; side -1 is left."""
         return (self.street + side) * self.length + self.position
 
     def ahead_on_left(self, lane: np.ndarray) -> np.ndarray:
@@ -84,7 +84,7 @@ class _Lines:
         return np.where(is_there, row, NOBODY)
 
     def beside(self, speed: np.ndarray, lane: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Slowest speed and number of vehicles beside each row."""
+        """Slowest speed and number of vehicles beside each row's vehicle."""
         slowest, number = np.full(len(lane), np.inf), np.zeros(len(lane))
         for side in (-1, 1):
             here = self.places(side)

@@ -1,7 +1,6 @@
-"""Drives of known drivers in two parts: one to find their own parameters on, one to test a prediction on.
+"""Drives of known drivers in two parts: one to calibrate their own parameters, one to test a prediction.
 
-Whatever the protocol, a split is two sets of measured drives with the same drivers, of whom no time step counts in
-both.
+In every protocol, a split is two sets of measured drives of the same drivers; no time step counts in both.
 """
 
 from collections.abc import Sequence
@@ -14,24 +13,24 @@ from jaxtyping import Bool, Float, Int
 from rearl_jax.discovery.read.measured import BY_PIECE, Measured
 
 LEAST_TIME = 10.0
-"""Least time of a driver in the training and in the test, each, for a prediction to be tested [s]."""
+"""Smallest time of a driver, each in training and test, for a prediction to be tested [s]."""
 
 MOST_FOLDS = 4
-"""Parts of the runs of one driver, each of which is predicted from the others in turn; of more runs several are left
-out together.
+"""Largest number of folds of one driver's runs; each fold is predicted from the others, and with more runs several
+share a fold.
 """
 
 UNKNOWN = -1
-"""Identity of a driver whom nobody knows."""
+"""Identity of an unknown driver."""
 
 
 @dataclass(frozen=True)
 class Split:
-    """Drives to find drivers' own parameters on, and drives of the same drivers to test them on.
+    """Training and test drives of the same drivers.
 
     Attributes:
-        training: Its drives; what belongs to the test has the weight 0.
-        test: Drives that begin where they are tested; what belongs to the training has the weight 0.
+        training: Training drives; time steps of the test have the weight 0.
+        test: Test drives, beginning at the first tested time step; time steps of the training have the weight 0.
     """
 
     training: Measured
@@ -39,7 +38,7 @@ class Split:
 
 
 def seen_enough(splits: Sequence[Split]) -> Bool[np.ndarray, " drivers"]:
-    """Drivers of whom enough was seen in the tests and, wherever they are tested, in the training."""
+    """True for drivers with at least LEAST_TIME in the tests and in each training of these tests."""
     trained, tested = (
         np.stack([getattr(split, part).driver_minutes * 60 for split in splits]) for part in ("training", "test")
     )
@@ -47,9 +46,9 @@ def seen_enough(splits: Sequence[Split]) -> Bool[np.ndarray, " drivers"]:
 
 
 def halves(data: Measured) -> Split:
-    """The first half of each driver's time that counts, and the second; its pieces are put in order of time.
+    """Split into the first and the second half of each driver's time that counts; pieces are sorted by time.
 
-    A piece with the middle in it begins there in the test, with the position and the speed measured then.
+    A piece that contains the middle begins there in the test, at the measured position and speed.
     """
     order = np.lexsort((data.around.time[0], data.recording, data.driver))
     n_steps, counts = len(data.y), (data.weight > 0)[:, order].T.ravel()
@@ -65,9 +64,9 @@ def halves(data: Measured) -> Split:
 
 
 def begun_later(data: Measured, first: Int[np.ndarray, " pieces"]) -> Measured:
-    """Pieces without their first time steps, as many for each as `first` says; the last one is repeated at the end.
+    """Pieces without their first `first` time steps each; the last time step is repeated as padding.
 
-    The steps left out are a multiple of the stride where the first that is left counts.
+    The number of removed steps is a multiple of the stride if the first remaining step counts.
     """
     later = np.arange(len(data.y))[:, None] + first
     rows = np.minimum(later, len(data.y) - 1)
@@ -83,15 +82,15 @@ def begun_later(data: Measured, first: Int[np.ndarray, " pieces"]) -> Measured:
 def left_out_runs(
     data: Measured, same: Int[np.ndarray, " drivers"], tested: Bool[np.ndarray, " drivers"]
 ) -> list[Split]:
-    """Every run of drivers with several, predicted from their others; the drivers of the splits are who drove.
+    """Leave-one-out splits over the runs of drivers with several runs; drivers of the splits are persons or cars.
 
     Args:
-        data: Runs, each of them a driver of its own.
-        same: Who drove each run, a number that all runs of one driver or one car share; `UNKNOWN` where nobody knows.
-        tested: Runs that are predicted; others only help to find the parameters of who drove them.
+        data: Runs; each run counts as a separate driver.
+        same: Identity of the person or car of each run, equal for all its runs; `UNKNOWN` if not known.
+        tested: Runs that are predicted; other runs are only used for training.
 
     Returns:
-        Splits of the same drivers, in each of which other runs are left out; none where nobody has two runs.
+        Splits of the same drivers, each with other runs left out; empty if no driver has two runs.
     """
     runs = np.bincount(same[same != UNKNOWN], minlength=1)
     tests = np.bincount(same[(same != UNKNOWN) & tested], minlength=len(runs))
@@ -113,12 +112,12 @@ def left_out_runs(
 
 
 def every_run(data: Measured) -> list[Split]:
-    """The splits of `left_out_runs` in which every run of those who are known to have several is predicted."""
+    """The splits of `left_out_runs` in which every run of drivers with several known runs is predicted."""
     return left_out_runs(data, data.same, np.ones(data.n_drivers, bool))
 
 
 def _folds(data: Measured, same: Int[np.ndarray, " drivers"], several: np.ndarray) -> Int[np.ndarray, " drivers"]:
-    """Fold of each run, in order of time: the runs of one driver in at most MOST_FOLDS parts of about the same size."""
+    """Fold of each run: the runs of one driver, in order of time, in at most MOST_FOLDS parts of similar size."""
     begin = np.full(data.n_drivers, np.inf)
     np.minimum.at(begin, data.driver, data.around.time[0])
     recording = np.zeros(data.n_drivers, int)
@@ -137,8 +136,8 @@ def error_of_splits(
 ) -> Float[np.ndarray, " drivers"]:
     """Root mean square of each driver's values over the time steps that count in the tests."""
     sums = np.zeros((2, splits[0].test.n_drivers))
-    for split, one in zip(splits, values, strict=True):
+    for split, errors in zip(splits, values, strict=True):
         test = split.test
-        for row, part in zip(sums, (one**2 * test.weight, test.weight), strict=True):
+        for row, part in zip(sums, (errors**2 * test.weight, test.weight), strict=True):
             row += np.bincount(test.driver, part.sum(axis=0), test.n_drivers)
     return np.sqrt(sums[0] / np.maximum(sums[1], 1.0))

@@ -1,1 +1,1 @@
-"""The verdict, with its tables, figures, page and repaired model."""
+"""Output of a discovery: verdict, tables, figures, page and repaired model."""

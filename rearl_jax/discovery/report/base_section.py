@@ -1,4 +1,4 @@
-"""Car-following models compared, as a section of the document."""
+"""Section of the document that compares car-following models."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -10,7 +10,7 @@ from rearl_jax.document.table import NONE, Cell, Row, Table, interval, number, p
 
 
 def base_section(verdict: Mapping[str, Any]) -> Section:
-    """A row per model: evidence on the checked drivers, and mean gap errors; empty where none were compared."""
+    """A row per model: evidence on the checked drivers, and mean gap errors; empty if none were compared."""
     base, title = verdict.get("base"), "Car-following models compared"
     if base is None:
         return Section(title)
@@ -22,11 +22,12 @@ def base_section(verdict: Mapping[str, Any]) -> Section:
         rows.append(Row(spoken(row["name"]), (*_evidence(row, base), *errors, _mark(row, base))))
     drivers = base["drivers"]
     how = (
-        f"Each was calibrated to {drivers['fitted']} of the fitted drivers and asked about {drivers['checked']} of the "
-        f"check drivers. Gain: log-likelihood beyond that of {spoken(base['driver'])}, every driver's own parameters "
-        "integrated out, so that each parameter costs what the data narrow it by. Most likely in: share of resamples "
-        "of drivers. Errors are mean closed-loop gap errors of the check drivers, by what is known of a driver; models "
-        "that surely are less likely than the best were not simulated."
+        f"Each was calibrated to {drivers['fitted']} of the fitted drivers "
+        f"and evaluated on {drivers['checked']} of the "
+        f"check drivers. Gain: log-likelihood above that of {spoken(base['driver'])}, with every driver's own "
+        "parameters integrated out, which penalises additional parameters. Most likely in: share of resamples "
+        "of drivers. Errors are mean closed-loop gap errors of the check drivers, by source of the parameters; "
+        "models that are significantly less likely than the best were not simulated."
     )
     notes = [words for words in (_anew(base), _time_gaps(base), *_dependences(verdict)) if words]
     said = base_words(base) or f"no model surely is better than {spoken(base['driver'])}, which stays"
@@ -42,10 +43,10 @@ def _evidence(row: Mapping[str, Any], base: Mapping[str, Any]) -> tuple[Cell, Ce
     return Cell(number(gain["value"], "+"), interval(gain["low"], gain["high"], "+")), Cell(percent(row["best_share"]))
 
 
-def _error(found: Mapping[str, Any] | None) -> Cell:
-    if found is None:
+def _error(errors: Mapping[str, Any] | None) -> Cell:
+    if errors is None:
         return Cell(NONE)
-    mean = found["gap_rmse"]["mean"]
+    mean = errors["gap_rmse"]["mean"]
     return Cell(number(mean["value"]), interval(mean["low"], mean["high"]))
 
 
@@ -56,27 +57,27 @@ def _mark(row: Mapping[str, Any], base: Mapping[str, Any]) -> Cell:
 
 
 def _anew(base: Mapping[str, Any]) -> str:
-    """The model that was chosen before effects were found."""
+    """Sentence on the model that was chosen before effects were found."""
     if base.get("before") is None:
         return ""
     return (
-        f"the search first went beside {spoken(base['before'])}; it began anew beside {spoken(base['chosen'])}, with "
-        "which what was found is surely more likely, or has a name that it did not have"
+        f"the search started beside {spoken(base['before'])} and was repeated beside {spoken(base['chosen'])}: with "
+        "this model the effects found are significantly more likely, or have a name that they did not have before"
     )
 
 
 def _time_gaps(base: Mapping[str, Any]) -> str:
-    """Equilibrium time gaps of the chosen model."""
-    found = [
+    """Sentence on the equilibrium time gaps of the chosen model."""
+    time_gaps = [
         f"{figure['value']:.2f} s ({figure['low']:.2f} to {figure['high']:.2f}) at {speed} m/s"
         for speed, figure in base["equilibrium_time_gap"].items()
         if figure is not None
     ]
-    return f"time gap at equilibrium under {spoken(base['chosen'])}: {', '.join(found)}" if found else ""
+    return f"time gap at equilibrium under {spoken(base['chosen'])}: {', '.join(time_gaps)}" if time_gaps else ""
 
 
 def _dependences(verdict: Mapping[str, Any]) -> list[str]:
-    """Effects that need the chosen model."""
+    """Sentences on effects that are found with the chosen model only."""
     return [
         f"{described(effect)} holds beside {spoken(verdict['base']['chosen'])} and not beside "
         f"{' and '.join(map(spoken, effect['depends_on_base']))}: it depends on the car-following model"

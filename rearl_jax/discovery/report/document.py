@@ -1,4 +1,4 @@
-"""The document of a discovery: what the model lacks, the error before and after, how we know, how sure it is."""
+"""The document of a discovery: missing effects, error before and after, evidence and confidence."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -30,10 +30,10 @@ from rearl_jax.document.document import DataSource, Document, Section
 from rearl_jax.document.table import NONE, Cell, Row, Table, interval, number, percent, sentence, spoken
 
 MOST_CANDIDATES, MOST_VARIABLES = 12, 5
-"""Rows of the tables at most; candidates.parquet and maps.parquet have all."""
+"""Maximum rows of the tables; candidates.parquet and maps.parquet contain all."""
 
 MOST_PARAMETERS = 5
-"""Parameters of an effect that have rows of their own; more are values of a curve, which the maps show."""
+"""Largest number of parameters of an effect that are listed; effects with more are curves, which the maps show."""
 
 _MEASURES = {
     "gap_rmse": "closed-loop gap error [m]",
@@ -41,7 +41,7 @@ _MEASURES = {
     "one_step": "error in predicting the next position [m]",
     "energy_score": "energy score of noisy simulations [m]",
 }
-"""Titles of the measures that are shown, by their names in the verdict."""
+"""Titles of the displayed measures, by their names in the verdict."""
 
 _PROTOCOL_MEASURES = {
     "gap_rmse": "gap error [m]",
@@ -51,19 +51,19 @@ _PROTOCOL_MEASURES = {
 """Titles of the measures of the protocols."""
 
 CAPTIONS = {
-    "maps": "Acceleration that the model leaves, as a function of what a driver or a road could react to, drivers' own "
-    "means and parameters taken out; bands from resampling drivers. Red: calibrated model. Blue: with what was added. "
-    "Dotted: what was added. Flat within the band means nothing is left to see.",
+    "maps": "Acceleration residual as a function of possible influences, with drivers' own means and parameters "
+    "projected out; bands from resampling drivers. Red: calibrated model. Blue: with the added effects. Dotted: "
+    "added acceleration. A curve that is flat within its band shows no remaining dependence.",
     "planes": "The same over two variables. Grey: too few time steps.",
-    "evidence": "Evidence of the candidates. Grey: what chance makes of it where nothing is missing, up to the "
-    "threshold. A candidate is believed if it gains where it was fitted and on other drivers.",
-    "closed_loop": "Gap error of each report driver, simulated behind the measured leader, before and after, and the "
-    "error that the drivers' own noise makes where the model is right.",
-    "innovations": "What the observer fails to predict: of a right model it is white and normal.",
-    "example": "One report driver: gap measured and simulated with the parameters that predict best from one time step "
-    "to the next; below, the acceleration that the model leaves.",
-    "parameters": "Own parameters of the fitted drivers (squares: trucks), lines: medians. What is missing from a "
-    "model pulls them away from their values.",
+    "evidence": "Evidence of the candidates. Grey: range without a missing effect, up to the threshold. A "
+    "candidate is accepted if it gains on the fitted and on other drivers.",
+    "closed_loop": "Gap error of each report driver, simulated behind the measured leader, before and after, and "
+    "the error from the drivers' own noise alone.",
+    "innovations": "Innovations: prediction errors of the observer, white and normal for a correct model.",
+    "example": "One report driver: gap measured and simulated with the parameters of the best one-step "
+    "prediction; below, the acceleration residual.",
+    "parameters": "Own parameters of the fitted drivers (squares: trucks), lines: medians. Effects missing from "
+    "a model shift them from their true values.",
 }
 
 
@@ -77,21 +77,22 @@ def document_of(
 
     Args:
         config: The task.
-        verdict: As in verdict.json, see `verdict.py`.
-        maps: As in maps.parquet, for what the residual still depends on; None leaves that out.
+        verdict: Content of verdict.json, see `verdict.py`.
+        maps: Content of maps.parquet, for remaining dependences of the residual; None to leave them out.
         sources: Data sets with their licences.
     """
     data, candidates = verdict["data"], verdict["candidates"]
     following = [row for row in candidates if not is_lane_choice(row)]
     lanes = [row for row in candidates if is_lane_choice(row)]
     fitted = (
-        f"Fitted to {data['drivers']['fitted']} drivers and checked on {data['drivers']['checked']} others; the errors "
-        f"are those of {data['drivers']['reported']} more, who took no part. A candidate is believed if it gains on "
-        "both groups."
+        f"Fitted to {data['drivers']['fitted']} drivers and checked on {data['drivers']['checked']} others; "
+        "errors "
+        f"are those of {data['drivers']['reported']} more, who were used for neither. A candidate is accepted if "
+        "it gains on both groups."
     )
     lanes_fitted = (
-        "Drivers change to lanes in which they accelerate more. A candidate is believed if it makes them change beyond "
-        "that, also drivers that it was not fitted to."
+        "Drivers change to lanes in which they accelerate more. A candidate is accepted if it explains further "
+        "changes, also of drivers that it was not fitted to."
     )
     if lanes:
         lanes_fitted = f"{sentence(lane_choice_words(verdict['lane_choice']))} {lanes_fitted}"
@@ -137,7 +138,7 @@ def document_of(
 
 
 def _section(title: str, words: str, table: Table, *, is_folded: bool = False) -> Section:
-    """A section of one table, empty where that has no rows."""
+    """A section of one table; empty if the table has no rows."""
     return Section(title, (words,), (table,), is_folded=is_folded) if table.rows else Section(title)
 
 
@@ -162,39 +163,39 @@ def _headings(error: Mapping[str, Any]) -> tuple[str, str, str]:
 
 
 def _protocol_tables(error: Mapping[str, Any]) -> tuple[Table, ...]:
-    """Mean gap error by what is known of a driver; no table where the verdict has no protocols."""
+    """Table of the mean gap error by protocol; no table if the verdict has no protocols."""
     rows = []
-    for name, found in error.get("protocols", {}).items():
-        if found is not None:
-            mean = found["gap_rmse"]["mean"]
-            cells = (Cell(str(found["n_drivers"])), _cell(mean["population"]), _cell(mean["before"]))
+    for name, errors in error.get("protocols", {}).items():
+        if errors is not None:
+            mean = errors["gap_rmse"]["mean"]
+            cells = (Cell(str(errors["n_drivers"])), _cell(mean["population"]), _cell(mean["before"]))
             rows.append(Row(spoken(name), (*cells, _cell(mean["after"]), _share_cell(mean["change_share"]))))
     before, after, _ = _headings(error)
     headings = ("drivers", "population [m]", f"{before} [m]", f"{after} [m]", "change")
-    title = "Mean closed-loop gap error, by what is known of a driver"
+    title = "Mean closed-loop gap error, by source of the driver's parameters"
     return (Table(title, headings, tuple(rows)),) if rows else ()
 
 
 def _protocol_section(error: Mapping[str, Any]) -> Section:
-    """Every measure under every protocol."""
+    """Section of every measure under every protocol."""
     tables, notes, title = [], [], "Errors by what is known of a driver"
-    for name, found in error.get("protocols", {}).items():
+    for name, errors in error.get("protocols", {}).items():
         notes.append(f"{spoken(name)}: {PROTOCOLS[name]}")
-        if found is None:
+        if errors is None:
             notes[-1] += "; nobody could be tested"
             continue
-        if found["left_out"]:
-            notes[-1] += f"; {found['left_out']} drivers were seen too shortly and are left out"
+        if errors["left_out"]:
+            notes[-1] += f"; {errors['left_out']} drivers were seen too shortly and are left out"
         rows = [
             Row(f"{statistic} {title}", (*(_cell(figures[end]) for end in ("population", "before", "after")), share))
             for measure, title in _PROTOCOL_MEASURES.items()
-            for statistic, figures in found[measure].items()
+            for statistic, figures in errors[measure].items()
             for share in (_share_cell(figures["change_share"]),)
         ]
         tables.append(Table(spoken(name).capitalize(), ("population", *_headings(error)), tuple(rows)))
     how = (
-        "All errors are of simulations behind the measured leader. What differs is where a driver's own parameters "
-        "come from. Beside each is the error on the same drives with the parameters of the population in the model "
+        "All errors are of simulations behind the measured leader. Protocols differ in the source of a driver's "
+        "own parameters. Next to each error is that on the same drives with population parameters in the model "
         "before."
     )
     if not tables:
@@ -212,7 +213,9 @@ def _cell(value: Mapping[str, Any], sign: str = "") -> Cell:
 
 
 def _effect_section(verdict: Mapping[str, Any]) -> Section:
-    """Findings in the columns, effects with their parameters, their equations, and what they could be mistaken for."""
+    """Section of findings in the columns, effects with parameters and equations, and candidates that explain the data
+    equally well.
+    """
     effects, notes = verdict["effects"], []
     for effect in effects:
         if effect["name"] in EFFECTS:
@@ -251,7 +254,9 @@ def _candidate_table(title: str, rows: Sequence[Mapping[str, Any]], verdict: Map
 
 
 def _left_section(verdict: Mapping[str, Any], maps: pd.DataFrame | None) -> Section:
-    """What the last model leaves: in its innovations, and by sparse regression over every variable."""
+    """Section of what the final model does not explain: measures of its innovations, and sparse regression over all
+    variables.
+    """
     words, tables, left = [], [], verdict["adequacy"]
     if left is not None:
         name = spoken(left["remaining"]["name"]).replace(".", " on ")
@@ -270,8 +275,9 @@ def _left_section(verdict: Mapping[str, Any], maps: pd.DataFrame | None) -> Sect
         best = last.loc[last["gain"].idxmax()]
         words += [
             text,
-            f"Any one variable still predicts at most {percent(max(best['share'], 0.0))} of the acceleration that is "
-            f"left, on other drivers ({title_of(best['variable'])}).",
+            f"Any single variable still "
+            f"predicts at most {percent(max(best['share'], 0.0))} of the remaining acceleration residual, on "
+            f"other drivers ({title_of(best['variable'])}).",
         ]
         rows = tuple(_variable(row) for row in before.head(MOST_VARIABLES).to_dict("records"))
         headings = ("selected", "share", "what the acceleration left does")
@@ -300,22 +306,25 @@ def _unseen_table(effects: Sequence[Mapping[str, Any]]) -> Table:
 
 def _definition_section(car_following: str, confidence: float) -> Section:
     how = (
-        f"Every driver of the first group was calibrated with the car-following model {car_following}. What the model "
-        "then fails to predict was compared with what each candidate would leave behind, and with what is left where "
-        "nothing is missing. Candidates that stand out were fitted and had to gain on the second group."
+        f"Every driver of the first group was calibrated with the car-following model {car_following}. The "
+        "prediction errors were compared with those that each candidate would cause, and with those of "
+        "simulations without missing effects. Candidates that exceed chance were fitted and had to gain on the "
+        "second group."
     )
     definitions = (
         "Closed-loop gap error: the driver, with the own parameters that fit its gap best, is simulated behind the "
         "measured leader; root mean square over time steps and drivers.",
         f"Intervals: {100 * confidence:g} %, from resampling drivers.",
-        "Confidence: stated probability that the effect is there, if it is one of the candidates at all.",
-        "Surprise: evidence above its mean where nothing is missing, in standard deviations of that; in the choice of "
-        "the lane, the slope of the likelihood in standard deviations between drivers.",
-        "Gain: log-likelihood of the fitted drivers less the price of freedom; on others: that of drivers whose own "
-        "parameters alone were fitted anew.",
+        "Confidence: stated probability that the effect is present, provided that the true effect is among the "
+        "candidates.",
+        "Surprise: evidence above its mean without missing effects, in its standard deviations there; for lane "
+        "choice, the slope of the likelihood in standard deviations between drivers.",
+        "Gain: log-likelihood of the fitted drivers less the complexity penalty; on others: that of drivers for "
+        "whom only own parameters were fitted.",
         "Selected: share of random halves of the drivers in which sparse regression takes the variable in; from "
         f"{100 * THRESHOLDS.stable_share:.0f} % on it is taken to matter.",
-        "Share: of the variance of the acceleration left, on drivers the curve was not fitted to.",
+        "Share: explained share of the variance of the acceleration residual, on drivers that the curve was not "
+        "fitted to.",
     )
     return Section("How it was found, and what the words mean", (how,), notes=definitions, is_folded=True)
 

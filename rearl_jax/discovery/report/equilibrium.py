@@ -1,4 +1,4 @@
-"""Time gaps of calibrated drivers at equilibrium: what they do, whatever the parameters of their model are."""
+"""Equilibrium time gaps of calibrated drivers, comparable between models with different parameters."""
 
 from typing import Any
 
@@ -15,8 +15,8 @@ SPEEDS = (10.0, 20.0)
 
 
 def time_gaps(solver: Solver, state: FitState, speed: float) -> Float[np.ndarray, " drivers"]:
-    """Gap over speed [s] of each driver behind a leader of a constant speed [m/s]; NaN where it does not want to drive
-    that fast.
+    """Gap over speed [s] of each driver behind a leader of constant speed [m/s]; NaN if the driver's desired speed is
+    lower.
     """
     prior = solver.layout.prior
     model = prior.model.of_rows(jnp.asarray(prior.values(state.z, state.truck).T))
@@ -25,17 +25,17 @@ def time_gaps(solver: Solver, state: FitState, speed: float) -> Float[np.ndarray
 
 
 def equilibrium_time_gaps(solver: Solver, state: FitState, options: DiscoverConfig) -> dict[str, Any]:
-    """Median over drivers of gap over speed [s] behind a leader of constant speed, by that speed [m/s]."""
+    """Median over drivers of gap over speed [s] behind a leader of constant speed, by this speed [m/s]."""
     rng = np.random.default_rng(options.seed)
     share = [(1 - options.confidence) / 2, (1 + options.confidence) / 2]
-    found: dict[str, Any] = {}
+    by_speed: dict[str, Any] = {}
     for speed in SPEEDS:
         gaps = time_gaps(solver, state, speed)
         gaps = gaps[np.isfinite(gaps)]
         if len(gaps) < len(state.z) / 2:
-            found[f"{speed:g}"] = None
+            by_speed[f"{speed:g}"] = None
             continue
         resampled = np.median(rng.choice(gaps, (options.draws, len(gaps))), axis=1)
         low, high = np.quantile(resampled, share).tolist()
-        found[f"{speed:g}"] = {"value": float(np.median(gaps)), "low": low, "high": high}
-    return found
+        by_speed[f"{speed:g}"] = {"value": float(np.median(gaps)), "low": low, "high": high}
+    return by_speed

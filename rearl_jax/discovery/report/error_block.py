@@ -1,4 +1,4 @@
-"""Figures of the error with intervals over drivers: `error` of the verdict."""
+"""Entry `error` of the verdict: errors with intervals over drivers."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -14,10 +14,12 @@ from rearl_jax.discovery.report.protocols import IN_SAMPLE, PROTOCOL_MEASURES, P
 MAIN_MEASURE = "gap_rmse"
 
 LEAST_REMOVABLE = 0.02
-"""Share of the squared error before that must be above the drivers' own noise for a share of it to be told [-]."""
+"""Smallest share of the squared error before that must exceed the drivers' own noise for an explained share to be
+stated [-].
+"""
 
 Pool = Callable[..., np.ndarray]
-"""From values of drivers, along an axis, to one figure."""
+"""Function from values of drivers, along an axis, to one figure."""
 
 
 def root_mean_square(values: np.ndarray, axis: int) -> np.ndarray:
@@ -26,20 +28,21 @@ def root_mean_square(values: np.ndarray, axis: int) -> np.ndarray:
 
 
 STATISTICS: dict[str, Pool] = {"mean": np.mean, "median": np.median, "pooled": root_mean_square}
-"""Figures of all drivers: the mean and the median of their errors, and the root mean square, which few may rule."""
+"""Statistics over drivers: mean and median of their errors, and the root mean square, which few drivers may dominate.
+"""
 
 POOLS: dict[str, Pool] = {"log_likelihood": np.sum, "energy_score": np.mean}
-"""How measures become one figure of all drivers, if not by the root mean square."""
+"""Statistic over drivers by measure; the root mean square for measures not listed."""
 
 
 @dataclass(frozen=True)
 class Resampling:
-    """Drivers drawn anew, the same ones for everything that is compared.
+    """Bootstrap over drivers, with the same draws for all compared figures.
 
     Attributes:
-        confidence: Of the intervals.
+        confidence: Confidence of the intervals [-].
         draws: Number of resamples.
-        seed: Of the draws.
+        seed: Seed of the draws.
     """
 
     confidence: float
@@ -72,7 +75,7 @@ def error_block(errors: Mapping[str, ModelErrors], confidence: float, draws: int
         for name in MEASURES
     }
     main, pooled = figures[MAIN_MEASURE], partial(over.drawn, pool=root_mean_square)
-    before, after = (pooled(one.by_driver[MAIN_MEASURE]) for one in (first, final))
+    before, after = (pooled(errors_of_model.by_driver[MAIN_MEASURE]) for errors_of_model in (first, final))
     noise = pooled(final.floor)
     return {
         "measure": MAIN_MEASURE,
@@ -100,16 +103,16 @@ def explained_share(
     noise: Float[np.ndarray, " figures"],
     confidence: float,
 ) -> float | None:
-    """Share of the squared error above the floor that is gone [-], from 0 to 1.
+    """Share of the squared error above the floor that the added effects remove [-], from 0 to 1.
 
-    None where the error was at the floor before, and where the drivers' own noise alone surely makes a larger error
-    than there is: then it is not what the model takes it for, and nobody knows what could be removed.
+    None if the error was at the floor before. Also None if simulations with the drivers' own noise have a significantly
+    larger error than measured: then the noise model is wrong, and the removable error is unknown.
 
     Args:
-        before: Error before, of all drivers and then of resamples, as the others.
-        after: Error after.
-        noise: Error that the drivers' own noise makes alone.
-        confidence: Confidence with which the noise makes more.
+        before: Error before: the figure of all drivers, then those of resamples.
+        after: Error after, in the same order.
+        noise: Error from the drivers' own noise alone, in the same order.
+        confidence: Confidence required to state that the noise error is larger.
     """
     if np.mean(noise[1:] > after[1:]) > (1 + confidence) / 2:
         return None
@@ -120,7 +123,7 @@ def explained_share(
 
 
 def _protocol(first: ProtocolErrors | None, final: ProtocolErrors | None, over: Resampling) -> dict[str, Any] | None:
-    """Figures under one protocol; None where nobody could be tested."""
+    """Figures under one protocol; None if no driver could be tested."""
     if first is None or final is None:
         return None
     return {"n_drivers": len(final.driver), "left_out": final.left_out} | {
@@ -135,7 +138,7 @@ def _protocol(first: ProtocolErrors | None, final: ProtocolErrors | None, over: 
 def _compared(
     usual: np.ndarray, before: np.ndarray, after: np.ndarray, pool: Pool, over: Resampling
 ) -> dict[str, dict[str, float]]:
-    """Figures before and after, their change, also as a share, and the error with parameters of the population."""
+    """Figures before and after, their absolute and relative change, and the error with population parameters."""
     of_usual, first, last = (over.drawn(values, pool) for values in (usual, before, after))
     return over.change(before, after, pool) | {
         "change_share": over.figure(last / first - 1),

@@ -1,8 +1,8 @@
-"""Error of a model on drivers that took no part in finding it, before and after, against what no model could do better.
+"""Errors of models on drivers not used to find them, before and after, with the floor that no model can fall below.
 
-Every model has the same freedom on these drivers: everything but their own parameters stays as it was found on others.
-Then it is simulated behind the measured leader, without correction. The main error is that of parameters calibrated to
-each drive (`protocols.IN_SAMPLE`).
+Only the own parameters of these drivers are calibrated; everything else is kept as fitted to other drivers. The model
+is then simulated behind the measured leader, without correction. The main error uses parameters calibrated to each
+drive (`protocols.IN_SAMPLE`).
 """
 
 from collections.abc import Mapping, Sequence
@@ -23,11 +23,11 @@ from rearl_jax.discovery.search.headway import energy_scores
 from rearl_jax.discovery.search.null import behind_noisy_drive, position_errors
 
 FLOOR_RUNS = 4
-"""Realisations of the drivers' noise that the floor rests on."""
+"""Realisations of the drivers' noise for the floor."""
 
 MOST_SQUARE = 2.0
-"""Bound of the squared error of one realisation as a multiple of the middle one: now and then noise alone drives
-somebody into the leader, where no model follows.
+"""Bound of the squared error of one realisation as a multiple of the median one, because noise alone sometimes drives a
+vehicle into its leader, where no model is valid.
 """
 
 MEASURES = (
@@ -39,10 +39,10 @@ MEASURES = (
     "energy_score",
     "log_likelihood",
 )
-"""Measures of each driver: closed-loop gap error [m], the same over the root mean square gap [-] and the speed
-error [m/s], the driver's parameters calibrated to the gap as is usual; the gap error with the parameters that predict
-best from one time step to the next [m]; error in predicting the next position [m]; energy score of noisy
-simulations [m]; log-likelihood [nats].
+"""Measures of each driver: closed-loop gap error [m], the same over the root mean square gap [-] and the speed error
+[m/s], all three with parameters calibrated to the gap, as is common; the gap error with the parameters of the best
+one-step prediction [m]; error in predicting the next position [m]; energy score of noisy simulations [m];
+log-likelihood [nats].
 """
 
 
@@ -52,10 +52,10 @@ class ModelErrors:
 
     Attributes:
         by_driver: Each measure of each driver.
-        floor: Closed-loop gap error that the drivers' own noise makes alone [m], by driver; more than the error itself
-            where what they do beside the model is not the noise that it is taken for.
-        protocols: Errors by what is known of a driver, see `protocols`.
-        responses: How much later than the model asks they accelerate; None where models differ between them.
+        floor: Closed-loop gap error from the drivers' own noise alone [m], by driver; larger than the error itself if
+            the acceleration residual is not the assumed noise.
+        protocols: Errors under each protocol, see `protocols`.
+        responses: Response times of the drivers; None if they have different models.
     """
 
     by_driver: dict[str, Float[np.ndarray, " drivers"]]
@@ -68,10 +68,10 @@ def model_errors(solver: Solver, data: Measured, fits: Mapping[str, Fit], seed: 
     """Errors of fitted models on other drivers, with the same noise for all.
 
     Args:
-        solver: Of the models.
+        solver: Solver of the models.
         data: The other drivers.
         fits: The models by name.
-        seed: Of the noise.
+        seed: Seed of the noise.
     """
     runs = every_run(data)
     states = on_others(solver, data, list(fits.values()))
@@ -83,7 +83,7 @@ def model_errors(solver: Solver, data: Measured, fits: Mapping[str, Fit], seed: 
 def _errors(solver: Solver, state: FitState, fit: Fit, seed: int, runs: Sequence[Split]) -> ModelErrors:
     data = state.data
     calibrated = calibrated_to_gap(solver, state)
-    deviation, uncalibrated = (simulated_error(solver, one) for one in (calibrated, state))
+    deviation, uncalibrated = (simulated_error(solver, model_state) for model_state in (calibrated, state))
     protocols = protocol_errors(solver, state, fit, deviation, runs)
     in_sample = protocols[IN_SAMPLE]
     assert in_sample is not None
@@ -100,12 +100,12 @@ def _errors(solver: Solver, state: FitState, fit: Fit, seed: int, runs: Sequence
 
 
 def _floor(solver: Solver, state: FitState, calibrated: FitState, fit: Fit, seed: int) -> Float[np.ndarray, " drivers"]:
-    """Gap error [m] that remains where the model is right: its own noisy drives, calibrated to in the same way, each
-    driver with as much noise as its innovations have.
+    """Gap error [m] that remains if the model is correct: the model's own noisy drives are calibrated in the same way,
+    with the noise level of each driver's innovations.
     """
     data, squares = state.data, []
     rng = np.random.default_rng([seed, 1])
-    # Innovations of the state show how much noise; the parameters that fit the gap best are those that drive with it.
+    # The innovations of `state` give the noise level; the parameters calibrated to the gap generate the drives.
     expected = float(fit.noise.gain(data.dt, data.stride).variance)
     driving = replace(state, z=calibrated.z, variance=expected)
     for _ in range(FLOOR_RUNS):

@@ -1,4 +1,4 @@
-"""Figures of the evidence, the errors, the innovations, the drivers, and of one drive."""
+"""Figures of the evidence, errors, innovations, drivers' parameters, and an example drive."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -20,19 +20,19 @@ from rearl_jax.drawing import BLUE, DARK_GREY, FONT_SIZE, GREY, LIGHT_GREY, VERM
 COLOURS = {"before": VERMILION, "after": BLUE}
 
 BARS = 14
-"""Candidates that are drawn."""
+"""Largest number of candidates that is drawn."""
 
 FARTHEST_SIGMA = 5.0
-"""Standard deviations up to which innovations are drawn."""
+"""Range of drawn innovations in standard deviations."""
 
 
 def draw_evidence(rows: Sequence[Mapping[str, Any]], null: Null, *, generated: bool) -> bytes:
-    """PNG of the candidates' evidence with the null's band, and of what they gain.
+    """PNG of the candidates' evidence with the band of the null distribution, and of their gains.
 
     Args:
-        rows: Candidates as in the verdict.
-        null: Evidence where nothing is missing; candidates that it does not hold have no band.
-        generated: Whether the data are no measurements.
+        rows: Entries `candidates` of the verdict.
+        null: Null distribution of the evidence; candidates outside it have no band.
+        generated: Whether the data were generated, not measured.
     """
     shown, threshold = rows[:BARS], null.threshold(THRESHOLDS.candidate_z_score)
     terms = [Term(row["name"], row["variables"][0] if row["kind"] == "generic" else None) for row in shown]
@@ -61,7 +61,7 @@ def draw_evidence(rows: Sequence[Mapping[str, Any]], null: Null, *, generated: b
 
 
 def draw_errors(errors: Mapping[str, ModelErrors], *, generated: bool) -> bytes:
-    """PNG of the closed-loop gap error of every report driver before and after, beside its own noise."""
+    """PNG of the closed-loop gap error of every report driver before and after, with its noise floor."""
     before = errors["before"].by_driver["gap_rmse"]
     last = "after" if "after" in errors else "before"
     floor, order = errors[last].floor, np.argsort(before)
@@ -85,12 +85,12 @@ def draw_errors(errors: Mapping[str, ModelErrors], *, generated: bool) -> bytes:
 
 
 def draw_innovations(left: Mapping[str, Residuals], *, generated: bool) -> bytes:
-    """PNG of autocorrelation and distribution of what the observer fails to predict."""
+    """PNG of autocorrelation and distribution of the innovations."""
     figure, (lags, spread) = panels(7.2, 3.0, columns=2, generated=generated)
-    for model, one in left.items():
-        data = one.state.data
-        lags.plot(*one.autocorrelation(), color=COLOURS[model], linewidth=1.4, label=model)
-        used = one.innovation[data.weight > 0]
+    for model, residuals in left.items():
+        data = residuals.state.data
+        lags.plot(*residuals.autocorrelation(), color=COLOURS[model], linewidth=1.4, label=model)
+        used = residuals.innovation[data.weight > 0]
         edges = np.linspace(-FARTHEST_SIGMA, FARTHEST_SIGMA, 41)
         density = np.histogram(used / used.std(), edges, density=True)[0]
         spread.stairs(np.maximum(density, 1e-6), edges, color=COLOURS[model], linewidth=1.4, label=model)
@@ -109,7 +109,7 @@ def draw_innovations(left: Mapping[str, Residuals], *, generated: bool) -> bytes
 
 
 def draw_parameters(table: pd.DataFrame, prior: Prior, *, generated: bool) -> bytes:
-    """PNG of the fitted drivers' own parameters; `table` as drivers.parquet."""
+    """PNG of the fitted drivers' own parameters; `table` has the columns of drivers.parquet."""
     figure, axes = panels(7.2, 2.6, columns=prior.size, generated=generated)
     models = [model for model in COLOURS if model in set(table["model"])]
     for panel, name, unit in zip(axes, prior.names, prior.units, strict=True):
@@ -129,23 +129,27 @@ def draw_parameters(table: pd.DataFrame, prior: Prior, *, generated: bool) -> by
 
 
 def draw_example(left: Mapping[str, Residuals], errors: Mapping[str, ModelErrors], *, generated: bool) -> bytes:
-    """PNG of one report driver: the measured gap, simulated before and after, and what the model leaves."""
+    """PNG of one report driver: measured gap, simulated gap before and after, and acceleration residual."""
     piece = example_piece(left["before"], errors)
     figure, (above, below) = panels(7.2, 4.2, rows=2, generated=generated)
     data = left["before"].state.data
     rows, begins = stretches(data.weight[:, piece] > 0, data.stride)
     time, leader = data.around.time[rows, piece], data.leader[rows, piece]
     gap = (data.around.leader_rear - data.smooth - data.length / 2)[rows, piece]
-    # No line from one leader to the next.
+    # A gap in the line at changes of leader.
     seen = np.where(begins | np.r_[False, leader[1:] != leader[:-1]], np.nan, gap)
     above.plot(time, seen, color=DARK_GREY, linewidth=2.0, label="measured")
-    for model, one in left.items():
+    for model, residuals in left.items():
         # The simulated gap itself has no measurement noise.
-        noise = one.state.data.y[rows, piece] - one.state.data.smooth[rows, piece]
+        noise = residuals.state.data.y[rows, piece] - residuals.state.data.smooth[rows, piece]
         above.plot(
-            time, seen + one.gap[rows, piece] - noise, color=COLOURS[model], linewidth=1.3, label=f"simulated {model}"
+            time,
+            seen + residuals.gap[rows, piece] - noise,
+            color=COLOURS[model],
+            linewidth=1.3,
+            label=f"simulated {model}",
         )
-        acceleration = np.where(begins, np.nan, one.acceleration[rows, piece])
+        acceleration = np.where(begins, np.nan, residuals.acceleration[rows, piece])
         below.plot(time, acceleration, color=COLOURS[model], linewidth=1.2)
     below.axhline(0.0, color=GREY, linewidth=0.8)
     above.set_ylabel("gap [m]")
@@ -159,18 +163,18 @@ def draw_example(left: Mapping[str, Residuals], errors: Mapping[str, ModelErrors
 def stretches(
     counts: Bool[np.ndarray, " steps"], stride: int
 ) -> tuple[Int[np.ndarray, " counted"], Bool[np.ndarray, " counted"]]:
-    """Time steps of a piece that count, and whether something was left out before each.
+    """Time steps of a piece that count, and whether the interval before each was excluded.
 
     Args:
-        counts: Whether each time step does.
-        stride: Time steps from one that says something new to the next.
+        counts: Whether each time step counts.
+        stride: Time steps from one independent measurement to the next.
     """
     rows = np.flatnonzero(counts)
     return rows, np.diff(rows, prepend=rows[:1]) > stride
 
 
 def example_piece(left: Residuals, errors: Mapping[str, ModelErrors]) -> int:
-    """The longest piece of the report driver in the middle by the change of its error, or by its error."""
+    """The longest piece of the report driver with the median change of the error, or with the median error."""
     before = errors["before"].by_driver["gap_rmse"]
     change = before - errors["after"].by_driver["gap_rmse"] if "after" in errors else before
     driver = int(np.argsort(change)[len(change) // 2])

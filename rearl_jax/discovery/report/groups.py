@@ -1,17 +1,18 @@
-"""The verdict on groups of drivers: what is missing in each, and how they differ.
+"""The joint verdict on groups of drivers: missing effects of each group, and differences between groups.
 
-The verdict of a discovery by groups has the keys of any other. Its word is the strongest of the groups', its effects
-say of which group they are, its errors are those of all reported drivers, each with its group's model. What only a
-group has (candidates, unseen effects, adequacy) is in its own verdict, `groups/<name>/verdict.json`. Beside it:
+The verdict of a discovery by groups has the same keys as one without groups. `verdict` is the strongest of the groups'
+verdicts, each effect names its group, and errors are those of all reported drivers, each with the model of its group.
+Candidates, unseen effects and adequacy are in the verdict of each group, `groups/<name>/verdict.json`. Additional keys:
 
 groups    [{by, value, drivers, driver_seconds, cars, shared, labels, verdict, effects, error, car_following, base,
           equilibrium_time_gap, notes}]: `labels` {label: {value, share}} the most common value of each label and its
-          share of the drivers, `cars` the number of persons or cars, null where nobody is known again; `shared` the
-          number of them that are both among the fitted and the reported drivers; `equilibrium_time_gap` {speed [m/s]:
-          {value, low, high}}, the median over fitted drivers of gap over speed [s] behind a leader of that speed in the
-          calibrated model, null where fewer than half of the drivers want to drive that fast
-grouping  {by, left_out: {value: drivers}}: who is in no group; where kinds were found without labels, also {kinds,
-          evidence, distinctness, gain, chance, uncertain, purity: {label: {value, by_chance}}}, see `groups.kinds`
+          share of the drivers, `cars` the number of persons or cars, null if no identity is known; `shared` the number
+          of them among both fitted and reported drivers; `equilibrium_time_gap` {speed [m/s]: {value, low, high}}, the
+          median over fitted drivers of gap over speed [s] behind a leader of that speed in the calibrated model, null
+          if fewer than half of the drivers have a higher desired speed
+grouping  {by, left_out: {value: drivers}}: number of drivers outside all groups; for kinds found without labels also
+          {kinds, evidence, distinctness, gain, chance, uncertain, purity: {label: {value, by_chance}}}, see
+          `groups.kinds`
 """
 
 from collections import Counter
@@ -36,7 +37,7 @@ STRONGEST_FIRST = ("named", "improved", "unexplained", "artefact", "nothing")
 def verdict_of_groups(
     options: DiscoverConfig, groups: Mapping[str, Discovery], left_out: Mapping[str, int]
 ) -> dict[str, Any]:
-    """The verdict on all groups, without the time it took."""
+    """The verdict on all groups, without the computation time."""
     rows = [_row(options, name, discovery) for name, discovery in groups.items()]
     words = [row["verdict"] for row in rows]
     errors = _joined([behind.errors for behind in map(_behind, groups.values())])
@@ -54,9 +55,9 @@ def verdict_of_groups(
         "base": None,
         "data": data[0]
         | {
-            "car_following": ", ".join(dict.fromkeys(one["car_following"] for one in data)),
-            "drivers": {part: sum(one["drivers"][part] for one in data) for part in data[0]["drivers"]},
-            "driver_seconds": sum(one["driver_seconds"] for one in data),
+            "car_following": ", ".join(dict.fromkeys(entry["car_following"] for entry in data)),
+            "drivers": {part: sum(entry["drivers"][part] for entry in data) for part in data[0]["drivers"]},
+            "driver_seconds": sum(entry["driver_seconds"] for entry in data),
             "notes": notes,
         },
         "thresholds": THRESHOLDS.plain(),
@@ -68,8 +69,8 @@ def verdict_of_groups(
 def _row(options: DiscoverConfig, name: str, discovery: Discovery) -> dict[str, Any]:
     verdict, behind = discovery.verdict, _behind(discovery)
     parts, first = behind.parts, behind.search.first.state
-    everybody = parts.fitted.beside(parts.checked).beside(parts.reported)
-    persons = known_again(everybody)
+    all_drivers = parts.fitted.beside(parts.checked).beside(parts.reported)
+    persons = known_again(all_drivers)
     return {
         "by": options.by,
         "value": name,
@@ -77,7 +78,7 @@ def _row(options: DiscoverConfig, name: str, discovery: Discovery) -> dict[str, 
         "driver_seconds": verdict["data"]["driver_seconds"],
         "cars": persons or None,
         "shared": in_both(parts.fitted, parts.reported),
-        "labels": _most_common(everybody),
+        "labels": _most_common(all_drivers),
         "verdict": verdict["verdict"],
         "effects": verdict["effects"],
         "error": verdict["error"],
@@ -89,7 +90,7 @@ def _row(options: DiscoverConfig, name: str, discovery: Discovery) -> dict[str, 
 
 
 def _most_common(data: Measured) -> dict[str, Any]:
-    """The most common value of each label that is known of some drivers."""
+    """The most common value of each label, for labels known of some drivers."""
     common = {}
     for name in data.labels:
         counts = Counter(value for value in data.label(name).tolist() if value is not None)
@@ -104,27 +105,27 @@ def _behind(discovery: Discovery) -> Behind:
 
 
 def _joined(groups: Sequence[Mapping[str, ModelErrors]]) -> dict[str, ModelErrors]:
-    """Errors of the drivers of all groups; where nothing was added to a group's model, it is after as it was before."""
+    """Errors of the drivers of all groups; for a group without added effects, `after` equals `before`."""
     joined = {}
     for model in ("before", "after"):
         parts = [errors.get(model, errors["before"]) for errors in groups]
         by_driver = {name: np.concatenate([part.by_driver[name] for part in parts]) for name in parts[0].by_driver}
         floor = np.concatenate([part.floor for part in parts])
-        protocols = {name: _under_one([part.protocols[name] for part in parts]) for name in parts[0].protocols}
+        protocols = {name: _joined_protocol([part.protocols[name] for part in parts]) for name in parts[0].protocols}
         joined[model] = ModelErrors(by_driver, floor, protocols, responses=None)
     return joined
 
 
-def _under_one(groups: Sequence[ProtocolErrors | None]) -> ProtocolErrors | None:
-    """Errors of the drivers of all groups under one protocol; None where nobody could be tested."""
-    tested = [one for one in groups if one is not None]
+def _joined_protocol(groups: Sequence[ProtocolErrors | None]) -> ProtocolErrors | None:
+    """Errors of the drivers of all groups under one protocol; None if no driver could be tested."""
+    tested = [errors for errors in groups if errors is not None]
     if not tested:
         return None
 
-    def together(name: str) -> dict[str, np.ndarray]:
-        parts = [getattr(one, name) for one in tested]
+    def concatenated(name: str) -> dict[str, np.ndarray]:
+        parts = [getattr(errors, name) for errors in tested]
         return {measure: np.concatenate([part[measure] for part in parts]) for measure in parts[0]}
 
-    n_drivers = [len(one.driver) for one in tested]
-    left_out = sum(one.left_out for one in tested)
-    return ProtocolErrors(np.arange(sum(n_drivers)), together("by_driver"), together("usual"), left_out)
+    n_drivers = [len(errors.driver) for errors in tested]
+    left_out = sum(errors.left_out for errors in tested)
+    return ProtocolErrors(np.arange(sum(n_drivers)), concatenated("by_driver"), concatenated("usual"), left_out)

@@ -1,4 +1,4 @@
-"""How groups of drivers differ, as a section of the document."""
+"""Section of the document on differences between groups of drivers."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -8,11 +8,11 @@ from rearl_jax.document.document import Section
 from rearl_jax.document.table import NONE, Cell, Row, Table, interval, number, percent, sentence, spoken
 
 MOST_NUMBERS = 2
-"""Parameters of an effect that are shown with it; the verdict of the group has all."""
+"""Largest number of parameters shown with an effect; the verdict of the group contains all."""
 
 
 def groups_section(verdict: Mapping[str, Any]) -> Section:
-    """A row per group: drivers, verdict, effects, errors and time gaps; empty where drivers are not told apart."""
+    """A row per group: drivers, verdict, effects, errors and time gaps; empty without groups."""
     rows = verdict.get("groups", ())
     if not rows:
         return Section("Groups")
@@ -33,20 +33,25 @@ def groups_section(verdict: Mapping[str, Any]) -> Section:
 
 
 def _kinds_notes(grouping: Mapping[str, Any], rows: Sequence[Mapping[str, Any]]) -> list[str]:
-    """How many kinds were found without labels, how sure that is, and how they agree with labels."""
+    """Sentences on the number of kinds found without labels, its confidence, and agreement with labels."""
     if "kinds" not in grouping:
         return []
     if grouping["kinds"] == 1:
-        return ["no kinds of drivers were told apart: the evidence for several is not beyond what one kind gives"]
+        return [
+            "no kinds of drivers were distinguished: the evidence for several is not above that of single-kind data"
+        ]
     notes = [
-        f"{grouping['kinds']} kinds of drivers were told apart without labels: the evidence is {grouping['gain']:.0f} "
+        f"{grouping['kinds']} kinds of drivers were "
+        f"distinguished without labels: the evidence is {grouping['gain']:.0f} "
         f"nats above that for one kind; at most {percent(grouping['chance'])} of data sets of one kind reach as much"
     ]
     for label, share in grouping["purity"].items():
         words = f"{percent(share['value'])} of drivers have the most common {spoken(label)} of their kind"
         notes.append(f"purity: {words}, {percent(share['by_chance'])} by chance")
     for row in rows:
-        labels = (f"{spoken(name)} {one['value']} {percent(one['share'])}" for name, one in row["labels"].items())
+        labels = (
+            f"{spoken(name)} {common['value']} {percent(common['share'])}" for name, common in row["labels"].items()
+        )
         notes.append(f"most common in {row['value']}: {', '.join(labels) or NONE}")
     return notes
 
@@ -65,9 +70,9 @@ def _figure(value: Mapping[str, Any] | None) -> Cell:
 
 
 def with_numbers(effect: Mapping[str, Any]) -> str:
-    """An effect of a verdict with its parameters, where they are few."""
+    """An effect of a verdict with its parameters, if it has few."""
     numbers = list(effect["parameters"].values())
     if len(numbers) > MOST_NUMBERS:
         return described(effect)
-    values = (f"{number(one['value'])} {one['unit']}".removesuffix(" -") for one in numbers)
+    values = (f"{number(parameter['value'])} {parameter['unit']}".removesuffix(" -") for parameter in numbers)
     return " ".join((described(effect), ", ".join(values))).strip()

@@ -1,10 +1,11 @@
 """Scores of predicted lane changes: `lane_choice.prediction` of the verdict, and a table with a row per driver.
 
-Log loss [nats per driver-second] is the negative log-likelihood of what drivers did, each side at each moment on its
-own, over the time in which they could have changed. Balanced accuracy [-] is the mean of sensitivity (share of changes
-that are predicted) and specificity (share of all else that is not), .5 for a model that knows nothing: changes are
-rare, and accuracy alone would be highest for "nobody ever changes". A rule predicts the changes that it
-accepts; a chance predicts a change above the constant rate, the usual threshold of rare events.
+Log loss [nats per driver-second] is the negative log-likelihood of the recorded choices (each side at each opportunity
+separately) divided by the time in which drivers could have changed lanes. Balanced accuracy [-] is the mean of
+sensitivity (share of changes that are predicted) and specificity (share of all other opportunities for which no change
+is predicted). It is .5 for a model without information. Plain accuracy is not used because changes are rare, so that
+"no driver ever changes" would score highest. A rule predicts the changes that it accepts; a probability model predicts
+a change if the probability exceeds the constant rate, the usual threshold for rare events.
 
 Source: Brodersen, Ong, Stephan & Buhmann, ICPR (2010) 3121 (balanced accuracy); Freeman & Moisen, Ecol. Model. 217
 (2008) 48 (prevalence as the threshold).
@@ -23,61 +24,64 @@ from rearl_jax.discovery.report.error_block import Resampling
 LANE_CHANGE_TABLE = "lane_changes"
 
 
-def prediction_block(found: Prediction | None, over: Resampling) -> dict[str, Any] | None:
-    """`lane_choice.prediction` of the verdict; None where nothing could be predicted."""
-    if found is None:
+def prediction_block(prediction: Prediction | None, over: Resampling) -> dict[str, Any] | None:
+    """Entry `lane_choice.prediction` of the verdict; None without a prediction."""
+    if prediction is None:
         return None
-    every = {"all": np.ones(len(found.table.side), bool)} | found.strata()
-    strata = {name: _stratum(found, rows, over) for name, rows in every.items()}
-    fitted = {"drivers": found.n_fitted_drivers, "changes": found.n_fitted_changes}
+    every = {"all": np.ones(len(prediction.table.side), bool)} | prediction.strata()
+    strata = {name: _stratum(prediction, rows, over) for name, rows in every.items()}
+    fitted = {"drivers": prediction.n_fitted_drivers, "changes": prediction.n_fitted_changes}
     return {
-        "recorded": found.n_recorded,
-        "ramp": found.n_ramp,
+        "recorded": prediction.n_recorded,
+        "ramp": prediction.n_ramp,
         "fitted": fitted,
-        "mobil": {name: asdict(estimate) for name, estimate in found.mobil.estimates.items()},
-        "refused_share": float(1 - found.mobil.rule.accepts(found.table)[found.table.changes].mean()),
+        "mobil": {name: asdict(estimate) for name, estimate in prediction.mobil.estimates.items()},
+        "refused_share": float(1 - prediction.mobil.rule.accepts(prediction.table)[prediction.table.changes].mean()),
         "strata": strata,
     }
 
 
-def prediction_table(found: Prediction) -> pd.DataFrame:
+def prediction_table(prediction: Prediction) -> pd.DataFrame:
     """A row per held-out driver."""
-    vehicle, first, driver = np.unique(found.table.vehicle, return_index=True, return_inverse=True)
-    changes, side = found.table.changes, found.table.side
-    seconds = _sums(driver, seconds_at_risk(found.table))
+    vehicle, first, driver = np.unique(prediction.table.vehicle, return_index=True, return_inverse=True)
+    changes, side = prediction.table.changes, prediction.table.side
+    seconds = _sums(driver, seconds_at_risk(prediction.table))
     table = pd.DataFrame(
         {
             "driver": vehicle,
-            "recording": found.table.recording[first],
+            "recording": prediction.table.recording[first],
             "seconds": seconds,
             "opportunities": np.bincount(driver),
             "left": _sums(driver, changes & (side < 0)).astype(int),
             "right": _sums(driver, changes & (side > 0)).astype(int),
         }
     )
-    for name, chance in found.chance.items():
+    for name, chance in prediction.chance.items():
         with np.errstate(invalid="ignore"):
-            accuracy = _balanced(*(_sums(driver, rows) for rows in _outcomes(changes, found.says[name])))
+            accuracy = _balanced(*(_sums(driver, rows) for rows in _outcomes(changes, prediction.says[name])))
         table[f"expected_{name}"] = _sums(driver, chance)
         table[f"log_loss_{name}"] = _sums(driver, log_loss(chance, changes)) / seconds
         table[f"balanced_accuracy_{name}"] = accuracy
     return table
 
 
-def _stratum(found: Prediction, rows: Bool[np.ndarray, " rows"], over: Resampling) -> dict[str, Any]:
-    """Scores of some of the opportunities; drivers are drawn anew from all who are held out."""
-    table = found.table.take(rows)
-    driver, n = np.searchsorted(np.unique(found.table.vehicle), table.vehicle), len(np.unique(found.table.vehicle))
+def _stratum(prediction: Prediction, rows: Bool[np.ndarray, " rows"], over: Resampling) -> dict[str, Any]:
+    """Scores of the given opportunities; drivers are resampled from all held-out drivers."""
+    table = prediction.table.take(rows)
+    driver, n = (
+        np.searchsorted(np.unique(prediction.table.vehicle), table.vehicle),
+        len(np.unique(prediction.table.vehicle)),
+    )
 
     def drawn(values: np.ndarray) -> Float[np.ndarray, " figures"]:
         return over.drawn(_sums(driver, values, n), np.sum)
 
     seconds = seconds_at_risk(table)
     time, scores = drawn(seconds), {}
-    constant = drawn(log_loss(found.chance[BASE_RATE][rows], table.changes))
+    constant = drawn(log_loss(prediction.chance[BASE_RATE][rows], table.changes))
     for name in PREDICTORS:
-        chance = found.chance[name][rows]
-        loss, said = drawn(log_loss(chance, table.changes)), found.says[name][rows]
+        chance = prediction.chance[name][rows]
+        loss, said = drawn(log_loss(chance, table.changes)), prediction.says[name][rows]
         with np.errstate(invalid="ignore", divide="ignore"):
             scores[name] = {
                 "log_loss": _figure(loss / time, over),
@@ -95,21 +99,21 @@ def _stratum(found: Prediction, rows: Bool[np.ndarray, " rows"], over: Resamplin
 
 
 def _outcomes(changes: np.ndarray, said: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Changes that were predicted, changes, all else that was not predicted, all else."""
+    """Counts: predicted changes, changes, correctly predicted non-changes, non-changes."""
     return changes & said, changes, ~changes & ~said, ~changes
 
 
 def _balanced(hits: np.ndarray, changes: np.ndarray, rejections: np.ndarray, others: np.ndarray) -> np.ndarray:
-    """Balanced accuracy [-]; nan where nobody changed, or everybody did."""
+    """Balanced accuracy [-]; nan if there were no changes or only changes."""
     return (hits / changes + rejections / others) / 2
 
 
 def _sums(driver: np.ndarray, values: np.ndarray, n: int = 0) -> Float[np.ndarray, " drivers"]:
-    return np.bincount(driver, values, n).astype(float)  # of nothing it is an integer
+    return np.bincount(driver, values, n).astype(float)  # the sum of an empty list is an integer
 
 
 def _figure(drawn: Float[np.ndarray, " figures"], over: Resampling) -> dict[str, float] | None:
-    """A figure with its interval, from the resamples in which it can be told; None where it cannot be told itself."""
+    """A figure with its interval, from resamples in which it is defined; None if the figure is undefined."""
     if not np.isfinite(drawn[0]):
         return None
     return over.figure(drawn[np.isfinite(drawn)])

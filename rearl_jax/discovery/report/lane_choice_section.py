@@ -1,4 +1,4 @@
-"""Predicted lane changes of held-out drivers, as a section of the document."""
+"""Section of the document on predicted lane changes of held-out drivers."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -35,49 +35,49 @@ _MEASURES = {"less_base_rate": "log loss less that of the constant rate", "balan
 
 
 def lane_choice_section(verdict: Mapping[str, Any]) -> Section:
-    """Scores of every model, then by side and urgency, and MOBIL's parameters; why there are none where there are none;
-    empty for verdicts that hold nothing of it.
+    """Section with scores of every model, scores by side and urgency, and MOBIL's parameters, or with the reason why
+    there are none; empty if the verdict has no entry for them.
     """
     lanes = verdict.get("lane_choice")
     if not lanes or "prediction" not in lanes:
         return Section(TITLE)
-    found = lanes["prediction"]
-    if found is None:
+    prediction = lanes["prediction"]
+    if prediction is None:
         words = (
             f"No prediction of lane changes is scored, and MOBIL is not calibrated. {LEAST_CHANGES} recorded changes "
             f"are needed, and {LEAST_IN_PART} by choice of the drivers who are fitted and of those who are held out: "
             f"there are {lanes['changes']}"
         )
         return Section(TITLE, (sentence(words),))
-    tables = (_model_table(found), *(_strata_table(found, name, title) for name, title in _MEASURES.items()))
-    return Section(TITLE, (_words(found),), (*tables, _mobil_table(found)), _notes(found))
+    tables = (_model_table(prediction), *(_strata_table(prediction, name, title) for name, title in _MEASURES.items()))
+    return Section(TITLE, (_words(prediction),), (*tables, _mobil_table(prediction)), _notes(prediction))
 
 
-def surely_worse(found: Mapping[str, Any]) -> list[str]:
-    """Names of the models whose log loss is surely above that of the constant rate."""
-    models = found["strata"]["all"]["models"]
+def surely_worse(prediction: Mapping[str, Any]) -> list[str]:
+    """Names of the models whose log loss is significantly above that of the constant rate."""
+    models = prediction["strata"]["all"]["models"]
     return [name for name, scores in models.items() if scores["less_base_rate"]["low"] > 0]
 
 
-def _words(found: Mapping[str, Any]) -> str:
-    every, fitted = found["strata"]["all"], found["fitted"]
+def _words(prediction: Mapping[str, Any]) -> str:
+    every, fitted = prediction["strata"]["all"], prediction["fitted"]
     said = (
         f"{every['changes']} changes by choice of {every['drivers']} drivers in {every['seconds'] / 60:.1f} minutes, "
         f"predicted twice a second from {fitted['changes']} changes of {fitted['drivers']} others."
     )
-    worse = [PREDICTORS[name] for name in surely_worse(found)]
+    worse = [PREDICTORS[name] for name in surely_worse(prediction)]
     if worse:
         said += f" Surely worse than the constant rate: {', '.join(worse)}."
     usual, own = (every["models"][name]["log_loss"]["value"] for name in (AS_IT_WAS, CALIBRATED))
     if own >= usual:
         said += " MOBIL calibrated is not better than as it was."
     if every["models"][CALIBRATED]["less_base_rate"]["high"] >= 0:
-        said += " MOBIL calibrated is not surely better than the constant rate."
+        said += " Calibrated MOBIL is not significantly better than the constant rate."
     return said
 
 
-def _model_table(found: Mapping[str, Any]) -> Table:
-    every = found["strata"]["all"]
+def _model_table(prediction: Mapping[str, Any]) -> Table:
+    every = prediction["strata"]["all"]
     rows = []
     for name, title in PREDICTORS.items():
         scores = every["models"][name]
@@ -93,9 +93,9 @@ def _model_table(found: Mapping[str, Any]) -> Table:
     return Table("Predictions of lane changes, drivers nothing was fitted to", headings, tuple(rows))
 
 
-def _strata_table(found: Mapping[str, Any], measure: str, title: str) -> Table:
+def _strata_table(prediction: Mapping[str, Any], measure: str, title: str) -> Table:
     rows = []
-    for name, scores in found["strata"].items():
+    for name, scores in prediction["strata"].items():
         sign = "+" if measure == "less_base_rate" else ""
         cells = (_cell(scores["models"][model][measure], sign) for model in _SHOWN)
         rows.append(Row(STRATA[name], (Cell(str(scores["changes"])), Cell(f"{scores['seconds'] / 60:.1f}"), *cells)))
@@ -103,28 +103,30 @@ def _strata_table(found: Mapping[str, Any], measure: str, title: str) -> Table:
     return Table(f"{title.capitalize()}, by side and urgency", headings, tuple(rows))
 
 
-def _mobil_table(found: Mapping[str, Any]) -> Table:
+def _mobil_table(prediction: Mapping[str, Any]) -> Table:
     usual, rows = MobilRule(), []
-    for name, estimate in found["mobil"].items():
+    for name, estimate in prediction["mobil"].items():
         unit = "" if estimate["unit"] == "-" else f" [{estimate['unit']}]"
         rows.append(Row(f"{spoken(name)}{unit}", (Cell(number(getattr(usual, name))), _cell(estimate))))
     return Table("Parameters of MOBIL", ("as it was", "calibrated"), tuple(rows))
 
 
-def _notes(found: Mapping[str, Any]) -> tuple[str, ...]:
-    every = found["strata"]["all"]
+def _notes(prediction: Mapping[str, Any]) -> tuple[str, ...]:
+    every = prediction["strata"]["all"]
     notes = (
-        f"of {found['recorded']} recorded changes {found['ramp']} are from or to a ramp lane, mandatory and not "
-        f"scored; {found['fitted']['changes'] + every['changes']} are by choice, where leaders and the gap can be seen",
-        "MOBIL predicts the changes that its rule accepts, the hazard those whose chance is above the constant rate of "
-        "the side; balanced accuracy is the mean "
-        "of the shares of changes and of all else that are told right, .5 for knowing nothing",
-        "MOBIL as it was changes lanes within its delay wherever its rule allows a change; it takes other changes for "
-        "impossible, for which it is given the rate of the fitted drivers here, else its log loss would be infinite",
-        f"MOBIL calibrated refuses {percent(found['refused_share'])} of the changes that were made: a simulation with "
-        "it makes that much fewer",
-        "urgency is what recordings can tell: how much faster the target lane is, and a ramp lane that the driver "
-        "reaches later; where drivers go beyond the recording is unknown",
+        f"of {prediction['recorded']} recorded changes {prediction['ramp']} are from or to a ramp lane, "
+        f"mandatory and not scored; {prediction['fitted']['changes'] + every['changes']} are discretionary, with "
+        "leaders and gaps in the recording",
+        "MOBIL predicts the changes that its rule accepts, the hazard those whose probability is above the "
+        "constant rate of the side; balanced accuracy is the mean of the correctly predicted shares of changes "
+        "and of non-changes, .5 without information",
+        "original MOBIL changes lanes within its delay whenever its rule allows a change, and excludes other "
+        "changes; here it has the fitted drivers' rate of refused changes, because its log loss would otherwise "
+        "be infinite",
+        f"calibrated MOBIL refuses {percent(prediction['refused_share'])} of the recorded changes: a simulation "
+        "with it makes fewer changes by this share",
+        "urgency is estimated from the recording: the speed advantage of the target lane, and a ramp lane that "
+        "the driver reaches later; destinations beyond the recording are unknown",
     )
     return tuple(map(sentence, notes))
 

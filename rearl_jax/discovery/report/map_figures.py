@@ -1,4 +1,4 @@
-"""Figures of what the residual depends on, before and after the repair."""
+"""Figures of the residual's dependences, before and after the repair."""
 
 from collections.abc import Mapping
 
@@ -11,22 +11,22 @@ from rearl_jax.discovery.search.maps import Curve, ranked
 from rearl_jax.drawing import BLUE, DARK_GREY, FONT_SIZE, GREY, VERMILION, panels, png, set_title
 
 SHOWN = 6
-"""Maps that are drawn."""
+"""Largest number of maps that is drawn."""
 
 LEAST_REACH = 0.3
-"""Half height of the smallest map [m/s^2]: what is smaller shall look small."""
+"""Smallest half height of a map [m/s^2], so that small dependences look small."""
 
 COLUMNS = 3
-"""Maps beside each other."""
+"""Maps per row."""
 
 
 def draw_maps(atlases: Mapping[str, Atlas], added: Mapping[str, np.ndarray], *, generated: bool) -> bytes:
-    """PNG of the maps that carry furthest: before, after, and what was added.
+    """PNG of the maps with the largest gains: before, after, and the added acceleration.
 
     Args:
-        atlases: `before`, and `after` where something was added.
-        added: Acceleration that was added, at the knots of the variables that it depends on.
-        generated: Whether the data are no measurements.
+        atlases: Maps `before`, and `after` if effects were added.
+        added: Added acceleration at the knots of the variables that it depends on.
+        generated: Whether the data were generated, not measured.
     """
     best = shown_maps(atlases)
     n_rows = -(-len(best) // COLUMNS)
@@ -42,7 +42,7 @@ def draw_maps(atlases: Mapping[str, Atlas], added: Mapping[str, np.ndarray], *, 
         panel.axhline(0.0, color=GREY, linewidth=0.8, zorder=0)
         panel.set_ylim(-reach, reach)
         unit = curve.basis.variable.unit.replace("^2", "²")
-        share = next(one.frequency for one in atlases["before"].selected if one.variable == name)
+        share = next(selection.frequency for selection in atlases["before"].selected if selection.variable == name)
         panel.set_title(f"selected in {100 * share:.0f} % of the halves", loc="left", fontsize=7, color=DARK_GREY)
         panel.set_xlabel(f"{curve.basis.variable.title} [{unit}]", fontsize=8)
     for panel in axes[len(best) :]:
@@ -58,10 +58,10 @@ def draw_maps(atlases: Mapping[str, Atlas], added: Mapping[str, np.ndarray], *, 
 
 
 def shown_maps(atlases: Mapping[str, Atlas]) -> list[Curve]:
-    """The maps that carried furthest before anything was added, those that the finder selected first."""
+    """The maps with the largest gains before any effect was added; those selected by the finder come first."""
     atlas = atlases["before"]
-    stable = [one.variable for one in atlas.selected if one.frequency >= 0.5]
-    order = sorted(ranked(atlas.curves), key=lambda one: one.basis.variable.name not in stable)
+    stable = [selection.variable for selection in atlas.selected if selection.frequency >= 0.5]
+    order = sorted(ranked(atlas.curves), key=lambda selection: selection.basis.variable.name not in stable)
     return order[:SHOWN]
 
 
@@ -72,7 +72,7 @@ def _draw(panel: Axes, curve: Curve, colour: str, label: str) -> None:
 
 
 def draw_planes(atlases: Mapping[str, Atlas], *, generated: bool) -> bytes:
-    """PNG of the maps over two variables: before above, after below."""
+    """PNG of the maps over two variables: before in the upper row, after in the lower row."""
     pairs = list(atlases["before"].planes)
     figure, axes = _grid(7.2, 2.9 * len(atlases), len(atlases), len(pairs), generated=generated)
     planes = [(model, atlas.planes[pair]) for model, atlas in atlases.items() for pair in pairs]
@@ -92,7 +92,7 @@ def draw_planes(atlases: Mapping[str, Atlas], *, generated: bool) -> bytes:
 
 
 def _grid(width: float, height: float, rows: int, columns: int, *, generated: bool) -> tuple[Figure, list[Axes]]:
-    """A figure [inch] whose panels each have a horizontal scale of their own."""
+    """A figure with panels on separate horizontal scales; width and height in inches."""
     figure, (whole,) = panels(width, height, generated=generated)
     whole.remove()
     axes = figure.subplots(rows, columns, squeeze=False).ravel().tolist()

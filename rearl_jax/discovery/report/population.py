@@ -1,8 +1,8 @@
-"""The calibrated drivers as a population: what is usual of them, how they differ, and what the data do not tell.
+"""The calibrated drivers as a population: medians, differences, and parameters that the data do not determine.
 
-`population` of the verdict: {parameter: {value, unit, spread, told, at_bound}}; `value` is that of the middle driver,
-`spread` the standard deviation of its logarithm between drivers, `told` the share of the spread's variance that the
-data of one driver narrow it by on average, and `at_bound` the share of drivers who are at a bound of the parameter.
+Entry `population` of the verdict: {parameter: {value, unit, spread, told, at_bound}}. `value` is the median over
+drivers, `spread` the standard deviation of the logarithm between drivers, `told` the mean share of the variance between
+drivers that the data of one driver remove, and `at_bound` the share of drivers at a bound of the parameter.
 """
 
 from collections.abc import Mapping
@@ -18,11 +18,11 @@ from rearl_jax.document.document import Section
 from rearl_jax.document.table import Cell, Row, Table, number, percent, sentence, spoken
 
 NEAR = 1e-6
-"""Distance from a bound that is none [-]."""
+"""Distance from a bound below which a parameter counts as at the bound [-]."""
 
 
 def population_block(solver: Solver, state: FitState) -> dict[str, dict[str, Any]]:
-    """`population` of the verdict, of the fitted drivers of a calibrated model."""
+    """Entry `population` of the verdict, for the fitted drivers of a calibrated model."""
     prior, truck = solver.layout.prior, state.truck
     low, high = (bound[truck] for bound in prior.bounds)
     values = np.exp(np.median(np.log(prior.values(state.z, truck)), axis=0))
@@ -42,25 +42,26 @@ def population_block(solver: Solver, state: FitState) -> dict[str, dict[str, Any
 
 
 def population_section(verdict: Mapping[str, Any]) -> Section:
-    """Table of the population, and which parameters must not be read; empty where there is none."""
+    """Section with the population, and the parameters that must not be interpreted; empty without a population."""
     title, population = "Drivers of the calibrated model", verdict.get("population")
     if not population:
         return Section(title)
     rows, notes = [], []
-    for name, found in population.items():
-        unit = "" if found["unit"] == "-" else f" [{found['unit']}]"
-        cells = (number(found["value"]), number(found["spread"]), percent(found["told"]), percent(found["at_bound"]))
+    for name, entry in population.items():
+        unit = "" if entry["unit"] == "-" else f" [{entry['unit']}]"
+        cells = (number(entry["value"]), number(entry["spread"]), percent(entry["told"]), percent(entry["at_bound"]))
         rows.append(Row(f"{spoken(name)}{unit}", tuple(map(Cell, cells))))
-        if found["told"] < THRESHOLDS.least_told:
-            notes.append(f"{spoken(name)} is not identified here: its value is what is usual of drivers")
-        if found["at_bound"] > THRESHOLDS.most_at_bound:
+        if entry["told"] < THRESHOLDS.least_told:
+            notes.append(f"{spoken(name)} is not identified here: its value is that of the prior")
+        if entry["at_bound"] > THRESHOLDS.most_at_bound:
             notes.append(
-                f"{spoken(name)} is at its bound in {percent(found['at_bound'])} of drivers: it cannot be read"
+                f"{spoken(name)} is at its bound in {percent(entry['at_bound'])} of drivers: it cannot be read"
             )
     words = (
-        "Parameters are shrunk to the population as far as a driver's data leave them open. Spread: standard deviation "
-        "of the logarithm between drivers. Told by data: how much one driver's data narrow it, on average. Parameters "
-        "trade with each other; time gaps at equilibrium do not."
+        "Parameters that a driver's data do not determine are shrunk to "
+        "the population mean. Spread: standard deviation "
+        "of the logarithm between drivers. Told by data: mean share of the variance that one driver's data "
+        "remove. Parameters can compensate for each other; equilibrium time gaps cannot."
     )
     table = Table(title, ("middle driver", "spread", "told by data", "at a bound"), tuple(rows))
     return Section(title, (words,), (table,), tuple(map(sentence, notes)), is_folded=True)

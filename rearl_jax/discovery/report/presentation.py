@@ -1,4 +1,4 @@
-"""Residuals, maps, figures and the page of a discovery; nothing here decides anything."""
+"""Residuals, maps, figures and page of a discovery; they do not influence the verdict."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -21,10 +21,10 @@ from rearl_jax.results import Study
 PARTS = ("fitted", "checked", "reported")
 
 CHOSEN_FROM = 2
-"""Parts that the open-ended finder looks at: not the one that is reported on."""
+"""Number of parts used by the open-ended finder; the reported part is excluded."""
 
 KEPT_EVERY = 0.2
-"""Least time between the time steps that residuals.parquet holds [s]."""
+"""Smallest time between rows of residuals.parquet [s]."""
 
 DRAWS = 300
 """Resamples of drivers for the bands of maps."""
@@ -34,8 +34,8 @@ def present(study: Study, discovery: Discovery) -> None:
     """Writes `residuals.parquet`, `maps.parquet`, `planes.parquet`, the figures and `page.html`.
 
     Args:
-        study: The folder.
-        discovery: A discovery with what figures are drawn from.
+        study: Study folder.
+        discovery: A discovery with the data for its figures.
     """
     behind, verdict, options = discovery.behind, discovery.verdict, discovery.config.discover
     assert behind is not None
@@ -44,12 +44,17 @@ def present(study: Study, discovery: Discovery) -> None:
     chart = chart_of(left["before"][0])
     atlases = {
         model: atlas_of(
-            chart, [part_scores(part, chart) for part in found], CHOSEN_FROM, options.confidence, DRAWS, options.seed
+            chart,
+            [part_scores(part, chart) for part in residuals],
+            CHOSEN_FROM,
+            options.confidence,
+            DRAWS,
+            options.seed,
         )
-        for model, found in left.items()
+        for model, residuals in left.items()
     }
     added = added_curves(solver, left["after"][0], chart) if search.added else {}
-    # Only what depends on one variable is a curve of it.
+    # Only an effect that depends on one variable can be drawn as a curve over it.
     known = {trial.candidate.variables for trial in search.added}
     added = {name: values for name, values in added.items() if (name,) in known}
     maps = map_table(atlases, added)
@@ -57,7 +62,7 @@ def present(study: Study, discovery: Discovery) -> None:
         study.write_table(name, table, seeds=f"discover.seed={options.seed}")
 
     candidates = [row for row in verdict["candidates"] if not is_lane_choice(row)]
-    of_fitted, of_reported = ({model: found[part] for model, found in left.items()} for part in (0, -1))
+    of_fitted, of_reported = ({model: residuals[part] for model, residuals in left.items()} for part in (0, -1))
     drawn = {
         "maps": map_figures.draw_maps(atlases, added, generated=generated),
         "evidence": figures.draw_evidence(candidates, search.null, generated=generated),
@@ -74,7 +79,7 @@ def present(study: Study, discovery: Discovery) -> None:
 
 
 def all_residuals(behind: Behind) -> dict[str, list[Residuals]]:
-    """Residuals of the fitted, checked and reported drivers, `before` and, where something was added, `after`."""
+    """Residuals of the fitted, checked and reported drivers, `before` and, if effects were added, `after`."""
     solver, search, parts = behind.solver, behind.search, behind.parts
     models = {"before": (search.before, (parts.checked, parts.reported))}
     if search.added or search.clocks is not None:
@@ -101,20 +106,20 @@ def residual_table(left: Mapping[str, Sequence[Residuals]]) -> pd.DataFrame:
             "recording": data.recording[piece].astype(np.int32),
             "time": data.around.time[t, piece].astype(np.float32),
         }
-        for model, found in left.items():
+        for model, residuals in left.items():
             for name in ("innovation", "acceleration", "gap"):
-                table[f"{name}_{model}"] = getattr(found[number], name)[t, piece].astype(np.float32)
+                table[f"{name}_{model}"] = getattr(residuals[number], name)[t, piece].astype(np.float32)
         tables.append(pd.DataFrame(table))
     return pd.concat(tables, ignore_index=True)
 
 
 def map_table(atlases: Mapping[str, Atlas], added: Mapping[str, np.ndarray]) -> pd.DataFrame:
-    """The maps knot by knot, with how far they carry and how often the finder selected their variable."""
+    """Table of the maps, a row per knot, with their gains and the finder's selection frequencies."""
     tables = []
     for model, atlas in atlases.items():
-        selected = {one.variable: one for one in atlas.selected}
+        selected = {selection.variable: selection for selection in atlas.selected}
         for name, curve in atlas.curves.items():
-            basis, one = curve.basis, selected[name]
+            basis, selection = curve.basis, selected[name]
             table = {
                 "model": model,
                 "variable": name,
@@ -127,8 +132,8 @@ def map_table(atlases: Mapping[str, Atlas], added: Mapping[str, np.ndarray]) -> 
                 "acts_on": curve.acts_on,
                 "share": curve.share,
                 "gain": curve.gain,
-                "selected": one.frequency,
-                "selected_first": one.first,
+                "selected": selection.frequency,
+                "selected_first": selection.first,
                 "shape": atlas.shapes[name],
             }
             tables.append(pd.DataFrame(table))
@@ -136,7 +141,7 @@ def map_table(atlases: Mapping[str, Atlas], added: Mapping[str, np.ndarray]) -> 
 
 
 def plane_table(atlases: Mapping[str, Atlas]) -> pd.DataFrame:
-    """The maps over two variables field by field; no value where there are too few time steps."""
+    """Table of the maps over two variables, a row per field; no value if it has too few time steps."""
     tables = []
     for model, atlas in atlases.items():
         for plane in atlas.planes.values():

@@ -1,4 +1,4 @@
-"""The repaired model, as every task can load it."""
+"""The repaired model, in the format that every task can load."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -41,12 +41,12 @@ def repaired_model(
     data_id: str,
     study: str,
 ) -> RepairedModel:
-    """The calibrated drivers without (`first`) and with (`last`) the effects that were found.
+    """The calibrated model without (`first`) and with (`last`) the identified effects.
 
-    What changes of lane certainly bring with them (`lane_changes`) is part of the calibrated model, beside its drivers,
-    and so is MOBIL where it could be calibrated (`lanes`, None where nobody looked). Artefacts are no part of a model,
-    and neither is what counts in the choice of the lane and no effect of the library does. What drivers do beside the
-    model is split as `variation` says.
+    The calibrated model also contains the confirmed effects of lane changes (`lane_changes`) and MOBIL if it was
+    calibrated (`lanes`; None if lane choice was not analysed). Artefacts and lane-choice dependences without a library
+    effect are not part of a model. The acceleration residual is divided into noise and time-gap variation according to
+    `variation`.
     """
     effects = [
         effect_values(trial.candidate, last.state.theta, layout)
@@ -69,7 +69,7 @@ def repaired_model(
 
 
 def population(fit: Fit, data: Measured, prior: Prior) -> dict[str, DriverClass]:
-    """Drivers by class, with the scatter of the calibrated drivers around their mean."""
+    """Drivers by class, with the mean and standard deviation of the calibrated drivers."""
     state, truck, classes = fit.state, fit.state.truck, {}
     lengths = np.zeros(data.n_drivers)
     lengths[data.driver] = data.length
@@ -80,7 +80,8 @@ def population(fit: Fit, data: Measured, prior: Prior) -> dict[str, DriverClass]
         if share < THRESHOLDS.least_truck_share:
             continue
         away = state.away[members] * unit
-        # The calibrated scatter shrinks where the data say little about a parameter: the prior fills that up.
+        # Parameters with little information scatter less than drivers do, so the missing variance is taken from the
+        # prior.
         own = away.T @ away / max(members.sum(), 1)
         covariance = own + np.diag(np.maximum(spread**2 - np.diag(own), 0.0)) * _unknown(fit, members)
         classes[name] = DriverClass(
@@ -97,7 +98,7 @@ def population(fit: Fit, data: Measured, prior: Prior) -> dict[str, DriverClass]
 
 
 def _unknown(fit: Fit, members: np.ndarray) -> np.ndarray:
-    """Share of each parameter's prior variance that the data left, on average [-]."""
+    """Mean share of each parameter's prior variance that remains after the data [-]."""
     assert fit.state.sums is not None
     n_own = fit.state.z.shape[1]
     gram = fit.state.sums.gram[members][:, :n_own, :n_own] / fit.state.variances[members, None, None]
@@ -106,7 +107,7 @@ def _unknown(fit: Fit, members: np.ndarray) -> np.ndarray:
 
 
 def effect_values(candidate: Candidate, theta: np.ndarray, layout: Layout) -> EffectValues:
-    """A candidate as the effect of the library that does the same; a simulation knows wishes, not who comes next."""
+    """The library effect equivalent to a candidate; `early_response` replaces `early_leader`."""
     effect = candidate.term.effect
     if candidate.term == EARLY_LEADER:
         parameters = {parameter.name: parameter.off for parameter in EFFECTS["early_response"].parameters}
@@ -128,14 +129,14 @@ def effect_values(candidate: Candidate, theta: np.ndarray, layout: Layout) -> Ef
     return EffectValues(effect, parameters, variable)
 
 
-def lane_change_values(found: Prediction) -> LaneChangeValues:
-    """The calibrated parameters of MOBIL, without the changes that its rule refuses."""
-    rule = found.mobil.rule
+def lane_change_values(prediction: Prediction) -> LaneChangeValues:
+    """Calibrated parameters of MOBIL, without the rate of refused changes."""
+    rule = prediction.mobil.rule
     return LaneChangeValues(**{name: float(getattr(rule, name)) for name in LANE_CHANGE_BOUNDS})
 
 
 def lane_effect_values(effect: Claim) -> EffectValues:
-    """An effect on the choice of the lane as the library's, within its bounds; what was not estimated is as usual."""
+    """The library effect of a lane-choice claim, within its bounds; defaults for parameters not estimated."""
     values = {}
     for known in EFFECTS[effect.name].parameters:
         value = effect.parameters[known.name].value if known.name in effect.parameters else known.off

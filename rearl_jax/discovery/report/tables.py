@@ -1,4 +1,4 @@
-"""Tables of a discovery, and the summary of its verdict."""
+"""Tables of a discovery, and the flat summary of its verdict."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -18,7 +18,7 @@ from rearl_jax.discovery.search.procedure import Search
 
 
 def null_table(null: Null) -> pd.DataFrame:
-    """Evidence of each candidate where nothing is missing."""
+    """Table of the null distribution of each candidate's evidence."""
     return pd.DataFrame(
         {
             "candidate": [str(term) for term in null.mean],
@@ -30,7 +30,7 @@ def null_table(null: Null) -> pd.DataFrame:
 
 
 def read_null(path: Path) -> Null:
-    """The null of a run that was killed."""
+    """The null distribution stored by an interrupted run."""
     table = pd.read_parquet(path)
     terms = table["candidate"].map(Term.read)
     return Null(
@@ -43,21 +43,25 @@ def read_null(path: Path) -> Null:
 def error_table(errors: Mapping[str, ModelErrors]) -> pd.DataFrame:
     """Every measure of every report driver under every model and protocol."""
     parts = []
-    for model, one in errors.items():
-        for protocol, found in one.protocols.items():
-            if found is None:
+    for model, model_errors in errors.items():
+        for protocol, protocol_errors in model_errors.protocols.items():
+            if protocol_errors is None:
                 continue
-            part = pd.DataFrame({"model": model, "protocol": protocol, "driver": found.driver})
+            part = pd.DataFrame({"model": model, "protocol": protocol, "driver": protocol_errors.driver})
             if protocol == IN_SAMPLE:
-                part = part.assign(floor=one.floor, **one.by_driver)
-            parts.append(part.assign(**found.by_driver, **{f"population_{k}": v for k, v in found.usual.items()}))
+                part = part.assign(floor=model_errors.floor, **model_errors.by_driver)
+            parts.append(
+                part.assign(
+                    **protocol_errors.by_driver, **{f"population_{k}": v for k, v in protocol_errors.usual.items()}
+                )
+            )
     return pd.concat(parts, ignore_index=True)
 
 
-def driver_table(solver: Solver, found: Search) -> pd.DataFrame:
+def driver_table(solver: Solver, search: Search) -> pd.DataFrame:
     """Calibrated parameters of the fitted drivers before and after, see `fit_table`."""
     parts = []
-    for model, fit in (("before", found.first), ("after", found.last)):
+    for model, fit in (("before", search.first), ("after", search.last)):
         part = fit_table(solver, fit)
         part.insert(0, "model", model)
         parts.append(part)
@@ -79,12 +83,12 @@ def fit_table(solver: Solver, fit: Fit) -> pd.DataFrame:
 
 
 def candidate_table(verdict: dict[str, Any]) -> list[dict[str, Any]]:
-    """Candidates as flat rows."""
+    """Candidates of the verdict as flat rows."""
     return [{**row, "variables": ",".join(row["variables"])} for row in verdict["candidates"]]
 
 
 def summary(verdict: dict[str, Any]) -> dict[str, Any]:
-    """The verdict in flat figures."""
+    """The verdict as flat key-value pairs."""
     error = verdict["error"]
     return {
         "verdict": verdict["verdict"],

@@ -1,11 +1,12 @@
-"""How the time gap varies within a driver, and the energy score of simulations with and without it.
+"""Variation of the time gap within a driver, and the energy score of simulations with and without it.
 
-`time_gap_variation` of the verdict: {sd, time, noise_share, time_gap, energy_score: {before, constant, varying, change,
-change_share}}: the standard deviation of log T within a driver [-] and its correlation time [s], what is left of the
-acceleration's noise beside it [-], the standard deviation of the middle driver's time gap [s], and the mean energy
-score of the report drivers [m] as figures {value, low, high}: of the calibrated model `before`, of the last model with
-a `constant` and with the `varying` time gap; `change` is from the first to the last of these,
-and `change_share` the same as a share, in the geometric mean of drivers.
+Entry `time_gap_variation` of the verdict: {sd, time, noise_share, time_gap, energy_score: {before, constant, varying,
+change, change_share}}. `sd` is the standard deviation of log T within a driver [-], `time` its correlation time [s],
+`noise_share` the share of the acceleration noise that remains beside it [-], and `time_gap` the standard deviation of
+the median driver's time gap [s]. `energy_score` contains mean energy scores of the report drivers [m] as figures
+{value, low, high}: of the calibrated model (`before`) and of the final model with a `constant` and with a `varying`
+time gap. `change` is `varying` minus `before`, and `change_share` the relative change in the geometric mean over
+drivers.
 """
 
 from collections.abc import Mapping
@@ -38,9 +39,9 @@ def variation_block(
         solver: Of the models.
         last: The last model.
         reported: The report drivers.
-        errors: Their errors under the calibrated model, `before`, and `after` something was added.
-        variation: What was found on the fitted drivers.
-        over: Resampling of drivers, whose seed is that of the noise as well.
+        errors: Errors of the report drivers under the calibrated model (`before`) and the final model (`after`).
+        variation: Variation estimated on the fitted drivers.
+        over: Resampling of drivers; its seed is also used for the noise.
     """
     before = errors["before"].by_driver["energy_score"]
     constant = varying = errors["after"].by_driver["energy_score"] if "after" in errors else before
@@ -55,9 +56,7 @@ def variation_block(
 def scored(
     variation: TimeGapVariation, time_gap: float, scores: Mapping[str, Float[np.ndarray, " drivers"]], over: Resampling
 ) -> dict[str, Any]:
-    """The same from energy scores of the report drivers [m], `before`, `constant` and `varying`, and the middle
-    driver's time gap [s].
-    """
+    """Entry `time_gap_variation` from the report drivers' energy scores [m] and the median driver's time gap [s]."""
     drawn = {name: over.drawn(values, np.mean) for name, values in scores.items()}
     figures = {name: over.figure(values) for name, values in drawn.items()}
     figures["change"] = over.figure(drawn["varying"] - drawn["before"])
@@ -75,28 +74,29 @@ def scored(
 
 
 def variation_section(verdict: Mapping[str, Any]) -> Section:
-    """What varies, with the energy scores; empty where it was not looked for."""
-    title, found = "Time gaps that vary within a driver", verdict.get("time_gap_variation")
-    if found is None:
+    """Section on the variation with the energy scores; empty if it was not estimated."""
+    title, variation = "Time gaps that vary within a driver", verdict.get("time_gap_variation")
+    if variation is None:
         return Section(title)
-    if found["sd"] or found["noise_share"] < 1:
+    if variation["sd"] or variation["noise_share"] < 1:
         words = (
-            f"a driver's time gap varies by {number(found['time_gap'])} s over {number(found['time'])} s, as far "
-            f"as the fitted drivers show, and {percent(found['noise_share'])} of the acceleration's noise is left "
-            "beside it; simulations of the repaired model vary alike"
+            f"a driver's time gap varies by {number(variation['time_gap'])} s over {number(variation['time'])} s, "
+            f"as far "
+            f"as the fitted drivers show, and {percent(variation['noise_share'])} of the acceleration noise "
+            "remains beside it; simulations of the repaired model vary in the same way"
         )
     else:
-        words = "simulations in which a driver's time gap varies are not surely more like the fitted drivers"
+        words = "simulations with a varying time gap are not significantly closer to the fitted drivers"
     how = (
-        "The energy score is the mean distance of noisy simulations from the measured drive less half their distance "
-        "from each other: it rewards a spread that is right, and a lower one is better."
+        "The energy score is the mean distance of noisy simulations from the measured drive less half their "
+        "distance from each other. It is lowest for the correct spread; lower is better."
     )
     names = {"before": "calibrated model", "constant": "last model", "varying": "last model, time gap varying"}
     names |= {"change": "change from the first to the last"}
-    share = found["energy_score"]["change_share"]
+    share = variation["energy_score"]["change_share"]
     rows = tuple(
-        Row(name, (Cell(number(one["value"])), Cell(f"{number(one['low'])} to {number(one['high'])}")))
-        for name, one in ((words, found["energy_score"][key]) for key, words in names.items())
+        Row(name, (Cell(number(score["value"])), Cell(f"{number(score['low'])} to {number(score['high'])}")))
+        for name, score in ((words, variation["energy_score"][key]) for key, words in names.items())
     )
     ends = f"{percent(share['low'])} to {percent(share['high'])}"
     rows += (Row("the same as a share, geometric mean", (Cell(percent(share["value"])), Cell(ends))),)

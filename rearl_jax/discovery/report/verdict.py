@@ -1,55 +1,56 @@
-"""The verdict: what was missing, how sure, and what could not be told apart; as the content of verdict.json.
+"""The verdict of a discovery, the content of verdict.json: missing effects, confidence, and equally good alternatives.
 
-verdict      named | improved | artefact | unexplained | nothing; improved: a curve that no name stands for surely
-             lowers the error of other drivers
+verdict      named | improved | artefact | unexplained | nothing; improved: a curve without a library effect
+             significantly lowers the error of other drivers
 effects      [{name, kind: driver | road | artefact | generic, parameters: {name: {value, low, high, unit}},
-               variables, confidence, evidence, depends_on_base}]; low and high are null for what was not estimated;
-               `depends_on_base`: names of other car-following models under which the effect does not hold
-candidates   [{name, kind, variables, evidence, surprise, gain, check, ambiguous, told_apart_by}], the best first; those
-             of car following, then those of the choice of the lane, whose surprise is in standard deviations of the
-             slope between drivers
-lane_changes [{name, parameters, gain, check, is_sure}]: what changes of lane bring with them, in the calibrated model
-             from the start; empty where too few leaders change
-unseen       [{name, parameter, strength, unit}]: what an effect would have needed to be seen in these data
+             variables, confidence, evidence, depends_on_base}]; low and high are null for parameters that were not
+             estimated; `depends_on_base`: names of other car-following models under which the effect is not found
+candidates   [{name, kind, variables, evidence, surprise, gain, check, ambiguous, told_apart_by}], the best first;
+             candidates of car following precede those of lane choice. `surprise` is the z-score: of car following in
+             standard deviations of the null distribution, of lane choice in standard deviations of the slope between
+             drivers; `told_apart_by`: data that would distinguish the candidate from the named effect
+lane_changes [{name, parameters, gain, check, is_sure}]: effects of lane changes in the calibrated model; empty if too
+             few leaders change
+unseen       [{name, parameter, strength, unit}]: smallest strength at which each effect would be detected in these data
 base         {chosen, driver, differs, before, compared, drivers: {fitted, checked}, equilibrium_time_gap}:
-             car-following models compared on checked drivers, null where none were; everything else is told of the
-             `chosen` one, and `driver` is that of the keys; `before`: the one that was chosen before effects were
-             found, with which `chosen` surely is more likely, null where it stayed; `compared`: [{name, n_parameters,
-             log_likelihood [nats], gain: beyond that of `driver`, better_share: share of resamples of drivers in which
-             it is more likely than `driver`, best_share: in which it is the most likely, is_vetoed: simulations speak
-             against it, protocols: {name: {n_drivers, gap_rmse, gap_nrmse, speed_rmse}}, null for what was not
-             simulated}]; `equilibrium_time_gap` {speed [m/s]: {value, low, high}} [s]: the median over fitted drivers
-             of gap over speed behind a leader of that speed, null where fewer than half of them want to drive that
-             fast
+             car-following models compared on checked drivers, null without a comparison; all other entries of the
+             verdict refer to the `chosen` model. `driver`: model of the configuration; `before`: model chosen before
+             effects were found, if `chosen` is significantly more likely with these effects, else null; `compared`:
+             [{name, n_parameters, log_likelihood [nats], gain: log-likelihood above that of `driver`, better_share:
+             share of resamples of drivers in which it is more likely than `driver`, best_share: share in which it is
+             the most likely of all, is_vetoed: whether simulations contradict it, protocols: {name: {n_drivers,
+             gap_rmse, gap_nrmse, speed_rmse}}, null if not simulated}]; `equilibrium_time_gap` {speed [m/s]: {value,
+             low, high}} [s]: median over fitted drivers of gap over speed behind a leader of that speed, null if
+             fewer than half of the drivers have a higher desired speed
 error        {measure, protocol, n_drivers, before, after, change, floor, noise_alone, oracle, explained_share, all,
-              protocols, response_time}: `measure` under `protocol` in figures {value, low, high}; `noise_alone`: the
-              error that drives with the drivers' own noise make under the last model; `floor`: the same, at most the
-              error after; `explained_share`: share of the squared error above the floor that is gone, null where
-              nothing is above it or the noise alone surely makes more than the error; `all`: before, after and
-              change of every measure, each driver with parameters calibrated to its drive;
-              `protocols`: {population | first_half | other_runs | in_sample: {n_drivers, left_out, gap_rmse,
-              gap_nrmse, speed_rmse}}, each measure {mean | median | pooled: {before, after, change, change_share,
-              population, population_share}}; null where nobody could be tested; `change_share`: change as a share of
-              before; `population`: the error on the same drives with the parameters of the population in the model
-              before, and `population_share`, by which share after is above it; `response_time`: {before, after} [s],
-              how much later than the model asks drivers accelerate; null where not identified
+             protocols, response_time}: `measure` under `protocol` as figures {value, low, high}; `noise_alone`: error
+             of drives simulated with the drivers' own noise under the final model; `floor`: the same, at most the
+             error after; `explained_share`: share of the squared error above the floor that the effects remove, null
+             if no error is above it or the noise alone significantly exceeds the error; `all`: before, after and
+             change of every measure, each driver with parameters calibrated to its drive; `protocols`: {population |
+             first_half | other_runs | in_sample: {n_drivers, left_out, gap_rmse, gap_nrmse, speed_rmse}}, null if no
+             driver could be tested; each measure is {mean | median | pooled: {before, after, change, change_share,
+             population, population_share}}, where `change_share` is the change as a share of before, `population` the
+             error on the same drives with population parameters in the model before, and `population_share` the
+             relative difference of after from it; `response_time`: {before, after} [s], delay of drivers behind the
+             model's acceleration, null if not identified
 population   {parameter: {value, unit, spread, told, at_bound}}: the calibrated drivers, see `population`
-time_gap_variation  {sd, time, noise_share, time_gap, energy_score}: how it varies within a driver, see `variation`
-adequacy     {kurtosis, autocorrelation, misjudgement, staleness, remaining, ...}: what is left after all that was added
-lane_choice  {changes, opportunities, loss: {before, after, change}, prediction}: lane changes by choice, the chances
-             for one, and the mean log-loss of the report drivers' choices [nats], null where there were too few; what
-             was found is in `effects` and `candidates`, see `words.is_lane_choice`. `prediction`, of drivers nothing
-             was fitted to, null where there are too few changes: {recorded, ramp: changes of everybody, and those of
-             them from or to ramp lanes, fitted: {drivers, changes}, mobil: {parameter: {value, low, high, unit}},
-             refused_share: share of the changes that MOBIL calibrated refuses, strata: {all | left | right |
-             no_advantage | small_advantage | large_advantage | mandatory: {drivers, seconds, opportunities, changes,
-             models}}}; `models`: {base_rate | mobil | mobil_rates | mobil_calibrated | hazard: {log_loss,
-             less_base_rate [nats per driver-second], balanced_accuracy: {value, low, high}, expected: number of
-             changes}}, null for what cannot be told, see `lane_choice_scores`
+time_gap_variation  {sd, time, noise_share, time_gap, energy_score}: variation within a driver, see `variation`
+adequacy     {kurtosis, autocorrelation, misjudgement, staleness, remaining, ...}: remaining misfit of the final model
+lane_choice  {changes, opportunities, loss: {before, after, change}, prediction}: number of discretionary lane changes
+             and of opportunities, and mean log-loss of the report drivers' choices [nats], null if there were too few;
+             effects of lane choice are in `effects` and `candidates`, see `words.is_lane_choice`. `prediction`, for
+             held-out drivers, null if there are too few changes: {recorded: all changes, ramp: changes from or to ramp
+             lanes, fitted: {drivers, changes}, mobil: {parameter: {value, low, high, unit}}, refused_share: share of
+             the changes that calibrated MOBIL refuses, strata: {all | left | right | no_advantage | small_advantage |
+             large_advantage | mandatory: {drivers, seconds, opportunities, changes, models}}}; `models`: {base_rate |
+             mobil | mobil_rates | mobil_calibrated | hazard: {log_loss, less_base_rate [nats per driver-second],
+             balanced_accuracy: {value, low, high}, expected: number of changes}}, null if undefined, see
+             `lane_choice_scores`
 data         {id, recordings, generated, drivers: {fitted, checked, reported}, driver_seconds, step, position_noise,
-             properties: {smoothing [s], position_noise [m], ...}: how measurements are, findings, notes}
-thresholds   {name: value}: every number that decided what is claimed, see `thresholds.py`
-seconds      how long it took
+             properties: {smoothing [s], position_noise [m], ...}: properties of the measurement, findings, notes}
+thresholds   {name: value}: every number that decides a claim, see `thresholds.py`
+seconds      computation time [s]
 """
 
 from collections.abc import Sequence
@@ -71,10 +72,10 @@ from rearl_jax.discovery.search.procedure import Search, is_free
 from rearl_jax.discovery.thresholds import THRESHOLDS
 
 MISJUDGED = (
-    "what drivers do beside the model grows with what a misjudged gap or an old decision would make them do: they "
-    "misjudge gaps, or decide now and then and hold on to it"
+    "the acceleration residual grows with the response to a misjudged gap or an old decision: drivers misjudge "
+    "gaps, or decide at intervals and keep the acceleration in between"
 )
-"""Note on a model beside which drivers misjudge gaps."""
+"""Note on a model under which drivers seem to misjudge gaps."""
 
 
 def named_trial(
@@ -86,14 +87,14 @@ def named_trial(
     confidence: float,
     reliability: float,
 ) -> Claim:
-    """A believed candidate as an effect of the verdict.
+    """An accepted candidate as an effect of the verdict.
 
     Args:
         trial: The candidate.
-        others: What was fitted beside it.
-        theta: Numbers of the final model.
-        deviations: Standard deviations of the candidate's places, in order.
-        layout: Where its numbers are.
+        others: Other fitted trials.
+        theta: Parameters of the final model.
+        deviations: Standard deviations of the candidate's parameters, in order.
+        layout: Layout of theta.
         confidence: Confidence of the intervals.
         reliability: Upper bound of the confidence in the effect.
     """
@@ -112,7 +113,7 @@ def named_trial(
 
 
 def names_and_units(candidate: Candidate) -> list[tuple[str, str]]:
-    """Names and units of what is fitted."""
+    """Names and units of the fitted parameters."""
     if candidate.term.is_effect:
         return [(parameter.name, parameter.unit) for parameter in CANDIDATE_EFFECTS[candidate.term.effect].parameters]
     unit = {"lens": "m", "time_gap_dependence": "-"}.get(candidate.term.effect, "m/s^2")
@@ -120,18 +121,20 @@ def names_and_units(candidate: Candidate) -> list[tuple[str, str]]:
 
 
 def is_on(trial: Trial, theta: np.ndarray, deviations: np.ndarray, layout: Layout, confidence: float) -> bool:
-    """True if the interval of a strength leaves out the value at which the effect is off."""
+    """True if the interval of a strength excludes the value at which the effect is off."""
     free = list(trial.candidate.free)
     strengths = np.isin(free, list(trial.candidate.look))
     if trial.candidate.kind == "generic" or not strengths.any():
-        return True  # a curve, or a section, which is where evidence puts it
+        return True  # curves and sections have no single strength that could be off
     values, off = theta[free], layout.reference[free]
-    half = np.array([interval(0.0, THRESHOLDS.interval_stretch * float(one), confidence)[1] for one in deviations])
+    half = np.array(
+        [interval(0.0, THRESHOLDS.interval_stretch * float(deviation), confidence)[1] for deviation in deviations]
+    )
     return bool((np.abs(values - off) > half)[strengths].any())
 
 
 def lane_changes_block(search: Search, deviations: np.ndarray, confidence: float) -> list[dict[str, Any]]:
-    """`lane_changes` of the verdict; `deviations` are standard deviations of all that was searched in theta."""
+    """Entry `lane_changes` of the verdict; `deviations` are standard deviations of all searched elements of theta."""
     theta, layout, rows = search.last.state.theta, search.layout, []
     for trial, rivals, own in search.fitted_trials(deviations)[: len(search.lane_changes)]:
         claim = named_trial(trial, rivals, theta, own, layout, confidence, THRESHOLDS.most_confidence)
@@ -142,14 +145,14 @@ def lane_changes_block(search: Search, deviations: np.ndarray, confidence: float
 
 
 def found_in_columns(finding: Finding, confidence: float) -> Claim:
-    """An artefact that the columns show, as an effect of the verdict; nothing was fitted, so there is no evidence."""
+    """A measurement artefact as an effect of the verdict; nothing was fitted, so there is no evidence."""
     low, high = interval(finding.value, finding.deviation, confidence)
     number = Estimate(finding.value, low, high, finding.unit)
     return Claim(finding.name, "artefact", {finding.parameter: number}, (), THRESHOLDS.most_confidence, None)
 
 
 def differing_clocks(check: ClockCheck, reliability: float) -> Claim:
-    """Clocks that differ, as an effect of the verdict with its stated confidence."""
+    """Clock offsets as an effect of the verdict, with their stated confidence."""
     spread = {"sd": Estimate(check.spread, None, None, "s")}
     return Claim(CLOCK_OFFSET.effect, "artefact", spread, ("clock",), reliability, check.total)
 
@@ -158,10 +161,10 @@ def verdict_of(search: Search, effects: Sequence[Claim], adequacy: Adequacy, *, 
     """The verdict in one word.
 
     Args:
-        search: What was searched and added.
-        effects: What is stated.
-        adequacy: What is left.
-        is_lower: Whether the error of the reported drivers is surely lower than before.
+        search: Result of the search.
+        effects: Claimed effects.
+        adequacy: Adequacy of the final model.
+        is_lower: Whether the error of the reported drivers is significantly lower than before.
     """
     added = [trial.candidate.kind for trial in search.added]
     names = {trial.candidate.term.effect for trial in search.added if trial.candidate.kind in ("driver", "road")}
@@ -170,11 +173,11 @@ def verdict_of(search: Search, effects: Sequence[Claim], adequacy: Adequacy, *, 
         is_stated = names <= {effect.name for effect in effects}
         return "named" if is_stated and adequacy.is_enough and not is_doubtful else "unexplained"
     if any(effect.kind in ("driver", "road") for effect in effects):
-        return "named"  # what a change of lanes brings with it
+        return "named"  # effects of lane changes
     if added and all(is_free(trial) for trial in search.added) and is_lower:
         return "improved"
     if any(effect.kind == "artefact" and effect.evidence is None for effect in effects):
-        return "artefact"  # the columns show it
+        return "artefact"  # visible in the columns
     if search.clocks is not None and not adequacy.is_of_clocks:
         return "unexplained"
     if "artefact" in added:
@@ -187,7 +190,7 @@ def verdict_of(search: Search, effects: Sequence[Claim], adequacy: Adequacy, *, 
 
 
 def candidate_rows(search: Search) -> list[dict[str, Any]]:
-    """All candidates of the first round, those that were fitted first and by their total, then by evidence."""
+    """All candidates of the first round: fitted ones by their total, then the others by evidence."""
     first = search.rounds[0]
     trials = {trial.candidate.term: trial for turn in reversed(search.rounds) for trial in turn.trials}
     ambiguous = {trial.candidate.term for turn in search.rounds for trial in turn.alternatives}
@@ -220,9 +223,9 @@ def candidate_rows(search: Search) -> list[dict[str, Any]]:
 
 
 def unseen(search: Search, threshold: dict[Term, float]) -> list[dict[str, Any]]:
-    """For every named effect, the strength from which it would have been seen in these data.
+    """Smallest strength at which each named effect would be detected in these data.
 
-    The threshold is the evidence from which a candidate exceeds chance [nats].
+    The threshold is the evidence above which a candidate exceeds chance [nats].
     """
     rows = []
     for term, score in search.first_scores.items():

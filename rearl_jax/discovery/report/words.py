@@ -10,8 +10,8 @@ from rearl_jax.document.table import spoken
 
 
 def verdict_words(verdict: Mapping[str, Any]) -> str:
-    """The verdict in one line, of each group where there are several: on the car-following model where another one than
-    that of `driver` was chosen, on what is missing beside it, then on the choice of the lane where something was found.
+    """The verdict in one line, or a line per group. It names the car-following model if it differs from that of
+    `driver`, then the missing effects, then findings on lane choice.
     """
     if len(verdict.get("groups", ())) > 1:
         return "; ".join(f"{row['value']}: {verdict_words(row)}" for row in verdict["groups"])
@@ -39,7 +39,7 @@ def _following_words(word: str, effects: Sequence[Mapping[str, Any]]) -> str:
 
 
 def base_words(base: Mapping[str, Any]) -> str:
-    """What the model of `driver` lacks of the chosen one; empty where it was chosen itself."""
+    """Sentence on the difference between the model of `driver` and the chosen model; empty if they are equal."""
     if not base["differs"]:
         return ""
     (gain,) = (row["gain"] for row in base["compared"] if row["name"] == base["chosen"])
@@ -55,19 +55,19 @@ def _names(effects: Sequence[Mapping[str, Any]]) -> str:
 
 
 def _dependence(effect: Mapping[str, Any]) -> str:
-    """Car-following models under which an effect does not hold."""
+    """Phrase on car-following models under which an effect is not found."""
     without = effect.get("depends_on_base")
     return f" (depends on the car-following model: not under {' and '.join(map(spoken, without))})" if without else ""
 
 
 def is_lane_choice(row: Mapping[str, Any]) -> bool:
-    """True if an effect or a candidate of a verdict acts on the choice of the lane, not on car following."""
+    """True if an effect or candidate of a verdict acts on lane choice, not on car following."""
     name = row["name"]
     return name == LANE_CHOICE_DEPENDENCE or (name in EFFECTS and EFFECTS[name].kind == "lane_change")
 
 
 def lane_choice_words(lanes: Mapping[str, Any]) -> str:
-    """Data on the choice of the lane, and how much better other drivers' choices are predicted."""
+    """Sentence on the data about lane choice, and the improvement of predictions for other drivers."""
     text, loss = f"{lanes['changes']} changes by choice in {lanes['opportunities']} opportunities", lanes["loss"]
     if loss is None or loss["after"] == loss["before"]:
         return text
@@ -85,7 +85,7 @@ def is_claimed(row: Mapping[str, Any], verdict: Mapping[str, Any]) -> bool:
 
 
 def described(effect: Mapping[str, Any]) -> str:
-    """Name of an effect as people say it."""
+    """Readable name of an effect."""
     name = effect["name"].replace("_", " ")
     if effect["kind"] == "generic":
         name = f"{name} on {', '.join(effect['variables'])}"
@@ -93,7 +93,7 @@ def described(effect: Mapping[str, Any]) -> str:
 
 
 def error_words(error: Mapping[str, Any]) -> str:
-    """Closed-loop gap error before and after, with intervals, beside what the drivers' own noise makes."""
+    """Sentence on the closed-loop gap error before and after, with intervals and the noise floor."""
 
     def text(value: Mapping[str, float], sign: str = "") -> str:
         return f"{value['value']:{sign}.2f} ({value['low']:{sign}.2f} to {value['high']:{sign}.2f}) m"
@@ -109,7 +109,7 @@ def error_words(error: Mapping[str, Any]) -> str:
 
 
 def share_words(error: Mapping[str, Any]) -> str:
-    """Share of the removable error that is gone; empty where nothing was added or nobody can tell."""
+    """Sentence on the explained share of the removable error; empty without added effects or if it is unknown."""
     share = error["explained_share"]
     if share is None or not _is_changed(error):
         return ""
@@ -117,7 +117,7 @@ def share_words(error: Mapping[str, Any]) -> str:
 
 
 def response_words(error: Mapping[str, Any]) -> str:
-    """Response times before and after; empty where none is identified."""
+    """Sentence on response times before and after; empty if none is identified."""
     times = error.get("response_time", {})
     ends = ("before", "after") if _is_changed(error) else ("before",)
     said = [

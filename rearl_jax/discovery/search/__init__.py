@@ -1,1 +1,1 @@
-"""Candidates screened, fitted, checked on other drivers, and decided on."""
+"""Search for effects: candidates are screened, fitted, checked on other drivers, and accepted or rejected."""

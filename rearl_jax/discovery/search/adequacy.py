@@ -1,4 +1,4 @@
-"""Adequacy of the final model: is what it leaves noise, or is there more?
+"""Adequacy of the final model: tests whether its residuals are noise.
 
 Source: Meissner & Glasner, arXiv:2406.06707, for the joint view of states and terms; excess kurtosis as a test of
 normality, Jarque & Bera, Int. Stat. Rev. 55 (1987) 163; variance that depends on the situation, Breusch & Pagan,
@@ -28,38 +28,38 @@ MOST_ENERGY = 9.0
 """Bound of a squared acceleration over a driver's usual one [-]: no single time step decides."""
 
 OF_LATE = 0.3
-"""Time over which a change of what the model wants is looked at [s]."""
+"""Time over which the change of the model's acceleration is computed [s]."""
 
 REASONABLE = (-5.0, 3.0)
-"""Accelerations a driver may want [m/s^2]; beyond them, a leader is measured too close."""
+"""Range of plausible model accelerations [m/s^2]; beyond it, a leader is measured too close."""
 
 
 EVEN_FOR = 20.0
-"""Time within which a driver's noise is taken to be of one size [s]: on measured drives the excess kurtosis of 0.18 is
-still 0.17 where every driver has a size of its own, and -0.03 where every 20 s have one.
+"""Time within which a driver's noise level is assumed constant [s]. On measured drives an excess kurtosis of 0.18 falls
+to 0.17 with one noise level per driver, and to -0.03 with one per 20 s.
 """
 
 REPLICATES = 8
-"""Times the drives are made again, to see what noise alone leaves: its mean is known to 0.35 standard deviations."""
+"""Simulated replicates of the drives with noise alone; the mean over them is known to 0.35 standard deviations."""
 
 Parts = Sequence[Residuals]
-"""Residuals of the final model, of each part of the drivers."""
+"""Residuals of the final model, for each part of the drivers."""
 
 
 @dataclass(frozen=True)
 class Adequacy:
-    """Measures of what the final model leaves behind.
+    """Measures of what the final model leaves unexplained.
 
     Attributes:
         kurtosis: Excess kurtosis of the innovations [-].
-        kurtosis_deviation: Its standard deviation where innovations are normal [-].
-        kurtosis_before: The same without anything added [-].
+        kurtosis_deviation: Standard deviation of the kurtosis of normal innovations [-].
+        kurtosis_before: Excess kurtosis without added effects [-].
         autocorrelation: Autocorrelation of innovations one time step apart [-].
-        unequal_noise: How surely the size of innovations depends on a situation, in standard deviations [-].
-        misjudgement: How surely noise grows with what a misjudged gap would do, in standard deviations [-].
-        staleness: The same with what a decision of some time ago would do [-].
+        unequal_noise: Dependence of the innovations' variance on the situation, in standard deviations [-].
+        misjudgement: Growth of the noise with the response to a misjudged gap, in standard deviations [-].
+        staleness: Growth of the noise with the error of a delayed decision, in standard deviations [-].
         remaining: The candidate with the largest z-score, and its z-score.
-        driver_minutes: Driver-minutes of what misjudgement and staleness were looked for in [min].
+        driver_minutes: Driver-minutes used for misjudgement and staleness [min].
     """
 
     kurtosis: float
@@ -74,30 +74,30 @@ class Adequacy:
 
     @property
     def misjudges(self) -> bool:
-        """True if drivers seem to misjudge gaps, or to act on what they saw some time ago."""
+        """True if drivers seem to misjudge gaps, or to act on old observations."""
         least = max(THRESHOLDS.growth_z_score, THRESHOLDS.growth_per_root_minute * float(np.sqrt(self.driver_minutes)))
         return max(self.misjudgement, self.staleness) > least
 
     @property
     def is_of_clocks(self) -> bool:
-        """True if clocks that were put right may be all there is. Innovations need not be smooth: who cuts in when is
-        not put right.
+        """True if corrected clock offsets may explain everything. Innovations need not be smooth, because the times of
+        cut-ins are not corrected.
         """
         return max(self.misjudgement, self.staleness) < THRESHOLDS.growth_beside_clocks and self.is_white
 
     @property
     def is_white(self) -> bool:
-        """True if innovations have nothing to do with the ones before."""
+        """True if innovations are not autocorrelated."""
         return abs(self.autocorrelation) < THRESHOLDS.most_autocorrelation
 
     @property
     def is_enough(self) -> bool:
-        """True if the final model leaves nothing but noise as drivers make it."""
+        """True if the residuals of the final model are consistent with driver noise."""
         return self.is_smooth and not self.misjudges and self.is_white
 
     @property
     def is_smooth(self) -> bool:
-        """True if the innovations look like those of a smooth model, or as rough as rare emergencies leave them."""
+        """True if the innovations are consistent with a smooth model, or with rare emergency braking."""
         explained = self.kurtosis < THRESHOLDS.kurtosis_left * self.kurtosis_before
         return (
             self.kurtosis <= max(THRESHOLDS.most_kurtosis, THRESHOLDS.kurtosis_z_score * self.kurtosis_deviation)
@@ -105,22 +105,22 @@ class Adequacy:
         )
 
 
-def adequacy(solver: Solver, found: Search, seed: int) -> Adequacy:
-    """Moments of the final model's innovations, and the candidate that is most surprising still.
+def adequacy(solver: Solver, search: Search, seed: int) -> Adequacy:
+    """Moments of the final model's innovations, and the remaining candidate with the largest z-score.
 
-    Misjudged gaps and old decisions, which nothing else confirms, are asked of the other drivers as well.
+    Misjudged gaps and old decisions have no other check, so they are tested on the other drivers as well.
 
     Args:
-        solver: Has fitted the model.
-        found: What was added.
-        seed: Seed of the drives that are made again.
+        solver: Solver of the model.
+        found: Result of the search, with the added effects.
+        seed: Seed of the simulated drives.
     """
-    state, last = found.last.state, found.rounds[-1]
-    (before,) = solver.innovations([found.first.state])
-    states = [state, *on_others(solver, found.checked, [found.last])]
-    everybody = residuals_of(solver, states, [found.last, found.last])
-    chance = by_noise_alone(solver, states, found.last, seed)
-    left = everybody[0]
+    state, last = search.last.state, search.rounds[-1]
+    (before,) = solver.innovations([search.first.state])
+    states = [state, *on_others(solver, search.checked, [search.last])]
+    residuals = residuals_of(solver, states, [search.last, search.last])
+    chance = by_noise_alone(solver, states, search.last, seed)
+    left = residuals[0]
     weight = state.data.weight
     innovation, before = standardised(left.innovation, state.data), standardised(before, state.data)
     lag = state.data.stride
@@ -133,25 +133,25 @@ def adequacy(solver: Solver, found: Search, seed: int) -> Adequacy:
         kurtosis_before=kurtosis(before, weight),
         autocorrelation=float(neighbours),
         unequal_noise=unequal_noise(left.innovation, state.data),
-        misjudgement=misjudgement(everybody, chance),
-        staleness=staleness(everybody, chance),
+        misjudgement=misjudgement(residuals, chance),
+        staleness=staleness(residuals, chance),
         remaining=(term, float(last.z_score[term])),
-        driver_minutes=sum(one.data.seconds for one in states) / 60,
+        driver_minutes=sum(solved.data.seconds for solved in states) / 60,
     )
 
 
 def by_noise_alone(solver: Solver, states: Sequence[FitState], fit: Fit, seed: int) -> list[Parts]:
-    """Residuals of drives that the final model and noise have made, nothing else: a list of parts per replicate."""
+    """Residuals of drives simulated with the final model and noise alone: a list of parts per replicate."""
     parts = [
-        [one for group in noise_alone(solver, state, fit.noise, REPLICATES, seed + part) for one in group]
+        [replicate for group in noise_alone(solver, state, fit.noise, REPLICATES, seed + part) for replicate in group]
         for part, state in enumerate(states)
     ]
     return [residuals_of(solver, again, [fit] * len(again)) for again in zip(*parts, strict=True)]
 
 
 def standardised(innovation: Float[np.ndarray, "steps pieces"], data: Measured) -> Float[np.ndarray, "steps pieces"]:
-    """Innovations over their own usual size around each moment of each driver [-]: drivers differ in how evenly they
-    drive, and drive less evenly while they accelerate or brake.
+    """Innovations divided by their local root mean square of the same driver [-], because noise levels differ between
+    drivers and rise while a driver accelerates or brakes.
     """
     energy = np.cumsum(np.pad(innovation**2 * data.weight, ((1, 0), (0, 0))), axis=0)
     count = np.cumsum(np.pad(data.weight, ((1, 0), (0, 0))), axis=0)
@@ -168,7 +168,7 @@ def kurtosis(innovation: Float[np.ndarray, "steps pieces"], weight: Float[np.nda
 
 
 def unequal_noise(innovation: Float[np.ndarray, "steps pieces"], data: Measured) -> dict[str, float]:
-    """Dependence of the size of innovations [m] on the situation: standard normal figures where there is none."""
+    """Dependence of the size of innovations [m] on the situation; standard normal values without one."""
     around = data.around
     gap = np.maximum(around.leader_rear - (data.smooth + data.length / 2), 1.0)
     situations = {
@@ -182,11 +182,11 @@ def unequal_noise(innovation: Float[np.ndarray, "steps pieces"], data: Measured)
 
 
 def misjudgement(parts: Parts, chance: Sequence[Parts]) -> float:
-    """Growth of what drivers do beside the model with what a misjudged gap would make them do, in standard deviations.
+    """Growth of the acceleration residual with the response to a misjudged gap, in standard deviations.
 
-    An error of the gap in proportion to it changes the acceleration by the gap times the model's answer to it. Noise of
-    the acceleration does not depend on that answer, and is even damped by it: negative figures.
-    `chance` are residuals of drives that the final model and noise alone have made.
+    A relative error of the gap changes the acceleration by the gap times the model's derivative by the gap. Noise of
+    the acceleration does not depend on this derivative and is even damped by it, which gives negative values. `chance`
+    are residuals of drives simulated with the final model and noise alone.
     """
 
     def by_misjudging(left: Residuals) -> np.ndarray:
@@ -197,12 +197,12 @@ def misjudgement(parts: Parts, chance: Sequence[Parts]) -> float:
 
 
 def staleness(parts: Parts, chance: Sequence[Parts]) -> float:
-    """Growth of what drivers do beside the model with the late change of what it wants, in standard deviations.
+    """Growth of the acceleration residual with the recent change of the model acceleration, in standard deviations.
 
-    Who decides now and then, and holds on to it in between, is behind by a random time; what that does is in proportion
-    to the change. Behind by always the same time he has a delay, which leaves nothing of the kind once it is known.
-    Noise changes what the model wants too, by the speed it leaves: the calmer the leaders, the more of it by chance.
-    Arguments as of `misjudgement`.
+    A driver who decides from time to time and keeps the acceleration in between lags by a random time; the resulting
+    residual is proportional to the change. A constant lag is a delay, which leaves no such residual once the model
+    contains it. Noise also changes the model acceleration through the speed, and the share of this by chance is larger
+    behind leaders of steady speed. Arguments as of `misjudgement`.
     """
 
     def by_being_late(left: Residuals) -> np.ndarray:
@@ -219,13 +219,14 @@ def staleness(parts: Parts, chance: Sequence[Parts]) -> float:
 
 
 Energy = Callable[[Residuals], np.ndarray]
-"""Cause of what drivers do beside the model, squared."""
+"""Function from residuals to the squared cause of the acceleration residual."""
 
 
 def _beyond_chance(energy: Energy, parts: Parts, chance: Sequence[Parts]) -> float:
-    """Growth of what drivers do beside the model with an energy, beyond what noise alone leaves of that.
+    """Growth of the acceleration residual with a squared cause, beyond the growth by noise alone.
 
-    Where noise leaves negative figures, zero is what has to be passed: a delay, known or not, leaves more than noise.
+    If noise alone gives a negative value, the reference is zero, because a delay, modelled or not, leaves more than
+    noise.
     """
 
     def grows(these: Parts) -> float:
@@ -235,9 +236,7 @@ def _beyond_chance(energy: Energy, parts: Parts, chance: Sequence[Parts]) -> flo
 
 
 def _energy_scores(square: Float[np.ndarray, "steps pieces"], left: Residuals) -> Float[np.ndarray, " drivers"]:
-    """Growth of the energy of what each driver does beside the model with another one; nothing where no moment
-    counts.
-    """
+    """Growth of each driver's squared acceleration residual with a squared cause; 0 if no time step counts."""
     data = left.state.data
     counts = data.weight > 0
     if not counts.any():
@@ -252,7 +251,7 @@ def _energy_scores(square: Float[np.ndarray, "steps pieces"], left: Residuals) -
 def _driver_scores(
     energy: Float[np.ndarray, "steps pieces"], situation: Float[np.ndarray, "steps pieces"], data: Measured
 ) -> Float[np.ndarray, " drivers"]:
-    """Growth of one with the other, driver by driver; drivers are compared with themselves."""
+    """Covariance of the two within each driver."""
 
     def off(values: np.ndarray) -> np.ndarray:
         return values - data.driver_mean(values)[data.driver]

@@ -1,4 +1,4 @@
-"""All maps of one model's residual, and what the open-ended finder makes of them."""
+"""All maps of one model's residual, and the variables that the open-ended finder selects."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -33,7 +33,7 @@ from rearl_jax.discovery.search.reactions import Reaction, reactions
 from rearl_jax.discovery.search.shapes import shape_of, shape_words
 
 PLANES = (("gap", "approach_rate"), ("position", "time"))
-"""Pairs of variables over which planes are made: across, up."""
+"""Pairs of variables of the planes: horizontal, vertical."""
 
 CURVE_SCALE = {"acceleration": 0.3, "time_gap": 0.3}
 """Standard deviation of the prior of a curve's values in the finder: as for the curves of the screen [m/s^2], [-]."""
@@ -41,7 +41,7 @@ CURVE_SCALE = {"acceleration": 0.3, "time_gap": 0.3}
 
 @dataclass(frozen=True)
 class Chart:
-    """Where curves and planes have their knots and edges, the same for all models and parts of the data.
+    """Knots of curves and edges of planes, the same for all models and parts of the data.
 
     Attributes:
         bases: Bases of the variables.
@@ -52,7 +52,7 @@ class Chart:
     edges: dict[str, np.ndarray]
 
     def groups(self) -> list[Group]:
-        """The curves as the finder takes them, in the order of the columns: accelerations, then time gaps."""
+        """The curves as groups of columns for the finder: accelerations, then time gaps."""
         curves = [(basis, acts_on) for acts_on in CURVE_SCALE for basis in self.bases]
         ends = np.cumsum([len(basis.knots) for basis, _ in curves])
         return [
@@ -61,7 +61,7 @@ class Chart:
         ]
 
     def weights(self, variables: Mapping[str, Reaction]) -> Float[np.ndarray, "columns steps pieces"]:
-        """Weights of the knots of all curves, one after the other."""
+        """Weights of the knots of all curves, concatenated."""
         return np.concatenate([basis.columns(variables[basis.variable.name].values) for basis in self.bases])
 
 
@@ -70,9 +70,9 @@ class PartScores:
     """Scores of the drivers of one part of the data.
 
     Attributes:
-        curves: On the columns of all groups.
-        seen: The same on the acceleration residual.
-        planes: On the fields of each plane.
+        curves: Scores on the columns of all groups.
+        seen: Scores of the same columns on the acceleration residual.
+        planes: Scores on the fields of each plane.
         shares: Shares of the time steps in the fields of each plane [-].
     """
 
@@ -87,10 +87,10 @@ class Atlas:
     """Maps of one model.
 
     Attributes:
-        curves: By variable.
-        planes: By their variables.
-        selected: By the finder, the most stable first.
-        shapes: What each curve does in words, by variable.
+        curves: Maps by variable.
+        planes: Planes by pair of variables.
+        selected: Variables selected by the finder, the most stable first.
+        shapes: Description of each curve's shape, by variable.
     """
 
     curves: dict[str, Curve]
@@ -132,7 +132,7 @@ def joined(parts: Sequence[DriverScores]) -> DriverScores:
 def atlas_of(
     chart: Chart, parts: Sequence[PartScores], n_chosen_from: int, confidence: float, draws: int, seed: int
 ) -> Atlas:
-    """All maps: the finder looks at the first `n_chosen_from` parts, drivers are resampled `draws` times for bands."""
+    """All maps. The finder uses the first `n_chosen_from` parts; drivers are resampled `draws` times for bands."""
     curves, seen = joined([part.curves for part in parts]), joined([part.seen for part in parts])
     groups = chart.groups()
     maps, shapes = {}, {}
@@ -154,8 +154,8 @@ def atlas_of(
 
 
 def added_curves(solver: Solver, left: Residuals, chart: Chart) -> dict[str, np.ndarray]:
-    """The acceleration that was added to the model [m/s^2] as a curve of every variable, at its knots: what the maps
-    should have looked like before. Empty where nothing was added that accelerates.
+    """The acceleration of the added effects [m/s^2] as a curve over every variable, at its knots, for comparison with
+    the maps before. Empty if no added effect changes the acceleration.
     """
     added = added_acceleration(solver, left)
     if np.abs(added).max(initial=0.0) < 1e-6:

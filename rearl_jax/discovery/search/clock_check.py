@@ -1,7 +1,8 @@
-"""Clocks that differ between vehicles, and the data with the clocks put right.
+"""Detection of clock offsets between vehicles, and correction of the data.
 
-Clocks are held against shifts of every pair of vehicles, each account at its best: shifts are found in a few looks, for
-half a second is far from small, and what each account gains is counted from the data as it puts them right.
+Clock offsets are compared with independent shifts of every leader-follower pair. Shifts are estimated in a few
+iterations, because half a second is too large for a linear estimate. The gain of each explanation is computed on the
+data that it corrects.
 """
 
 from dataclasses import dataclass
@@ -17,18 +18,18 @@ from rearl_jax.discovery.search.screen import scores
 from rearl_jax.discovery.thresholds import THRESHOLDS
 
 LOOKS = 3
-"""Times that shifts are looked at and put right."""
+"""Iterations of estimating and correcting shifts."""
 
 
 @dataclass(frozen=True)
 class ClockCheck:
-    """Clocks that differ, found in the fitted drivers and checked in the others.
+    """Clock offsets found in the fitted drivers and checked in the others.
 
     Attributes:
-        base: The calibrated model on the data as they were.
-        gain, check: Of both, what freedom costs paid [nats].
+        base: The calibrated model on the uncorrected data.
+        gain, check: Gains of the fitted and the checked drivers, less the complexity penalty [nats].
         spread: Standard deviation of the offsets [s].
-        fitted, checked: The drivers with their clocks put right.
+        fitted, checked: The drivers with corrected clocks.
     """
 
     base: Fit
@@ -40,18 +41,18 @@ class ClockCheck:
 
     @property
     def total(self) -> float:
-        """Total that it is compared by [nats]."""
+        """Total gain, for comparison with other candidates [nats]."""
         return self.gain + self.check
 
 
 @dataclass(frozen=True)
 class PutRight:
-    """Drivers whose leaders have been shifted back.
+    """Drivers with corrected leader positions.
 
     Attributes:
         data: The drivers.
-        estimate: By how much.
-        gain: Against the data as they were, what freedom costs paid [nats].
+        estimate: The corrected shifts.
+        gain: Gain against the uncorrected data, less the complexity penalty [nats].
     """
 
     data: Measured
@@ -60,7 +61,7 @@ class PutRight:
 
 
 def check_clocks(solver: Solver, base: Fit, checked: Measured) -> ClockCheck | None:
-    """Clocks that differ, by the fitted drivers and by the others; None if they do not."""
+    """Clock offsets found by the fitted drivers and by the others; None if there are none."""
     parts = (base.state.data, checked)
     fitted, others = (put_right(solver, Clocks(part), base) for part in parts)
     gain = fitted.gain - THRESHOLDS.freedom_price
@@ -77,7 +78,7 @@ def check_clocks(solver: Solver, base: Fit, checked: Measured) -> ClockCheck | N
 
 
 def put_right(solver: Solver, shifts: Shifts, base: Fit) -> PutRight:
-    """The data as an account of shifts puts them right, under the calibrated model; of all looks the best one."""
+    """The data corrected by a model of shifts, under the calibrated model; the best of all iterations."""
     (state,) = on_others(solver, shifts.data, [base])
     before, values, best = state.penalised(), shifts.values, None
     for _ in range(LOOKS):

@@ -1,7 +1,7 @@
-"""The last word of the drivers that were checked: what is added must not make their simulation worse.
+"""Final check: added effects must not make simulations of the checked drivers worse.
 
-Evidence is gathered from one time step to the next, where noise that is not as the observer takes it may look like an
-effect; a simulation adds up what an effect does.
+Evidence comes from one-step predictions, in which noise that differs from the observer's assumptions can look like an
+effect. A simulation accumulates the influence of an effect over time.
 """
 
 from dataclasses import replace
@@ -19,8 +19,9 @@ from rearl_jax.discovery.thresholds import THRESHOLDS
 def confirmed(solver: Solver, outcome: Search, seed: int) -> Search:
     """The search, without additions with which the closed-loop gap error of the checked drivers is larger.
 
-    They go from the last one on: free curves that were added later, which fit what the form of the earlier additions
-    has left, where they more likely make it larger than smaller; then all as long as it surely is larger than before.
+    Additions are removed from the last one on. Free curves that were added later only fit remainders of earlier
+    additions, so they are removed if they more likely increase the error than reduce it. Then all additions are removed
+    as long as the error is significantly larger than without them.
     """
     if not outcome.added:
         return outcome
@@ -40,9 +41,9 @@ def confirmed(solver: Solver, outcome: Search, seed: int) -> Search:
 
 
 def clocks_confirmed(solver: Solver, outcome: Search, checked: Measured, seed: int) -> bool:
-    """True if the closed-loop gap error of the checked drivers is more likely smaller than larger with their clocks put
-    right, those of `checked` as they were measured. The search takes other irregularities for clocks too, a simulation
-    does not.
+    """True if correcting the clocks of the checked drivers more likely reduces than increases their closed-loop gap
+    error; `checked` are the uncorrected drives. The search may mistake other irregularities for clock offsets; a
+    simulation does not.
     """
     if outcome.clocks is None:
         return True
@@ -55,8 +56,8 @@ def clocks_confirmed(solver: Solver, outcome: Search, checked: Measured, seed: i
 
 
 def lens_confirmed(solver: Solver, outcome: Search, seed: int) -> bool:
-    """True if the closed-loop gap error of the checked drivers is more likely smaller than larger with the camera's
-    distortion, which takes other irregularities in as well.
+    """True if the camera distortion more likely reduces than increases the closed-loop gap error of the checked
+    drivers. The search may mistake other irregularities for a distortion.
     """
     for turn in outcome.rounds:
         if turn.chosen is not None and turn.chosen.candidate.term == LENS:

@@ -1,4 +1,4 @@
-"""Decision between fitted candidates: gain where they were fitted, and on other drivers, against their freedom."""
+"""Decision between fitted candidates: gains on fitted and on other drivers, less a complexity penalty."""
 
 from dataclasses import dataclass
 
@@ -19,14 +19,14 @@ class Trial:
     """A fitted candidate and its gains.
 
     Attributes:
-        candidate: Which.
-        fit: With it.
-        fitted: Gain of each driver where it was fitted [nats], within the bounds of what one driver can contribute.
-        checked: Gain of each other driver, all of whom found their own parameters anew [nats], within these bounds.
-        other: The other drivers with it.
-        price: Paid for its freedom [nats].
-        null_mean: What all drivers together gain where nothing is missing [nats].
-        simulated: Gain of each other driver's simulation [nats], within these bounds; None where none was asked.
+        candidate: The candidate.
+        fit: The model fitted with the candidate.
+        fitted: Gain of each fitted driver [nats], bounded as in `bounded_gains`.
+        checked: Gain of each checked driver with its own parameters calibrated again [nats], bounded.
+        other: State of the checked drivers with the candidate.
+        price: Complexity penalty [nats].
+        null_mean: Mean gain of all drivers together if no effect is missing [nats].
+        simulated: Gain of each checked driver's simulation [nats], bounded; None if not simulated.
     """
 
     candidate: Candidate
@@ -40,31 +40,31 @@ class Trial:
 
     @property
     def gain(self) -> float:
-        """Gain where it was fitted, paid for [nats]."""
+        """Gain on the fitted drivers, less the complexity penalty [nats]."""
         return float(self.fitted.sum()) - self.price
 
     @property
     def check(self) -> float:
-        """Gain on the other drivers [nats]."""
+        """Gain on the checked drivers [nats]."""
         return float(self.checked.sum())
 
     @property
     def total(self) -> float:
-        """Total that candidates are compared by [nats]."""
+        """Total gain by which candidates are compared [nats]."""
         return self.gain + self.check - self.null_mean
 
     @property
     def overall(self) -> float:
-        """The total with what simulations say of it [nats]: one time step ahead and a minute ahead are asked alike."""
+        """Total gain of one-step predictions and simulations with equal weight [nats]."""
         return self.total + (0.0 if self.simulated is None else float(self.simulated.sum()))
 
     def beats(self, other: "Trial") -> bool:
-        """True if it fares better than another by more than what tells candidates apart."""
+        """True if its total exceeds that of the other by more than `indistinct_total`."""
         return self.overall > other.overall + THRESHOLDS.indistinct_total
 
     @property
     def holds(self) -> bool:
-        """True if it is believed as far as the drivers go."""
+        """True if fitted and checked drivers both support the candidate."""
         return (
             self.gain > THRESHOLDS.least_gain
             and self.total > THRESHOLDS.least_total
@@ -73,7 +73,7 @@ class Trial:
 
 
 def bounded_gains(gains: Float[np.ndarray, " drivers"], data: Measured) -> Float[np.ndarray, " drivers"]:
-    """Gain of each driver within the bounds of what one can contribute [nats]; they grow with what was seen of it."""
+    """Gain of each driver, bounded so that one driver cannot decide [nats]; the bound grows with the driver's time."""
     most = THRESHOLDS.most_from_one_driver * np.maximum(data.driver_minutes, 1.0)
     return np.clip(gains, -most, most)
 
@@ -93,15 +93,15 @@ def trial_of(
 
 
 def ranked(trials: list[Trial]) -> list[Trial]:
-    """Those that hold, the best first."""
+    """Supported candidates, the best first."""
     return sorted((trial for trial in trials if trial.holds), key=lambda trial: -trial.total)
 
 
 def believed(trials: list[Trial]) -> list[Trial]:
-    """Those that hold, the best first; before them, where any holds, what fares better still.
+    """Supported candidates, the best first; if there are any, clearly better unsupported candidates precede them.
 
-    What convinces other drivers by so much more is the better account, also where the fitted ones hardly paid for its
-    freedom.
+    A candidate with a clearly higher total on the checked drivers is the better explanation, even if its gain on the
+    fitted drivers hardly exceeds the complexity penalty.
     """
     accepted = ranked(trials)
     better = [trial for trial in trials if accepted and trial.gain > 0 and trial.beats(accepted[0])]
@@ -109,5 +109,5 @@ def believed(trials: list[Trial]) -> list[Trial]:
 
 
 def not_told_apart(best: list[Trial]) -> list[Trial]:
-    """The best and those that come within `indistinct_total` of it."""
+    """The best trial and those within `indistinct_total` of it."""
     return [trial for trial in best if best[0].overall - trial.overall < THRESHOLDS.indistinct_total]

@@ -1,4 +1,4 @@
-"""Whether a search accounts for the drivers, and whether another one gives names where it leaves a curve or a doubt."""
+"""Check if a search explains the drivers, and if a search beside another model names what the first left unnamed."""
 
 from rearl_jax.discovery.observe.closed_loop import gap_errors
 from rearl_jax.discovery.observe.fit import on_others
@@ -11,7 +11,7 @@ from rearl_jax.discovery.thresholds import THRESHOLDS
 
 
 def is_explained(solver: Solver, outcome: Search, seed: int) -> bool:
-    """True if nothing was found, or what was found has names that nothing speaks against, and noise alone is left."""
+    """True if every effect found has a name without a doubt, and only noise is left; also if no effect was found."""
     if outcome.rejected or outcome.is_contradicted or outcome.leaves_shifts:
         return False
     if not outcome.added and outcome.leaves_more:
@@ -22,8 +22,9 @@ def is_explained(solver: Solver, outcome: Search, seed: int) -> bool:
 
 
 def names_more(solver: Solver, outcome: Search, other: Solver, named: Search, seed: int) -> bool:
-    """True if a search beside another model accounts for the drivers by names, and predicts other drivers better than
-    the one that does not: one time step ahead and in simulations together, and these are not surely worse.
+    """True if a search beside another model explains the drivers by named effects and predicts other drivers better.
+
+    The gains one time step ahead and in simulations are summed; the simulations must not be significantly worse.
     """
     if not named.added or not is_explained(other, named, seed):
         return False

@@ -1,4 +1,4 @@
-"""Candidates that are easily taken for one another: where one exceeds chance, all are fitted and compete.
+"""Families of easily confused candidates: if one exceeds chance, all members are fitted and compete.
 
 Source: share of a candidate's detectable signal that another can imitate, from the projected Fisher information.
 """
@@ -9,7 +9,7 @@ from rearl_jax.discovery.observe.candidates import Term
 
 
 def _family(*effects: str, on: Sequence[str] = (), time_gap_on: Sequence[str] = ()) -> tuple[Term, ...]:
-    """Effects, and curves of the acceleration and of the time gap over variables."""
+    """A family: effects, and curves of the acceleration and of the time gap over variables."""
     return (
         *(Term(effect) for effect in effects),
         *(Term("dependence", variable) for variable in on),
@@ -47,26 +47,26 @@ CONFOUNDED = (
     _family("speed_limit", "grade", "weather", "lens", on=("time", "position", "speed")),
     _family("relaxation", "gap_relaxation", on=("gap", "second_gap")),
 )
-"""Candidates of which one may be no more than what another, of a slightly other form, has left."""
+"""Families in which one candidate may only fit the remainder of another with a slightly different form."""
 
 
 def with_families(terms: set[Term], known: set[Term]) -> set[Term]:
-    """The candidates and all members of their families that there are."""
+    """The candidates together with all known members of their families."""
     related = {member for family in FAMILIES if terms & set(family) for member in family}
     return terms | (related & known)
 
 
-def confounded(one: Term, other: Term) -> bool:
-    """True if one may be a remainder of the other."""
-    return any(one in group and other in group for group in CONFOUNDED)
+def confounded(first: Term, other: Term) -> bool:
+    """True if one of the two may only fit a remainder of the other."""
+    return any(first in group and other in group for group in CONFOUNDED)
 
 
 APART = {
-    ("bend", "speed_limit"): "a map, or signs: both cap the speed of everybody on a stretch",
+    ("bend", "speed_limit"): "a map, or signs: both limit the speed of all vehicles on a section",
     (
         "grade",
         "speed_limit",
-    ): "free vehicles with different desired speeds on the stretch: a limit stops the fast ones, a slope slows all",
+    ): "free vehicles with different desired speeds on the section: a limit slows only fast ones, a slope all",
     ("lens", "grade"): "a second camera, or vehicles that pass at very different speeds: a distortion shifts all alike",
     ("reaction_delay", "leader_acceleration"): "faster changes of the leader's speed, above 0.2 Hz",
     ("several_leaders", "leader_acceleration"): "a second leader that does something else than the first",
@@ -74,11 +74,11 @@ APART = {
     ("leader_class", "leader_length"): "trucks of different lengths, and long cars",
     ("weather", "time"): "a longer record, or a second one in other weather",
 }
-"""Data that would tell candidates apart; a free curve goes by the name of its variable."""
+"""Data that would distinguish candidates; a free curve is listed under the name of its variable."""
 
 
 def told_apart_by(term: Term, chosen: Sequence[Term]) -> str:
-    """Data that would tell a candidate from those that were chosen."""
+    """Data that would distinguish a candidate from the chosen ones."""
     for other in chosen:
         for pair, words in APART.items():
             if {member.variable or member.effect for member in (term, other)} == set(pair):

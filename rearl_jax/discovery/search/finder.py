@@ -1,9 +1,9 @@
-"""The open-ended finder: on which variables the residual depends, without a list of effects.
+"""The open-ended finder: identifies variables on which the residual depends, without a list of effects.
 
-Sparse regression over curves of every variable, as an acceleration and as a change of the time gap, the whole curve of
-a variable in or out (a group). Groups are added one after the other while the evidence for the best of them is beyond
-what the best of as many would reach by chance. Repeated on random halves of the drivers, the share of the halves in
-which a variable is selected says how stable it is: what rests on a few drivers is not.
+Method: sparse regression on curves over every variable, as an acceleration and as a change of the time gap. All knots
+of a curve form one group. Groups are added one after the other while the evidence for the best exceeds what the best of
+as many groups reaches by chance. The selection is repeated on random halves of the drivers. The share of halves in
+which a variable is selected measures its stability; a variable that matters to a few drivers only has a small share.
 
 Source: stability selection with complementary halves, Shah & Samworth, J. R. Stat. Soc. B 75 (2013) 55; forward
 selection of groups, Lozano, Swirszcz & Abe, NeurIPS (2009); Laplace evidence, MacKay, Neural Comput. 4 (1992) 415.
@@ -23,7 +23,7 @@ PAIRS = 25
 """Pairs of complementary halves."""
 
 MOST = 4
-"""Groups that are selected in one half at most."""
+"""Largest number of groups selected in one half."""
 
 
 @dataclass(frozen=True)
@@ -31,10 +31,10 @@ class Group:
     """The curve of one variable.
 
     Attributes:
-        variable: Its name.
+        variable: Name of the variable.
         acts_on: `acceleration` or `time_gap`.
-        columns: Places of its knots among the columns.
-        scale: Standard deviation of the prior of its values.
+        columns: Column indices of its knots.
+        scale: Prior standard deviation of its values.
     """
 
     variable: str
@@ -48,9 +48,9 @@ class Selected:
     """A variable and how often it was selected.
 
     Attributes:
-        variable: Its name.
-        acts_on: In which of the two ways it was selected more often.
-        frequency: Share of the halves in which it was selected, in either way [-].
+        variable: Name of the variable.
+        acts_on: `acceleration` or `time_gap`, whichever was selected more often.
+        frequency: Share of the halves in which either was selected [-].
         first: Share of the halves in which it was selected before all others [-].
     """
 
@@ -61,17 +61,17 @@ class Selected:
 
 
 def stability_selection(scores: DriverScores, groups: Sequence[Group], seed: int) -> list[Selected]:
-    """All variables, the most stable first; scores are those on the columns of all groups."""
+    """All variables, the most stable first, from scores on the columns of all groups."""
     rng = np.random.default_rng(seed)
     n, chosen, first = len(scores.score), Counter(), Counter()
     ways: Counter[tuple[str, str]] = Counter()
     for _ in range(PAIRS):
         order = rng.permutation(n)
         for half in (order[: n // 2], order[n // 2 : 2 * (n // 2)]):
-            found = forward_selection(scores, half, groups)
-            chosen.update({group.variable for group in found})
-            first.update(group.variable for group in found[:1])
-            ways.update((group.variable, group.acts_on) for group in found)
+            groups_selected = forward_selection(scores, half, groups)
+            chosen.update({group.variable for group in groups_selected})
+            first.update(group.variable for group in groups_selected[:1])
+            ways.update((group.variable, group.acts_on) for group in groups_selected)
     n_halves = 2 * PAIRS
     names = dict.fromkeys(group.variable for group in groups)
     selected = [
@@ -85,24 +85,24 @@ def _usual_way(ways: "Counter[tuple[str, str]]", name: str) -> str:
 
 
 def forward_selection(scores: DriverScores, drivers: Int[np.ndarray, " some"], groups: Sequence[Group]) -> list[Group]:
-    """Groups in the order in which they are added for some drivers."""
+    """Groups in the order in which they are added, for the given drivers."""
     gram, score = scores.gram[drivers].sum(axis=0), scores.score[drivers].sum(axis=0)
     for group in groups:
         gram[group.columns, group.columns] += scores.variance / group.scale**2
-    left, found = list(groups), []
+    left, selected = list(groups), []
     bound = np.log(len(groups)) + THRESHOLDS.finder_evidence
-    while left and len(found) < MOST:
+    while left and len(selected) < MOST:
         evidence = [_evidence(gram, score, group, scores.variance) for group in left]
         best = int(np.argmax(evidence))
         if evidence[best] < bound:
             break
         group = left.pop(best)
-        found.append(group)
-        # What is left once the group explains all it can.
+        selected.append(group)
+        # Scores after the group's contribution is removed.
         across = np.linalg.solve(gram[np.ix_(group.columns, group.columns)], gram[group.columns])
         score = score - across.T @ score[group.columns]
         gram = gram - gram[:, group.columns] @ across
-    return found
+    return selected
 
 
 def _evidence(

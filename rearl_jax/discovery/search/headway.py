@@ -1,8 +1,8 @@
-"""What drivers do beside the model, split in two: noise of the acceleration, and a time gap that varies.
+"""Division of the acceleration residual into acceleration noise and a time gap that varies in time.
 
-A driver who keeps one time gap leaves most of the error of a long prediction: people keep a longer one for a while,
-then a shorter one. No prediction knows when; a simulation can vary as much and as slowly. The split is that under which
-the energy score of noisy simulations is lowest, as only the right spread makes it.
+Most of the error of long predictions arises because models keep a constant time gap, while people keep a longer one for
+some time and then a shorter one. The times of these changes cannot be predicted, but a simulation can reproduce their
+size and duration. The division minimises the energy score of noisy simulations, which is lowest for the correct spread.
 
 Source: energy score and estimation by it, Gneiting & Raftery, J. Am. Stat. Assoc. 102 (2007) 359, sections 4.3 and 9.1.
 """
@@ -20,26 +20,26 @@ from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.search.null import behind_noisy_drive, lasting
 
 REALISATIONS = 12
-"""Simulations of each driver that an energy score rests on."""
+"""Simulations of each driver per energy score."""
 
 SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)
-"""Shares of the acceleration's noise that are tried [-]."""
+"""Tested shares of the acceleration noise [-]."""
 
 SIZES, TIMES = (0.0, 0.15, 0.3, 0.45, 0.65), (5.0, 15.0, 45.0)
-"""Standard deviations of log T [-] and correlation times [s] that are tried."""
+"""Tested standard deviations of log T [-] and correlation times [s]."""
 
 SMALLEST = 1e-3
-"""Energy score below which none is better [m]."""
+"""Smallest energy score that is distinguished [m]."""
 
 
 @dataclass(frozen=True)
 class TimeGapVariation:
-    """An Ornstein-Uhlenbeck process that the logarithm of a driver's time gap follows about its own.
+    """Ornstein-Uhlenbeck process of the logarithm of a driver's time gap about its mean.
 
     Attributes:
-        sd: Its standard deviation [-]; 0 where nothing varies.
-        time: Its correlation time [s].
-        noise_share: What is left of the acceleration's noise beside it [-].
+        sd: Standard deviation [-]; 0 for a constant time gap.
+        time: Correlation time [s].
+        noise_share: Share of the acceleration noise that remains in addition [-].
     """
 
     sd: float = 0.0
@@ -53,15 +53,15 @@ CONSTANT = TimeGapVariation()
 def energy_scores(
     solver: Solver, state: FitState, fit: Fit, seed: int, variation: TimeGapVariation = CONSTANT
 ) -> Float[np.ndarray, " drivers"]:
-    """Energy score of noisy simulations of each driver [m]: their mean distance to what was measured less half their
-    mean distance from each other.
+    """Energy score of noisy simulations of each driver [m]: mean distance to the measurement minus half the mean
+    distance between simulations.
 
     Args:
-        solver: Of the model.
-        state: The drivers under the model.
-        fit: The model, whose noise acts.
-        seed: Of the noise, the same for all models.
-        variation: How the time gap varies, and what is left of the noise.
+        solver: Solver of the model.
+        state: State of the drivers under the model.
+        fit: The model and its noise.
+        seed: Seed of the noise, the same for all models.
+        variation: Variation of the time gap, and the remaining share of the noise.
     """
     data, rng, variations = state.data, np.random.default_rng(seed), np.random.default_rng([seed, 2])
     noise = replace(fit.noise, acceleration=variation.noise_share * fit.noise.acceleration)
@@ -73,21 +73,21 @@ def energy_scores(
     mean = data.driver_mean
     pairs = [(i, j) for i in range(REALISATIONS) for j in range(i)]
     apart = np.mean([np.sqrt(mean((drawn[i] - drawn[j]) ** 2)) for i, j in pairs], axis=0)
-    away = np.mean([np.sqrt(mean(one**2)) for one in drawn], axis=0)
+    away = np.mean([np.sqrt(mean(deviation**2)) for deviation in drawn], axis=0)
     return away - apart / 2
 
 
 def time_gap_variation(solver: Solver, fit: Fit, seed: int) -> TimeGapVariation:
-    """The variation with the lowest energy score of the drivers that a model was fitted to, in the geometric mean,
-    which few drivers far off do not rule; none where it is not lower by two standard errors of the difference.
+    """The variation with the lowest geometric mean energy score of the fitted drivers (few poorly modelled drivers do
+    not dominate this mean); no variation if the improvement is below two standard errors.
     """
     scores: dict[TimeGapVariation, Float[np.ndarray, " drivers"]] = {}
 
     def best_of(tried: Iterable[TimeGapVariation]) -> TimeGapVariation:
-        for one in tried:
-            if one not in scores:
-                scores[one] = np.log(np.maximum(energy_scores(solver, fit.state, fit, seed, one), SMALLEST))
-        return min(scores, key=lambda one: float(scores[one].mean()))
+        for candidate in tried:
+            if candidate not in scores:
+                scores[candidate] = np.log(np.maximum(energy_scores(solver, fit.state, fit, seed, candidate), SMALLEST))
+        return min(scores, key=lambda candidate: float(scores[candidate].mean()))
 
     best = best_of([CONSTANT, *(TimeGapVariation(sd, noise_share=share) for sd in SIZES for share in SHARES[::2])])
     best = best_of(replace(best, time=time) for time in TIMES)

@@ -1,4 +1,4 @@
-"""The choice of the lane beside car following: what is found about it, and how it goes into a verdict."""
+"""Lane choice in addition to car following: findings, and their entries in a verdict."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -13,29 +13,31 @@ from rearl_jax.discovery.search.procedure import Search
 
 
 def lane_choice(
-    solver: Solver, found: Search, parts: Parts, recordings: Sequence[Recording], options: DiscoverConfig
+    solver: Solver, search: Search, parts: Parts, recordings: Sequence[Recording], options: DiscoverConfig
 ) -> LaneChangeFindings:
-    """Influences on the choice of the lane, with the drivers as they were calibrated, split as they were.
+    """Influences on lane choice, with the calibration and the split of the car-following drivers.
 
-    The recordings are those that `measure` got, in the same order.
+    The recordings are those given to `measure`, in the same order.
     """
     if (few := too_few_changes(recordings)) is not None:
-        return few  # before anybody is calibrated for it
-    known = KnownDrivers.of([found.first.state, *on_others(solver, found.checked, [found.first])], solver.layout.prior)
+        return few  # before any driver is calibrated for it
+    known = KnownDrivers.of(
+        [search.first.state, *on_others(solver, search.checked, [search.first])], solver.layout.prior
+    )
     split = [part.vehicle for part in (parts.fitted, parts.checked, parts.reported)]
     return lane_change_findings(recordings, known, split, options.confidence, options.seed)
 
 
 def with_lane_choice(verdict: dict[str, Any], lanes: LaneChangeFindings) -> dict[str, Any]:
-    """A verdict on car following, and what was found about the choice of the lane behind it."""
-    found = lanes.as_verdict_parts()
+    """The verdict on car following with findings on lane choice appended."""
+    entries = lanes.as_verdict_parts()
     word = verdict["verdict"]
     if word == "nothing" and lanes.effects:
         word = "named" if any(effect.kind == "driver" for effect in lanes.effects) else "unexplained"
     return verdict | {
         "verdict": word,
-        "effects": [*verdict["effects"], *found["effects"]],
-        "candidates": [*verdict["candidates"], *found["candidates"]],
-        "lane_choice": found["lane_choice"],
+        "effects": [*verdict["effects"], *entries["effects"]],
+        "candidates": [*verdict["candidates"], *entries["candidates"]],
+        "lane_choice": entries["lane_choice"],
         "data": verdict["data"] | {"notes": [*verdict["data"]["notes"], lanes.words]},
     }

@@ -1,8 +1,9 @@
-"""Mean acceleration residual as a function of everything it could depend on, with bands, and how far that carries.
+"""Maps: mean acceleration residual as a function of one variable or two, with confidence bands and gains on other
+drivers.
 
 A map is a curve through knots at quantiles of its variable, fitted to the innovations of all drivers at once
-(`forcing`). Its band comes from resampling drivers; its share and gain are those of curves that were fitted to half of
-the drivers, on the other half.
+(`forcing`). Its band comes from resampling drivers; its share and gain come from curves fitted to half of the drivers
+and evaluated on the other half.
 """
 
 from collections.abc import Mapping, Sequence
@@ -24,13 +25,13 @@ LEAST_SHARE = 0.005
 """Share of the time steps that a value of a counted variable, or a field of a plane, must have to be shown [-]."""
 
 USUAL = 1.0
-"""Standard deviation of the prior of a curve's values [m/s^2]: only what the data say nothing about is held back."""
+"""Prior standard deviation of a curve's values [m/s^2]; it only restricts values that the data do not determine."""
 
 USUAL_IN_FIELDS = 0.2
-"""The same for the fields of a plane, of which each holds few time steps [m/s^2]."""
+"""The same for the fields of a plane, each of which contains few time steps [m/s^2]."""
 
 HALVINGS = 10
-"""Times the drivers are cut in halves."""
+"""Random divisions of the drivers into halves."""
 
 FIELDS = 7
 """Fields of a plane in each direction."""
@@ -38,11 +39,11 @@ FIELDS = 7
 
 @dataclass(frozen=True)
 class Basis:
-    """Where the curve of one variable has its knots.
+    """Knots of the curve over one variable.
 
     Attributes:
-        variable: As in `reactions`.
-        knots: In its unit; the values themselves of a counted variable.
+        variable: Name as in `reactions`.
+        knots: Knots in the unit of the variable; for a discrete variable, its values.
         share: Mean weight of each knot over all time steps [-].
     """
 
@@ -51,7 +52,7 @@ class Basis:
     share: Float[np.ndarray, " knots"]
 
     def columns(self, values: Float[np.ndarray, "steps pieces"]) -> Float[np.ndarray, "knots steps pieces"]:
-        """Weight of each knot [-]: of linear interpolation, or of the nearest value."""
+        """Weight of each knot [-], by linear interpolation, or 1 at the nearest value of a discrete variable."""
         if self.variable.is_counted:
             nearest = np.abs(values[None] - self.knots[:, None, None]).argmin(axis=0)
             return (nearest[None] == np.arange(len(self.knots))[:, None, None]).astype(float)
@@ -61,14 +62,14 @@ class Basis:
 
 @dataclass(frozen=True)
 class Curve:
-    """A map.
+    """A map over one variable.
 
     Attributes:
         basis: Basis of its variable.
-        value, low, high: Mean acceleration residual at the knots, without its mean over all time steps [m/s^2].
-        acts_on: `acceleration`, or `time_gap` where a curve of the time gap carries further.
-        share: Share of the variance of the acceleration residual that it explains on other drivers, acting so [-].
-        gain: Gain of log-likelihood on other drivers, acting so [nats].
+        value, low, high: Mean acceleration residual at the knots, less its mean over all time steps [m/s^2].
+        acts_on: `acceleration`, or `time_gap` if a curve of the time gap has the larger gain.
+        share: Share of the variance of the acceleration residual that it explains on other drivers [-].
+        gain: Gain of log-likelihood on other drivers [nats].
     """
 
     basis: Basis
@@ -81,12 +82,12 @@ class Curve:
 
     @property
     def reach(self) -> float:
-        """Largest less smallest value [m/s^2]."""
+        """Largest minus smallest value [m/s^2]."""
         return float(np.ptp(self.value))
 
 
 def basis_of(variable: Reaction, weight: Float[np.ndarray, "steps pieces"]) -> Basis | None:
-    """Knots at quantiles; None for a variable that hardly changes."""
+    """Knots at quantiles of a variable; None for a variable that hardly changes."""
     used = variable.values[weight > 0]
     if variable.is_counted:
         values, counts = np.unique(np.round(used), return_counts=True)
@@ -104,8 +105,8 @@ def basis_of(variable: Reaction, weight: Float[np.ndarray, "steps pieces"]) -> B
 def fitted(
     scores: DriverScores, drivers: Float[np.ndarray, " drivers"] | None = None, usual: float = USUAL
 ) -> Float[np.ndarray, " columns"]:
-    """Values that explain the innovations best; `drivers` says how often each driver counts, `usual` how large values
-    are usually.
+    """Values that explain the innovations best; `drivers` is the weight of each driver, `usual` the prior standard
+    deviation.
     """
     gram, score = (
         (scores.gram.sum(axis=0), scores.score.sum(axis=0))
@@ -118,7 +119,7 @@ def fitted(
 def curve_of(
     basis: Basis, scores: Mapping[str, tuple[DriverScores, DriverScores]], confidence: float, draws: int, seed: int
 ) -> Curve:
-    """The map of one variable, from scores on its columns, and on the acceleration residual, by what they act on."""
+    """The map of one variable, from scores of its columns on innovations and on the acceleration residual."""
     rng = np.random.default_rng(seed)
     own = scores["acceleration"][0]
     n = len(own.score)
@@ -131,13 +132,13 @@ def curve_of(
 
 
 def centred(values: Float[np.ndarray, "*draws knots"], basis: Basis) -> Float[np.ndarray, "*draws knots"]:
-    """Values at the knots without their mean over all time steps."""
+    """Values at the knots less their mean over all time steps."""
     return values - (values @ basis.share)[..., None] / basis.share.sum()
 
 
 def on_other_halves(scores: DriverScores, seen: DriverScores, rng: np.random.Generator) -> tuple[float, float]:
     """Share of the acceleration residual's variance [-] and log-likelihood [nats] that a fit to half of the drivers
-    explains in the other half, the mean over several cuts.
+    explains in the other half, averaged over random divisions.
     """
     n, shares, gains = len(scores.score), [], []
     for _ in range(HALVINGS):
@@ -150,7 +151,7 @@ def on_other_halves(scores: DriverScores, seen: DriverScores, rng: np.random.Gen
 
 
 def _less(scores: DriverScores, values: np.ndarray, drivers: np.ndarray) -> float:
-    """By how much the squares of some drivers fall."""
+    """Reduction of the sum of squares of the given drivers."""
     return float(drivers @ (2 * scores.score @ values - (scores.gram @ values) @ values))
 
 
@@ -160,8 +161,8 @@ class Plane:
 
     Attributes:
         across, up: The variables.
-        across_edges, up_edges: Of the fields, in their units.
-        value: Mean acceleration residual [m/s^2]; NaN where too few time steps are.
+        across_edges, up_edges: Edges of the fields, in the units of the variables.
+        value: Mean acceleration residual [m/s^2]; NaN in fields with too few time steps.
     """
 
     across: Reaction
@@ -172,7 +173,7 @@ class Plane:
 
 
 def edges_of(variable: Reaction, weight: Float[np.ndarray, "steps pieces"]) -> Float[np.ndarray, " edges"]:
-    """Edges of fields that hold equally many time steps, outliers left out."""
+    """Edges of fields with equally many time steps, outliers excluded."""
     edges = np.quantile(variable.values[weight > 0], np.linspace(OUTER / 2, 1 - OUTER / 2, FIELDS + 1))
     return edges + np.arange(FIELDS + 1) * 1e-9
 
@@ -180,7 +181,7 @@ def edges_of(variable: Reaction, weight: Float[np.ndarray, "steps pieces"]) -> F
 def fields(
     values: Sequence[Float[np.ndarray, "steps pieces"]], edges: Sequence[Float[np.ndarray, " edges"]]
 ) -> Float[np.ndarray, "fields steps pieces"]:
-    """1 in the field of two variables that a time step lies in, the second variable slower."""
+    """Indicator of the field that contains each time step; the index of the first variable varies fastest."""
     across, up = (np.clip(np.searchsorted(e, v) - 1, 0, FIELDS - 1) for v, e in zip(values, edges, strict=True))
     return ((up * FIELDS + across)[None] == np.arange(FIELDS**2)[:, None, None]).astype(float)
 
@@ -199,5 +200,5 @@ def plane_of(
 
 
 def ranked(curves: Mapping[str, Curve]) -> list[Curve]:
-    """The maps that gain most on other drivers first."""
+    """The maps, the largest gain on other drivers first."""
     return sorted(curves.values(), key=lambda curve: -curve.gain)

@@ -1,4 +1,4 @@
-"""Null of the evidence, where nothing is missing: drives simulated from the calibrated model, measured again."""
+"""Null distribution of the evidence, from drives that are simulated with the calibrated model."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -11,7 +11,7 @@ from scipy.signal import lfilter
 from rearl_jax.discovery.observe.candidates import Term
 from rearl_jax.discovery.observe.fit_state import FitState, copied
 from rearl_jax.discovery.observe.kalman import CLOSED_LOOP, Noise
-from rearl_jax.discovery.observe.observer import unrest
+from rearl_jax.discovery.observe.observer import squared_leader_acceleration
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.read.smoothing import cut_off, smoothed
@@ -19,12 +19,12 @@ from rearl_jax.discovery.search.screen import evidences, scores
 from rearl_jax.discovery.thresholds import THRESHOLDS
 
 AT_ONCE = 1200
-"""Pieces that are simulated and fitted side by side."""
+"""Pieces that are simulated and fitted in one batch."""
 
 
 @dataclass(frozen=True)
 class Null:
-    """Mean and standard deviation of each candidate's evidence where nothing is missing [nats]."""
+    """Mean and standard deviation of each candidate's evidence if no effect is missing [nats]."""
 
     mean: dict[Term, float]
     spread: dict[Term, float]
@@ -35,7 +35,7 @@ class Null:
         return {term: value - max(self.mean[term], THRESHOLDS.least_null_mean) for term, value in evidence.items()}
 
     def null_mean(self, term: Term) -> float:
-        """Evidence for a candidate that is to be had where nothing is missing [nats]."""
+        """Mean evidence for a candidate if no effect is missing [nats]."""
         return max(self.mean[term], 0.0)
 
     def z_scores(self, evidence: dict[Term, float]) -> dict[Term, float]:
@@ -55,7 +55,7 @@ class Null:
 def driver_noise(
     noise: Noise, shape: tuple[int, int], dt: float, rng: np.random.Generator
 ) -> Float[np.ndarray, "steps pieces"]:
-    """Realisations of what drivers do beside the model [m/s^2]: a stationary Ornstein-Uhlenbeck process."""
+    """Realisations of the acceleration residual [m/s^2]: a stationary Ornstein-Uhlenbeck process."""
     return lasting(noise.acceleration, noise.time, shape, dt, rng)
 
 
@@ -79,8 +79,8 @@ def lasting(
 
 
 def smoothed_alike(known: Float[np.ndarray, "steps pieces"], data: Measured) -> Float[np.ndarray, "steps pieces"]:
-    """What drivers do beside the model as it looks after the kernel that the positions went through, of the same size:
-    behind a smoothed leader, a model that is nearly linear and is driven by smoothed noise makes the smoothed drive.
+    """Acceleration residual smoothed with the kernel of the positions and rescaled to the same standard deviation.
+    Because the model is nearly linear, smoothed noise behind a smoothed leader produces the smoothed drive.
     """
     if not data.smoothing:
         return known
@@ -91,18 +91,16 @@ def smoothed_alike(known: Float[np.ndarray, "steps pieces"], data: Measured) -> 
 def behind_noisy_drive(
     solver: Solver, state: FitState, noise: Noise, rng: np.random.Generator
 ) -> Float[np.ndarray, "steps pieces"]:
-    """Measured positions less those of a drive with the drivers' own noise, each as uneven as it drives, behind the
-    same leaders [m].
-    """
+    """Measured positions minus positions simulated with each driver's own noise level behind the same leaders [m]."""
     data = state.data
-    uneven = (state.variances / state.variance)[data.driver] * (1 + noise.growth * unrest(data))
+    uneven = (state.variances / state.variance)[data.driver] * (1 + noise.growth * squared_leader_acceleration(data))
     known = smoothed_alike(driver_noise(noise, data.y.shape, data.dt, rng), data) * np.sqrt(uneven)
     (behind,) = solver.innovations([replace(state, pieces=replace(state.pieces, known=known))], CLOSED_LOOP)
     return behind
 
 
 def simulate_again(solver: Solver, state: FitState, noise: Noise, rng: np.random.Generator) -> FitState:
-    """The state with other drives: simulated with its model behind the same leaders, then measured with noise."""
+    """The state with simulated drives: its model behind the same leaders, with measurement noise."""
     data = state.data
     driven = data.y - behind_noisy_drive(solver, state, noise, rng)
     y = driven + position_errors(noise, driven.shape, data.dt, rng)
@@ -115,7 +113,7 @@ def simulate_again(solver: Solver, state: FitState, noise: Noise, rng: np.random
 
 
 def noise_alone(solver: Solver, state: FitState, noise: Noise, replicates: int, seed: int) -> Iterator[list[FitState]]:
-    """Other drives of a calibrated state in which nothing is missing, calibrated anew, some side by side."""
+    """Simulated drives of a calibrated state without missing effects, calibrated again in batches."""
     group = max(1, AT_ONCE // max(1, len(state.data.driver)))
     for first in range(0, replicates, group):
         states = [
@@ -134,7 +132,7 @@ def null_of(
     seed: int,
     progress: Callable[[int, int], None] | None = None,
 ) -> Null:
-    """The null of a calibrated state; `progress` is called with the replicates done and wanted."""
+    """The null distribution of a calibrated state; `progress` is called with the finished and the total replicates."""
     replicated: list[dict[Term, float]] = []
     for states in noise_alone(solver, state, noise, replicates, seed):
         seen = scores(solver, states)
@@ -145,7 +143,7 @@ def null_of(
 
 
 def summarise(replicated: Sequence[dict[Term, float]]) -> Null:
-    """Mean and spread over replicates."""
+    """Null distribution from replicates."""
     names = replicated[0]
     values = {name: np.array([evidence[name] for evidence in replicated]) for name in names}
     return Null(

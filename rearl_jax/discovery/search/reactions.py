@@ -1,4 +1,4 @@
-"""Everything a driver or a road could react to, whether or not an effect is known for it, time step by time step."""
+"""Variables that the acceleration could depend on, with or without a library effect, in every time step."""
 
 from dataclasses import dataclass
 
@@ -10,19 +10,19 @@ from rearl_jax.core.effects.stimulus import Stimulus
 from rearl_jax.discovery.observe.residuals import Residuals
 
 REACTION = 1.0
-"""Time ago at which a driver may have seen what it reacts to [s]."""
+"""Delay of the variables that describe an earlier observation [s]."""
 
 MEMORY = 10.0
 """Time over which a driver may remember its own speed [s]."""
 
 LONGEST_TIME_GAP = 6.0
-"""Time gap beyond which nobody follows [s]."""
+"""Time gap above which a driver does not count as following [s]."""
 
 FASTEST_APPROACH = 10.0
 """Bound of approach rates to others than the leader [m/s]."""
 
 COUNTED = ("lane", "leader_class", "vehicles_beside")
-"""Variables with few values."""
+"""Discrete variables, with few values."""
 
 UNITS = {name: unit for name, (unit, _) in VARIABLES.items() if name != "length"} | {
     "time_gap": "s",
@@ -34,18 +34,18 @@ UNITS = {name: unit for name, (unit, _) in VARIABLES.items() if name != "length"
     "past_speed": "m/s",
     "leader_class": "-",
 }
-"""Every variable with its unit. What never changes within a drive (the own length, the own class) is not among them:
-it is the driver's own.
+"""Every variable with its unit. Constants of a drive (own length, own class) are excluded, because the driver's own
+parameters take up their influence.
 """
 
 
 @dataclass(frozen=True)
 class Reaction:
-    """A variable in every time step.
+    """Values of a variable in every time step.
 
     Attributes:
-        name: One of UNITS.
-        values: In its unit.
+        name: A key of UNITS.
+        values: Values in the unit of the variable.
     """
 
     name: str
@@ -53,22 +53,22 @@ class Reaction:
 
     @property
     def unit(self) -> str:
-        """In brackets in every text."""
+        """Unit of the variable."""
         return UNITS[self.name]
 
     @property
     def is_counted(self) -> bool:
-        """True if it has few values."""
+        """True if the variable is discrete."""
         return self.name in COUNTED
 
     @property
     def title(self) -> str:
-        """As people say it."""
+        """Readable name of the variable."""
         return title_of(self.name)
 
 
 def title_of(name: str) -> str:
-    """A variable as people say it."""
+    """Readable name of a variable."""
     return _TITLES.get(name, name.replace("_", " "))
 
 
@@ -92,9 +92,9 @@ _TITLES = {
 
 
 def reactions(left: Residuals) -> dict[str, Reaction]:
-    """The variables by name, halfway between each time step and the next, the own motion as expected from the past.
+    """The variables by name, halfway between each time step and the next; the own motion is predicted from the past.
 
-    A variable that saw the future of the driver would go together with the driver's noise, and look like a cause.
+    A variable that used the driver's future would be correlated with the driver's noise and look like a cause.
     """
     data = left.state.data
     seen = left.stimulus()
@@ -114,7 +114,7 @@ def reactions(left: Residuals) -> dict[str, Reaction]:
         "follower_approach_rate": has_follower * _bounded(np.asarray(seen.follower_speed) - speed),
         "speeds_ahead": _unequal(seen),
         "past_speed": _mean_of_past(speed, max(1, round(MEMORY / data.dt))),
-        "lateral_offset": np.asarray(seen.lateral_offset),  # a curve needs no symmetry
+        "lateral_offset": np.asarray(seen.lateral_offset),  # signed, because a curve need not be symmetric
         "leader_class": np.asarray(seen.leader_is_truck),
     }
     return {name: Reaction(name, np.broadcast_to(values[name], data.y.shape)) for name in UNITS}

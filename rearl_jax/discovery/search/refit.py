@@ -1,4 +1,4 @@
-"""Candidates fitted in full: the model with each of them, from several starts, with the noise found anew."""
+"""Full fits of candidates: the model with each candidate, from several start values, with re-estimated noise."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -13,7 +13,7 @@ from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.search.screen import Score
 
 TRIED = 7
-"""Sizes of the drivers' noise that are tried under a candidate."""
+"""Number of noise levels tested with a candidate."""
 
 DELAYS = ((0.25, 0.25), (0.8, 0.8), (0.5, 0.0))
 """Reaction delays to the vehicle ahead and to the own speed that the search starts from [s]."""
@@ -22,14 +22,14 @@ LIMITS = (0.6, 0.75, 0.88)
 """Speed limits the search starts from, as shares of the mean desired speed [-]."""
 
 SECTIONS = 2
-"""Sections of the road, or moments, that the search for an edge starts from."""
+"""Number of road sections, or times, from which the search for an edge starts."""
 
 LONGEST_SECTION = 8
-"""Knots a section may span at the start."""
+"""Largest number of knots that a section spans at the start."""
 
 
 def starts(candidate: Candidate, score: Score, state: FitState, layout: Layout) -> list[np.ndarray]:
-    """Values of theta from which a candidate is searched."""
+    """Start values of theta for the fit of a candidate."""
     theta = state.theta
     effect = candidate.term.effect if candidate.term.is_effect else ""
     if effect == "reaction_delay":
@@ -41,17 +41,17 @@ def starts(candidate: Candidate, score: Score, state: FitState, layout: Layout) 
         return _onsets(score, theta, layout)
     start = theta.copy()
     if set(candidate.look) <= set(candidate.free):
-        # Half of the linear fit: the right side of zero, and not beyond what the model bears.
+        # Half of the linear fit has the right sign and stays within the valid range of the model.
         fitted = np.clip(score.fitted() / 2, -1, 1) * np.minimum(1.0, layout.scale[list(candidate.look)])
         start[list(candidate.look)] += np.nan_to_num(fitted)
     return [np.clip(start, layout.low, layout.high)]
 
 
 def _sections(name: str, score: Score, state: FitState, layout: Layout) -> list[np.ndarray]:
-    """Sections that explain most of the score as a step, from the linear fit of the curve along the road."""
+    """Road sections whose step explains most of the score, from the linear fit of the curve along the road."""
     knots, n = layout.knots.position, len(layout.knots.position)
     step = knots[1] - knots[0]
-    found = []
+    sections = []
     for first in range(n):
         for last in range(first, min(first + LONGEST_SECTION, n)):
             inside = np.zeros(n)
@@ -59,11 +59,11 @@ def _sections(name: str, score: Score, state: FitState, layout: Layout) -> list[
             width = inside @ score.information @ inside
             if width > 0:
                 gain = inside @ score.score
-                found.append((gain**2 / width, first, last, gain / width))
-    found.sort(reverse=True)
+                sections.append((gain**2 / width, first, last, gain / width))
+    sections.sort(reverse=True)
     chosen: list[tuple] = []
-    for section in found:
-        # A second start only where it is another place.
+    for section in sections:
+        # A second start only if it is a different place.
         if all(section[2] < other[1] or section[1] > other[2] for other in chosen):
             chosen.append(section)
         if len(chosen) == SECTIONS:
@@ -79,24 +79,24 @@ def _sections(name: str, score: Score, state: FitState, layout: Layout) -> list[
             result += [
                 layout.with_values(state.theta, {"speed_limit.limit": usual * share, **edges}) for share in LIMITS
             ]
-    # A car-following model that never comes near its desired speed shows nothing of a limit: it begins where none acts.
+    # Drivers who never approach their desired speed carry no information on a limit: start without a limit.
     return result or [state.theta.copy()]
 
 
 def _onsets(score: Score, theta: np.ndarray, layout: Layout) -> list[np.ndarray]:
-    """Times from which on everything differs, that explain most of the score as a step."""
+    """Times of a lasting change whose step explains most of the score."""
     knots = layout.knots.time
     n = len(knots)
-    found = []
+    onsets = []
     for first in range(1, n):
         after = np.zeros((2, 2 * n))
         after[0, first:n], after[1, n + first :] = 1.0, 1.0
         information = after @ score.information @ after.T + 1e-9 * np.eye(2)
         size = np.linalg.solve(information, after @ score.score)
-        found.append((float(size @ (after @ score.score)), first, size))
-    found.sort(key=lambda item: -item[0])
+        onsets.append((float(size @ (after @ score.score)), first, size))
+    onsets.sort(key=lambda item: -item[0])
     result = []
-    for _, first, size in found[:SECTIONS]:
+    for _, first, size in onsets[:SECTIONS]:
         slower, wider = np.clip([-size[0], size[1]], -0.5, 0.5).tolist()
         onset = (knots[first - 1] + knots[first]) / 2
         start = {"weather.slower": slower, "weather.wider": wider, "weather.onset": onset}
@@ -111,9 +111,9 @@ def refit(
     seen: dict[Term, Score],
     progress: Callable[[int, int], None] | None = None,
 ) -> dict[Term, Fit]:
-    """Every candidate added to the model and fitted, one at a time, from where its score points to.
+    """Fits of the model with each candidate separately, starting at values from its score.
 
-    `progress` is called with the candidates done and wanted.
+    `progress` is called with the finished and the total number of candidates.
     """
     fits = {}
     for number, candidate in enumerate(candidates):
@@ -125,32 +125,32 @@ def refit(
         solver.solve(states, iterations=15, tolerance=0.3)
         best = min(states, key=lambda state: state.objective)
         again, noise = under_best_noise(solver, best, noises(base.noise, no_larger(base.noise)[-TRIED:]))
-        # What is most likely for noise of that size need not be so for the size that was found.
-        found = (Fit(candidate, best, base.noise), Fit(candidate, again, noise))
-        fits[candidate.term] = min(found, key=lambda fit: fit.state.objective)
+        # The best growth and share at the old noise level need not be the best at the new level.
+        alternatives = (Fit(candidate, best, base.noise), Fit(candidate, again, noise))
+        fits[candidate.term] = min(alternatives, key=lambda fit: fit.state.objective)
         if progress is not None:
             progress(number + 1, len(candidates))
     return fits
 
 
 def nested(solver: Solver, base: Fit, fits: dict[Term, Fit]) -> dict[Term, Fit]:
-    """The fits, none of them worse than the model without its candidate: those that are begin again from that model.
+    """The fits; a fit worse than the model without its candidate is repeated with that model as the start.
 
-    Without its candidate a model is the same model, so a worse fit is a search that has stopped too early.
+    The models are nested, so a worse fit shows that the search stopped too early.
     """
     better = {}
     for term, fit in fits.items():
         if fit.state.objective > base.state.objective:
             again = copied(base.state, active=fit.state.active)
             solver.solve([again], iterations=20, tolerance=0.05)
-            fit = min(fit, replace(fit, state=again, noise=base.noise), key=lambda one: one.state.objective)
+            fit = min(fit, replace(fit, state=again, noise=base.noise), key=lambda candidate: candidate.state.objective)
         better[term] = fit
     return better
 
 
 def rebased(solver: Solver, base: Fit, fits: dict[Term, Fit]) -> Fit:
-    """The model without the candidates, fitted again from each one's drivers, under its noise: a stuck baseline would
-    hand every candidate the same false gain.
+    """The base model fitted again from the driver parameters and noise of each candidate's fit, because a base model in
+    a local optimum would give every candidate the same false gain.
     """
     places, kept = np.arange(solver.layout.size), solver.free(base.state)
     starts, noises_of = [], []

@@ -1,8 +1,9 @@
-"""The screen: how much evidence there is for each candidate, from one look at the derivatives.
+"""The screen: evidence for each candidate, from derivatives at the base model alone.
 
-The score of a candidate is what the innovations have in common with its derivative once everything that drivers' own
-parameters, their population and what has been added already can imitate is taken out. Its Laplace evidence pays for
-the width of the prior; the least over leaving out one driver asks that no single driver makes the case.
+The score of a candidate is the product of the innovations with its derivative, after projecting out everything that
+drivers' own parameters, their population and already added candidates can imitate. Its Laplace evidence includes a
+penalty for the width of the prior. The smallest evidence over leaving out one driver is used, so that no single driver
+decides.
 
 Source: score (Lagrange multiplier) test, Rao (1948); Laplace approximation of the evidence, MacKay, Neural Comput. 4
 (1992) 415.
@@ -20,17 +21,17 @@ from rearl_jax.discovery.observe.fit_state import CLASSES, FitState
 from rearl_jax.discovery.observe.solver import Solver
 
 PRIOR_WIDTHS = (0.35, 1.0, 2.0)
-"""Widths of the prior, as multiples of the usual one, of which the best is taken [-]."""
+"""Tested widths of the prior, as multiples of the candidate's scale [-]; the best one is used."""
 
 
 @dataclass(frozen=True)
 class Score:
-    """Score and information of one candidate's directions, everything that imitates them taken out.
+    """Score and information of one candidate's directions, with everything that imitates them projected out.
 
     Attributes:
         score: Scores of all drivers together.
         information: Information of all drivers together.
-        driver_score, driver_information: Of each driver.
+        driver_score, driver_information: Score and information of each driver.
     """
 
     score: Float[np.ndarray, " directions"]
@@ -44,7 +45,7 @@ class Score:
 
 
 def scores(solver: Solver, states: Sequence[FitState]) -> list[dict[Term, Score]]:
-    """Scores of every candidate in states that have been solved with the same additions."""
+    """Scores of every candidate in solved states with the same added candidates."""
     layout = solver.layout
     kept = tuple(solver.free(states[0]).tolist())
     looked = sorted({place for candidate in layout.candidates.values() for place in candidate.look} - set(kept))
@@ -100,7 +101,7 @@ def _scores(
         inner = kept[:, :n_kept] + np.diag(scale**-2.0)
         across = np.linalg.solve(inner, kept).T
         score = score - across @ (score[:n_kept] - (state.theta - layout.reference)[free] / scale**2)
-    found = {}
+    scores = {}
     for term, (number, group) in groups.items():
         index = np.array(group)
         own = sums[f"block_{number}"] / variances[:, None, None]
@@ -108,21 +109,21 @@ def _scores(
         information = own.sum(axis=0) - across[index] @ kept[:, index]
         for coupled, answer in by_class:
             information = information - coupled[:, index].T @ answer[:, index]
-        found[term] = Score(score[index], (information + information.T) / 2, driver_score[:, index], own)
-    return found
+        scores[term] = Score(score[index], (information + information.T) / 2, driver_score[:, index], own)
+    return scores
 
 
-def clock_evidence(state: FitState, found: dict[Term, Score]) -> float:
-    """Evidence [nats] for clocks that differ, from the scores of a state."""
-    score = found[clocks.CLOCK_OFFSET]
+def clock_evidence(state: FitState, scores: dict[Term, Score]) -> float:
+    """Evidence [nats] for clock offsets, from the scores of a state."""
+    score = scores[clocks.CLOCK_OFFSET]
     return clocks.Clocks(state.data).evidence(score.driver_score, score.driver_information)
 
 
-def evidences(state: FitState, found: dict[Term, Score], layout: Layout) -> dict[Term, float]:
-    """Evidence [nats] of every candidate; the least over leaving out one driver where it is positive."""
-    evidence = {clocks.CLOCK_OFFSET: clock_evidence(state, found)}
+def evidences(state: FitState, scores: dict[Term, Score], layout: Layout) -> dict[Term, float]:
+    """Evidence [nats] for every candidate; if it is positive, the smallest value over leaving out one driver."""
+    evidence = {clocks.CLOCK_OFFSET: clock_evidence(state, scores)}
     for term, candidate in layout.candidates.items():
-        score, scale = found[term], layout.scale[list(candidate.look)]
+        score, scale = scores[term], layout.scale[list(candidate.look)]
         value = float(_evidence(score.score[None], score.information[None], scale)[0])
         if value > 0 and len(score.driver_score) > 1:
             without = score.score - score.driver_score
@@ -133,7 +134,7 @@ def evidences(state: FitState, found: dict[Term, Score], layout: Layout) -> dict
 
 
 def _evidence(score: np.ndarray, information: np.ndarray, scale: np.ndarray) -> np.ndarray:
-    """Laplace evidence of a linear model with a Gaussian prior, the best of PRIOR_WIDTHS [nats]."""
+    """Laplace evidence for a linear model with a Gaussian prior, the largest over PRIOR_WIDTHS [nats]."""
     best = np.full(len(score), -np.inf)
     identity = np.eye(score.shape[1])
     for width in PRIOR_WIDTHS:

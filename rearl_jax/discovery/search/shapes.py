@@ -1,4 +1,4 @@
-"""The shape of a curve in words: what it does, by how much, and where."""
+"""Shape of a curve in words: kind, size and range."""
 
 from dataclasses import dataclass
 
@@ -10,17 +10,17 @@ from rearl_jax.discovery.observe.uncertainty import CONTENT
 from rearl_jax.discovery.search.maps import Curve, fitted
 
 PRICE = 0.5 * CONTENT
-"""Of a number that a shape needs [nats], as for a parameter of a candidate."""
+"""Complexity penalty per parameter of a shape [nats], as for a parameter of a candidate."""
 
 
 @dataclass(frozen=True)
 class Shape:
-    """A simple shape that says nearly all a curve does.
+    """A simple shape that approximates a curve.
 
     Attributes:
         kind: `flat`, `line`, `step`, `bump` or `curve`.
         size: Change from one end to the other, from one side of the step to the other, or inside the bump [m/s^2].
-        start, end: Where it happens, in the unit of the variable; equal for a step.
+        start, end: Range of the change, in the unit of the variable; equal for a step.
     """
 
     kind: str
@@ -52,14 +52,14 @@ def shape_of(curve: Curve, scores: DriverScores) -> Shape:
 
 
 def _scaled(form: Float[np.ndarray, " knots"], scores: DriverScores) -> tuple[float, float]:
-    """Size of a form, and what it gains [nats]."""
+    """Size of a form, and its gain [nats]."""
     score, square = float(form @ scores.score.sum(axis=0)), float(form @ scores.gram.sum(axis=0) @ form)
     size = score / max(square, 1e-12)
     return size, 0.5 * score * size / scores.variance
 
 
 def shape_words(curve: Curve, shape: Shape) -> str:
-    """A sentence part, as in `falls by 0.31 m/s^2 from 2 to 14 m`."""
+    """The shape as a phrase, as in `falls by 0.31 m/s^2 from 2 to 14 m`."""
     unit = "" if curve.basis.variable.unit == "-" else f" {curve.basis.variable.unit}"
     size = f"{abs(shape.size):.2f} m/s^2"
     direction = shape.size > 0

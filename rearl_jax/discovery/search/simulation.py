@@ -1,7 +1,7 @@
-"""What simulations of other drivers say of a candidate: evidence one time step ahead and a minute ahead must agree.
+"""Simulations of the checked drivers with a candidate; they must agree with the evidence from one-step predictions.
 
-Noise that is not as the observer takes it may look like an effect from one time step to the next; a simulation adds up
-what an effect does.
+Noise that differs from the observer's assumptions can look like an effect in one-step predictions. A simulation
+accumulates the influence of an effect over time.
 """
 
 from collections.abc import Sequence
@@ -20,12 +20,12 @@ from rearl_jax.discovery.thresholds import THRESHOLDS
 DRAWS = 1000
 
 ROUNDING = 1e-9
-"""Change of the squared error that is of the arithmetic, as a share of it [-]."""
+"""Relative change of the squared error that is attributed to rounding [-]."""
 
 
 def simulated(solver: Solver, base: FitState, accepted: Sequence[Trial]) -> tuple[list[Trial], list[Trial]]:
-    """Trials that simulations of the checked drivers bear out, the best first, and those that they contradict; `base`
-    are these drivers without any of them.
+    """Trials confirmed by simulations of the checked drivers, the best first, and trials contradicted by them; `base`
+    is the state of these drivers without candidates.
     """
     leading = accepted[: THRESHOLDS.leading_simulated]
     if not leading:
@@ -46,10 +46,10 @@ def simulated(solver: Solver, base: FitState, accepted: Sequence[Trial]) -> tupl
 def simulated_gains(
     before: Float[np.ndarray, " drivers"], after: Float[np.ndarray, " drivers"], data: Measured
 ) -> Float[np.ndarray, " drivers"]:
-    """Log-likelihood that each driver's simulation gains [nats] where its gap error [m] was `before` and is `after`.
+    """Gain of log-likelihood of each driver's simulation [nats] whose gap error [m] changes from `before` to `after`.
 
-    Errors of a simulation last as long as it takes a driver to take them back, so a minute shows few that are
-    independent; errors as small as the measurement's say nothing. Source: likelihood of normal errors of unknown size.
+    Errors of a simulation decay slowly, so a minute contains few independent errors; errors as small as the measurement
+    noise carry no information. Source: likelihood of normal errors of unknown size.
     """
     independent = data.driver_minutes * 60 / THRESHOLDS.simulated_memory
     least = data.noise**2
@@ -58,9 +58,9 @@ def simulated_gains(
 
 
 def is_contradicted(gains: Float[np.ndarray, " drivers"], borne: Float[np.ndarray, " drivers"], seed: int = 0) -> bool:
-    """True if in most resamples of drivers their simulations lose more than is borne [nats].
+    """True if simulations lose more than the tolerated amount [nats] in most resamples of drivers.
 
-    What each says is bounded: one driver whom a model loses altogether does not outvote all others.
+    The contribution of each driver is bounded, so that one driver with a failed simulation does not decide.
     """
     return bool((_means(gains - borne, seed) < 0).mean() > THRESHOLDS.contradiction_share)
 
@@ -71,8 +71,8 @@ def share_worse(
     borne: float = ROUNDING,
     seed: int = 0,
 ) -> float:
-    """Share of resamples of drivers in which the squared error is larger after than before [-], by more than a share
-    `borne` of what it was.
+    """Share of resamples of drivers in which the squared error grows by more than the share `borne` of its value before
+    [-].
     """
     return float((_means(after**2 - before**2, seed) > borne * (before**2).mean()).mean())
 

@@ -1,9 +1,9 @@
-"""Further metrics, one per file: a module that holds a `METRIC` and the function `measure` that gives its figure.
+"""Further metrics, one per file: a module with a `METRIC` and the function `measure` that computes it.
 
     measure(scene, reference, config) -> Measure
 
 It takes the arrays of a scene and of the real one it is compared with, "steps vehicles *scenarios", and leaves the
-trailing axes as they are. Every module here is one: another file is all that another metric needs.
+trailing axes as they are. Every module here is one metric; a new metric needs one new file.
 """
 
 import pkgutil
@@ -23,7 +23,7 @@ Kernel: TypeAlias = "Callable[[Trajectories, SceneReference, MetricsConfig], Mea
 _MODULES = [import_module(f"{__name__}.{info.name}") for info in pkgutil.iter_modules(__path__)]
 
 FURTHER: tuple[Metric, ...] = tuple(module.METRIC for module in _MODULES)
-"""Their rows of the metric table."""
+"""Rows of these metrics in the metric table."""
 
 KERNELS: "dict[str, Kernel]" = {module.METRIC.name: module.measure for module in _MODULES}
 """The functions that measure them, by name."""

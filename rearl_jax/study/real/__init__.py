@@ -1,1 +1,1 @@
-"""The discovery loop in real recordings: verdicts, errors under every protocol, and known facts as a score."""
+"""Discovery in real recordings: verdicts, errors under every protocol, and comparison with known facts."""

@@ -1,4 +1,4 @@
-"""Document of the study of real traffic: verdicts, errors by protocol, time gaps of cars, and facts as a score."""
+"""Document of the study of real traffic: verdicts, errors by protocol, and time gaps with known values."""
 
 from collections import Counter
 from collections.abc import Mapping
@@ -20,8 +20,9 @@ STRONGEST_FIRST = ("named", "improved", "unexplained", "artefact", "nothing")
 def summary_of(table: pd.DataFrame, facts: pd.DataFrame, differences: pd.DataFrame) -> dict[str, Any]:
     """Flat figures: `n_sets`, `n_groups`, `n_worse` (groups with a protocol in which the repaired model is worse), the
     number of groups by verdict `n_named` ...; the score `n_known`, `n_within`, `n_within_model_free`, `n_cars`,
-    `n_shorter` (cars whose time gap is shorter in S than in L); `leader_difference` with `_low` and `_high` (ACC less
-    person, time gaps of the same people), `leader_cars`, and `is_leader_equal`. None where nothing of it was computed.
+    `n_shorter` (cars whose time gap is shorter in S than in L); `leader_difference` with `_low` and `_high` (time gap
+    behind ACC minus that behind a person, for the same drivers), `leader_cars`, and `is_leader_equal`. None for values
+    that were not computed.
     """
     words = Counter(table["verdict"].tolist())
     known = facts.dropna(subset=["known"])
@@ -50,7 +51,7 @@ def summary_of(table: pd.DataFrame, facts: pd.DataFrame, differences: pd.DataFra
 
 
 def _difference(differences: pd.DataFrame, first: str, second: str) -> Mapping[str, Any] | None:
-    """Of calibrated drivers, in the first set that has both settings."""
+    """Difference between two settings for calibrated drivers, in the first set with both."""
     asked = {"told": "calibrated", "first": first, "second": second}
     for row in differences.astype(object).to_dict("records"):
         if all(row[name] == value for name, value in asked.items()):
@@ -64,9 +65,9 @@ def document_of(
     """The document of a study.
 
     Args:
-        table: As in real.parquet.
-        facts: As in facts.parquet.
-        differences: As in differences.parquet.
+        table: Content of real.parquet.
+        facts: Content of facts.parquet.
+        differences: Content of differences.parquet.
         remarks: The data and their sources.
         generated: Whether any of the data were generated.
     """
@@ -114,7 +115,7 @@ def _verdicts(named: pd.DataFrame) -> Section:
 
 
 def _errors(named: pd.DataFrame) -> Section:
-    """One table per protocol; those in which no group could be tested are left out."""
+    """Section with a table per protocol; protocols in which no group could be tested are left out."""
     tables = []
     for protocol, words in PROTOCOLS.items():
         tested = named[named[f"{protocol}_before"].notna()]
@@ -125,14 +126,14 @@ def _errors(named: pd.DataFrame) -> Section:
         share = {f"share{end}": 100 * tested[f"{protocol}_change_share{end}"] for end in ("", "_low", "_high")}
         tables.append(table_of(f"{spoken(protocol)}: {words}", tested.assign(**share), columns))
     words = (
-        "Mean over the drivers reported on, who took no part in the fit or the search, of the root mean square error "
-        "of the gap, simulated behind the measured leader.",
+        "Root mean square error of the gap, simulated behind the measured leader; mean over the report drivers, "
+        "who were used neither in the fit nor in the search.",
     )
     return Section("Gap error before and after, by protocol", words, tuple(tables))
 
 
 def _score(summary: Mapping[str, Any], facts: pd.DataFrame) -> Section:
-    """What is known of these vehicles, and whether it comes out."""
+    """Section on known time gaps of these vehicles, and their agreement with the results."""
     rows = []
     if summary["n_known"]:
         rows += [
@@ -168,9 +169,10 @@ def _time_gaps(facts: pd.DataFrame) -> Section:
     }
     shown = facts.assign(name=facts["car"] + ", " + facts["setting"], **spread)
     words = (
-        "Measured without a model: median of gap over speed in stretches near equilibrium, and one standard error "
-        "between runs on either side. Calibrated: the chosen car-following model at the speed that is usual in these "
-        "stretches, median of a car's tracks.",
+        "Measured without a model: median of gap over speed in intervals near equilibrium, and one standard "
+        "error "
+        "between runs on either side. Calibrated: the chosen car-following model at the median speed of these "
+        "intervals, median over a car's tracks.",
     )
     tables = tuple(
         table_of(str(title), own.dropna(axis=1, how="all"), columns)

@@ -1,8 +1,8 @@
 """Time gaps at equilibrium of each car (or person) under each setting (or leader): measured, and of calibrated drivers.
 
-Measured without a model: the median of gap over speed in stretches near equilibrium. Calibrated: the car-following
-model that the discovery of the set chose is calibrated to all tracks of a setting, and the median over a car's tracks
-is taken of the gap over speed behind a leader that drives as fast as is usual in these stretches.
+Measured time gaps need no model: they are the median of gap over speed in intervals near equilibrium. For calibrated
+time gaps, the car-following model chosen by discovery is calibrated to all tracks of a setting; the time gap of a car
+is the median over its tracks of the equilibrium gap over speed, at the median speed of these intervals.
 """
 
 from collections.abc import Mapping
@@ -23,17 +23,17 @@ from rearl_jax.discovery.report.protocols import gap_of
 from rearl_jax.study.real.known import KnownTimeGap
 
 MOST_ACCELERATION, MOST_APPROACH, LEAST_SPEED = 0.2, 0.3, 5.0
-"""Near equilibrium a driver accelerates [m/s^2] and approaches the leader [m/s] by less, and drives faster [m/s]."""
+"""Limits of near equilibrium: largest acceleration [m/s^2], largest approach rate [m/s], smallest speed [m/s]."""
 
 LEAST_STEADY = 2.0
-"""Time near equilibrium from which on a time gap is told without a model [s]."""
+"""Smallest time near equilibrium for a measured time gap [s]."""
 
 FACT_COLUMNS = ("setting", "car", "tracks", "runs", "steady_seconds", "speed", "model_free", "model_free_deviation")
 FACT_COLUMNS += ("calibrated", "difference", "known", "known_deviation", "within")
 
 
 def near_equilibrium(data: Measured) -> Bool[np.ndarray, "steps pieces"]:
-    """Where drivers neither accelerate nor come closer to their leaders, at time steps that count."""
+    """True for time steps that count in which drivers neither accelerate nor approach their leaders."""
     speed = data.smooth_speed
     acceleration = np.gradient(speed, data.dt, axis=0)
     approach = speed - data.around.leader_speed
@@ -51,15 +51,15 @@ def facts_of(
     *,
     lane_changes: bool,
 ) -> pd.DataFrame:
-    """One row per setting and car, with FACT_COLUMNS; what cannot be told is null.
+    """One row per setting and car, with FACT_COLUMNS; null for values that cannot be determined.
 
     Args:
         data: All drivers.
-        by: Label that tells settings apart.
-        car: Label that tells cars, or persons, apart.
+        by: Label of the setting.
+        car: Label of the car or person.
         models: Car-following model to calibrate in each setting; settings without one are measured only.
         known: Known time gaps by car and setting.
-        tolerance: Distance from a known one within which `within` is true [s].
+        tolerance: Difference from a known time gap up to which `within` is true [s].
         lane_changes: As in `base_of`.
     """
     rows = []
@@ -98,7 +98,7 @@ def _calibrated(
 
 
 def _measured(data: Measured, is_steady: np.ndarray, pieces: np.ndarray) -> dict[str, float | int]:
-    """Time gap of some pieces without a model, the standard error of its medians by run, and what it rests on."""
+    """Measured time gap of the given pieces, the standard error of its medians by run, and the amount of data."""
     time_gap = gap_of(data) / np.maximum(data.smooth_speed, LEAST_SPEED)
     step = data.dt * data.stride
 
@@ -119,17 +119,17 @@ def _measured(data: Measured, is_steady: np.ndarray, pieces: np.ndarray) -> dict
 
 
 def _middle(values: Float[np.ndarray, " tracks"]) -> float:
-    """Median of those that are known, NaN if fewer than half are."""
-    found = values[np.isfinite(values)]
-    return float(np.median(found)) if len(found) and len(found) >= len(values) / 2 else np.nan
+    """Median of the known values; NaN if fewer than half are known."""
+    known = values[np.isfinite(values)]
+    return float(np.median(known)) if len(known) and len(known) >= len(values) / 2 else np.nan
 
 
 def differences_of(facts: pd.DataFrame, options: DiscoverConfig) -> pd.DataFrame:
-    """How much longer the time gap of the same cars is in one setting than in another: mean with an interval over cars.
+    """Differences between settings in the time gap of the same cars: mean with an interval over cars.
 
-    One row per set, pair of settings and way of telling (`calibrated`, `model_free`): `first`, `second`, `cars`,
-    `first_mean`, `second_mean`, `value`, `low`, `high` [s] and `longer`, the number of cars that keep the longer time
-    gap in `first`. Pairs of settings that fewer than two cars drove in are left out.
+    One row per set, pair of settings and method (`calibrated`, `model_free`): `first`, `second`, `cars`, `first_mean`,
+    `second_mean`, `value`, `low`, `high` [s] and `longer`, the number of cars that keep the longer time gap in `first`.
+    Pairs of settings that fewer than two cars drove in are left out.
     """
     over, rows = Resampling(options.confidence, options.draws, options.seed), []
     for name, inside in facts.groupby("set", sort=False):

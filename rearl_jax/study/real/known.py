@@ -1,22 +1,22 @@
-"""Time gaps at equilibrium that are known of the cars of ZalaZone without any model.
+"""Known equilibrium time gaps of the cars of ZalaZone, measured without a model.
 
 Source: own measurement on the ZalaZone recordings of OpenACC (DOI 10.2905/JRC.KMH3D00): median of gap over speed in
-stretches near equilibrium, with its standard error between runs.
+intervals near equilibrium, with its standard error between runs.
 """
 
 from dataclasses import dataclass
 
 TOLERANCE = 0.15
-"""Distance from a known time gap within which one is taken to agree with it [s]."""
+"""Difference from a known time gap up to which an estimate agrees with it [s]."""
 
 
 @dataclass(frozen=True)
 class KnownTimeGap:
-    """Time gap at equilibrium of one car under one setting of its cruise control.
+    """Equilibrium time gap of one car under one setting of its cruise control.
 
     Attributes:
         value: Gap over speed [s].
-        deviation: Its standard error [s].
+        deviation: Standard error [s].
     """
 
     value: float
@@ -39,4 +39,4 @@ KNOWN_TIME_GAPS = {
     "TESLA_MODELX": _short_and_long((1.33, 0.02), (2.50, 0.05)),
     "TOYOTA_RAV4": _short_and_long((1.83, 0.16), (2.50, 0.01)),
 }
-"""By car model, as OpenACC writes it, and setting: S short, L long."""
+"""Known time gaps by car model, as written in OpenACC, and setting (S short, L long)."""

@@ -1,4 +1,4 @@
-"""Verdicts on groups of drivers as rows of one table: what was found, and errors before and after by protocol."""
+"""Verdicts on groups of drivers as rows of one table: effects, and errors before and after by protocol."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -9,13 +9,13 @@ from rearl_jax.discovery.report.groups_section import with_numbers
 from rearl_jax.discovery.report.protocols import PROTOCOLS
 
 WORSE = 0.01
-"""Increase of the mean gap error, as a share of it, beyond which the repaired model is said to be worse [-]."""
+"""Relative increase of the mean gap error above which the repaired model counts as worse [-]."""
 
 FIGURES = ("before", "after", "change", "change_share")
-"""Mean gap error over drivers before and after [m], and its change, also as a share of before [-]."""
+"""Mean gap error over drivers before and after [m], its change [m], and its relative change [-]."""
 
 SPEEDS = ("10", "20")
-"""Speeds at which time gaps at equilibrium are told [m/s]."""
+"""Speeds at which equilibrium time gaps are stated [m/s]."""
 
 ROW_COLUMNS = ("set", "title", "group", "drivers", "base", "verdict", "effects", "worse_in")
 
@@ -25,7 +25,7 @@ def rows_of(name: str, title: str, group: str, verdict: Mapping[str, Any]) -> li
 
     Args:
         name: Name of the set.
-        title: Its name in tables.
+        title: Name of the set in tables.
         group: Name of the drivers of a discovery without groups.
         verdict: As in verdict.json.
     """
@@ -36,27 +36,27 @@ def rows_of(name: str, title: str, group: str, verdict: Mapping[str, Any]) -> li
 
 
 def _row(
-    name: str, title: str, group: str, found: Mapping[str, Any], drivers: Mapping[str, int], usual: str
+    name: str, title: str, group: str, verdict: Mapping[str, Any], drivers: Mapping[str, int], usual: str
 ) -> dict[str, Any]:
-    base = found["base"]
-    protocols = found["error"]["protocols"]
-    gaps = {protocol: None if one is None else one["gap_rmse"]["mean"] for protocol, one in protocols.items()}
-    time_gaps = found.get("equilibrium_time_gap") or (base or {}).get("equilibrium_time_gap") or {}
+    base = verdict["base"]
+    protocols = verdict["error"]["protocols"]
+    gaps = {protocol: None if errors is None else errors["gap_rmse"]["mean"] for protocol, errors in protocols.items()}
+    time_gaps = verdict.get("equilibrium_time_gap") or (base or {}).get("equilibrium_time_gap") or {}
     row: dict[str, Any] = {
         "set": name,
         "title": title,
         "group": group,
         "drivers": sum(drivers.values()),
         "base": usual if base is None else base["chosen"],
-        "verdict": found["verdict"],
-        "effects": "; ".join(map(with_numbers, found["effects"])),
+        "verdict": verdict["verdict"],
+        "effects": "; ".join(map(with_numbers, verdict["effects"])),
         "worse_in": ",".join(
-            protocol for protocol in PROTOCOLS if (one := gaps[protocol]) and one["change_share"]["value"] > WORSE
+            protocol for protocol in PROTOCOLS if (errors := gaps[protocol]) and errors["change_share"]["value"] > WORSE
         ),
     }
     for protocol in PROTOCOLS:
-        one = protocols[protocol]
-        row[f"{protocol}_drivers"] = None if one is None else one["n_drivers"]
+        errors = protocols[protocol]
+        row[f"{protocol}_drivers"] = None if errors is None else errors["n_drivers"]
         for figure in FIGURES:
             row |= _figure(f"{protocol}_{figure}", (gaps[protocol] or {}).get(figure))
     for speed in SPEEDS:
@@ -70,7 +70,7 @@ def _figure(name: str, value: Mapping[str, float] | None) -> dict[str, float | N
 
 
 def real_table(rows: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
-    """The rows of all sets; figures that do not exist are null, never NaN."""
+    """The rows of all sets; missing figures are null, never NaN."""
     table = pd.DataFrame(list(rows))
     whole = ["drivers", *(f"{protocol}_drivers" for protocol in PROTOCOLS)]
     numbers = [name for name in table.columns if name not in (*ROW_COLUMNS, *whole)]

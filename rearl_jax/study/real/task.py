@@ -1,8 +1,8 @@
-"""The task `rearl study real`: the discovery loop in real recordings, and time gaps that are known of them as a score.
+"""The task `rearl study real`: discovery in real recordings, and comparison with known time gaps.
 
-Each set of recordings is a discovery of its own in `sets/NAME/`, its time gaps are kept in `facts/NAME/`. Writes
-`real.parquet` (a row per set and group of drivers), `facts.parquet` (a row per car and setting), `differences.parquet`
-(between settings), `page.html`, `config.json` and, last of all, `summary.json`.
+Each set of recordings has its own discovery in `sets/NAME/` and its time gaps in `facts/NAME/`. Writes `real.parquet`
+(a row per set and group of drivers), `facts.parquet` (a row per car and setting), `differences.parquet` (between
+settings), `page.html`, `config.json` and, last of all, `summary.json`.
 """
 
 import hashlib
@@ -36,7 +36,7 @@ from rearl_jax.study.real.table import real_table, rows_of
 TASK = "study real"
 
 EVERYBODY = 2**31
-"""Drivers of a group that time gaps are told of at most: all of them, for one car may have few tracks."""
+"""Largest number of drivers of a group whose time gaps are computed: no limit, because one car may have few tracks."""
 
 
 @dataclass(frozen=True)
@@ -45,10 +45,10 @@ class Cell:
 
     Attributes:
         name: Name of the set.
-        title: Its name in tables.
-        group: Name of its drivers where they are not told apart.
-        part: The discovery.
-        id: Identity of its data.
+        title: Name of the set in tables.
+        group: Name of the group of drivers if there is only one.
+        part: Task of the discovery.
+        id: Identity of the data.
         generated: Whether any of the data were generated.
     """
 
@@ -61,7 +61,7 @@ class Cell:
 
     @property
     def car(self) -> str | None:
-        """Label by which cars, or persons, are told apart in each group; None where none is known."""
+        """Label of the car or person; None if unknown."""
         options = self.part.discover
         car = options.same or label_of_same(self.part.data)
         return None if options.by in (None, AUTO, car) else car
@@ -88,7 +88,7 @@ def _cell(config: StudyRealTask, name: str) -> Cell:
 
 
 def _shipped(data: DataConfig, own: RealSet) -> DataConfig:
-    """Shipped recordings of a set, read as the keys say."""
+    """Data configuration of a set's shipped recordings."""
     recordings = own.recordings if data.recordings == "*" else data.recordings
     return replace(data, format=own.format, root=None, recordings=recordings, on_bad=own.on_bad)
 
@@ -110,10 +110,10 @@ def run(config: StudyRealTask) -> dict:
         for number, cell in enumerate(cells):
             bar.update(line, description=f"set {number + 1} of {len(cells)}: {cell.title}", completed=number)
             verdict = discovery.run(cell.part, show=False, bar=bar)
-            found = rows_of(cell.name, cell.title, cell.group, verdict)
-            rows += found
+            set_rows = rows_of(cell.name, cell.title, cell.group, verdict)
+            rows += set_rows
             if cell.car is not None:
-                facts.append(_facts(cell, cell.car, {row["group"]: row["base"] for row in found}, bar))
+                facts.append(_facts(cell, cell.car, {row["group"]: row["base"] for row in set_rows}, bar))
             for finished in set(bar.task_ids) - {line}:
                 bar.remove_task(finished)
     columns = ["set", "title", *FACT_COLUMNS]
@@ -126,9 +126,9 @@ def _facts(cell: Cell, car: str, bases: Mapping[str, str], bar: Progress) -> pd.
 
     Args:
         cell: The set.
-        car: Label by which cars, or persons, are told apart.
+        car: Label of the car or person.
         bases: Car-following model that was chosen for each group.
-        bar: Shows how far it is.
+        bar: Progress display.
     """
     by = cell.part.discover.by
     assert by is not None
@@ -148,14 +148,14 @@ def _facts(cell: Cell, car: str, bases: Mapping[str, str], bar: Progress) -> pd.
             lane_changes=cell.part.discover.lane_changes,
         )
         part.write_table("facts", table)
-    found = pd.read_parquet(Path(part.path) / "facts.parquet")
-    found.insert(0, "title", cell.title)
-    found.insert(0, "set", cell.name)
-    return found
+    stored = pd.read_parquet(Path(part.path) / "facts.parquet")
+    stored.insert(0, "title", cell.title)
+    stored.insert(0, "set", cell.name)
+    return stored
 
 
 def _is_zalazone(data: DataConfig) -> bool:
-    """Whether these are the recordings that time gaps are known of."""
+    """True for the recordings with known time gaps."""
     return data.format is DataFormat.openacc and data.root is None
 
 

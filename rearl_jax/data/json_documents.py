@@ -1,0 +1,150 @@
+"""JSON documents of a file that is too long for the memory: an array of objects, or one object after another.
+
+The file is read in blocks; the documents of a block are found by their brackets and parsed by Arrow, only as far as
+fields are asked for.
+"""
+
+import io
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+from pyarrow import json
+
+from rearl_jax.data.problems import bad_recording, file_missing
+
+BLOCK = 16 * 2**20
+"""Bytes that are read at a time."""
+LARGEST = 64 * 2**20
+"""Bytes beyond which an object without end is a lost bracket and no document."""
+_LONGEST_RUN = 1000  # backslashes before a quotation mark
+_BETWEEN = b" \t\r\n,"
+
+
+@dataclass(frozen=True)
+class Documents:
+    """Documents of one block.
+
+    Attributes:
+        starts: Places of their first bytes in the file.
+        texts: Their bytes.
+        n_broken: Documents behind them that have no end, because the file is cut off.
+    """
+
+    starts: list[int]
+    texts: list[bytes]
+    n_broken: int = 0
+
+
+def documents(path: Path) -> Iterator[Documents]:
+    """The documents of a file, block by block.
+
+    Raises:
+        BadRecordingError: The file is empty or holds something else than objects.
+        FileNotFoundError: There is no such file.
+    """
+    if not path.is_file():
+        raise file_missing(path)
+    rest, place, is_array, closed, n_found = b"", 0, False, False, 0
+    with path.open("rb") as file:
+        while block := file.read(BLOCK):
+            text = rest + block
+            if place == 0 and not n_found:
+                is_array = text.lstrip(b"\xef\xbb\xbf" + _BETWEEN).startswith(b"[")
+            begins, ends = _spans(text)
+            _require_json(text, begins, ends, place, path)
+            if ends.size:
+                texts = [text[begin:end] for begin, end in zip(begins[: ends.size], ends, strict=True)]
+                yield Documents([place + int(begin) for begin in begins[: ends.size]], texts)
+                n_found += ends.size
+            done = int(ends[-1]) if ends.size else 0
+            place += done
+            rest = text[done:]
+            closed = rest.rstrip(_BETWEEN).endswith(b"]") and begins.size == ends.size
+            if len(rest) > LARGEST:
+                fault = f"the object at byte {place} does not end within {LARGEST // 2**20} MB"
+                raise bad_recording("document-broken", fault, "the file is damaged: copy it again", path)
+    if not n_found and not rest.strip(_BETWEEN + b"[]"):
+        raise bad_recording("file-empty", "the file holds no documents", "remove the file or complete it", path)
+    tail = rest.strip(_BETWEEN + b"[]")
+    if tail or (is_array and not closed):
+        yield Documents([], [], max(tail.count(b'"_id"'), 1))
+
+
+def _spans(text: bytes) -> tuple[np.ndarray, np.ndarray]:
+    """Begins of the objects in a text, and their ends; the last object may have no end."""
+    codes = np.frombuffer(text, np.uint8)
+    at = np.flatnonzero((codes == ord("{")) | (codes == ord("}")) | (codes == ord('"')))
+    quote = codes[at] == ord('"')
+    escaped = np.zeros(len(at), dtype=bool)
+    if b"\\" in text:
+        for place in np.flatnonzero(quote & (at > 0) & (codes[np.maximum(at - 1, 0)] == ord("\\"))):
+            before = text[: at[place]] if at[place] < _LONGEST_RUN else text[at[place] - _LONGEST_RUN : at[place]]
+            # A backslash behind a backslash is none that escapes.
+            escaped[place] = (len(before) - len(before.rstrip(b"\\"))) % 2 == 1
+    within = np.cumsum(quote & ~escaped) % 2 == 1
+    at = at[~quote & ~within]
+    step = np.where(codes[at] == ord("{"), 1, -1)
+    depth = np.cumsum(step)
+    begins, ends = at[(step == 1) & (depth == 1)], at[(step == -1) & (depth == 0)] + 1
+    # A bracket too many shifts all that follow: nothing behind it counts.
+    n = min(len(begins), len(ends))
+    wrong = np.flatnonzero(ends[:n] <= begins[:n])
+    n = int(wrong[0]) if wrong.size else n
+    return begins[: n + 1], ends[:n]
+
+
+def _require_json(text: bytes, begins: np.ndarray, ends: np.ndarray, place: int, path: Path) -> None:
+    """Raise BadRecordingError for anything but commas and blanks between objects."""
+    before = np.concatenate([[0], ends])[: begins.size]
+    for start, stop in zip(before, begins, strict=True):
+        between = text[start:stop].strip(_BETWEEN)
+        if between and not (place == 0 and start == 0 and between.removeprefix(b"\xef\xbb\xbf").strip() in (b"[", b"")):
+            fault = f"not JSON documents: {between[:20].decode(errors='replace')!r} at byte {place + int(start)}"
+            raise bad_recording("not-json", fault, "the file is damaged: copy it again", path)
+    if not begins.size and text.strip(_BETWEEN + b"[]\xef\xbb\xbf"):
+        fault = f"not JSON documents: the file begins with {text[:20].decode(errors='replace')!r}"
+        raise bad_recording("not-json", fault, "give an array of objects, or one object per line", path)
+
+
+def read_documents(path: Path, starts: Sequence[int], sizes: Sequence[int]) -> list[bytes]:
+    """The documents at places of a file."""
+    with path.open("rb") as file:
+        texts = []
+        for start, size in zip(starts, sizes, strict=True):
+            file.seek(start)
+            texts.append(file.read(size))
+    return texts
+
+
+def parsed(texts: Sequence[bytes], fields: dict[str, pa.DataType]) -> tuple[pa.Table, np.ndarray]:
+    """Fields of documents, null where a document lacks one, and the mask of those that cannot be parsed.
+
+    Documents that cannot be parsed have no row in the table.
+
+    Args:
+        texts: The documents.
+        fields: Name and type of each field; what is of another type makes a document that cannot be parsed.
+    """
+    schema = pa.schema(list(fields.items()))
+    table = _table(b"\n".join(texts), schema)
+    if table is not None and table.num_rows == len(texts):
+        return table, np.zeros(len(texts), dtype=bool)
+    single = [_table(text, schema) for text in texts]
+    good = [one for one in single if one is not None and one.num_rows == 1]
+    table = pa.concat_tables(good) if good else schema.empty_table()
+    return table, np.array([one is None or one.num_rows != 1 for one in single], dtype=bool)
+
+
+def _table(text: bytes, schema: pa.Schema) -> pa.Table | None:
+    options = json.ParseOptions(schema, newlines_in_values=True, unexpected_field_behavior="ignore")
+    try:
+        # One block, because a document must not lie across two.
+        blocks = json.ReadOptions(use_threads=False, block_size=len(text) + 1)
+        table = json.read_json(io.BytesIO(text), blocks, options)
+        table.validate(full=True)  # a damaged text is not UTF-8; pandas would notice where it is used
+    except pa.ArrowInvalid:
+        return None
+    return table

@@ -1,0 +1,81 @@
+"""Times that are written as text: dates with a time of day, times of day, or numbers."""
+
+from datetime import UTC, datetime
+
+import numpy as np
+import pandas as pd
+
+from rearl_jax.data.problems import bad_recording
+
+_DAYS = ("%d.%m.%Y", "%d/%m/%Y", "%m/%d/%Y", "%d-%m-%Y", "%Y/%m/%d", "%Y.%m.%d", "%Y%m%d")
+_CLOCKS = ("%H:%M:%S.%f", "%I:%M:%S.%f %p")
+_FORMATS = (*(f"{day} {clock}" for day in _DAYS for clock in _CLOCKS), *_CLOCKS, "%M:%S.%f")
+_NO_DAY = datetime(1900, 1, 1, tzinfo=UTC).timestamp()  # s; what times of day are parsed as
+_MOST_DAMAGED = 0.05
+"""Share of the times that may be unreadable before the column is no column of times."""
+
+
+def seconds_of(times: pd.Series, file: str, column: str) -> tuple[pd.Series, str | None]:
+    """Texts as numbers, or as seconds since 1970 (or midnight) if they are dates and times; and how they are written.
+
+    The second value is None for numbers.
+
+    Args:
+        times: Texts; the index holds the row numbers of the source.
+        file: For messages.
+        column: For messages.
+
+    Raises:
+        BadRecordingError: One of them cannot be read, or day and month cannot be told apart and matter.
+    """
+    texts = times.astype(str).str.strip().where(times.notna(), None)
+    numbers = pd.Series(pd.to_numeric(texts.str.replace(",", ".", regex=False), errors="coerce"), index=times.index)
+    n_known = int(texts.notna().sum())
+    if numbers.notna().sum() >= (1.0 - _MOST_DAMAGED) * n_known:
+        _require_all(texts, numbers.notna(), "a number", file, column)
+        return numbers.astype(np.float64), None
+    # With a fraction everywhere one format reads whole and broken seconds.
+    plain = texts.str.replace(r"(:\d+),(\d+)", r"\1.\2", regex=True)
+    plain = plain.str.replace(r"(:\d\d)(\s*[AaPp][Mm])?$", r"\1.0\2", regex=True)
+    plain = plain.str.replace(r"(\.\d{6})\d+", r"\1", regex=True)
+    found = {form: _parsed(plain, form) for form in ("ISO8601", *_FORMATS)}
+    counts = {form: int(values.notna().sum()) for form, values in found.items()}
+    best = max(counts, key=lambda form: counts[form])
+    if counts[best] < (1.0 - _MOST_DAMAGED) * n_known:
+        example = next((text for text in texts if text is not None), "")
+        text = f"{example!r} is no number, and no date and time that is known"
+        remedy = "write the time in s, or as 2024-05-31T08:00:00.25"
+        raise bad_recording("time-unreadable", text, remedy, file, column=column)
+    _require_all(texts, found[best].notna(), f"a time as the others are ({best})", file, column)
+    rivals = [form for form in counts if counts[form] == counts[best] and form != best]
+    for form in rivals:
+        if not np.allclose(np.diff(found[form].to_numpy()), np.diff(found[best].to_numpy()), equal_nan=True):
+            text = f"the times can be read as {best} and as {form}"
+            remedy = "write the dates as 2024-05-31"
+            raise bad_recording("time-ambiguous", text, remedy, file, column=column)
+    return found[best], best
+
+
+def is_moment(texts: pd.Series) -> bool:
+    """Whether a few texts are dates and times."""
+    try:
+        return seconds_of(texts, "", "")[1] is not None
+    except ValueError:
+        return False
+
+
+def _parsed(texts: pd.Series, form: str) -> pd.Series:
+    """Seconds since 1970, or since midnight for times of day; NaN where the format does not fit."""
+    moments = pd.Series(pd.to_datetime(texts, format=form, errors="coerce", utc=True), index=texts.index)
+    seconds = (moments - pd.Timestamp(0, tz="UTC")) / pd.Timedelta(seconds=1)
+    if "%d" not in form and form != "ISO8601":
+        seconds = seconds - _NO_DAY
+    return seconds.astype(np.float64)
+
+
+def _require_all(texts: pd.Series, is_read: pd.Series, expected: str, file: str, column: str) -> None:
+    bad = (texts.notna() & ~is_read).to_numpy()
+    if bad.any():
+        row = int(np.argmax(bad))
+        text, remedy = f"{texts.iloc[row]!r} is not {expected}", "correct the time"
+        raise bad_recording("value-unreadable", text, remedy, file, column=column, row=int(texts.index[row]) + 1)

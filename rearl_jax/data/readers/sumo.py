@@ -1,0 +1,34 @@
+"""SUMO's floating car data, `.xml`, `.xml.gz`, `.csv` or `.parquet`: the road that most vehicles follow."""
+
+from collections.abc import Iterator
+from functools import partial
+from pathlib import Path
+
+from rearl_jax.config.data import DataConfig
+from rearl_jax.data import sumo
+from rearl_jax.data.reader import Entry, Reader
+
+
+def entries(data: DataConfig, root: Path) -> Iterator[Entry]:
+    """One recording per file."""
+    beside = sumo.files_beside(root)
+    for path in sumo.find_fcd(root):
+        yield Entry(sumo.recording_id(path), partial(sumo.read_recording, path, beside, data), file=path)
+
+
+def files(root: Path) -> list[Path]:
+    """The floating car data, and the networks and types beside them."""
+    return [*sumo.find_fcd(root), *sumo.files_beside(root)]
+
+
+def is_generated(data: DataConfig, root: Path) -> bool:
+    """True: simulated traffic is no measurement."""
+    return True
+
+
+READER = Reader(
+    expected="a file of `sumo --fcd-output` or a folder of them, with the route and network files beside it",
+    entries=entries,
+    files=files,
+    generated=is_generated,
+)

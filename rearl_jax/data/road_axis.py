@@ -1,0 +1,111 @@
+"""The axis of a road, found from the paths of its vehicles, and places along and across it.
+
+Positions in the plane of a map or of a picture become positions on a straight road: along the axis, which follows the
+bends of the road, and across it. Bends must stay within 60 degrees of the usual direction.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+SPACING = 20.0
+"""Distance between the points of an axis [m], short beside the bends of highways, whose radii are above 300 m."""
+_LONGEST_STEP = 0.5 * SPACING  # m between two frames; no vehicle is faster at 10 frames per second
+
+
+@dataclass(frozen=True)
+class RoadAxis:
+    """An axis through the middle of the traffic.
+
+    Attributes:
+        origin: A point of the straight line [m, m].
+        forward: Unit vector of the straight line.
+        right: Unit vector to the right of it.
+        along: Place of the axis' points on the straight line [m], rising.
+        bend: Distance of those points from the straight line, positive to the right [m].
+    """
+
+    origin: np.ndarray
+    forward: np.ndarray
+    right: np.ndarray
+    along: np.ndarray
+    bend: np.ndarray
+
+    def places(self, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Distances along the axis from its first point and across it, positive to the right [m]."""
+        known = np.isfinite(x) & np.isfinite(y)
+        x, y = np.where(known, x, np.nan), np.where(known, y, np.nan)
+        a, b = _on_line(x, y, self.origin, self.forward, self.right)
+        steps = np.hypot(np.diff(self.along), np.diff(self.bend))
+        length = np.concatenate([[0.0], np.cumsum(steps)])
+        slope = np.gradient(self.bend, self.along)
+        angle = np.arctan(np.interp(a, self.along, slope))
+        off = b - np.interp(a, self.along, self.bend)
+        foot = a + off * np.sin(angle) * np.cos(angle)
+        # Beyond its ends the axis goes on straight.
+        beyond = np.maximum(foot - self.along[-1], 0.0) + np.minimum(foot - self.along[0], 0.0)
+        return np.interp(foot, self.along, length) + beyond, off * np.cos(angle)
+
+
+def road_axis(track: np.ndarray, piece: np.ndarray, x: np.ndarray, y: np.ndarray, *, y_down: bool) -> RoadAxis | None:
+    """The axis that most vehicles drive along; None if none of them moves.
+
+    The straight line has the direction in which vehicles drive, whichever way. How far the road bends away from it
+    between two points is the median over all vehicles that pass both without a change of lane.
+
+    Args:
+        track: Vehicle of each row; its rows are together and in the order of time.
+        piece: Number of each row's part of a track that stays in one lane, rising.
+        x: Position in the plane [m].
+        y: The same [m].
+        y_down: y points down, as in pictures, so that its right is the other side.
+    """
+    known = np.flatnonzero(np.isfinite(x) & np.isfinite(y) & (np.abs(x) < 1e7) & (np.abs(y) < 1e7))
+    if not known.size:
+        return None
+    track, piece, x, y = (values[known] for values in (track, piece, x, y))
+    first = np.flatnonzero(np.concatenate([[True], track[1:] != track[:-1]]))
+    last = np.append(first[1:], len(track)) - 1
+    moved = np.stack([x[last] - x[first], y[last] - y[first]], axis=1)
+    values, vectors = np.linalg.eigh(moved.T @ moved)
+    if not values[-1] > 1.0:
+        return None
+    forward = vectors[:, -1]
+    # The way most vehicles drive; where as many drive each way, to the right.
+    ahead = np.sign(moved @ forward).sum()
+    if ahead < 0 or (ahead == 0 and forward[0] < 0):
+        forward = -forward
+    right = np.array([-forward[1], forward[0]]) if y_down else np.array([forward[1], -forward[0]])
+    origin = np.array([np.median(x), np.median(y)])
+    a, b = _on_line(x, y, origin, forward, right)
+    low, high = np.quantile(a, (0.001, 0.999))
+    n_points = max(int(np.ceil((high - low) / SPACING)), 1) + 1
+    along = low + SPACING * np.arange(n_points)
+    bend = np.concatenate([[0.0], np.cumsum(_increments(piece, a - low, b, n_points - 1))])
+    return RoadAxis(origin, forward, right, along, bend - np.median(bend))
+
+
+def _on_line(
+    x: np.ndarray, y: np.ndarray, origin: np.ndarray, forward: np.ndarray, right: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    dx, dy = x - origin[0], y - origin[1]
+    return dx * forward[0] + dy * forward[1], dx * right[0] + dy * right[1]
+
+
+def _increments(piece: np.ndarray, a: np.ndarray, b: np.ndarray, n: int) -> np.ndarray:
+    """By how much the road goes to the right between each point and the next: the median over all who pass both."""
+    cell = np.floor(a / SPACING).astype(np.int64)
+    step = np.diff(a)
+    crosses = (piece[1:] == piece[:-1]) & (np.abs(np.diff(cell)) == 1) & (np.abs(step) < _LONGEST_STEP)
+    at = np.flatnonzero(crosses)
+    point = np.maximum(cell[at], cell[at + 1])
+    share = (SPACING * point - a[at]) / step[at]
+    # A vehicle that stands on a point may cross it several times.
+    found = pd.DataFrame({"piece": piece[at], "point": point, "b": b[at] + share * (b[at + 1] - b[at])})
+    found = found.groupby(["piece", "point"], as_index=False).first()
+    of, point, b = (found[name].to_numpy() for name in ("piece", "point", "b"))
+    same = (of[1:] == of[:-1]) & (np.diff(point) == 1)
+    medians = pd.Series(np.diff(b)[same]).groupby(point[:-1][same]).median()
+    # Where nobody passes both points, and at the ends, the road goes on as before.
+    return medians.reindex(np.arange(n)).interpolate(limit_direction="both").fillna(0.0).to_numpy(np.float64)

@@ -1,0 +1,120 @@
+"""Names and units of a foreign table: what `data.columns` and `data.units` say of its columns."""
+
+import difflib
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import pandas as pd
+
+from rearl_jax.config.data import DataConfig
+from rearl_jax.data.problems import BadRecordingError
+from rearl_jax.data.schema import COLUMNS
+from rearl_jax.data.units import UNITS, factor_of
+from rearl_jax.problems import InvalidInputError, Problem
+
+KINDS = {column.name: column.unit for column in COLUMNS if column.unit in UNITS} | {"frame": "1/s"}
+"""SI unit of the columns that may be in another unit; of frames, their rate."""
+_LANES = re.compile(r"(-?)\s*from\s+(\d{1,3})")
+_NAMES = tuple(column.name for column in COLUMNS)
+
+
+@dataclass(frozen=True)
+class Spelling:
+    """How a table writes the canonical columns.
+
+    Attributes:
+        columns: Name in the table of every canonical column that it holds, by canonical name.
+        factors: Factor to SI of the columns whose unit is stated, by canonical name.
+        leftmost: Number of the leftmost lane, where it is stated; `factors` tells whether numbers fall to the right.
+    """
+
+    columns: Mapping[str, str]
+    factors: Mapping[str, float]
+    leftmost: int | None = None
+
+    @property
+    def has_clock(self) -> bool:
+        """Whether the unit of the times is stated, or the rate of the frames."""
+        return bool({"time", "frame"} & set(self.factors))
+
+    @property
+    def foreign(self) -> dict[str, str]:
+        """The columns that have another name in the table."""
+        return {name: source for name, source in self.columns.items() if source != name}
+
+    def renamed(self, rows: pd.DataFrame) -> pd.DataFrame:
+        """Rows under the names of the table, under canonical names; what else has such a name is left out."""
+        taken = set(self.columns.values())
+        others = [name for name in rows.columns if name in _NAMES and name not in taken]
+        return rows.drop(columns=others).rename(columns={source: name for name, source in self.columns.items()})
+
+
+def spelling_of(data: DataConfig, present: Sequence[str], file: str) -> Spelling:
+    """The columns of a table with these names; what no key names has its canonical name.
+
+    Args:
+        data: `columns` and `units`.
+        present: Names of all columns of the table.
+        file: For messages.
+
+    Raises:
+        InvalidInputError: A key names no canonical column, two name the same column, or a unit is unknown.
+        BadRecordingError: A key names a column that is not there.
+    """
+    _require_canonical(data.columns, "data.columns", _NAMES)
+    _require_canonical(data.units, "data.units", (*KINDS, "lane"))
+    given = {name: None if source is None else str(source).strip() for name, source in data.columns.items()}
+    by_source: dict[str, str] = {}
+    for name, source in given.items():
+        if source is None:
+            continue
+        if source not in present:
+            close = difflib.get_close_matches(source, present, 3, 0.3) or list(present[:8])
+            message = f"names no column of the table; nearest: {', '.join(close)}"
+            problem = Problem("column-missing", message, key=f"data.columns.{name}", column=source, file=file)
+            raise BadRecordingError(problem)
+        if source in by_source:
+            message = f"names the column that data.columns.{by_source[source]} names: each can be one thing only"
+            raise InvalidInputError(Problem("column-shared", message, key=f"data.columns.{name}", value=source))
+        by_source[source] = name
+    own = {name: name for name in _NAMES if name in present and name not in given and name not in by_source}
+    columns = {name: source for name in _NAMES if (source := (given | own).get(name)) is not None}
+    factors, leftmost = {}, None
+    for name, unit in data.units.items():
+        lanes = _LANES.fullmatch(str(unit).strip()) if name == "lane" else None
+        if lanes is not None:
+            factor, leftmost = -1.0 if lanes[1] else 1.0, int(lanes[2])
+        else:
+            factor = None if name == "lane" else factor_of(str(unit), KINDS[name])
+        if factor is None:
+            known = ", ".join(UNITS[KINDS[name]]) if name in KINDS else ""
+            message = f"must be one of {known}, with a number before it for a multiple"
+            if name == "lane":
+                message = "must say the number of the leftmost lane: from 1, or -from 4 if numbers fall to the right"
+            raise InvalidInputError(Problem("unit-unknown", message, key=f"data.units.{name}", value=unit))
+        if name not in columns:
+            message = f"is the unit of a column that is not there: name it with data.columns.{name}"
+            raise InvalidInputError(Problem("column-missing", message, key=f"data.units.{name}", file=file))
+        factors[name] = factor
+    return Spelling(columns, factors, leftmost)
+
+
+def require_known_columns(present: Sequence[str], wanted: Sequence[str], file: str) -> None:
+    """Raise BadRecordingError if a canonical column is missing, saying how `data.columns` names it."""
+    for name in wanted:
+        if name not in present:
+            message = "the column is missing"
+            remedy = (
+                f"add it, or name what it is called: 'data.columns={{{name}: NAME}}'; found: {', '.join(present)}; "
+                "`rearl prepare FILE` says what the columns may be"
+            )
+            raise BadRecordingError(Problem("column-missing", message, remedy, column=name, file=file))
+
+
+def _require_canonical(given: Mapping[str, object], key: str, known: Sequence[str]) -> None:
+    for name in given:
+        if name not in known:
+            close = ", ".join(difflib.get_close_matches(str(name), known, 3, 0.3) or known)
+            message = f"is none of the canonical columns that it may name; nearest: {close}"
+            raise InvalidInputError(Problem("column-unknown", message, key=f"{key}.{name}"))

@@ -1,0 +1,138 @@
+"""Which columns of an unknown table tell vehicles apart, and which tell when: times or frames that rise."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from rearl_jax.data.survey.names import ALIASES, rank_of
+from rearl_jax.data.survey.sample import FoundColumn
+
+_RISING = 0.98  # share of the steps of tracks that must rise
+_ALIKE = 0.8  # share of them that must be about the usual step
+_FEWEST_ROWS = 3  # of a track, on average
+
+
+@dataclass(frozen=True)
+class Clock:
+    """Who, and when.
+
+    Attributes:
+        track: Column of the vehicles.
+        time: Column of times; None for none.
+        frame: Column of frames; None for none.
+        recording: Column of the recordings; None for none.
+        by_name: Whether names have told vehicles and clock, and not values alone.
+    """
+
+    track: FoundColumn
+    time: FoundColumn | None
+    frame: FoundColumn | None
+    recording: FoundColumn | None
+    by_name: bool
+
+    @property
+    def counted(self) -> FoundColumn:
+        """The column by which rows of a track are ordered: times where there are some."""
+        found = self.time or self.frame
+        assert found is not None
+        return found
+
+    @property
+    def vehicles(self) -> np.ndarray:
+        """A number for each vehicle of each recording."""
+        return vehicles_of(self.track, self.recording)
+
+    @property
+    def step(self) -> float:
+        """Usual step of the times or frames along a track."""
+        steps = _steps(self.vehicles, self.counted.values)
+        return float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 0.0
+
+
+def clock_of(columns: Sequence[FoundColumn]) -> Clock | None:
+    """The columns of vehicles and times; None if no two columns can be these."""
+    recordings: list[FoundColumn | None] = [
+        column for column in named(columns, "recording") if 1 < len(np.unique(column.codes)) <= len(column.codes) / 3
+    ]
+    # Ids that begin anew in each recording go back in time there, which single damaged rows may do too.
+    for share in (1.0, _RISING):
+        for recording in (None, *recordings):
+            for track in named(columns, "track_id"):
+                found = _by_name(columns, track, recording, share)
+                if found is not None:
+                    return found
+    return _by_values(columns)
+
+
+def _by_name(
+    columns: Sequence[FoundColumn], track: FoundColumn, recording: FoundColumn | None, share: float
+) -> Clock | None:
+    """The clock along the tracks of a column, if one rises in at least a share of the steps."""
+    vehicles = vehicles_of(track, recording)
+    if track.kind == "empty" or len(vehicles) < _FEWEST_ROWS * len(np.unique(vehicles)):
+        return None
+    rising = [column for column in columns if column is not track and is_rising(vehicles, column, share)]
+    times, frames = named(rising, "time"), [column for column in named(rising, "frame") if column.is_whole]
+    times = times or [column for column in rising if column.kind == "moments"]
+    return Clock(track, _first(times), _first(frames), recording, by_name=True) if times or frames else None
+
+
+def named(columns: Sequence[FoundColumn], canonical: str) -> list[FoundColumn]:
+    """The columns with a name of a canonical one, the most telling first."""
+    ranks = [(rank, place) for place, c in enumerate(columns) if (rank := rank_of(c.name, canonical)) is not None]
+    return [columns[place] for _, place in sorted(ranks)]
+
+
+def vehicles_of(track: FoundColumn, recording: FoundColumn | None) -> np.ndarray:
+    """A number for each vehicle of each recording."""
+    codes = track.codes
+    return codes if recording is None else codes + (codes.max(initial=0) + 2) * (recording.codes + 1)
+
+
+def is_rising(vehicles: np.ndarray, column: FoundColumn, share: float = _RISING) -> bool:
+    """Whether the values rise along tracks, row after row, by about the same step."""
+    if column.kind not in ("numbers", "moments"):
+        return False
+    steps = _steps(vehicles, column.values)
+    if not steps.size or np.mean(steps > 0.0) < share:
+        return False
+    usual = float(np.median(steps))
+    return bool(np.mean(np.abs(steps - usual) <= 0.5 * usual) >= _ALIKE)
+
+
+def _steps(vehicles: np.ndarray, values: np.ndarray) -> np.ndarray:
+    known = np.isfinite(values) & (vehicles >= 0)
+    order = np.argsort(vehicles[known], kind="stable")
+    track, values = vehicles[known][order], values[known][order]
+    return np.diff(values)[np.diff(track) == 0]
+
+
+def _by_values(columns: Sequence[FoundColumn]) -> Clock | None:
+    """The vehicles and times of a table whose names tell nothing: the fewest tracks along which a column rises."""
+    best: tuple[int, FoundColumn, FoundColumn] | None = None
+    for track in columns:
+        n_tracks = len(np.unique(track.codes))
+        is_id = (track.kind == "words" or track.is_whole) and not _is_named_otherwise(track, ("track_id",))
+        if not is_id or n_tracks < 2 or n_tracks * _FEWEST_ROWS > len(track.codes):
+            continue
+        others = [c for c in columns if c is not track and not _is_named_otherwise(c, ("time", "frame"))]
+        rising = [column for column in others if is_rising(track.codes, column)]
+        rising = named(rising, "time") or rising
+        if rising and (best is None or n_tracks < best[0]):
+            best = (n_tracks, track, rising[0])
+    if best is None:
+        return None
+    _, track, clock = best
+    is_frame = clock.is_whole and np.median(_steps(track.codes, clock.values)) == 1.0
+    return Clock(track, None if is_frame else clock, clock if is_frame else None, None, by_name=False)
+
+
+def _is_named_otherwise(column: FoundColumn, canonical: Sequence[str]) -> bool:
+    """Whether a column has a name of other canonical columns, and none of these."""
+    ranks = {name for name in ALIASES if rank_of(column.name, name) is not None}
+    return bool(ranks) and not ranks & set(canonical)
+
+
+def _first(columns: list[FoundColumn]) -> FoundColumn | None:
+    return columns[0] if columns else None

@@ -1,0 +1,40 @@
+"""The command that reads recordings, as a shell takes it."""
+
+import re
+import shlex
+from collections.abc import Mapping
+
+from rearl_jax.config.data import DataConfig, OnBad
+
+_PLAIN = re.compile(r"[A-Za-z_./][A-Za-z0-9_./-]*")
+_VALUES = frozenset({"null", "true", "false", "yes", "no", "on", "off", "y", "n", "nan", "inf"})
+"""Words that are values of their own where they are not quoted."""
+
+
+def command_of(data: DataConfig) -> str:
+    """The `rearl prepare` command for recordings in files, its words quoted for the shell."""
+    words = ["rearl", "prepare", f"data={data.format.name}"]
+    if data.root is not None:
+        words.append(f"data.root={_quoted(data.root)}")
+    for key, given in (("columns", data.columns), ("units", data.units)):
+        if given:
+            words.append(f"data.{key}={mapping_text(given)}")
+    if data.on_bad is not OnBad.stop:
+        words.append(f"data.on_bad={data.on_bad.name}")
+    return shlex.join(words)
+
+
+def mapping_text(given: Mapping[str, object]) -> str:
+    """A mapping as a value of the command line."""
+    pairs = (f"{name}: {'null' if value is None else _quoted(str(value))}" for name, value in given.items())
+    return "{" + ", ".join(pairs) + "}"
+
+
+def _quoted(text: str) -> str:
+    """A text as a value of the command line that is this text again when it is read."""
+    if _PLAIN.fullmatch(text) and text.lower() not in _VALUES:
+        return text
+    # Dollar signs would begin a reference to another key.
+    text = re.sub(r"(\\*)\$\{", r"\1\1\\${", text)
+    # Backslashes count only before a quotation mark.
+    return '"' + re.sub(r'(\\*)("|$)', lambda found: found[1] * 2 + ('\\"' if found[2] else ""), text) + '"'

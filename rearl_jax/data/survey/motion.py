@@ -1,0 +1,238 @@
+"""Position and speed of an unknown table, and their units: the two columns of which one is the other's change in time.
+
+Steps of position over speed x time are a number that depends on the units alone, and nearly all units differ in it.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from rearl_jax.data.clock import NTSC_RATES, PLAUSIBLE_RATES, STANDARD_RATES
+from rearl_jax.data.survey.clock import Clock, named
+from rearl_jax.data.survey.names import rank_of, unit_in
+from rearl_jax.data.survey.sample import FoundColumn
+from rearl_jax.data.unit_checks import ALIKE
+from rearl_jax.data.units import SI_FACTOR
+
+UNITS_TOGETHER = (
+    ("m", "m/s"), ("m", "km/h"), ("ft", "ft/s"), ("ft", "mph"), ("m", "mph"), ("ft", "km/h"), ("ft", "m/s"),
+    ("m", "ft/s"), ("cm", "m/s"), ("cm", "km/h"), ("cm", "cm/s"), ("mm", "m/s"), ("km", "km/h"), ("km", "m/s"),
+    ("mi", "mph"), ("m", "cm/s"), ("m", "kn"),
+)  # fmt: skip
+"""Units of position and speed, the likeliest first."""
+SIZES = {
+    "length": {"m": (3.0, 9.5), "ft": (10.0, 31.0), "cm": (300.0, 950.0)},
+    "width": {"m": (1.2, 2.9), "ft": (4.0, 9.5), "cm": (120.0, 290.0)},
+}
+"""Median sizes of vehicles, by unit."""
+TOLERANCE = 0.04
+"""Relative difference up to which a ratio is that of two units; km/h and ft/s differ by 9 %."""
+_RATE_TOLERANCE = 0.015  # between steps and a usual frame rate
+_SPREAD = 0.25  # of the ratios of single pieces, between the quartiles, relative to their median
+_PIECE = 10  # rows over which a step is taken, beyond most of the noise and rounding of positions
+_FEWEST = 8  # pieces that tell anything
+_OPPOSITE = 0.05  # share of pieces that go the other way from which on vehicles drive both ways
+_FAST = 50.0  # m/s; speeds of traffic above it are in ft/s
+_SLOWEST = 20.0  # s between rows, beyond which times are not in s
+_FEET_OR_METRES = "m and m/s cannot be told from ft and ft/s: neither names nor sizes of vehicles say it, m are assumed"
+_NO_MOTION = ("track_id", "frame", "time", "lane", "length", "width", "vehicle_class", "leader_id", "direction")
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Position and speed.
+
+    Attributes:
+        position: Column of positions.
+        speed: Column of speeds.
+        units: Unit of either.
+        clock_unit: Unit of the times, or rate of the frames such as 25/s.
+        ratio: Step of position over speed x time in the units of the table.
+        doubt: What names and values leave open of the units; empty for nothing.
+        is_reversed: Positions fall while driving.
+        is_negative: Speeds are negative.
+        goes_both_ways: Some vehicles drive the other way.
+    """
+
+    position: FoundColumn
+    speed: FoundColumn
+    units: tuple[str, str]
+    clock_unit: str
+    ratio: float
+    doubt: str = ""
+    is_reversed: bool = False
+    is_negative: bool = False
+    goes_both_ways: bool = False
+
+
+def motion_of(columns: Sequence[FoundColumn], clock: Clock) -> Motion | None:
+    """The position and speed that belong together best; None if no two columns do."""
+    pieces = _Pieces(clock)
+    if not pieces.time.size:
+        return None
+    used = {clock.track.name, clock.counted.name} | ({clock.frame.name} if clock.frame else set())
+    numbers = [column for column in columns if column.kind == "numbers" and column.name not in used]
+    for positions, speeds, is_named in _candidates(numbers):
+        found = [
+            motion
+            for position in positions
+            for speed in speeds
+            if position is not speed
+            and (is_named or pieces.go_together(position.values, speed.values))
+            and (motion := _motion(position, speed, clock, pieces)) is not None
+        ]
+        if found:
+            return found[0]
+    return None
+
+
+def told_by(motion: Motion, columns: Sequence[FoundColumn]) -> Motion:
+    """The motion with feet instead of metres, or the other way, if sizes of vehicles or the speeds say so.
+
+    Steps alone do not tell m and m/s from ft and ft/s. Where names say one and sizes the other, that is a doubt.
+    """
+    if motion.units not in (("m", "m/s"), ("ft", "ft/s")):
+        return motion
+    by_name = unit_in(motion.position.name, "m") or (unit_in(motion.speed.name, "m/s") or "").partition("/")[0]
+    by_size = _unit_of_sizes(columns)
+    if by_size is None and float(np.nanquantile(np.abs(motion.speed.values), 0.95)) > _FAST:
+        by_size = "ft"
+    if by_name and by_size and by_name != by_size:
+        return replace(motion, doubt=f"names say {by_name}, sizes of vehicles or speeds say {by_size}")
+    unit = by_name or by_size
+    if not unit:
+        return replace(motion, doubt=_FEET_OR_METRES)
+    return replace(motion, units=(unit, f"{unit}/s"))
+
+
+def _unit_of_sizes(columns: Sequence[FoundColumn]) -> str | None:
+    """m or ft, by the median length or width of the vehicles."""
+    for canonical in SIZES:
+        for column in named([column for column in columns if column.kind == "numbers"], canonical):
+            unit = unit_in(column.name, "m") or size_unit(canonical, float(np.nanmedian(column.values)))
+            if unit in ("m", "ft"):
+                return unit
+    return None
+
+
+def size_unit(canonical: str, median: float) -> str | None:
+    """Unit in which the median length or width of vehicles is that of cars or trucks; None if it is none of a few."""
+    return next((unit for unit, (low, high) in SIZES[canonical].items() if low <= median <= high), None)
+
+
+class _Pieces:
+    """Rows between which steps are taken, and the time between them."""
+
+    def __init__(self, clock: Clock) -> None:
+        vehicles, counted = clock.vehicles, clock.counted.values
+        known = np.flatnonzero((vehicles >= 0) & np.isfinite(counted))
+        self._order = known[np.lexsort((counted[known], vehicles[known]))]
+        track = vehicles[self._order]
+        self.length = min(_PIECE, max(len(track) // max(np.unique(track).size, 1) - 1, 1))
+        self._same = track[self.length :] == track[: -self.length]
+        self.time = (counted[self._order][self.length :] - counted[self._order][: -self.length])[self._same]
+
+    def steps(self, values: np.ndarray) -> np.ndarray:
+        """Change of a column over each piece."""
+        values = values[self._order]
+        return (values[self.length :] - values[: -self.length])[self._same]
+
+    def go_together(self, position: np.ndarray, speed: np.ndarray) -> bool:
+        """Whether steps of a column follow changes of another, which names would say of position and speed."""
+        step, expected = np.abs(self.steps(position)), np.abs(self.means(speed) * self.time)
+        known = np.isfinite(step) & np.isfinite(expected)
+        if known.sum() < _FEWEST or min(np.std(step[known]), np.std(expected[known])) == 0.0:
+            return False
+        return bool(np.corrcoef(step[known], expected[known])[0, 1] > ALIKE)
+
+    def means(self, values: np.ndarray) -> np.ndarray:
+        """Mean of a column over each piece, by the trapezoidal rule."""
+        values = values[self._order]
+        middle = 0.5 * (values[1:] + values[:-1])
+        return np.convolve(middle, np.full(self.length, 1.0 / self.length), mode="valid")[self._same]
+
+
+def _candidates(numbers: Sequence[FoundColumn]) -> Iterator[tuple[list[FoundColumn], list[FoundColumn], bool]]:
+    """Positions and speeds to try, and whether both have such names; else any column that is nothing else by its name.
+
+    Where there are both names, and they do not agree, no other columns take their places.
+    """
+    positions, speeds = named(numbers, "position"), named(numbers, "speed")
+    free = [c for c in numbers if not any(rank_of(c.name, other) is not None for other in _NO_MOTION)]
+    yield positions, speeds, True
+    if not (positions and speeds):
+        yield positions or free, speeds or free, False
+
+
+def _motion(position: FoundColumn, speed: FoundColumn, clock: Clock, pieces: _Pieces) -> Motion | None:
+    """The motion if the two columns belong together."""
+    step, expected = pieces.steps(position.values), pieces.means(speed.values) * pieces.time
+    known = np.isfinite(step) & np.isfinite(expected) & (expected != 0.0)
+    step, expected = step[known], expected[known]
+    if step.size < _FEWEST:
+        return None
+    # Slow pieces say more of noise than of units.
+    moving = np.abs(expected) >= 0.3 * float(np.quantile(np.abs(expected), 0.9))
+    ratios = step[moving] / expected[moving]
+    size = np.abs(ratios)
+    low, middle, high = np.quantile(size, (0.25, 0.5, 0.75))
+    if ratios.size < _FEWEST or middle <= 0.0 or high - low > _SPREAD * middle:
+        return None
+    found = _units(float(middle), position, speed, clock)
+    if found is None:
+        return None
+    forward = step[moving] > 0.0
+    units, clock_unit, doubt = found
+    return Motion(
+        position,
+        speed,
+        units,
+        clock_unit,
+        doubt=doubt,
+        ratio=float(middle),
+        is_reversed=bool(np.mean(forward) < 0.5),
+        is_negative=bool(np.mean(expected[moving] < 0.0) > 0.5),
+        goes_both_ways=bool(_OPPOSITE < np.mean(forward) < 1.0 - _OPPOSITE),
+    )
+
+
+def _units(
+    ratio: float, position: FoundColumn, speed: FoundColumn, clock: Clock
+) -> tuple[tuple[str, str], str, str] | None:
+    """Units of position and speed and of the clock that explain a ratio, the likeliest, and what they leave open."""
+    of_position, of_speed = unit_in(position.name, "m"), unit_in(speed.name, "m/s")
+    together = [pair for pair in UNITS_TOGETHER if of_position in (None, pair[0]) and of_speed in (None, pair[1])]
+    for clock_unit, seconds in _clock_units(clock):
+        for pair in together:
+            if abs(ratio / (SI_FACTOR[pair[1]] / SI_FACTOR[pair[0]] * seconds) - 1.0) <= TOLERANCE:
+                return pair, clock_unit, ""
+    if clock.counted.kind == "moments" or not clock.counted.is_whole or (clock.time and clock.step != 1.0):
+        return None
+    found = []
+    for pair in together:
+        rate = SI_FACTOR[pair[1]] / SI_FACTOR[pair[0]] / ratio
+        usual = min((*STANDARD_RATES, *NTSC_RATES), key=lambda known: abs(known / rate - 1.0))
+        if abs(usual / rate - 1.0) <= _RATE_TOLERANCE:
+            found.append((pair, f"{usual:.10g}/s"))
+    if not found:
+        return None
+    others = [f"{unit} with {' and '.join(pair)}" for pair, unit in found[1:] if unit != found[0][1]]
+    doubt = f"the rate of the frames follows from steps and speeds; it could also be {' or '.join(others)}"
+    return *found[0], doubt if others else ""
+
+
+def _clock_units(clock: Clock) -> list[tuple[str, float]]:
+    """Units that the times can be in with a step of traffic recordings, the likeliest first, with their seconds."""
+    if clock.time is None or clock.step <= 0.0:
+        return []
+    if clock.time.kind == "moments":
+        return [("s", 1.0)]
+    longest = {"s": _SLOWEST}
+    units = [
+        unit
+        for unit in ("s", "ms", "us", "ns")
+        if 1.0 / PLAUSIBLE_RATES[1] <= clock.step * SI_FACTOR[unit] <= longest.get(unit, 1.0 / PLAUSIBLE_RATES[0])
+    ]
+    named_unit = unit_in(clock.time.name, "s")
+    return [(unit, SI_FACTOR[unit]) for unit in sorted(units, key=lambda unit: unit != named_unit)]

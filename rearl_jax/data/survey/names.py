@@ -1,0 +1,103 @@
+"""Names that tables give to the canonical columns, and units that stand in names."""
+
+import re
+
+from rearl_jax.data.units import UNITS, unit_named
+
+ALIASES = {
+    "track_id": (
+        "track_id track trackid vehicle_id vehicleid veh_id vehid vehicle_number vehicle_no vehno vid veh vehicle "
+        "car_id carid object_id objectid obj_id target_id traj_id trajectory_id agent_id actor_id tid uuid id car "
+        "object no number fahrzeug_id fahrzeug fzg_id fzg"
+    ),
+    "frame": (
+        "frame frame_id frameid frame_no frame_number frame_num framenum frame_index frame_idx framenr bild step "
+        "timestep tick"
+    ),
+    "time": (
+        "time t timestamp time_stamp ts global_time globaltime unix_time unixtime epoch epoch_time datetime "
+        "date_time utc utc_time sim_time simsec simulation_time elapsed elapsed_time recording_time seconds sec "
+        "millis zeit zeitstempel uhrzeit"
+    ),
+    "position": (
+        "position pos local_y localy longitudinal longitudinal_position long_pos longpos lon_pos station chainage "
+        "s distance dist distance_along along arc_length travelled x_position xposition x_pos xpos pos_x "
+        "position_x x_center xcenter x_centre x_coord xloc x y_position y_pos pos_y y weg strecke"
+    ),
+    "lateral": (
+        "lateral lateral_position lateral_pos lat_pos latpos lateral_offset local_x localx y_position yposition "
+        "y_pos ypos pos_y position_y y_center ycenter y_centre y_coord yloc y offset across d querablage x"
+    ),
+    "lane": "lane lane_id laneid lane_no lane_number lane_num lane_index lane_nr lanenr fahrstreifen spur",
+    "speed": (
+        "speed v vel velocity v_vel spd speed_x x_velocity xvelocity x_speed vel_x velocity_x v_x vx "
+        "longitudinal_velocity lon_velocity long_speed lon_speed geschwindigkeit geschw"
+    ),
+    "acceleration": (
+        "acceleration acc accel v_acc a x_acceleration xacceleration acc_x a_x ax longitudinal_acceleration "
+        "lon_acceleration long_acc lon_acc beschleunigung"
+    ),
+    "length": "length len v_length vehicle_length veh_length car_length object_length laenge lange",
+    "width": "width v_width vehicle_width veh_width car_width object_width breite",
+    "vehicle_class": (
+        "vehicle_class class v_class veh_class class_name object_class agent_type vehicle_type veh_type type "
+        "category classification fahrzeugtyp fahrzeugklasse typ klasse"
+    ),
+    "leader_id": (
+        "leader_id leader preceding preceding_id precedingid preceeding preceding_vehicle lead_id lead "
+        "lead_vehicle leading_id front_id front_vehicle vorausfahrender"
+    ),
+    "direction": "direction driving_direction drivingdirection dir travel_direction carriageway roadway richtung",
+    "recording": "recording recording_id recordingid run run_id session session_id scenario video segment file",
+}
+"""Names of each canonical column, the most telling first; case, blanks and punctuation do not count."""
+
+_ORDER = {
+    name: {re.sub("_", "", alias): rank for rank, alias in enumerate(text.split())} for name, text in ALIASES.items()
+}
+_BRACKETS = re.compile(r"[\[(<{]([^\])>}]*)[\])>}]")
+
+
+def plain_of(name: str) -> str:
+    """A name in lower case without punctuation, brackets and unit: `Speed [km/h]` and `speed_kmh` are speed."""
+    words = _words(name)
+    if len(words) > 1 and _is_unit(words[-1]):
+        words = words[:-1]
+    return "".join(words)
+
+
+def rank_of(name: str, canonical: str) -> int | None:
+    """Place of a name among those of a canonical column, 0 = the most telling; None if it is none of them."""
+    order = _ORDER[canonical]
+    whole = "".join(_words(name))
+    return order.get(whole, order.get(plain_of(name)))
+
+
+def unit_in(name: str, kind: str) -> str | None:
+    """Unit of a kind that a name states, in brackets or as its last word; None for none.
+
+    Args:
+        name: Name of a column.
+        kind: SI unit of the kind, a key of UNITS.
+    """
+    for text in (
+        *_BRACKETS.findall(name),
+        *_words(name)[1:][-1:],
+        *(["/".join(_words(name)[-2:])] if "_" in name else []),
+    ):
+        unit = unit_named(text.strip(), kind)
+        if unit is not None:
+            return unit
+    return None
+
+
+def _words(name: str) -> list[str]:
+    without = _BRACKETS.sub(" ", name)
+    split = re.sub(r"([a-z])([A-Z])", r"\1 \2", without).casefold()
+    for letter, plain in (("ä", "ae"), ("ö", "oe"), ("ü", "ue"), ("ß", "ss")):
+        split = split.replace(letter, plain)
+    return re.findall(r"[^\W_]+", split)
+
+
+def _is_unit(word: str) -> bool:
+    return any(unit_named(word, kind) for kind in UNITS if kind != "1/s")

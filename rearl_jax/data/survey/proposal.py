@@ -1,0 +1,299 @@
+"""What each column of an unknown table is taken for: by its name, and by values that must bear the name out."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from rearl_jax.data.checks import MOST_LANES
+from rearl_jax.data.schema import COLUMNS
+from rearl_jax.data.survey.clock import Clock, clock_of, named
+from rearl_jax.data.survey.motion import Motion, motion_of, size_unit, told_by
+from rearl_jax.data.survey.names import unit_in
+from rearl_jax.data.survey.sample import FoundColumn, Sample
+from rearl_jax.data.track_names import NOBODY
+from rearl_jax.data.unit_checks import LANE_WIDTH
+from rearl_jax.data.units import SI_FACTOR
+from rearl_jax.data.vehicle_classes import CLASSES, class_of
+
+_CANONICAL = tuple(column.name for column in COLUMNS)
+_LEADERS_THERE = 0.5  # share of the stated leaders that must be vehicles of the table
+
+
+@dataclass(frozen=True)
+class Taken:
+    """A column of the file that is taken for a canonical one.
+
+    Attributes:
+        source: Its name in the file.
+        unit: What `data.units` says of it; None where it needs nothing.
+        why: What speaks for it, in words.
+    """
+
+    source: str
+    unit: str | None
+    why: str
+
+
+@dataclass
+class Proposal:
+    """What a table is read as.
+
+    Attributes:
+        taken: Columns by canonical name.
+        refused: Columns that have a fitting name and are left out, and why, by their name in the file.
+        missing: Canonical columns without which the table cannot be read, and what was looked for.
+        doubts: What cannot be told from the table.
+    """
+
+    taken: dict[str, Taken] = field(default_factory=dict)
+    refused: dict[str, str] = field(default_factory=dict)
+    missing: dict[str, str] = field(default_factory=dict)
+    doubts: list[str] = field(default_factory=list)
+
+    def columns(self, present: Sequence[str]) -> dict[str, str | None]:
+        """The value of `data.columns`: names that differ, and null for canonical names that are something else."""
+        used = {taken.source for taken in self.taken.values()}
+        foreign = {name: taken.source for name, taken in self.taken.items() if taken.source != name}
+        others = [name for name in _CANONICAL if name in present and name not in self.taken and name not in used]
+        return foreign | dict.fromkeys(others)
+
+    @property
+    def units(self) -> dict[str, str]:
+        """The value of `data.units`."""
+        return {name: taken.unit for name, taken in self.taken.items() if taken.unit is not None}
+
+    def leave_out(self, canonical: str, why: str) -> None:
+        """Takes a column for nothing."""
+        self.refused[self.taken.pop(canonical).source] = why
+
+
+def proposal_of(sample: Sample) -> Proposal:
+    """What the columns of a sample are taken for."""
+    found = Proposal()
+    clock = clock_of(sample.columns)
+    motion = None if clock is None else motion_of(sample.columns, clock)
+    if clock is None or (motion is None and not clock.by_name):
+        looked_for = "no column names vehicles along whose rows another rises by even steps, as times or frames do"
+        found.missing = {"track_id": looked_for, "time": "the same"}
+        return found
+    _take_clock(found, clock)
+    if motion is None:
+        _take_by_name(found, sample.columns)
+    else:
+        motion = told_by(motion, sample.columns)
+        _take_motion(found, clock, motion)
+    for canonical, check in _OTHERS.items():
+        used = {taken.source for taken in found.taken.values()}
+        for column in named([column for column in sample.columns if column.name not in used], canonical):
+            fault = check(found, column, clock, motion)
+            if fault is None:
+                break
+            found.refused.setdefault(column.name, fault)
+    _judge_lanes(found, sample)
+    return found
+
+
+def _take_clock(found: Proposal, clock: Clock) -> None:
+    n_vehicles = len(np.unique(clock.vehicles))
+    per_track = len(clock.vehicles) / n_vehicles
+    reason = "name" if clock.by_name else "values alone: along its rows a clock rises"
+    kind = "words" if clock.track.kind == "words" else "numbers"
+    found.taken["track_id"] = Taken(clock.track.name, None, f"{reason}; {n_vehicles} {kind}, {per_track:.0f} rows each")
+    if clock.recording is not None:
+        found.taken["recording"] = Taken(clock.recording.name, None, "name; ids begin anew in each")
+    if clock.time is not None:
+        what = (
+            "dates and times of day" if clock.time.kind == "moments" else f"rises by {_short(clock.step)} along tracks"
+        )
+        found.taken["time"] = Taken(clock.time.name, None, f"{reason}; {what}")
+    if clock.frame is not None:
+        what = "whole numbers that rise along tracks"
+        found.taken["frame"] = Taken(clock.frame.name, None, f"{reason}; {what}")
+
+
+def _take_motion(found: Proposal, clock: Clock, motion: Motion) -> None:
+    """Position and speed with their units, and the unit of the clock."""
+    of_position, of_speed = motion.units
+    ratio = (
+        f"steps of {motion.position.name} are {_short(motion.ratio)} times {motion.speed.name} x {clock.counted.name}"
+    )
+    named_units = unit_in(motion.position.name, "m") or unit_in(motion.speed.name, "m/s")
+    source = "names" if named_units else "sizes of vehicles or speeds" if of_position == "ft" else "steps"
+    explained = f"{ratio}: {of_position}, {of_speed}" + (" (not certain)" if motion.doubt else "")
+    sign = "-" if motion.is_reversed else ""
+    speed_sign = "-" if motion.is_negative else ""
+    why = f"{explained}; units by {source}"
+    position = f"{sign}{of_position}"
+    found.taken["position"] = Taken(motion.position.name, None if position == "m" else position, why)
+    speed = f"{speed_sign}{of_speed}"
+    found.taken["speed"] = Taken(motion.speed.name, None if speed == "m/s" else speed, why)
+    if motion.doubt:
+        found.doubts.append(motion.doubt)
+    if motion.goes_both_ways:
+        found.missing["position"] = (
+            f"{motion.position.name} rises for some vehicles and falls for others: give each driving direction in a "
+            "table of its own, in which it rises while driving (-m reverses it)"
+        )
+    by_frame = clock.time is None
+    unit = None if motion.clock_unit == "s" or clock.counted.kind == "moments" else motion.clock_unit
+    name = "frame" if by_frame else "time"
+    taken = found.taken[name]
+    if unit is not None:
+        found.taken[name] = Taken(taken.source, unit, f"{taken.why}; {unit} makes steps agree with speeds")
+    elif not by_frame and clock.step == 1.0:
+        found.taken[name] = Taken(taken.source, "s", f"{taken.why}; s makes steps agree with speeds")
+
+
+def _take_by_name(found: Proposal, columns: Sequence[FoundColumn]) -> None:
+    """Position and speed by their names, where no two columns agree."""
+    used = {taken.source for taken in found.taken.values()}
+    for canonical, kind in (("position", "m"), ("speed", "m/s")):
+        numbers = [column for column in columns if column.kind == "numbers" and column.name not in used]
+        candidates = named(numbers, canonical)
+        if not candidates:
+            found.missing[canonical] = "no column has such a name, and none changes as position and speed do together"
+            continue
+        unit = unit_in(candidates[0].name, kind)
+        used.add(candidates[0].name)
+        why = "name only: no column of positions changes as one of speeds says"
+        found.taken[canonical] = Taken(candidates[0].name, None if unit == kind else unit, why)
+    if "time" not in found.taken and "frame" in found.taken:
+        found.missing["time"] = "frames are there, and nothing tells their rate: 'data.units={frame: 25/s}'"
+
+
+def _length(found: Proposal, column: FoundColumn, clock: Clock, motion: Motion | None) -> str | None:
+    return _size(found, "length", column)
+
+
+def _width(found: Proposal, column: FoundColumn, clock: Clock, motion: Motion | None) -> str | None:
+    return _size(found, "width", column)
+
+
+def _size(found: Proposal, canonical: str, column: FoundColumn) -> str | None:
+    if column.kind != "numbers":
+        return "holds no numbers"
+    median = float(np.nanmedian(column.values))
+    stated = unit_in(column.name, "m")
+    unit = stated or size_unit(canonical, median)
+    if unit is None:
+        return f"the median is {_short(median)}, which is no {canonical} of vehicles in m, ft or cm"
+    why = f"name; median {_short(median)}" + ("" if stated else f", that of vehicles in {unit}")
+    found.taken[canonical] = Taken(column.name, None if unit == "m" else unit, why)
+    return None
+
+
+def _acceleration(found: Proposal, column: FoundColumn, clock: Clock, motion: Motion | None) -> str | None:
+    if column.kind != "numbers":
+        return "holds no numbers"
+    unit = unit_in(column.name, "m/s^2")
+    if unit is None and motion is not None and motion.units[1] in ("ft/s", "mph") and motion.units[0] == "ft":
+        unit = "ft/s^2"
+    unit = unit or "m/s^2"
+    if float(np.nanquantile(np.abs(column.values), 0.99)) * SI_FACTOR[unit] > 9.0:
+        return f"1 % of the values are above 9 m/s^2 if it is in {unit}"
+    sign = "-" if motion is not None and motion.is_negative else ""
+    unit = f"{sign}{unit}"
+    found.taken["acceleration"] = Taken(column.name, None if unit == "m/s^2" else unit, f"name; taken to be in {unit}")
+    return None
+
+
+def _lateral(found: Proposal, column: FoundColumn, clock: Clock, motion: Motion | None) -> str | None:
+    if column.kind != "numbers":
+        return "holds no numbers"
+    stated = unit_in(column.name, "m")
+    unit = stated or (motion.units[0] if motion is not None else "m")
+    why = "name" if stated else "name; in the unit of the position"
+    found.taken["lateral"] = Taken(column.name, None if unit == "m" else unit, why)
+    return None
+
+
+def _lane(found: Proposal, column: FoundColumn, clock: Clock, motion: Motion | None) -> str | None:
+    numbers = column.values[np.isfinite(column.values)]
+    if not column.is_whole or not numbers.size:
+        return "holds no whole numbers"
+    low, high = int(numbers.min()), int(numbers.max())
+    if low < 0 or high - low >= MOST_LANES or high >= 100:
+        return f"the numbers {low} to {high} are no lanes of one carriageway"
+    unit = f"from {low}" if low else None
+    found.taken["lane"] = Taken(column.name, unit, f"name; numbers {low} to {high}, taken to count from the left")
+    return None
+
+
+def _vehicle_class(found: Proposal, column: FoundColumn, clock: Clock, motion: Motion | None) -> str | None:
+    words = column.texts.dropna().unique()
+    unknown = [word for word in words if class_of(word) not in CLASSES]
+    if unknown:
+        return f"{', '.join(map(str, unknown[:3]))} is no class that is known ({', '.join(CLASSES)})"
+    found.taken["vehicle_class"] = Taken(column.name, None, f"name; {', '.join(map(str, words[:4]))}")
+    return None
+
+
+def _leader_id(found: Proposal, column: FoundColumn, clock: Clock, motion: Motion | None) -> str | None:
+    leaders, own = (one.texts.dropna().str.replace(r"\.0*$", "", regex=True) for one in (column, clock.track))
+    known = set(own.unique())
+    stated = leaders[~leaders.str.lower().isin(NOBODY) | leaders.isin(known)]
+    if not len(stated):
+        return "names no vehicle"
+    share = float(stated.isin(known).mean())
+    if share < _LEADERS_THERE:
+        return f"{share:.0%} of its numbers are vehicles of the table"
+    found.taken["leader_id"] = Taken(column.name, None, f"name; {share:.0%} are vehicles of the table")
+    return None
+
+
+def _direction(found: Proposal, column: FoundColumn, clock: Clock, motion: Motion | None) -> str | None:
+    numbers = np.unique(column.values[np.isfinite(column.values)])
+    if column.kind != "numbers" or not set(numbers) <= {1.0, 2.0}:
+        words = ", ".join(map(str, column.texts.dropna().unique()[:3]))
+        return f"the carriageways are 1 and 2, not {words}"
+    found.taken["direction"] = Taken(column.name, None, f"name; {', '.join(f'{number:g}' for number in numbers)}")
+    return None
+
+
+def _recording(found: Proposal, column: FoundColumn, clock: Clock, motion: Motion | None) -> str | None:
+    if "recording" in found.taken or column.name != "recording":
+        return "one recording is in the table, as far as ids and times tell"
+    found.taken["recording"] = Taken(column.name, None, "name")
+    return None
+
+
+_OTHERS: dict[str, Callable[[Proposal, FoundColumn, Clock, Motion | None], str | None]] = {
+    "length": _length,
+    "width": _width,
+    "acceleration": _acceleration,
+    "lateral": _lateral,
+    "lane": _lane,
+    "vehicle_class": _vehicle_class,
+    "leader_id": _leader_id,
+    "direction": _direction,
+    "recording": _recording,
+}
+"""Checks of columns that have the name of a canonical one; each takes the column, or says why it does not fit."""
+
+
+def _judge_lanes(found: Proposal, sample: Sample) -> None:
+    """Leaves out lanes and lateral positions that count in opposite directions, of which one must be wrong."""
+    lane, lateral = found.taken.get("lane"), found.taken.get("lateral")
+    if lane is None or lateral is None:
+        return
+    by_name = {column.name: column.values for column in sample.columns}
+    numbers, places = by_name[lane.source], by_name[lateral.source] * SI_FACTOR[lateral.unit or "m"]
+    known = np.isfinite(numbers) & np.isfinite(places)
+    lanes = np.unique(numbers[known])
+    if lanes.size < 2:
+        return
+    middle = [float(np.median(places[known & (numbers == number)])) for number in lanes]
+    width = (middle[-1] - middle[0]) / (lanes[-1] - lanes[0])
+    if LANE_WIDTH[0] <= -width <= LANE_WIDTH[1]:
+        why = f"{lateral.source} falls by {-width:.1f} m per lane, so one of the two counts from the right"
+        found.leave_out("lane", why)
+        found.leave_out("lateral", why)
+        found.doubts.append(
+            f"{why}: if it is the lane, add 'data.columns={{lane: {lane.source}, lateral: {lateral.source}}}' and "
+            f"'data.units={{lane: -from {lanes[-1]:.0f}}}'; else 'data.units={{lateral: -{lateral.unit or 'm'}}}'"
+        )
+
+
+def _short(value: float) -> str:
+    return f"{value:.4g}"

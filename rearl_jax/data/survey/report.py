@@ -1,0 +1,60 @@
+"""What a survey says on standard output."""
+
+from rich.markup import escape
+
+from rearl_jax.console import print_notes, standard_output, titled_table
+from rearl_jax.data.survey.proposal import Proposal
+from rearl_jax.data.survey.sample import Sample
+from rearl_jax.data.survey.trial import Trial
+
+_WIDTH = 110
+
+
+def print_format(path: str, name: str, meaning: str, command: str) -> None:
+    """Says which known format a file or folder is in."""
+    print_notes(standard_output(_WIDTH), [f"{shown(path)} is in the format {name}: {meaning}", "read it with"])
+    print(command)
+
+
+def print_sample(sample: Sample, proposal: Proposal) -> None:
+    """Says how a table is written, and what each column is taken for."""
+    console = standard_output(_WIDTH)
+    broken = f", {sample.n_broken} broken lines among them" if sample.n_broken else ""
+    console.print(f"{escape(shown(str(sample.path)))}: {escape(sample.form)}", highlight=False, soft_wrap=True)
+    n_columns = len(sample.columns) + len(sample.twice)
+    console.print(f"{n_columns} columns, {sample.n_rows} rows looked at{broken}", highlight=False)
+    table = titled_table("Columns")
+    for heading in ("column", "taken for", "unit", "why"):
+        table.add_column(heading, overflow="fold")
+    by_source = {taken.source: (name, taken) for name, taken in proposal.taken.items()}
+    for column in sample.columns:
+        name, taken = by_source.get(column.name, ("-", None))
+        why = proposal.refused.get(column.name, f"holds {column.kind}") if taken is None else taken.why
+        unit = (taken.unit or "") if taken is not None else ""
+        table.add_row(*(escape(shown(text)) for text in (column.name, name, unit, why)))
+    for name in sample.twice:
+        table.add_row(escape(shown(name)), "-", "", "the name occurs twice, so no key can name it")
+    console.print(table)
+    missing = [f"missing: {name}: {shown(why)}" for name, why in proposal.missing.items()]
+    print_notes(console, [*missing, *(f"not certain: {shown(doubt)}" for doubt in proposal.doubts)])
+
+
+def print_trial(trial: Trial, command: str) -> None:
+    """Says what the command reads, and the command."""
+    console = standard_output(_WIDTH)
+    for one in trial.recordings[:10]:
+        rate = f"{one['frame_rate']:g} frames per second"
+        print_notes(console, [f"{shown(one['id'])}: {one['rows']} rows, {one['vehicles']} vehicles, {rate}"])
+    if len(trial.recordings) > 10:
+        print_notes(console, [f"and {len(trial.recordings) - 10} more recordings"])
+    dropped = ", ".join(f"{cause} {number}" for cause, number in trial.dropped.items())
+    print_notes(
+        console, [f"note: {shown(note)}" for note in trial.notes] + ([f"dropped: {dropped}"] if dropped else [])
+    )
+    print_notes(console, ["read it with"])
+    print(command)
+
+
+def shown(text: str) -> str:
+    """A text from a file without characters that would move the cursor or end the line."""
+    return "".join(letter if letter.isprintable() else f"\\x{ord(letter):02x}" for letter in text)

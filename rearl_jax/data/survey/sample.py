@@ -1,0 +1,148 @@
+"""The first rows of an unknown table, column by column."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from rearl_jax.data.columnar import column_names, is_parquet, read_columns
+from rearl_jax.data.delimited import first_rows
+from rearl_jax.data.moments import is_moment, seconds_of
+from rearl_jax.data.problems import bad_recording
+from rearl_jax.data.text_layout import BLANKS, layout_of
+
+ROWS = 50_000
+"""Rows that are looked at."""
+_TRIED = 50  # values that tell whether a column of words holds moments
+_MOSTLY = 0.95  # share of the values that must be numbers
+_DELIMITERS = {",": "comma", ";": "semicolon", "\t": "tab", "|": "bar", BLANKS: "blanks"}
+
+
+@dataclass(frozen=True)
+class FoundColumn:
+    """One column.
+
+    Attributes:
+        name: Its name in the file.
+        kind: numbers, moments (dates and times of day), words or empty.
+        values: Numbers, or seconds for moments; NaN where there is none.
+        texts: The values as texts, None where there is none.
+    """
+
+    name: str
+    kind: str
+    values: np.ndarray
+    texts: pd.Series
+
+    @property
+    def codes(self) -> np.ndarray:
+        """A number for every different value, -1 where there is none."""
+        return pd.factorize(self.texts)[0]
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether all numbers are whole."""
+        known = self.values[np.isfinite(self.values)]
+        return self.kind == "numbers" and bool((known == np.rint(known)).all())
+
+
+@dataclass(frozen=True)
+class Sample:
+    """The first rows of a table.
+
+    Attributes:
+        path: The file.
+        form: How it is written, in words.
+        columns: Its columns, without those whose name occurs twice.
+        twice: Names that occur twice.
+        n_rows: Rows that were looked at.
+        n_broken: Lines among them whose number of fields is another.
+    """
+
+    path: Path
+    form: str
+    columns: tuple[FoundColumn, ...]
+    twice: tuple[str, ...]
+    n_rows: int
+    n_broken: int
+
+
+def sample_of(path: Path) -> Sample:
+    """The first rows of a file.
+
+    Raises:
+        BadRecordingError: The file is neither text nor Parquet, or holds no rows.
+    """
+    if is_parquet(path):
+        names, n_broken, form = column_names(path), 0, "Parquet"
+        tables = _first_of_parquet(path)
+    else:
+        table, n_broken = first_rows(path, ROWS)
+        names, form = [str(name) for name in table.columns], _form(path)
+        tables = [table.iloc[:, place] for place in range(len(names))]
+    if not tables or not len(tables[0]):
+        raise bad_recording("no-rows", "the table has no whole rows", "name a file with rows", path)
+    twice = tuple(dict.fromkeys(name for name in names if names.count(name) > 1))
+    columns = [_column(name, values) for name, values in zip(names, tables, strict=True) if name not in twice]
+    return Sample(path, form, tuple(columns), twice, len(tables[0]), n_broken)
+
+
+def _form(path: Path) -> str:
+    layout = layout_of(path)
+    parts = [f"text in {layout.encoding_name}{'' if layout.is_sure else ' (not certain)'}"]
+    if layout.compression:
+        parts.append(f"compressed ({layout.compression.lstrip('.')})")
+    parts.append(f"fields separated by {_DELIMITERS.get(layout.delimiter, repr(layout.delimiter))}")
+    parts.append(f"decimal {'comma' if layout.decimal_point == ',' else 'point'}")
+    if layout.header_lines > 1:
+        parts.append(f"names of columns in line {layout.header_lines}")
+    return ", ".join(parts)
+
+
+def _first_of_parquet(path: Path) -> list[pd.Series]:
+    """The columns of the first rows; what they are is asked of all rows later."""
+    read_columns(path, ())  # says what is wrong with a damaged file
+    try:
+        with pq.ParquetFile(path) as file:
+            batch = next(file.iter_batches(ROWS), None)
+    except (pa.ArrowException, OSError) as error:
+        text = f"not a readable Parquet file ({str(error).partition(chr(10))[0]})"
+        raise bad_recording("not-parquet", text, "copy or write it again", path) from None
+    return [] if batch is None else [_plain(column) for column in batch.columns]
+
+
+def _plain(column: pa.Array) -> pd.Series:
+    kind = column.type.value_type if pa.types.is_dictionary(column.type) else column.type
+    try:
+        column = column.cast(kind)
+        whole = pa.types.is_integer(kind)
+        return pd.Series(column.to_pylist(), dtype="Int64" if whole and kind.bit_width < 64 else None)
+    except (pa.ArrowException, ValueError, OverflowError, TypeError):
+        return pd.Series([None] * len(column), dtype=object)
+
+
+def _column(name: str, values: pd.Series) -> FoundColumn:
+    known = values.notna().to_numpy()
+    texts = pd.Series(np.full(len(values), None, dtype=object))
+    texts[known] = pd.Series(values[known]).astype(str).str.strip().to_numpy()
+    texts = pd.Series(texts.where(~texts.isin(["", "NULL", "NaN", "nan", "NA", "None"]), None), dtype=object)
+    n_known = int(texts.notna().sum())
+    if not n_known:
+        return FoundColumn(name, "empty", np.full(len(values), np.nan), texts)
+    if pd.api.types.is_datetime64_any_dtype(values.dtype):
+        seconds = (values.dt.tz_localize(None) - pd.Timestamp(0)) / pd.Timedelta(seconds=1)
+        return FoundColumn(name, "moments", seconds.to_numpy(np.float64), texts)
+    if pd.api.types.is_timedelta64_dtype(values.dtype):
+        return FoundColumn(name, "moments", (values / pd.Timedelta(seconds=1)).to_numpy(np.float64), texts)
+    numbers = pd.Series(pd.to_numeric(texts, errors="coerce")).to_numpy(np.float64, na_value=np.nan)
+    if np.isfinite(numbers).sum() >= _MOSTLY * n_known:
+        return FoundColumn(name, "numbers", numbers, texts)
+    if is_moment(texts.dropna().iloc[:_TRIED]):
+        try:
+            return FoundColumn(name, "moments", seconds_of(texts, "", name)[0].to_numpy(np.float64), texts)
+        except ValueError:
+            pass
+    return FoundColumn(name, "words", np.full(len(values), np.nan), texts)

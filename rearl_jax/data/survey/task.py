@@ -1,0 +1,78 @@
+"""`rearl prepare FILE`: says what an unknown file or folder holds, and prints the command that reads it."""
+
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from rearl_jax.config.data import DataConfig, DataFormat
+from rearl_jax.data.canonical import find_tables
+from rearl_jax.data.readers import reader_of
+from rearl_jax.data.survey.command import command_of
+from rearl_jax.data.survey.proposal import proposal_of
+from rearl_jax.data.survey.report import print_format, print_sample, print_trial
+from rearl_jax.data.survey.sample import sample_of
+from rearl_jax.data.survey.trial import tried
+from rearl_jax.problems import InvalidInputError, MissingInputError, Problem, ProblemError
+
+
+def run(place: str) -> dict[str, Any]:
+    """What the file or folder is read as, printed and as a record.
+
+    Keys: file, format, command; for a table also form, rows_looked_at, columns (by their names in the file, each with
+    canonical, unit, why), missing, doubts, recordings, notes, dropped. Nothing is written.
+
+    Raises:
+        MissingInputError: There is no such file.
+        InvalidInputError: It is no table, or cannot be read for the reason that is printed.
+    """
+    path = Path(place)
+    if not path.exists():
+        raise MissingInputError(Problem("file-missing", "there is no such file or folder", file=place))
+    known = recognised(path)
+    if known is not None:
+        name, root = known
+        command = command_of(DataConfig(DataFormat[name], str(root)))
+        meaning = (import_module(f"rearl_jax.data.readers.{name}").__doc__ or "").partition("\n")[0]
+        print_format(place, name, meaning, command)
+        return {"file": place, "format": name, "command": command}
+    sample = sample_of(find_tables(path)[0])
+    present = [column.name for column in sample.columns]
+    proposal = proposal_of(sample)
+    trial = None if proposal.missing else tried(place, proposal, [*present, *sample.twice])
+    print_sample(sample, proposal)
+    if trial is None:
+        name, why = next(iter(proposal.missing.items()))
+        raise InvalidInputError(Problem("column-missing", why, column=name, file=place))
+    if trial.error is not None:
+        raise trial.error
+    command = command_of(trial.data)
+    print_trial(trial, command)
+    return {
+        "file": place,
+        "format": "table",
+        "command": command,
+        "form": sample.form,
+        "rows_looked_at": sample.n_rows,
+        "columns": {
+            taken.source: {"canonical": name, "unit": taken.unit, "why": taken.why}
+            for name, taken in proposal.taken.items()
+        },
+        "refused": proposal.refused,
+        "doubts": proposal.doubts,
+        "recordings": trial.recordings,
+        "notes": trial.notes,
+        "dropped": trial.dropped,
+    }
+
+
+def recognised(path: Path) -> tuple[str, Path] | None:
+    """Format of a file or folder that says by itself which it is in, and what data.root must name; else None."""
+    for kind in DataFormat:
+        recognises = reader_of(kind).recognises
+        try:
+            root = None if recognises is None else recognises(path)
+        except ProblemError:
+            continue  # damaged, or of another kind: whoever reads it says so
+        if root is not None:
+            return kind.name, root
+    return None

@@ -1,0 +1,90 @@
+"""Reads a table as it is proposed, and leaves out what the reader refuses until it reads the rest."""
+
+from dataclasses import dataclass, field, replace
+
+from rearl_jax.config.data import DataConfig, DataFormat, OnBad
+from rearl_jax.data.recordings import iterate_recordings
+from rearl_jax.data.survey.proposal import Proposal
+from rearl_jax.problems import ProblemError
+
+_OPTIONAL = ("lateral", "lane", "acceleration", "width", "leader_id", "vehicle_class", "length", "direction")
+_OF_COLUMNS = ("wrong-units", "wrong-origin")
+"""Faults of whole columns; others may be those of a few rows."""
+_FEW = 0.05
+"""Share of the rows that may be dropped before a column is left out instead."""
+_CAUSED_BY = {"y": "lateral"}
+"""Columns that are filled in from others."""
+
+
+@dataclass
+class Trial:
+    """What a table gives when it is read.
+
+    Attributes:
+        data: The configuration that reads it.
+        recordings: Its recordings: id, rows, vehicles, frame_rate.
+        notes: Notes on them, each once.
+        dropped: Rows and tracks that are left out, by cause.
+        error: Why it cannot be read; None if it can.
+    """
+
+    data: DataConfig
+    recordings: list[dict] = field(default_factory=list)
+    notes: list[str] = field(default_factory=list)
+    dropped: dict[str, int] = field(default_factory=dict)
+    error: ProblemError | None = None
+
+    @property
+    def share_dropped(self) -> float:
+        """Rows that were dropped, as a share of all."""
+        n_dropped = sum(n for cause, n in self.dropped.items() if cause != "tracks" and not cause.endswith("_cuts"))
+        return n_dropped / max(n_dropped + sum(one["rows"] for one in self.recordings), 1)
+
+
+def tried(root: str, proposal: Proposal, present: list[str]) -> Trial:
+    """The table as it can be read; columns that the reader refuses are moved to `proposal.refused`.
+
+    Args:
+        root: File, or folder of files of the same columns.
+        proposal: What its columns are taken for; changed in place.
+        present: Names of all columns.
+    """
+    while True:
+        data = DataConfig(DataFormat.table, root, columns=proposal.columns(present), units=proposal.units)
+        strict = _read(data)
+        if strict.error is None:
+            return strict
+        column = _optional_at_fault(strict.error, proposal)
+        if column is not None and strict.error.code in _OF_COLUMNS:
+            proposal.leave_out(column, strict.error.problem.fault)
+            continue
+        lenient = _read(replace(data, on_bad=OnBad.drop_row))
+        if lenient.error is None and (column is None or lenient.share_dropped <= _FEW):
+            lenient.notes.append(f"data.on_bad=stop stops at: {strict.error.problem.message}")
+            return lenient
+        if column is None:
+            return strict
+        proposal.leave_out(column, strict.error.problem.fault)
+
+
+def _read(data: DataConfig) -> Trial:
+    trial = Trial(data)
+    try:
+        for recording in iterate_recordings(data):
+            info, table = recording.info, recording.table
+            counts = {"rows": len(table), "vehicles": len(table["track_id"].unique()), "frame_rate": info.frame_rate}
+            trial.recordings.append({"id": info.id, **counts})
+            trial.notes.extend(note for note in info.notes if note not in trial.notes)
+            for cause, number in recording.dropped.items():
+                trial.dropped[cause] = trial.dropped.get(cause, 0) + number
+    except ProblemError as error:
+        trial.error = error
+    return trial
+
+
+def _optional_at_fault(error: ProblemError, proposal: Proposal) -> str | None:
+    """The canonical column at fault, if a table can be read without it."""
+    names = {taken.source: name for name, taken in proposal.taken.items()}
+    column = error.problem.column
+    name = names.get(column or "", _CAUSED_BY.get(column or ""))
+    return name if name in _OPTIONAL and name in proposal.taken else None

@@ -1,0 +1,258 @@
+"""How a text table is written: compression, encoding, lines before the header, delimiter and decimal mark."""
+
+import bz2
+import codecs
+import csv
+import gzip
+import io
+import lzma
+import re
+import zipfile
+import zlib
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from itertools import islice
+from pathlib import Path
+from typing import BinaryIO, cast
+
+from rearl_jax.data.problems import BadRecordingError, bad_recording, file_missing
+
+OPENERS = {".gz": gzip.GzipFile, ".bz2": bz2.BZ2File, ".xz": lzma.LZMAFile}
+DAMAGED = (EOFError, OSError, lzma.LZMAError, zipfile.BadZipFile, zlib.error, RuntimeError, NotImplementedError)
+"""What the standard library raises for compressed files that are damaged, encrypted, or compressed in another way."""
+BLANKS = " "
+"""Delimiter that stands for any number of blanks."""
+_MAGIC = {b"\x1f\x8b": ".gz", b"BZh": ".bz2", b"\xfd7zXZ\x00": ".xz", b"PK\x03\x04": ".zip"}
+_DELIMITERS = (",", ";", "\t", "|")
+_MARKS = {codecs.BOM_UTF8: "utf-8-sig", codecs.BOM_UTF16_LE: "utf-16", codecs.BOM_UTF16_BE: "utf-16"}
+_SINGLE_BYTE = "cp1252"
+_NAMES = {
+    "utf-8": "UTF-8",
+    "utf-8-sig": "UTF-8",
+    "utf-16": "UTF-16",
+    "utf-16-le": "UTF-16",
+    "utf-16-be": "UTF-16",
+    _SINGLE_BYTE: "Windows-1252",
+}
+_LOOKED_AT = 20  # lines that tell delimiter and decimal mark
+_HEAD = 2**16  # bytes that tell whether a file is text
+_BLOCK = 2**20
+_CONTROL = re.compile(rb"[\x00-\x08\x0e-\x1a\x1c-\x1f]")
+_UNDEFINED = re.compile(rb"[\x81\x8d\x8f\x90\x9d]")  # no characters of Windows-1252
+_MULTIBYTE = re.compile(rb"[\xc3-\xdf][\x80-\xbf]|[\xe1-\xef][\x80-\xbf]{2}")
+_NUMBER = re.compile(r"[+-]?\d*(?:([.,])\d+|\d)(?:[eE][+-]?\d+)?")
+_PREAMBLE = re.compile(r"#.*|sep=.", re.IGNORECASE)
+
+
+@dataclass(frozen=True)
+class Layout:
+    """How a text table is written.
+
+    Attributes:
+        compression: Ending of files that are compressed like this one, empty for none.
+        encoding: Name of the codec.
+        is_sure: Whether the file itself says which encoding it has.
+        header_lines: Lines up to and with that of the names.
+        header: That line.
+        delimiter: What separates fields; BLANKS for any number of blanks.
+        decimal_point: Mark before the fraction of a number.
+    """
+
+    compression: str
+    encoding: str
+    is_sure: bool
+    header_lines: int
+    header: str
+    delimiter: str
+    decimal_point: str
+
+    @property
+    def encoding_name(self) -> str:
+        """The encoding as people call it."""
+        return _NAMES[self.encoding]
+
+    @property
+    def remarks(self) -> tuple[str, ...]:
+        """What a reader of results must know of the encoding, if it is not UTF-8."""
+        if self.encoding.startswith("utf-8"):
+            return ()
+        doubt = "" if self.is_sure else ", which the bytes suggest and do not prove"
+        return (f"the file is {self.encoding_name}{doubt}",)
+
+
+def compression_of(path: Path) -> str:
+    """Ending of files that are compressed like this one, by its first bytes; empty for none."""
+    with path.open("rb") as file:
+        head = file.read(8)
+    return next((ending for magic, ending in _MAGIC.items() if head.startswith(magic)), "")
+
+
+def opened(path: Path) -> io.BufferedIOBase:
+    """The content of a text table, uncompressed.
+
+    Raises:
+        BadRecordingError: A .zip holds not one file.
+    """
+    packed = compression_of(path)
+    if packed == ".zip":
+        archive = zipfile.ZipFile(path)
+        names = [name for name in archive.namelist() if not name.endswith("/") and not name.startswith("__MACOSX")]
+        if len(names) != 1:
+            text = f"the archive holds {len(names)} files, not one table"
+            raise bad_recording("not-a-table", text, "unpack it, and name the folder", path)
+        return io.BytesIO(archive.read(names[0]))
+    return OPENERS[packed](path, "rb") if packed else path.open("rb")
+
+
+def layout_of(path: Path) -> Layout:
+    """The layout of a text table.
+
+    Raises:
+        FileNotFoundError: There is no such file.
+        BadRecordingError: The file is empty, damaged or not text.
+    """
+    if not path.is_file():
+        raise file_missing(path)
+    stat = path.stat()
+    return _layout(path, stat.st_size, stat.st_mtime_ns)
+
+
+def text_of(path: Path) -> io.TextIOWrapper:
+    """The characters of a text table, uncompressed and decoded.
+
+    Raises:
+        BadRecordingError: The file is damaged or not text.
+    """
+    encoding, _ = _encoding(path)
+    return io.TextIOWrapper(cast(BinaryIO, opened(path)), encoding=encoding, newline="")
+
+
+def first_lines(path: Path, number: int) -> list[str]:
+    """The first lines that are not empty, without what is not text."""
+    try:
+        with opened(path) as file:
+            lines = (line.decode(errors="replace").strip() for line in file)
+            return list(islice((line for line in lines if line), number))
+    except DAMAGED as error:
+        raise damaged(path, error) from None
+
+
+def damaged(path: Path, error: Exception) -> BadRecordingError:
+    """The error for a file that cannot be decompressed."""
+    text = f"the file cannot be read ({str(error) or type(error).__name__})"
+    return bad_recording("not-text", text, "the file is damaged: copy it again", path)
+
+
+def fields_of(line: str, delimiter: str) -> list[str]:
+    """The fields of a line, without quotes and without blanks around them."""
+    if delimiter == BLANKS:
+        return line.split()
+    try:
+        found = next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])
+    except csv.Error:
+        return line.split(delimiter)
+    return [field.strip() for field in found]
+
+
+@lru_cache(maxsize=256)
+def _layout(path: Path, size: int, changed: int) -> Layout:
+    """The layout; size and time of the last change tell whether the file is still the same."""
+    try:
+        encoding, is_sure = _encoding(path)
+        with text_of(path) as file:
+            lines = [line.rstrip("\r\n") for line in islice(file, 10 * _LOOKED_AT)]
+    except DAMAGED as error:
+        raise damaged(path, error) from None
+    except UnicodeDecodeError as error:
+        text = f"the file is not {_NAMES[encoding]} text ({error.reason})"
+        raise bad_recording("not-text", text, "the file is damaged: copy it again", path) from None
+    filled = [number for number, line in enumerate(lines) if line.strip()]
+    if not filled:
+        raise bad_recording("file-empty", "the file is empty", "remove the file or complete it", path)
+    header, rows = _header(lines, filled)
+    stated = re.fullmatch(r"sep=(.)", lines[filled[0]].strip(), re.IGNORECASE)
+    name_line = lines[header].lstrip("# ") if lines[header].startswith("#") else lines[header]
+    delimiter = stated[1] if stated else _delimiter(name_line.strip(), rows)
+    return Layout(
+        compression_of(path),
+        encoding,
+        is_sure,
+        header + 1,
+        name_line.strip(),
+        delimiter,
+        _decimal_point(rows, delimiter),
+    )
+
+
+def _header(lines: Sequence[str], filled: Sequence[int]) -> tuple[int, list[str]]:
+    """Number of the line with the names, and the lines below it that are looked at."""
+    place = 0
+    while place + 1 < len(filled) and _PREAMBLE.fullmatch(lines[filled[place]].strip()):
+        if _names_what_is_below(lines[filled[place]], lines[filled[place + 1]]):
+            break
+        place += 1
+    return filled[place], [lines[number] for number in filled[place + 1 : place + 1 + _LOOKED_AT]]
+
+
+def _names_what_is_below(comment: str, line: str) -> bool:
+    """Whether a comment has as many fields as the line below, which holds numbers."""
+    for delimiter in (*_DELIMITERS, BLANKS):
+        fields = fields_of(line, delimiter)
+        if len(fields) > 1 and len(fields) == len(fields_of(comment.lstrip("# "), delimiter)):
+            return any(_NUMBER.fullmatch(field) for field in fields)
+    return False
+
+
+def _delimiter(header: str, rows: Sequence[str]) -> str:
+    """What separates as many fields in the lines as in the header; a comma if there is but one."""
+    scores = {}
+    for delimiter in (*_DELIMITERS, BLANKS):
+        wanted = len(fields_of(header, delimiter))
+        if wanted > 1:
+            same = sum(len(fields_of(row, delimiter)) == wanted for row in rows)
+            scores[delimiter] = (same, delimiter != BLANKS, wanted)
+    return max(scores, key=lambda delimiter: scores[delimiter], default=",")
+
+
+def _decimal_point(lines: Sequence[str], delimiter: str) -> str:
+    """A comma if numbers of the lines have one and none has a point, else a point."""
+    if delimiter == ",":
+        return "."
+    fields = [field.strip(' "') for line in lines for field in fields_of(line, delimiter)]
+    marks = {found[1] for field in fields if (found := _NUMBER.fullmatch(field))} - {None}
+    return "," if marks == {","} else "."
+
+
+def _encoding(path: Path) -> tuple[str, bool]:
+    """Codec of the content, and whether the file itself says so.
+
+    Bytes that are UTF-8 are taken for UTF-8. Others are Windows-1252, of which Latin-1 is a part, unless they hold
+    what that does not: then they are damaged.
+    """
+    with opened(path) as file:
+        head = file.read(_HEAD)
+        for mark, codec in _MARKS.items():
+            if head.startswith(mark):
+                return codec, True
+        zeros = [head[start:_HEAD:2].count(0) / max(len(head) / 2, 1) for start in (0, 1)]
+        if max(zeros) > 0.4 and min(zeros) < 0.1:
+            return ("utf-16-be" if zeros[0] > zeros[1] else "utf-16-le"), False
+        if control := _CONTROL.search(head):
+            text = f"the file is not text (byte {control.start()} is {control[0][0]:#04x})"
+            raise bad_recording("not-text", text, "name a text or Parquet table", path)
+        decoder, block, line = codecs.getincrementaldecoder("utf-8")(), head, 1
+        while block:
+            try:
+                decoder.decode(block)
+            except UnicodeDecodeError as error:
+                content = block + file.read()
+                if _UNDEFINED.search(content) or _MULTIBYTE.search(content) or _CONTROL.search(content):
+                    line += error.object[: error.start].count(b"\n")
+                    text = f"the line is not UTF-8 text ({error.reason})"
+                    advice = "the file is damaged: copy it again"
+                    raise bad_recording("not-text", text, advice, path, line=line) from None
+                return _SINGLE_BYTE, False
+            line += block.count(b"\n")
+            block = file.read(_BLOCK)
+    return "utf-8", True

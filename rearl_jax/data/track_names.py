@@ -1,0 +1,124 @@
+"""Ids of tracks that are no whole numbers: numbered in the order of their first rows, and kept as a label."""
+
+from collections.abc import Mapping
+
+import numpy as np
+import pandas as pd
+
+from rearl_jax.data.problems import bad_recording
+
+LABEL = "track_name"
+"""Label of tracks whose id in the source is no number that the canonical table can hold: that id."""
+IDS = ("track_id", "leader_id")
+"""Columns that name vehicles."""
+LARGEST = 2**53
+"""Whole numbers beyond it do not survive as float64."""
+NOBODY = frozenset({"", "none", "null", "nan", "na", "n/a", "<na>", "-", "-1", "0"})
+"""What sources write for no leader, in lower case; an id of a vehicle is that vehicle."""
+_RARE = 0.02  # share of the rows up to which ids that are no numbers are damage, each in one row
+
+
+def numbered(rows: pd.DataFrame, file: str, spelling: Mapping[str, str]) -> tuple[pd.DataFrame, tuple[str, ...]]:
+    """The rows with whole numbers in `track_id` and `leader_id`, the ids of the source as LABEL, and notes.
+
+    Ids that are whole numbers stay as they are.
+
+    Args:
+        rows: Rows whose ids may be of any kind; the index holds the row numbers of the source.
+        file: For messages.
+        spelling: Names in the file of canonical columns that have others there.
+
+    Raises:
+        BadRecordingError: A few ids are no numbers where the others are.
+    """
+    texts = _texts(pd.Series(rows["track_id"]))
+    if texts is None:
+        return _with_numeric_leaders(rows, file, spelling), ()
+    known = texts.notna().to_numpy()
+    numbers = _whole_numbers(texts)
+    is_number = np.isfinite(numbers)
+    if is_number[known].all() and _are_distinct(pd.Series(texts[known]), numbers[known]):
+        return _with_numeric_leaders(rows.assign(track_id=numbers), file, spelling), ()
+    rare = known & ~is_number
+    if rare.any() and rare.sum() <= _RARE * known.sum() and not pd.Series(texts[rare]).duplicated().any():
+        row = int(np.argmax(rare))
+        raise bad_recording(
+            "value-unreadable",
+            f"{texts.iloc[row]!r} is not a number, as the other ids are",
+            "write the number of the vehicle there",
+            file,
+            column=spelling.get("track_id", "track_id"),
+            row=int(rows.index[row]) + 1,
+        )
+    codes, names = pd.factorize(texts)
+    rows = rows.assign(track_id=np.where(codes < 0, np.nan, codes + 1.0), **{LABEL: texts})
+    kind = "numbers beyond 2^53" if is_number[known].any() or _are_digits(pd.Series(texts[known])) else "names"
+    notes = [
+        f"ids of tracks are {kind}: {len(names)} tracks numbered in order of appearance, "
+        f"1 is {names[0]}; the label {LABEL} holds them"
+    ]
+    if "leader_id" in rows:
+        leader = _as_texts(pd.Series(rows["leader_id"]))
+        code = pd.Series(np.arange(1.0, len(names) + 1.0), index=names)
+        nobody = leader.isna() | (leader.str.lower().isin(NOBODY) & ~leader.isin(names))
+        strangers = pd.Series(leader[~nobody & ~leader.isin(names)])
+        others, which = np.unique(strangers.astype(str), return_inverse=True)
+        number = leader.map(code).astype(np.float64)
+        number[strangers.index] = len(names) + 1.0 + which
+        rows = rows.assign(leader_id=number.to_numpy())
+        if len(others):
+            notes.append(f"{len(others)} stated leaders are no vehicle of the recording, such as {others[0]}")
+    return rows, tuple(notes)
+
+
+def _with_numeric_leaders(rows: pd.DataFrame, file: str, spelling: Mapping[str, str]) -> pd.DataFrame:
+    """The rows with numbers in `leader_id`; words for nobody are unknown."""
+    if "leader_id" not in rows or pd.api.types.is_numeric_dtype(rows["leader_id"]):
+        return rows
+    texts = _as_texts(pd.Series(rows["leader_id"]))
+    numbers = pd.Series(pd.to_numeric(texts, errors="coerce"), index=rows.index).astype(np.float64)
+    bad = (numbers.isna() & texts.notna() & ~texts.str.lower().isin(NOBODY)).to_numpy()
+    if bad.any():
+        row = int(np.argmax(bad))
+        raise bad_recording(
+            "value-unreadable",
+            f"{texts.iloc[row]!r} is not the id of a vehicle",
+            "write the number of the leader there, or leave it empty",
+            file,
+            column=spelling.get("leader_id", "leader_id"),
+            row=int(rows.index[row]) + 1,
+        )
+    return rows.assign(leader_id=numbers)
+
+
+def _texts(ids: pd.Series) -> pd.Series | None:
+    """The ids as texts; None if they are numbers that stay as they are."""
+    if pd.api.types.is_integer_dtype(ids.dtype):
+        return _as_texts(ids) if (ids.abs() > LARGEST).any() else None
+    return None if pd.api.types.is_numeric_dtype(ids.dtype) else _as_texts(ids)
+
+
+def _as_texts(ids: pd.Series) -> pd.Series:
+    known = ids.notna().to_numpy()
+    if pd.api.types.is_float_dtype(ids.dtype) and (ids[known] == np.rint(ids[known])).all():
+        ids = ids.astype(object).where(known, 0).astype(np.int64)  # 7 is written 7, not 7.0
+    texts = pd.Series(np.full(len(ids), None, dtype=object), index=ids.index)
+    texts[known] = pd.Series(ids[known]).astype(str).str.strip()
+    return pd.Series(texts.where(texts != "", None))
+
+
+def _whole_numbers(texts: pd.Series) -> np.ndarray:
+    """Whole numbers up to LARGEST, NaN for other texts."""
+    numbers = pd.Series(pd.to_numeric(texts, errors="coerce")).to_numpy(np.float64, na_value=np.nan)
+    fits = np.isfinite(numbers) & (np.abs(numbers) <= LARGEST)
+    return np.where(fits & (numbers == np.rint(np.where(fits, numbers, 0.0))), numbers, np.nan)
+
+
+def _are_distinct(texts: pd.Series, numbers: np.ndarray) -> bool:
+    """Whether different ids are different numbers; 12 and 12.0 are the same id, 7 and 007 are not."""
+    plain = texts.str.replace(r"\.0*$", "", regex=True)
+    return plain.nunique() == np.unique(numbers).size
+
+
+def _are_digits(texts: pd.Series) -> bool:
+    return bool(texts.str.fullmatch(r"[+-]?\d+(\.0*)?").all())

@@ -1,0 +1,155 @@
+"""OpenACC's runs as published: the same platoons as from the condensed table, drivers that switch, damaged files."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from rearl_jax.config.data import DataConfig, DataFormat, OnBad
+from rearl_jax.data.recordings import iterate_recordings
+from rearl_jax.problems import InvalidInputError, MissingInputError
+from tests.data import openacc_files
+from tests.refusal import refused
+
+T = openacc_files.T
+TABLE = openacc_files.columns()
+TEXT = openacc_files.run_of(TABLE)
+
+
+def read(root, on_bad: OnBad = OnBad.stop):
+    return list(iterate_recordings(DataConfig(DataFormat.openacc, str(root), on_bad=on_bad)))
+
+
+def test_a_run_is_read_as_the_condensed_table_of_the_same_rows_is(tmp_path):
+    (run,) = read(openacc_files.write(tmp_path, TEXT))
+    parts = [
+        pd.DataFrame(
+            {"file": "run", "t_s": TABLE["Time"], "pos": k, "speed_mps": TABLE[f"Speed{k}"]}
+            | {"gap_to_follower_m": TABLE.get(f"IVS{k}", np.full_like(T, np.nan)), "model": "M"}
+        )
+        for k in (1, 2, 3, 4)
+    ]
+    folder = tmp_path / "condensed"
+    folder.mkdir()
+    pd.concat(parts).to_parquet(folder / "platoons.parquet", index=False)
+    (expected,) = read(folder)
+    assert run.info.id == "openacc_Vicolungo_part1"
+    assert run.info.source == "OpenACC, Vicolungo"
+    assert run.dropped == {}
+    assert len(run.table) == 4 * len(T)
+    shared = [name for name in expected.table if name not in ("recording", "model")]
+    pd.testing.assert_frame_equal(run.table[shared], expected.table[shared])
+    assert run.labels.loc[2].tolist() == ["TESLA_MODEL3", "1", "S"]
+
+
+def test_gaps_are_between_bumpers_or_a_note_says_they_seem_not_to_be(tmp_path):
+    (run,) = read(openacc_files.write(tmp_path, TEXT))
+    assert any("4.8 m further apart" in note and "between bumpers" in note for note in run.info.notes)
+    wrong = {
+        name: values + openacc_files.LENGTH if name.startswith("IVS") else values for name, values in TABLE.items()
+    }
+    (run,) = read(openacc_files.write(tmp_path, openacc_files.run_of(wrong)))
+    assert any("0.0 m further apart" in note and "those of receivers" in note for note in run.info.notes)
+
+
+def test_a_vehicle_without_columns_divides_the_platoon(tmp_path):
+    """As in ZalaZone, where the leader and others of the order have no columns."""
+    table = openacc_files.columns(5)
+    gone = {name: values for name, values in table.items() if not name.endswith("3") and name != "IVS2"}
+    openacc_files.write(tmp_path, openacc_files.run_of(gone, n=5))
+    first, second = read(tmp_path)
+    assert (first.info.id, second.info.id) == ("openacc_Vicolungo_part1_1to2", "openacc_Vicolungo_part1_4to5")
+    assert set(second.labels["model"]) == {"AUDI_A4", "MAZDA_3"}
+
+
+@pytest.mark.parametrize(
+    ("acc", "setting", "expected"),
+    [
+        ("1", "shortest", ("1", "shortest")),
+        ("0", "none", ("0", None)),
+        ("2", "SL", (None, "mixed")),
+        ("", "S,S,M", (None, "mixed")),
+    ],
+)
+def test_what_the_file_says_of_all_cars_is_a_label(tmp_path, acc, setting, expected):
+    (run,) = read(openacc_files.write(tmp_path, openacc_files.run_of(TABLE, acc, setting)))
+    found = run.labels[["acc", "setting"]].astype(object)
+    assert {tuple(None if pd.isna(value) else value for value in row) for row in found.to_numpy()} == {expected}
+
+
+def test_a_driver_who_switches_begins_another_track(tmp_path):
+    words = np.where(T < 12.0, "ACC", "Human").astype(object)
+    words[50:55] = ""  # half a second without an entry
+    always = ["ACC"] * len(T)
+    text = openacc_files.run_of(openacc_files.columns(drivers={2: words, 3: always}), acc="2")
+    (run,) = read(openacc_files.write(tmp_path, text))
+    labels = run.labels
+    assert labels.loc[2, "acc"] == "1"
+    later = labels[(labels["model"] == "TESLA_MODEL3") & (labels["acc"] == "0")]
+    assert len(labels) == 5
+    assert len(later) == 1
+    assert labels.loc[3, "acc"] == "1"
+    assert labels.loc[[1, 4], "acc"].isna().all()
+    table = run.table
+    assert table.loc[table["track_id"] == 2, "time"].max() == pytest.approx(11.9)
+    followed = table[(table["track_id"] == 3) & (table["time"] >= 12.0)]
+    assert set(followed["leader_id"]) == {later.index[0]}
+    assert any("1 switches" in note for note in run.info.notes)
+
+
+def test_unknown_words_for_drivers_stop_or_are_counted(tmp_path):
+    words = ["ACC"] * len(T)
+    words[100:130] = ["XYZ"] * 30
+    openacc_files.write(tmp_path, openacc_files.run_of(openacc_files.columns(drivers={2: words})))
+    with refused("driver-unknown", row=101):
+        read(tmp_path)
+    (run,) = read(tmp_path, OnBad.drop_row)
+    assert run.dropped["driver_unknown"] == 30
+    assert len(run.labels) == 6  # unknown from 1 s after the last word on
+
+
+def _renamed(old: str, new: str) -> str:
+    return TEXT.replace(old, new, 1)
+
+
+@pytest.mark.parametrize(
+    ("text", "code", "fields"),
+    [
+        pytest.param(_renamed("Time,", "Tme,"), "not-a-table", {}, id="header"),
+        pytest.param(_renamed("Vehicle_order", "Order"), "column-missing", {"column": "Vehicle_order"}, id="order"),
+        pytest.param(_renamed(",AUDI_A4", ""), "vehicle-unnamed", {}, id="unnamed"),
+        pytest.param(_renamed("ACC,1", "ACC,7"), "label-unusable", {"column": "ACC"}, id="acc"),
+        pytest.param(TEXT.replace("IVS", "IVX"), "column-missing", {"column": "IVS1"}, id="gaps"),
+        pytest.param(TEXT[: len(TEXT) - 150], "line-broken", {"row": len(T)}, id="cut"),
+        pytest.param("", "file-empty", {}, id="empty"),
+        pytest.param("\n".join(TEXT.splitlines()[:6]), "no-rows", {}, id="no-rows"),
+        pytest.param(
+            _renamed("\n5370.3,", "\n5370.3x,"), "value-unreadable", {"column": "Time", "row": 4}, id="number"
+        ),
+        pytest.param(_renamed("IVS2", "IVS1"), "column-twice", {"column": "IVS1"}, id="twice"),
+    ],
+)
+def test_damaged_files_are_refused(tmp_path, text, code, fields):
+    openacc_files.write(tmp_path, text)
+    with refused(code, **fields):
+        read(tmp_path)
+
+
+@pytest.mark.parametrize(("name", "factor"), [("Speed", 3.6), ("IVS", 3.28), ("Time", 1000.0)])
+def test_other_units_are_refused(tmp_path, name, factor):
+    table = {c: values * factor if c.rstrip("1234") == name else values for c, values in TABLE.items()}
+    openacc_files.write(tmp_path, openacc_files.run_of(table))
+    with pytest.raises(InvalidInputError) as caught:
+        read(tmp_path, OnBad.drop_row)
+    assert caught.value.problem.code == "wrong-units"
+
+
+def test_commas_of_a_spreadsheet_behind_the_rows_do_not_matter(tmp_path):
+    head, rows = TEXT.splitlines()[:6], TEXT.splitlines()[6:]
+    openacc_files.write(tmp_path, "\n".join([*head, *(f"{row},," for row in rows)]))
+    (run,) = read(tmp_path)
+    assert len(run.table) == 4 * len(T)
+
+
+def test_a_folder_without_runs_names_what_is_wanted(tmp_path):
+    with pytest.raises(MissingInputError):
+        read(tmp_path)

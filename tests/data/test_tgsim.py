@@ -1,0 +1,167 @@
+"""TGSIM: a road that bends, lanes by their places, several runs, and files that are damaged."""
+
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from benchmarks.sensor_layouts import LANE_WIDTH, tgsim_rows, traffic, write_tgsim
+from rearl_jax.config.data import DataConfig, DataFormat, OnBad
+from rearl_jax.data.recordings import iterate_recordings
+from rearl_jax.problems import MissingInputError
+from tests.refusal import refused
+
+
+@pytest.fixture(scope="module")
+def rows() -> pd.DataFrame:
+    return pd.concat([tgsim_rows(vehicle) for vehicle in islice(traffic(10.0), 24)], ignore_index=True)
+
+
+@pytest.fixture
+def read(tmp_path: Path):
+    def read(rows: pd.DataFrame, on_bad: OnBad = OnBad.stop, name: str = "I294_L1_final.csv"):
+        rows.to_csv(tmp_path / name, index=False)
+        return list(iterate_recordings(DataConfig(DataFormat.tgsim, str(tmp_path), on_bad=on_bad)))
+
+    return read
+
+
+def _with(rows: pd.DataFrame, row: int, **values) -> pd.DataFrame:
+    changed = rows.copy()
+    for name, value in values.items():
+        changed[name] = changed[name].astype(object)
+        changed.loc[row, name] = value
+    return changed
+
+
+def test_a_bent_road_becomes_straight(rows, read):
+    (recording,) = read(rows)
+    info, table = recording.info, recording.table
+    assert (info.id, info.frame_rate, info.lane_count) == ("tgsim_i294l1_1", 10.0, {1: 3, 2: 3})
+    assert recording.dropped == {}
+    assert len(table) == len(rows)
+    assert info.road_length == pytest.approx(640.0, rel=0.01)
+    # In the plane the outermost vehicles of one lane are more than 100 m apart across the road.
+    assert np.ptp(rows.loc[rows["lane-kf"] == 1, "yloc-kf"]) > 100.0
+    for (_, lane), lateral in table.groupby(["direction", "lane"])["lateral"]:
+        assert lateral.median() == pytest.approx(LANE_WIDTH * (lane + 0.5), abs=0.1)
+    step = table.groupby("track_id")["position"].diff()
+    np.testing.assert_allclose(step.dropna(), 0.1 * table["speed"][step.notna()], atol=0.3, rtol=0.05)
+    assert set(table["automated"].groupby(table["track_id"], observed=True).first()[[3, 4]]) == {"yes", "no"}
+    assert set(table["vehicle_class"]) == {"car", "truck"}
+
+
+def test_lane_changes_stay_lane_changes(rows, read):
+    (recording,) = read(rows)
+    own = recording.table[recording.table["track_id"] == 7]
+    assert own["lane"].tolist() == sorted(own["lane"])
+    assert own["lane"].nunique() == 2
+    assert own["lateral"].iloc[-1] - own["lateral"].iloc[0] == pytest.approx(LANE_WIDTH, abs=0.2)
+
+
+def test_the_portal_writes_other_names_and_no_order(rows, read):
+    other = rows.rename(columns=lambda name: name.replace("-", "_")).sample(frac=1.0, random_state=0)
+    (here,), (there,) = read(rows), read(other)
+    np.testing.assert_allclose(here.table["position"], there.table["position"], atol=1e-6)
+    np.testing.assert_array_equal(here.table["lane"], there.table["lane"])
+
+
+def test_runs_are_recordings_of_their_own(rows, read):
+    later = rows[rows["id"] > 1].assign(**{"run-index": 2, "time": rows["time"] + 50.0})
+    first, second = read(pd.concat([rows, later]))
+    assert [first.info.id, second.info.id] == ["tgsim_i294l1_1", "tgsim_i294l1_2"]
+    assert [len(first.table), len(second.table)] == [len(rows), len(later)]
+
+
+def test_lanes_are_ranked_by_place_whatever_their_numbers(rows, read):
+    numbers = rows["lane-kf"].map({1: 5, 2: 4, 3: 9, -1: 30, -2: 20, -3: 10})
+    (recording,) = read(rows.assign(**{"lane-kf": numbers}))
+    (sound,) = read(rows)
+    np.testing.assert_array_equal(recording.table["lane"], sound.table["lane"])
+    assert any("5, 4, 9" in note for note in recording.info.notes)
+
+
+def test_a_mirrored_plane_is_turned_by_the_oncoming_traffic(rows, read):
+    (mirrored,), (sound,) = read(rows.assign(**{"yloc-kf": 900.0 - rows["yloc-kf"]})), read(rows)
+    np.testing.assert_allclose(mirrored.table["lateral"], sound.table["lateral"], atol=1e-6)
+
+
+def test_codes_of_i395_are_classes(rows, read):
+    codes = np.where(rows["type-most-common"] == "large-vehicle", 2, 1)
+    codes[rows["id"] == 3] = 4
+    other = rows.assign(**{"type-most-common": codes}).drop(columns=["av", "run-index"])
+    (recording,) = read(other, name="I395-final.csv")
+    assert recording.info.id == "tgsim_i395"
+    assert (recording.table["vehicle_class"] == "truck").sum() == (codes == 2).sum()
+    assert set(recording.table.loc[recording.table["automated"] == "yes", "track_id"]) == {3}
+
+
+def test_a_ramp_that_leaves_is_counted(rows, read):
+    leaving = rows["id"] == 1
+    shift = np.where(leaving, 0.05 * np.maximum(rows["time"] - 8.0, 0.0) ** 2 * 4.0, 0.0)
+    ramp = rows.assign(
+        **{"lane-kf": np.where(leaving & (rows["time"] > 8.0), 7, rows["lane-kf"]), "yloc-kf": rows["yloc-kf"] + shift}
+    )
+    (recording,) = read(ramp, OnBad.drop_row)
+    assert recording.dropped["off_road"] == (ramp["lane-kf"] == 7).sum()
+
+
+@pytest.mark.parametrize(
+    ("change", "code", "fields"),
+    [
+        (lambda t: t.drop(columns="speed-kf"), "column-missing", {"column": "speedkf"}),
+        (lambda t: t.assign(**{"speed-kf": 3.6 * t["speed-kf"]}), "wrong-units", {"column": "speed-kf"}),
+        (lambda t: t.assign(**{"xloc-kf": t["xloc-kf"] / 0.3048, "yloc-kf": t["yloc-kf"] / 0.3048}), "wrong-units", {}),
+        (lambda t: t.assign(time=1000.0 * t["time"]), "wrong-units", {"column": "time"}),
+        (lambda t: t.assign(**{"length-smoothed": t["length-smoothed"] / 0.3048}), "wrong-units", {}),
+        (lambda t: t.iloc[:0], "no-rows", {}),
+        (lambda t: _with(t, 40, **{"xloc-kf": -9999.0}), "out-of-range", {"row": 41}),
+        (lambda t: _with(t, 40, **{"yloc-kf": np.nan}), "not-finite", {"row": 41}),
+        (lambda t: _with(t, 40, **{"lane-kf": 99}), "lane-out-of-range", {"row": 41, "column": "lane-kf"}),
+        (lambda t: _with(t, 40, **{"type-most-common": "boat"}), "unknown-class", {"row": 41}),
+        (lambda t: _with(t, 40, id=np.nan), "not-finite", {"row": 41, "column": "id"}),
+        (lambda t: t.drop(index=range(40, 44)), "gap", {}),
+        (lambda t: t.rename(columns={"speed-kf": "speed_kf_x"}), "format-unsupported", {"column": "speed_kf_x"}),
+        (lambda t: t[["time", "id"]], "not-a-table", {}),
+        (lambda t: t.assign(**{"xloc-kf": 1.0, "yloc-kf": 2.0}), "no-motion", {}),
+    ],
+)
+def test_a_fault_is_named(rows, read, change, code, fields):
+    with refused(code, **fields):
+        read(change(rows))
+
+
+def test_a_vehicle_that_drives_backwards_in_its_lane_is_named(rows, read):
+    own = (rows["id"] == 5).to_numpy()
+    turned = rows.copy()
+    turned.loc[own, ["xloc-kf", "yloc-kf"]] = rows.loc[own, ["xloc-kf", "yloc-kf"]].to_numpy()[::-1]
+    with refused("wrong-direction", row=int(np.argmax(own)) + 1):
+        read(turned)
+    (recording,) = read(turned, OnBad.drop_row)
+    assert recording.dropped["wrong_direction"] == own.sum()
+
+
+def test_a_cut_line_is_named_or_counted(rows, tmp_path, read):
+    read(rows)
+    path = tmp_path / "I294_L1_final.csv"
+    path.write_bytes(path.read_bytes()[:-30])
+    with refused("line-broken", row=len(rows)):
+        list(iterate_recordings(DataConfig(DataFormat.tgsim, str(tmp_path))))
+    (recording,) = iterate_recordings(DataConfig(DataFormat.tgsim, str(tmp_path), on_bad=OnBad.drop_row))
+    assert recording.dropped["broken_line"] == 1
+
+
+def test_an_empty_folder_and_an_empty_file_are_named(tmp_path):
+    data = DataConfig(DataFormat.tgsim, str(tmp_path))
+    with refused("recordings-missing", MissingInputError):
+        list(iterate_recordings(data))
+    (tmp_path / "a.csv").touch()
+    with refused("file-empty"):
+        list(iterate_recordings(data))
+
+
+def test_the_writer_writes_as_much_as_it_is_told(tmp_path):
+    write_tgsim(tmp_path / "a.csv", 100_000)
+    assert 100_000 <= (tmp_path / "a.csv").stat().st_size < 3_000_000

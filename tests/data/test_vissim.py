@@ -1,0 +1,129 @@
+"""Vissim's vehicle records: both layouts and their units, links in sequence; damaged files are refused."""
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from rearl_jax.config.data import DataConfig, DataFormat, OnBad
+from rearl_jax.data.recordings import is_generated, iterate_recordings
+from rearl_jax.problems import InvalidInputError, MissingInputError
+from tests.data import vissim_files
+from tests.refusal import refused
+
+ROWS = vissim_files.rows()
+TEXT = vissim_files.record_of(ROWS)
+
+
+def read(root, on_bad: OnBad = OnBad.stop):
+    (recording,) = iterate_recordings(DataConfig(DataFormat.vissim, str(root), on_bad=on_bad))
+    return recording
+
+
+def test_fronts_on_links_become_centres_on_one_road(tmp_path):
+    recording = read(vissim_files.write(tmp_path, TEXT))
+    table, info = recording.table, recording.info
+    raw = pd.DataFrame(ROWS, columns=["time", "no", "link", "lane", "front", "aside", "speed", "kind", "size"])
+    assert info.id == "vissim_run_001"
+    assert info.generated
+    assert is_generated(DataConfig(DataFormat.vissim, str(tmp_path)))
+    assert info.frame_rate == 5.0
+    assert info.lane_count == {1: 2}
+    assert recording.dropped == {"other_road": (raw["link"] == 77).sum()}
+    assert recording.dropped["other_road"] > 20
+    assert any("77" in note for note in info.notes)
+    raw = raw[raw["link"] != 77].sort_values(["no", "time"])
+    assert len(raw) == len(table)
+    begin = raw["link"].map({1: 0.0, 10000: 500.0, 2: 512.0})
+    np.testing.assert_array_equal(table["track_id"], raw["no"])
+    np.testing.assert_allclose(table["position"], begin + raw["front"] - raw["size"] / 2 + 2.2, atol=0.03)
+    np.testing.assert_allclose(table["speed"], raw["speed"], atol=0.001)
+    np.testing.assert_array_equal(table["lane"], 2 - raw["lane"])
+    np.testing.assert_allclose(table["lateral"], 3.5 * (table["lane"].astype(float) + 0.5))
+    assert set(table.loc[table["length"] == 10.2, "vehicle_class"]) == {"truck"}
+    assert set(table["type"]) == {"100", "200"}
+
+
+@pytest.mark.parametrize(("length", "speed"), [("ft", "mph"), ("m", "m/s"), ("m", "mph")])
+def test_units_that_the_file_states_are_converted(tmp_path, length, speed):
+    expected = read(vissim_files.write(tmp_path, TEXT)).table
+    vissim_files.write(tmp_path, vissim_files.record_of(ROWS, length, speed))
+    table = read(tmp_path).table
+    for name in ("position", "speed", "length"):
+        np.testing.assert_allclose(table[name], expected[name], atol=0.01)
+
+
+@pytest.mark.parametrize("speed", ["km/h", "mph"])
+def test_the_older_layout_is_read(tmp_path, speed):
+    expected = read(vissim_files.write(tmp_path, TEXT)).table
+    vissim_files.write(tmp_path, vissim_files.old_record_of(ROWS, speed))
+    table = read(tmp_path).table
+    for name in ("position", "speed", "length", "lane"):
+        np.testing.assert_allclose(table[name].astype(float), expected[name].astype(float), atol=0.05)
+
+
+def test_units_that_are_not_stated_are_vissims_own_and_a_note_says_so(tmp_path):
+    text = "\n".join(line for line in TEXT.splitlines() if not line.startswith("*"))
+    recording = read(vissim_files.write(tmp_path, text))
+    assert any("m and km/h assumed" in note for note in recording.info.notes)
+    text = vissim_files.record_of(ROWS, speed="mph")
+    vissim_files.write(tmp_path, "\n".join(line for line in text.splitlines() if not line.startswith("*")))
+    with refused("wrong-units", column="SPEED"):
+        read(tmp_path, OnBad.drop_row)
+
+
+def test_without_types_and_lengths_what_is_assumed_is_said(tmp_path):
+    text = TEXT.replace("VEHTYPE", "SOMETHING").replace("LENGTH", "ELSE")
+    recording = read(vissim_files.write(tmp_path, text))
+    assert set(recording.table["length"]) == {4.5}
+    assert set(recording.table["vehicle_class"]) == {"car"}
+    assert recording.info.labels == ()
+    notes = " ".join(recording.info.notes)
+    assert "4.5 m assumed" in notes
+    assert "cars assumed" in notes
+    recording = read(vissim_files.write(tmp_path, TEXT.replace(";200;", ";642;")))
+    assert any("642" in note for note in recording.info.notes)
+    assert set(recording.table["vehicle_class"]) == {"car", "other"}
+
+
+LINES = TEXT.splitlines()
+FIRST = next(number for number, line in enumerate(LINES) if line.startswith("$VEHICLE"))
+
+
+@pytest.mark.parametrize(
+    ("text", "code", "fields"),
+    [
+        pytest.param(TEXT.replace("POS;", "POZ;"), "column-missing", {"column": "POS"}, id="column"),
+        pytest.param(TEXT.replace(r"LANE\INDEX", "INDEX"), "column-missing", {"column": r"LANE\INDEX"}, id="lane"),
+        pytest.param(TEXT[:-20], "line-broken", {"row": len(ROWS)}, id="cut"),
+        pytest.param("", "file-empty", {}, id="empty"),
+        pytest.param("\n".join(LINES[: FIRST + 1]), "no-rows", {}, id="no-rows"),
+        pytest.param("a;b\n1;2\n", "not-a-table", {}, id="foreign"),
+        pytest.param(TEXT.replace("[km/h]", "[furlong/day]"), "unit-unknown", {"column": "SPEED"}, id="unit"),
+        pytest.param(
+            TEXT.replace(LINES[FIRST + 3], LINES[FIRST + 3].replace(";100;", ";100;x"), 1),
+            "value-unreadable",
+            {"column": "LENGTH", "row": 3},
+            id="number",
+        ),
+        pytest.param(TEXT.replace("[km/h]", "[m/s]"), "wrong-units", {}, id="wrong-unit"),
+        pytest.param(TEXT.replace(";10000;", ";1;", 1), None, {}, id="wrong-link"),
+    ],
+)
+def test_damaged_files_are_refused(tmp_path, text, code, fields):
+    vissim_files.write(tmp_path, text)
+    if code is None:
+        with pytest.raises(InvalidInputError):
+            read(tmp_path)
+        return
+    with refused(code, **fields):
+        read(tmp_path)
+
+
+def test_broken_lines_are_counted(tmp_path):
+    vissim_files.write(tmp_path, TEXT[:-20])
+    assert read(tmp_path, OnBad.drop_row).dropped["broken_line"] == 1
+
+
+def test_a_folder_without_records_names_what_is_wanted(tmp_path):
+    with pytest.raises(MissingInputError):
+        read(tmp_path)

@@ -1,0 +1,77 @@
+"""Vehicle records in Vissim's layouts: link 1, connector 10000 and link 2 in sequence, and a ramp that leaves."""
+
+from pathlib import Path
+
+import numpy as np
+
+STEP = 0.2
+LINKS = {1: 500.0, 10000: 12.0, 2: 400.0}
+EXPLAINED = {
+    "SIMSEC": "SimSec, Simulation second (Simulation time [s]) [s]",
+    "NO": "No, Number (Unique vehicle number)",
+    r"LANE\LINK\NO": r"Lane\Link\No, Link number (Unique number of the link or connector)",
+    r"LANE\INDEX": r"Lane\Index, Index (Unique number of the lane)",
+    "POS": "Pos, Position (Distance on the link from the beginning of the link or connector) [{length}]",
+    "POSLAT": "PosLat, Position (lateral) (Lateral position in the lane)",
+    "SPEED": "Speed, Speed (Speed at the end of the time step) [{speed}]",
+    "VEHTYPE": "VehType, Vehicle type",
+    "LENGTH": "Length, Length (Length of the vehicle) [{length}]",
+}
+UNITS = {"m": 1.0, "ft": 0.3048, "km/h": 1.0 / 3.6, "mph": 0.44704, "m/s": 1.0}
+
+
+def rows(n_vehicles: int = 7, n_steps: int = 300) -> list[list[float]]:
+    """Time, vehicle, link, lane from 1 at the right, front [m], place in the lane, speed [m/s], type, length [m]."""
+    found = []
+    for step in range(n_steps):
+        for i in range(n_vehicles):
+            speeds = 20.0 + i % 3 + np.sin(0.05 * np.arange(step + 1) + i)
+            start = 25 * i
+            if step < start:
+                continue
+            # As Vissim's steps: the mean of the speeds at both ends, times the step.
+            place = 8.0 + STEP * float(np.sum(0.5 * (speeds[start:-1] + speeds[start + 1 :])))
+            link, begin = 1, 0.0
+            for name, length in LINKS.items():
+                if place < begin + length:
+                    link = name
+                    break
+                begin += length
+            else:
+                continue
+            if i == 5 and link == 2:
+                link = 77  # leaves by the ramp
+            is_truck = i % 4 == 3
+            length, kind, lane = (10.2, 200, 1) if is_truck else (4.4, 100, 1 + i % 2)
+            found.append([STEP * (step + 1), i + 1, link, lane, place - begin, 0.5, speeds[-1], kind, length])
+    return found
+
+
+def record_of(found: list[list[float]], length: str = "m", speed: str = "km/h") -> str:
+    """The rows as Vissim 6 and later write them, in these units."""
+    said = [f"* {name}: {text.format(length=length, speed=speed)}" for name, text in EXPLAINED.items()]
+    head = ["$VISION", r"* File: C:\Nets\A9.inpx", "* Comment: ", "* Date: 10.02.2025 11:42:03"]
+    head += ["* Application: PTV Vissim 2025", "*", "* Table: Vehicles In Network", "*", *said, "*", "*"]
+    lines = [f"$VEHICLE:{';'.join(EXPLAINED)}"]
+    for time, no, link, lane, pos, aside, v, kind, size in found:
+        numbers = (pos / UNITS[length], aside, v / UNITS[speed], kind, size / UNITS[length])
+        lines.append(f"{time:.2f};{no};{link};{lane};" + "{:.3f};{:.2f};{:.3f};{};{:.3f}".format(*numbers))
+    return "\n".join([*head, *lines]) + "\n"
+
+
+def old_record_of(found: list[list[float]], speed: str = "km/h") -> str:
+    """The rows as VISSIM 5 wrote them: blanks before numbers, a semicolon behind the last."""
+    head = ["Vehicle Record", "", r"File:     c:\nets\a9.inp", "Comment:  ", "VISSIM:   5.30-05 [24]", ""]
+    head += ["VehNr : Number of the Vehicle", f"v     : Speed [{speed}] at the end of the simulation step"]
+    head += ["x     : Link coordinate [m] at the end of the simulation step", ""]
+    lines = ["      t; VehNr; Link; Lane;       x;      v; Type; Length;"]
+    for time, no, link, lane, pos, _, v, kind, size in found:
+        numbers = f"{pos:8.2f};{v / UNITS[speed]:7.2f};{kind:5};{size:7.2f};"
+        lines.append(f"{time:7.1f};{no:6};{link:5};{lane:5};{numbers}")
+    return "\n".join([*head, *lines]) + "\n"
+
+
+def write(folder: Path, text: str, name: str = "run_001.fzp") -> Path:
+    """The folder with a file of that text."""
+    (folder / name).write_text(text, encoding="utf-8")
+    return folder
