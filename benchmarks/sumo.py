@@ -7,21 +7,16 @@ from pathlib import Path
 
 import numpy as np
 
+from rearl_jax.export.sumo_road import draw_network
 from rearl_jax.timing.measurement import TICKS_PER_SECOND, Measurement, Stopwatch
 
 N_LANES = 4
+LIMIT = 30.0
+"""Speed limit [m/s]."""
+
 FASTEST = 40.0
 """Speed that nobody exceeds [m/s]; who reaches the end of the road would leave the simulation."""
 
-_LANE = '<lane id="road_{0}" index="{0}" speed="30" length="{1}" width="4" shape="0,{2} {1},{2}"/>'
-_NETWORK = """<net version="1.20">
-<location netOffset="0,0" convBoundary="0,-16,{length},0" origBoundary="0,0,0,0" projParameter="!"/>
-<edge id="road" from="west" to="east" priority="1">{lanes}</edge>
-<junction id="west" type="dead_end" x="0" y="0" incLanes="" intLanes="" shape="0,0 0,-16"/>
-<junction id="east" type="dead_end" x="{length}" y="0" incLanes="{names}" intLanes=""
-          shape="{length},-16 {length},0"/>
-</net>
-"""
 # Desired speed and exponent vary as in highway-env; its spacing of 10 m between centres is a gap of 5 m.
 _VEHICLE = (
     '<vType id="type{0}" carFollowModel="IDM" laneChangeModel="LC2013" length="5" width="2" minGap="5"'
@@ -55,7 +50,9 @@ class SumoRoads:
             for number in range(n_scenarios):
                 traffic, first = self._draw_traffic(np.random.default_rng([seed, number]))
                 routes.write_text(traffic, encoding="utf-8")
-                network.write_text(_draw_network(first + FASTEST * (self._seconds + 1)), encoding="utf-8")
+                network.write_text(
+                    draw_network(N_LANES, first + FASTEST * (self._seconds + 1), LIMIT), encoding="utf-8"
+                )
                 results.append(self._simulate(network, routes, watch))
         speeds, lane_changes, crashed = zip(*results, strict=True)
         return Measurement(
@@ -105,10 +102,3 @@ class SumoRoads:
             _VEHICLE.format(number, speed=v, position=x, lane=k, delta=d) for number, (v, x, k, d) in enumerate(columns)
         )
         return f"<routes>{''.join(vehicles)}</routes>", float(position[-1])
-
-
-def _draw_network(length: float) -> str:
-    """A network file with one straight road of a length [m]; SUMO counts lanes from the right."""
-    lanes = "".join(_LANE.format(k, length, 4 * k - 14) for k in range(N_LANES))
-    names = " ".join(f"road_{k}" for k in range(N_LANES))
-    return _NETWORK.format(length=length, lanes=lanes, names=names)

@@ -5,11 +5,12 @@ quantiles with and without effects, and for all values of the configuration keys
 """
 
 from dataclasses import fields, replace
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 from jax import lax
-from jaxtyping import Array, Float, Int, Key
+from jaxtyping import Array, Bool, Float, Int, Key
 
 from rearl_jax.config.driver import DEFAULT, MODELS
 from rearl_jax.core.car_following import CAR_FOLLOWING
@@ -57,7 +58,56 @@ def populate(
         population: Population of the drivers.
         model: Traffic model; only its road is used.
     """
-    n_vehicles, dtype = state.x.shape[0], state.x.dtype
+    drawn = draw_drivers(keys, state.x.shape[0], state.x.dtype, population)
+    values = {name: _with_drawn(name, value, state, drivers) for name, value in drawn.values.items()}
+    values |= {name: getattr(drivers.car_following, name) for name in population.drawn}
+    effects = _seeded(population.effects, keys)
+    if population.is_noisy:
+        effects = (*effects, AccelerationNoise(drawn.noise[0], drawn.noise[1], _seeds(keys, SEED_STREAM)))
+    # highway-env's drivers brake and accelerate within highway-env's bounds, all others within what a vehicle can do.
+    is_default = population.car_following == DEFAULT
+    limit = drivers.body.accel_limit if is_default else jnp.full_like(drivers.body.accel_limit, -HARDEST_BRAKING)
+    drivers = replace(
+        drivers,
+        car_following=CAR_FOLLOWING[population.car_following](**values),
+        body=Body(drawn.length, drivers.body.width, limit, drivers.body.collides, drawn.is_truck),
+        effects=effects,
+    )
+    if population.is_resized or not is_default:
+        state = replace(state, x=make_room(state, drawn.length, model))
+    if population.lane_changing is not None:
+        state, drivers = _with_lane_changing(state, drivers, population.lane_changing, model)
+    return begin_driving(state, drivers, model), drivers
+
+
+class DrawnDrivers(NamedTuple):
+    """Drivers drawn from a population.
+
+    Attributes:
+        values: Values of the parameters of their car-following model by name, within their bounds; nan for what stays
+            as it is drawn with the initial state.
+        noise: Standard deviation [m/s^2] and correlation time [s] of the acceleration's noise.
+        length: Lengths of the vehicles [m].
+        is_truck: Whether each is a truck.
+    """
+
+    values: dict[str, Float[Array, "vehicles scenarios"]]
+    noise: Float[Array, "two vehicles scenarios"]
+    length: Float[Array, "vehicles scenarios"]
+    is_truck: Bool[Array, "vehicles scenarios"]
+
+
+def draw_drivers(
+    keys: Key[Array, " scenarios"], n_vehicles: int, dtype: jnp.dtype, population: Population
+) -> DrawnDrivers:
+    """Drivers of each scenario, which do not depend on the other scenarios.
+
+    Args:
+        keys: One random key per scenario.
+        n_vehicles: Vehicles per scenario.
+        dtype: Floating type.
+        population: Population of the drivers.
+    """
     names = MODELS[population.car_following].names
 
     def draw(key: Key[Array, ""]) -> tuple[Array, Array, Array]:
@@ -72,33 +122,18 @@ def populate(
     tables = jax.tree.map(jnp.asarray, (population.median, population.factor, population.noise, population.length))
     median, factor, noise, length = (jnp.moveaxis(table[number], (0, 1), (-2, -1)) for table in tables)
     values = dict(zip(names, median * jnp.exp(jnp.sum(factor * own[None], axis=1)), strict=True))
-    values = {name: _with_drawn(name, value, state, drivers) for name, value in _within_bounds(values, population)}
-    values |= {name: getattr(drivers.car_following, name) for name in population.drawn}
-    lengths = jnp.maximum(length[0] + length[1] * length_deviates, 1.0)
-    effects = _seeded(population.effects, keys)
-    if population.is_noisy:
-        effects = (*effects, AccelerationNoise(noise[0], noise[1], _seeds(keys, SEED_STREAM)))
-    # highway-env's drivers brake and accelerate within highway-env's bounds, all others within what a vehicle can do.
-    is_default = population.car_following == DEFAULT
-    limit = drivers.body.accel_limit if is_default else jnp.full_like(drivers.body.accel_limit, -HARDEST_BRAKING)
-    is_truck = jnp.asarray(population.is_truck)[number]
-    drivers = replace(
-        drivers,
-        car_following=CAR_FOLLOWING[population.car_following](**values),
-        body=Body(lengths, drivers.body.width, limit, drivers.body.collides, is_truck),
-        effects=effects,
+    return DrawnDrivers(
+        values=_within_bounds(values, population),
+        noise=noise,
+        length=jnp.maximum(length[0] + length[1] * length_deviates, 1.0),
+        is_truck=jnp.asarray(population.is_truck)[number],
     )
-    if population.is_resized or not is_default:
-        state = replace(state, x=make_room(state, lengths, model))
-    if population.lane_changing is not None:
-        state, drivers = _with_lane_changing(state, drivers, population.lane_changing, model)
-    return begin_driving(state, drivers, model), drivers
 
 
-def _within_bounds(values: dict[str, Array], population: Population) -> list[tuple[str, Array]]:
+def _within_bounds(values: dict[str, Array], population: Population) -> dict[str, Array]:
     """Parameters by name, within the bounds that their model declares."""
     declared = {parameter.name: parameter for parameter in MODELS[population.car_following].parameters}
-    return [(name, jnp.clip(value, declared[name].low, declared[name].high)) for name, value in values.items()]
+    return {name: jnp.clip(value, declared[name].low, declared[name].high) for name, value in values.items()}
 
 
 def _with_drawn(name: str, value: Array, state: TrafficState, drivers: Drivers) -> Array:

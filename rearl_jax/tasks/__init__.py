@@ -5,6 +5,7 @@ task runs.
 """
 
 from rearl_jax.tasks.data import DATA
+from rearl_jax.tasks.exchange import EXCHANGE
 from rearl_jax.tasks.folders import conf_dir, sweeps_dir
 from rearl_jax.tasks.maintenance import MAINTENANCE
 from rearl_jax.tasks.simulation import CLOSED_LOOP, SIMULATION
@@ -13,5 +14,5 @@ from rearl_jax.tasks.task import Task
 
 __all__ = ["CLOSED_LOOP", "TASKS", "Task", "conf_dir", "sweeps_dir"]
 
-TASKS = (*DATA, *SIMULATION, *STUDIES, *MAINTENANCE)
+TASKS = (*DATA, *SIMULATION, *STUDIES, *EXCHANGE, *MAINTENANCE)
 """All tasks, in the order of the help text."""

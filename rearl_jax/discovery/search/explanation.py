@@ -22,12 +22,18 @@ def is_explained(solver: Solver, outcome: Search, seed: int) -> bool:
 
 
 def names_more(solver: Solver, outcome: Search, other: Solver, named: Search, seed: int) -> bool:
-    """True if a search beside another model explains the drivers by named effects and predicts other drivers better.
-
-    The gains one time step ahead and in simulations are summed; the simulations must not be significantly worse.
+    """True if a search beside another model accounts for the drivers by names, and predicts other drivers better than
+    the one that does not.
     """
     if not named.added or not is_explained(other, named, seed):
         return False
+    return predicts_better(solver, outcome, other, named, seed)
+
+
+def predicts_better(solver: Solver, outcome: Search, other: Solver, named: Search, seed: int) -> bool:
+    """True if a search beside another model predicts the check drivers better: one time step ahead and in simulations
+    together, and these are not significantly worse.
+    """
     (before,) = on_others(solver, outcome.checked, [outcome.last])
     (after,) = on_others(other, named.checked, [named.last])
     gains = bounded_gains(after.marginal() - before.marginal(), named.checked)

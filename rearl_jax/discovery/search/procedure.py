@@ -198,7 +198,7 @@ def search(
     lane_changes: bool = True,
     calibrated: Base | None = None,
     excluded: frozenset[Term] = frozenset(),
-    names_only: bool = False,
+    rounds: int | None = None,
 ) -> Search:
     """The loop: until nothing exceeds chance any more, or nothing that does is accepted.
 
@@ -211,7 +211,7 @@ def search(
         lane_changes: Whether what changes of lane bring with them is part of the calibrated model.
         calibrated: The calibrated model where it is known; None to calibrate.
         excluded: Candidates, or clocks, that are not looked for.
-        names_only: Whether the loop ends once a free curve is added, because names alone are asked for.
+        rounds: Rounds after which the loop ends; None for as many as there are effects to add.
     """
     report("calibrating drivers", 0, 1)
     of_lanes = calibrated or base_of(solver, fitted, lane_changes=lane_changes)
@@ -236,7 +236,7 @@ def search(
             outcome.lane_changes = lane_change_trials(solver, of_lanes, outcome.checked)
         else:
             outcome.rounds.append(turn)
-            if turn.chosen is None or (names_only and is_free(turn.chosen)):
+            if turn.chosen is None or len(outcome.rounds) == rounds:
                 break
             base = turn.chosen.fit
         everybody = with_others(solver, base, outcome.checked)

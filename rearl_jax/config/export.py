@@ -1,0 +1,99 @@
+"""Drivers for other programs and from them: the configuration of both tasks."""
+
+from dataclasses import dataclass
+from enum import Enum
+
+from rearl_jax.config import _ONE_VARIANT, ResultsConfig, _group, _study
+from rearl_jax.config._key import key
+from rearl_jax.config._ranges import check_least, check_positive, check_within
+from rearl_jax.config.data import DataConfig, DataFormat, OnBad
+from rearl_jax.config.driver import DriverConfig, record_of
+from rearl_jax.config.evaluation import Variant
+from rearl_jax.config.mobil import MobilConfig
+from rearl_jax.problems import InvalidInputError, Problem, out_of_range
+
+
+class Target(Enum):
+    """Program that an exported model is written for."""
+
+    sumo = "sumo"
+    """An additional file of SUMO with a distribution of vehicle types."""
+    highway_env = "highway_env"
+    """A JSON list of attributes of highway-env's IDMVehicle."""
+
+
+@dataclass(unsafe_hash=True)
+class ExportConfig:
+    """Drawn drivers, and their comparison in SUMO"""
+
+    n_types: int = key(100, "drivers drawn from the population, each as probable as the others; own choice")
+    seed: int = key(0, "seed of the drawn drivers, and of the comparison")
+    compare: bool = key(False, "simulate the exported drivers in SUMO and here behind the same leaders; to=sumo only")
+    n_leaders: int = key(20, "measured first vehicles of the comparison, taken from the recordings of data; own choice")
+    n_followers: int = key(10, "followers of each; own choice")
+    seconds: int = key(60, "simulated time of the comparison [s]; as a scene of REARL (Bi et al.)")
+
+    def check(self) -> None:
+        """Raise InvalidInputError for a value outside its range."""
+        check_least(self, 1, "n_types", "n_leaders", "n_followers", "seconds")
+        check_within(self, 0, 2**31 - 4, "seed")
+
+
+@dataclass(unsafe_hash=True)
+class SumoFileConfig:
+    """Vehicle types of SUMO that become drivers"""
+
+    file: str | None = key(None, "file of SUMO with vType elements: a route file, an additional file")
+    types: str = key("*", "ids of the types that are read, or of their distributions, as a pattern with * and ?")
+    speed_limit: float | None = key(
+        None, "limit of the roads they drive on [m/s], which speedFactor multiplies; null: maxSpeed alone counts"
+    )
+
+    def check(self) -> None:
+        """Raise InvalidInputError for a value outside its range."""
+        check_positive(self, "speed_limit")
+
+
+def _platoons() -> DataConfig:
+    """Shipped recordings with first vehicles that nobody is ahead of."""
+    return DataConfig(DataFormat.openacc, on_bad=OnBad.drop_row)
+
+
+@dataclass(unsafe_hash=True)
+class ExportTask:
+    """Drivers for other programs."""
+
+    study: str = _study("export")
+    to: Target = key(Target.sumo, "program that the drivers are written for")
+    model: str | None = key(
+        None, "repaired model, a model.yaml written by `rearl discover`; null = the drivers of `driver` and `mobil`"
+    )
+    variant: Variant = key(Variant.repaired, _ONE_VARIANT)
+    results: ResultsConfig = _group(ResultsConfig)
+    data: DataConfig = key(_platoons, "Recordings of the first vehicles of export.compare")
+    driver: DriverConfig = key(
+        record_of("idm"), "Car following, sizes and classes of the drivers; driver=NAME chooses the model"
+    )
+    mobil: MobilConfig = _group(MobilConfig)
+    export: ExportConfig = _group(ExportConfig)
+
+    def check(self) -> None:
+        """Raise InvalidInputError for drivers given twice, for both variants at once, and for what is not compared."""
+        if self.variant is Variant.all:
+            message = "must be repaired or calibrated: a file holds one population"
+            raise out_of_range("variant", message, self.variant.name)
+        if self.model is not None and self.driver != record_of("idm")():
+            message = "has its own drivers: leave out the keys of driver, or leave out model"
+            raise InvalidInputError(Problem("drivers-twice", message, key=f"model={self.model}"))
+        if self.export.compare and self.to is not Target.sumo:
+            message = "must be false: only exported drivers of to=sumo are compared"
+            raise out_of_range("export.compare", message, True)
+
+
+@dataclass(unsafe_hash=True)
+class ImportTask:
+    """Drivers from another program."""
+
+    study: str = _study("import")
+    results: ResultsConfig = _group(ResultsConfig)
+    sumo: SumoFileConfig = _group(SumoFileConfig)

@@ -1,0 +1,155 @@
+"""The exported drivers in SUMO beside the same in this package: gaps of the same platoons, and a flow of many drivers.
+
+Round trip: the same drivers behind the same measured first vehicles; the difference is what the two programs compute
+differently. Flow: SUMO draws its drivers from the exported file; speeds and headways of both are scored by this
+package's metrics, beside two draws of this package.
+"""
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import jax.numpy as jnp
+import numpy as np
+import pandas as pd
+from jaxtyping import Array, Bool, Float, Int
+
+from rearl_jax.config.metrics import HistConfig
+from rearl_jax.export.drawn import columns, place
+from rearl_jax.export.platoon import ROAD, STEPS_PER_SECOND, Motion, Start, simulate, start_platoons
+from rearl_jax.export.sumo import DISTRIBUTION, sumo_file, type_attributes
+from rearl_jax.export.sumo_platoon import simulate_in_sumo
+from rearl_jax.metrics.histograms import cumulative_counts, equal_edges, histogram_distances, speed_edges
+from rearl_jax.models.population import Population
+
+HEADWAY_EDGES = equal_edges(0.0, 5.0, 10)
+"""Edges of the bins of time headways [s]; longer ones count in the last."""
+
+SLOWEST = 1.0
+"""Speed [m/s] below which nobody has a time headway, as `thw.v_min`."""
+
+
+def round_trip(
+    population: Population, leader_speed: Float[np.ndarray, "steps platoons"], n_followers: int, seed: int
+) -> pd.DataFrame:
+    """Gaps in SUMO less those in this package: one row for car following alone, one with effects and noise if any.
+
+    Columns: `compared`, `gap` (mean, here) and, of the absolute differences, `difference` (mean), `first` and `last`
+    (mean of the first and of the last follower), `largest` [m]; `crashed` (share of
+    followers whose gap falls below 0 in SUMO).
+    """
+    bare = replace(population, effects=(), is_noisy=False)
+    rows = [_round_trip_row("car following", bare, bare, leader_speed, n_followers, seed)]
+    if population.effects or population.is_noisy:
+        label = "with effects and noise"
+        rows.append(_round_trip_row(label, population, population, leader_speed, n_followers, seed))
+    return pd.DataFrame(rows)
+
+
+def _round_trip_row(
+    label: str, here: Population, there: Population, leader_speed: np.ndarray, n_followers: int, seed: int
+) -> dict[str, Any]:
+    start = start_platoons(here, leader_speed, n_followers, seed)
+    own, names = {}, []
+    for number in range(leader_speed.shape[1]):
+        drawn = type_attributes(columns(there, start.drivers, n_followers + 1, number), there.effects)
+        names.append([f"driver_{number}_{k}" for k in range(1, n_followers + 1)])
+        own |= dict(zip(names[-1], drawn[1:], strict=True))
+    ours = simulate(start, leader_speed)
+    theirs = simulate_in_sumo(start, leader_speed, sumo_file(own), names, seed)
+    difference = np.abs(theirs.gap - ours.gap)
+    return {
+        "compared": label,
+        "gap": float(ours.gap.mean()),
+        "difference": float(difference.mean()),
+        "first": float(difference[:, 0].mean()),
+        "last": float(difference[:, -1].mean()),
+        "largest": float(difference.max()),
+        "crashed": float((theirs.gap < 0).any(axis=0).mean()),
+    }
+
+
+def flow(
+    population: Population,
+    types: str,
+    leader_speed: Float[np.ndarray, "steps platoons"],
+    n_followers: int,
+    seed: int,
+) -> pd.DataFrame:
+    """Speeds and time headways of drivers that SUMO draws from a file, and of two draws of this package.
+
+    All start at the same places, which are those of yet other drivers; measured is every second after the start.
+    Columns: `traffic`, `speed`, `speed_sd` [m/s], `headway`, `headway_sd` [s], and the Hellinger distances of both
+    distributions to the first draw of this package, `h_speed` and `h_headway` [-].
+    """
+    start = start_platoons(population, leader_speed, n_followers, seed)
+    names = [[DISTRIBUTION] * n_followers] * leader_speed.shape[1]
+    motions = {
+        "here": _other_drivers(population, start, leader_speed, seed + 1),
+        "here, other drivers": _other_drivers(population, start, leader_speed, seed + 2),
+        "SUMO": simulate_in_sumo(start, leader_speed, types, names, seed),
+    }
+    measured = {name: _Measured.of(motion) for name, motion in motions.items()}
+    reference = measured["here"]
+    return pd.DataFrame([{"traffic": name, **own.beside(reference)} for name, own in measured.items()])
+
+
+def _other_drivers(population: Population, start: Start, leader_speed: np.ndarray, seed: int) -> Motion:
+    """The platoons from the same places with other drivers."""
+    _, drivers = place(population, np.asarray(start.state.speed), ROAD, seed)
+    return simulate(Start(start.state, drivers), leader_speed)
+
+
+@dataclass(frozen=True)
+class _Measured:
+    """Followers at every second after the start.
+
+    Attributes:
+        speed: [m/s].
+        headway: Time headways [s].
+        moves: Where there is a headway: the follower moves, and is behind its leader.
+    """
+
+    speed: Float[np.ndarray, "seconds followers platoons"]
+    headway: Float[np.ndarray, "seconds followers platoons"]
+    moves: Bool[np.ndarray, "seconds followers platoons"]
+
+    @classmethod
+    def of(cls, motion: Motion) -> "_Measured":
+        """Those of some platoons."""
+        seconds = slice(STEPS_PER_SECOND, None, STEPS_PER_SECOND)
+        speed, gap = motion.speed[seconds, 1:], motion.gap[seconds]
+        moves = (speed >= SLOWEST) & (gap > 0)
+        return cls(speed, np.where(moves, gap, 0.0) / np.where(moves, speed, 1.0), moves)
+
+    def beside(self, reference: "_Measured") -> dict[str, float]:
+        """Means and standard deviations, and distances to the distributions of other traffic."""
+        headway = self.headway[self.moves]
+        return {
+            "speed": float(self.speed.mean()),
+            "speed_sd": float(self.speed.std()),
+            "headway": float(headway.mean()),
+            "headway_sd": float(headway.std()),
+            "h_speed": _distance(*(counts(own.speed, speed_edges(HistConfig())) for own in (self, reference))),
+            "h_headway": _distance(*(counts(own.headway, HEADWAY_EDGES, own.moves) for own in (self, reference))),
+        }
+
+
+def counts(
+    values: Float[np.ndarray, "seconds followers platoons"],
+    edges: tuple[float, ...],
+    valid: Bool[np.ndarray, "seconds followers platoons"] | None = None,
+) -> Int[Array, " bins"]:
+    """Number of values per bin, those outside in the outer bins.
+
+    Args:
+        values: The values.
+        edges: Edges of the bins.
+        valid: Which values count; None for all.
+    """
+    mask = None if valid is None else jnp.asarray(valid)
+    return cumulative_counts(jnp.asarray(values), edges, drop=False, valid=mask)[-1].sum(axis=-1, dtype=jnp.int32)
+
+
+def _distance(own: Int[Array, " bins"], reference: Int[Array, " bins"]) -> float:
+    """Hellinger distance of two distributions [-]."""
+    return float(histogram_distances(own, reference, jnp.dtype(jnp.float64)).value)

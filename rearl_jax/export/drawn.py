@@ -1,0 +1,107 @@
+"""Drivers drawn from a population, as columns of numbers: what every target writes."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import equinox as eqx
+import jax
+import numpy as np
+from jaxtyping import Array, Bool, Float, Key
+
+from rearl_jax.config.driver import MODELS
+from rearl_jax.core.drivers import Drivers, highway_env_drivers
+from rearl_jax.core.model import TrafficModel
+from rearl_jax.core.state import TrafficState, make_state
+from rearl_jax.models.population import Population
+from rearl_jax.models.traffic import DrawnDrivers, draw_drivers, populate
+
+SPACING = 100.0
+"""Distance [m] at which vehicles are placed while their drivers are drawn; nobody drives from there."""
+
+
+@dataclass(frozen=True)
+class DriverColumns:
+    """Some drivers of one population.
+
+    Attributes:
+        car_following: Name of their car-following model.
+        values: Value of each parameter of the model for each driver, nan where highway-env draws it with the initial
+            state; parameters that it draws for all drivers are left out.
+        length: Lengths of the vehicles [m].
+        is_truck: Whether each is a truck.
+    """
+
+    car_following: str
+    values: Mapping[str, Float[np.ndarray, " drivers"]]
+    length: Float[np.ndarray, " drivers"]
+    is_truck: Bool[np.ndarray, " drivers"]
+
+    def __len__(self) -> int:
+        return len(self.length)
+
+
+def draw(population: Population, n: int, seed: int) -> DriverColumns:
+    """Drivers drawn as a simulation of the population draws them, with the correlations of their parameters.
+
+    Args:
+        population: The population.
+        n: How many; each is as probable as the others.
+        seed: Seed of the draw.
+    """
+    drawn = _draw(jax.random.split(jax.random.key(seed), 1), n, population)
+    names = [name for name in MODELS[population.car_following].names if name not in population.drawn]
+    values = {name: np.asarray(drawn.values[name])[:, 0] for name in names}
+    return DriverColumns(
+        population.car_following, values, np.asarray(drawn.length)[:, 0], np.asarray(drawn.is_truck)[:, 0]
+    )
+
+
+@eqx.filter_jit
+def _draw(keys: Key[Array, " scenarios"], n: int, population: Population) -> DrawnDrivers:
+    return draw_drivers(keys, n, population.median.dtype, population)
+
+
+def place(
+    population: Population, speed: Float[np.ndarray, "vehicles scenarios"], road: TrafficModel, seed: int
+) -> tuple[TrafficState, Drivers]:
+    """Vehicles on one lane with drivers of the population, each behind the one before it in the order of the arrays.
+
+    Args:
+        population: The population.
+        speed: Speeds at the start [m/s].
+        road: The road.
+        seed: Seed of the draw.
+    """
+    n_vehicles, n_scenarios = speed.shape
+    dtype = population.median.dtype
+    x = np.broadcast_to(SPACING * np.arange(n_vehicles, 0, -1)[:, None], speed.shape)
+    start = make_state(x, np.zeros_like(x), speed, road, dtype=dtype.type)
+    keys = jax.random.split(jax.random.key(seed), n_scenarios)
+    usual = highway_env_drivers(dtype=dtype, ticks_per_second=road.ticks_per_second)
+    return _populate(start, usual, keys, population, road)
+
+
+_populate = eqx.filter_jit(populate)
+
+
+def columns(population: Population, drivers: Drivers, n: int, scenario: int) -> DriverColumns:
+    """The drivers of one scenario as columns.
+
+    Args:
+        population: What they were drawn from.
+        drivers: The drivers, arrays `[vehicles, scenarios]`.
+        n: Number of vehicles.
+        scenario: Number of the scenario.
+    """
+
+    def column(values: object) -> np.ndarray:
+        every = np.asarray(values)
+        return np.broadcast_to(every[:, min(scenario, every.shape[1] - 1)], (n,))
+
+    names = [name for name in MODELS[population.car_following].names if name not in population.drawn]
+    return DriverColumns(
+        population.car_following,
+        {name: column(getattr(drivers.car_following, name)) for name in names},
+        column(drivers.body.length),
+        column(drivers.body.is_truck),
+    )

@@ -1,0 +1,100 @@
+"""Drivers as attributes of highway-env's `IDMVehicle`, one mapping per driver, as JSON.
+
+    for name, value in driver.items():
+        setattr(vehicle, name, value)
+
+Source: highway-env 1.12.1, `vehicle/behavior.py` (IDMVehicle).
+"""
+
+import json
+
+import numpy as np
+
+from rearl_jax.config.driver import DEFAULT
+from rearl_jax.core.car_following.highway_env_idm import VEHICLE_LENGTH
+from rearl_jax.export.drawn import DriverColumns, draw
+from rearl_jax.export.said import Exported, Said, unsaid_effects
+from rearl_jax.models.population import Population
+from rearl_jax.problems import InvalidInputError, Problem
+
+ATTRIBUTES = {
+    "desired_speed": "target_speed",
+    "time_gap": "TIME_WANTED",
+    "jam_gap": "DISTANCE_WANTED",
+    "max_accel": "COMFORT_ACC_MAX",
+    "comfort_decel": "COMFORT_ACC_MIN",
+    "accel_exponent": "DELTA",
+}
+"""Attribute of an `IDMVehicle` that holds each parameter."""
+
+LANE_CHANGING = {
+    "politeness": "POLITENESS",
+    "gain_threshold": "LANE_CHANGE_MIN_ACC_GAIN",
+    "safe_decel": "LANE_CHANGE_MAX_BRAKING_IMPOSED",
+    "delay": "LANE_CHANGE_DELAY",
+}
+"""Attribute that holds each parameter of MOBIL."""
+
+PUBLISHED = "idm"
+"""The car-following model that differs from highway-env's by its gaps."""
+
+_CENTRES = (
+    "highway-env measures from centre to centre: the same gap in steady following, but a weaker answer to a short one"
+)
+
+
+def to_highway_env(population: Population, n_drivers: int, seed: int) -> Exported:
+    """A JSON list of drivers drawn from a population, each an object of attributes of `IDMVehicle`.
+
+    Args:
+        population: The drivers, as of `models.population.population_of_model`.
+        n_drivers: Number of drivers.
+        seed: Seed of the draw.
+
+    Raises:
+        InvalidInputError: They follow by another model than IDM.
+    """
+    if population.car_following not in (DEFAULT, PUBLISHED):
+        raise InvalidInputError(
+            Problem(
+                "equation-unknown-there",
+                "has another equation than highway-env's IDM",
+                f"calibrate {PUBLISHED} or {DEFAULT}, or choose another target",
+                key="car_following",
+                value=population.car_following,
+            )
+        )
+    drawn = draw(population, n_drivers, seed)
+    drivers = [_attributes(drawn, k) | _lane_changing(population) for k in range(n_drivers)]
+    return Exported(json.dumps(drivers, indent=1) + "\n", tuple(_said(population, drawn)))
+
+
+def _attributes(drawn: DriverColumns, k: int) -> dict[str, float]:
+    own = {ATTRIBUTES[name]: float(values[k]) for name, values in drawn.values.items() if np.isfinite(values[k])}
+    own["DISTANCE_WANTED"] += VEHICLE_LENGTH
+    own["COMFORT_ACC_MIN"] *= -1
+    if drawn.car_following == PUBLISHED:
+        own["DELTA"] = 4.0
+    return {name: float(f"{value:.6g}") for name, value in own.items()}
+
+
+def _lane_changing(population: Population) -> dict[str, float]:
+    own = population.lane_changing
+    if own is None:
+        return {}
+    return {attribute: float(f"{float(getattr(own, name)):.6g}") for name, attribute in LANE_CHANGING.items()}
+
+
+def _said(population: Population, drawn: DriverColumns) -> list[Said]:
+    is_other = drawn.car_following == PUBLISHED
+    said = [Said(f"car_following {drawn.car_following}", "IDMVehicle", _CENTRES if is_other else "")]
+    said += [Said(name, ATTRIBUTES[name], "plus 5 m" if name == "jam_gap" else "") for name in drawn.values]
+    said += [Said(name, None, "highway-env draws it with each vehicle") for name in population.drawn]
+    if population.lane_changing is not None:
+        said += [Said(f"lane_changing {name}", attribute) for name, attribute in LANE_CHANGING.items()]
+    said += unsaid_effects((effect.name for effect in population.effects), "highway-env")
+    if population.is_noisy:
+        said.append(Said("noise_sd, noise_time", None, "highway-env's drivers have no noise"))
+    if population.is_resized:
+        said.append(Said("length, class of vehicles", None, "all vehicles of highway-env are 5 m long"))
+    return said

@@ -1,0 +1,48 @@
+"""Speeds of measured first vehicles, which nobody is ahead of."""
+
+import numpy as np
+import pandas as pd
+from jaxtyping import Float
+
+from rearl_jax.config.data import DataConfig
+from rearl_jax.data.recordings import iterate_recordings
+from rearl_jax.export.platoon import STEPS_PER_SECOND
+from rearl_jax.problems import InvalidInputError, Problem
+
+
+def leader_speeds(data: DataConfig, n_leaders: int, seconds: int) -> Float[np.ndarray, "steps leaders"]:
+    """Speeds of vehicles without a leader over some seconds [m/s], at the clock of the simulations.
+
+    Long tracks are cut into several pieces; those taken are spread evenly over all that there are.
+
+    Args:
+        data: The recordings.
+        n_leaders: Number of pieces.
+        seconds: Length of each.
+
+    Raises:
+        InvalidInputError: The recordings have fewer.
+    """
+    found = [
+        piece
+        for recording in iterate_recordings(data)
+        for piece in _pieces(recording.table, recording.info.frame_rate, seconds)
+    ]
+    if len(found) < n_leaders:
+        message = f"must be at most {len(found)}: the recordings have no more vehicles without a leader for {seconds} s"
+        raise InvalidInputError(Problem("leaders-too-few", message, key="export.n_leaders", value=n_leaders))
+    chosen = np.linspace(0, len(found) - 1, n_leaders).round().astype(int)
+    return np.stack([found[number] for number in chosen], axis=1)
+
+
+def _pieces(table: pd.DataFrame, frame_rate: float, seconds: int) -> list[Float[np.ndarray, " steps"]]:
+    """Consecutive pieces of the tracks without a leader in one recording."""
+    alone = table.groupby("track_id")["leader_id"].transform(lambda leader: leader.isna().all())
+    n_steps, pieces = seconds * STEPS_PER_SECOND + 1, []
+    for _, track in table.loc[alone].groupby("track_id"):
+        frame = track["frame"].to_numpy()
+        time = (frame - frame[0]) / frame_rate
+        clock = np.arange(0, time[-1] + 1e-9, 1 / STEPS_PER_SECOND)
+        speed = np.interp(clock, time, track["speed"].to_numpy())
+        pieces += [speed[start : start + n_steps] for start in range(0, len(speed) - n_steps + 1, n_steps)]
+    return pieces

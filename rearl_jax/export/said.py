@@ -1,0 +1,58 @@
+"""What became of each part of a model in another program: where it went, or why it could not be said there."""
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import pandas as pd
+
+from rearl_jax.core.effects import EFFECTS
+
+
+@dataclass(frozen=True)
+class Said:
+    """One part of a model.
+
+    Attributes:
+        what: Parameter or effect of the model.
+        where: Attribute of the other program that holds it; None if it could not be said.
+        remark: How near that is, or why it could not be said; empty if it is the same.
+    """
+
+    what: str
+    where: str | None
+    remark: str = ""
+
+
+@dataclass(frozen=True)
+class Exported:
+    """A model in the form of another program.
+
+    Attributes:
+        text: Content of the file.
+        said: What became of each part of the model.
+    """
+
+    text: str
+    said: tuple[Said, ...]
+
+
+def said_table(said: Sequence[Said]) -> pd.DataFrame:
+    """One row per part of a model: `what`, `where` (missing if it could not be said), `remark`."""
+    return pd.DataFrame([(one.what, one.where, one.remark) for one in said], columns=["what", "where", "remark"])
+
+
+def unsaid_effects(names: Iterable[str], program: str) -> list[Said]:
+    """The effects that a program has no counterpart of.
+
+    Args:
+        names: Names of these effects.
+        program: Its name.
+    """
+    reasons = {
+        "driver": f"{program}'s car following has no such term",
+        "generic": f"{program}'s car following has no such term",
+        "random": f"{program}'s car following has no such random term",
+        "road": "belongs to the road, not to its drivers: put it into the network",
+        "lane_change": f"{program}'s lane changing has no such term",
+    }
+    return [Said(name, None, reasons[EFFECTS[name].kind]) for name in names]

@@ -1,0 +1,47 @@
+"""SUMO simulations in a process of their own: `python sumo_worker.py ORDERS.json LENGTHS.json`.
+
+libsumo and pyarrow each bring a version of Arrow, so they do not share a process. The first vehicle of each simulation
+is told its speed in every step; all others are SUMO's. Standard library and libsumo only.
+"""
+
+import json
+import sys
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+
+def main(orders_file: str, lengths_file: str) -> None:
+    """Runs the simulations, and writes the lengths of their vehicles [m]; SUMO writes what happened."""
+    orders = json.loads(Path(orders_file).read_text(encoding="utf-8"))
+    lengths = [_simulate(order) for order in orders]
+    Path(lengths_file).write_text(json.dumps(lengths), encoding="utf-8")
+
+
+def _simulate(order: dict[str, Any]) -> list[float]:
+    """Lengths of the vehicles [m].
+
+    Raises:
+        RuntimeError: SUMO did not put all of them on the road.
+    """
+    sumo, ids = import_module("libsumo"), order["ids"]
+    sumo.start(["sumo", *order["options"]])
+    try:
+        sumo.simulationStep()  # the vehicles enter
+        missing = sorted(set(ids) - set(sumo.vehicle.getIDList()))
+        if missing:
+            raise RuntimeError(f"SUMO did not put {', '.join(missing)} on the road")
+        lengths = [sumo.vehicle.getLength(own) for own in ids]
+        sumo.vehicle.setSpeedMode(ids[0], 0)
+        for own in ids:
+            sumo.vehicle.setLaneChangeMode(own, 0)
+        for speed in order["speeds"][1:]:
+            sumo.vehicle.setSpeed(ids[0], speed)
+            sumo.simulationStep()
+        return lengths
+    finally:
+        sumo.close()
+
+
+if __name__ == "__main__":
+    main(*sys.argv[1:3])

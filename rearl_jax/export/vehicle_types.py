@@ -1,0 +1,175 @@
+"""Vehicle types of a SUMO file as records: attributes with SUMO's defaults, and what was read of them.
+
+Sources: SUMO 1.28, "Definition of Vehicles, Vehicle Types, and Routes" and "Vehicle Type Parameter Defaults".
+"""
+
+import math
+import re
+import xml.etree.ElementTree as ET
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from fnmatch import fnmatchcase
+from pathlib import Path
+
+from rearl_jax.models.record import CAR, TRUCK
+from rearl_jax.problems import InvalidInputError, MissingInputError, Problem
+
+DEFAULT_MODEL = "Krauss"
+"""SUMO's car-following model of types that name none."""
+
+
+@dataclass(frozen=True)
+class VehicleClass:
+    """What SUMO takes for vehicles of a class where a type says nothing: units as of SUMO, and our class."""
+
+    kind: str
+    length: float
+    accel: float
+    decel: float
+    maxSpeed: float  # noqa: N815 - the attribute's name
+    speedDev: float  # noqa: N815
+    minGap: float = 2.5  # noqa: N815
+    tau: float = 1.0
+
+
+CLASSES = {
+    "passenger": VehicleClass(CAR, 5.0, 2.6, 4.5, 200 / 3.6, 0.1),
+    "private": VehicleClass(CAR, 5.0, 2.6, 4.5, 200 / 3.6, 0.1),
+    "taxi": VehicleClass(CAR, 5.0, 2.6, 4.5, 200 / 3.6, 0.05),
+    "delivery": VehicleClass(CAR, 6.5, 2.6, 4.5, 200 / 3.6, 0.05),
+    "truck": VehicleClass(TRUCK, 7.1, 1.3, 4.0, 130 / 3.6, 0.05),
+    "trailer": VehicleClass(TRUCK, 16.5, 1.1, 4.0, 130 / 3.6, 0.05),
+    "bus": VehicleClass(TRUCK, 12.0, 1.2, 4.0, 100 / 3.6, 0.0),
+    "coach": VehicleClass(TRUCK, 14.0, 2.0, 4.0, 100 / 3.6, 0.05),
+}
+"""Classes of vehicles that are read. Source: SUMO 1.28, vehicle type parameter defaults."""
+
+_DISTRIBUTION = re.compile(r"normc?\(\s*([^,()]+)\s*,\s*([^,()]+)\s*(?:,[^()]*)?\)")
+"""`norm(mean, deviation)`, `normc(mean, deviation, low, high)`."""
+
+
+@dataclass(frozen=True)
+class VehicleType:
+    """One vehicle type.
+
+    Attributes:
+        name: Its id.
+        distribution: Id of its distribution; empty if it is in none.
+        weight: Its probability there, as SUMO states it: not yet a share.
+        attributes: Attributes that the file states.
+        file: The file, for messages.
+    """
+
+    name: str
+    distribution: str
+    weight: float
+    attributes: Mapping[str, str]
+    file: str
+
+    def refuse(self, code: str, fault: str, remedy: str, attribute: str) -> InvalidInputError:
+        """The error about one of its attributes."""
+        value = self.attributes.get(attribute)
+        return InvalidInputError(
+            Problem(code, fault, remedy, self.file, f"vType {self.name}, {attribute}", value=value)
+        )
+
+    @property
+    def model(self) -> str:
+        """SUMO's name of its car-following model."""
+        return self.attributes.get("carFollowModel", DEFAULT_MODEL)
+
+    @property
+    def vehicle_class(self) -> VehicleClass:
+        """Its class of vehicles.
+
+        Raises:
+            InvalidInputError: These are no cars, trucks or buses.
+        """
+        name = self.attributes.get("vClass", "passenger")
+        if name not in CLASSES:
+            remedy = f"leave the type out with sumo.types, or give it one of {', '.join(CLASSES)}"
+            raise self.refuse("vehicle-class-unknown", "is no class of motorway vehicles", remedy, "vClass")
+        return CLASSES[name]
+
+    def number(self, attribute: str, default: float | None = None) -> tuple[float, float]:
+        """Value of an attribute and its standard deviation, 0 for a plain number; the default where it is not stated.
+
+        Raises:
+            InvalidInputError: It is no number, or it is neither stated nor has a default.
+        """
+        if attribute not in self.attributes:
+            if default is None:
+                raise self.refuse("attribute-missing", "is missing", f"write {attribute} into the type", attribute)
+            return default, 0.0
+        text = self.attributes[attribute]
+        found = _DISTRIBUTION.fullmatch(text.strip())
+        try:
+            values = tuple(float(part) for part in (found.groups() if found else (text, "0")))
+        except ValueError:
+            values = (math.nan, math.nan)
+        if not all(map(math.isfinite, values)) or values[1] < 0:
+            remedy = "write a number, or normc(mean, deviation, low, high)"
+            raise self.refuse("not-a-number", "must be a finite number", remedy, attribute)
+        return values[0], values[1]
+
+
+def read_types(path: str | Path, pattern: str = "*") -> list[VehicleType]:
+    """The vehicle types in a file of SUMO.
+
+    Args:
+        path: A route file or an additional file.
+        pattern: Ids of types or of their distributions, with * and ?.
+
+    Raises:
+        MissingInputError: There is no such file.
+        InvalidInputError: It is no XML, or has no such type, or types of several distributions.
+    """
+    path = Path(path)
+    try:
+        root = ET.fromstring(path.read_bytes())
+    except FileNotFoundError:
+        message = "must name a file that is there"
+        raise MissingInputError(Problem("file-missing", message, key="sumo.file", value=str(path))) from None
+    except ET.ParseError as error:
+        raise InvalidInputError(Problem("not-xml", f"the file is not XML: {error}", file=str(path))) from error
+    found = [
+        one
+        for one in _types(root, str(path))
+        if fnmatchcase(one.name, pattern) or (one.distribution and fnmatchcase(one.distribution, pattern))
+    ]
+    if not found:
+        message = f"is {pattern}, which no vType of the file is called, nor a distribution of them"
+        raise InvalidInputError(Problem("selects-none", message, file=str(path), key="sumo.types"))
+    names = sorted({one.distribution for one in found})
+    if len(names) > 1:
+        said = ", ".join(name or "none" for name in names)
+        message = f"selects types of several distributions ({said}), whose shares of the traffic the file does not say"
+        remedy = "name one of them"
+        raise InvalidInputError(Problem("distributions-several", message, remedy, str(path), "sumo.types"))
+    return found
+
+
+def _types(root: ET.Element, file: str) -> Iterator[VehicleType]:
+    """All types; those that a distribution refers to by name belong to it."""
+    referred: dict[str, tuple[str, str]] = {}
+    for distribution in root.iter("vTypeDistribution"):
+        names = distribution.get("vTypes", "").split()
+        weights = distribution.get("probabilities", "").split() or ["1"] * len(names)
+        own = (distribution.get("id", ""),)
+        referred |= {name: (*own, weight) for name, weight in zip(names, weights, strict=False)}
+        for element in distribution.iter("vType"):
+            yield _type(element, *own, element.get("probability", "1"), file)
+    inside = {id(element) for distribution in root.iter("vTypeDistribution") for element in distribution.iter("vType")}
+    for element in root.iter("vType"):
+        if id(element) not in inside:
+            yield _type(element, *referred.get(element.get("id", ""), ("", element.get("probability", "1"))), file)
+
+
+def _type(element: ET.Element, distribution: str, weight: str, file: str) -> VehicleType:
+    attributes = {name: value for name, value in element.attrib.items() if name not in ("id", "probability")}
+    name = element.get("id", "without id")
+    one = VehicleType(name, distribution, 0.0, attributes | {"probability": weight}, file)
+    share, _ = one.number("probability")
+    if share < 0:
+        raise one.refuse("out-of-range", "must be at least 0", "correct it", "probability")
+    return VehicleType(name, distribution, share, attributes, file)
