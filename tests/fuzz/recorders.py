@@ -57,7 +57,7 @@ def openacc_raw() -> Source:
     """A run of four cars as OpenACC publishes it."""
     here = traffic(10.0)
     cars = [here[here["track_id"] == vehicle].reset_index(drop=True) for vehicle in (2, 4, 6, 8)]
-    columns = {"Time": (30.0 + np.arange(N_FRAMES) / 10.0).round(1)}
+    columns: dict[str, np.ndarray | pd.Series] = {"Time": (30.0 + np.arange(N_FRAMES) / 10.0).round(1)}
     for k, car in enumerate(cars, 1):
         columns |= {f"Speed{k}": car["speed"].round(4), f"E{k}": car["position"].round(3), f"N{k}": car["lateral"]}
     for k, (ahead, behind) in enumerate(zip(cars[:-1], cars[1:], strict=True), 1):
