@@ -129,6 +129,7 @@ class ReferenceBuilder:
         """
         self._config, self.tracks = config, tracks
         keys = {group: as_plain(getattr(config, group)) for group in _GROUPS}
+        del keys["scenes"]["boundary"]  # of simulations, not of the recorded scenes
         self.data_id = data_id(config.data)
         stamps = [list(stamp) for stamp in file_stamps(config.data)]
         self._path = kept_path("clusters", {**keys, "data": self.data_id, "files": stamps}, _SOURCES, ".npz")

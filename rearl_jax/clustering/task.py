@@ -40,6 +40,7 @@ def run(config: ClusterTask, *, show: bool = True) -> dict:
         FileNotFoundError, ValueError: There are no recordings, a recording is invalid, or too few tracks or scenes to
             cluster.
     """
+    config.scenes.require_free()
     builder = ReferenceBuilder(config)
     generated = is_generated(config.data)
     study = Study(config.results.root, config.study, config, "cluster", builder.data_id, generated=generated)

@@ -8,7 +8,7 @@ from enum import Enum
 
 from rearl_jax.config._key import key
 from rearl_jax.config._ranges import check_least, check_positive
-from rearl_jax.problems import out_of_range
+from rearl_jax.problems import InvalidInputError, Problem, out_of_range
 
 
 class Direction(Enum):
@@ -60,6 +60,17 @@ class SpacingMetric(Enum):
     """Along the road only."""
 
 
+class BoundarySource(Enum):
+    """Recorded vehicles that are replayed around the simulated ones."""
+
+    free = "free"
+    """None: the foremost vehicle of a lane has a free road."""
+    leaders = "leaders"
+    """On each lane the vehicle ahead of the foremost simulated one."""
+    measured = "measured"
+    """All recorded vehicles that are not simulated."""
+
+
 class SplitUnit(Enum):
     """Unit that is assigned to a split as a whole."""
 
@@ -84,6 +95,12 @@ class ScenesConfig:
     pick: Pick = key(Pick.elapsed, "recorded longest by time since entry (elapsed) or by total_duration; own choice")
     stride: float | None = key(None, "time between two window starts [s]; null = scenes.seconds, no overlap")
 
+    boundary: BoundarySource = key(
+        BoundarySource.free,
+        "recorded vehicles replayed around the simulated ones: free = none (REARL), leaders = the one ahead of the "
+        "foremost on each lane, measured = all others; both need init.source=scene and speed.norm=none",
+    )
+
     @property
     def stride_seconds(self) -> float:
         """Time between two window starts [s]."""
@@ -98,6 +115,13 @@ class ScenesConfig:
             raise out_of_range("min_vehicles", f"must be at least slots = {self.slots}", self.min_vehicles)
         if self.stride is not None and not self.stride > 0:
             raise out_of_range("stride", "must be > 0 s", self.stride)
+
+    def require_free(self) -> None:
+        """Raise InvalidInputError for a boundary where nothing is simulated."""
+        if self.boundary is not BoundarySource.free:
+            message = "has no effect where nothing is simulated: leave it out, or use `rearl evaluate`"
+            problem = Problem("nothing-simulated", message, key="scenes.boundary", value=self.boundary.name)
+            raise InvalidInputError(problem)
 
 
 @dataclass(unsafe_hash=True)

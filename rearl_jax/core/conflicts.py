@@ -47,8 +47,10 @@ def abort_conflicts(
         derived: Derived quantities of the traffic.
         drivers: Parameters of all vehicles.
     """
-    # A decision has no derivative, and drivers' memory has other axes than the gathered arrays.
-    known = replace(state, memory=None), replace(derived, nearest=None), drivers.car_following, drivers.body.length
+    # A decision has no derivative, drivers' memory has other axes than the gathered arrays, and nobody knows where a
+    # replayed vehicle is changing to.
+    without_others = replace(derived, nearest=None, replayed=None)
+    known = replace(state, memory=None), without_others, drivers.car_following, drivers.body.length
     state, derived, own, length = lax.stop_gradient(known)
     changing = decides(state, drivers) & (derived.lane != state.target_lane)
 

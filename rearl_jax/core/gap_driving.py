@@ -20,6 +20,7 @@ from rearl_jax.core.leader_history import LeaderHistory
 from rearl_jax.core.mobil import decide_lanes, is_due
 from rearl_jax.core.model import TrafficModel
 from rearl_jax.core.neighbours import DerivedState, derive_state, sort_if_large
+from rearl_jax.core.replayed import ReplayedVehicles
 from rearl_jax.core.state import Controller, TrafficState
 from rearl_jax.core.stimuli import find_neighbours, in_front, stimulus, vehicle_states
 
@@ -41,7 +42,9 @@ class DriverMemory(eqx.Module):
     desired_side: Int[Array, "vehicles *scenarios"]
 
 
-def begin_driving(state: TrafficState, drivers: Drivers, model: TrafficModel) -> TrafficState:
+def begin_driving(
+    state: TrafficState, drivers: Drivers, model: TrafficModel, replayed: ReplayedVehicles | None = None
+) -> TrafficState:
     """The initial state with the drivers' desired speeds and memory.
 
     Drivers whose model has no desired speed keep that of the state; highway-env's drivers without effects need no
@@ -54,7 +57,7 @@ def begin_driving(state: TrafficState, drivers: Drivers, model: TrafficModel) ->
     if not drivers.see_gaps:
         return state
     state = sort_if_large(state)
-    derived = derive_state(state, model)
+    derived = derive_state(state, model, replayed)
     vehicles = vehicle_states(state, derived, drivers)
     neighbours = find_neighbours(state, derived, vehicles)
     history = LeaderHistory.begin(neighbours.ahead[0].index, bumper_gap(neighbours.ahead[0], vehicles))

@@ -67,7 +67,7 @@ def _behind_other_leader(everyone: _Followers, lane: Array, searches: Bool[Array
         return if_any(searches, lambda: _behind_leader(everyone, lane), nothing)
 
     state, derived, free, drivers = everyone
-    if derived.nearest is None:
+    if not _is_treated_in_blocks(derived):
         return of_all()
     members = list_vehicles(searches)
     block = members.block(0, _block_size(state))
@@ -89,7 +89,7 @@ def _choose_lanes(
     No decision depends on another, so it does not matter which vehicles share a block.
     """
     due = is_due(state, derived, drivers)
-    if derived.nearest is None:
+    if not _is_treated_in_blocks(derived):
         return _decided_lanes((state, derived, free, own, drivers), due, model)
     # A decision has no derivative.
     state, derived, free, own, drivers = lax.stop_gradient((state, derived, free, own, drivers))
@@ -102,6 +102,11 @@ def _choose_lanes(
         )
 
     return process_in_blocks(list_vehicles(due), _block_size(state), decide, state.target_lane)
+
+
+def _is_treated_in_blocks(derived: DerivedState) -> bool:
+    """True in large traffic, where few vehicles search other lanes; replayed vehicles have no place in blocks."""
+    return derived.nearest is not None and derived.replayed is None
 
 
 def _block_size(state: TrafficState) -> int:

@@ -13,6 +13,7 @@ from rearl_jax.core.effects.stimulus import BESIDE_RANGE, OUT_OF_SIGHT
 from rearl_jax.core.nearest import lane_bit
 from rearl_jax.core.neighbours import DerivedState, for_each_vehicle, row
 from rearl_jax.core.order import NOBODY, take_vehicles
+from rearl_jax.core.replayed import ReplayedVehicles
 from rearl_jax.core.state import TrafficState
 
 
@@ -78,6 +79,7 @@ def find_ahead(
     """The nearest vehicles ahead of each vehicle on a lane given for each, nearest first.
 
     The same position counts as ahead; of several equally near vehicles the last in the list is nearest.
+    Replayed vehicles come after all simulated ones.
 
     Args:
         state: The traffic.
@@ -86,6 +88,24 @@ def find_ahead(
         lane: Lane searched by each vehicle; -1 and n_lanes are empty.
         n_leaders: Vehicles to find.
     """
+    leaders, replayed = _find_simulated_ahead(state, derived, vehicles, lane, n_leaders), derived.replayed
+    if replayed is None:
+        return leaders
+
+    def insert(other: Int[Array, ""], leaders: tuple[Neighbour, ...]) -> tuple[Neighbour, ...]:
+        return _inserted(leaders, _replayed_row(state, replayed, other), row(replayed.lane, other) == lane)
+
+    return for_each_vehicle(replayed.n_places, insert, leaders)
+
+
+def _find_simulated_ahead(
+    state: TrafficState,
+    derived: DerivedState,
+    vehicles: VehicleState,
+    lane: Int[Array, "vehicles *scenarios"],
+    n_leaders: int,
+) -> tuple[Neighbour, ...]:
+    """The same among the simulated vehicles."""
     own_index = lax.broadcasted_iota(jnp.int32, state.x.shape, 0)
     none = no_neighbour(vehicles)
     if derived.nearest is not None:
@@ -101,17 +121,23 @@ def find_ahead(
     bit = lane_bit(lane)
 
     def insert(other: Int[Array, ""], leaders: tuple[Neighbour, ...]) -> tuple[Neighbour, ...]:
-        """Insertion into the sorted leaders: a displaced leader is compared with the next place."""
-        candidate = _row(state, vehicles, other)
-        is_ahead = ((row(derived.on_lanes, other) & bit) != 0) & (candidate.distance >= 0) & (own_index != other)
-        kept = []
-        for leader in leaders:
-            is_nearer = is_ahead & (candidate.distance <= leader.distance)
-            kept.append(_where(is_nearer, candidate, leader))
-            candidate = _where(is_nearer, leader, candidate)
-        return tuple(kept)
+        is_other = ((row(derived.on_lanes, other) & bit) != 0) & (own_index != other)
+        return _inserted(leaders, _row(state, vehicles, other), is_other)
 
     return for_each_vehicle(state.x.shape[0], insert, (none,) * n_leaders)
+
+
+def _inserted(
+    leaders: tuple[Neighbour, ...], candidate: Neighbour, is_on_lane: Bool[Array, "#vehicles *#scenarios"]
+) -> tuple[Neighbour, ...]:
+    """Sorted leaders with a candidate at its place: a displaced leader is compared with the next place."""
+    is_ahead = is_on_lane & (candidate.distance >= 0)
+    kept = []
+    for leader in leaders:
+        is_nearer = is_ahead & (candidate.distance <= leader.distance)
+        kept.append(_where(is_nearer, candidate, leader))
+        candidate = _where(is_nearer, leader, candidate)
+    return tuple(kept)
 
 
 def find_behind(
@@ -121,6 +147,22 @@ def find_behind(
 
     Arguments as in `find_ahead`.
     """
+    follower, replayed = _find_simulated_behind(state, derived, vehicles, lane), derived.replayed
+    if replayed is None:
+        return follower
+
+    def keep_nearest(other: Int[Array, ""], nearest: Neighbour) -> Neighbour:
+        candidate = _reversed(_replayed_row(state, replayed, other))
+        is_behind = (row(replayed.lane, other) == lane) & (candidate.distance > 0)
+        return _where(is_behind & (candidate.distance < nearest.distance), candidate, nearest)
+
+    return for_each_vehicle(replayed.n_places, keep_nearest, follower)
+
+
+def _find_simulated_behind(
+    state: TrafficState, derived: DerivedState, vehicles: VehicleState, lane: Int[Array, "vehicles *scenarios"]
+) -> Neighbour:
+    """The same among the simulated vehicles."""
     none = no_neighbour(vehicles)
     if derived.nearest is not None:
         index = derived.nearest.behind_on(lane)
@@ -139,6 +181,8 @@ def find_entrant(
     state: TrafficState, derived: DerivedState, vehicles: VehicleState, wanted_lane: Int[Array, "vehicles *scenarios"]
 ) -> Neighbour:
     """The nearest vehicle ahead that is on another lane and wants to change to the own lane, for each vehicle.
+
+    Nobody knows which lane a replayed vehicle wants to be on: it is none of these.
 
     Args:
         state: The traffic.
@@ -172,14 +216,37 @@ def traffic_beside(
         slowest = jnp.where(is_beside, jnp.minimum(slowest, row(vehicles.speed, other)), slowest)
         return slowest, count + is_beside.astype(state.x.dtype)
 
-    nothing = jnp.zeros_like(state.x)
-    return for_each_vehicle(state.x.shape[0], add, (nothing + OUT_OF_SIGHT, nothing))
+    nothing, replayed = jnp.zeros_like(state.x), derived.replayed
+    beside = for_each_vehicle(state.x.shape[0], add, (nothing + OUT_OF_SIGHT, nothing))
+    if replayed is None:
+        return beside
+
+    def add_replayed(other: Int[Array, ""], beside: tuple[Array, Array]) -> tuple[Array, Array]:
+        is_near = jnp.abs(row(replayed.x, other) - state.x) <= BESIDE_RANGE
+        is_beside = (jnp.abs(row(replayed.lane, other) - derived.lane) == 1) & is_near
+        slowest, count = beside
+        slowest = jnp.where(is_beside, jnp.minimum(slowest, row(replayed.speed, other)), slowest)
+        return slowest, count + is_beside.astype(state.x.dtype)
+
+    return for_each_vehicle(replayed.n_places, add_replayed, beside)
 
 
 def _row(state: TrafficState, vehicles: VehicleState, other: Int[Array, ""]) -> Neighbour:
     """One vehicle as the neighbour of all; distances are signed."""
     index = jnp.broadcast_to(other, (1,) * state.x.ndim).astype(jnp.int32)
     return Neighbour(index, row(state.x, other) - state.x, jax.tree.map(lambda values: row(values, other), vehicles))
+
+
+def _replayed_row(state: TrafficState, replayed: ReplayedVehicles, other: Int[Array, ""]) -> Neighbour:
+    """One replayed vehicle as the neighbour of all; it drives at the speed it wants, as far as anyone knows."""
+    x, speed, acceleration, length, is_truck, number = (
+        row(values, other)
+        for values in (
+            *(replayed.x, replayed.speed, replayed.acceleration),
+            *(replayed.length, replayed.is_truck, replayed.number),
+        )
+    )
+    return Neighbour(number, x - state.x, VehicleState(speed, acceleration, length, is_truck, desired_speed=speed))
 
 
 def _at_index(state: TrafficState, vehicles: VehicleState, index: Int[Array, "vehicles *scenarios"]) -> Neighbour:

@@ -20,6 +20,7 @@ from rearl_jax.core.elementary import cosine, not_zero, sine
 from rearl_jax.core.model import LANE_TEST_LENGTH, TrafficModel
 from rearl_jax.core.nearest import NearestOnLanes, lane_bit, scan_along_road
 from rearl_jax.core.order import NOBODY, sort_along_road
+from rearl_jax.core.replayed import ReplayedVehicles
 from rearl_jax.core.state import TrafficState, nearest_lane
 
 Result = TypeVar("Result")
@@ -48,6 +49,7 @@ class DerivedState(eqx.Module):
         speed_ratio: max(v, 0) / |v0| with the vehicle's own desired speed v0 under the speed limit [-].
         on_lanes: The lanes the vehicle is on, as bits (`lane_bit`); none if it is out of sight beyond the road.
         nearest: Nearest vehicles on every lane; None in small traffic, where all pairs are compared.
+        replayed: Recorded vehicles around the simulated ones; None for none.
     """
 
     lane: Int[Array, "vehicles *scenarios"]
@@ -58,6 +60,7 @@ class DerivedState(eqx.Module):
     speed_ratio: Float[Array, "vehicles *scenarios"]
     on_lanes: Int[Array, "vehicles *scenarios"]
     nearest: NearestOnLanes | None
+    replayed: ReplayedVehicles | None = None
 
 
 class Candidates(NamedTuple):
@@ -126,8 +129,8 @@ def lanes_under(state: TrafficState, model: TrafficModel) -> Int[Array, "vehicle
     return bits
 
 
-def derive_state(state: TrafficState, model: TrafficModel) -> DerivedState:
-    """Derived quantities of every vehicle at the start of a time step.
+def derive_state(state: TrafficState, model: TrafficModel, replayed: ReplayedVehicles | None = None) -> DerivedState:
+    """Derived quantities of every vehicle at the start of a time step, with the recorded vehicles around them.
 
     Source: highway-env 1.12.1, `IDMVehicle.acceleration` (speed limit).
     """
@@ -149,6 +152,7 @@ def derive_state(state: TrafficState, model: TrafficModel) -> DerivedState:
         speed_ratio=ratio,
         on_lanes=on_lanes,
         nearest=nearest,
+        replayed=replayed,
     )
 
 
@@ -157,7 +161,8 @@ def find_leader(
 ) -> Leader:
     """The nearest vehicle ahead of each vehicle on a lane given for each.
 
-    The same position counts as ahead; of several equally near vehicles the last in the list is taken.
+    The same position counts as ahead; of several equally near vehicles the last in the list is taken, a
+    replayed one only if it is nearer than all simulated ones.
 
     Args:
         state: The vehicles that search.
@@ -167,6 +172,23 @@ def find_leader(
 
     Source: highway-env 1.12.1, `Road.neighbour_vehicles`.
     """
+    leader, replayed = _find_simulated_leader(state, derived, lane, among), derived.replayed
+    if replayed is None:
+        return leader
+
+    def keep_nearest(other: Int[Array, ""], nearest: tuple[Array, Array]) -> tuple[Array, Array]:
+        ahead_by = row(replayed.x, other) - state.x
+        is_nearer = (row(replayed.lane, other) == lane) & (ahead_by >= 0) & (ahead_by < nearest[0])
+        return _replace_where(is_nearer, (ahead_by, row(replayed.speed, other)), nearest)
+
+    distance, speed_x = for_each_vehicle(replayed.n_places, keep_nearest, (leader.distance, leader.speed_x))
+    return Leader(distance, speed_x, jnp.where(distance < leader.distance, 0.0, leader.speed_y))
+
+
+def _find_simulated_leader(
+    state: TrafficState, derived: DerivedState, lane: Int[Array, "vehicles *scenarios"], among: Candidates | None
+) -> Leader:
+    """The same among the simulated vehicles."""
     if derived.nearest is not None:
         candidates, index = among or Candidates(state, derived), derived.nearest.ahead_on(lane)
         columns = candidates.state.x, candidates.derived.speed_x, candidates.derived.speed_y
@@ -190,10 +212,29 @@ def find_follower(
 ) -> Follower:
     """The nearest vehicle behind each vehicle on a lane given for each; of equally near ones the first in the list.
 
-    Arguments as in `find_leader`.
+    Arguments as in `find_leader`. Replayed vehicles, whose desired speeds are unknown, drive at them.
 
     Source: highway-env 1.12.1, `Road.neighbour_vehicles`.
     """
+    follower, replayed = _find_simulated_follower(state, derived, lane, among), derived.replayed
+    if replayed is None:
+        return follower
+
+    def keep_nearest(other: Int[Array, ""], nearest: tuple[Array, Array]) -> tuple[Array, Array]:
+        behind_by = state.x - row(replayed.x, other)
+        is_nearer = (row(replayed.lane, other) == lane) & (behind_by > 0) & (behind_by < nearest[0])
+        return _replace_where(is_nearer, (behind_by, row(replayed.speed, other)), nearest)
+
+    distance, speed = for_each_vehicle(replayed.n_places, keep_nearest, (follower.distance, follower.speed))
+    along, across = jnp.ones_like(state.x), jnp.zeros_like(state.x)
+    replayed_follower = Follower(distance, speed, along, across, along)
+    return _replace_where(distance < follower.distance, replayed_follower, follower)
+
+
+def _find_simulated_follower(
+    state: TrafficState, derived: DerivedState, lane: Int[Array, "vehicles *scenarios"], among: Candidates | None
+) -> Follower:
+    """The same among the simulated vehicles."""
     candidates = among or Candidates(state, derived)
     motion = candidates.derived
     columns = (candidates.state.speed, motion.cos_heading, motion.sin_heading, motion.speed_ratio)

@@ -1,10 +1,14 @@
 """Rollouts: simulation of many scenarios in lockstep, in seconds between decisions."""
 
+from typing import Any
+
 import equinox as eqx
 import jax
+import jax.numpy as jnp
 from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
+from rearl_jax.core.boundary import Boundary, BoundarySecond, Motion, enter, replayed_vehicles
 from rearl_jax.core.drivers import Drivers
 from rearl_jax.core.meta_actions import apply_meta_actions
 from rearl_jax.core.model import TrafficModel
@@ -48,9 +52,26 @@ def frame_of(state: TrafficState, model: TrafficModel) -> Frames:
     )
 
 
-def simulate_second(state: TrafficState, drivers: Drivers, model: TrafficModel) -> TrafficState:
-    """State one decision second later."""
+def simulate_second(
+    state: TrafficState, drivers: Drivers, model: TrafficModel, around: BoundarySecond | None = None
+) -> TrafficState:
+    """State one decision second later.
+
+    Args:
+        state: The traffic.
+        drivers: Parameters of all vehicles.
+        model: Road, clock and stages.
+        around: What was recorded around the traffic in this second; None for a free road. Vehicles that enter at its
+            end are in the state.
+    """
     state = sort_if_large(state)
+    if around is not None:
+
+        def step(before: TrafficState, motion: Motion) -> tuple[TrafficState, None]:
+            replayed = replayed_vehicles(motion, around.identity)
+            return step_in_order(before, drivers, model, replayed), None
+
+        return enter(lax.scan(step, state, around.motion)[0], around, drivers, model)
     return lax.fori_loop(0, model.ticks_per_second, lambda _, before: step_in_order(before, drivers, model), state)
 
 
@@ -61,6 +82,7 @@ def rollout(
     *,
     n_seconds: int,
     actions: Int[Array, "steps vehicles *scenarios"] | None = None,
+    boundary: Boundary | None = None,
 ) -> tuple[TrafficState, Frames]:
     """State after some decision seconds, and a frame after each of them.
 
@@ -70,16 +92,28 @@ def rollout(
         model: Road, clock and stages.
         n_seconds: Decision seconds to simulate [s].
         actions: Meta-actions at the start of each second, for META vehicles; None for none.
+        boundary: What was recorded around the traffic; None for a free road.
+
+    Raises:
+        ValueError: The boundary is shorter than the rollout.
     """
 
     # Without the barrier XLA propagates constants of the initial state into the loop, which costs a third of the speed.
     state, drivers = lax.optimization_barrier((state, drivers))
 
     @jax.checkpoint  # a gradient recomputes each second instead of keeping every time step of the rollout
-    def second(before: TrafficState, action: Array | None) -> tuple[TrafficState, Frames]:
+    def second(before: TrafficState, inputs: Any) -> tuple[TrafficState, Frames]:
+        action, around = inputs, None
+        if boundary is not None:
+            action, number = inputs
+            around = boundary.second(number)
         if action is not None:
             before = apply_meta_actions(before, action, model)
-        after = simulate_second(before, drivers, model)
+        after = simulate_second(before, drivers, model, around)
         return after, frame_of(after, model)
 
-    return lax.scan(second, state, actions, length=n_seconds)
+    inputs = actions
+    if boundary is not None:
+        boundary.require(n_seconds)
+        inputs = actions, jnp.arange(n_seconds, dtype=jnp.int32)
+    return lax.scan(second, state, inputs, length=n_seconds)

@@ -9,24 +9,29 @@ from rearl_jax.core.kinematics import control, move
 from rearl_jax.core.mobil import restart_countdown
 from rearl_jax.core.model import TrafficModel
 from rearl_jax.core.neighbours import derive_state, sort_if_large
+from rearl_jax.core.replayed import ReplayedVehicles
 from rearl_jax.core.state import TrafficState
 
 
-def step(state: TrafficState, drivers: Drivers, model: TrafficModel) -> TrafficState:
+def step(
+    state: TrafficState, drivers: Drivers, model: TrafficModel, replayed: ReplayedVehicles | None = None
+) -> TrafficState:
     """State one time step later: see, evaluate the lanes, decide, give way, accelerate and steer, move, collide.
 
     highway-env's drivers, without effects, evaluate the lanes as there; all others by their car-following model and
-    their effects, from a state of `begin_driving`.
+    their effects, from a state of `begin_driving`. All of them see the replayed vehicles.
 
     Source: highway-env 1.12.1, `Road.act` followed by `Road.step`; its order of vehicles affects only which vehicle
         gives way and which vehicle pushes which, and both are reproduced.
     """
-    return step_in_order(sort_if_large(state), drivers, model)
+    return step_in_order(sort_if_large(state), drivers, model, replayed)
 
 
-def step_in_order(state: TrafficState, drivers: Drivers, model: TrafficModel) -> TrafficState:
+def step_in_order(
+    state: TrafficState, drivers: Drivers, model: TrafficModel, replayed: ReplayedVehicles | None = None
+) -> TrafficState:
     """The same from a state whose order along the road is up to date, as it is in every state that comes out."""
-    derived = derive_state(state, model)
+    derived = derive_state(state, model, replayed)
     drive = drive_by_gaps if drivers.see_gaps else drive_by_idm
     state, own, target_lane, on_lane = drive(state, derived, drivers, model)
     countdown = state.ticks_to_decision

@@ -44,6 +44,7 @@ def run(config: PrepareTask) -> dict:
         FileNotFoundError, ValueError: There are no recordings, one is bad (BadRecordingError), or no scene
             can be cut from them.
     """
+    config.scenes.require_free()
     with progress_bar() as progress:
         if config.data.format is DataFormat.generated:
             _generate(config, progress)

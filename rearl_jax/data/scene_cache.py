@@ -3,12 +3,11 @@
 import logging
 
 from rearl_jax.cache import kept_path
-from rearl_jax.config._schema import as_plain
 from rearl_jax.config.data import DataConfig
 from rearl_jax.data.recordings import data_id, file_stamps, is_generated
 from rearl_jax.data.scene_files import load_scenes, save_scenes
 from rearl_jax.data.scene_set import SceneSet
-from rearl_jax.data.scene_windows import SCENE_GROUPS, SceneKeys
+from rearl_jax.data.scene_windows import SceneKeys, cutting_keys
 from rearl_jax.results import Study
 
 log = logging.getLogger(__name__)
@@ -23,7 +22,7 @@ class SceneCache:
     def __init__(self, data: DataConfig, keys: SceneKeys) -> None:
         """Finds the path; modified files or other code belong to another path."""
         self._data_id, self._generated = data_id(data), is_generated(data)
-        self._keys = {name: as_plain(getattr(keys, name)) for name in SCENE_GROUPS}
+        self._keys = cutting_keys(keys)
         stamps = [list(stamp) for stamp in file_stamps(data)]
         decisive = {**self._keys, "data": self._data_id, "files": stamps}
         self.path = kept_path("scenes", decisive, _SOURCES, ".parquet")

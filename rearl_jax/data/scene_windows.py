@@ -6,10 +6,11 @@ group of vehicles (both carriageways pooled, or one of them) is called a cell.
 """
 
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 
+from rearl_jax.config._schema import as_plain
 from rearl_jax.config.scenes import (
     Direction,
     FeaturesConfig,
@@ -48,6 +49,13 @@ class SceneKeys(Protocol):
 
 SCENE_GROUPS = ("scenes", "speed", "tracks", "features", "spacing")
 """Names of these groups."""
+
+
+def cutting_keys(keys: SceneKeys) -> dict[str, dict[str, Any]]:
+    """The keys that decide which scenes are cut, by group, as the user writes them; `scenes.boundary` is none."""
+    plain = {group: as_plain(getattr(keys, group)) for group in SCENE_GROUPS}
+    del plain["scenes"]["boundary"]
+    return plain
 
 
 @dataclass(frozen=True)

@@ -10,11 +10,10 @@ from collections.abc import Callable, Iterable, Mapping
 
 import numpy as np
 
-from rearl_jax.config._schema import as_plain
 from rearl_jax.config.scenes import Direction, ScenesConfig
 from rearl_jax.data.records import Recording, RecordingInfo
 from rearl_jax.data.scene_set import SceneCounts, SceneSet, speed_extremes
-from rearl_jax.data.scene_windows import SCENE_GROUPS, SceneKeys, WindowCount, windows_of
+from rearl_jax.data.scene_windows import SceneKeys, WindowCount, cutting_keys, windows_of
 from rearl_jax.problems import InvalidInputError, Problem
 
 log = logging.getLogger(__name__)
@@ -66,7 +65,6 @@ def build_scenes(
     # Field by field, so that the parts of a field are freed before the next one is joined.
     joined = {name: np.concatenate(parts.pop(name)) for name in tuple(parts)}
     low, high = speed_extremes(joined["speed"], keys.speed.norm)
-    groups = {group: as_plain(getattr(keys, group)) for group in SCENE_GROUPS}
     return SceneSet(
         scene_id=np.arange(n_scenes),
         **joined,
@@ -75,7 +73,9 @@ def build_scenes(
         speed_norm=keys.speed.norm,
         infos=tuple(infos),
         counts=counts,
-        settings={f"{group}.{name}": value for group, plain in groups.items() for name, value in plain.items()},
+        settings={
+            f"{group}.{name}": value for group, plain in cutting_keys(keys).items() for name, value in plain.items()
+        },
     )
 
 

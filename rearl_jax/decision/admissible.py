@@ -22,17 +22,22 @@ from rearl_jax.core.neighbours import (
     row,
     sort_if_large,
 )
+from rearl_jax.core.replayed import ReplayedVehicles
 from rearl_jax.core.state import Controller, TrafficState, nearest_lane, nearest_level
 
 
 def admissible_actions(
-    state: TrafficState, drivers: Drivers, model: TrafficModel, options: AdmissibleConfig
+    state: TrafficState,
+    drivers: Drivers,
+    model: TrafficModel,
+    options: AdmissibleConfig,
+    replayed: ReplayedVehicles | None = None,
 ) -> Bool[Array, "actions vehicles scenarios"]:
     """Actions admissible for each vehicle, in the order of `MetaAction`; none for crashed vehicles.
 
     FASTER and SLOWER need a speed level to go to. A lane action needs the lane, no change in progress, and the
     condition of `options.lane`. With `options.longitudinal` the other three actions need a sufficient gap to the
-    vehicle ahead.
+    vehicle ahead. Gaps to replayed vehicles count as all others.
     """
     state = sort_if_large(state)
     lane = nearest_lane(state.y, model)
@@ -42,11 +47,11 @@ def admissible_actions(
     left, right = has_left, has_right
     if options.lane is LaneGate.gap:
         room_left, room_right = if_any(
-            may_turn, lambda: has_room_beside(state, lane, drivers, model, options), (has_left, has_right)
+            may_turn, lambda: has_room_beside(state, lane, drivers, model, options, replayed), (has_left, has_right)
         )
         left, right = left & room_left, right & room_right
     needs_derived = options.lane is LaneGate.mobil_safe or options.longitudinal
-    derived = derive_state(state, model) if needs_derived else None
+    derived = derive_state(state, model, replayed) if needs_derived else None
     if derived is not None and options.lane is LaneGate.mobil_safe:
         left = left & is_safe(state, derived, lane - 1, left, drivers)
         right = right & is_safe(state, derived, lane + 1, right, drivers)
@@ -74,6 +79,7 @@ def has_room_beside(
     drivers: Drivers,
     model: TrafficModel,
     options: AdmissibleConfig,
+    replayed: ReplayedVehicles | None = None,
 ) -> tuple[Bool[Array, "vehicles scenarios"], Bool[Array, "vehicles scenarios"]]:
     """True where the gaps to the nearest vehicles ahead and behind suffice, on the left and on the right lane.
 
@@ -85,13 +91,13 @@ def has_room_beside(
     index = lax.broadcasted_iota(jnp.int32, state.x.shape, 0)
     bits = (lane_bit(lane - 1), lane_bit(lane + 1))
 
-    def keep_nearest(other: Int[Array, ""], both: tuple[_Gaps, _Gaps]) -> tuple[_Gaps, _Gaps]:
-        distance = row(state.x, other) - state.x
-        gap = jnp.abs(distance) - (length + row(length, other)) / 2
-        is_ahead, speed = distance >= 0, row(state.speed, other)
+    def compared(
+        both: tuple[_Gaps, _Gaps], distance: Array, other_length: Array, speed: Array, are_there: tuple[Array, Array]
+    ) -> tuple[_Gaps, _Gaps]:
+        gap = jnp.abs(distance) - (length + other_length) / 2
+        is_ahead = distance >= 0
 
-        def nearer(gaps: _Gaps, bit: Int[Array, "vehicles scenarios"]) -> _Gaps:
-            is_there = ((row(on_lanes, other) & bit) != 0) & (index != other)
+        def nearer(gaps: _Gaps, is_there: Bool[Array, "vehicles scenarios"]) -> _Gaps:
             is_next = is_there & ~is_ahead & (gap < gaps.behind)
             return _Gaps(
                 ahead=jnp.where(is_there & is_ahead, jnp.minimum(gaps.ahead, gap), gaps.ahead),
@@ -99,11 +105,25 @@ def has_room_beside(
                 rear_speed=jnp.where(is_next, speed, gaps.rear_speed),
             )
 
-        return nearer(both[0], bits[0]), nearer(both[1], bits[1])
+        return nearer(both[0], are_there[0]), nearer(both[1], are_there[1])
+
+    def keep_nearest(other: Int[Array, ""], both: tuple[_Gaps, _Gaps]) -> tuple[_Gaps, _Gaps]:
+        on_left, on_right = (((row(on_lanes, other) & bit) != 0) & (index != other) for bit in bits)
+        distance = row(state.x, other) - state.x
+        return compared(both, distance, row(length, other), row(state.speed, other), (on_left, on_right))
 
     nobody = jnp.full_like(state.x, jnp.inf)
     nothing = _Gaps(nobody, nobody, jnp.zeros_like(state.x))
     left, right = for_each_vehicle(state.x.shape[0], keep_nearest, (nothing, nothing))
+    if replayed is not None:
+
+        def keep_nearest_replayed(other: Int[Array, ""], both: tuple[_Gaps, _Gaps]) -> tuple[_Gaps, _Gaps]:
+            on_left, on_right = (row(replayed.lane, other) == lane + side for side in (-1, +1))
+            distance = row(replayed.x, other) - state.x
+            own_length, speed = row(replayed.length, other), row(replayed.speed, other)
+            return compared(both, distance, own_length, speed, (on_left, on_right))
+
+        left, right = for_each_vehicle(replayed.n_places, keep_nearest_replayed, (left, right))
 
     def suffice(gaps: _Gaps) -> Bool[Array, "vehicles scenarios"]:
         needed, needed_behind = (

@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
@@ -66,6 +67,14 @@ def initial_decision_memory(state: TrafficState, model: TrafficModel) -> Decisio
         lane=nearest_lane(state.y, model),
         since_lane_change=nothing + LONG_AGO,
     )
+
+
+def forget(
+    memory: DecisionMemory, is_new: Bool[Array, "vehicles scenarios"], state: TrafficState, model: TrafficModel
+) -> DecisionMemory:
+    """Memory in which nothing is known of vehicles that have taken the places of others."""
+    fresh = initial_decision_memory(state, model)
+    return jax.tree.map(lambda first, second: jnp.where(is_new, first, second), fresh, memory)
 
 
 def no_orders(state: TrafficState) -> Orders:

@@ -14,6 +14,7 @@ from jax import lax
 from jaxtyping import Array, Bool, Float, Int, Key
 
 from rearl_jax.config.decision import AdmissibleConfig, ExecConfig
+from rearl_jax.core.boundary import Boundary, BoundarySecond
 from rearl_jax.core.drivers import Drivers
 from rearl_jax.core.model import TrafficModel
 from rearl_jax.core.rollout import Frames, frame_of, simulate_second
@@ -25,6 +26,7 @@ from rearl_jax.decision.execution import (
     accept,
     count,
     execute,
+    forget,
     initial_decision_memory,
     no_orders,
     record_lane_changes,
@@ -108,11 +110,24 @@ def initial_loop_state(
     )
 
 
-def advance(loop: LoopState, orders: Orders, drivers: Drivers, model: TrafficModel, options: LoopOptions) -> LoopState:
-    """State of the loop after the orders were executed and one second was simulated: the step after a decision."""
+def advance(
+    loop: LoopState,
+    orders: Orders,
+    drivers: Drivers,
+    model: TrafficModel,
+    options: LoopOptions,
+    around: BoundarySecond | None = None,
+) -> LoopState:
+    """State of the loop after the orders were executed and one second was simulated: the step after a decision.
+
+    Arguments as in `simulate_second`; nobody has decided about vehicles that have entered.
+    """
     state, memory = execute(loop.state, loop.memory, orders, model, options.execution)
-    state = simulate_second(state, drivers, model)
-    return LoopState(state, loop.detector, record_lane_changes(memory, state, model))
+    state = simulate_second(state, drivers, model, around)
+    memory = record_lane_changes(memory, state, model)
+    if around is not None:
+        memory = forget(memory, around.entrants.is_new, state, model)
+    return LoopState(state, loop.detector, memory)
 
 
 def assess(
@@ -122,10 +137,12 @@ def assess(
     thresholds: Thresholds,
     model: TrafficModel,
     options: LoopOptions,
+    around: BoundarySecond | None = None,
 ) -> tuple[LoopState, Situation]:
     """State of the loop after the detection, and the situation for a policy: the step before a decision.
 
-    Call it once for every simulated second.
+    Call it once for every simulated second. Vehicles that are replayed `around` the traffic bound which actions are
+    admissible; the detection does not see them.
     """
     state, frame = loop.state, frame_of(loop.state, model)
     detector, detection = detect(loop.detector, frame, table, thresholds, options.detection)
@@ -134,7 +151,9 @@ def assess(
         frame=frame,
         target_lane=state.target_lane,
         detection=detection,
-        admissible=admissible_actions(state, drivers, model, options.admissible),
+        admissible=admissible_actions(
+            state, drivers, model, options.admissible, None if around is None else around.after
+        ),
         since_lane_change=loop.memory.since_lane_change,
         last_action=loop.memory.last_action,
     )
@@ -170,6 +189,7 @@ def rollout_with_policy(
     options: LoopOptions,
     *,
     n_seconds: int,
+    boundary: Boundary | None = None,
 ) -> tuple[TrafficState, Frames, Decisions]:
     """State after some seconds, a frame after each of them, and what was detected and decided.
 
@@ -186,18 +206,22 @@ def rollout_with_policy(
         model: Road, time step and parts of the traffic model.
         options: Static options.
         n_seconds: Seconds to simulate [s].
+        boundary: What was recorded around the traffic; None for a free road.
 
     Raises:
-        ValueError: The references are shorter than the rollout.
+        ValueError: The references or the boundary are shorter than the rollout.
     """
     require_references_for(table, n_seconds)
+    if boundary is not None:
+        boundary.require(n_seconds)
     # As in `core.rollout.rollout`: constants of a new state, folded into the loop, would change the last bits.
     state, drivers = lax.optimization_barrier((state, drivers))
 
     def simulate_and_decide(carry: _Carry, second: Int[Array, ""]) -> tuple[_Carry, tuple[Frames, Decisions]]:
         loop, orders = carry
-        loop = advance(loop, orders, drivers, model, options)
-        loop, situation = assess(loop, drivers, table, thresholds, model, options)
+        around = None if boundary is None else boundary.second(second)
+        loop = advance(loop, orders, drivers, model, options, around)
+        loop, situation = assess(loop, drivers, table, thresholds, model, options, around)
         second_keys = jax.vmap(lambda key: jax.random.fold_in(key, second))(keys)
         answers = policy(situation, table, second_keys)
         next_orders = accept(answers, situation.is_asked, situation.admissible)

@@ -27,7 +27,9 @@ def example_replay(evaluation: Evaluation) -> Replay:
     """The scene of the space-time diagram; who was asked is not known, as the simulation counts decisions only."""
     config, sample, method = evaluation.config, evaluation.sample, evaluation.method
     (scored, *_) = np.flatnonzero((method.scene == sample.example) & (method.run == 0))
-    scene = ReplayedScene(sample.example, 0, sample.frames, sample.lengths, float(method.values["h"][scored]))
+    scene = ReplayedScene(
+        sample.example, 0, sample.frames, sample.lengths, float(method.values["h"][scored]), (), sample.around
+    )
     more = "replays more scenes"
     if evaluation.log is not None:
         more += " and marks the vehicles for which decisions were taken, which are not marked here"

@@ -6,6 +6,7 @@ from dataclasses import asdict, dataclass
 from rearl_jax.config import ClusterTask, EvaluateTask
 from rearl_jax.config.core import InitialSource
 from rearl_jax.config.evaluation import SeedScope
+from rearl_jax.config.scenes import BoundarySource
 from rearl_jax.data.scene_set import SceneSet
 from rearl_jax.document.document import DataSource, data_sources
 from rearl_jax.evaluation.runner import Evaluation
@@ -16,6 +17,20 @@ _STARTS = {
     InitialSource.seed: "drawn by eval.seed, run and scene alone",
     InitialSource.scene: "the first snapshot of the scene; drivers drawn by eval.seed, run and scene alone",
 }
+
+_ENTERING = (
+    "Simulated are the picked vehicles of each second: a vehicle leaves the simulation when it is not picked any more, "
+    "and the one picked instead enters where it was recorded. A driver's desired speed is cut to the highest recorded "
+    "speed of its vehicle; highway-env's drivers want to keep the speed they start or enter with. Replayed vehicles "
+    "react to nothing, collide with nothing and count in no metric."
+)
+
+_BOUNDARIES = {
+    BoundarySource.free: (),
+    BoundarySource.leaders: (f"Replayed: on each lane the vehicle ahead of the foremost simulated one. {_ENTERING}",),
+    BoundarySource.measured: (f"Replayed: all recorded vehicles that are not simulated. {_ENTERING}",),
+}
+"""Text on what is replayed around the simulated vehicles."""
 
 _ROLLOUTS = {
     SeedScope.run_x_scene: "one rollout for every run and scene, scored against its scene",
@@ -85,6 +100,7 @@ def _definitions(config: EvaluateTask, scenes: SceneSet) -> tuple[str, ...]:
     return (
         f"Rollouts: {config.core.n_vehicles} vehicles on {config.core.n_lanes} lanes for {scenes.seconds} s, "
         f"{_ROLLOUTS[config.eval.seed_scope]}. Initial states: {_STARTS[config.init.source]}; all methods start alike.",
+        *_BOUNDARIES[config.scenes.boundary],
         f"Scenes: {scenes.n_slots} vehicles in each of {scenes.seconds} snapshots one second apart, those "
         f"recorded the longest (scenes.pick={config.scenes.pick.name}).",
         f"real against real: up to {config.eval.n_runs} other scenes that share no second of traffic with "

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from copy import copy
+from dataclasses import replace
 
 import jax
 import jax.numpy as jnp
@@ -11,12 +12,15 @@ from jaxtyping import Array, Int, Key
 from rearl_jax.baselines.weights import TrainedPolicy, load_policy
 from rearl_jax.config.core import InitialSource
 from rearl_jax.config.evaluation import Method, SeedScope
+from rearl_jax.core.boundary import Boundary
 from rearl_jax.core.road import traffic_model
-from rearl_jax.data.initial_states import measured_state
+from rearl_jax.data.boundary import SceneBoundary
+from rearl_jax.data.initial_states import bounded_state, measured_state, recorded_surroundings
 from rearl_jax.data.scene_set import SceneSet
 from rearl_jax.decision.execution import model_under_decisions
 from rearl_jax.detection.detector import Thresholds
 from rearl_jax.detection.references import References
+from rearl_jax.evaluation.boundaries import check_boundary, recorded_boundary
 from rearl_jax.evaluation.host_policy import MakePolicy, simulate_with_host_policy
 from rearl_jax.evaluation.rows import Row
 from rearl_jax.evaluation.simulators import (
@@ -40,6 +44,10 @@ class Rollouts:
     """The rollouts of an evaluation: numbers, so that a million of them take no memory; all else follows from them.
 
     They are ordered by row, then by run, then by scene.
+
+    Attributes:
+        policy: Trained policy that drives all vehicles; None if none does.
+        boundary: What was recorded around the scenes; None for a free road.
     """
 
     def __init__(
@@ -65,6 +73,7 @@ class Rollouts:
             apart: Whether initial states are drawn that no evaluation has; needs eval.seed_scope=run.
         """
         config = rows[0].config
+        check_boundary(config)
         self.config, self._n_seconds, self._host_policy = config, scenes.seconds, host_policy
         is_shared = config.eval.seed_scope is SeedScope.run
         self._served = held_out[:1] if is_shared else held_out
@@ -86,12 +95,23 @@ class Rollouts:
                 raise InvalidInputError(Problem("references-missing", message, key=f"method={config.method.name}"))
             self._references = jax.tree.map(_same_for_all, references)
             self._thresholds = np.array([row.thresholds for row in rows], config.core.dtype.name).T
-        self._state = None
+        self._state = self._surroundings = None
+        self.boundary: SceneBoundary | None = None
         if config.init.source is InitialSource.scene:
             if is_shared:
                 message = "must be run_x_scene for init.source=scene, which starts every rollout from its own scene"
                 raise out_of_range("eval.seed_scope", message, config.eval.seed_scope.name)
-            self._state = jax.tree.map(np.asarray, measured_state(scenes.select(held_out), config.core))
+            self.boundary = recorded_boundary(config, scenes, held_out)
+            if self.boundary is None:
+                state = measured_state(scenes.select(held_out), config.core)
+            else:
+                state, table = (
+                    bounded_state(self.boundary, config.core),
+                    recorded_surroundings(self.boundary, config.core),
+                )
+                motion, identity, entrants = jax.tree.map(_same_for_all, (table.motion, table.identity, table.entrants))
+                self._surroundings = Boundary(motion, identity, entrants, np.asarray(table.scene))
+            self._state = jax.tree.map(np.asarray, state)
 
     def __len__(self) -> int:
         return len(self._numbers)
@@ -115,10 +135,10 @@ class Rollouts:
     @property
     def scene(self) -> Int[np.ndarray, " rollouts"]:
         """Index of the scene of each rollout; with eval.seed_scope=run every rollout serves all scenes."""
-        return self._served[self._column]
+        return self._served[self.column]
 
     @property
-    def _column(self) -> Int[np.ndarray, " rollouts"]:
+    def column(self) -> Int[np.ndarray, " rollouts"]:
         """Place of each rollout's scene among those served."""
         return self._index % len(self._served)
 
@@ -142,7 +162,7 @@ class Rollouts:
 
     def _batch(self) -> Batch:
         """Everything the rollouts are computed from."""
-        column, row = self._column, self.row
+        column, row = self.column, self.row
         starts = {
             "seed": np.full(len(self), self.config.eval.seed, np.int32),
             "run": self.run,
@@ -156,6 +176,7 @@ class Rollouts:
             actor=None if self.policy is None else jax.tree.map(_same_for_all, self.policy.network.actor),
             shares=None if self._shares is None else self._shares[:, row],
             traffic=self._traffic,
+            boundary=None if self._surroundings is None else replace(self._surroundings, scene=column.astype(np.int32)),
         )
 
     def _decided_on_host(self, acts: Interventions) -> Iterator[Simulated]:
@@ -164,6 +185,10 @@ class Rollouts:
             message = "decides outside the program, so `host_policy` must be given"
             raise InvalidInputError(Problem("policy-outside", message, key=f"decision.policy={acts.policy.name}"))
         config, batch = self.config, self._batch()
+        if self.boundary is not None:
+            message = "cannot be decided outside the compiled program"
+            key, value = "scenes.boundary", config.scenes.boundary.name
+            raise InvalidInputError(Problem("policy-outside", message, "set it to free", key=key, value=value))
         assert batch.thresholds is not None  # the method needs them
         model = traffic_model(config.core, cooperative=is_cooperative(config))
         state, drivers, keys, table = beginnings(config.core, config.init.speed, acts.loop.detection)(batch)

@@ -15,12 +15,14 @@ from rearl_jax.config import EvaluateTask
 from rearl_jax.config.evaluation import SeedScope
 from rearl_jax.config.metrics import HistConfig, MetricsConfig
 from rearl_jax.core.rollout import Frames
+from rearl_jax.data.boundary import SceneBoundary
 from rearl_jax.data.scene_set import SceneSet
 from rearl_jax.detection.references import References
 from rearl_jax.evaluation.driven import count_actions, driving_extra
 from rearl_jax.evaluation.extras import Extra, Figures
 from rearl_jax.evaluation.host_policy import MakePolicy
 from rearl_jax.evaluation.interventions import DecisionLog, intervention_extra, intervention_rates, variants_extra
+from rearl_jax.evaluation.positions import Positions, join_positions, position_extra, position_figures, positions_of
 from rearl_jax.evaluation.rollouts import Rollouts
 from rearl_jax.evaluation.rows import rows_of
 from rearl_jax.evaluation.scores import (
@@ -50,6 +52,7 @@ class Sample:
         example: Index of the scene in the space-time diagram.
         frames: Its first rollout, `[n_steps, n_vehicles]`.
         lengths: Lengths of the vehicles in it [m].
+        around: What was recorded around it; None for a free road.
         speed_counts: Simulated speeds of all rollouts per bin of `speed_histogram_edges`.
         action_counts: Actions of all rollouts per bin of the speed before them; None if no policy drives all vehicles.
     """
@@ -57,6 +60,7 @@ class Sample:
     example: int
     frames: Frames
     lengths: Float[np.ndarray, " vehicles"]
+    around: SceneBoundary | None
     speed_counts: Int[np.ndarray, " bins"]
     action_counts: Int[np.ndarray, "actions bins"] | None = None
 
@@ -127,14 +131,18 @@ def evaluate(
     wanted = rows_of(config, thresholds, mixture)
     scorer = make_scorer(config, scenes, config.eval.n_runs * len(held_out))
     example = example_scene(scenes, held_out, config.eval.example)
-    rows, logs, extras, main_sample = [], {}, [], None
+    rows, logs, extras, positions, main_sample = [], {}, [], {}, None
     # Beside the simulation's compilation, which is the longest part of a short job.
     with ThreadPoolExecutor(1) as beside:
         reference = beside.submit(reference_rows, config, scenes, held_out, scorer)
         for row in wanted.rows:
             rollouts = Rollouts([row], scenes, held_out, references, host_policy)
-            scores, sample, log = simulated_row(row.name, rollouts, scorer, held_out, example, progress)
+            scores, sample, log, own_positions = simulated_row(
+                row.name, rollouts, scorer, scenes, held_out, example, progress
+            )
             rows.append(scores)
+            if own_positions is not None:
+                positions[row.name] = own_positions
             if log is not None:
                 logs[row.name] = log
             if row.name == wanted.main:
@@ -153,6 +161,9 @@ def evaluate(
         extras.append(variants_extra(scenes.scene_id, logs, window, n_vehicles))
     elif logs:
         extras.insert(0, intervention_extra(scenes.scene_id, logs[wanted.main], window))
+    if positions:
+        extras.append(position_extra(scenes.scene_id, positions))
+        figures = {name: {**figures.get(name, {}), **position_figures(found)} for name, found in positions.items()}
     return Evaluation(config, scenes, held_out, rows, main_sample, wanted.main, logs, tuple(extras), figures)
 
 
@@ -160,18 +171,22 @@ def simulated_row(
     name: str,
     rollouts: Rollouts,
     scorer: Scorer,
+    scenes: SceneSet,
     held_out: np.ndarray,
     example: int,
     progress: Callable[[int, int], None],
-) -> tuple[Scores, Sample, DecisionLog | None]:
-    """Scores of a row on the held-out scenes, its part in the figures, and what was decided."""
+) -> tuple[Scores, Sample, DecisionLog | None, Positions | None]:
+    """Scores of a row on the held-out scenes, its part in the figures, what was decided, where vehicles were."""
     begin = time.perf_counter()
     edges = speed_histogram_edges(rollouts.config.hist)
     speed_counts = np.zeros(len(edges) - 1, np.int64)
-    chunks, decided, action_counts, example_frames = [], [], [], None
+    chunks, decided, action_counts, example_frames, positions, done = [], [], [], None, [], 0
     for simulated, chunk in scored_chunks(rollouts, scorer, held_out, progress):
         frames = simulated.frames
         chunks.append(chunk)
+        n = frames.x.shape[-1]
+        positions.append(positions_of(simulated, rollouts[done : done + n], scenes))
+        done += n
         decided.append(simulated.decisions)
         if simulated.actions is not None:
             action_counts.append(count_actions(np.asarray(simulated.actions), np.asarray(frames.speed), edges))
@@ -187,7 +202,12 @@ def simulated_row(
         log = DecisionLog(rollouts.scene, rollouts.run, joined)
     counts = np.sum(action_counts, axis=0) if action_counts else None
     first, lengths = example_frames
-    return scores, Sample(example, first, lengths, speed_counts, counts), log
+    compared = [part for part in positions if part is not None]
+    around = rollouts.boundary
+    if around is not None:
+        around = around.select(np.flatnonzero(held_out == example))
+    sample = Sample(example, first, lengths, around, speed_counts, counts)
+    return scores, sample, log, join_positions(compared) if compared else None
 
 
 def scored_rollouts(
@@ -248,7 +268,8 @@ def scored_chunks(
             scene, column = part.scene, np.arange(len(part))
             if is_shared:
                 column, scene = np.repeat(column, len(held_out)), np.tile(held_out, len(part))
-            yield some, ScoredChunk(column, scene, part.run[column], scorer.simulated(some, column, scene))
+            track = None if part.boundary is None else part.boundary.track_id[part.column]
+            yield some, ScoredChunk(column, scene, part.run[column], scorer.simulated(some, column, scene, track))
             done += len(part)
             progress(done, len(rollouts))
 

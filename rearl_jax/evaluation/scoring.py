@@ -9,7 +9,7 @@ from collections.abc import Iterator
 
 import jax
 import numpy as np
-from jaxtyping import Array
+from jaxtyping import Array, Int
 
 from rearl_jax.config.metrics import MetricsConfig
 from rearl_jax.core.batch import ScenarioMap
@@ -61,11 +61,27 @@ class Scorer:
             parts.append(self._score(self._recorded(candidate[at]), scene[at]))
         return join(parts)
 
-    def simulated(self, simulated: Simulated, rollout: np.ndarray, scene: np.ndarray) -> SceneMetrics:
-        """Metrics of rollouts, given by column, against recorded scenes, given by index, pair by pair."""
+    def simulated(
+        self,
+        simulated: Simulated,
+        rollout: np.ndarray,
+        scene: np.ndarray,
+        track_id: Int[np.ndarray, "rollouts seconds vehicles"] | None = None,
+    ) -> SceneMetrics:
+        """Metrics of rollouts against recorded scenes, pair by pair.
+
+        Args:
+            simulated: Rollouts.
+            rollout: Column of each pair's rollout.
+            scene: Index of its scene.
+            track_id: Vehicles that the simulated ones stand for; None if every place has one vehicle throughout.
+        """
         parts = []
         for at in self._batches(len(scene)):
-            parts.append(self._score(self._simulated(simulated, rollout[at]), scene[at]))
+            own = self._simulated(simulated, rollout[at])
+            if track_id is not None:
+                own["track_id"] = np.moveaxis(track_id[rollout[at]], 0, -1).astype(np.int32)
+            parts.append(self._score(own, scene[at]))
         return join(parts)
 
     def _batches(self, n_pairs: int) -> Iterator[slice]:

@@ -23,10 +23,11 @@ from rearl_jax.config import EvaluateTask
 from rearl_jax.config.core import CoreConfig, InitialSpeed
 from rearl_jax.config.decision import MatcherConfig, PolicyName
 from rearl_jax.core.batch import ScenarioMap
+from rearl_jax.core.boundary import Boundary, cut_desired_speed
 from rearl_jax.core.drivers import Drivers
 from rearl_jax.core.model import TrafficModel
 from rearl_jax.core.road import traffic_model
-from rearl_jax.core.rollout import Frames, rollout
+from rearl_jax.core.rollout import Frames, frame_of, rollout
 from rearl_jax.core.spawn import spawn
 from rearl_jax.core.state import TrafficState
 from rearl_jax.decision.execution import model_under_decisions
@@ -109,6 +110,7 @@ class Batch(NamedTuple):
         actor: The network that drives all vehicles; last axis as for the references.
         shares: Shares of aggressive and defensive drivers and of trucks.
         traffic: Drivers and effects that are not highway-env's; last axis as for the references.
+        boundary: What was recorded around the vehicles of scenes; last axis as for the references, but for `scene`.
     """
 
     starts: Mapping[str, Array | np.ndarray]
@@ -118,6 +120,15 @@ class Batch(NamedTuple):
     actor: Perceptron | None = None
     shares: Float[Array | np.ndarray, "classes rollouts"] | None = None
     traffic: Population | None = None
+    boundary: Boundary | None = None
+
+    def surroundings(self) -> Boundary | None:
+        """What was recorded around the rollouts, their scenes being the last axis of all but `scene`."""
+        if self.boundary is None:
+            return None
+        own = self.boundary
+        motion, identity, entrants = _same_for_all((own.motion, own.identity, own.entrants))
+        return Boundary(motion, identity, entrants, jnp.asarray(own.scene))
 
 
 def begin(
@@ -135,8 +146,14 @@ def begin(
     )
     if batch.measured is not None:
         state = batch.measured
+    around = batch.surroundings()
     if batch.traffic is not None:
-        state, drivers = populate_by_model(state, drivers, keys, _same_for_all(batch.traffic), model)
+        replayed = None if around is None else around.at_start()
+        state, drivers = populate_by_model(state, drivers, keys, _same_for_all(batch.traffic), model, replayed)
+    if around is not None and batch.measured is not None:
+        # Recorded vehicles are not moved to make room; their state brings the highest speed that was seen of them.
+        wanted = cut_desired_speed(state.speed, batch.measured.desired_speed, drivers)
+        state = replace(state, x=batch.measured.x, desired_speed=wanted)
     if batch.shares is not None:
         state, drivers = populate(state, drivers, keys, jnp.asarray(batch.shares), model)
         if batch.measured is not None:
@@ -163,7 +180,10 @@ def program(
 
     def simulate(batch: Batch) -> Simulated:
         state, drivers, keys = begin(batch, core, speed, model)
-        length = lengths_of(state, drivers)
+        length, around = lengths_of(state, drivers), batch.surroundings()
+        if acts is None and around is not None:
+            frames = rollout(state, drivers, model, n_seconds=n_seconds - 1, boundary=around)[1]
+            return Simulated(_from_start(state, frames, model), length)
         if acts is None:
             return Simulated(simulate_base(state, drivers, model, n_seconds), length)
         if isinstance(acts, DrivingOptions):
@@ -174,12 +194,19 @@ def program(
         acting = model_under_decisions(model, acts.loop.execution.longitudinal)
         table = tabulate(_same_for_all(batch.references), acts.loop.detection.hist, state.x.dtype)
         policy, limits = make_policy(acts.policy, acts.matcher, acting), Thresholds(*batch.thresholds)
-        _, frames, decisions = rollout_with_policy(
-            state, drivers, decision_keys(keys), table, limits, policy, acting, acts.loop, n_seconds=n_seconds
-        )
+        own = state, drivers, decision_keys(keys), table, limits, policy, acting, acts.loop
+        if around is not None:
+            _, frames, decisions = rollout_with_policy(*own, n_seconds=n_seconds - 1, boundary=around)
+            return Simulated(_from_start(state, frames, acting), length, decisions)
+        _, frames, decisions = rollout_with_policy(*own, n_seconds=n_seconds)
         return Simulated(frames, length, decisions)
 
     return ScenarioMap(simulate, chunk=core.chunk)
+
+
+def _from_start(state: TrafficState, frames: Frames, model: TrafficModel) -> Frames:
+    """Frames with that of the start before them: those of the recorded snapshots, at whose times vehicles enter."""
+    return jax.tree.map(lambda first, rest: jnp.concatenate([first[None], rest]), frame_of(state, model), frames)
 
 
 def lengths_of(state: TrafficState, drivers: Drivers) -> Float[Array, "vehicles scenarios"]:

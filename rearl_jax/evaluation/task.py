@@ -19,6 +19,7 @@ from rearl_jax.data.scene_set import SceneSet
 from rearl_jax.document.document import Document
 from rearl_jax.document.terminal import print_document
 from rearl_jax.evaluation import tables
+from rearl_jax.evaluation.boundaries import check_boundary
 from rearl_jax.evaluation.document import document_of
 from rearl_jax.evaluation.estimates import Estimate, estimates
 from rearl_jax.evaluation.extras import Extra
@@ -69,6 +70,7 @@ def check(config: EvaluateTask) -> None:
     if config.hist.window > config.scenes.seconds:
         message = f"must be at most {config.scenes.seconds} s, the length of a scene"
         raise out_of_range("hist.window", message, config.hist.window)
+    check_boundary(config)
 
 
 def compute(
@@ -92,6 +94,7 @@ def compute(
     if scenes is None:
         inputs = read_inputs(config, study, bar, with_references=config.method.needs_references)
     else:
+        check_boundary(config, has_own_scenes=True)
         inputs = inputs_of_scenes(config, scenes)
     thresholds = thresholds_of(config, inputs, bar)
     mixture, extras = None, list[Extra]()

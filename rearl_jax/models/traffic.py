@@ -21,6 +21,7 @@ from rearl_jax.core.following import HARDEST_BRAKING
 from rearl_jax.core.gap_driving import begin_driving
 from rearl_jax.core.model import TrafficModel
 from rearl_jax.core.order import inverse, take_vehicles
+from rearl_jax.core.replayed import ReplayedVehicles
 from rearl_jax.core.spawn import ticks_to_first_decision
 from rearl_jax.core.state import TrafficState, nearest_lane
 from rearl_jax.models.population import LaneChanging, Population
@@ -46,6 +47,7 @@ def populate(
     keys: Key[Array, " scenarios"],
     population: Population,
     model: TrafficModel,
+    replayed: ReplayedVehicles | None = None,
 ) -> tuple[TrafficState, Drivers]:
     """The given vehicles at their positions and speeds, with lengths and drivers drawn from the population.
 
@@ -57,6 +59,7 @@ def populate(
         keys: One random key per scenario.
         population: Population of the drivers.
         model: Traffic model; only its road is used.
+        replayed: Recorded vehicles around them; None for none.
     """
     drawn = draw_drivers(keys, state.x.shape[0], state.x.dtype, population)
     values = {name: _with_drawn(name, value, state, drivers) for name, value in drawn.values.items()}
@@ -77,7 +80,7 @@ def populate(
         state = replace(state, x=make_room(state, drawn.length, model))
     if population.lane_changing is not None:
         state, drivers = _with_lane_changing(state, drivers, population.lane_changing, model)
-    return begin_driving(state, drivers, model), drivers
+    return begin_driving(state, drivers, model, replayed), drivers
 
 
 class DrawnDrivers(NamedTuple):

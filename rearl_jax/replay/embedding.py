@@ -7,7 +7,9 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from rearl_jax.core.replayed import NOT_RECORDED
 from rearl_jax.core.road import traffic_model
+from rearl_jax.data.boundary import NOBODY, SceneBoundary
 from rearl_jax.data.scene_set import SceneSet
 from rearl_jax.data.scene_windows import UNKNOWN_LANE
 from rearl_jax.replay.scenes import Replay, ReplayedScene
@@ -32,8 +34,9 @@ def replay_data(replay: Replay) -> dict[str, Any]:
     `lanes`, `laneWidth` [cm]: the simulated road; `seconds`: frames of a scene; `decisions`: whether vehicles with
     decisions are known; `scenes`: objects with `id`, `recording`, `start` [s], `run`, `h`, `sim` and `real`. Both have
     `vehicles`: pieces `{t, x, y, l}`, first frame, positions along and across the road as differences [cm], length
-    [cm]; and `speed`, the mean of each frame [m/s]. `sim` has `crash` (frame of each vehicle's crash, -1 for none) and
-    `asked`, `[frame, vehicle, action]`.
+    [cm]; and `speed`, the mean of each frame [m/s]. `sim` has `crash` (frame of each vehicle's crash, -1 for none),
+    `asked`, `[frame, vehicle, action]`, and `places`, the vehicles simulated at a time; pieces of replayed vehicles
+    have `r`.
     """
     model = traffic_model(replay.config.core)
     scenes, size = [], 0
@@ -56,9 +59,19 @@ def replay_data(replay: Replay) -> dict[str, Any]:
 def _scene(scenes: SceneSet, replayed: ReplayedScene, lane_width: float) -> dict[str, Any]:
     index, frames = replayed.index, replayed.frames
     y, n_lanes = _lateral(scenes, index, lane_width)
-    crashed = np.asarray(frames.crashed)
-    crash = np.where(crashed.any(axis=0), crashed.argmax(axis=0), -1)
-    columns = zip(frames.x.T, frames.y.T, replayed.lengths, strict=True)
+    stays = _stays(replayed)
+    sim_x, sim_y = np.asarray(frames.x), np.asarray(frames.y)
+    vehicles = [_piece(first, sim_x[at], sim_y[at], float(replayed.lengths[place])) for place, first, at in stays]
+    crashes = [np.flatnonzero(np.asarray(frames.crashed)[at]) for _, _, at in stays]
+    around = [] if replayed.around is None else _replayed_pieces(replayed.around, lane_width)
+    asked = []
+    for decision in replayed.decisions:
+        own = (
+            number
+            for number, (place, first, (seconds, _)) in enumerate(stays)
+            if place == decision.vehicle and first <= decision.second < first + len(seconds)
+        )
+        asked += [[decision.second, number, decision.action] for number in own]
     return {
         "id": int(scenes.scene_id[index]),
         "recording": str(scenes.recording[index]),
@@ -67,10 +80,11 @@ def _scene(scenes: SceneSet, replayed: ReplayedScene, lane_width: float) -> dict
         "h": round(replayed.h, 4),
         "lanes": n_lanes,
         "sim": {
-            "vehicles": [_piece(0, x, across, float(length)) for x, across, length in columns],
+            "vehicles": vehicles + around,
+            "places": len(replayed.lengths),
             "speed": _means(np.asarray(frames.speed)),
-            "crash": crash.tolist(),
-            "asked": [[decision.second, decision.vehicle, decision.action] for decision in replayed.decisions],
+            "crash": [first + int(at[0]) if len(at) else -1 for (_, first, _), at in zip(stays, crashes, strict=True)],
+            "asked": asked,
         },
         "real": {
             "vehicles": _recorded_pieces(scenes, index, y),
@@ -78,6 +92,29 @@ def _scene(scenes: SceneSet, replayed: ReplayedScene, lane_width: float) -> dict
             "scaled": _means(scenes.scaled_speed[index]),
         },
     }
+
+
+_Stay = tuple[int, int, tuple[np.ndarray, int]]
+"""Place of a simulated vehicle, its first frame, and where it is in `[frames, places]`."""
+
+
+def _stays(replayed: ReplayedScene) -> list[_Stay]:
+    """Simulated vehicles, place by place: one each, or several after each other if vehicles enter as recorded."""
+    n_frames, n_places = replayed.frames.x.shape
+    is_new = np.zeros((n_frames, n_places), bool) if replayed.around is None else replayed.around.is_new[0]
+    stays = []
+    for place in range(n_places):
+        for seconds in np.split(np.arange(n_frames), np.flatnonzero(is_new[:, place])):
+            stays.append((place, int(seconds[0]), (seconds, place)))
+    return stays
+
+
+def _replayed_pieces(around: SceneBoundary, lane_width: float) -> list[dict[str, Any]]:
+    """Every replayed vehicle as long as it is replayed without a break."""
+    lane = around.replayed_lane[0][:, 0].astype(np.int64)
+    track = np.where(lane == NOT_RECORDED, NOBODY, around.replayed_id[0])
+    x, y, length = around.replayed_x[0][:, 0], lane * lane_width, around.replayed_length[0]
+    return [piece | {"r": 1} for piece in _pieces(track, x, y, length, np.unique(track[track != NOBODY]))]
 
 
 def _means(speed: np.ndarray) -> list[float]:
@@ -101,9 +138,16 @@ def _lateral(scenes: SceneSet, index: int, lane_width: float) -> tuple[Float[np.
 
 def _recorded_pieces(scenes: SceneSet, index: int, y: np.ndarray) -> list[dict[str, Any]]:
     """Pieces of vehicles: intervals in which a vehicle is among the selected ones without interruption."""
-    track, x, length = scenes.track_id[index], scenes.position[index], scenes.length[index]
+    track = scenes.track_id[index]
+    return _pieces(track, scenes.position[index], y, scenes.length[index], np.unique(track))
+
+
+def _pieces(
+    track: np.ndarray, x: np.ndarray, y: np.ndarray, length: np.ndarray, vehicles: np.ndarray
+) -> list[dict[str, Any]]:
+    """Pieces of vehicles: intervals in which a vehicle is among the tracks without interruption."""
     pieces = []
-    for vehicle in np.unique(track):
+    for vehicle in vehicles:
         frame, slot = np.nonzero(track == vehicle)
         for part in np.split(np.arange(len(frame)), np.flatnonzero(np.diff(frame) != 1) + 1):
             at = (frame[part], slot[part])

@@ -30,7 +30,7 @@
       if (i < 0 || i >= vehicle.x.length) return;
       const j = Math.min(i + 1, vehicle.x.length - 1);
       found.push({
-        index, length: vehicle.l,
+        index, length: vehicle.l, replayed: vehicle.r === 1,
         x: vehicle.x[i] + share * (vehicle.x[j] - vehicle.x[i]), y: vehicle.y[i] + share * (vehicle.y[j] - vehicle.y[i]),
       });
     });
@@ -100,7 +100,8 @@
       if (middleX > width + length) { ahead++; continue; }
       const action = told.get(one.index);
       const crashed = side.crash && side.crash[one.index] >= 0 && time >= side.crash[one.index];
-      pen.fillStyle = action !== undefined ? colours.asked : colours.car;
+      // Outlines tell replayed vehicles from simulated ones without colour too.
+      pen.fillStyle = action !== undefined ? colours.asked : one.replayed ? colours.road : colours.car;
       pen.strokeStyle = action !== undefined ? colours.askedEdge : colours.edge;
       pen.lineWidth = action !== undefined ? 2 : 1;
       pen.beginPath(); pen.rect(middleX - length / 2, middleY - broad / 2, length, broad);
@@ -175,7 +176,7 @@
     const crashes = scene.sim.crash.filter(frame => frame >= 0 && frame <= second).length;
     ui.state.textContent = `Second ${second}: mean speed ${scene.sim.speed[second].toFixed(1)} m/s simulated, `
       + `${scene.real.speed[second].toFixed(1)} m/s recorded${rescaled}`
-      + (data.decisions ? `; ${told.size} of ${scene.sim.vehicles.length} vehicles asked` : "")
+      + (data.decisions ? `; ${told.size} of ${scene.sim.places} vehicles asked` : "")
       + (crashes ? `; ${crashes} crashed so far.` : ".");
   }
 

@@ -36,6 +36,7 @@ def player_of(replay: Replay) -> Player:
         {
             "data": embedded(data),
             "has_decisions": replay.has_decisions,
+            "has_replayed": any(scene.around is not None for scene in replay.replayed),
             "is_rescaled": is_rescaled,
             "words": " ".join(words),
         }

@@ -7,6 +7,7 @@ from jaxtyping import Float
 
 from rearl_jax.config import EvaluateTask
 from rearl_jax.core.rollout import Frames
+from rearl_jax.data.boundary import SceneBoundary
 from rearl_jax.data.scene_set import SceneSet
 
 
@@ -38,6 +39,7 @@ class ReplayedScene:
         lengths: Lengths of its vehicles [m].
         h: Hellinger distance of the rollout [-].
         decisions: Decisions about vehicles, with times and actions.
+        around: Recorded vehicles around this one scene; None for a free road.
     """
 
     index: int
@@ -46,6 +48,7 @@ class ReplayedScene:
     lengths: Float[np.ndarray, " vehicles"]
     h: float
     decisions: tuple[Decision, ...] = ()
+    around: SceneBoundary | None = None
 
 
 @dataclass(frozen=True)

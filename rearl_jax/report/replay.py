@@ -17,6 +17,7 @@ from rearl_jax.config import EvaluateTask
 from rearl_jax.config.decision import PolicyName
 from rearl_jax.config.evaluation import Method, Variant
 from rearl_jax.config.report import ReportConfig
+from rearl_jax.config.scenes import BoundarySource
 from rearl_jax.data.scene_set import SceneSet
 from rearl_jax.evaluation.host_policy import MakePolicy
 from rearl_jax.evaluation.inputs import Inputs, read_inputs
@@ -59,6 +60,11 @@ def simulate_again(study: FinishedStudy, options: ReportConfig, bar: Progress) -
         ValueError: The requested scenes or the requested run are not part of the study.
     """
     config, row = _one_method(study.config)
+    if config.scenes.boundary is not BoundarySource.free and interventions(config) is not None:
+        raise NoReplayError(
+            f"which vehicles were asked is not known with scenes.boundary={config.scenes.boundary.name}; the page of "
+            "the study itself shows one scene"
+        )
     if options.run >= config.eval.n_runs:
         fault = f"must be within the runs of the study, 0 to {config.eval.n_runs - 1}"
         raise out_of_range("report.run", fault, options.run)
@@ -148,7 +154,10 @@ def _replayed(
                 told = tuple(decision for decision in decisions if decision.rollout == at)
                 frames = jax.tree.map(lambda leaf, column=column: np.asarray(leaf[..., column]), simulated.frames)
                 length = np.asarray(simulated.length[:, column])
-                yield ReplayedScene(int(scene), run, frames, length, float(h), told)
+                around = rollouts.boundary
+                if around is not None:
+                    around = around.select(rollouts.column[at : at + 1])
+                yield ReplayedScene(int(scene), run, frames, length, float(h), told, around)
             first += simulated.frames.x.shape[-1]
 
 

@@ -1,0 +1,183 @@
+"""What was recorded around simulated vehicles: other vehicles, and where simulated ones enter.
+
+Recorded vehicles are no part of the simulated state: they have no driver, so only the searches for neighbours visit
+them. All times are steps of the simulation; whoever makes a `Boundary` interpolates between recorded frames.
+"""
+
+from dataclasses import replace
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import lax
+from jaxtyping import Array, Bool, Float, Int
+
+from rearl_jax.core.drivers import Drivers
+from rearl_jax.core.gap_driving import begin_driving
+from rearl_jax.core.model import TrafficModel
+from rearl_jax.core.replayed import ReplayedVehicles
+from rearl_jax.core.state import Controller, TrafficState
+
+
+class Motion(eqx.Module):
+    """Where replayed vehicles are, as in `ReplayedVehicles`, at one time or several."""
+
+    x: Float[Array, "*times replayed scenes"]
+    speed: Float[Array, "*times replayed scenes"]
+    acceleration: Float[Array, "*times replayed scenes"]
+    lane: Int[Array, "*times replayed scenes"]
+
+
+class Identity(eqx.Module):
+    """Which vehicles the places hold, as in `ReplayedVehicles`, during one second or several."""
+
+    length: Float[Array, "*seconds replayed scenes"]
+    is_truck: Float[Array, "*seconds replayed scenes"]
+    number: Int[Array, "*seconds replayed scenes"]
+
+
+class Entrants(eqx.Module):
+    """Vehicles that take the places of others in the simulation, at the end of one second or several.
+
+    Attributes:
+        is_new: Whether a vehicle enters; the other values of places without one mean nothing.
+        x: Position of the centre along the road [m].
+        lane: Lane.
+        speed: Speed [m/s].
+        highest_speed: Highest speed it is recorded at; a driver's own desired speed is cut to it [m/s].
+        wait: Time to the first lane-change decision as a share of that between two decisions, in [0, 1) [-].
+    """
+
+    is_new: Bool[Array, "*seconds vehicles scenes"]
+    x: Float[Array, "*seconds vehicles scenes"]
+    lane: Int[Array, "*seconds vehicles scenes"]
+    speed: Float[Array, "*seconds vehicles scenes"]
+    highest_speed: Float[Array, "*seconds vehicles scenes"]
+    wait: Float[Array, "*seconds vehicles scenes"]
+
+
+class BoundarySecond(eqx.Module):
+    """What was recorded around the traffic in one second.
+
+    Attributes:
+        motion: Replayed vehicles at the beginning of each step.
+        identity: Which they are.
+        entrants: Vehicles that enter at the end of the second.
+        after: Replayed vehicles at its end, when those have entered.
+    """
+
+    motion: Motion
+    identity: Identity
+    entrants: Entrants
+    after: ReplayedVehicles
+
+
+class Boundary(eqx.Module):
+    """What was recorded around the simulated vehicles of some scenes.
+
+    Attributes:
+        motion: Replayed vehicles at the beginning of each step of each second, `[seconds, steps, replayed, scenes]`.
+        identity: Which they are, `[seconds, replayed, scenes]`; a place may hold another one in the next second.
+        entrants: Vehicles that enter at the end of each second, `[seconds, vehicles, scenes]`.
+        scene: Scene of each scenario.
+    """
+
+    motion: Motion
+    identity: Identity
+    entrants: Entrants
+    scene: Int[Array | np.ndarray, " scenarios"]
+
+    def require(self, n_seconds: int) -> None:
+        """Raise ValueError if less was recorded than these seconds and the moment after them."""
+        n_recorded = self.motion.x.shape[0]
+        if n_seconds >= n_recorded:
+            raise ValueError(f"n_seconds = {n_seconds} exceeds the {n_recorded - 1} s of what was recorded around it")
+
+    def at_start(self) -> ReplayedVehicles:
+        """Replayed vehicles at the beginning."""
+        return replayed_vehicles(*self._of_scenarios((_at(_at(self.motion, 0), 0), _at(self.identity, 0))))
+
+    def second(self, number: Int[Array, ""] | int) -> BoundarySecond:
+        """One second, by its number from 0, for every scenario."""
+        parts = _at(self.motion, number), _at(self.identity, number), _at(self.entrants, number)
+        after = _at(_at(self.motion, number + 1), 0), _at(self.identity, number + 1)
+        motion, identity, entrants, *after = self._of_scenarios((*parts, *after))
+        return BoundarySecond(motion, identity, entrants, replayed_vehicles(*after))
+
+    def _of_scenarios(self, values: tuple) -> tuple:
+        """Values of each scenario's scene."""
+        return jax.tree.map(lambda leaf: jnp.take(leaf, jnp.asarray(self.scene), axis=-1, mode="clip"), values)
+
+
+def replayed_vehicles(motion: Motion, identity: Identity) -> ReplayedVehicles:
+    """Replayed vehicles at one time."""
+    return ReplayedVehicles(
+        x=motion.x,
+        speed=motion.speed,
+        acceleration=motion.acceleration,
+        lane=motion.lane,
+        length=identity.length,
+        is_truck=identity.is_truck,
+        number=identity.number,
+    )
+
+
+def cut_desired_speed(
+    speed: Float[Array, "vehicles *scenarios"], highest: Float[Array, "vehicles *scenarios"], drivers: Drivers
+) -> Float[Array, "vehicles *scenarios"]:
+    """Desired speed of drivers of recorded vehicles [m/s]: that of their model, at most what was seen of the vehicle.
+
+    A driver whose model has none wants to keep the present speed, as in highway-env.
+
+    Args:
+        speed: Present speed [m/s].
+        highest: Highest recorded speed [m/s].
+        drivers: Parameters of all vehicles.
+    """
+    own = drivers.car_following.desired_speed
+    return speed if own is None else jnp.minimum(jnp.broadcast_to(own, highest.shape), highest)
+
+
+def enter(state: TrafficState, around: BoundarySecond, drivers: Drivers, model: TrafficModel) -> TrafficState:
+    """State in which vehicles have taken the places of others at the end of a second.
+
+    They are in the middle of their lane, as fast as recorded, driven by the drivers of their places, who remember
+    nothing.
+    """
+    new = around.entrants
+    zeros, nobody = jnp.zeros_like(state.x), jnp.zeros_like(state.crashed)
+    period = drivers.mobil.decision_period
+    entered = replace(
+        state,
+        x=new.x,
+        y=new.lane.astype(state.y.dtype) * model.lane_width,
+        x_lost=zeros,
+        y_lost=zeros,
+        heading=zeros,
+        speed=new.speed,
+        acceleration=zeros,
+        desired_speed=cut_desired_speed(new.speed, new.highest_speed, drivers),
+        target_lane=new.lane,
+        ticks_to_decision=1 + jnp.floor(new.wait * period.astype(new.wait.dtype)).astype(jnp.int32),
+        controller=jnp.full_like(state.controller, int(Controller.IDM)),
+        crashed=nobody,
+        is_pushed=nobody,
+        push_x=zeros,
+        push_y=zeros,
+        memory=None,
+    )
+    shape, memory = state.x.shape, state.memory
+
+    def chosen(first: Array, second: Array) -> Array:
+        """The first for vehicles that enter; what does not belong to single vehicles stays."""
+        return jnp.where(new.is_new, first, second) if second.shape[-len(shape) :] == shape else second
+
+    state = jax.tree.map(chosen, entered, replace(state, memory=None))
+    fresh = begin_driving(state, drivers, model, around.after)
+    return replace(state, memory=jax.tree.map(chosen, fresh.memory, memory))
+
+
+def _at(values, index: Int[Array, ""] | int):
+    """Values at an index of their first axis."""
+    return jax.tree.map(lambda leaf: lax.dynamic_index_in_dim(leaf, index, 0, keepdims=False), values)

@@ -1,0 +1,34 @@
+"""Vehicles that drive as they were recorded: seen by all drivers, reacting to none."""
+
+import equinox as eqx
+from jaxtyping import Array, Float, Int
+
+NOT_RECORDED = -1_000
+"""Lane of a place that holds no vehicle at that moment; no vehicle searches it."""
+
+
+class ReplayedVehicles(eqx.Module):
+    """Recorded vehicles around the simulated ones at one moment; each place holds one of them or none.
+
+    Attributes:
+        x: Position of the centre along the road [m].
+        speed: Along the road [m/s].
+        acceleration: Along the road [m/s^2].
+        lane: Lane; NOT_RECORDED where the place holds no vehicle.
+        length: Length [m].
+        is_truck: 1 for a truck, else 0.
+        number: Number of the vehicle, the same for as long as it is replayed, above those of all simulated vehicles.
+    """
+
+    x: Float[Array, "replayed *scenarios"]
+    speed: Float[Array, "replayed *scenarios"]
+    acceleration: Float[Array, "replayed *scenarios"]
+    lane: Int[Array, "replayed *scenarios"]
+    length: Float[Array, "replayed *scenarios"]
+    is_truck: Float[Array, "replayed *scenarios"]
+    number: Int[Array, "replayed *scenarios"]
+
+    @property
+    def n_places(self) -> int:
+        """Places for vehicles in a scenario."""
+        return self.x.shape[0]

@@ -1,0 +1,84 @@
+"""What was recorded around simulated scenes; read once per machine, data set and choice of scenes."""
+
+from dataclasses import fields
+
+import numpy as np
+
+from rearl_jax.cache import kept_path, read_arrays, write_arrays
+from rearl_jax.config import EvaluateTask
+from rearl_jax.config.core import InitialSource
+from rearl_jax.config.evaluation import SeedScope
+from rearl_jax.config.scenes import BoundarySource, Direction, SpeedNorm
+from rearl_jax.data.boundary import BoundaryOptions, SceneBoundary, cut_boundary
+from rearl_jax.data.recordings import data_id, file_stamps, iterate_recordings
+from rearl_jax.data.scene_set import SceneSet
+from rearl_jax.evaluation.traffic import WITH_MODEL
+from rearl_jax.problems import InvalidInputError, Problem, out_of_range
+
+_SOURCES = ("config", "data")
+"""Parts of the package whose code decides what is read."""
+
+
+def check_boundary(config: EvaluateTask, *, has_own_scenes: bool = False) -> None:
+    """Raise InvalidInputError if what was recorded around the scenes cannot be replayed under the other keys.
+
+    Args:
+        config: The task.
+        has_own_scenes: Whether the scenes were given, and not cut from the recordings of `config.data`.
+    """
+    source = config.scenes.boundary
+    if source is BoundarySource.free:
+        return
+    why = f"for scenes.boundary={source.name}"
+    if config.init.source is not InitialSource.scene:
+        message = f"must be scene {why}: recorded vehicles drive around recorded ones"
+        raise out_of_range("init.source", message, config.init.source.name)
+    if config.speed.norm is not SpeedNorm.none:
+        message = f"must be none {why}: rescaled speeds do not fit recorded positions"
+        raise out_of_range("speed.norm", message, config.speed.norm.name)
+    if config.eval.seed_scope is not SeedScope.run_x_scene:
+        message = f"must be run_x_scene {why}: every rollout has the surroundings of its own scene"
+        raise out_of_range("eval.seed_scope", message, config.eval.seed_scope.name)
+    if config.method not in WITH_MODEL:
+        raise out_of_range("method", f"must be base or rearl {why}", config.method.name)
+    if config.decision.policy.is_outside:
+        message = f"must be a policy inside the compiled program {why}"
+        raise out_of_range("decision.policy", message, config.decision.policy.name)
+    if has_own_scenes:
+        message = "needs recordings, of which the given scenes hold only the picked vehicles"
+        remedy = "give a table of trajectories instead of scenes, or name the recordings with data"
+        raise InvalidInputError(Problem("recordings-needed", message, remedy, key="scenes.boundary", value=source.name))
+
+
+def recorded_boundary(config: EvaluateTask, scenes: SceneSet, subset: np.ndarray) -> SceneBoundary | None:
+    """What was recorded around some scenes; None for scenes.boundary=free.
+
+    Args:
+        config: The task, from whose recordings the scenes were cut.
+        scenes: All scenes.
+        subset: Indices of the scenes.
+
+    Raises:
+        InvalidInputError: Keys contradict each other, or the lane of a vehicle is unknown.
+    """
+    check_boundary(config)
+    source = config.scenes.boundary
+    if source is BoundarySource.free:
+        return None
+    keys = {
+        "data": data_id(config.data),
+        "files": [list(stamp) for stamp in file_stamps(config.data)],
+        "scenes": scenes.data_id,
+        "subset": np.asarray(subset).tolist(),
+        "source": source.name,
+        "steps": config.core.ticks_per_second,
+    }
+    path = kept_path("boundaries", keys, _SOURCES, ".npz")
+    arrays = read_arrays(path)
+    if arrays is not None:
+        return SceneBoundary(**arrays)
+    is_one_way = config.scenes.direction is Direction.per_direction
+    options = BoundaryOptions(source, config.core.ticks_per_second, is_one_way)
+    boundary = cut_boundary(iterate_recordings(config.data), scenes, subset, options)
+    write_arrays(path, {item.name: getattr(boundary, item.name) for item in fields(boundary)})
+    return boundary

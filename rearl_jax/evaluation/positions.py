@@ -1,0 +1,124 @@
+"""Distance of simulated vehicles from where they were recorded, and how often they are inside replayed ones."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from jaxtyping import Bool, Float, Int
+
+from rearl_jax.config.core import InitialSource
+from rearl_jax.data.boundary import SceneBoundary
+from rearl_jax.data.scene_set import SceneSet
+from rearl_jax.evaluation.estimates import grouped_mean
+from rearl_jax.evaluation.extras import Extra, Figures
+from rearl_jax.evaluation.rollouts import Rollouts
+from rearl_jax.evaluation.scores import title_of
+from rearl_jax.evaluation.simulators import Simulated
+
+
+@dataclass(frozen=True)
+class Positions:
+    """Positions of some rollouts beside the recorded ones.
+
+    Attributes:
+        scene: Index of the scene of each rollout.
+        run: Its run.
+        error: Mean distance along the road of simulated vehicles from where they were recorded at the same time [m];
+            NaN where there was nothing to compare.
+        overlap: Share of the vehicle-seconds in which a simulated vehicle is inside a replayed one [-].
+    """
+
+    scene: Int[np.ndarray, " rollouts"]
+    run: Int[np.ndarray, " rollouts"]
+    error: Float[np.ndarray, " rollouts"]
+    overlap: Float[np.ndarray, " rollouts"]
+
+
+def positions_of(simulated: Simulated, rollouts: Rollouts, scenes: SceneSet) -> Positions | None:
+    """Positions of rollouts that start from recorded scenes; None for others.
+
+    Seconds in which a vehicle starts or enters do not count: it is where it was recorded.
+
+    Args:
+        simulated: The rollouts.
+        rollouts: The same, as they are listed.
+        scenes: All scenes.
+    """
+    if rollouts.config.init.source is not InitialSource.scene:
+        return None
+    x, index, boundary = np.moveaxis(np.asarray(simulated.frames.x), -1, 0), rollouts.scene, rollouts.boundary
+    overlap = np.zeros(len(index))
+    if boundary is None:
+        recorded, is_known = _first_vehicles(scenes, index)
+        x = x[:, : recorded.shape[1]]  # frame k is at second k + 1
+    else:
+        recorded, is_known = boundary.x[rollouts.column], ~boundary.is_new[rollouts.column]
+        is_known[:, 0] = False
+        overlap = overlaps(simulated, boundary, rollouts.column).mean(axis=(1, 2))
+    n_known = is_known.sum(axis=(1, 2))
+    distance = np.where(is_known, np.abs(x - recorded), 0.0).sum(axis=(1, 2))
+    error = np.where(n_known > 0, distance / np.maximum(n_known, 1), np.nan)
+    return Positions(index, rollouts.run, error, overlap)
+
+
+def overlaps(
+    simulated: Simulated, boundary: SceneBoundary, column: Int[np.ndarray, " rollouts"]
+) -> Bool[np.ndarray, "rollouts seconds vehicles"]:
+    """True where a simulated vehicle is inside a replayed one of its lane.
+
+    Args:
+        simulated: The rollouts.
+        boundary: What was replayed.
+        column: Place of the scene of each rollout in it.
+    """
+    x, lane = (
+        np.moveaxis(np.asarray(values), -1, 0)[..., None] for values in (simulated.frames.x, simulated.frames.lane)
+    )
+    half = np.asarray(simulated.length).T[:, None, :, None] / 2 + boundary.replayed_length[column][:, :, None] / 2
+    other_x, other_lane = boundary.replayed_x[column][:, :, 0], boundary.replayed_lane[column][:, :, 0]
+    return ((np.abs(x - other_x[:, :, None]) < half) & (lane == other_lane[:, :, None])).any(axis=-1)
+
+
+def _first_vehicles(scenes: SceneSet, index: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Recorded positions [m] of the vehicles of the first snapshot in all others, and where they are known."""
+    track, position = scenes.track_id[index], scenes.position[index]
+    is_same = track[:, 1:, :, None] == track[:, :1, None, :]  # [scenes, frames, slots, vehicles]
+    recorded = np.where(is_same, position[:, 1:, :, None], 0.0).sum(axis=2)
+    return recorded - position[:, :1].min(axis=2, keepdims=True), is_same.any(axis=2)
+
+
+def join_positions(parts: Sequence[Positions]) -> Positions:
+    """One record of several."""
+    return Positions(*(np.concatenate([vars(part)[name] for part in parts]) for name in vars(parts[0])))
+
+
+def position_figures(found: Positions) -> Figures:
+    """Means over scenes of means over runs: `position_error` [m] and `overlap_share` [-]."""
+    scenes, cell = np.unique(found.scene, return_inverse=True)
+    means = (grouped_mean(values, cell, len(scenes)) for values in (found.error, found.overlap))
+    error, overlap = (float(np.nanmean(values)) if np.isfinite(values).any() else float("nan") for values in means)
+    return {"position_error": error, "overlap_share": overlap}
+
+
+def position_extra(scene_id: np.ndarray, found: Mapping[str, Positions]) -> Extra:
+    """Table `positions` with one row per rollout, and a note on every row of the evaluation.
+
+    Args:
+        scene_id: Number of every scene.
+        found: Positions by row.
+    """
+    tables, notes = [], []
+    for name, positions in found.items():
+        columns = {
+            "method": pd.Categorical([name], list(found)).repeat(len(positions.scene)),
+            "scene_id": scene_id[positions.scene].astype(np.int32),
+            "run": positions.run.astype(np.int32),
+            "position_error": positions.error,
+            "overlap_share": positions.overlap,
+        }
+        tables.append(pd.DataFrame(columns))
+        figures = position_figures(positions)
+        notes.append(f"{title_of(name)} {figures['position_error']:.1f} m")
+    distance = f"distance of vehicles from where they were recorded, as long as they were: {', '.join(notes)}"
+    return Extra({"positions": pd.concat(tables, ignore_index=True)}, (distance,))

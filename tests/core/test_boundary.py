@@ -1,0 +1,151 @@
+"""Recorded vehicles around simulated ones: seen as if they were simulated, and vehicles that enter."""
+
+from dataclasses import replace
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from rearl_jax.core.boundary import replayed_vehicles
+from rearl_jax.core.car_following.idm import IDM
+from rearl_jax.core.drivers import highway_env_drivers
+from rearl_jax.core.effects import EFFECTS
+from rearl_jax.core.gap_driving import begin_driving
+from rearl_jax.core.lane_search import find_behind, traffic_beside
+from rearl_jax.core.model import TrafficModel
+from rearl_jax.core.neighbours import LARGEST_SMALL_TRAFFIC, derive_state, find_follower
+from rearl_jax.core.replayed import NOT_RECORDED
+from rearl_jax.core.rollout import rollout
+from rearl_jax.core.state import make_state
+from rearl_jax.core.stimuli import vehicle_states
+from tests.core.boundaries import nobody, replay_of, states_of
+
+MODEL = TrafficModel(n_lanes=3, collisions=False)
+N_SECONDS = 4
+
+
+def drivers_of(kind):
+    drivers = highway_env_drivers(dtype=jnp.dtype("float64"))
+    if kind == "highway_env":
+        return drivers
+    values = (jnp.full((1, 1), value) for value in (28.0, 1.2, 2.0, 1.5, 2.0))
+    one = jnp.ones((1, 1))
+    effects = (EFFECTS["leader_acceleration"](0.5 * one, 60.0 * one), EFFECTS["several_leaders"](0.3 * one, 0.5 * one))
+    return replace(drivers, car_following=IDM(*values), effects=effects)
+
+
+def traffic(n_vehicles, kind):
+    """Vehicles that keep their lane, close behind each other, the foremost three of each scenario slow."""
+    rng = np.random.default_rng(3)
+    shape = (n_vehicles, 2)
+    x = np.cumsum(rng.uniform(8.0, 14.0, shape), axis=0)
+    lane = np.arange(n_vehicles)[:, None] % 3 + np.zeros((1, 2), int)
+    speed = np.where(np.arange(n_vehicles)[:, None] < n_vehicles - 3, 22.0, 14.0) + np.zeros(shape)
+    drivers = drivers_of(kind)
+    state = make_state(x, 4.0 * lane, speed, MODEL, dtype=np.float64)
+    return begin_driving(state, drivers, MODEL), drivers
+
+
+@pytest.mark.parametrize(
+    ("kind", "n_vehicles", "lane_changes"),
+    [
+        ("highway_env", 6, True),
+        ("gaps", 6, False),
+        pytest.param("highway_env", LARGEST_SMALL_TRAFFIC + 5, True, marks=pytest.mark.thorough),
+        pytest.param("gaps", LARGEST_SMALL_TRAFFIC + 5, False, marks=pytest.mark.thorough),
+    ],
+)
+def test_replayed_leaders_are_followed_as_simulated_ones_are(kind, n_vehicles, lane_changes):
+    model = replace(MODEL, lane_changes=lane_changes)
+    state, drivers = traffic(n_vehicles, kind)
+    states = states_of(state, drivers, model, N_SECONDS + 1)
+    leaders = slice(n_vehicles - 3, n_vehicles)
+    others = slice(0, n_vehicles - 3)
+    boundary = replay_of(states, leaders, model, 5.0)
+    assert (np.asarray(boundary.motion.lane) == np.asarray(boundary.motion.lane[0, 0])).all()
+    own = jax.tree.map(lambda leaf: leaf[others], replace(state, memory=None))
+    own = replace(own, order=jnp.argsort(own.x, axis=0).astype(jnp.int32))
+    own = begin_driving(own, drivers, model, boundary.at_start())
+
+    run = jax.jit(lambda boundary: rollout(own, drivers, model, n_seconds=N_SECONDS, boundary=boundary)[1])
+    found = run(boundary)
+    for name in ("x", "y", "speed", "acceleration"):
+        wanted = getattr(states, name)[1:, 0, others]
+        np.testing.assert_allclose(getattr(found, name), wanted, rtol=0, atol=1e-9)
+    gone = with_lanes(boundary, NOT_RECORDED)
+    unhindered = run(gone)
+    assert np.abs(unhindered.x - found.x).max() > 3.0  # the leaders did matter
+
+
+def with_lanes(boundary, lane):
+    return replace(boundary, motion=replace(boundary.motion, lane=jnp.full_like(boundary.motion.lane, lane)))
+
+
+@pytest.mark.parametrize("kind", ["highway_env", pytest.param("gaps", marks=pytest.mark.thorough)])
+def test_a_boundary_without_vehicles_is_a_free_road(kind):
+    state, drivers = traffic(6, kind)
+    free = jax.jit(lambda state: rollout(state, drivers, MODEL, n_seconds=2)[1])(state)
+    bounded = jax.jit(lambda state, around: rollout(state, drivers, MODEL, n_seconds=2, boundary=around)[1])
+    for name, values in vars(bounded(state, nobody(3, 6, 2))).items():
+        np.testing.assert_array_equal(values, getattr(free, name), err_msg=name)
+
+
+def test_what_was_not_recorded_is_refused():
+    state, drivers = traffic(6, "highway_env")
+    with pytest.raises(ValueError, match="n_seconds = 3"):
+        rollout(state, drivers, MODEL, n_seconds=3, boundary=nobody(3, 6, 2))
+
+
+@pytest.mark.parametrize("kind", ["highway_env", "gaps"])
+def test_vehicles_enter_in_the_places_of_others_and_remember_nothing(kind):
+    state, drivers = traffic(6, kind)
+    is_new = np.zeros((3, 6, 2), bool)
+    is_new[0, 2, 1] = True
+    same = np.ones(is_new.shape)
+    around = nobody(
+        *(3, 6, 2),
+        is_new=is_new,
+        x=3.0 * same,
+        lane=same.astype(np.int32),
+        speed=11.0 * same,
+        highest_speed=17.0 * same,
+        wait=0.5 * same,
+    )
+    run = jax.jit(lambda around: rollout(state, drivers, MODEL, n_seconds=1, boundary=around)[0])
+    after, before = run(around), run(nobody(3, 6, 2))
+    assert (float(after.x[2, 1]), float(after.y[2, 1]), float(after.speed[2, 1])) == (3.0, 4.0, 11.0)
+    assert float(after.desired_speed[2, 1]) == (11.0 if kind == "highway_env" else 17.0)
+    assert int(after.ticks_to_decision[2, 1]) == 1 + 8
+    stays = np.ones((6, 2), bool)
+    stays[2, 1] = False
+    for name in ("x", "y", "speed", "desired_speed", "target_lane", "ticks_to_decision"):
+        np.testing.assert_array_equal(np.asarray(getattr(after, name))[stays], np.asarray(getattr(before, name))[stays])
+    if kind == "gaps":
+        assert int(after.memory.n_ticks) == int(before.memory.n_ticks) == 15
+        index = (2, 1)
+        leader = after.memory.leader_history.leader
+        assert int(leader[index]) != int(before.memory.leader_history.leader[index])
+        np.testing.assert_array_equal(np.asarray(leader)[stays], np.asarray(before.memory.leader_history.leader)[stays])
+
+
+def test_followers_and_vehicles_beside_may_be_replayed():
+    state, drivers = traffic(6, "gaps")
+    around = nobody(1, 6, 2)
+    motion = jax.tree.map(lambda leaf: leaf[0, 0], around.motion)
+    behind = jnp.stack([state.x[0] - 7.0, state.x[0] - 3.0])
+    motion = replace(motion, x=behind, speed=behind * 0 + 9.0, lane=jnp.asarray([[0, 0], [1, 1]], jnp.int32))
+    replayed = replayed_vehicles(motion, jax.tree.map(lambda leaf: leaf[0], around.identity))
+    derived = derive_state(state, MODEL, replayed)
+    follower = find_follower(state, derived, derived.lane)
+    np.testing.assert_allclose(follower.distance[0], 7.0)
+    np.testing.assert_allclose(follower.speed[0], 9.0)
+    np.testing.assert_allclose(follower.speed_ratio[0], 1.0)
+    vehicles = vehicle_states(state, derived, drivers)
+    found = find_behind(state, derived, vehicles, derived.lane)
+    np.testing.assert_allclose(found.distance[0], 7.0)
+    np.testing.assert_array_equal(found.index[0], 6)
+    slowest, count = traffic_beside(state, derived, vehicles)
+    alone = traffic_beside(state, derive_state(state, MODEL), vehicles)
+    np.testing.assert_allclose(slowest[0], 9.0)
+    np.testing.assert_allclose(count[0], alone[1][0] + 1)
