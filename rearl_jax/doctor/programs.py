@@ -9,6 +9,7 @@ from rearl_jax.doctor.check import Check, fail, ok, warn
 _USES = {
     "test": "the checks of the code (make test)",
     "bench": "SUMO in `python -m benchmarks core` and `rearl discover blind`",
+    "sumo": "the comparison with SUMO in `rearl export`",
     "llm": "decision.server=local",
     "joblib": "hydra/launcher=joblib",
     "ray": "hydra/launcher=ray",

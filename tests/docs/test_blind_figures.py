@@ -70,7 +70,7 @@ LINES = (
     ("in records of 14 s", "named", ["short"]),
     ("an effect on lane choice", "named", ["lane_choice"]),
     ("two effects at once", "both named", ["two"]),
-    ("one of two effects that look alike", "the right one alone", ["confusable"]),
+    ("one of two similar effects", "only the right effect", ["confusable"]),
     ("two opposite effects that nearly cancel", "the difference named", ["cancelling"]),
     ("an effect outside the library, over a measured variable", "the right variable", ["unlisted, over a variable"]),
     ("action points, misjudged gaps, distraction", '"unexplained"', ["unlisted, no variable"]),
@@ -179,7 +179,7 @@ def test_goals_that_were_missed(page, scores):
     for said in (
         f"{len(missed)} of the {len(scores)} goals were missed",
         f"no false effect where two opposite effects nearly cancel | {hits['cancelling_false']} have one |",
-        f"the true one of two effects that look alike is always kept | {hits['confusable_in_set']} |",
+        f"the true one of two similar effects is always kept | {hits['confusable_in_set']} |",
         "a lower error for 95 % of the repaired models on SUMO's action steps and other models | "
         f"{hits['sumo_error']} |",
         f"no significantly larger error after a repair | {marked['error_rose']} |",
