@@ -230,7 +230,7 @@ def test_a_study_beside_the_paper_is_reported_with_both(make_study, make_report)
     check_alone(page)
     text = words(page)
     assert "&lt;b&gt;REARL&lt;/b&gt; 0.400 0.350 to 0.450 paper: &lt;b&gt;REARL&lt;/b&gt; 0.300" in text
-    assert "-0.100 -0.150 to -0.050" in text.split("Less base, from the same initial states")[1]
+    assert "-0.100 -0.150 to -0.050" in text.split("Difference from base, from the same initial states")[1]
     assert "rearl report study=paper/rows/ROW" in found["no_replay"]
 
 
