@@ -74,7 +74,7 @@ def test_what_the_table_does_not_hold_stays_as_it_was(before, folder):
     judge_again(folder)
     page = (folder / "page.html").read_text()
     assert "as cases.parquet has no ends of intervals: " in page
-    assert "something added: error surely higher after" in page
+    assert "repaired models: significantly higher error" in page
 
 
 def test_a_truth_that_was_changed_is_refused(folder):
