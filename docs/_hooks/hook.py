@@ -30,6 +30,7 @@ GENERATED: dict[str, Callable[..., str]] = {
     "metrics": tables_of_code.metrics,
     "packages": tables_of_code.packages,
     "public-names": tables_of_code.public_names,
+    "recording-errors": kept_results.recording_errors,
     "recording-formats": tables_of_code.recording_formats,
     "shipped-recordings": tables_of_code.shipped_recordings,
     "sweeps": config_keys.sweeps,

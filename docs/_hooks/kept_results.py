@@ -1,7 +1,7 @@
 """Figures of the kept studies, read from their files so that no number is copied by hand."""
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -37,6 +37,40 @@ def verdicts() -> str:
     for study, verdict in _of("discover", "verdict.json"):
         blocks.append(f"`results/kept/{study}`\n:   {verdict_words(verdict)}. {error_words(verdict['error'])}.")
     return "\n\n".join(blocks)
+
+
+def recording_errors() -> str:
+    """Verdicts and gap errors of the kept studies of recordings and of their groups, in the protocols that predict."""
+    rows = [
+        "| recording | verdict | model | drivers | parameters of the population | after | first half known | after |",
+        "|---|---|---|---|---|---|---|---|",
+    ]
+    for study, verdict in _of("discover", "verdict.json"):
+        parts = [(f"{group['by']} {group['value']}", group) for group in verdict.get("groups", [])]
+        for name, one in parts or [("all drivers", verdict)]:
+            chosen, protocols = one["base"]["chosen"], one["error"]["protocols"]
+            cells = [
+                f"`{study}`, {name}",
+                f"`{one['verdict']}`",
+                chosen.replace("_", " "),
+                str(one["error"]["n_drivers"]),
+            ]
+            for protocol in ("population", "first_half"):
+                mean = protocols[protocol]["gap_rmse"]["mean"]
+                cells += [metres(mean["before"]), f"{metres(mean['after'])}, {percent(mean['change_share'])}"]
+            rows.append(f"| {' | '.join(cells)} |")
+    return "\n".join(rows)
+
+
+def metres(figure: Mapping[str, float]) -> str:
+    """A figure in metres."""
+    return f"{figure['value']:.2f} m"
+
+
+def percent(figure: Mapping[str, float]) -> str:
+    """A relative change with its interval."""
+    value, low, high = (100 * figure[key] for key in ("value", "low", "high"))
+    return f"{value:+.1f} % ({low:+.1f} to {high:+.1f})"
 
 
 def _of(task: str, file: str) -> Iterator[tuple[str, Any]]:

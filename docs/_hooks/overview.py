@@ -1,7 +1,7 @@
 """Draws the picture of README and of the first page from the stored results: `python docs/_hooks/overview.py`.
 
 Left: share of hidden effects that discovery names, by their strength, in generated recordings. Right: gap error of
-drivers that were not used in the fit, before and after the model was repaired, in measured recordings.
+drivers that were not used in the fit over the second half of their drives, by what is known of them, in a measured one.
 """
 
 import json
@@ -17,7 +17,7 @@ WIDTH, HEIGHT = 800, 280
 TOP, BOTTOM = 60, 230
 """Upper and lower end of both panels [px]."""
 
-LEFT_PANEL, RIGHT_PANEL = (60, 390), (540, 780)
+LEFT_PANEL, RIGHT_PANEL = (60, 390), (560, 780)
 """First and last abscissa of the panels [px]."""
 
 DARK, GREY, BLUE, ORANGE = "#333333", "#bbbbbb", "#0072b2", "#d55e00"
@@ -25,7 +25,9 @@ LARGEST_ERROR = 8.0
 """End of the axis of the right panel [m]."""
 
 STRENGTHS = {0.25: "1/4", 0.5: "1/2", 1.0: "1", 2.0: "2"}
-RECORDINGS = {"discover_i80": "NGSIM I-80", "discover_openacc": "OpenACC ZalaZone"}
+STUDY = "discover_i80"
+KNOWN = {"population": "the population", "before": "own first half", "after": "the same, repaired"}
+"""What is known of a driver, and which model is simulated, in words."""
 
 
 def draw() -> str:
@@ -64,28 +66,25 @@ def _named_by_strength() -> list[str]:
 
 
 def _gap_errors() -> list[str]:
-    """Right panel: root mean square error of the gap before and after the repair of the model, with intervals."""
+    """Right panel: mean root mean square error of the gap in the second half of a drive, with intervals."""
     first, last = RIGHT_PANEL
-    parts = [_text(first - 90, 22, "MEASURED recordings: gap error, other drivers", weight="bold")]
-    for error in (0.0, 2.0, 4.0, 6.0, 8.0):
-        x = _along(error)
-        parts += [_line(x, TOP, x, BOTTOM, GREY), _text(x, BOTTOM + 18, f"{error:.0f}", anchor="middle")]
-    for number, (study, name) in enumerate(RECORDINGS.items()):
-        error = json.loads((KEPT / study / "verdict.json").read_text(encoding="utf-8"))["error"]
-        y = TOP + 40 + 80 * number
-        parts.append(_text(first - 8, y + 4, name, anchor="end"))
-        for state, colour, shift in (("before", ORANGE, -12), ("after", BLUE, 12)):
-            value = error[state]
-            parts += [
-                _line(_along(value["low"]), y + shift, _along(value["high"]), y + shift, colour, 2),
-                _dot(_along(value["value"]), y + shift, colour),
-                _text(_along(value["value"]), y + shift - 7, f"{value['value']:.2f} m {state}", anchor="middle"),
-            ]
+    error = json.loads((KEPT / STUDY / "verdict.json").read_text(encoding="utf-8"))["error"]["protocols"]["first_half"]
+    title = f"MEASURED, I-80: gap error of {error['n_drivers']} other drivers"
+    parts = [_text(first - 115, 22, title, weight="bold"), _text(first - 115, 40, "second half of a drive, from")]
+    for value in (0.0, 2.0, 4.0, 6.0, 8.0):
+        x = _along(value)
+        parts += [_line(x, TOP, x, BOTTOM, GREY), _text(x, BOTTOM + 18, f"{value:.0f}", anchor="middle")]
+    for number, (state, name) in enumerate(KNOWN.items()):
+        value, y, colour = error["gap_rmse"]["mean"][state], TOP + 35 + 55 * number, BLUE if number else ORANGE
+        parts += [
+            _text(first - 8, y + 4, name, anchor="end"),
+            _line(_along(value["low"]), y, _along(value["high"]), y, colour, 2),
+            _dot(_along(value["value"]), y, colour),
+            _text(_along(value["value"]), y - 7, f"{value['value']:.2f} m", anchor="middle"),
+        ]
     return [
         *parts,
-        _text(
-            (first + last) / 2, BOTTOM + 38, "root mean square error of the gap [m] (90 % intervals)", anchor="middle"
-        ),
+        _text(last, BOTTOM + 38, "root mean square error of the gap [m] (90 % intervals)", anchor="end"),
     ]
 
 
