@@ -20,7 +20,7 @@ from rearl_jax.config.data import DataConfig
 from rearl_jax.data.columnar import column_names, is_parquet, is_text, read_columns, stored_text
 from rearl_jax.data.completion import NEEDED, completed
 from rearl_jax.data.delimited import read_csv, read_header, stem_of, text_endings
-from rearl_jax.data.folder import recordings_missing, visible_files
+from rearl_jax.data.folder import named_files
 from rearl_jax.data.labels import with_labels
 from rearl_jax.data.losses import Losses
 from rearl_jax.data.problems import BadRecordingError, bad_recording, recording_unnamed
@@ -46,13 +46,8 @@ def find_tables(root: Path) -> list[Path]:
     Raises:
         FileNotFoundError: There is none.
     """
-    found = [root] if root.is_file() else visible_files(root, _ENDINGS)
-    if not found:
-        wanted = (
-            "a table, or a folder of tables, one row per vehicle and frame; `rearl prepare FILE` says how to read one"
-        )
-        raise recordings_missing("no .parquet or .csv", root, wanted, _ENDINGS)
-    return found
+    wanted = "a table, or a folder of tables, one row per vehicle and frame; `rearl prepare FILE` says how to read one"
+    return named_files(root, _ENDINGS, wanted, ".parquet or .csv")
 
 
 class TableFile:

@@ -26,6 +26,24 @@ def visible_files(root: Path, endings: Sequence[str]) -> list[Path]:
     return [file for file in files if is_visible(file) and _ends(file, endings) and file.is_file()]
 
 
+def named_files(root: Path, endings: Sequence[str], wanted: str, usual: str) -> list[Path]:
+    """The file that is named, or the visible files of the folder.
+
+    Args:
+        root: File or folder.
+        endings: Of the files of recordings.
+        wanted: What `data.root` must name.
+        usual: The usual endings in words, such as `.csv or .txt`.
+
+    Raises:
+        MissingInputError: There is none.
+    """
+    found = [root] if root.is_file() else visible_files(root, endings)
+    if not found:
+        raise recordings_missing(f"no {usual}", root, wanted, endings)
+    return found
+
+
 def file_name_of(recording: str) -> str:
     """A file name without ending for a recording of any name, on every system; letters, digits, - _ . stay as they are.
 

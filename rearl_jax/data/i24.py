@@ -17,7 +17,7 @@ import pandas as pd
 import pyarrow as pa
 
 from rearl_jax.config.data import DataConfig
-from rearl_jax.data.folder import recordings_missing, visible_files
+from rearl_jax.data.folder import named_files
 from rearl_jax.data.i24_index import FEET, LANE, NEEDED, Cell, Index, Tracks, index_of
 from rearl_jax.data.json_documents import parsed, read_documents
 from rearl_jax.data.losses import Losses
@@ -67,11 +67,8 @@ def find_files(root: Path) -> list[Path]:
     Raises:
         FileNotFoundError: There is none.
     """
-    found = [root] if root.is_file() else visible_files(root, (".json", ".jsonl", ".ndjson"))
-    if not found:
-        wanted = "the folder with the trajectories of I-24 MOTION INCEPTION, as JSON"
-        raise recordings_missing("no .json", root, wanted, (".json",))
-    return found
+    wanted = "the folder with the trajectories of I-24 MOTION INCEPTION, as JSON"
+    return named_files(root, (".json", ".jsonl", ".ndjson"), wanted, ".json")
 
 
 def is_one(path: Path) -> bool:

@@ -20,7 +20,7 @@ from rearl_jax.config.data import DataConfig, OnBad
 from rearl_jax.data.checks import MOST_LANES
 from rearl_jax.data.columnar import is_parquet
 from rearl_jax.data.delimited import read_blank_separated, read_csv, read_header, text_endings
-from rearl_jax.data.folder import recordings_missing, visible_files
+from rearl_jax.data.folder import named_files, visible_files
 from rearl_jax.data.losses import Losses, reject
 from rearl_jax.data.ngsim import ATTRIBUTION, FRAME_RATE, LICENCE, US101_LENGTH
 from rearl_jax.data.ngsim_clock import ARTERIALS, LANES, impossible_times, places_of, plain, recordings_of
@@ -202,14 +202,11 @@ def find_published(root: Path) -> list[Path]:
     Raises:
         FileNotFoundError: There is none.
     """
-    found = [root] if root.is_file() else visible_files(root, _ENDINGS)
-    if not found:
-        wanted = (
-            "the folder with the NGSIM trajectory tables, such as trajectories-0750am-0805am.csv or the export of the "
-            "data portal"
-        )
-        raise recordings_missing("no .csv or .txt", root, wanted, _ENDINGS)
-    return found
+    wanted = (
+        "the folder with the NGSIM trajectory tables, such as trajectories-0750am-0805am.csv or the export of the "
+        "data portal"
+    )
+    return named_files(root, _ENDINGS, wanted, ".csv or .txt")
 
 
 def _converted(recording: str, rows: pd.DataFrame, path: Path) -> tuple[pd.DataFrame, RecordingInfo]:

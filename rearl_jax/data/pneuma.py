@@ -20,7 +20,7 @@ import pyarrow.compute as pc
 from rearl_jax.config.data import DataConfig, OnBad
 from rearl_jax.data.checks import LARGEST
 from rearl_jax.data.delimited import read_header, stem_of, text_endings
-from rearl_jax.data.folder import recordings_missing, visible_files
+from rearl_jax.data.folder import named_files
 from rearl_jax.data.frame_rates import frame_rate_of
 from rearl_jax.data.losses import Losses
 from rearl_jax.data.problems import DROP_HINT, BadRecordingError, bad_recording, require_columns
@@ -77,12 +77,8 @@ def find_files(root: Path) -> list[Path]:
     Raises:
         FileNotFoundError: There is none.
     """
-    endings = text_endings(".csv")
-    found = [root] if root.is_file() else visible_files(root, endings)
-    if not found:
-        wanted = "the folder with the files of pNEUMA, such as 20181024_d1_0830_0900.csv"
-        raise recordings_missing("no .csv", root, wanted, endings)
-    return found
+    wanted = "the folder with the files of pNEUMA, such as 20181024_d1_0830_0900.csv"
+    return named_files(root, text_endings(".csv"), wanted, ".csv")
 
 
 def is_one(path: Path) -> bool:

@@ -1,6 +1,6 @@
 """Format of recordings: how they are listed and read, and which files they come from."""
 
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -52,25 +52,52 @@ class Reader:
     recognises: Callable[[Path], Path | None] | None = None
 
 
-def parts_of(
-    find: Callable[[Path], Path],
-    parts: Callable[[Path], dict[str, Any]],
-    read: Callable[[Path, str, Any, DataConfig], Recording],
+def one_per_file(
+    find: Callable[[Path], list[Path]], name: Callable[[Path], str], read: Callable[[Path, DataConfig], Recording]
 ) -> Callable[[DataConfig, Path], Iterator[Entry]]:
-    """Entries of a format whose recordings are parts of one file.
+    """Entries of a format with one recording per file.
 
     Args:
-        find: The file.
-        parts: Recording id -> what tells its rows from others.
-        read: One recording of the file by its id and part.
+        find: The files.
+        name: Recording id of a file.
+        read: The recording of a file.
     """
 
     def entries(data: DataConfig, root: Path) -> Iterator[Entry]:
-        path = find(root)
-        for name, part in parts(path).items():
-            yield Entry(name, partial(read, path, name, part, data), file=path)
+        for path in find(root):
+            yield Entry(name(path), partial(read, path, data), file=path)
 
     return entries
+
+
+def parts_of_files(
+    find: Callable[[Path], list[Path]],
+    parts: Callable[[Path, DataConfig], Mapping[str, Any]],
+    read: Callable[[Path, str, Any, DataConfig], Recording],
+) -> Callable[[DataConfig, Path], Iterator[Entry]]:
+    """Entries of a format whose recordings are parts of files.
+
+    Args:
+        find: The files.
+        parts: Recording id -> what tells its rows from others.
+        read: One recording of a file by its id and part.
+    """
+
+    def entries(data: DataConfig, root: Path) -> Iterator[Entry]:
+        for path in find(root):
+            for name, part in parts(path, data).items():
+                yield Entry(name, partial(read, path, name, part, data), file=path)
+
+    return entries
+
+
+def parts_of(
+    find: Callable[[Path], Path],
+    parts: Callable[[Path], Mapping[str, Any]],
+    read: Callable[[Path, str, Any, DataConfig], Recording],
+) -> Callable[[DataConfig, Path], Iterator[Entry]]:
+    """As `parts_of_files`, of a format with one file, whose parts do not depend on the keys of data."""
+    return parts_of_files(lambda root: [find(root)], lambda path, _: parts(path), read)
 
 
 def by_first_file(find: Callable[[Path], list[Path]], is_one: Callable[[Path], bool]) -> Callable[[Path], Path | None]:

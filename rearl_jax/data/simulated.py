@@ -4,8 +4,9 @@ Every reader of a simulator's output brings its rows into the columns of `FIELDS
 so these recordings are marked as generated.
 """
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 import pandas as pd
@@ -50,6 +51,40 @@ class Simulation:
     lanes: Mapping[str, int]
     limits: Mapping[str, float]
     lane_width: float | None = None
+
+
+def is_generated(data: DataConfig, root: Path) -> bool:
+    """True: simulated traffic is no measurement."""
+    return True
+
+
+def info_of(
+    path: Path, id: str, source: str, labels: tuple[str, ...], notes: Sequence[str], columns: dict[str, str]
+) -> RecordingInfo:
+    """What a file of a simulator tells of its recording; frame rate, lanes and length of the road stand for unknown.
+
+    Args:
+        path: The file.
+        id: Id of the recording.
+        source: The simulator.
+        labels: Columns that are labels.
+        notes: What is assumed.
+        columns: Names of columns in the file by ours.
+    """
+    return RecordingInfo(
+        id=id,
+        frame_rate=1.0,
+        lane_count={1: 1},
+        road_length=1.0,
+        source=source,
+        licence="not stated in the file",
+        attribution="who ran the simulation",
+        generated=True,
+        labels=labels,
+        notes=tuple(notes),
+        file=str(path),
+        columns=columns,
+    )
 
 
 def recording_of(rows: pd.DataFrame, simulation: Simulation, policy: DataConfig, losses: Losses) -> Recording:

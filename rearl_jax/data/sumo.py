@@ -15,8 +15,8 @@ from rearl_jax.config.data import DataConfig
 from rearl_jax.data.delimited import stem_of
 from rearl_jax.data.folder import recordings_missing, visible_files
 from rearl_jax.data.losses import Losses
-from rearl_jax.data.records import SPEED_LIMITS, Recording, RecordingInfo
-from rearl_jax.data.simulated import Simulation, recording_of
+from rearl_jax.data.records import SPEED_LIMITS, Recording
+from rearl_jax.data.simulated import Simulation, info_of, recording_of
 from rearl_jax.data.sumo_fcd import TABLES, read_fcd, spelling
 from rearl_jax.data.sumo_network import CLASS, Surroundings, VehicleType, sorted_files, surroundings_of
 from rearl_jax.data.sumo_xml import XML
@@ -108,20 +108,8 @@ def read_recording(path: Path, beside: list[Path], policy: DataConfig) -> Record
     if n_broken and path.name.lower().endswith(XML):
         notes.append("the file ends within an element: what came after is not known")
     low, high = SPEED_LIMITS
-    info = RecordingInfo(
-        id=recording_id(path),
-        frame_rate=1.0,
-        lane_count={1: 1},
-        road_length=1.0,
-        source="SUMO",
-        licence="not stated in the file",
-        attribution="who ran the simulation",
-        generated=True,
-        labels=LABELS,
-        notes=tuple(notes),
-        file=str(path),
-        columns={ours: names.get(theirs, theirs) for ours, theirs in ({n: n for n in names} | _SPELLING).items()},
-    )
+    columns = {ours: names.get(theirs, theirs) for ours, theirs in ({n: n for n in names} | _SPELLING).items()}
+    info = info_of(path, recording_id(path), "SUMO", LABELS, notes, columns)
     limits = {edge: limit for edge, limit in around.limits.items() if low <= limit <= high}
     return recording_of(rows, Simulation(info, around.lanes, limits), policy, losses)
 

@@ -19,7 +19,7 @@ import pyarrow.compute as pc
 from rearl_jax.config.data import DataConfig
 from rearl_jax.data.checks import LARGEST, follows_row_before
 from rearl_jax.data.delimited import read_csv, read_header, stem_of, text_endings
-from rearl_jax.data.folder import recordings_missing, visible_files
+from rearl_jax.data.folder import named_files
 from rearl_jax.data.frame_rates import frame_rate_of
 from rearl_jax.data.losses import Losses, reject
 from rearl_jax.data.ngsim_clock import plain
@@ -73,13 +73,8 @@ def find_files(root: Path) -> list[Path]:
     Raises:
         FileNotFoundError: There is none.
     """
-    endings = text_endings(".csv")
-    found = [root] if root.is_file() else visible_files(root, endings)
-    if not found:
-        raise recordings_missing(
-            "no .csv", root, "the folder with the trajectories of TGSIM, such as I294_L1_final.csv", endings
-        )
-    return found
+    wanted = "the folder with the trajectories of TGSIM, such as I294_L1_final.csv"
+    return named_files(root, text_endings(".csv"), wanted, ".csv")
 
 
 def is_one(path: Path) -> bool:

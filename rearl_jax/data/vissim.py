@@ -16,11 +16,11 @@ import pyarrow as pa
 
 from rearl_jax.config.data import DataConfig
 from rearl_jax.data.delimited import read_below, stem_of, text_endings
-from rearl_jax.data.folder import recordings_missing, visible_files
+from rearl_jax.data.folder import named_files
 from rearl_jax.data.losses import Losses
 from rearl_jax.data.problems import bad_recording, require_columns
-from rearl_jax.data.records import Recording, RecordingInfo
-from rearl_jax.data.simulated import Simulation, recording_of
+from rearl_jax.data.records import Recording
+from rearl_jax.data.simulated import Simulation, info_of, recording_of
 from rearl_jax.data.text_layout import DAMAGED, damaged, first_lines, opened
 from rearl_jax.data.units import SI_FACTOR, to_si
 
@@ -77,10 +77,7 @@ class _Header:
 
 def find_records(root: Path) -> list[Path]:
     """The .fzp files in the folder, or the one file that is named; MissingInputError if there is none."""
-    found = [root] if root.is_file() else visible_files(root, _ENDINGS)
-    if not found:
-        raise recordings_missing("no .fzp", root, "a vehicle record of Vissim, or a folder of them", _ENDINGS)
-    return found
+    return named_files(root, _ENDINGS, "a vehicle record of Vissim, or a folder of them", ".fzp")
 
 
 def is_record(path: Path) -> bool:
@@ -112,20 +109,9 @@ def read_record(path: Path, policy: DataConfig) -> Recording:
         losses.counts["broken_line"] = n_broken
     raw = table.rename_columns([{spelt: ours for ours, spelt in names.items()}[n] for n in table.column_names])
     rows, notes = _rows_of(raw.to_pandas(split_blocks=True, self_destruct=True), header, names, path, policy)
-    info = RecordingInfo(
-        id=recording_id(path),
-        frame_rate=1.0,
-        lane_count={1: 1},
-        road_length=1.0,
-        source="Vissim",
-        licence="not stated in the file",
-        attribution="who ran the simulation",
-        generated=True,
-        labels=(LABEL,) if "type" in names else (),
-        notes=tuple(notes),
-        file=str(path),
-        columns={**names, "track_id": names["vehicle"], "frame": names["time"], "position": names["front"]},
-    )
+    labels = (LABEL,) if "type" in names else ()
+    columns = {**names, "track_id": names["vehicle"], "frame": names["time"], "position": names["front"]}
+    info = info_of(path, recording_id(path), "Vissim", labels, notes, columns)
     return recording_of(rows, Simulation(info, {}, {}, LANE_WIDTH), policy, losses)
 
 

@@ -11,6 +11,7 @@ from benchmarks.sensor_layouts import LANE_WIDTH, exid_meta, exid_rows, traffic,
 from rearl_jax.config.data import DataConfig, DataFormat, OnBad
 from rearl_jax.data.recordings import data_id, iterate_recordings
 from rearl_jax.problems import MissingInputError
+from tests.data.changed_rows import with_values
 from tests.refusal import refused
 
 RATE = 10.0
@@ -40,14 +41,6 @@ def read(meta, tmp_path: Path):
         return recording
 
     return read
-
-
-def _with(rows: pd.DataFrame, row: int, **values) -> pd.DataFrame:
-    changed = rows.copy()
-    for name, value in values.items():
-        changed[name] = changed[name].astype(object)
-        changed.loc[row, name] = value
-    return changed
 
 
 def test_lanelets_side_by_side_are_lanes_and_those_in_line_are_one(tracks, read):
@@ -97,7 +90,7 @@ def test_a_track_that_leaves_the_map_and_comes_back_is_two(tracks, read):
 
 
 def test_small_negative_speeds_are_noted(tracks, read):
-    recording = read(_with(tracks, 5, lonVelocity=-0.2), OnBad.drop_row)
+    recording = read(with_values(tracks, 5, lonVelocity=-0.2), OnBad.drop_row)
     assert any(note.startswith("1 speeds between") for note in recording.info.notes)
 
 
@@ -114,11 +107,11 @@ def test_small_negative_speeds_are_noted(tracks, read):
         (lambda t: t.iloc[:-5], "truncated", {}),
         (lambda t: t[t["trackId"] != 5], "tracks-without-rows", {"column": "trackId"}),
         (lambda t: t.assign(trackId=t["trackId"].replace(5, 99)), "tracks-without-rows", {}),
-        (lambda t: _with(t, 40, xCenter=np.nan), "not-finite", {"row": 41}),
-        (lambda t: _with(t, 40, xCenter=1e6), "out-of-range", {"row": 41}),
-        (lambda t: _with(t, 40, laneletId="x"), "value-unreadable", {"column": "laneletId"}),
-        (lambda t: _with(t, 40, trackId=np.nan), "not-finite", {"row": 41, "column": "trackId"}),
-        (lambda t: _with(t, 40, frame=5), "duplicate", {}),
+        (lambda t: with_values(t, 40, xCenter=np.nan), "not-finite", {"row": 41}),
+        (lambda t: with_values(t, 40, xCenter=1e6), "out-of-range", {"row": 41}),
+        (lambda t: with_values(t, 40, laneletId="x"), "value-unreadable", {"column": "laneletId"}),
+        (lambda t: with_values(t, 40, trackId=np.nan), "not-finite", {"row": 41, "column": "trackId"}),
+        (lambda t: with_values(t, 40, frame=5), "duplicate", {}),
         (lambda t: t.assign(xCenter=1.0, yCenter=1.0), "no-motion", {}),
     ],
 )

@@ -11,6 +11,7 @@ from benchmarks.sensor_layouts import LANE_WIDTH, tgsim_rows, traffic, write_tgs
 from rearl_jax.config.data import DataConfig, DataFormat, OnBad
 from rearl_jax.data.recordings import iterate_recordings
 from rearl_jax.problems import MissingInputError
+from tests.data.changed_rows import with_values
 from tests.refusal import refused
 
 
@@ -26,14 +27,6 @@ def read(tmp_path: Path):
         return list(iterate_recordings(DataConfig(DataFormat.tgsim, str(tmp_path), on_bad=on_bad)))
 
     return read
-
-
-def _with(rows: pd.DataFrame, row: int, **values) -> pd.DataFrame:
-    changed = rows.copy()
-    for name, value in values.items():
-        changed[name] = changed[name].astype(object)
-        changed.loc[row, name] = value
-    return changed
 
 
 def test_a_bent_road_becomes_straight(rows, read):
@@ -117,11 +110,11 @@ def test_a_ramp_that_leaves_is_counted(rows, read):
         (lambda t: t.assign(time=1000.0 * t["time"]), "wrong-units", {"column": "time"}),
         (lambda t: t.assign(**{"length-smoothed": t["length-smoothed"] / 0.3048}), "wrong-units", {}),
         (lambda t: t.iloc[:0], "no-rows", {}),
-        (lambda t: _with(t, 40, **{"xloc-kf": -9999.0}), "out-of-range", {"row": 41}),
-        (lambda t: _with(t, 40, **{"yloc-kf": np.nan}), "not-finite", {"row": 41}),
-        (lambda t: _with(t, 40, **{"lane-kf": 99}), "lane-out-of-range", {"row": 41, "column": "lane-kf"}),
-        (lambda t: _with(t, 40, **{"type-most-common": "boat"}), "unknown-class", {"row": 41}),
-        (lambda t: _with(t, 40, id=np.nan), "not-finite", {"row": 41, "column": "id"}),
+        (lambda t: with_values(t, 40, **{"xloc-kf": -9999.0}), "out-of-range", {"row": 41}),
+        (lambda t: with_values(t, 40, **{"yloc-kf": np.nan}), "not-finite", {"row": 41}),
+        (lambda t: with_values(t, 40, **{"lane-kf": 99}), "lane-out-of-range", {"row": 41, "column": "lane-kf"}),
+        (lambda t: with_values(t, 40, **{"type-most-common": "boat"}), "unknown-class", {"row": 41}),
+        (lambda t: with_values(t, 40, id=np.nan), "not-finite", {"row": 41, "column": "id"}),
         (lambda t: t.drop(index=range(40, 44)), "gap", {}),
         (lambda t: t.rename(columns={"speed-kf": "speed_kf_x"}), "format-unsupported", {"column": "speed_kf_x"}),
         (lambda t: t[["time", "id"]], "not-a-table", {}),

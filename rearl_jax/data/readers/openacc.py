@@ -1,27 +1,22 @@
 """Platoons of OpenACC: one Parquet file, as shipped for ZalaZone, or the published runs of any campaign, `.csv`."""
 
 from collections.abc import Iterator
-from functools import partial
 from pathlib import Path
 
 from rearl_jax.config.data import DataConfig
 from rearl_jax.data import openacc, openacc_index, openacc_raw
 from rearl_jax.data.folder import visible_files
-from rearl_jax.data.reader import Entry, Reader, by_columns, by_first_file, parts_of
+from rearl_jax.data.reader import Entry, Reader, by_columns, by_first_file, parts_of, parts_of_files
 
 _condensed = parts_of(openacc.find_platoons, openacc.platoon_recordings, openacc.read_platoon)
+_published = parts_of_files(openacc_raw.find_runs, lambda path, _: openacc_raw.runs_of(path), openacc_raw.read_run)
 _recognises_condensed = by_columns(openacc.COLUMNS)
 _recognises_runs = by_first_file(openacc_raw.find_runs, openacc_raw.is_run)
 
 
 def entries(data: DataConfig, root: Path) -> Iterator[Entry]:
     """The parts of the Parquet file if there is one, else those of the published runs."""
-    if _is_condensed(root):
-        yield from _condensed(data, root)
-        return
-    for path in openacc_raw.find_runs(root):
-        for name, platoon in openacc_raw.runs_of(path).items():
-            yield Entry(name, partial(openacc_raw.read_run, path, name, platoon, data), file=path)
+    return (_condensed if _is_condensed(root) else _published)(data, root)
 
 
 def files(root: Path) -> list[Path]:

@@ -7,6 +7,7 @@ from pathlib import Path
 from rearl_jax.config.data import DataConfig
 from rearl_jax.data import sumo
 from rearl_jax.data.reader import Entry, Reader, by_first_file
+from rearl_jax.data.simulated import is_generated
 from rearl_jax.data.sumo_fcd import is_fcd
 
 
@@ -20,11 +21,6 @@ def entries(data: DataConfig, root: Path) -> Iterator[Entry]:
 def files(root: Path) -> list[Path]:
     """The floating car data, and the networks and types beside them."""
     return [*sumo.find_fcd(root), *sumo.files_beside(root)]
-
-
-def is_generated(data: DataConfig, root: Path) -> bool:
-    """True: simulated traffic is no measurement."""
-    return True
 
 
 READER = Reader(
