@@ -6,6 +6,7 @@ compared again with what was found, and where what was found has no name, others
 
 import logging
 from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import partial
 
 from rich.progress import Progress
@@ -21,10 +22,11 @@ from rearl_jax.discovery.observe.fit import Fit
 from rearl_jax.discovery.observe.parts import Parts
 from rearl_jax.discovery.observe.solver import Solver, solver_of
 from rearl_jax.discovery.report import tables
+from rearl_jax.discovery.search.adequacy import Adequacy, adequacy
 from rearl_jax.discovery.search.confirmation import clocks_confirmed, confirmed, lens_confirmed
-from rearl_jax.discovery.search.explanation import is_explained, names_more, predicts_better
+from rearl_jax.discovery.search.explanation import is_explained, names_more, prediction_of, predicts_better
 from rearl_jax.discovery.search.null import Null, null_of
-from rearl_jax.discovery.search.procedure import Search, search
+from rearl_jax.discovery.search.procedure import Report, Search, search
 from rearl_jax.progress import shown
 from rearl_jax.results import Study
 
@@ -33,67 +35,92 @@ log = logging.getLogger(__name__)
 NULL_TABLE = "null"
 
 
+@dataclass(frozen=True)
+class BestSearch:
+    """A search beside the car-following model that fits best with what was found.
+
+    Attributes:
+        solver: Of that model.
+        outcome: What was found.
+        left: What it leaves.
+        comparison: Of the models; None if there is only one.
+        beside: What was found, in other models.
+    """
+
+    solver: Solver
+    outcome: Search
+    left: Adequacy
+    comparison: Comparison | None = None
+    beside: Sequence[Beside] = ()
+
+
 def best_search(
     config: DiscoverTask, study: Study | None, priors: Sequence[Prior], parts: Parts, bar: Progress, whose: str
-) -> tuple[Solver, Search, Comparison | None, list[Beside]]:
-    """Search beside the model that fits best, and what was found in others; where another model surely fits better with
-    what was found, or accounts for the drivers by names where this one leaves a curve or a doubt, the search goes on
-    beside that one.
+) -> BestSearch:
+    """Search beside the model that fits best, and what was found in others; where another model fits significantly
+    better with what was found, or explains the drivers by names where this one leaves a curve or a doubt, the search
+    goes on beside that one.
     """
+    seed = config.discover.seed
     if len(priors) == 1:
         solver = solver_of(parts.fitted, priors[0])
-        return solver, _search(config, study, solver, parts, None, bar, whose), None, []
+        outcome = _search(config, study, solver, parts, None, bar, whose)
+        return BestSearch(solver, outcome, adequacy(solver, outcome, seed))
     say = shown(bar, f"{whose}comparing car-following models")
     comparison = comparison_of(priors, parts, config.discover, say, study)
     solver = solver_of(parts.fitted, comparison.prior)
     outcome = _search(config, study, solver, parts, comparison.base, bar, whose)
     beside = found_beside(solver, outcome, comparison.others, parts.fitted)
-    better = better_model(beside, config.discover.seed)
+    better = better_model(beside, seed)
     if better is not None:
         log.info("with what was found, %s is surely more likely: the search begins anew beside it", better.name)
         comparison, solver = comparison.going_on_with(better), solver_of(parts.fitted, better)
         outcome = _search(config, None, solver, parts, None, bar, whose)  # simulated nulls are of the first model
         beside = found_beside(solver, outcome, comparison.others, parts.fitted)
-    if is_explained(solver, outcome, config.discover.seed):
-        return solver, outcome, comparison, beside
+    first = BestSearch(solver, outcome, adequacy(solver, outcome, seed), comparison, beside)
+    if is_explained(outcome, first.left):
+        return first
+    before = prediction_of(solver, outcome)
     for prior in comparison.next_best[:MOST_OTHERS]:
         other, words = solver_of(parts.fitted, prior), f"{whose}beside {prior.name}, "
-        if not _is_promising(config, solver, outcome, other, parts, bar, words):
+        glimpse = _with_one_name(config, outcome, other, parts, bar, words)
+        if not glimpse.added or not predicts_better(before, prediction_of(other, glimpse), seed):
             continue
         named = _search(config, None, other, parts, None, bar, words)
-        if names_more(solver, outcome, other, named, config.discover.seed):
+        left = adequacy(other, named, seed)
+        if names_more(before, named, left, prediction_of(other, named), seed):
             log.info("beside %s, what was found has a name, and other drivers are as likely", prior.name)
             comparison = comparison.going_on_with(prior)
-            return other, named, comparison, found_beside(other, named, comparison.others, parts.fitted)
-    return solver, outcome, comparison, beside
+            beside = found_beside(other, named, comparison.others, parts.fitted)
+            return BestSearch(other, named, left, comparison, beside)
+    return first
 
 
-def _is_promising(
-    config: DiscoverTask, solver: Solver, outcome: Search, other: Solver, parts: Parts, bar: Progress, words: str
-) -> bool:
-    """True if another model with one named effect predicts the check drivers better than all that was found beside the
-    first one.
+def _with_one_name(
+    config: DiscoverTask, outcome: Search, other: Solver, parts: Parts, bar: Progress, words: str
+) -> Search:
+    """The first round beside another model, for named effects only.
 
     This takes a small part of the time of a search, because neither nulls are simulated nor curves fitted.
     """
     kinds, known = other.layout.candidates, outcome.null.mean
     excluded = {term for term in kinds if term not in known or kinds[term].kind not in ("driver", "road")}
-    line = bar.add_task(words, total=None)
-
-    def report(what: str, done: int, total: int) -> None:
-        bar.update(line, description=f"{words}{what}", completed=done, total=total)
-
-    first = search(
+    return search(
         other,
         parts.fitted,
         parts.checked,
         lambda _: outcome.null,
-        report,
+        _reported(bar, words),
         lane_changes=config.discover.lane_changes,
         excluded=frozenset({*excluded, CLOCK_OFFSET}),
         rounds=1,
     )
-    return bool(first.added) and predicts_better(solver, outcome, other, first, config.discover.seed)
+
+
+def _reported(bar: Progress, whose: str) -> Report:
+    """A line of the bar for what a search does; `whose` begins it."""
+    line = bar.add_task(f"{whose}calibrating drivers", total=None)
+    return lambda words, done, total: bar.update(line, description=f"{whose}{words}", completed=done, total=total)
 
 
 def _search(
@@ -107,11 +134,8 @@ def _search(
 ) -> Search:
     """Search for effects of car following beside a model, which may be calibrated; `whose` begins what the bar says."""
     options = config.discover
-    line = bar.add_task(f"{whose}calibrating drivers", total=None)
+    report = _reported(bar, whose)
     replicates = shown(bar, f"{whose}simulated nulls")
-
-    def report(words: str, done: int, total: int) -> None:
-        bar.update(line, description=f"{whose}{words}", completed=done, total=total)
 
     def null_for(base: Fit) -> Null:
         if study is not None and study.owns(NULL_TABLE):  # of a run that was killed

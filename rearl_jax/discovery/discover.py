@@ -11,11 +11,11 @@ from rich.progress import Progress
 
 from rearl_jax.config import DiscoverTask
 from rearl_jax.data.records import Recording
-from rearl_jax.discovery.best_search import NULL_TABLE, best_search
+from rearl_jax.discovery.best_search import NULL_TABLE, BestSearch, best_search
 from rearl_jax.discovery.claims import Claim
 from rearl_jax.discovery.comparison.compared import compared_table
-from rearl_jax.discovery.comparison.comparison import BASE_TABLE, Comparison, base_block
-from rearl_jax.discovery.comparison.dependence import Beside, dependent_effects
+from rearl_jax.discovery.comparison.comparison import BASE_TABLE, base_block
+from rearl_jax.discovery.comparison.dependence import dependent_effects
 from rearl_jax.discovery.lane_changes import LaneChangeFindings
 from rearl_jax.discovery.observe.base import base_of
 from rearl_jax.discovery.observe.candidates import Term
@@ -44,7 +44,7 @@ from rearl_jax.discovery.report.verdict import (
     unseen,
     verdict_of,
 )
-from rearl_jax.discovery.search.adequacy import Adequacy, adequacy
+from rearl_jax.discovery.search.adequacy import Adequacy
 from rearl_jax.discovery.search.headway import time_gap_variation
 from rearl_jax.discovery.search.lane_choice import lane_choice, with_lane_choice
 from rearl_jax.discovery.search.procedure import Search, in_time
@@ -125,25 +125,17 @@ def discovery_of(
     if config.discover.oracle is not None:
         discovery = Discovery(config, parts.id, _oracle(config, solver_of(parts.fitted, priors[0]), parts))
     else:
-        solver, outcome, comparison, beside = best_search(config, study, priors, parts, bar, whose)
-        lanes = lane_choice(solver, outcome, parts, recordings, config.discover)
-        discovery = _discovery(config, solver, parts, comparison, beside, outcome, lanes)
+        found = best_search(config, study, priors, parts, bar, whose)
+        lanes = lane_choice(found.solver, found.outcome, parts, recordings, config.discover)
+        discovery = _discovery(config, parts, found, lanes)
     discovery.verdict["seconds"] = time.perf_counter() - begin
     return discovery
 
 
-def _discovery(
-    config: DiscoverTask,
-    solver: Solver,
-    parts: Parts,
-    comparison: Comparison | None,
-    beside: Sequence[Beside],
-    outcome: Search,
-    lanes: LaneChangeFindings,
-) -> Discovery:
+def _discovery(config: DiscoverTask, parts: Parts, found: BestSearch, lanes: LaneChangeFindings) -> Discovery:
     """The verdict, with the tables and the model."""
-    options = config.discover
-    left = adequacy(solver, outcome, options.seed)
+    options, comparison, left = config.discover, found.comparison, found.left
+    solver, outcome = found.solver, found.outcome
     reported = in_time(solver, outcome, parts.reported)
     errors = model_errors(solver, parts.reported, {"before": outcome.before}, options.seed)
     if outcome.added or outcome.clocks is not None:
@@ -154,7 +146,7 @@ def _discovery(
     effects = _effects(deviations, outcome, left, parts.findings, options.confidence)
     without = {
         (term.effect, outcome.layout.candidates[term].variables): names
-        for term, names in dependent_effects(outcome, beside).items()
+        for term, names in dependent_effects(outcome, found.beside).items()
     }
     effects = [replace(one, depends_on_base=without.get((one.name, one.variables), ())) for one in effects]
     error = error_block(errors, options.confidence, options.draws, options.seed)

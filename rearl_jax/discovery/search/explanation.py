@@ -1,16 +1,44 @@
 """Check if a search explains the drivers, and if a search beside another model names what the first left unnamed."""
 
+from dataclasses import dataclass
+
+import numpy as np
+from jaxtyping import Float
+
 from rearl_jax.discovery.observe.closed_loop import gap_errors
 from rearl_jax.discovery.observe.fit import on_others
 from rearl_jax.discovery.observe.solver import Solver
-from rearl_jax.discovery.search.adequacy import adequacy
+from rearl_jax.discovery.read.measured import Measured
+from rearl_jax.discovery.search.adequacy import Adequacy
 from rearl_jax.discovery.search.decision import bounded_gains
 from rearl_jax.discovery.search.procedure import Search, is_free
 from rearl_jax.discovery.search.simulation import share_worse, simulated_gains
 from rearl_jax.discovery.thresholds import THRESHOLDS
 
 
-def is_explained(solver: Solver, outcome: Search, seed: int) -> bool:
+@dataclass(frozen=True)
+class Prediction:
+    """How a search predicts the check drivers.
+
+    Attributes:
+        log_likelihood: Of each driver one time step ahead, its own parameters integrated out [nats].
+        gap_error: Of each driver in simulation, its own parameters calibrated to the gap [m].
+        data: The drivers.
+    """
+
+    log_likelihood: Float[np.ndarray, " drivers"]
+    gap_error: Float[np.ndarray, " drivers"]
+    data: Measured
+
+
+def prediction_of(solver: Solver, outcome: Search) -> Prediction:
+    """How the final model of a search predicts the check drivers."""
+    (state,) = on_others(solver, outcome.checked, [outcome.last])
+    (error,) = gap_errors(solver, [state])
+    return Prediction(state.marginal(), error, outcome.checked)
+
+
+def is_explained(outcome: Search, left: Adequacy) -> bool:
     """True if every effect found has a name without a doubt, and only noise is left; also if no effect was found."""
     if outcome.rejected or outcome.is_contradicted or outcome.leaves_shifts:
         return False
@@ -18,26 +46,19 @@ def is_explained(solver: Solver, outcome: Search, seed: int) -> bool:
         return False
     if any(is_free(trial) or outcome.is_doubtful(trial) for trial in outcome.added):
         return False
-    return adequacy(solver, outcome, seed).is_enough
+    return left.is_enough
 
 
-def names_more(solver: Solver, outcome: Search, other: Solver, named: Search, seed: int) -> bool:
-    """True if a search beside another model accounts for the drivers by names, and predicts other drivers better than
-    the one that does not.
-    """
-    if not named.added or not is_explained(other, named, seed):
-        return False
-    return predicts_better(solver, outcome, other, named, seed)
-
-
-def predicts_better(solver: Solver, outcome: Search, other: Solver, named: Search, seed: int) -> bool:
+def predicts_better(before: Prediction, after: Prediction, seed: int) -> bool:
     """True if a search beside another model predicts the check drivers better: one time step ahead and in simulations
     together, and these are not significantly worse.
     """
-    (before,) = on_others(solver, outcome.checked, [outcome.last])
-    (after,) = on_others(other, named.checked, [named.last])
-    gains = bounded_gains(after.marginal() - before.marginal(), named.checked)
-    (error,), (error_after,) = gap_errors(solver, [before]), gap_errors(other, [after])
-    of_simulations = simulated_gains(error, error_after, named.checked)
-    is_worse = share_worse(error, error_after, THRESHOLDS.borne_growth, seed) >= THRESHOLDS.rejection_share
-    return float(gains.sum() + of_simulations.sum()) > 0 and not is_worse
+    gains = bounded_gains(after.log_likelihood - before.log_likelihood, after.data)
+    of_simulations = simulated_gains(before.gap_error, after.gap_error, after.data)
+    worse = share_worse(before.gap_error, after.gap_error, THRESHOLDS.borne_growth, seed)
+    return float(gains.sum() + of_simulations.sum()) > 0 and worse < THRESHOLDS.rejection_share
+
+
+def names_more(before: Prediction, named: Search, left: Adequacy, after: Prediction, seed: int) -> bool:
+    """True if a search beside another model explains the drivers by names, of which it has one, and predicts better."""
+    return bool(named.added) and is_explained(named, left) and predicts_better(before, after, seed)
