@@ -3,6 +3,8 @@
 import dataclasses
 import json
 import shlex
+import subprocess
+import sys
 
 import numpy as np
 import pandas as pd
@@ -156,13 +158,17 @@ def test_an_unknown_table_is_understood_and_its_command_reads_the_truth(name, tm
     assert found["recordings"][0]["rows"] == len(true)
 
 
-def test_the_command_line_takes_a_file_and_the_printed_command_prepares_it(tmp_path, capfd, monkeypatch):
+def test_the_command_line_takes_a_file_and_the_printed_command_prepares_it(tmp_path, monkeypatch):
+    def rearl(*words):
+        done = subprocess.run([sys.executable, "-m", "rearl_jax", *words], capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stderr
+        return done.stdout
+
     monkeypatch.chdir(tmp_path)
     TABLES["drone_kmh.csv"](tmp_path / "mein Tag, früh.csv")
-    assert main(["prepare", "mein Tag, früh.csv", "--json"]) == 0
-    found = json.loads(capfd.readouterr().out.splitlines()[-1])
+    found = json.loads(rearl("prepare", "mein Tag, früh.csv", "--json").splitlines()[-1])
     words = shlex.split(found["command"])[1:]
-    assert main([*words, "scenes.seconds=6", "scenes.min_vehicles=5", "scenes.slots=5", "study=mine"]) == 0
+    rearl(*words, "scenes.seconds=6", "scenes.min_vehicles=5", "scenes.slots=5", "study=mine")
     (row,) = pd.read_parquet("results/mine/recordings.parquet").to_dict("records")
     assert (row["vehicles"], row["frame_rate"], row["rows"]) == (5, 25.0, 1000)
     stored = pd.read_parquet("results/mine/tables/" + next((tmp_path / "results/mine/tables").iterdir()).name)
