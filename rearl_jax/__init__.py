@@ -59,7 +59,7 @@ if TYPE_CHECKING:
     from rearl_jax.core.spawn import spawn
     from rearl_jax.core.state import Controller, make_state
     from rearl_jax.core.step import step
-    from rearl_jax.data.scene_files import load_scenes
+    from rearl_jax.data.scenes.scene_files import load_scenes
     from rearl_jax.environments.functional import FunctionalHighway
     from rearl_jax.environments.registration import make_env
     from rearl_jax.metrics import METRICS
@@ -79,7 +79,7 @@ _HOMES = {
     "discover": "rearl_jax.workflows",
     "evaluate": "rearl_jax.workflows",
     "highway_env_drivers": "rearl_jax.core.drivers",
-    "load_scenes": "rearl_jax.data.scene_files",
+    "load_scenes": "rearl_jax.data.scenes.scene_files",
     "make_env": "rearl_jax.environments.registration",
     "make_state": "rearl_jax.core.state",
     "read_metadata": "rearl_jax.results",

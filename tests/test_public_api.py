@@ -16,10 +16,10 @@ from rearl_jax.blind.traffic import Planted, Scenario
 from rearl_jax.blind.traffic.dataset import write_dataset
 from rearl_jax.config.data import DataConfig
 from rearl_jax.config.evaluation import Method
-from rearl_jax.data.canonical import write_recording
-from rearl_jax.data.in_memory import in_memory
 from rearl_jax.data.problems import BadRecordingError
 from rearl_jax.data.recordings import count_recordings, data_id, iterate_recordings
+from rearl_jax.data.tables.canonical import write_recording
+from rearl_jax.data.tables.in_memory import in_memory
 from rearl_jax.models.file import read_model
 from rearl_jax.problems import InvalidInputError
 from rearl_jax.workflows import _double_precision, _task_record

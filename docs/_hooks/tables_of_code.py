@@ -8,7 +8,7 @@ import rearl_jax
 from rearl_jax.config.data import DataFormat
 from rearl_jax.data.readers import reader_of
 from rearl_jax.data.schema import COLUMNS
-from rearl_jax.data.spelling import KINDS
+from rearl_jax.data.tables.spelling import KINDS
 from rearl_jax.data.units import UNITS
 from rearl_jax.metrics import METRICS
 

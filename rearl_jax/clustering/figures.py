@@ -10,8 +10,8 @@ from matplotlib.lines import Line2D
 from rearl_jax import drawing
 from rearl_jax.clustering.references import Clusters, TrackClusters
 from rearl_jax.config import ClusterTask
-from rearl_jax.data.scene_set import SceneSet
-from rearl_jax.data.splits import Splits
+from rearl_jax.data.scenes.scene_set import SceneSet
+from rearl_jax.data.scenes.splits import Splits
 
 _COLOURS = (
     drawing.BLUE,

@@ -28,9 +28,9 @@ from rearl_jax.config.data import DataConfig
 from rearl_jax.config.scenes import SplitConfig
 from rearl_jax.data.recordings import data_id, file_stamps
 from rearl_jax.data.records import Recording
-from rearl_jax.data.scene_set import SceneSet
-from rearl_jax.data.scene_windows import SceneKeys
-from rearl_jax.data.splits import Splits
+from rearl_jax.data.scenes.scene_set import SceneSet
+from rearl_jax.data.scenes.scene_windows import SceneKeys
+from rearl_jax.data.scenes.splits import Splits
 from rearl_jax.detection.references import References
 from rearl_jax.problems import InvalidInputError, Problem
 from rearl_jax.results import Study

@@ -8,8 +8,8 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from rearl_jax.config.clustering import ClusterConfig, FitOn, Representative, SceneVector
-from rearl_jax.data.scene_set import SceneSet
-from rearl_jax.data.splits import Split, Splits
+from rearl_jax.data.scenes.scene_set import SceneSet
+from rearl_jax.data.scenes.splits import Split, Splits
 from rearl_jax.detection.references import References
 from rearl_jax.problems import InvalidInputError, Problem
 

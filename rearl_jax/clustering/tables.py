@@ -6,8 +6,8 @@ from jaxtyping import Float
 
 from rearl_jax.clustering.references import Clusters
 from rearl_jax.config import ClusterTask
-from rearl_jax.data.scene_set import SceneSet
-from rearl_jax.data.splits import Split, Splits
+from rearl_jax.data.scenes.scene_set import SceneSet
+from rearl_jax.data.scenes.splits import Split, Splits
 from rearl_jax.detection.references import References
 
 _PERPLEXITY = 30.0

@@ -17,8 +17,8 @@ from rearl_jax.clustering.references import ReferenceBuilder
 from rearl_jax.clustering.search import TRACE
 from rearl_jax.config import ClusterTask
 from rearl_jax.data.recordings import count_recordings, is_generated, iterate_recordings
-from rearl_jax.data.scenes import build_scenes
-from rearl_jax.data.splits import split_scenes
+from rearl_jax.data.scenes.cutting import build_scenes
+from rearl_jax.data.scenes.splits import split_scenes
 from rearl_jax.document.document import data_sources
 from rearl_jax.document.terminal import print_document
 from rearl_jax.progress import progress_bar

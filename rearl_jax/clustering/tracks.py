@@ -7,9 +7,9 @@ import numpy as np
 from jaxtyping import Bool, Float32, Int, Shaped
 
 from rearl_jax.data.records import Recording
-from rearl_jax.data.scene_set import SceneSet
-from rearl_jax.data.scene_windows import SceneKeys
-from rearl_jax.data.track_features import FEATURES, TrackSet, track_features
+from rearl_jax.data.scenes.scene_set import SceneSet
+from rearl_jax.data.scenes.scene_windows import SceneKeys
+from rearl_jax.data.scenes.track_features import FEATURES, TrackSet, track_features
 from rearl_jax.problems import InvalidInputError, Problem
 
 

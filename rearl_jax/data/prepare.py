@@ -20,13 +20,13 @@ from rich.table import Table
 from rearl_jax.config import PrepareTask
 from rearl_jax.config.data import DataConfig, DataFormat
 from rearl_jax.console import standard_output
-from rearl_jax.data.canonical import METADATA, describe
-from rearl_jax.data.folder import file_name_of
+from rearl_jax.data.files.folder import file_name_of
 from rearl_jax.data.generator import generate
 from rearl_jax.data.recordings import count_recordings, data_id, is_generated, iterate_recordings
 from rearl_jax.data.records import Recording
-from rearl_jax.data.scene_files import save_scenes
-from rearl_jax.data.scenes import build_scenes
+from rearl_jax.data.scenes.cutting import build_scenes
+from rearl_jax.data.scenes.scene_files import save_scenes
+from rearl_jax.data.tables.canonical import METADATA, describe
 from rearl_jax.problems import InvalidInputError, Problem
 from rearl_jax.progress import progress_bar
 from rearl_jax.results import Study

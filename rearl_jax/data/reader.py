@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from rearl_jax.config.data import DataConfig
-from rearl_jax.data.columnar import column_names, is_parquet
-from rearl_jax.data.folder import visible_files
+from rearl_jax.data.files.columnar import column_names, is_parquet
+from rearl_jax.data.files.folder import visible_files
 from rearl_jax.data.records import Recording
 from rearl_jax.problems import ProblemError
 

@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 
 from rearl_jax.config.data import DataConfig
-from rearl_jax.data import in_memory
-from rearl_jax.data.in_memory import TableInMemory
+from rearl_jax.data.checks.remarks import noted
 from rearl_jax.data.reader import Entry
 from rearl_jax.data.readers import reader_of
 from rearl_jax.data.records import Recording, RecordingInfo
-from rearl_jax.data.remarks import noted
+from rearl_jax.data.tables import in_memory
+from rearl_jax.data.tables.in_memory import TableInMemory
 from rearl_jax.problems import InvalidInputError, MissingInputError, Problem
 
 __all__ = [

@@ -11,11 +11,11 @@ import numpy as np
 import pandas as pd
 
 from rearl_jax.config.data import DataConfig
-from rearl_jax.data import checks, column_checks, placeholders
-from rearl_jax.data.labels import labelled
-from rearl_jax.data.leaders import wrong_leader
-from rearl_jax.data.losses import Losses, reject, remove_fragments
-from rearl_jax.data.motion_checks import wrong_motion
+from rearl_jax.data.checks import column_checks, placeholders, typed_table
+from rearl_jax.data.checks.labels import labelled
+from rearl_jax.data.checks.leaders import wrong_leader
+from rearl_jax.data.checks.losses import Losses, reject, remove_fragments
+from rearl_jax.data.checks.motion_checks import wrong_motion
 from rearl_jax.data.problems import BadRecordingError, bad_recording, require_columns
 from rearl_jax.data.records import Recording, RecordingInfo
 from rearl_jax.data.vehicle_classes import CLASSES, classes_of
@@ -43,7 +43,7 @@ class Column:
     @property
     def nullable(self) -> bool:
         """The value may be unknown (NaN or NA)."""
-        return self.name in checks.NULLABLE
+        return self.name in typed_table.NULLABLE
 
 
 COLUMNS = (
@@ -74,19 +74,19 @@ _MADE_HERE = ("recording", "time")
 # Checked as 64-bit integers and narrowed last, so that a lane of 300 is reported and does not wrap around.
 _SMALL = {"int8": "int64", "Int8": "Int64"}
 _LARGEST = 2**53  # whole numbers beyond it do not survive as float64
-_ROW_CHECKS = (checks.unknown_class, checks.out_of_order, placeholders.misplaced)
+_ROW_CHECKS = (typed_table.unknown_class, typed_table.out_of_order, placeholders.misplaced)
 # Motion by whole vehicles, after cuts at jumps. Leaders last, where all positions are sound: a row that is left out for
 # its leader leaves a gap.
 _RANGE_CHECKS = (
-    checks.wrong_time,
-    checks.out_of_range,
-    checks.wrong_lane,
-    checks.changed_direction,
-    checks.gap,
+    typed_table.wrong_time,
+    typed_table.out_of_range,
+    typed_table.wrong_lane,
+    typed_table.changed_direction,
+    typed_table.gap,
     wrong_motion,
-    checks.jump,
+    typed_table.jump,
     wrong_leader,
-    checks.gap,
+    typed_table.gap,
 )
 REQUIRED = tuple(c.name for c in COLUMNS if not c.nullable and c.name not in _MADE_HERE)
 
@@ -126,7 +126,7 @@ def validate(
                 table = reject(table, finding, info, policy, losses)
         return table
 
-    table = checked(labelled(_numbers(table, info), info), (checks.not_finite,))
+    table = checked(labelled(_numbers(table, info), info), (typed_table.not_finite,))
     table = checked(_typed(table), _ROW_CHECKS)
     table["vehicle_class"] = table["vehicle_class"].cat.set_categories(list(CLASSES))
     impossible = placeholders.impossible_rows(table)

@@ -18,7 +18,7 @@ from jaxtyping import Array, Bool, Float, Int, Key, UInt32
 from rearl_jax._typing import PRNGKey
 from rearl_jax.core.compaction import if_any
 from rearl_jax.core.state import TrafficState
-from rearl_jax.data.scene_set import SceneSet
+from rearl_jax.data.scenes.scene_set import SceneSet
 from rearl_jax.decision.situation import N_ACTIONS
 from rearl_jax.environments import highway
 from rearl_jax.environments.batching import in_lockstep

@@ -6,7 +6,7 @@ import gymnasium
 import numpy as np
 from jaxtyping import Float, UInt8
 
-from rearl_jax.data.scene_set import SceneSet
+from rearl_jax.data.scenes.scene_set import SceneSet
 from rearl_jax.decision.situation import N_ACTIONS
 from rearl_jax.environments import rendering
 from rearl_jax.environments.highway import HighwayOptions

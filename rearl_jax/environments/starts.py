@@ -8,8 +8,8 @@ import numpy as np
 
 from rearl_jax.config.core import CoreConfig, Precision
 from rearl_jax.core.state import Controller, TrafficState, nearest_level
-from rearl_jax.data.initial_states import first_lanes, measured_state
-from rearl_jax.data.scene_set import SceneSet
+from rearl_jax.data.scenes.initial_states import first_lanes, measured_state
+from rearl_jax.data.scenes.scene_set import SceneSet
 from rearl_jax.environments.highway import EGO, HighwayOptions
 
 

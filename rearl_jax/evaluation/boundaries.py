@@ -9,9 +9,9 @@ from rearl_jax.config import EvaluateTask
 from rearl_jax.config.core import InitialSource
 from rearl_jax.config.evaluation import SeedScope
 from rearl_jax.config.scenes import BoundarySource, Direction, SpeedNorm
-from rearl_jax.data.boundary import BoundaryOptions, SceneBoundary, cut_boundary
 from rearl_jax.data.recordings import data_id, file_stamps, iterate_recordings
-from rearl_jax.data.scene_set import SceneSet
+from rearl_jax.data.scenes.boundary import BoundaryOptions, SceneBoundary, cut_boundary
+from rearl_jax.data.scenes.scene_set import SceneSet
 from rearl_jax.evaluation.traffic import WITH_MODEL
 from rearl_jax.problems import InvalidInputError, Problem, out_of_range
 

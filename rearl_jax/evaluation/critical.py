@@ -15,7 +15,7 @@ from rearl_jax.baselines.critical.asking import LanguageModelProposer, Said
 from rearl_jax.baselines.critical.mixture import Mixture, grid
 from rearl_jax.config import EvaluateTask
 from rearl_jax.config.critical import Proposer
-from rearl_jax.data.scene_set import SceneSet
+from rearl_jax.data.scenes.scene_set import SceneSet
 from rearl_jax.evaluation.critical_results import adaptation_extra, answer_extra
 from rearl_jax.evaluation.extras import Extra
 from rearl_jax.evaluation.language_model import open_client

@@ -15,10 +15,10 @@ from rich.progress import Progress
 from rearl_jax.config import ClusterTask, EvaluateTask
 from rearl_jax.config.evaluation import EvaluationConfig
 from rearl_jax.data.recordings import count_recordings, file_stamps, iterate_recordings
-from rearl_jax.data.scene_cache import SceneCache
-from rearl_jax.data.scene_set import SceneSet
-from rearl_jax.data.scenes import build_scenes
-from rearl_jax.data.splits import Split, Splits, split_scenes
+from rearl_jax.data.scenes.cutting import build_scenes
+from rearl_jax.data.scenes.scene_cache import SceneCache
+from rearl_jax.data.scenes.scene_set import SceneSet
+from rearl_jax.data.scenes.splits import Split, Splits, split_scenes
 from rearl_jax.detection.references import References
 from rearl_jax.problems import InvalidInputError, Problem
 from rearl_jax.results import Study

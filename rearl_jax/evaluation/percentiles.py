@@ -12,7 +12,7 @@ from rich.progress import Progress
 from rearl_jax.config import EvaluateTask
 from rearl_jax.config.detection import Cues
 from rearl_jax.config.evaluation import Method
-from rearl_jax.data.scene_set import SceneSet
+from rearl_jax.data.scenes.scene_set import SceneSet
 from rearl_jax.evaluation.inputs import Inputs
 from rearl_jax.evaluation.rollouts import Rollouts
 from rearl_jax.evaluation.rows import Row

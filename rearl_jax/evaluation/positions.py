@@ -8,8 +8,8 @@ import pandas as pd
 from jaxtyping import Bool, Float, Int
 
 from rearl_jax.config.core import InitialSource
-from rearl_jax.data.boundary import SceneBoundary
-from rearl_jax.data.scene_set import SceneSet
+from rearl_jax.data.scenes.boundary import SceneBoundary
+from rearl_jax.data.scenes.scene_set import SceneSet
 from rearl_jax.evaluation.estimates import grouped_mean
 from rearl_jax.evaluation.extras import Extra, Figures
 from rearl_jax.evaluation.rollouts import Rollouts

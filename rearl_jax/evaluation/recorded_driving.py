@@ -13,7 +13,7 @@ from rearl_jax.config import EvaluateTask
 from rearl_jax.config._schema import as_plain
 from rearl_jax.config.scenes import Direction
 from rearl_jax.data.recordings import Recording, count_recordings, data_id, file_stamps, iterate_recordings
-from rearl_jax.data.scene_set import SceneSet
+from rearl_jax.data.scenes.scene_set import SceneSet
 
 log = logging.getLogger(__name__)
 

@@ -7,7 +7,7 @@ from rearl_jax.config import ClusterTask, EvaluateTask
 from rearl_jax.config.core import InitialSource
 from rearl_jax.config.evaluation import SeedScope
 from rearl_jax.config.scenes import BoundarySource
-from rearl_jax.data.scene_set import SceneSet
+from rearl_jax.data.scenes.scene_set import SceneSet
 from rearl_jax.document.document import DataSource, data_sources
 from rearl_jax.evaluation.runner import Evaluation
 from rearl_jax.evaluation.traffic import model_notes

@@ -14,9 +14,9 @@ from rearl_jax.config.core import InitialSource
 from rearl_jax.config.evaluation import Method, SeedScope
 from rearl_jax.core.boundary import Boundary
 from rearl_jax.core.road import traffic_model
-from rearl_jax.data.boundary import SceneBoundary
-from rearl_jax.data.initial_states import bounded_state, measured_state, recorded_surroundings
-from rearl_jax.data.scene_set import SceneSet
+from rearl_jax.data.scenes.boundary import SceneBoundary
+from rearl_jax.data.scenes.initial_states import bounded_state, measured_state, recorded_surroundings
+from rearl_jax.data.scenes.scene_set import SceneSet
 from rearl_jax.decision.execution import model_under_decisions
 from rearl_jax.detection.detector import Thresholds
 from rearl_jax.detection.references import References

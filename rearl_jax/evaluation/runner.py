@@ -15,8 +15,8 @@ from rearl_jax.config import EvaluateTask
 from rearl_jax.config.evaluation import SeedScope
 from rearl_jax.config.metrics import HistConfig, MetricsConfig
 from rearl_jax.core.rollout import Frames
-from rearl_jax.data.boundary import SceneBoundary
-from rearl_jax.data.scene_set import SceneSet
+from rearl_jax.data.scenes.boundary import SceneBoundary
+from rearl_jax.data.scenes.scene_set import SceneSet
 from rearl_jax.detection.references import References
 from rearl_jax.evaluation.driven import count_actions, driving_extra
 from rearl_jax.evaluation.extras import Extra, Figures

@@ -10,7 +10,7 @@ from jaxtyping import Array, Float, Int
 
 from rearl_jax.config.evaluation import EvaluationConfig
 from rearl_jax.config.metrics import HistConfig, OutOfBounds, RealismConfig
-from rearl_jax.data.scene_set import SceneSet, real_lane_change_rate
+from rearl_jax.data.scenes.scene_set import SceneSet, real_lane_change_rate
 from rearl_jax.metrics import METRICS
 from rearl_jax.metrics.histograms import legacy_scale, noise_floor, speed_edges
 from rearl_jax.metrics.realism import Realism, RealismCounts, realism_scores

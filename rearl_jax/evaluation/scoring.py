@@ -13,7 +13,7 @@ from jaxtyping import Array, Int
 
 from rearl_jax.config.metrics import MetricsConfig
 from rearl_jax.core.batch import ScenarioMap
-from rearl_jax.data.scene_set import SceneSet
+from rearl_jax.data.scenes.scene_set import SceneSet
 from rearl_jax.evaluation.simulators import Simulated
 from rearl_jax.metrics.scene import (
     VEHICLE_WIDTH,

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from rearl_jax.config import EvaluateTask
-from rearl_jax.data.scene_set import SceneSet
+from rearl_jax.data.scenes.scene_set import SceneSet
 from rearl_jax.evaluation.estimates import BASE, Estimate
 from rearl_jax.evaluation.runner import Evaluation
 from rearl_jax.evaluation.scores import REAL, TITLES, Scores

@@ -15,7 +15,7 @@ from rich.progress import Progress
 from rearl_jax.config import EvaluateTask
 from rearl_jax.config.evaluation import Method
 from rearl_jax.data.recordings import is_generated
-from rearl_jax.data.scene_set import SceneSet
+from rearl_jax.data.scenes.scene_set import SceneSet
 from rearl_jax.document.document import Document
 from rearl_jax.document.terminal import print_document
 from rearl_jax.evaluation import tables

@@ -9,9 +9,9 @@ from jaxtyping import Float
 
 from rearl_jax.core.replayed import NOT_RECORDED
 from rearl_jax.core.road import traffic_model
-from rearl_jax.data.boundary import NOBODY, SceneBoundary
-from rearl_jax.data.scene_set import SceneSet
-from rearl_jax.data.scene_windows import UNKNOWN_LANE
+from rearl_jax.data.scenes.boundary import NOBODY, SceneBoundary
+from rearl_jax.data.scenes.scene_set import SceneSet
+from rearl_jax.data.scenes.scene_windows import UNKNOWN_LANE
 from rearl_jax.replay.scenes import Replay, ReplayedScene
 
 MOST_CHARACTERS = 600_000

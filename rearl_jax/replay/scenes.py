@@ -7,8 +7,8 @@ from jaxtyping import Float
 
 from rearl_jax.config import EvaluateTask
 from rearl_jax.core.rollout import Frames
-from rearl_jax.data.boundary import SceneBoundary
-from rearl_jax.data.scene_set import SceneSet
+from rearl_jax.data.scenes.boundary import SceneBoundary
+from rearl_jax.data.scenes.scene_set import SceneSet
 
 
 @dataclass(frozen=True)

@@ -18,7 +18,7 @@ from rearl_jax.config.decision import PolicyName
 from rearl_jax.config.evaluation import Method, Variant
 from rearl_jax.config.report import ReportConfig
 from rearl_jax.config.scenes import BoundarySource
-from rearl_jax.data.scene_set import SceneSet
+from rearl_jax.data.scenes.scene_set import SceneSet
 from rearl_jax.evaluation.host_policy import MakePolicy
 from rearl_jax.evaluation.inputs import Inputs, read_inputs
 from rearl_jax.evaluation.language_model import language_model

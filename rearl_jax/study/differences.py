@@ -4,8 +4,8 @@ from rearl_jax.config import ClusterTask, EvaluateTask
 from rearl_jax.config.clustering import FitOn
 from rearl_jax.config.core import InitialSource
 from rearl_jax.config.metrics import MapeDefinition
-from rearl_jax.data.scene_set import SceneSet
-from rearl_jax.data.scenes import PAPER_SCENES
+from rearl_jax.data.scenes.cutting import PAPER_SCENES
+from rearl_jax.data.scenes.scene_set import SceneSet
 from rearl_jax.evaluation.tables import source_names
 from rearl_jax.metrics.histograms import legacy_scale
 from rearl_jax.study.published import N_RUNS

@@ -7,7 +7,7 @@ from typing import Any
 import pandas as pd
 
 from rearl_jax.config import ClusterTask, EvaluateTask
-from rearl_jax.data.scene_set import SceneSet
+from rearl_jax.data.scenes.scene_set import SceneSet
 from rearl_jax.document.document import Document, Section, data_sources
 from rearl_jax.document.table import NONE, Cell, Emphasis, Row, Table, interval, number, percent, spoken
 from rearl_jax.document.terminal import print_document

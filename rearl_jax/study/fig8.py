@@ -16,7 +16,7 @@ from rearl_jax.clustering import task
 from rearl_jax.clustering.tables import seeds
 from rearl_jax.config import ClusterTask, StudyFig8Task
 from rearl_jax.data.recordings import data_id
-from rearl_jax.data.scenes import PAPER_SCENES
+from rearl_jax.data.scenes.cutting import PAPER_SCENES
 from rearl_jax.document.document import Section
 from rearl_jax.document.table import table_of
 from rearl_jax.evaluation.inputs import read_inputs

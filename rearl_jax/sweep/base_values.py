@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 
 from rearl_jax.config import EvaluateTask
-from rearl_jax.data.scene_set import SceneSet
+from rearl_jax.data.scenes.scene_set import SceneSet
 from rearl_jax.evaluation.percentiles import BaseValues, base_values
 from rearl_jax.results import Study
 

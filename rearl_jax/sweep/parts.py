@@ -8,7 +8,7 @@ from functools import partial
 import numpy as np
 import pandas as pd
 
-from rearl_jax.data.scene_set import SceneSet
+from rearl_jax.data.scenes.scene_set import SceneSet
 from rearl_jax.evaluation.rollouts import Rollouts
 from rearl_jax.evaluation.runner import scored_rollouts
 from rearl_jax.evaluation.scores import Scores

@@ -17,7 +17,7 @@ from rearl_jax import runtime
 from rearl_jax.config import SweepScaleTask
 from rearl_jax.config.evaluation import SeedScope
 from rearl_jax.data.recordings import is_generated
-from rearl_jax.data.scene_set import SceneSet
+from rearl_jax.data.scenes.scene_set import SceneSet
 from rearl_jax.detection.references import References
 from rearl_jax.document.terminal import print_document
 from rearl_jax.evaluation.inputs import read_inputs

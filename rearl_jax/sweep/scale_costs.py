@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rearl_jax.data.scene_set import SceneSet
+from rearl_jax.data.scenes.scene_set import SceneSet
 from rearl_jax.evaluation.rollouts import Rollouts
 from rearl_jax.evaluation.runner import make_scorer
 from rearl_jax.evaluation.scoring import Scorer

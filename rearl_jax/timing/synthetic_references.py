@@ -6,7 +6,7 @@ They decide how much work there is, not what is real: only costs may be conclude
 import jax.numpy as jnp
 import numpy as np
 
-from rearl_jax.data.scene_windows import actions
+from rearl_jax.data.scenes.scene_windows import actions
 from rearl_jax.detection.references import References
 
 FLOW_SPEEDS = (10.0, 30.0)

@@ -22,7 +22,7 @@ from rearl_jax.config import DataConfig, EvaluateTask, ReportTask, ResultsConfig
 from rearl_jax.config.data import DataFormat
 from rearl_jax.config.evaluation import EvaluationConfig
 from rearl_jax.config.report import FolderConfig, ReportConfig
-from rearl_jax.data.canonical import write_recording
+from rearl_jax.data.tables.canonical import write_recording
 from rearl_jax.data.recordings import iterate_recordings
 
 root, hostile = Path(sys.argv[1]), sys.argv[2]

@@ -33,8 +33,8 @@ def traffic(task_config):
     """Scenes, tracks and splits of these recordings."""
     from rearl_jax.clustering.tracks import TrackCollector
     from rearl_jax.data.recordings import iterate_recordings
-    from rearl_jax.data.scenes import build_scenes
-    from rearl_jax.data.splits import split_scenes
+    from rearl_jax.data.scenes.cutting import build_scenes
+    from rearl_jax.data.scenes.splits import split_scenes
 
     collector = TrackCollector(task_config)
     scenes = build_scenes(collector.passing(iterate_recordings(task_config.data)), task_config)

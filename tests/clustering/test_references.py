@@ -16,8 +16,8 @@ from rearl_jax.clustering.scenes import references_of
 from rearl_jax.clustering.tracks import FeatureScale, TrackCollector, seen_in
 from rearl_jax.config.clustering import BoConfig, ClusterConfig, FitOn, KlConfig
 from rearl_jax.data.recordings import data_id, iterate_recordings
-from rearl_jax.data.scenes import build_scenes
-from rearl_jax.data.splits import split_scenes
+from rearl_jax.data.scenes.cutting import build_scenes
+from rearl_jax.data.scenes.splits import split_scenes
 from tests.refusal import refused
 
 

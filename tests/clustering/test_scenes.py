@@ -8,7 +8,7 @@ import pytest
 
 from rearl_jax.clustering.scenes import SceneClusters, cluster_scenes, label_shares, may_be_fitted, references_of
 from rearl_jax.config.clustering import ClusterConfig, FitOn, Representative, SceneVector
-from rearl_jax.data.splits import Split
+from rearl_jax.data.scenes.splits import Split
 from tests.refusal import refused
 
 

@@ -8,10 +8,10 @@ import pytest
 
 from rearl_jax.config.data import DataConfig, DataFormat, OnBad
 from rearl_jax.data import recordings
-from rearl_jax.data.canonical import write_recording
 from rearl_jax.data.readers import reader_of
 from rearl_jax.data.recordings import count_recordings, data_id, file_stamps, is_generated, iterate_recordings
 from rearl_jax.data.schema import COLUMNS, Recording, RecordingInfo, validate
+from rearl_jax.data.tables.canonical import write_recording
 from rearl_jax.problems import MissingInputError
 from tests.refusal import refused
 

@@ -22,7 +22,7 @@ def us101():
     """The scenes of the shipped recordings."""
     from rearl_jax.config import PrepareTask
     from rearl_jax.data.recordings import iterate_recordings
-    from rearl_jax.data.scenes import build_scenes
+    from rearl_jax.data.scenes.cutting import build_scenes
 
     config = PrepareTask()
     return build_scenes(iterate_recordings(config.data), config)

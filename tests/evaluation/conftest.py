@@ -67,7 +67,7 @@ def made_scenes():
     """Six scenes of two recordings, four vehicles each, on two carriageways of two lanes."""
     from rearl_jax.config.scenes import SpeedNorm
     from rearl_jax.data.records import RecordingInfo
-    from rearl_jax.data.scene_set import SceneCounts, SceneSet
+    from rearl_jax.data.scenes.scene_set import SceneCounts, SceneSet
 
     rng = np.random.default_rng(7)
     shape = (N_SCENES, N_FRAMES, N_SLOTS)

@@ -13,7 +13,7 @@ from rearl_jax.config.evaluation import EvaluationConfig, Method, SeedScope
 from rearl_jax.config.scenes import BoundarySource, ScenesConfig, SpeedConfig, SpeedNorm
 from rearl_jax.core.replayed import NOT_RECORDED
 from rearl_jax.core.rollout import Frames
-from rearl_jax.data.boundary import SceneBoundary
+from rearl_jax.data.scenes.boundary import SceneBoundary
 from rearl_jax.evaluation.boundaries import check_boundary, recorded_boundary
 from rearl_jax.evaluation.positions import overlaps, position_extra, position_figures, positions_of
 from rearl_jax.evaluation.rollouts import Rollouts

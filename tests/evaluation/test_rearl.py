@@ -7,7 +7,7 @@ import pytest
 
 from rearl_jax.config.detection import Cues, DetectionConfig
 from rearl_jax.config.evaluation import Method
-from rearl_jax.data.splits import Split, Splits
+from rearl_jax.data.scenes.splits import Split, Splits
 from rearl_jax.decision.situation import ACTION_NAMES
 from rearl_jax.evaluation.estimates import estimates
 from rearl_jax.evaluation.inputs import Inputs

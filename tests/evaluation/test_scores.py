@@ -11,7 +11,7 @@ import pytest
 from rearl_jax.config.evaluation import EvaluationConfig
 from rearl_jax.config.metrics import HistConfig, MetricsConfig, RealismConfig
 from rearl_jax.core.rollout import Frames
-from rearl_jax.data.scene_set import real_lane_change_rate
+from rearl_jax.data.scenes.scene_set import real_lane_change_rate
 from rearl_jax.evaluation.scores import (
     COMPARING,
     REAL,

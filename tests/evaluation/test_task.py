@@ -86,7 +86,7 @@ def test_partners_are_other_scenes(done):
 
 
 def test_real_rows_are_the_scenes_own(done):
-    from rearl_jax.data.scene_set import real_lane_change_rate
+    from rearl_jax.data.scenes.scene_set import real_lane_change_rate
 
     scenes, held_out = done.evaluation.scenes, done.evaluation.held_out
     runs = done.table("runs").set_index(["method", "scene_id"])

@@ -12,7 +12,7 @@ from random import Random
 import numpy as np
 
 from rearl_jax.config.data import DataConfig, OnBad
-from rearl_jax.data.checks import RANGES
+from rearl_jax.data.checks.typed_table import RANGES
 from rearl_jax.data.recordings import data_id, is_generated, iterate_recordings
 from rearl_jax.data.records import Recording
 from rearl_jax.data.schema import COLUMNS

@@ -11,8 +11,8 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from rearl_jax.data.canonical import METADATA
 from rearl_jax.data.schema import COLUMNS
+from rearl_jax.data.tables.canonical import METADATA
 
 FEET = 1.0 / 0.3048
 N_FRAMES = 40

@@ -7,7 +7,7 @@ import pytest
 
 from rearl_jax import drawing
 from rearl_jax.config import ResultsConfig, StudyFig7Task
-from rearl_jax.data.scene_set import SceneSet
+from rearl_jax.data.scenes.scene_set import SceneSet
 from rearl_jax.document.table import Cell, Emphasis
 from rearl_jax.evaluation.remarks import Remarks
 from rearl_jax.report.documents import paper_document

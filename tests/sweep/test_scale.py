@@ -20,8 +20,8 @@ from rearl_jax.config import EvaluateTask, ResultsConfig, SweepScaleTask
 from rearl_jax.config.core import CoreConfig
 from rearl_jax.config.evaluation import EvaluationConfig, Method, SeedScope
 from rearl_jax.data.recordings import iterate_recordings
-from rearl_jax.data.scenes import build_scenes
-from rearl_jax.data.splits import split_scenes
+from rearl_jax.data.scenes.cutting import build_scenes
+from rearl_jax.data.scenes.splits import split_scenes
 from rearl_jax.document.terminal import text_of
 from rearl_jax.evaluation.rollouts import Rollouts
 from rearl_jax.evaluation.rows import Row

@@ -12,8 +12,8 @@ from rearl_jax.blind.traffic.highd import write_highd
 from rearl_jax.blind.traffic.measurement import ARTEFACTS, LANE_WIDTH, Frames, measure, seen_road
 from rearl_jax.blind.traffic.scenario import Scenario
 from rearl_jax.blind.traffic.simulation import Events, simulate
-from rearl_jax.data.canonical import write_recording
 from rearl_jax.data.records import Recording, RecordingInfo
+from rearl_jax.data.tables.canonical import write_recording
 from rearl_jax.problems import out_of_range
 
 PLACES = ("start", "end")

@@ -1,7 +1,7 @@
 """exiD: motorways with entries and exits, which are left out; not inD, rounD and uniD, which are no straight roads."""
 
-from rearl_jax.data import exid
-from rearl_jax.data.highd import find_recordings
+from rearl_jax.data.formats import exid
+from rearl_jax.data.formats.highd import find_recordings
 from rearl_jax.data.reader import Reader, one_per_file
 from rearl_jax.data.readers.highd import by_tracks, files
 

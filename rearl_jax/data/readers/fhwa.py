@@ -1,6 +1,6 @@
 """Leader-follower pairs of the U.S. Federal Highway Administration, one Parquet file in SI units."""
 
-from rearl_jax.data import fhwa_pairs
+from rearl_jax.data.formats import fhwa_pairs
 from rearl_jax.data.reader import Reader, by_columns, parts_of
 
 READER = Reader(

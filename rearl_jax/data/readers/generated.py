@@ -4,7 +4,7 @@ from functools import partial
 from pathlib import Path
 
 from rearl_jax.config.data import DataConfig
-from rearl_jax.data.highd import find_recordings
+from rearl_jax.data.formats.highd import find_recordings
 from rearl_jax.data.reader import Reader
 from rearl_jax.data.readers import highd
 

@@ -5,9 +5,9 @@ from functools import partial
 from pathlib import Path
 
 from rearl_jax.config.data import DataConfig
-from rearl_jax.data import highd
+from rearl_jax.data.files.text_layout import first_names
+from rearl_jax.data.formats import highd
 from rearl_jax.data.reader import Entry, Reader
-from rearl_jax.data.text_layout import first_names
 from rearl_jax.problems import MissingInputError
 
 

@@ -1,6 +1,6 @@
 """I-24 MOTION INCEPTION, JSON documents in feet, cut into windows of `data.window` and sections of `data.section`."""
 
-from rearl_jax.data import i24
+from rearl_jax.data.formats import i24
 from rearl_jax.data.reader import Reader, by_first_file, parts_of_files
 
 READER = Reader(

@@ -1,6 +1,6 @@
 """Leader-follower pairs of NGSIM I-80 with lateral positions, one Parquet file in SI units."""
 
-from rearl_jax.data import ngsim_lateral
+from rearl_jax.data.formats import ngsim_lateral
 from rearl_jax.data.reader import Reader, by_columns, parts_of
 
 READER = Reader(

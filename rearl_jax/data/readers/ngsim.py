@@ -5,7 +5,7 @@ from functools import partial
 from pathlib import Path
 
 from rearl_jax.config.data import DataConfig
-from rearl_jax.data import ngsim_published
+from rearl_jax.data.formats import ngsim_published
 from rearl_jax.data.reader import Entry, Reader
 from rearl_jax.problems import MissingInputError, Problem
 

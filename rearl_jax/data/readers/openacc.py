@@ -4,8 +4,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from rearl_jax.config.data import DataConfig
-from rearl_jax.data import openacc, openacc_index, openacc_raw
-from rearl_jax.data.folder import visible_files
+from rearl_jax.data.files.folder import visible_files
+from rearl_jax.data.formats import openacc, openacc_index, openacc_raw
 from rearl_jax.data.reader import Entry, Reader, by_columns, by_first_file, parts_of, parts_of_files
 
 _condensed = parts_of(openacc.find_platoons, openacc.platoon_recordings, openacc.read_platoon)

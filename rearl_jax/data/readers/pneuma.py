@@ -1,6 +1,6 @@
 """pNEUMA, vehicles of a city in wide rows, of which a straight stretch `data.stretch` is read."""
 
-from rearl_jax.data import pneuma
+from rearl_jax.data.formats import pneuma
 from rearl_jax.data.reader import Reader, by_first_file, one_per_file
 
 READER = Reader(

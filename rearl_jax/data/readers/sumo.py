@@ -5,10 +5,10 @@ from functools import partial
 from pathlib import Path
 
 from rearl_jax.config.data import DataConfig
-from rearl_jax.data import sumo
+from rearl_jax.data.formats import sumo
+from rearl_jax.data.formats.simulated import is_generated
+from rearl_jax.data.formats.sumo_fcd import is_fcd
 from rearl_jax.data.reader import Entry, Reader, by_first_file
-from rearl_jax.data.simulated import is_generated
-from rearl_jax.data.sumo_fcd import is_fcd
 
 
 def entries(data: DataConfig, root: Path) -> Iterator[Entry]:

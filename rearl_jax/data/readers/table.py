@@ -5,8 +5,8 @@ from functools import partial
 from pathlib import Path
 
 from rearl_jax.config.data import DataConfig
-from rearl_jax.data import canonical
 from rearl_jax.data.reader import Entry, Reader
+from rearl_jax.data.tables import canonical
 
 
 def entries(data: DataConfig, root: Path) -> Iterator[Entry]:

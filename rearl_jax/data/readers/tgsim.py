@@ -1,6 +1,6 @@
 """TGSIM highways (I-90/I-94, I-294, I-395), one `.csv` per place with several runs, in metres."""
 
-from rearl_jax.data import tgsim
+from rearl_jax.data.formats import tgsim
 from rearl_jax.data.reader import Reader, by_first_file, parts_of_files
 
 READER = Reader(

@@ -2,8 +2,8 @@
 
 from pathlib import Path
 
-from rearl_jax.data import ngsim
-from rearl_jax.data.columnar import column_names, is_parquet
+from rearl_jax.data.files.columnar import column_names, is_parquet
+from rearl_jax.data.formats import ngsim
 from rearl_jax.data.reader import Reader, parts_of
 from rearl_jax.problems import MissingInputError, Problem
 

@@ -1,8 +1,8 @@
 """Vehicle records of Vissim, `.fzp`: the road that most vehicles follow, in the units that the file states."""
 
-from rearl_jax.data import vissim
+from rearl_jax.data.formats import vissim
+from rearl_jax.data.formats.simulated import is_generated
 from rearl_jax.data.reader import Reader, by_first_file, one_per_file
-from rearl_jax.data.simulated import is_generated
 
 READER = Reader(
     expected="a vehicle record of Vissim (.fzp), or a folder of them",

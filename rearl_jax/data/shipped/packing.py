@@ -16,7 +16,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from rearl_jax.data.folder import only_parquet
+from rearl_jax.data.files.folder import only_parquet
 
 TIME_DECIMALS = 1
 _PRECISION = 9  # digits of a decimal number, the most that four bytes hold

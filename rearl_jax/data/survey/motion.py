@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rearl_jax.data.clock import NTSC_RATES, PLAUSIBLE_RATES, STANDARD_RATES
+from rearl_jax.data.checks.clock import NTSC_RATES, PLAUSIBLE_RATES, STANDARD_RATES
+from rearl_jax.data.checks.unit_checks import ALIKE
 from rearl_jax.data.survey.clock import Clock, named
 from rearl_jax.data.survey.names import rank_of, unit_in
 from rearl_jax.data.survey.sample import FoundColumn
-from rearl_jax.data.unit_checks import ALIKE
 from rearl_jax.data.units import SI_FACTOR
 
 UNITS_TOGETHER = (

@@ -5,14 +5,14 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from rearl_jax.data.checks import MOST_LANES
+from rearl_jax.data.checks.typed_table import MOST_LANES
+from rearl_jax.data.checks.unit_checks import LANE_WIDTH
 from rearl_jax.data.schema import COLUMNS
 from rearl_jax.data.survey.clock import Clock, clock_of, named
 from rearl_jax.data.survey.motion import Motion, motion_of, size_unit, told_by
 from rearl_jax.data.survey.names import unit_in
 from rearl_jax.data.survey.sample import FoundColumn, Sample
-from rearl_jax.data.track_names import NOBODY
-from rearl_jax.data.unit_checks import LANE_WIDTH
+from rearl_jax.data.tables.track_names import NOBODY
 from rearl_jax.data.units import SI_FACTOR
 from rearl_jax.data.vehicle_classes import CLASSES, class_of
 

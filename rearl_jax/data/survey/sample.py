@@ -8,11 +8,11 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from rearl_jax.data.columnar import column_names, is_parquet, read_columns
-from rearl_jax.data.delimited import first_rows
-from rearl_jax.data.moments import is_moment, seconds_of
+from rearl_jax.data.files.columnar import column_names, is_parquet, read_columns
+from rearl_jax.data.files.delimited import first_rows
+from rearl_jax.data.files.text_layout import BLANKS, layout_of
 from rearl_jax.data.problems import bad_recording
-from rearl_jax.data.text_layout import BLANKS, layout_of
+from rearl_jax.data.tables.moments import is_moment, seconds_of
 
 ROWS = 50_000
 """Rows that are looked at."""

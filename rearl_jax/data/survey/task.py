@@ -5,13 +5,13 @@ from pathlib import Path
 from typing import Any
 
 from rearl_jax.config.data import DataConfig, DataFormat
-from rearl_jax.data.canonical import find_tables
 from rearl_jax.data.readers import reader_of
 from rearl_jax.data.survey.command import command_of
 from rearl_jax.data.survey.proposal import proposal_of
 from rearl_jax.data.survey.report import print_format, print_sample, print_trial
 from rearl_jax.data.survey.sample import sample_of
 from rearl_jax.data.survey.trial import tried
+from rearl_jax.data.tables.canonical import find_tables
 from rearl_jax.problems import InvalidInputError, MissingInputError, Problem, ProblemError
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from rearl_jax.config import DiscoverConfig
-from rearl_jax.data.labels import track_labels
+from rearl_jax.data.checks.labels import track_labels
 from rearl_jax.data.records import Recording, RecordingInfo
 from rearl_jax.discovery.observe.drivers import IDM_PRIOR, Prior
 from rearl_jax.discovery.observe.noise import is_exact

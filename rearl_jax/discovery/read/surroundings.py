@@ -7,7 +7,7 @@ import pandas as pd
 
 from rearl_jax.core.effects.stimulus import BESIDE_RANGE
 from rearl_jax.core.order import NOBODY
-from rearl_jax.data.leaders import states_all_leaders
+from rearl_jax.data.checks.leaders import states_all_leaders
 from rearl_jax.data.vehicle_rows import VehicleRows
 
 MOST_BESIDE = 8

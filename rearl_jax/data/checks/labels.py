@@ -1,0 +1,94 @@
+"""Labels of tracks beside the canonical columns: what the source says of a vehicle or its driver, one value per track.
+
+A car's model, the setting of its cruise control, the person at the wheel: discovery tells groups apart by them.
+"""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+
+from rearl_jax.data.checks.typed_table import follows_row_before
+from rearl_jax.data.problems import bad_recording
+from rearl_jax.data.records import Recording, RecordingInfo
+from rearl_jax.problems import InvalidInputError, Problem
+
+CANONICAL = ("recording", "vehicle_class", "direction", "lane")
+"""Canonical columns that serve as labels too; of the lanes of a track, the one it was in longest."""
+
+
+def with_labels(info: RecordingInfo, wanted: Sequence[str], columns: Sequence[str]) -> RecordingInfo:
+    """The metadata with those of the wanted labels that are columns of the source and not canonical."""
+    known = [name for name in wanted if name in columns and name not in CANONICAL]
+    return replace(info, labels=tuple(dict.fromkeys([*info.labels, *known])))
+
+
+def labelled(table: pd.DataFrame, info: RecordingInfo) -> pd.DataFrame:
+    """The table with its labels as texts.
+
+    Raises:
+        BadRecordingError: A label differs between the rows of a track.
+    """
+    for name in info.labels:
+        codes, values = pd.factorize(table[name])
+        texts = _texts(values)
+        label = pd.Categorical([None if code < 0 else texts[code] for code in codes], sorted(set(texts)))
+        order = np.argsort(table["track_id"].to_numpy(), kind="stable")
+        in_order = label.codes[order]
+        differs = follows_row_before(table["track_id"].to_numpy()[order])
+        differs[1:] &= in_order[1:] != in_order[:-1]
+        if differs.any():
+            row = int(table.index[order[np.argmax(differs)]]) + 1
+            text = f"the label {name} differs between rows of one vehicle"
+            remedy = "give each vehicle one value, or the parts of its track ids of their own"
+            raise bad_recording("label-varies", text, remedy, info.file or info.id, column=name, row=row)
+        table = table.assign(**{name: label})
+    return table
+
+
+def track_labels(recordings: Sequence[Recording], name: str, key: str) -> list[pd.Series]:
+    """A label of the tracks of each recording, by track_id: texts, None where it is unknown.
+
+    Args:
+        recordings: The recordings.
+        name: A label, or one of CANONICAL.
+        key: The key of the configuration that asks for it, for the message.
+
+    Raises:
+        InvalidInputError: No recording has the label.
+    """
+    if name in CANONICAL:
+        return [_of_canonical(recording, name) for recording in recordings]
+    found = dict.fromkeys(label for recording in recordings for label in recording.info.labels)
+    if name not in found:
+        known = ", ".join([*found, *CANONICAL])
+        message = f"is {name}, which no recording has: choose one of {known}, or a further column of a canonical table"
+        raise InvalidInputError(Problem("label-unknown", message, key=key))
+    return [_of_label(recording, name) for recording in recordings]
+
+
+def _of_label(recording: Recording, name: str) -> pd.Series:
+    labels = recording.labels
+    texts = list(labels[name]) if name in labels else [None] * len(labels)
+    return pd.Series([text if isinstance(text, str) else None for text in texts], index=labels.index, dtype=object)
+
+
+def _of_canonical(recording: Recording, name: str) -> pd.Series:
+    table = recording.table
+    tracks = table["track_id"].drop_duplicates()
+    if name != "lane":
+        return pd.Series([str(value) for value in table.loc[tracks.index, name]], index=tracks.to_numpy(), dtype=object)
+    known = table.loc[table["lane"].notna(), ["track_id", "lane"]].astype(np.int64)
+    rows = known.value_counts().reset_index().drop_duplicates("track_id")
+    lanes = dict(zip(rows["track_id"], rows["lane"].astype(str), strict=True))
+    return pd.Series([lanes.get(track) for track in tracks], index=tracks.to_numpy(), dtype=object)
+
+
+def _texts(values: np.ndarray | pd.Index) -> list[str]:
+    """Values as texts, 4 and 4.0 alike: a text table does not say which it was."""
+    texts = [str(value) for value in values]
+    numbers = pd.Series(pd.to_numeric(pd.Series(texts, dtype=object), errors="coerce"), dtype=np.float64)
+    if not np.isfinite(numbers).all() or numbers.nunique() < len(texts):
+        return texts
+    return [str(int(number)) if number.is_integer() else text for number, text in zip(numbers, texts, strict=True)]

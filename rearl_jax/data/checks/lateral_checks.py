@@ -1,0 +1,88 @@
+"""Checks of lanes and lateral positions: their unit, their direction and where they count from."""
+
+import numpy as np
+import pandas as pd
+
+from rearl_jax.data.checks.unit_checks import LANE_WIDTH, MIN_STEPS, is_other_unit, moving_steps, scale_of, unit_finding
+from rearl_jax.data.problems import Finding
+from rearl_jax.data.records import RecordingInfo
+
+EDGE = 0.5
+"""A centre further left of the left edge [m] is no noise: half a vehicle is off the road."""
+
+USUAL_WIDTH = 3.6
+"""Width of a lane [m] where one lane alone does not tell it: 12 ft, and between the 3.5 and 3.75 m of motorways."""
+
+
+def wrong_lateral(table: pd.DataFrame, info: RecordingInfo) -> Finding | None:
+    """Lateral positions that do not grow by the width of a lane from lane to lane."""
+    lateral = table["lateral"].to_numpy()
+    lane = table["lane"].to_numpy(dtype=np.float64, na_value=np.nan)
+    known = np.isfinite(lateral) & np.isfinite(lane)
+    lanes, counts = np.unique(lane[known], return_counts=True)
+    lanes = lanes[counts >= MIN_STEPS]
+    if lanes.size < 2:
+        return None
+    left, right = (float(np.median(lateral[known & (lane == rank)])) for rank in (lanes[0], lanes[-1]))
+    width = (right - left) / (lanes[-1] - lanes[0])
+    if LANE_WIDTH[0] <= width <= LANE_WIDTH[1]:
+        return None
+    text = f"lateral grows by {width:.2f} m per lane to the right, outside {LANE_WIDTH[0]} to {LANE_WIDTH[1]} m"
+    remedy = "give lateral in m, positive to the right, and count lanes from the left"
+    return unit_finding("lateral", known & (lane == lanes[-1]), text, remedy)
+
+
+def wrong_origin(table: pd.DataFrame, info: RecordingInfo) -> Finding | None:
+    """Lanes that do not count from 0, or lateral positions that do not count from the left edge to the right."""
+    lateral = table["lateral"].to_numpy()
+    outside = lateral < -EDGE
+    if np.isfinite(lateral).sum() >= MIN_STEPS and outside.sum() > 0.5 * np.isfinite(lateral).sum():
+        text = f"lateral is negative in {outside.sum()} rows, left of the carriageway"
+        remedy = "count lateral from the left edge of the carriageway, positive to the right"
+        return Finding("wrong_origin", "lateral", outside, text, remedy)
+    lanes = lanes_off(table)
+    if lanes is None or lanes > -1:
+        return None
+    lane = table["lane"].to_numpy(dtype=np.float64, na_value=np.nan)
+    leftmost = int(np.nanmin(lane))
+    if leftmost >= 1:
+        text = f"no vehicle uses lane 0, and by lateral lane {leftmost} is the leftmost"
+        remedy = f"count lanes from 0 at the left: subtract {min(-lanes, leftmost)}"
+        return Finding("wrong_origin", "lane", np.isfinite(lane), text, remedy)
+    text = f"vehicles are {-lanes} lanes further to the left than their lane says"
+    return Finding("wrong_origin", "lateral", np.isfinite(lane), text, "count lateral from the left edge of lane 0")
+
+
+def lanes_off(table: pd.DataFrame) -> int | None:
+    """By how many lanes most vehicles are further to the right than their lane says; None if that is unknown."""
+    lateral = table["lateral"].to_numpy()
+    lane = table["lane"].to_numpy(dtype=np.float64, na_value=np.nan)
+    known = np.isfinite(lateral) & np.isfinite(lane)
+    lanes, counts = np.unique(lane[known], return_counts=True)
+    lanes = lanes[counts >= MIN_STEPS]
+    if not lanes.size:
+        return None
+    middle = [float(np.median(lateral[known & (lane == rank)])) for rank in lanes]
+    width = (middle[-1] - middle[0]) / (lanes[-1] - lanes[0]) if lanes.size > 1 else USUAL_WIDTH
+    if not LANE_WIDTH[0] <= width <= LANE_WIDTH[1]:
+        return None
+    off = float(np.median([place / width - rank - 0.5 for place, rank in zip(middle, lanes, strict=True)]))
+    return int(np.sign(off)) * int(abs(off) + 0.25)
+
+
+def wrong_across(table: pd.DataFrame, info: RecordingInfo) -> Finding | None:
+    """Where the ground frame lies along the road, y must grow with the lateral position."""
+    rows, step, _ = moving_steps(table, info)
+    x, y, lateral = (table[name].to_numpy() for name in ("x", "y", "lateral"))
+    if rows.size < MIN_STEPS or abs(np.median(np.abs(x[rows] - x[rows - 1]) / np.abs(step)) - 1.0) > 0.001:
+        return None
+    direction = table["direction"].to_numpy()
+    for side in np.unique(direction):
+        here = (direction == side) & np.isfinite(lateral)
+        if here.sum() < MIN_STEPS or np.std(lateral[here]) < 0.5 * LANE_WIDTH[0]:
+            continue
+        scale = scale_of(np.abs(y[here] - np.mean(y[here])), np.abs(lateral[here] - np.mean(lateral[here])))
+        if scale is not None and is_other_unit(scale):
+            text = f"y grows {scale[0]:.2f} to {scale[1]:.2f} times as fast across the road as lateral"
+            return unit_finding("y", here, text, "give y and lateral in m")
+    return None

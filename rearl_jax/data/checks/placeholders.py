@@ -1,0 +1,61 @@
+"""Numbers that stand for an unknown value, such as -9999: faults of rows, and no sign of another unit of the column."""
+
+import numpy as np
+import pandas as pd
+
+from rearl_jax.config.data import DataConfig
+from rearl_jax.data.checks.typed_table import MOST_LANES, RANGES
+from rearl_jax.data.problems import Finding
+from rearl_jax.data.records import RecordingInfo
+
+# Runs of nines, and the largest and smallest integers of two and four bytes, as programs write them for "no value".
+NUMBERS = np.array([*(10.0**n - 1 for n in range(3, 11)), 2.0**15 - 1, 2.0**15, 2.0**16 - 1, 2.0**31 - 1, 2.0**31])
+FAR = 10.0  # times the middle half of all places that a place must be away from it
+LEAST_FAR = 1000.0  # m
+APART = 100.0  # m between a placeholder and the nearest place of a vehicle
+_PLACES = ("x", "y", "position", "lateral")
+
+
+def is_placeholder(values: np.ndarray) -> np.ndarray:
+    """Mask of the values whose magnitude is one of NUMBERS, and of -1."""
+    return np.isin(np.abs(values), NUMBERS) | (values == -1.0)
+
+
+def misplaced(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -> Finding | None:
+    """Rows with a place that is a placeholder, far from all places of vehicles, or so far that it can be nothing else.
+
+    A reader may have converted a placeholder to m or to the centre of the vehicle, so that its number is another one.
+    """
+    for name in _PLACES:
+        values = table[name].to_numpy()
+        marked = is_placeholder(values) & (values != -1.0)
+        places = values[~marked & np.isfinite(values)]
+        if not places.size:
+            continue
+        bad = marked & ((values < places.min() - APART) | (values > places.max() + APART))
+        low, high = np.quantile(places, (0.25, 0.75))
+        reach = FAR * (high - low) + LEAST_FAR
+        bad |= (values < low - reach) | (values > high + reach)
+        if bad.any():
+            text = f"{name} is {values[np.argmax(bad)]:g} m, which seems to stand for an unknown value"
+            return Finding("out_of_range", name, bad, text, "correct the value")
+    return None
+
+
+def impossible_rows(table: pd.DataFrame) -> np.ndarray:
+    """Mask of rows with a value that no vehicle has while most of its column is possible, or which is a placeholder.
+
+    They would spoil the medians by which another unit is recognised; if most values of a column on a carriageway are
+    impossible, that is what another unit looks like, and their rows are not marked.
+    """
+    bad = np.zeros(len(table), dtype=bool)
+    direction = table["direction"].to_numpy()
+    for side in np.unique(direction):
+        here = direction == side
+        for name, (low, high) in {**RANGES, "lane": (0.0, MOST_LANES - 1.0)}.items():
+            values = table[name].to_numpy(dtype=np.float64, na_value=np.nan)
+            outside = here & ((values < low) | (values > high))
+            if outside.sum() > 0.5 * (here & np.isfinite(values)).sum():
+                outside &= is_placeholder(values)
+            bad |= outside
+    return bad

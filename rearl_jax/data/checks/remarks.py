@@ -1,0 +1,67 @@
+"""Notes on recordings that are read without a fault and still need care: what their rows show."""
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+
+from rearl_jax.data.checks.lateral_checks import lanes_off
+from rearl_jax.data.checks.leaders import next_in_lane, notes_on_leaders
+from rearl_jax.data.records import Recording
+from rearl_jax.data.vehicle_rows import ABSENT
+
+OVERLAPS = 0.005
+"""Share of the rows with a vehicle ahead in the lane from which on overlaps are no matter of noise.
+
+It is .0004 in NGSIM US-101, whose lengths are assumed, and 0 in I-80.
+"""
+_WIDTH = 1.8  # m, of a car whose width is unknown
+
+
+def noted(recording: Recording) -> Recording:
+    """The recording with notes on its leaders, lanes and overlapping vehicles behind its own notes, each once."""
+    table = recording.table
+    found = [*notes_on_leaders(table), *_on_lanes(table), *_on_overlaps(table)]
+    notes = tuple(dict.fromkeys([*recording.info.notes, *found]))
+    return recording if notes == recording.info.notes else replace(recording, info=replace(recording.info, notes=notes))
+
+
+def _on_lanes(table: pd.DataFrame) -> list[str]:
+    notes = []
+    direction = table["direction"].to_numpy()
+    for side in np.unique(direction):
+        part = table.iloc[np.flatnonzero(direction == side)]
+        if (lanes_off(part) or 0) > 0:
+            notes.append(f"direction {side}: vehicles are further to the right by lateral than by their lane")
+    return notes
+
+
+def _on_overlaps(table: pd.DataFrame) -> list[str]:
+    ahead = next_in_lane(table)
+    beside = _next_at_same_place(table)
+    ahead = np.where(ahead == ABSENT, beside, ahead)
+    rows = np.flatnonzero(ahead != ABSENT)
+    position, length = table["position"].to_numpy(), table["length"].to_numpy()
+    other = ahead[rows]
+    gap = position[other] - position[rows] - 0.5 * (length[other] + length[rows])
+    n_overlaps = int((gap < 0.0).sum())
+    if not n_overlaps or n_overlaps < OVERLAPS * len(rows):
+        return []
+    text = "rows overlap with the vehicle ahead (gap below 0): lengths, positions or ids may be wrong"
+    return [f"{n_overlaps} of {len(rows)} {text}"]
+
+
+def _next_at_same_place(table: pd.DataFrame) -> np.ndarray:
+    """Row of the next vehicle ahead that is less than a width beside, for rows without a lane; ABSENT without one."""
+    lane = table["lane"].to_numpy(dtype=np.float64, na_value=np.nan)
+    frame, direction = table["frame"].to_numpy(), table["direction"].to_numpy()
+    lateral = table["lateral"].to_numpy()
+    width = np.nan_to_num(table["width"].to_numpy(), nan=_WIDTH)
+    order = np.lexsort((table["position"].to_numpy(), direction, frame))
+    here, there = order[:-1], order[1:]
+    with np.errstate(invalid="ignore"):  # an unknown lateral position is beside nobody
+        same = np.abs(lateral[there] - lateral[here]) < 0.5 * (width[there] + width[here])
+    same &= (frame[there] == frame[here]) & (direction[there] == direction[here]) & np.isnan(lane[here])
+    ahead = np.full(len(table), ABSENT)
+    ahead[here[same]] = there[same]
+    return ahead

@@ -1,0 +1,210 @@
+"""Checks of a typed canonical table, each a question with one answer: the first finding or None.
+
+Row checks mark rows, step checks mark the row after a bad step; both may be dropped and counted.
+"""
+
+import numpy as np
+import pandas as pd
+
+from rearl_jax.config.data import DataConfig
+from rearl_jax.data.checks.clock import resolution
+from rearl_jax.data.problems import Finding
+from rearl_jax.data.records import RecordingInfo
+from rearl_jax.data.vehicle_classes import CLASSES
+
+NULLABLE = frozenset({"lateral", "lane", "acceleration", "width", "leader_id"})
+NUMBERED = frozenset({"track_id", "frame", "direction", "lane", "leader_id"})
+"""Columns of whole numbers, which may be larger than any measure."""
+
+# Wide enough for every road vehicle and for sensor noise, narrow enough for a broken row. Length: the longest
+# combinations on European and US motorways are 25.25 m and about 36 m. Speed: beyond production cars.
+RANGES = {"speed": (0.0, 100.0), "length": (0.5, 40.0), "width": (0.2, 5.0), "acceleration": (-50.0, 50.0)}
+LARGEST = 1e12  # beyond every number of a recording; squares of what is below it do not overflow
+RANGE_UNIT = {"speed": "m/s", "length": "m", "width": "m", "acceleration": "m/s^2"}
+
+
+MOST_LANES = 12
+"""More lanes than any carriageway has; beyond it a lane number is a fault and says nothing about the road."""
+NOISE = 0.5
+"""Excess of a step [m] that noise and rounding of positions bring about at any frame rate."""
+
+
+def not_finite(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -> Finding | None:
+    """Rows with NaN in a column that must be known, or with a value that is infinite or as good as that."""
+    for name in table.columns:
+        column = table[name]
+        if not pd.api.types.is_float_dtype(column.dtype):
+            continue
+        values = column.to_numpy(dtype=np.float64, na_value=np.nan)
+        size, largest = np.abs(values), np.finfo(np.float64).max if name in NUMBERED else LARGEST
+        bad = size > largest if name in NULLABLE else ~(size <= largest)
+        if bad.any():
+            value = values[np.argmax(bad)]
+            return Finding("not_finite", name, bad, f"the value is {value}", "write a finite number")
+    return None
+
+
+def unknown_class(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -> Finding | None:
+    """Rows whose vehicle class is none of CLASSES."""
+    bad = ~table["vehicle_class"].isin(CLASSES).to_numpy()
+    if not bad.any():
+        return None
+    value = table["vehicle_class"].iloc[int(np.argmax(bad))]
+    return Finding(
+        "unknown_class",
+        "vehicle_class",
+        bad,
+        f"class {value!r} is unknown",
+        f"use one of {', '.join(CLASSES)}",
+    )
+
+
+def out_of_order(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -> Finding | None:
+    """Rows whose frame does not come after all earlier frames of the track; the table is grouped by track."""
+    track, frame = table["track_id"].to_numpy(), table["frame"].to_numpy()
+    bad = follows_row_before(track)
+    bad[1:] &= np.diff(frame) <= 0
+    if not bad.any():
+        return None
+    # After one frame too far ahead, all rows up to it are late, not only the first.
+    latest = table.groupby("track_id", sort=False)["frame"].cummax().to_numpy()
+    bad = follows_row_before(track)
+    bad[1:] &= frame[1:] <= latest[:-1]
+    row = int(np.argmax(bad))
+    if table.duplicated(["track_id", "frame"]).iloc[row]:
+        bad &= table.duplicated(["track_id", "frame"]).to_numpy()
+        return Finding(
+            "duplicate",
+            "frame",
+            bad,
+            f"track {track[row]} has frame {frame[row]} twice",
+            "keep one of the two rows",
+        )
+    return Finding(
+        "unsorted",
+        "frame",
+        bad & ~table.duplicated(["track_id", "frame"]).to_numpy(),
+        f"track {track[row]} goes back from frame {frame[row - 1]} to frame {frame[row]}",
+        "sort the rows by track_id and frame if their order is the only fault",
+    )
+
+
+def out_of_range(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -> Finding | None:
+    """Rows with a speed, length, width or acceleration that no road vehicle has."""
+    for name, (low, high) in RANGES.items():
+        values = table[name].to_numpy()
+        bad = (values < low) | (values > high)
+        if bad.any():
+            row = int(np.argmax(bad))
+            unit = RANGE_UNIT[name]
+            text = f"{name} is {values[row]:g} {unit}, outside {low:g} to {high:g} {unit}"
+            remedy = "correct the value" + (", or leave it empty where it is unknown" if name in NULLABLE else "")
+            return Finding("out_of_range", name, bad, text, remedy)
+    return None
+
+
+def wrong_time(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -> Finding | None:
+    """Rows whose time is not that of their frame, to half a frame."""
+    bad = times_beside_frames(table, info)
+    if not bad.any():
+        return None
+    row = int(np.argmax(bad))
+    text = f"time {table['time'].iloc[row]:g} s is not that of frame {table['frame'].iloc[row]}"
+    return Finding(
+        "wrong_time", "time", bad, text, "correct the time, or leave the column out, because it follows from the frames"
+    )
+
+
+def wrong_lane(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -> Finding | None:
+    """Rows with a direction the road does not have, or with a lane outside the lanes of their direction."""
+    direction = table["direction"].to_numpy()
+    bad = ~np.isin(direction, list(info.lane_count))
+    if bad.any():
+        text = f"direction {direction[np.argmax(bad)]} is none of {sorted(info.lane_count)}"
+        return Finding("wrong_direction", "direction", bad, text, "use 1 and 2 as in highD, 1 if there is only one")
+    lane = table["lane"].to_numpy(dtype=np.float64, na_value=np.nan)
+    count = np.zeros(max(info.lane_count) + 1)
+    count[list(info.lane_count)] = list(info.lane_count.values())
+    bad = (lane < 0) | (lane >= count[direction])
+    if not bad.any():
+        return None
+    row = int(np.argmax(bad))
+    n_lanes = int(count[direction[row]])
+    text = f"lane {lane[row]:g} does not exist, direction {direction[row]} has lanes 0 (left) to {n_lanes - 1}"
+    remedy = "count lanes from 0 at the left, correct the lane count, or leave the lane empty where it is unknown"
+    return Finding("lane_out_of_range", "lane", bad, text, remedy)
+
+
+def changed_direction(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -> Finding | None:
+    """Rows where a track passes to the other carriageway."""
+    direction = table["direction"].to_numpy()
+    bad = follows_row_before(table["track_id"].to_numpy())
+    bad[1:] &= direction[1:] != direction[:-1]
+    if not bad.any():
+        return None
+    track = table["track_id"].iloc[int(np.argmax(bad))]
+    text = f"track {track} changes its driving direction"
+    return Finding("changed_direction", "direction", bad, text, "give the two vehicles two ids", is_step=True)
+
+
+def gap(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -> Finding | None:
+    """Rows before which frames of the same track are missing."""
+    track, frame = table["track_id"].to_numpy(), table["frame"].to_numpy()
+    bad = follows_row_before(track)
+    bad[1:] &= np.diff(frame) > 1
+    if not bad.any():
+        return None
+    row = int(np.argmax(bad))
+    text = f"track {track[row]} misses the frames between {frame[row - 1]} and {frame[row]}"
+    return Finding("gap", "frame", bad, text, "fill the frames, or give the second part its own id", is_step=True)
+
+
+def jump(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -> Finding | None:
+    """Rows that a vehicle cannot have reached from the row before.
+
+    With the bound b = max(max_jump * time, NOISE): |step of position - mean speed * time| > b, or a step on the ground
+    longer than mean speed * time + b, or a step of the lateral position > b.
+    """
+    track = table["track_id"].to_numpy()
+    follows = follows_row_before(track)[1:]
+    time = np.diff(table["frame"].to_numpy()) / info.frame_rate
+    speed, position, lateral = (table[name].to_numpy() for name in ("speed", "position", "lateral"))
+    expected = 0.5 * (speed[1:] + speed[:-1]) * time
+    step = np.diff(position)
+    ground = np.hypot(np.diff(table["x"].to_numpy()), np.diff(table["y"].to_numpy()))
+    bound = np.maximum(policy.max_jump * time, NOISE)
+    causes = {
+        "position": np.abs(step - expected) > bound,
+        "lateral": np.abs(np.diff(lateral)) > bound,
+        "x": ground > expected + bound,
+    }
+    for name, far in causes.items():
+        bad = np.concatenate([[False], follows & far])
+        if bad.any():
+            row = int(np.argmax(bad))
+            moved = {"position": step, "x": ground, "lateral": np.diff(lateral)}[name][row - 1]
+            text = (
+                f"track {track[row]} moves {moved:.2f} m ({name}) in {time[row - 1]:g} s "
+                f"at {speed[row]:.2f} m/s, {bound[row - 1]:.2g} m or more off (data.max_jump={policy.max_jump:g} m/s)"
+            )
+            return Finding("jump", name, bad, text, "correct the row, or give the second part its own id", is_step=True)
+    return None
+
+
+def times_beside_frames(table: pd.DataFrame, info: RecordingInfo) -> np.ndarray:
+    """Mask of rows whose time is more than half a frame off frame / frame rate, up to a start all rows share.
+
+    A time that is rounded may be off by half of what it is rounded to, too.
+    """
+    time = table["time"].to_numpy()
+    off = time - table["frame"].to_numpy() / info.frame_rate
+    middle = 0.5 * (np.quantile(off, 0.1) + np.quantile(off, 0.9))
+    # 1 % more, because the middle is known no better.
+    return np.abs(off - middle) > max(0.5 / info.frame_rate, 0.505 * resolution(time))
+
+
+def follows_row_before(track: np.ndarray) -> np.ndarray:
+    """Mask of rows that continue the track of the row before."""
+    follows = np.zeros(len(track), dtype=bool)
+    follows[1:] = track[1:] == track[:-1]
+    return follows

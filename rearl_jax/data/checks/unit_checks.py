@@ -1,0 +1,202 @@
+"""Checks whether a column is in another unit than the schema's.
+
+A wrong unit is a property of the table and never of a row, so these checks compare medians over many rows: steps with
+speeds, changes of speed with accelerations, sizes with those of road vehicles. Each gets all rows or those of one
+carriageway from `column_checks`. Lanes and lateral positions are compared in `lateral_checks`.
+"""
+
+import numpy as np
+import pandas as pd
+
+from rearl_jax.data.checks import clock
+from rearl_jax.data.checks.typed_table import follows_row_before, times_beside_frames
+from rearl_jax.data.problems import Finding, bad_recording
+from rearl_jax.data.records import RecordingInfo
+from rearl_jax.data.units import SI_FACTOR
+from rearl_jax.data.vehicle_classes import CLASSES
+
+MOVING = 3.0  # m/s; below it rounding of positions hides the ratio of step and speed
+MIN_STEPS = 20  # fewer moving steps do not determine a unit
+RATIO_TOLERANCE = 0.07  # the nearest confusion, feet with km/h, is off by 0.09
+# Median sizes. Length of cars and trucks on motorways: 4.6 m and 14 to 16 m (Krajewski et al. 2018, highD).
+MEDIAN_SIZE = {("length", "car"): (3.0, 7.0), ("length", "truck"): (4.5, 26.0), ("width", "car"): (1.2, 2.9)}
+LANE_WIDTH = (2.2, 5.5)  # m
+ACCELERATION_P99 = 9.0  # m/s^2, about the friction limit of a dry road
+# Two measurements of one quantity: in NGSIM, I-80 and OpenACC they correlate with .92 or more and agree within 25 %.
+ALIKE = 0.8  # correlation from which two measurements reveal each other's unit
+SAME_UNIT = 1.8  # factor between them that no error makes; the least wrong unit has 3.28
+WRONG_SHARE = 0.1  # of the rows have a wrong time: a unit or a frame rate, no matter of single rows
+WINDOW = 1.0  # s over which changes of speed are compared with accelerations, beyond most of their noise
+
+# step / (speed * time) that a wrong unit of position or speed produces.
+UNIT_RATIOS = {
+    "speed is in km/h, not m/s": SI_FACTOR["km/h"],
+    "speed is in ft/s, not m/s": SI_FACTOR["ft/s"],
+    "speed is in mph, not m/s": SI_FACTOR["mph"],
+    "position is in ft, not m": 1.0 / SI_FACTOR["ft"],
+    "position is in ft and speed in km/h": SI_FACTOR["km/h"] / SI_FACTOR["ft"],
+    "position is in ft and speed in mph": SI_FACTOR["mph"] / SI_FACTOR["ft"],
+    "position is in km, not m": 1.0 / SI_FACTOR["km"],
+    "position is in cm, not m": 1.0 / SI_FACTOR["cm"],
+}
+
+
+def scale_of(values: np.ndarray, reference: np.ndarray) -> tuple[float, float] | None:
+    """Least and largest factor between two measurements of one quantity; None if they do not determine it.
+
+    The errors of either make the slope of a regression on it too small, so the factor lies between the slope and the
+    inverse of the slope the other way round. Negative if the two have opposite signs.
+    """
+    known = np.isfinite(values) & np.isfinite(reference)
+    values, reference = values[known], reference[known]
+    if values.size < MIN_STEPS:
+        return None
+    product = float(np.mean(values * reference))
+    squares = float(np.mean(values**2)), float(np.mean(reference**2))
+    if not abs(product) > ALIKE * np.sqrt(squares[0] * squares[1]):
+        return None
+    low, high = sorted((product / squares[1], squares[0] / product))
+    return low, high
+
+
+def require_period(time: np.ndarray, track: np.ndarray, period: float, file: str, column: str) -> None:
+    """Raise BadRecordingError unless the rows of a track are mostly one period apart.
+
+    Args:
+        time: Times of each row [s]; the rows of a track in the order of time.
+        track: Vehicle of each row.
+        period: Time between two frames [s].
+        file: For the message.
+        column: Name of the column of times, for the message.
+    """
+    known = np.isfinite(time)
+    steps = np.diff(time[known])[follows_row_before(track[known])[1:]]
+    median = float(np.median(steps)) if steps.size else period
+    if not 0.5 * period < median < 1.5 * period:
+        text = f"rows are {median:.3g} s apart, not {period:g} s"
+        raise bad_recording(
+            "wrong-units", text, "give the time in s, sorted, with every frame of a vehicle", file, column=column
+        )
+
+
+def is_other_unit(scale: tuple[float, float] | None) -> bool:
+    """True for a scale as from `scale_of` that can only be that of another unit."""
+    return scale is not None and (scale[0] > SAME_UNIT or scale[1] < 1.0 / SAME_UNIT)
+
+
+def wrong_time(table: pd.DataFrame, info: RecordingInfo) -> Finding | None:
+    """Times that do not follow frame / frame rate."""
+    bad = times_beside_frames(table, info)
+    if np.mean(bad) < WRONG_SHARE:
+        return None
+    text = f"time does not follow frame / frame rate at {info.frame_rate:g} frames per second"
+    found = clock.period_of(*(table[name].to_numpy(np.float64) for name in ("track_id", "frame", "time")))
+    units = {unit: found[0] * seconds * info.frame_rate for unit, seconds in clock.SECONDS.items()} if found else {}
+    unit = next((unit for unit, ratio in units.items() if abs(ratio - 1.0) <= RATIO_TOLERANCE), None)
+    if unit is not None:
+        return unit_finding("time", bad, f"{text}: it looks like {unit}", "give time in s")
+    return unit_finding("time", bad, text, "give time in s and the frame rate of the recording")
+
+
+def wrong_speed_or_position(table: pd.DataFrame, info: RecordingInfo) -> Finding | None:
+    """Steps of position that are not speed x time."""
+    rows, step, expected = moving_steps(table, info)
+    if rows.size < MIN_STEPS:
+        return None
+    ratio = float(np.median(step / expected))
+    # Noise moves the median of a few short steps, but not their sum, and a jump moves only the sum.
+    if min(abs(ratio - 1.0), abs(np.sum(step) / np.sum(expected) - 1.0)) <= RATIO_TOLERANCE:
+        return None
+    text = f"vehicles move {ratio:.3f} times as far as speed x time"
+    # A decreasing position has a negative ratio and no unit explains it.
+    cause, known = min(UNIT_RATIOS.items(), key=lambda item: abs(np.log(max(ratio, 1e-9) / item[1])))
+    if abs(ratio / known - 1.0) <= RATIO_TOLERANCE:
+        remedy = f"it looks as if {cause}: convert it to SI"
+    elif ratio < 0.0:
+        remedy = "position must increase in driving direction: reverse it"
+    else:
+        remedy = f"check the units of position and speed and the frame rate ({info.frame_rate:g} per second)"
+    bad = np.zeros(len(table), dtype=bool)
+    bad[rows] = np.abs(step / expected - 1.0) > RATIO_TOLERANCE
+    column = "position" if "position" in remedy and "speed" not in remedy else "speed"
+    return unit_finding(column, bad, text, remedy)
+
+
+def wrong_ground(table: pd.DataFrame, info: RecordingInfo) -> Finding | None:
+    """Steps in x, y that are not those of position."""
+    rows, step, _ = moving_steps(table, info)
+    if rows.size < MIN_STEPS:
+        return None
+    x, y = table["x"].to_numpy(), table["y"].to_numpy()
+    ground = np.hypot(x[rows] - x[rows - 1], y[rows] - y[rows - 1])
+    ratio = float(np.median(ground / np.abs(step)))
+    if abs(ratio - 1.0) <= RATIO_TOLERANCE:
+        return None
+    bad = np.zeros(len(table), dtype=bool)
+    bad[rows] = np.abs(ground / np.abs(step) - 1.0) > RATIO_TOLERANCE
+    text = f"vehicles move {ratio:.3f} times as far in x, y as in position"
+    return unit_finding("x", bad, text, "give x, y and position in m and in the same road frame")
+
+
+def wrong_size(table: pd.DataFrame, info: RecordingInfo) -> Finding | None:
+    """Median lengths and widths that no class of vehicle has."""
+    vehicle_class = table["vehicle_class"].cat.codes.to_numpy()
+    for (name, which), (low, high) in MEDIAN_SIZE.items():
+        values = table[name].to_numpy()
+        chosen = (vehicle_class == CLASSES.index(which)) & np.isfinite(values)
+        if not chosen.any():
+            continue
+        median = float(np.median(values[chosen]))
+        if not low <= median <= high:
+            foot = SI_FACTOR["ft"]
+            hint = " (feet?)" if low <= median * foot <= high else ""
+            text = f"the median {name} of class {which} is {median:.2f} m, outside {low:g} to {high:g} m{hint}"
+            return unit_finding(name, chosen & ((values < low) | (values > high)), text, f"convert {name} to m")
+    return None
+
+
+def wrong_acceleration(table: pd.DataFrame, info: RecordingInfo) -> Finding | None:
+    """Accelerations that are not what changes of speed say, or that no tyre could bring about."""
+    track, speed, values = (table[name].to_numpy() for name in ("track_id", "speed", "acceleration"))
+    n = max(round(WINDOW * info.frame_rate), 1)
+    if len(table) > n:
+        mean = np.convolve(0.5 * (values[1:] + values[:-1]), np.full(n, 1.0 / n), mode="valid")
+        within = track[n:] == track[:-n]
+        change = (speed[n:] - speed[:-n]) * info.frame_rate / n
+        scale = scale_of(mean[within], change[within])
+        if scale is not None and is_other_unit(scale):
+            text = f"acceleration is {scale[0]:.2f} to {scale[1]:.2f} times the change of speed per second"
+            return unit_finding("acceleration", np.isfinite(values), text, "convert acceleration to m/s^2")
+    known = np.abs(values[np.isfinite(values)])
+    if known.size >= MIN_STEPS and np.percentile(known, 99) > ACCELERATION_P99:
+        text = f"1 % of |acceleration| is above {np.percentile(known, 99):.1f} m/s^2, beyond tyre friction"
+        return unit_finding("acceleration", np.abs(values) > ACCELERATION_P99, text, "convert acceleration to m/s^2")
+    return None
+
+
+def moving_steps(table: pd.DataFrame, info: RecordingInfo) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Rows after a step of a moving vehicle, that step of position, and what speed x time expects [m].
+
+    A vehicle moves by its speed, or by its positions if those of its whole track move: in another unit all vehicles may
+    seem to stand.
+    """
+    track, frame, speed, position = (table[name].to_numpy() for name in ("track_id", "frame", "speed", "position"))
+    follows = follows_row_before(track)
+    starts = np.flatnonzero(~follows)
+    ends = np.append(starts[1:], len(track)) - 1
+    time = np.maximum(frame[ends] - frame[starts], 1) / info.frame_rate
+    moved = np.repeat(np.abs(position[ends] - position[starts]) / time > MOVING, ends - starts + 1)
+    rows = np.flatnonzero(follows)
+    step = position[rows] - position[rows - 1]
+    dt = (frame[rows] - frame[rows - 1]) / info.frame_rate
+    slower, mean = np.minimum(speed[rows], speed[rows - 1]), 0.5 * np.abs(speed[rows] + speed[rows - 1])
+    moving = (slower > MOVING) | (moved[rows] & (np.abs(step) > MOVING * dt))
+    moving &= step != 0.0
+    # A speed of 0 must not divide; any value below the slowest vehicle serves.
+    expected = np.maximum(mean, 1e-3) * dt
+    return rows[moving], step[moving], expected[moving]
+
+
+def unit_finding(column: str, rows: np.ndarray, problem: str, remedy: str) -> Finding | None:
+    """The finding for a column in another unit; None if no row is marked."""
+    return Finding("wrong_units", column, rows, problem, remedy) if rows.any() else None

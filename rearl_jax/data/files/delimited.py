@@ -1,0 +1,299 @@
+"""Reads text tables into Arrow tables; a broken line is an error with its number, or is skipped and counted."""
+
+import codecs
+import io
+import re
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import islice
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+from pyarrow import csv
+
+from rearl_jax.config.data import OnBad
+from rearl_jax.data.files.text_layout import (
+    BLANKS,
+    DAMAGED,
+    OPENERS,
+    compression_of,
+    damaged,
+    fields_of,
+    layout_of,
+    opened,
+    text_of,
+)
+from rearl_jax.data.problems import DROP_HINT, BadRecordingError, bad_recording, require_columns
+
+_LARGEST_WHOLE = 2.0**63  # beyond it a number is no 64-bit integer
+_BLOCK = 2**20  # bytes
+_UTF8 = ("utf-8", "utf-8-sig")
+
+
+def text_endings(ending: str) -> tuple[str, ...]:
+    """The ending of a text table and of compressed ones, such as .csv, .csv.gz and .csv.zip."""
+    return (ending, *(f"{ending}{packed}" for packed in (*OPENERS, ".zip")))
+
+
+def stem_of(path: Path) -> str:
+    """Name of a table without its ending, and without that of a compressed file."""
+    return Path(path.stem).stem if path.suffix.lower() in (*OPENERS, ".zip") else path.stem
+
+
+def read_header(path: Path) -> list[str]:
+    """Column names of a CSV file, without blanks around them.
+
+    Raises:
+        FileNotFoundError: There is no such file.
+        BadRecordingError: The file is empty, not text, or begins with numbers.
+    """
+    layout = layout_of(path)
+    names = fields_of(layout.header, layout.delimiter)
+    if len(names) > 1 and all(re.fullmatch(r"[+-]?\d+([.,]\d+)?", name) for name in names):
+        text = f"the first line holds numbers, not names of columns: {', '.join(names[:5])}"
+        raise bad_recording("header-missing", text, "write a first line with the names of the columns", path)
+    return names
+
+
+def read_csv(
+    path: Path, columns: dict[str, pa.DataType], on_bad: OnBad, *, quoted: bool = True
+) -> tuple[pa.Table, int]:
+    """The named columns of a CSV file, and the number of broken lines that were skipped.
+
+    Fields may be separated by commas, semicolons, tabs or bars, and numbers may have a decimal comma. A line is broken
+    if its number of fields is not that of the header, as in a file that was cut off.
+
+    Args:
+        path: The file, its first line names the columns.
+        columns: Name, as in the file, and type of every column to read.
+        on_bad: stop makes a broken line an error.
+
+    Raises:
+        BadRecordingError: A column is missing or there twice, a value does not have the type of its column, the file
+            is not text, or a line is broken and on_bad is stop.
+    """
+    present = read_header(path)
+    require_columns(present, tuple(columns), str(path))
+    _require_once(present, columns, path)
+    return replace(_lines_of(path, present), quoted=quoted).table(columns, on_bad)
+
+
+def _require_once(names: Sequence[str], columns: dict[str, pa.DataType], path: Path) -> None:
+    twice = [name for name, n in Counter(names).items() if n > 1 and name in columns]
+    if twice:
+        raise bad_recording("column-twice", "the column occurs twice", "remove one of them", path, column=twice[0])
+
+
+def read_below(
+    path: Path, header: Sequence[str], n_above: int, columns: dict[str, pa.DataType], delimiter: str, on_bad: OnBad
+) -> tuple[pa.Table, int]:
+    """The same of a file with other lines above its table, whose fields do not stand in quotes.
+
+    Args:
+        path: The file.
+        header: Names of its columns; those of empty fields at the ends of all lines may be missing.
+        n_above: Lines above the first row, the header among them.
+        columns: Name and type of every column to read.
+        delimiter: What separates fields.
+        on_bad: stop makes a broken line an error.
+    """
+    try:
+        with opened(path) as file:
+            line = next(islice(file, n_above, None), b"").decode(errors="replace").rstrip("\r\n")
+            content = b"\n".join([line.encode(), file.read()]) if compression_of(path) else None
+    except DAMAGED as error:
+        raise damaged(path, error) from None
+    if not line:
+        raise bad_recording("no-rows", "the table has no rows", "remove the file or complete it", path)
+    first = line.split(delimiter)
+    _require_once(header, columns, path)
+    names = list(header)
+    while len(names) > len(first) and not names[-1]:
+        names.pop()
+    if len(first) > len(names) and not "".join(first[len(names) :]).strip():
+        names += [""] * (len(first) - len(names))
+    skipped = n_above if content is None else 0
+    return _Lines(path, names, content, delimiter, header_lines=skipped, quoted=False).table(columns, on_bad)
+
+
+def first_rows(path: Path, number: int) -> tuple[pd.DataFrame, int]:
+    """The first rows of a CSV file as texts, and how many lines among them are broken.
+
+    Numbers have a decimal point.
+
+    Args:
+        path: The file.
+        number: How many rows at most.
+
+    Raises:
+        BadRecordingError: The file is empty, damaged or not text.
+    """
+    names = read_header(path)
+    layout = layout_of(path)
+    try:
+        with text_of(path) as file:
+            lines = list(islice(file, layout.header_lines, layout.header_lines + number))
+    except (*DAMAGED, UnicodeDecodeError) as error:
+        raise damaged(path, error) from None
+    rows = [fields_of(line, layout.delimiter) for line in lines if line.strip()]
+    whole = [row for row in rows if len(row) == len(names)]
+    table = pd.DataFrame(whole, columns=[str(place) for place in range(len(names))], dtype=object)
+    if layout.decimal_point == ",":
+        table = table.replace(r"^([+-]?\d*),(\d+([eE][+-]?\d+)?)$", r"\1.\2", regex=True)
+    return table.set_axis(names, axis=1), len(rows) - len(whole)
+
+
+def _lines_of(path: Path, names: list[str]) -> "_Lines":
+    """The lines of a file below its header; in memory if Arrow cannot read the file itself."""
+    layout = layout_of(path)
+    if not layout.compression and layout.encoding in _UTF8 and layout.delimiter != BLANKS:
+        return _Lines(path, names, None, layout.delimiter, layout.decimal_point, layout.header_lines)
+    try:
+        with text_of(path) as file:
+            if layout.delimiter != BLANKS:
+                content = file.read().encode()
+                return _Lines(path, names, content, layout.delimiter, layout.decimal_point, layout.header_lines)
+            content = "\n".join("\t".join(line.split()) for line in islice(file, layout.header_lines, None)).encode()
+    except (*DAMAGED, UnicodeDecodeError) as error:
+        raise damaged(path, error) from None
+    return _Lines(path, names, content, "\t", layout.decimal_point)
+
+
+def read_blank_separated(
+    path: Path, names: Sequence[str], columns: dict[str, pa.DataType], on_bad: OnBad
+) -> tuple[pa.Table, int]:
+    """The same of a file without a header whose fields are separated by any number of blanks.
+
+    Args:
+        path: The file.
+        names: Names of all its columns.
+        columns: Name and type of every column to read.
+        on_bad: stop makes a broken line an error.
+    """
+    try:
+        with text_of(path) as file:
+            content = "\n".join(",".join(line.split()) for line in file).encode()
+    except (*DAMAGED, UnicodeDecodeError) as error:
+        raise damaged(path, error) from None
+    return _Lines(path, list(names), content).table(columns, on_bad)
+
+
+@dataclass(frozen=True)
+class _Lines:
+    """Lines of a text table.
+
+    Attributes:
+        path: The file.
+        names: Names of all its columns.
+        content: The lines in UTF-8; None if they are those of the file itself.
+        delimiter: What separates fields.
+        decimal_point: Mark before the fraction of a number.
+        header_lines: Lines before the first row.
+        quoted: Whether fields may stand in quotes.
+    """
+
+    path: Path
+    names: list[str]
+    content: bytes | None = None
+    delimiter: str = ","
+    decimal_point: str = "."
+    header_lines: int = 0
+    quoted: bool = True
+
+    def table(self, columns: dict[str, pa.DataType], on_bad: OnBad) -> tuple[pa.Table, int]:
+        """The columns, and the number of lines skipped."""
+        try:
+            return self._parsed(columns, None), 0
+        except pa.ArrowInvalid:
+            pass
+        broken: list[csv.InvalidRow] = []
+        # Whole numbers may be written as 12.0, as pandas does where a column holds gaps.
+        lenient = {name: pa.float64() if pa.types.is_integer(kind) else kind for name, kind in columns.items()}
+        try:
+            table = self._as_text()._parsed(lenient, broken)
+        except pa.ArrowInvalid as error:
+            raise self._bad_value(str(error)) from None
+        if broken and on_bad is OnBad.stop:
+            raise self._broken_line(broken[0], len(broken))
+        return self._whole(table, columns), len(broken)
+
+    def _as_text(self) -> "_Lines":
+        """The same lines; in memory, if some are not UTF-8, which broken ones must be for Arrow to hand them over."""
+        with self.path.open("rb") if self.content is None else io.BytesIO(self.content) as file:
+            decoder = codecs.getincrementaldecoder("utf-8")()
+            try:
+                while block := file.read(_BLOCK):
+                    decoder.decode(block)
+                decoder.decode(b"", final=True)
+            except UnicodeDecodeError:
+                file.seek(0)
+                return replace(self, content=file.read().decode(errors="replace").encode())
+        return self
+
+    def _whole(self, table: pa.Table, columns: dict[str, pa.DataType]) -> pa.Table:
+        """The table with whole numbers in the columns that must hold them."""
+        for place, name in enumerate(table.column_names):
+            values = table[name]
+            if columns[name] == values.type:
+                continue
+            numbers = values.to_numpy()
+            whole = (np.abs(numbers) < _LARGEST_WHOLE) & (numbers == np.rint(numbers))
+            unfit = values.is_valid().to_numpy() & ~whole
+            if unfit.any():
+                row = int(np.argmax(unfit))
+                text = f"{numbers[row]:g} is not a whole number"
+                raise bad_recording(
+                    "value-unreadable", text, "write a whole number there", self.path, column=name, row=row + 1
+                )
+            table = table.set_column(place, name, values.cast(columns[name]))
+        return table
+
+    def _parsed(self, columns: dict[str, pa.DataType], broken: list[csv.InvalidRow] | None) -> pa.Table:
+        """The columns; broken lines are appended to the list, and are errors without a list."""
+
+        def skip(row: csv.InvalidRow) -> str:
+            assert broken is not None
+            broken.append(row)
+            return "skip"
+
+        return csv.read_csv(
+            self.path if self.content is None else io.BytesIO(self.content),
+            # Row numbers are known only to the sequential parser.
+            read_options=csv.ReadOptions(
+                use_threads=broken is None, column_names=self.names, skip_rows=self.header_lines
+            ),
+            parse_options=csv.ParseOptions(
+                delimiter=self.delimiter,
+                quote_char='"' if self.quoted else False,
+                invalid_row_handler=None if broken is None else skip,
+            ),
+            convert_options=csv.ConvertOptions(
+                include_columns=list(columns),
+                column_types=columns,
+                strings_can_be_null=True,
+                decimal_point=self.decimal_point,
+            ),
+        )
+
+    def _broken_line(self, row: csv.InvalidRow, n_rows: int) -> BadRecordingError:
+        text = f"the line has {row.actual_columns} fields instead of {row.expected_columns}"
+        if n_rows > 1:
+            text += f" (and {n_rows - 1} more lines)"
+        remedy = f"the file is cut off or damaged: copy it again{DROP_HINT}"
+        # Arrow counts lines from 1, the header among them.
+        return bad_recording("line-broken", text, remedy, self.path, row=row.number - self.header_lines)
+
+    def _bad_value(self, message: str) -> BadRecordingError:
+        """The error for a message such as `In CSV column #2: Row #5: CSV conversion error to double: ...`."""
+        column, row = None, None
+        for part in message.split(": "):
+            if part.startswith("In CSV column #"):
+                number = int(part.removeprefix("In CSV column #"))
+                column = self.names[number] if number < len(self.names) else None
+            elif part.startswith("Row #"):
+                row = int(part.removeprefix("Row #")) - self.header_lines
+        remedy = "the file is damaged: copy it again" if column is None else "write a number there"
+        return bad_recording("value-unreadable", message.splitlines()[0], remedy, self.path, column=column, row=row)

@@ -1,0 +1,1 @@
+"""Published formats of recordings: what each file means, read into canonical tables."""

@@ -1,0 +1,142 @@
+"""The two small files of a highD recording: NN_recordingMeta.csv and NN_tracksMeta.csv."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+
+from rearl_jax.config.data import DataConfig, OnBad
+from rearl_jax.data.checks.losses import Losses
+from rearl_jax.data.checks.unit_checks import LANE_WIDTH
+from rearl_jax.data.files.delimited import read_csv, read_header
+from rearl_jax.data.problems import DROP_HINT, bad_recording, require_columns
+from rearl_jax.data.records import SPEED_LIMITS
+from rearl_jax.data.vehicle_classes import CLASSES, classes_of
+
+_NEEDED = ("frameRate", "upperLaneMarkings", "lowerLaneMarkings")
+_SLOWEST, _FASTEST = 0.1, 1000.0  # frames per second, beyond every camera that watches roads
+
+_TRACKS_META = {
+    "id": pa.int64(),
+    "numFrames": pa.int64(),
+    "class": pa.string(),
+    "drivingDirection": pa.int64(),
+}
+
+
+@dataclass(frozen=True)
+class RecordingMeta:
+    """Content of NN_recordingMeta.csv.
+
+    Attributes:
+        frame_rate: Frames per second [1/s].
+        speed_limit: [m/s]; None if there is none.
+        markings: y of the lane markings per direction [m], rising; y points down, the first is the topmost.
+    """
+
+    frame_rate: float
+    speed_limit: float | None
+    markings: dict[int, tuple[float, ...]]
+
+
+def read_recording_meta(path: Path) -> RecordingMeta:
+    """Frame rate, speed limit and lane markings of one recording.
+
+    Raises:
+        BadRecordingError: A column is missing, or a value is not a number.
+    """
+    present = read_header(path)
+    require_columns(present, _NEEDED, str(path))
+    columns = {name: pa.string() for name in (*_NEEDED, *({"speedLimit"} & set(present)))}
+    rows, _ = read_csv(path, columns, OnBad.stop)
+    if not rows.num_rows:
+        raise bad_recording("no-rows", "the recording has no row", "complete the file", path)
+
+    def numbers(name: str, at_least: int) -> tuple[float, ...]:
+        written = rows[name][0].as_py() or ""
+        try:
+            values = sorted(float(part) for part in written.split(";") if part.strip())
+        except ValueError:
+            values = []
+        if len(values) < at_least or not np.all(np.isfinite(values)):
+            text = f"{written!r} is not {at_least} number{'s separated by ; or more' if at_least > 1 else ''}"
+            raise bad_recording("not-a-number", text, "correct it", path, column=name, row=1)
+        return tuple(values)
+
+    def markings(name: str) -> tuple[float, ...]:
+        lines = numbers(name, 2)
+        width = float(np.median(np.diff(lines)))
+        if not LANE_WIDTH[0] <= width <= LANE_WIDTH[1]:
+            text = f"the lane markings are {width:.2f} m apart, outside {LANE_WIDTH[0]} to {LANE_WIDTH[1]} m"
+            raise bad_recording("wrong-units", text, "give them in m", path, column=name, row=1)
+        return lines
+
+    frame_rate = sound_frame_rate(numbers("frameRate", 1)[0], path)
+    limit = numbers("speedLimit", 1)[0] if "speedLimit" in columns and rows["speedLimit"][0].as_py() else -1.0
+    return RecordingMeta(
+        frame_rate=frame_rate,
+        speed_limit=sound_speed_limit(limit, path),
+        markings={1: markings("upperLaneMarkings"), 2: markings("lowerLaneMarkings")},
+    )
+
+
+def sound_frame_rate(value: float, path: Path) -> float:
+    """The frame rate [1/s], or BadRecordingError if it is none of a camera."""
+    if not _SLOWEST <= value <= _FASTEST:
+        text = f"{value:g} is not a number of frames per second"
+        raise bad_recording("frame-rate", text, "correct it", path, column="frameRate", row=1)
+    return value
+
+
+def sound_speed_limit(value: float, path: Path) -> float | None:
+    """The speed limit [m/s], None for -1, which is written where there is none; or BadRecordingError."""
+    if value > 0.0 and not SPEED_LIMITS[0] <= value <= SPEED_LIMITS[1]:
+        text = f"{value:g} m/s is not a speed limit of a highway"
+        raise bad_recording("speed-limit", text, "give it in m/s, -1 for none", path, column="speedLimit", row=1)
+    return value if value > 0.0 else None
+
+
+def read_tracks_meta(path: Path, policy: DataConfig, losses: Losses) -> pd.DataFrame:
+    """Columns numFrames, class (in words of the schema) and drivingDirection of every track, by its id.
+
+    Files of exiD call the id trackId and have no direction.
+
+    A class the schema does not know is left to `schema.validate` unless data.on_bad is stop.
+
+    Raises:
+        BadRecordingError: A column or value is missing, an id occurs twice, a direction is neither 1 nor 2;
+            or a line is broken or a class is unknown and data.on_bad is stop.
+    """
+    track = "trackId" if "trackId" in read_header(path) else "id"
+    columns = {track if name == "id" else name: kind for name, kind in _TRACKS_META.items()}
+    if track == "trackId":
+        del columns["drivingDirection"]
+    rows, n_broken = read_csv(path, columns, policy.on_bad)
+    if n_broken:
+        losses.counts["broken_meta_line"] += n_broken
+    meta = rows.to_pandas().rename(columns={track: "id"})
+    meta["class"] = classes_of(meta["class"])
+    direction = meta["drivingDirection"] if "drivingDirection" in meta else pd.Series(1, index=meta.index)
+    stops = (
+        ("id-missing", "id", meta["id"].isna(), "has no id", "complete it"),
+        ("duplicate", "id", meta["id"].duplicated(), "is listed twice", "keep one of the two rows"),
+        ("value-missing", "numFrames", meta["numFrames"].isna(), "has no number of frames", "complete it"),
+        (
+            "wrong-direction",
+            "drivingDirection",
+            ~direction.isin([1, 2]),
+            "has a direction that is neither 1 nor 2",
+            "correct it",
+        ),
+    )
+    if policy.on_bad is OnBad.stop:
+        remedy = f"use one of {', '.join(CLASSES)}{DROP_HINT}"
+        stops += (("unknown-class", "class", ~meta["class"].isin(CLASSES), "has an unknown class", remedy),)
+    for code, column, bad, message, remedy in stops:
+        if bad.any():
+            row = int(np.argmax(bad))
+            text = f"track {meta['id'].iloc[row]} {message} ({meta[column].astype(object).iloc[row]!r})"
+            raise bad_recording(code, text, remedy, path, column=track if column == "id" else column, row=row + 1)
+    return meta.set_index("id")

@@ -1,0 +1,261 @@
+"""Reader of I-24 MOTION INCEPTION: JSON documents of trajectories in feet, hours of several miles in one file.
+
+A recording is a window of time on a section of road. x_position is the mile marker of the rear of a vehicle, in feet;
+it rises eastbound and falls westbound. y_position is its distance from the middle of the road: 12 ft of shoulder, then
+lanes of 12 ft. There are no speeds; they are the changes of x_position with time.
+
+Source: Gloudemans, Wang, Ji, Zachar, Barbour and Work, I-24 MOTION: An instrument for freeway traffic science,
+Transportation Research Part C 155 (2023) 104311; github.com/I24-MOTION/data_tutorial.
+"""
+
+import re
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+
+from rearl_jax.config.data import DataConfig
+from rearl_jax.data.checks.losses import Losses
+from rearl_jax.data.files.folder import named_files
+from rearl_jax.data.files.json_documents import parsed, read_documents
+from rearl_jax.data.formats.i24_index import FEET, LANE, NEEDED, Cell, Index, Tracks, index_of
+from rearl_jax.data.problems import bad_recording
+from rearl_jax.data.schema import Recording, RecordingInfo, validate
+
+LICENCE = "on request from i24motion.org, no redistribution"
+ATTRIBUTION = (
+    "Gloudemans et al. (2023), I-24 MOTION: An instrument for freeway traffic science, Transportation Research Part C; "
+    "I-24 MOTION INCEPTION, i24motion.org"
+)
+N_LANES = 4
+"""Lanes of each direction that go through; further ones are counted where vehicles use them."""
+_MOST_LANES = 6
+_USED = 0.01  # share of the rows of a direction in a further lane from which it is one
+_AT_ONCE = 32 * 2**20  # bytes of documents that are parsed at a time
+_HEAD = 2**23  # bytes in which the first document ends, be it of a vehicle that drives for an hour
+_ASIDE = 0.1  # frames by which a document may miss the times of the others
+_BACKWARD = 1.0  # m/s; errors of the tracking make standing vehicles drive back
+_WINTER = timedelta(hours=-6)  # Central Standard Time; all published days are in it
+_LIST = pa.list_(pa.float64())
+_FIELDS = {
+    "timestamp": _LIST,
+    "x_position": _LIST,
+    "y_position": _LIST,
+    "direction": pa.float64(),
+    "length": pa.float64(),
+    "width": pa.float64(),
+    "coarse_vehicle_class": pa.float64(),
+}
+# 0 sedan, 1 midsize, 2 van, 3 pickup, 4 semi, 5 truck, 6 motorcycle
+_CLASSES = {0.0: "car", 1.0: "car", 2.0: "car", 3.0: "car", 4.0: "truck", 5.0: "truck", 6.0: "motorcycle"}
+_SPELLING = {
+    "x": "x_position",
+    "position": "x_position",
+    "speed": "x_position",
+    "y": "y_position",
+    "lateral": "y_position",
+    "frame": "timestamp",
+    "vehicle_class": "coarse_vehicle_class",
+}
+
+
+def find_files(root: Path) -> list[Path]:
+    """The .json files in the folder, or the one file that is named.
+
+    Raises:
+        FileNotFoundError: There is none.
+    """
+    wanted = "the folder with the trajectories of I-24 MOTION INCEPTION, as JSON"
+    return named_files(root, (".json", ".jsonl", ".ndjson"), wanted, ".json")
+
+
+def is_one(path: Path) -> bool:
+    """Whether the first document has the fields of a trajectory, as far as it is looked at."""
+    with path.open("rb") as file:
+        head = file.read(_HEAD)
+    return re.match(rb"(\xef\xbb\xbf)?\s*(\[\s*)?\{", head) is not None and all(
+        re.search(rb'"%s"\s*:' % name.encode(), head) for name in NEEDED
+    )
+
+
+def cells(path: Path, policy: DataConfig) -> dict[str, Cell]:
+    """Recording id, such as i24_20221121_063000_mm59.65 -> its window and section; mm is the mile marker of its begin.
+
+    Raises:
+        BadRecordingError: The file holds no documents of I-24 MOTION, or one is broken and data.on_bad is stop.
+    """
+    index = _index(path, policy)
+    if not index.cells:
+        raise bad_recording("no-rows", "the file has no sound document", "remove the file or copy it again", path)
+    return {_name(cell, path, policy): cell for cell in sorted(index.cells)}
+
+
+def read_cell(path: Path, recording: str, cell: Cell, policy: DataConfig) -> Recording:
+    """One window of time on one section of road.
+
+    Documents that were left out are counted with the first recording of the file.
+
+    Raises:
+        BadRecordingError: A row breaks the schema.
+    """
+    index = _index(path, policy)
+    losses = Losses()
+    if cell == min(index.cells):
+        losses.counts.update(index.dropped)
+    numbers = np.array(index.cells[cell])
+    rows = pd.concat([_rows(path, part, index, cell, policy) for part in _parts(numbers, index)])
+    return _recording(rows, index, recording, cell, path, policy, losses)
+
+
+def _index(path: Path, policy: DataConfig) -> Index:
+    return index_of(path, policy.window, policy.section, policy.on_bad)
+
+
+def _name(cell: Cell, path: Path, policy: DataConfig) -> str:
+    name = "i24" if policy.window is not None else f"i24_{path.stem}"
+    if policy.window is not None:
+        start = datetime.fromtimestamp(cell[0] * policy.window, UTC) + _WINTER
+        name += start.strftime("_%Y%m%d_%H%M%S")
+    if policy.section is not None:
+        name += f"_mm{cell[1] * policy.section / (5280.0 * FEET):.2f}"
+    return name
+
+
+def _parts(numbers: np.ndarray, index: Index) -> list[np.ndarray]:
+    """The documents in groups that are not much longer than _AT_ONCE, so that few whole journeys are in memory."""
+    group = np.cumsum(np.array(index.sizes)[numbers]) // _AT_ONCE
+    return np.split(numbers, np.flatnonzero(np.diff(group)) + 1)
+
+
+def _rows(path: Path, numbers: np.ndarray, index: Index, cell: Cell, policy: DataConfig) -> pd.DataFrame:
+    """Rows of documents in a window and section [m, s]; the index counts the documents."""
+    texts = read_documents(path, [index.starts[n] for n in numbers], [index.sizes[n] for n in numbers])
+    documents, broken = parsed(texts, _FIELDS)
+    if broken.any():
+        text, row = "width or coarse_vehicle_class is no number", int(numbers[np.argmax(broken)]) + 1
+        raise bad_recording("not-a-number", text, "write a number", path, column="width", row=row)
+    tracks = Tracks(documents)
+
+    def every_row(name: str) -> np.ndarray:
+        return np.repeat(tracks.of_document(name), tracks.counts)
+
+    time, side, length = tracks.time, every_row("direction"), FEET * every_row("length")
+    rear = FEET * tracks.values("x_position")
+    begin = time[tracks.begins] * index.frame_rate - index.phase
+    frame = np.repeat(np.rint(begin), tracks.counts)
+    frame += np.rint((time - np.repeat(time[tracks.begins], tracks.counts)) * index.frame_rate)
+    rows = pd.DataFrame(
+        {
+            "frame": frame,
+            "side": side,
+            "centre": rear + 0.5 * side * length,
+            "lateral": FEET * (np.abs(tracks.values("y_position")) - LANE),
+            "speed": side * _slope(rear, time, tracks),
+            "length": length,
+            "width": FEET * every_row("width"),
+            "class": every_row("coarse_vehicle_class"),
+            "is_aside": np.repeat(np.abs(begin - np.rint(begin)) > _ASIDE, tracks.counts),
+        },
+        index=np.repeat(numbers, tracks.counts),
+    )
+    return rows.iloc[np.flatnonzero(_within(time, rows["centre"].to_numpy(), tracks, cell, policy))]
+
+
+def _recording(
+    rows: pd.DataFrame, index: Index, recording: str, cell: Cell, path: Path, policy: DataConfig, losses: Losses
+) -> Recording:
+    centre, side, lateral, speed, frame = (
+        rows[name].to_numpy() for name in ("centre", "side", "lateral", "speed", "frame")
+    )
+    start = float(centre.min()) if policy.section is None else cell[1] * policy.section
+    length = float(centre.max()) - start if policy.section is None else policy.section
+    along = centre - start
+    backward = (speed < 0.0) & (speed >= -_BACKWARD)
+    lane, lane_count, unknown = _lanes(lateral, side)
+    table = pd.DataFrame(
+        {
+            "track_id": rows.index.to_numpy() + 1,
+            "frame": frame - frame.min(),
+            "direction": np.where(side > 0.0, 2, 1),
+            "x": along,
+            "y": side * (lateral + FEET * LANE),
+            "position": np.where(side > 0.0, along, length - along),
+            "lateral": lateral,
+            "lane": lane,
+            "speed": np.where(backward, 0.0, speed),
+            "length": rows["length"].to_numpy(),
+            "width": rows["width"].to_numpy(),
+            "vehicle_class": _classes(rows["class"].to_numpy()),
+        },
+        index=rows.index,
+    )
+    notes = ["speeds are changes of position, accelerations are unknown; the road is straightened by the source"]
+    if backward.any():
+        notes.append(f"{int(backward.sum())} speeds between -{_BACKWARD:g} and 0 m/s set to 0")
+    if unknown:
+        notes.append(f"{unknown} rows beside the lanes (12 ft each, from 12 ft off the median) have no lane")
+    aside = rows["is_aside"].to_numpy(bool)
+    if aside.any():
+        notes.append(
+            f"{rows.index[aside].nunique()} vehicles have times between those of the others, up to half a frame off"
+        )
+    info = RecordingInfo(
+        id=recording,
+        frame_rate=index.frame_rate,
+        lane_count=lane_count,
+        road_length=max(length, 1.0),
+        source="I-24 MOTION INCEPTION",
+        licence=LICENCE,
+        attribution=ATTRIBUTION,
+        notes=tuple(notes),
+        file=str(path),
+        columns=_SPELLING,
+    )
+    table, dropped = validate(table, info, policy, losses)
+    return Recording(info, table, dropped)
+
+
+def _slope(values: np.ndarray, time: np.ndarray, tracks: Tracks) -> np.ndarray:
+    """Changes of values with time within each document: central differences, one-sided at its ends."""
+    rows = np.arange(len(values))
+    before = np.where(tracks.follows, rows - 1, rows)
+    after = np.append(np.where(tracks.follows[1:], rows[1:], rows[:-1]), rows[-1])
+    step = time[after] - time[before]
+    # A document of one row, or of one moment, has no speed.
+    return np.divide(values[after] - values[before], step, out=np.full(len(values), np.nan), where=step > 0.0)
+
+
+def _within(time: np.ndarray, centre: np.ndarray, tracks: Tracks, cell: Cell, policy: DataConfig) -> np.ndarray:
+    """Mask of the rows in the window, from the first to the last of each document in the section."""
+    inside = np.ones(len(time), dtype=bool)
+    if policy.window is not None:
+        inside &= np.floor(time / policy.window) == cell[0]
+    if policy.section is None:
+        return inside
+    there = inside & (np.floor(centre / policy.section) == cell[1])
+    rows = np.arange(len(time))
+    first = np.minimum.reduceat(np.where(there, rows, len(rows)), tracks.begins)
+    last = np.maximum.reduceat(np.where(there, rows, -1), tracks.begins)
+    return inside & (rows >= np.repeat(first, tracks.counts)) & (rows <= np.repeat(last, tracks.counts))
+
+
+def _lanes(lateral: np.ndarray, side: np.ndarray) -> tuple[np.ndarray, dict[int, int], int]:
+    """Lane of each row, lanes of each direction, and number of rows without a lane."""
+    lane = np.floor(lateral / (FEET * LANE))
+    lane_count = {}
+    for way in (-1.0, 1.0):
+        here = lane[side == way]
+        if here.size:
+            used = [n for n in range(N_LANES, _MOST_LANES) if np.mean(here == n) >= _USED]
+            lane_count[2 if way > 0 else 1] = max(used, default=N_LANES - 1) + 1
+            lane[side == way] = np.where((here >= 0) & (here <= max(used, default=N_LANES - 1)), here, np.nan)
+    return lane, lane_count, int((~np.isfinite(lane)).sum())
+
+
+def _classes(numbers: np.ndarray) -> np.ndarray:
+    """Classes of the schema; a number that is none stays, and the check of the schema names it."""
+    return np.array([_CLASSES.get(number, str(number)) for number in np.unique(numbers)], object)[
+        np.unique(numbers, return_inverse=True)[1]
+    ]

@@ -1,0 +1,295 @@
+"""Where in a file of I-24 MOTION each vehicle is when: which documents a window of time and a section of road needs.
+
+One pass over the file finds it, so that a recording of hours is read piece by piece.
+"""
+
+from collections import Counter
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+import pyarrow as pa
+
+from rearl_jax.config.data import OnBad
+from rearl_jax.data.checks.frame_rates import frame_rate_of
+from rearl_jax.data.files.json_documents import documents, parsed
+from rearl_jax.data.problems import DROP_HINT, bad_recording
+from rearl_jax.data.units import SI_FACTOR
+
+FEET = SI_FACTOR["ft"]
+MILES = (57.0, 65.0)
+"""Mile markers between which I-24 MOTION lies; x_position / 5280 ft is the mile marker."""
+LANE = 12.0
+"""Width of a lane, and of the shoulder beside the median [ft]."""
+_FEET_PER_MILE = 5280.0
+_LARGEST = 2e18  # beyond every time, in nanoseconds too, and every place
+_FEWEST = 8  # documents that tell the unit of y_position
+_SINCE, _UNTIL = 1.5e9, 4.0e9  # s since 1970: the years 2017 and 2096
+_BACKWARD = 5.0 / FEET  # ft that a vehicle may end behind its begin, because of errors of the tracking
+_LIST = pa.list_(pa.float64())
+_FIELDS = {
+    "_id": pa.struct({"$oid": pa.string()}),
+    "timestamp": _LIST,
+    "x_position": _LIST,
+    "y_position": _LIST,
+    "direction": pa.float64(),
+    "length": pa.float64(),
+}
+NEEDED = ("timestamp", "x_position", "y_position", "direction", "length")
+
+Cell = tuple[int, int]
+"""Number of a window since 1970, and of a section since the mile marker 0."""
+
+
+@dataclass
+class Index:
+    """Documents of a file.
+
+    Attributes:
+        starts: Place of each document in the file.
+        sizes: Its length [bytes].
+        cells: Numbers of the documents with a row in each window and section, from 0.
+        frame_rate: Frames per second [1/s].
+        phase: Time of a frame since a whole number of frames [frames], shared by most documents.
+        dropped: Documents that were left out, by cause.
+    """
+
+    starts: list[int] = field(default_factory=list)
+    sizes: list[int] = field(default_factory=list)
+    cells: dict[Cell, list[int]] = field(default_factory=dict)
+    frame_rate: float = 0.0
+    phase: float = 0.0
+    dropped: Counter[str] = field(default_factory=Counter)
+
+
+def index_of(path: Path, window: float | None, section: float | None, on_bad: OnBad) -> Index:
+    """The index of a file, made once as long as the file does not change.
+
+    Args:
+        path: The file.
+        window: Length of the windows of time [s]; None for one window.
+        section: Length of the sections of road [m]; None for the whole road.
+        on_bad: stop makes a broken document an error.
+
+    Raises:
+        BadRecordingError: The file holds no documents of I-24 MOTION, a unit is wrong, or a document is broken and
+            on_bad is stop.
+    """
+    stat = path.stat()
+    return _index(path, window, section, on_bad, (stat.st_size, stat.st_mtime_ns))
+
+
+@lru_cache(maxsize=2)
+def _index(path: Path, window: float | None, section: float | None, on_bad: OnBad, stamp: tuple[int, int]) -> Index:
+    index, seen = Index(), set[str]()
+    steps, begins, miles, asides, backward = [], [], [], [], Counter[tuple[float, bool]]()
+    for block in documents(path):
+        first = len(index.starts)
+        index.starts += block.starts
+        index.sizes += [len(text) for text in block.texts]
+        if block.n_broken:
+            _leave_out(index, "broken_document", block.n_broken, None, "the file is cut off", path, on_bad)
+        if not block.texts:
+            continue
+        table, broken = parsed(block.texts, _FIELDS)
+        if broken.any():
+            text = "the document is not JSON, or a field of it is of another type"
+            _leave_out(index, "broken_document", int(broken.sum()), first + int(np.argmax(broken)), text, path, on_bad)
+        numbers = first + np.flatnonzero(~broken)
+        _require_fields(table, path)
+        table, numbers = _sound(index, table, numbers, seen, path, on_bad)
+        if not len(numbers):
+            continue
+        tracks = Tracks(table)
+        times, x = tracks.time, tracks.values("x_position")
+        direction = tracks.of_document("direction")
+        steps.append(np.diff(times)[tracks.follows[1:]])
+        begins.append(times[tracks.begins])
+        asides.append(np.abs(tracks.values("y_position")[tracks.begins]))
+        miles.append(x[tracks.begins] / _FEET_PER_MILE)
+        moved = (x[tracks.ends] - x[tracks.begins]) * direction
+        for side in (-1.0, 1.0):
+            here = direction == side
+            backward[side, True] += int((here & (moved < -_BACKWARD)).sum())
+            backward[side, False] += int((here & (moved > _BACKWARD)).sum())
+        wrong = moved < -_BACKWARD
+        if wrong.any():
+            _require_forward(backward, path)
+            text = "x_position does not go the way of direction (1 = rising, -1 = falling)"
+            at = int(numbers[np.argmax(wrong)])
+            _leave_out(index, "wrong_direction", int(wrong.sum()), at, text, path, on_bad, "direction")
+        centre = FEET * (x + 0.5 * np.repeat(direction * tracks.of_document("length"), tracks.counts))
+        keys = np.stack([_cell(times, window), _cell(centre, section)], axis=1)
+        _file(index, keys, np.repeat(numbers, tracks.counts), np.repeat(~wrong, tracks.counts))
+    _require_forward(backward, path)
+    if not begins:
+        return index
+    _require_units(np.concatenate(begins), np.concatenate(miles), np.concatenate(asides), path)
+    index.frame_rate = frame_rate_of(np.concatenate(steps), path, "timestamp")
+    index.phase = _phase(np.concatenate(begins) * index.frame_rate)
+    return index
+
+
+class Tracks:
+    """Arrays of parsed documents, one behind the other."""
+
+    def __init__(self, table: pa.Table) -> None:
+        self._table = table.combine_chunks()
+        self.counts = np.asarray(self._table["timestamp"].combine_chunks().value_lengths())
+        """Rows of each document."""
+        self.ends = np.cumsum(self.counts) - 1
+        self.begins = self.ends - self.counts + 1
+        self.follows = np.ones(int(self.counts.sum()), dtype=bool)
+        """Mask of the rows that are not the first of their document."""
+        self.follows[self.begins] = False
+        self.time = self.values("timestamp")
+
+    def values(self, name: str) -> np.ndarray:
+        """An array of every document."""
+        return self._table[name].combine_chunks().flatten().to_numpy(zero_copy_only=False).astype(np.float64)
+
+    def of_document(self, name: str) -> np.ndarray:
+        """A number of every document."""
+        return self._table[name].to_numpy().astype(np.float64)
+
+
+def _cell(values: np.ndarray, length: float | None) -> np.ndarray:
+    if length is None:
+        return np.zeros(len(values), np.int64)
+    return np.floor(np.clip(values / length, -_LARGEST, _LARGEST)).astype(np.int64)
+
+
+def _file(index: Index, keys: np.ndarray, number: np.ndarray, sound: np.ndarray) -> None:
+    """Enters the documents under the windows and sections of their rows."""
+    new = np.ones(len(keys), dtype=bool)
+    new[1:] = (keys[1:] != keys[:-1]).any(axis=1) | (number[1:] != number[:-1])
+    rows = np.flatnonzero(new & sound)
+    for window, section, document in zip(
+        keys[rows, 0].tolist(), keys[rows, 1].tolist(), number[rows].tolist(), strict=True
+    ):
+        of_cell = index.cells.setdefault((window, section), [])
+        if not of_cell or of_cell[-1] != document:
+            of_cell.append(document)
+
+
+def _sound(
+    index: Index, table: pa.Table, numbers: np.ndarray, seen: set[str], path: Path, on_bad: OnBad
+) -> tuple[pa.Table, np.ndarray]:
+    """The documents that can be placed in time and on the road."""
+
+    def missing(name: str) -> np.ndarray:
+        return table[name].is_null().to_numpy()
+
+    def lengths(name: str) -> np.ndarray:
+        return np.asarray(table[name].combine_chunks().value_lengths().fill_null(0))
+
+    def unknown(name: str) -> np.ndarray:
+        values = table[name].combine_chunks().flatten().to_numpy(zero_copy_only=False).astype(np.float64)
+        sums = np.concatenate([[0], np.cumsum(~(np.abs(values) <= _LARGEST))])
+        ends = np.cumsum(lengths(name))
+        return sums[ends] > sums[ends - lengths(name)]
+
+    def twice() -> np.ndarray:
+        found = np.zeros(table.num_rows, dtype=bool)
+        for at, name in enumerate(table["_id"].combine_chunks().field("$oid").to_pylist()):
+            found[at] = name in seen if name is not None else False
+            seen.add(name or "")
+        return found
+
+    questions: tuple[tuple[str, str, Callable[[], np.ndarray], str], ...] = (
+        *(("value_missing", name, lambda name=name: missing(name), "the value is missing") for name in NEEDED),
+        ("no_rows", "timestamp", lambda: lengths("timestamp") == 0, "the array is empty"),
+        *(
+            (
+                "lengths_differ",
+                name,
+                lambda name=name: lengths(name) != lengths("timestamp"),
+                "the array has another length than timestamp",
+            )
+            for name in ("x_position", "y_position")
+        ),
+        *(
+            ("not_finite", name, lambda name=name: unknown(name), "a value of the array is missing or impossible")
+            for name in ("timestamp", "x_position")
+        ),
+        (
+            "not_finite",
+            "length",
+            lambda: ~(np.abs(table["length"].to_numpy()) <= _LARGEST),
+            "the value is impossible",
+        ),
+        (
+            "wrong_direction",
+            "direction",
+            lambda: ~np.isin(table["direction"].to_numpy(), (1.0, -1.0)),
+            "the direction is neither 1 nor -1",
+        ),
+        ("duplicate", "_id", twice, "the document occurs twice"),
+    )
+    for name, column, question, text in questions:
+        bad = question()
+        if bad.any():
+            _leave_out(index, name, int(bad.sum()), int(numbers[np.argmax(bad)]), text, path, on_bad, column)
+            table, numbers = table.filter(pa.array(~bad)), numbers[~bad]
+    return table, numbers
+
+
+def _leave_out(
+    index: Index,
+    name: str,
+    n: int,
+    number: int | None,
+    text: str,
+    path: Path,
+    on_bad: OnBad,
+    column: str | None = None,
+) -> None:
+    """Counts documents, or stops at the first."""
+    if on_bad is OnBad.stop:
+        text = text if n == 1 else f"{text} (and {n - 1} more documents)"
+        row = len(index.starts) + 1 if number is None else number + 1
+        remedy = f"the file is damaged: copy it again{DROP_HINT}"
+        raise bad_recording(name.replace("_", "-"), text, remedy, path, column=column, row=row)
+    index.dropped[name] += n
+
+
+def _require_fields(table: pa.Table, path: Path) -> None:
+    for name in NEEDED:
+        if table.num_rows and table[name].null_count == table.num_rows:
+            text = "no document of the block has the field"
+            raise bad_recording("column-missing", text, "give trajectories of I-24 MOTION INCEPTION", path, column=name)
+
+
+def _require_forward(backward: Counter[tuple[float, bool]], path: Path) -> None:
+    """Raise BadRecordingError if most vehicles of a carriageway drive against its direction."""
+    for side in (-1.0, 1.0):
+        if backward[side, True] > backward[side, False]:
+            text = f"most documents of direction {side:g} have an x_position that {'falls' if side > 0 else 'rises'}"
+            remedy = "direction 1 is eastbound and rises, -1 is westbound and falls: correct one of them"
+            raise bad_recording("wrong-direction", text, remedy, path, column="x_position")
+
+
+def _require_units(times: np.ndarray, miles: np.ndarray, asides: np.ndarray, path: Path) -> None:
+    mile, time = float(np.median(miles)), float(np.median(times))
+    if not MILES[0] <= mile <= MILES[1]:
+        text = (
+            f"x_position / 5280 is {mile:.4g}, but the road lies between the mile markers {MILES[0]:g} and {MILES[1]:g}"
+        )
+        raise bad_recording("wrong-units", text, "give x_position in feet from mile 0", path, column="x_position")
+    if not _SINCE <= time <= _UNTIL:
+        text = f"the times are about {time:.6g}"
+        raise bad_recording("wrong-units", text, "give the times in s since 1970", path, column="timestamp")
+    asides = asides[np.isfinite(asides)]
+    # Most drive right of the left shoulder, someone right of the second lane, and nobody beyond the sixth.
+    far = float(np.quantile(asides, 0.95)) if asides.size else 0.0
+    if asides.size >= _FEWEST and (np.median(asides) < LANE or not 2.0 * LANE <= far <= 7.5 * LANE):
+        text = f"the outermost vehicles are {far:.3g} ft beside the middle of the road"
+        raise bad_recording("wrong-units", text, "give y_position in feet", path, column="y_position")
+
+
+def _phase(frames: np.ndarray) -> float:
+    """Fraction of a frame at which most documents begin, by the mean direction on the circle of one frame."""
+    angle = 2.0 * np.pi * (frames % 1.0)
+    return float(np.arctan2(np.median(np.sin(angle)), np.median(np.cos(angle))) / (2.0 * np.pi)) % 1.0

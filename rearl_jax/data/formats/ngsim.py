@@ -1,0 +1,117 @@
+"""Reader of the shipped NGSIM table: US-101, lane-changing vehicles, SI units.
+
+NGSIM gives the front centre of a vehicle, the canonical table wants the centre.
+
+Source: U.S. Department of Transportation, Next Generation Simulation Vehicle Trajectories and Supporting
+Data, DOI 10.21949/1504477.
+"""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+from scipy.ndimage import median_filter
+
+from rearl_jax.config.data import DataConfig
+from rearl_jax.data.checks.losses import Losses, reject
+from rearl_jax.data.files.columnar import column_names, read_columns
+from rearl_jax.data.problems import Finding, bad_recording, require_columns
+from rearl_jax.data.schema import Recording, RecordingInfo, validate
+
+FRAME_RATE = 10.0
+LICENCE = "CC BY-SA 4.0"
+ATTRIBUTION = (
+    "U.S. Department of Transportation Federal Highway Administration (2016), Next Generation Simulation "
+    "(NGSIM) Vehicle Trajectories and Supporting Data, https://doi.org/10.21949/1504477"
+)
+US101_LENGTH = 640.0  # m, 2100 ft; NGSIM US-101 data description
+DEBOUNCE = 21  # frames, 2 s
+_MOST_LANES = 100  # a lane beyond it is not a number of a lane
+
+_US101_PERIODS = {0: "us101_0750", 1: "us101_0805", 2: "us101_0820"}
+_US101_COLUMNS = ("period", "vehicle_id", "frame", "x_m", "y_m", "lane_est", "speed_mps", "accel_mps2")
+US101_COLUMNS = (*_US101_COLUMNS, "total_frames", "global_time_ms")
+"""Columns by which a file is recognised."""
+_US101_SPELLING = {
+    "track_id": "vehicle_id",
+    "x": "y_m",
+    "y": "x_m",
+    "position": "y_m",
+    "lateral": "x_m",
+    "lane": "lane_est",
+    "speed": "speed_mps",
+    "acceleration": "accel_mps2",
+}
+
+
+def us101_recordings(path: Path) -> dict[str, int]:
+    """Recording id -> period of the shipped table."""
+    require_columns(column_names(path), _US101_COLUMNS, str(path))
+    periods = read_columns(path, ("period",))["period"].unique().tolist()
+    unknown = [period for period in periods if period not in _US101_PERIODS]
+    if unknown or not periods:
+        text = f"the period is {unknown[0]}" if unknown else "the table has no rows"
+        raise bad_recording(
+            "period-unknown", text, f"write one of {', '.join(map(str, _US101_PERIODS))}", path, column="period"
+        )
+    return {_US101_PERIODS[period]: period for period in sorted(periods)}
+
+
+def read_us101(path: Path, recording: str, period: int, policy: DataConfig) -> Recording:
+    """One period of the SI table of US-101 lane changers.
+
+    Lane ranks come from `lane_est`, a function of the lateral position that flickers at lane borders, after a
+    running median over 2 s.
+    """
+    rows = read_columns(path, _US101_COLUMNS, only=("period", period))
+    info = RecordingInfo(
+        id=recording,
+        frame_rate=FRAME_RATE,
+        lane_count={1: 6},
+        road_length=US101_LENGTH,
+        source="NGSIM US-101, 370 lane-changing vehicles",
+        licence=LICENCE,
+        attribution=ATTRIBUTION,
+        notes=(
+            "only vehicles that change lanes, about a tenth of the traffic, from which neither density nor "
+            "lane-change rate of the road",
+            f"length and class are not in the table: {policy.default_length:g} m and car are assumed for all",
+            "lane ranks from the lateral position, running median over 2 s; rank 5 is the auxiliary lane",
+            "accelerations are clipped at 3.45 m/s^2 in the source",
+        ),
+        file=f"{path} (period {period})",
+        columns=_US101_SPELLING,
+    )
+    position = rows["y_m"].to_numpy(dtype=np.float64) - 0.5 * policy.default_length
+    lateral = rows["x_m"].to_numpy(dtype=np.float64)
+    table = pd.DataFrame(
+        {
+            "track_id": rows["vehicle_id"].to_numpy(),
+            "frame": rows["frame"].to_numpy(),
+            "direction": 1,
+            "x": position,
+            "y": lateral,
+            "position": position,
+            "lateral": lateral,
+            "lane": rows["lane_est"].to_numpy(dtype=np.float64) - 1.0,
+            "speed": rows["speed_mps"].to_numpy(dtype=np.float64),
+            "acceleration": rows["accel_mps2"].to_numpy(dtype=np.float64),
+            "length": policy.default_length,
+            "vehicle_class": "car",
+        }
+    )
+    losses = Losses()
+    unknown = ~(np.abs(table["lane"].to_numpy()) < _MOST_LANES)
+    if unknown.any():
+        finding = Finding("not_finite", "lane", unknown, "the lane is unknown", "complete the row")
+        table = reject(table, finding, info, policy, losses)
+    table = table.assign(lane=debounced(table["lane"].to_numpy(), table["track_id"].to_numpy()))
+    table, dropped = validate(table, info, policy, losses)
+    return Recording(info, table, dropped)
+
+
+def debounced(lane: np.ndarray, track: np.ndarray) -> np.ndarray:
+    """Running median of the lane over 2 s within each track, mirrored at its ends."""
+    borders = np.flatnonzero(track[1:] != track[:-1]) + 1
+    parts = np.split(lane.astype(np.int64), borders)
+    return np.concatenate([median_filter(part, size=DEBOUNCE, mode="reflect") for part in parts])

@@ -1,0 +1,213 @@
+"""Reader of NGSIM I-80 leader-follower pairs: one row holds follower and leader at one time.
+
+A recording is the union of the members of its pairs. A vehicle that is in several pairs appears once per
+frame; a vehicle that leaves the pairs and returns later gets a new id.
+
+Source: NGSIM I-80, DOI 10.21949/1504477, reconstructed trajectories, arXiv 2201.04755.
+"""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from rearl_jax.config.data import DataConfig
+from rearl_jax.data.checks.losses import Losses, reject, split_tracks
+from rearl_jax.data.checks.unit_checks import MEDIAN_SIZE, require_period
+from rearl_jax.data.files.columnar import column_names, read_columns
+from rearl_jax.data.files.folder import only_parquet
+from rearl_jax.data.formats.ngsim import ATTRIBUTION, FRAME_RATE, LICENCE
+from rearl_jax.data.problems import Finding, bad_recording, require_columns
+from rearl_jax.data.schema import Recording, RecordingInfo, validate
+
+TRUCK_LENGTH = 7.0  # m; the lengths of I-80 leaders have a gap between 6.8 m (cars) and 7.7 m
+LANES = 7  # six lanes and the on-ramp, NGSIM I-80 data description
+_NUMBERS = "follower leader t_s y_f_m v_f_mps a_f_mps2 y_l_m v_l_mps a_l_mps2 leader_length_m lane".split()
+COLUMNS = ("run", *_NUMBERS)
+"""Columns by which a file is recognised."""
+_LARGEST_ID = 1e12
+_MOST_TIME = 1e7  # s, more than any recording lasts
+_SAME = 0.01  # m; rows that share a vehicle must agree on where it is and how long
+
+
+def find_pairs(root: Path) -> Path:
+    """The Parquet file of pairs in the folder; MissingInputError if there is none, or more than one."""
+    return only_parquet(
+        root, f"the folder with the one file of leader-follower pairs, columns run, {', '.join(_NUMBERS)}"
+    )
+
+
+def pairs_recordings(path: Path) -> dict[str, str]:
+    """Recording id -> run of the table, such as i80_0400 -> 0400pm-0415pm."""
+    require_columns(column_names(path), ("run", *_NUMBERS), str(path))
+    runs = read_columns(path, (), ("run",))["run"].unique().tolist()
+    if not runs or None in runs:
+        text = "a row has no run" if runs else "the table has no rows"
+        raise bad_recording("run-unnamed", text, "complete the file", path, column="run")
+    recordings: dict[str, str] = {}
+    for run in sorted(runs):
+        name = f"i80_{run[:4]}"
+        if name in recordings:
+            text = f"the runs {recordings[name]} and {run} would both be {name}"
+            raise bad_recording("run-twice", text, "give each run another start time", path, column="run")
+        recordings[name] = run
+    return recordings
+
+
+def read_pairs(path: Path, recording: str, run: str, policy: DataConfig) -> Recording:
+    """The vehicles of one run; gaps to the leader are those of the source.
+
+    y is the front, so the centre is y - length / 2. A follower that is nobody's leader has no length in the
+    source and gets data.default_length; the bumper gap does not depend on it.
+    """
+    pairs = read_columns(path, _NUMBERS, only=("run", run))
+    info = RecordingInfo(
+        id=recording,
+        frame_rate=FRAME_RATE,
+        lane_count={1: LANES},
+        road_length=0.0,
+        source="NGSIM I-80, leader-follower pairs, reconstructed",
+        licence=LICENCE,
+        attribution=ATTRIBUTION,
+        notes=(
+            "members of leader-follower pairs only, congested traffic: not every vehicle of a lane",
+            "no lateral position: y is 0 for all; lane known for a third of the pairs",
+            f"length known for leaders, {policy.default_length:g} m assumed for the others; "
+            f"truck = longer than {TRUCK_LENGTH:g} m",
+        ),
+        file=f"{path} ({run})",
+        columns={"track_id": "follower", "frame": "t_s", "time": "t_s", "leader_id": "leader"}
+        | {"position": "y_f_m", "x": "y_f_m", "speed": "v_f_mps", "acceleration": "a_f_mps2"}
+        | {"length": "leader_length_m"},
+    )
+    return joined_pairs(pairs, info, policy)
+
+
+def joined_pairs(pairs: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -> Recording:
+    """The recording of the vehicles that pairs are made of.
+
+    Args:
+        pairs: The columns that `read_pairs` reads; with them or not, of the follower (`f`) and the leader (`l`):
+            `length_f_m`, `width_f_m`, `width_l_m`, `class_f`, `class_l` (classes of the canonical table), and `x_f_m`,
+            lateral positions of the followers.
+        info: The recording, whose road length is still unknown.
+        policy: Treatment of bad rows, and the length where none is known.
+    """
+    _require_ids(pairs, info)
+    _require_units(pairs, info)
+    _require_one_length(pairs, info)
+    losses = Losses()
+    members = _members(pairs, policy.default_length)
+    members = _agreeing(members, info, policy, losses)
+    members = members.sort_values(["track_id", "frame", "leader_id"], na_position="last", kind="stable")
+    members = members.drop_duplicates(["track_id", "frame"])
+    members = members.assign(y=_across(members))
+    track, frame = members["track_id"].to_numpy(), members["frame"].to_numpy()
+    returns = np.zeros(len(members), dtype=bool)
+    returns[1:] = (track[1:] == track[:-1]) & (np.diff(frame) > 1)
+    if returns.any():
+        note = f"{int(returns.sum())} vehicles left the pairs and came back under a new id"
+        info = replace(info, notes=(*info.notes, note))
+    table, dropped = validate(split_tracks(members, returns), info, policy, losses)
+    front = table["position"].to_numpy() + 0.5 * table["length"].to_numpy()
+    return Recording(replace(info, road_length=float(front.max())), table, dropped)
+
+
+def _require_ids(pairs: pd.DataFrame, info: RecordingInfo) -> None:
+    """Raise BadRecordingError if a known id is not a whole number."""
+    for name in ("follower", "leader"):
+        values = pairs[name].to_numpy(np.float64, na_value=np.nan)
+        bad = ~np.isnan(values) & ~((np.abs(values) < _LARGEST_ID) & (values == np.rint(values)))
+        if bad.any():
+            row = int(np.argmax(bad))
+            text = f"{values[row]:g} is not a number of a vehicle"
+            raise bad_recording("not-a-number", text, "write a whole number", info.file, column=name, row=row + 1)
+
+
+def _require_units(pairs: pd.DataFrame, info: RecordingInfo) -> None:
+    """Raise BadRecordingError for times and lengths in another unit, which would only split and rename vehicles."""
+    pair = pairs.groupby(["follower", "leader"], dropna=False, sort=False).ngroup().to_numpy()
+    order = np.argsort(pair, kind="stable")
+    time = pairs["t_s"].to_numpy(np.float64)[order]
+    if (np.abs(time) > _MOST_TIME).any():
+        raise bad_recording(
+            "wrong-units", f"a time is beyond {_MOST_TIME:g} s", "give the time in s", info.file, column="t_s"
+        )
+    require_period(time, pair[order], 1.0 / FRAME_RATE, info.file, "t_s")
+    lengths = pairs["leader_length_m"].to_numpy(np.float64)
+    lengths = lengths[~np.isnan(lengths)]
+    low, high = MEDIAN_SIZE["length", "car"]
+    if not lengths.size:
+        return
+    # There are always cars among leaders; in feet all of them would be taken for trucks.
+    middle = np.quantile(lengths, 0.5, method="lower")  # not a mean of two middle values, which overflows
+    if not (lengths.min() <= high and low <= middle < np.inf):
+        text = f"lengths from {lengths.min():.2f} m on, {middle:.2f} m in the median, are not those of cars"
+        raise bad_recording("wrong-units", text, "convert the lengths to m", info.file, column="leader_length_m")
+
+
+def _require_one_length(pairs: pd.DataFrame, info: RecordingInfo) -> None:
+    """Raise BadRecordingError if the length of a vehicle changes."""
+    for who, column in (("leader", "leader_length_m"), ("follower", "length_f_m")):
+        if column not in pairs:
+            continue
+        lengths = pairs.groupby(who)[column]
+        with np.errstate(invalid="ignore"):  # the schema check finds infinite lengths
+            span = np.asarray(lengths.transform("max")) - np.asarray(lengths.transform("min"))
+        if (span > _SAME).any():
+            row = int(np.argmax(span > _SAME))
+            text = f"vehicle {pairs[who].iloc[row]} has several lengths"
+            raise bad_recording(
+                "lengths-contradict", text, "correct the lengths", info.file, column=column, row=row + 1
+            )
+
+
+def _members(pairs: pd.DataFrame, default_length: float) -> pd.DataFrame:
+    """Rows of followers, then of leaders, in columns of the schema."""
+    frame = np.rint(pairs["t_s"].to_numpy() * FRAME_RATE)
+    vehicles = np.union1d(pairs["leader"].dropna(), pairs["follower"].dropna())
+    length = pairs.groupby("leader")["leader_length_m"].first().astype(np.float64).reindex(vehicles)
+    if "length_f_m" in pairs:
+        length = length.fillna(pairs.groupby("follower")["length_f_m"].first().astype(np.float64))
+    parts = []
+    for who, mark, leader in (("follower", "f", pairs["leader"]), ("leader", "l", np.nan)):
+        own_length = length.reindex(pairs[who]).fillna(default_length).set_axis(pairs.index)
+        position = pairs[f"y_{mark}_m"].astype(np.float64) - 0.5 * own_length
+        part = {
+            "track_id": pairs[who],
+            "frame": frame,
+            "direction": 1,
+            "x": position,
+            "position": position,
+            "lateral": pairs["x_f_m"] if who == "follower" and "x_f_m" in pairs else np.nan,
+            "lane": pairs["lane"] - 1,
+            "speed": pairs[f"v_{mark}_mps"].astype(np.float64),
+            "acceleration": pairs[f"a_{mark}_mps2"].astype(np.float64),
+            "length": own_length,
+            "width": pairs.get(f"width_{mark}_m", np.nan),
+            "vehicle_class": pairs.get(f"class_{mark}", np.where(own_length > TRUCK_LENGTH, "truck", "car")),
+            "leader_id": leader,
+        }
+        parts.append(pd.DataFrame(part, index=pairs.index))
+    return pd.concat(parts)
+
+
+def _across(members: pd.DataFrame) -> pd.Series:
+    """Lateral position [m] where known; else the vehicle's nearest known one, that of its lane, or 0."""
+    lateral = members["lateral"]
+    nearest = lateral.groupby(members["track_id"]).ffill().groupby(members["track_id"]).bfill()
+    return nearest.fillna(lateral.groupby(members["lane"]).transform("median")).fillna(0.0)
+
+
+def _agreeing(members: pd.DataFrame, info: RecordingInfo, policy: DataConfig, losses: Losses) -> pd.DataFrame:
+    """The rows of vehicles on whose position all their pairs agree."""
+    where = members.groupby(["track_id", "frame"])["position"]
+    with np.errstate(invalid="ignore"):  # the schema check finds infinite positions
+        off = np.asarray(where.transform("max")) - np.asarray(where.transform("min")) > _SAME
+    if not off.any():
+        return members
+    row = int(np.argmax(off))
+    text = f"pairs disagree about where vehicle {members['track_id'].iloc[row]} is in the same frame"
+    finding = Finding("contradiction", "position", off, text, "keep the pair that is right")
+    return reject(members, finding, info, policy, losses)

@@ -1,0 +1,253 @@
+"""Reader of NGSIM trajectory tables as published: feet, one row per vehicle and frame.
+
+NGSIM gives the front centre of a vehicle, Local_Y along the road and Local_X from the left edge; the
+canonical table wants the centre. Vehicle and frame numbers restart in each 15-minute recording, so
+global time - 100 ms * frame tells the recordings of a file apart.
+
+Source: U.S. Department of Transportation, Next Generation Simulation Vehicle Trajectories and Supporting
+Data, DOI 10.21949/1504477.
+"""
+
+import re
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+
+from rearl_jax.config.data import DataConfig, OnBad
+from rearl_jax.data.checks.losses import Losses, reject
+from rearl_jax.data.checks.typed_table import MOST_LANES
+from rearl_jax.data.files.columnar import is_parquet
+from rearl_jax.data.files.delimited import read_blank_separated, read_csv, read_header, text_endings
+from rearl_jax.data.files.folder import named_files, visible_files
+from rearl_jax.data.files.text_layout import first_lines, first_names
+from rearl_jax.data.formats.ngsim import ATTRIBUTION, FRAME_RATE, LICENCE, US101_LENGTH
+from rearl_jax.data.formats.ngsim_clock import ARTERIALS, LANES, impossible_times, places_of, plain, recordings_of
+from rearl_jax.data.problems import DROP_HINT, Finding, bad_recording, require_columns
+from rearl_jax.data.schema import Recording, RecordingInfo, validate
+from rearl_jax.data.units import to_si
+
+_CLASS = {1: "motorcycle", 2: "car", 3: "truck"}
+# Canonical name: name in the published tables without case and punctuation, unit, required.
+_PUBLISHED = {
+    "track_id": ("vehicleid", None, True),
+    "frame": ("frameid", None, True),
+    "global_time": ("globaltime", None, True),
+    "lateral": ("localx", "ft", True),
+    "front": ("localy", "ft", True),
+    "length": ("vlength", "ft", True),
+    "width": ("vwidth", "ft", True),
+    "vehicle_class": ("vclass", None, True),
+    "speed": ("vvel", "ft/s", True),
+    "acceleration": ("vacc", "ft/s^2", True),
+    "lane": ("laneid", None, True),
+    "leader_id": ("preceding", None, False),
+    "location": ("location", None, False),
+}
+_TXT_COLUMNS = (
+    "Vehicle_ID Frame_ID Total_Frames Global_Time Local_X Local_Y Global_X Global_Y v_Length v_Width v_Class "
+    "v_Vel v_Acc Lane_ID Preceding Following Space_Headway Time_Headway"
+).split()
+# For error messages: the usual spelling of the column a canonical one comes from.
+_PUBLISHED_SPELLING = {
+    "track_id": "Vehicle_ID",
+    "frame": "Frame_ID",
+    "x": "Local_Y",
+    "y": "Local_X",
+    "position": "Local_Y",
+    "lateral": "Local_X",
+    "lane": "Lane_ID",
+    "speed": "v_Vel",
+    "acceleration": "v_Acc",
+    "length": "v_Length",
+    "width": "v_Width",
+    "vehicle_class": "v_Class",
+    "leader_id": "Preceding",
+}
+_ENDINGS = (*text_endings(".csv"), *text_endings(".txt"))
+_LOOKED_AT = 5  # lines of a .txt that are looked at to tell whether it is a table
+# A time that is not in ms may have a fraction; what is wrong with it is said by its unit.
+_TYPES = {"location": pa.string(), "global_time": pa.float64()}
+_KEYS = ("track_id", "frame", "global_time")
+
+
+class PublishedFile:
+    """A published table; its rows are kept from the first recording that is read on.
+
+    The arterials in the export of all places (Lankershim, Peachtree) are not highways and are passed over.
+
+    Attributes:
+        path: The file.
+        passed_over: The arterials in it, once `recordings` has been called.
+    """
+
+    def __init__(self, path: Path, policy: DataConfig) -> None:
+        self.path = path
+        self.passed_over: tuple[str, ...] = ()
+        self._policy = policy
+
+    def recordings(self) -> list[str]:
+        """Ids of the highway recordings in the file, such as us101_0750."""
+        rows, _ = self._load((*_KEYS, "location"))
+        self.passed_over = tuple(place for place in places_of(rows, self.path) if place in ARTERIALS)
+        return list(recordings_of(rows, self.path))
+
+    def read(self, recording: str) -> Recording:
+        """One recording, checked: centre instead of front, SI instead of feet.
+
+        Raises:
+            BadRecordingError: The table or a row breaks the schema, or a row occurs twice.
+        """
+        rows, broken = self._rows
+        chosen = rows.iloc[recordings_of(rows, self.path)[recording]]
+        losses = Losses()
+        losses.counts.update(broken)
+        # Portal copies are not sorted, and the order of rows in a database export says nothing.
+        chosen = chosen.sort_values(["track_id", "frame"], kind="stable")
+        table, info = _converted(recording, chosen.drop(columns="location", errors="ignore"), self.path)
+        twice = chosen.duplicated().to_numpy()
+        if twice.any():
+            remedy = "remove the copies"
+            finding = Finding("exact_duplicate", "track_id", twice, "the row occurs twice", remedy)
+            if self._policy.on_bad is OnBad.stop:
+                raise finding.error(chosen, info)
+            # A copy is not a fault of the vehicle: the first of the two rows stays under drop_track, too.
+            losses.counts["exact_duplicate"] += int(twice.sum())
+            table = table.iloc[np.flatnonzero(~twice)]
+        no_lane = (table["lane"] < 0).to_numpy()
+        if no_lane.any():
+            text = f"Lane_ID {table['lane'].iloc[int(np.argmax(no_lane))] + 1:g} is no lane, they count from 1"
+            finding = Finding("lane_out_of_range", "lane", no_lane, text, "correct the Lane_ID")
+            table = reject(table, finding, info, self._policy, losses)
+        table, dropped = validate(table, info, self._policy, losses)
+        return Recording(info, table, dropped)
+
+    @cached_property
+    def _rows(self) -> tuple[pd.DataFrame, dict[str, int]]:
+        return self._load(tuple(_PUBLISHED))
+
+    def _require_table(self, *, is_txt: bool) -> None:
+        """Raise BadRecordingError for a file that is something else, such as a readme."""
+        required = {name for name, _, needed in _PUBLISHED.values() if needed}
+        if is_txt:
+            is_table = any(len(line.split()) >= len(_TXT_COLUMNS) for line in first_lines(self.path, _LOOKED_AT))
+        else:
+            is_table = bool(required & {plain(name) for name in read_header(self.path)})
+        if not is_table:
+            text = f"{self.path.name} is no trajectory table of NGSIM"
+            raise bad_recording("not-a-table", text, "move it out of the folder", self.path)
+
+    def _load(self, wanted: tuple[str, ...]) -> tuple[pd.DataFrame, dict[str, int]]:
+        """The wanted columns of the file in the names of _PUBLISHED, and the counts of lines left out."""
+        losses = Losses()
+        is_txt = self.path.name.lower().endswith(text_endings(".txt"))
+        self._require_table(is_txt=is_txt)
+        names = {plain(name): name for name in (_TXT_COLUMNS if is_txt else read_header(self.path))}
+        if "preceeding" in names:
+            names["preceding"] = names.pop("preceeding")
+        required = tuple(name for name, _, needed in _PUBLISHED.values() if needed)
+        require_columns(list(names), required, str(self.path))
+        types = {
+            names[name]: _TYPES.get(column, pa.float64() if unit else pa.int64())
+            for column, (name, unit, _) in ((column, _PUBLISHED[column]) for column in wanted)
+            if name in names
+        }
+        if is_txt:
+            table, n_broken = read_blank_separated(self.path, _TXT_COLUMNS, types, self._policy.on_bad)
+        else:
+            table, n_broken = read_csv(self.path, types, self._policy.on_bad)
+        if n_broken:
+            losses.counts["broken_line"] = n_broken
+        rows = table.to_pandas(split_blocks=True, self_destruct=True)
+        if rows.empty:
+            raise bad_recording("no-rows", "the table has no rows", "remove the file or complete it", self.path)
+        renamed = {names[_PUBLISHED[c][0]]: c for c in wanted if _PUBLISHED[c][0] in names}
+        rows = rows.reindex(columns=list(renamed)).rename(columns=renamed)
+        for name in _KEYS:
+            missing = rows[name].isna().to_numpy()
+            if missing.any() and self._policy.on_bad is OnBad.stop:
+                row, column = int(np.argmax(missing)) + 1, names[_PUBLISHED[name][0]]
+                remedy = f"complete it{DROP_HINT}"
+                raise bad_recording("not-finite", "the value is missing", remedy, self.path, column=column, row=row)
+            if missing.any():
+                rows = losses.remove(rows, missing, "not_finite")
+        impossible = impossible_times(rows, self.path)
+        if impossible.any() and not impossible.all() and self._policy.on_bad is not OnBad.stop:
+            rows = losses.remove(rows, impossible, "time_impossible")
+        return rows, dict(losses.counts)
+
+
+def recognises(path: Path) -> Path | None:
+    """The file or folder if the table, or the first of them, has the columns of the published ones."""
+    files = [path] if path.is_file() else visible_files(path, _ENDINGS)
+    if not files or is_parquet(files[0]):
+        return None
+    if files[0].name.lower().endswith(text_endings(".txt")):
+        lines = [line.split() for line in first_lines(files[0], _LOOKED_AT)]
+        is_table = bool(lines) and all(len(line) == len(_TXT_COLUMNS) and _are_numbers(line) for line in lines)
+        return path if is_table else None
+    required = {name for name, _, needed in _PUBLISHED.values() if needed}
+    return path if required <= {plain(name) for name in first_names(files[0])} else None
+
+
+def _are_numbers(words: list[str]) -> bool:
+    return all(re.fullmatch(r"-?\d+(\.\d*)?", word) for word in words)
+
+
+def find_published(root: Path) -> list[Path]:
+    """The published NGSIM tables in the folder: .csv with a header, .txt without.
+
+    Raises:
+        FileNotFoundError: There is none.
+    """
+    wanted = (
+        "the folder with the NGSIM trajectory tables, such as trajectories-0750am-0805am.csv or the export of the "
+        "data portal"
+    )
+    return named_files(root, _ENDINGS, wanted, ".csv or .txt")
+
+
+def _converted(recording: str, rows: pd.DataFrame, path: Path) -> tuple[pd.DataFrame, RecordingInfo]:
+    """Columns of the schema from rows in feet, and what is known about the recording."""
+    place = recording.rpartition("_")[0]
+    source = {name: to_si(rows[name].to_numpy(), unit) for name, (_, unit, _) in _PUBLISHED.items() if unit}
+    lane = rows["lane"].to_numpy(np.float64, na_value=np.nan)
+    info = RecordingInfo(
+        id=recording,
+        frame_rate=FRAME_RATE,
+        lane_count={1: LANES.get(place, min(int(_largest(lane)), MOST_LANES))},
+        road_length=US101_LENGTH if place == "us101" else _largest(source["front"]),
+        source=f"NGSIM {place}",
+        licence=LICENCE,
+        attribution=ATTRIBUTION,
+        notes=("positions from 10 Hz video tracking, raw speeds and accelerations are noisy",),
+        file=str(path),
+        columns=_PUBLISHED_SPELLING,
+    )
+    position = source["front"] - 0.5 * source["length"]
+    columns = {
+        "track_id": rows["track_id"].to_numpy(),
+        "frame": rows["frame"].to_numpy(),
+        "direction": np.ones(len(rows), dtype=np.int8),
+        "x": position,
+        "y": source["lateral"],
+        "position": position,
+        "lateral": source["lateral"],
+        "lane": lane - 1,
+        "speed": source["speed"],
+        "acceleration": source["acceleration"],
+        "length": source["length"],
+        "width": source["width"],
+        "vehicle_class": pd.Categorical(rows["vehicle_class"].replace(_CLASS)),
+    }
+    if "leader_id" in rows:
+        leader = rows["leader_id"].to_numpy(dtype=np.float64)
+        columns["leader_id"] = np.where(leader == 0.0, np.nan, leader)
+    return pd.DataFrame(columns, index=rows.index), info
+
+
+def _largest(values: np.ndarray) -> float:
+    """The largest number, at least 1; the schema check finds values that are not numbers."""
+    return float(np.max(values, where=np.isfinite(values), initial=1.0))

@@ -1,0 +1,333 @@
+"""Reader of OpenACC platoons (ZalaZone): speeds of the vehicles in a file and the gaps between neighbours.
+
+The positions are rebuilt on a straight single lane: the first vehicle moves by its integrated speed, every
+other one is gap + length behind the one ahead, so bumper gaps are exactly those of the source. Where the
+source misses a vehicle or its gap for good, the platoon falls into parts, each a recording of its own.
+
+Source: European Commission, Joint Research Centre, Open ACC Database, DOI 10.2905/JRC.KMH3D00; Makridis et
+al., Transportation Research Part C 125 (2021) 103047.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from rearl_jax.config.data import DataConfig, OnBad
+from rearl_jax.data.checks import typed_table
+from rearl_jax.data.checks.losses import Losses
+from rearl_jax.data.checks.unit_checks import is_other_unit, require_period, scale_of
+from rearl_jax.data.files.columnar import column_names, read_columns
+from rearl_jax.data.files.folder import only_parquet
+from rearl_jax.data.formats import openacc_index
+from rearl_jax.data.formats.openacc_drivers import switched
+from rearl_jax.data.problems import Finding, bad_recording
+from rearl_jax.data.schema import Recording, RecordingInfo, validate
+
+FRAME_RATE = 10.0
+LICENCE = "CC BY 4.0"
+ATTRIBUTION = "European Commission, Joint Research Centre, Open ACC Database, https://doi.org/10.2905/JRC.KMH3D00"
+MAX_HOLE = 10  # frames, 1 s; holes of a gap or speed up to this are interpolated
+MAX_GAP = 1000.0  # m; the widest gap of the set is 230 m
+MAX_BACKWARD = 1.0  # m/s; noise of the satellite receivers makes standing vehicles drive back by 0.07 m/s
+MAX_TIME = 86_400.0  # s from the median time of a run
+_NUMBERS = ("t_s", "pos", "speed_mps", "gap_to_follower_m")
+COLUMNS = ("file", *_NUMBERS)
+"""Columns by which a file is recognised."""
+MODEL = "model"
+"""Label of tracks: the car model. A model is one physical car, which drove in many files."""
+_MOST_PLACES = 1000  # more vehicles than any platoon has
+
+
+@dataclass(frozen=True)
+class Platoon:
+    """An unbroken part of the vehicles of one file.
+
+    Attributes:
+        file: Name of the run in the table.
+        first: Place of its first vehicle in the file, 1 = leader of all.
+        last: Place of its last vehicle.
+        unlinked: Places of vehicles of the file that belong to no part; listed with the first part only.
+    """
+
+    file: str
+    first: int
+    last: int
+    unlinked: tuple[int, ...] = ()
+
+
+def find_platoons(root: Path) -> Path:
+    """The Parquet file of platoons in the folder; MissingInputError if there is none, or more than one."""
+    return only_parquet(root, f"the folder with the one file of OpenACC platoons, columns file, {', '.join(_NUMBERS)}")
+
+
+def platoon_recordings(path: Path) -> dict[str, Platoon]:
+    """Recording id -> part of a platoon with two vehicles or more."""
+    rows = read_columns(path, _NUMBERS, ("file",))
+    place = rows["pos"].to_numpy(np.float64)
+    wrong = rows["file"].isna().to_numpy() | ~((place >= 1.0) & (place < _MOST_PLACES) & (place == np.rint(place)))
+    if wrong.any():
+        text, row = "a row does not state its vehicle and file", int(np.argmax(wrong)) + 1
+        raise bad_recording("vehicle-unnamed", text, "complete it", path, column="pos", row=row)
+    has_gap = rows.groupby(["file", "pos"], observed=True)["gap_to_follower_m"].count() > 0
+    recordings = {}
+    for file in has_gap.index.unique("file"):
+        linked = has_gap.loc[file]
+        places = linked.index.to_numpy()
+        follows = np.concatenate([[False], linked.to_numpy()[:-1] & (np.diff(places) == 1)])
+        parts = np.split(places, np.flatnonzero(~follows)[1:])
+        unlinked = tuple(int(part[0]) for part in parts if part.size == 1)
+        chains = [part for part in parts if part.size > 1]
+        for chain in chains:
+            first, last = int(chain[0]), int(chain[-1])
+            name = f"openacc_{file}" + (f"_{first}to{last}" if len(chains) > 1 else "")
+            recordings[name] = Platoon(str(file), first, last, unlinked)
+            unlinked = ()
+    return recordings
+
+
+def read_platoon(path: Path, recording: str, platoon: Platoon, policy: DataConfig) -> Recording:
+    """One part of a platoon.
+
+    Left out and counted unless data.on_bad is stop: vehicles without a gap to a neighbour (`unlinked`),
+    impossible values (`negative_gap`, `far_gap`, `out_of_range`, `bad_time`, `duplicate`), and rows whose
+    speed or a gap ahead stays unknown for over 1 s (`no_gap`).
+
+    Raises:
+        BadRecordingError: One of these occurs and data.on_bad is stop, or a row breaks the schema.
+    """
+    models = (MODEL,) if MODEL in column_names(path) else ()
+    rows = read_columns(path, _NUMBERS, models, only=("file", platoon.file))
+    runs = openacc_index.labels_of_run(path.parent / openacc_index.FILE, platoon.file)
+    info = RecordingInfo(
+        id=recording,
+        frame_rate=FRAME_RATE,
+        lane_count={1: 1},
+        road_length=0.0,
+        source="OpenACC, ZalaZone platoons",
+        licence=LICENCE,
+        attribution=ATTRIBUTION,
+        labels=(*models, *runs),
+        notes=(
+            "proving ground, single file, adaptive cruise control or human drivers; the road is straightened",
+            f"positions rebuilt from speeds and gaps, vehicle length {policy.default_length:g} m assumed",
+        ),
+        file=f"{path} ({platoon.file})",
+        columns={
+            "track_id": "pos",
+            "frame": "t_s",
+            "speed": "speed_mps",
+            "position": "gap_to_follower_m",
+            "x": "gap_to_follower_m",
+        },
+    )
+    of_place = {MODEL: _models(rows, info.file)} if models else {}
+    return rebuilt(rows, platoon, info, of_place | runs, policy)
+
+
+def rebuilt(
+    rows: pd.DataFrame,
+    platoon: Platoon,
+    info: RecordingInfo,
+    labels: Mapping[str, Mapping[int, str | None] | str | None],
+    policy: DataConfig,
+    switches: pd.Series | None = None,
+    losses: Losses | None = None,
+) -> Recording:
+    """The recording with positions rebuilt from speeds and gaps.
+
+    Args:
+        rows: t_s, pos, speed_mps and gap_to_follower_m; those of a vehicle in the order of time.
+        platoon: The part of them.
+        info: The recording, without the length of its road.
+        labels: Labels by name: one value for all, or one for each place.
+        policy: What happens to bad rows.
+        switches: Who drives, by place and frame, where drivers switch; see `openacc_drivers`.
+        losses: What is left out already.
+
+    Raises:
+        BadRecordingError: As `read_platoon`.
+    """
+    losses = Losses() if losses is None else losses
+    columns = info.columns
+    require_period(
+        rows["t_s"].to_numpy(np.float64), rows["pos"].to_numpy(), 1.0 / FRAME_RATE, info.file, columns["frame"]
+    )
+    rows = _plausible(rows, platoon, info, policy, losses)
+    table, placed, n_filled = _placed(rows, platoon, policy.default_length, info)
+    for name, value in labels.items():
+        table[name] = [value[place] for place in table["track_id"]] if isinstance(value, Mapping) else value
+    text = "gap or speed unknown for over 1 s"
+    _leave_out(~placed, table, "no_gap", "position", text, info, policy, losses)
+    table = table.iloc[np.flatnonzero(placed)]
+    if table.empty:
+        raise bad_recording(
+            "place-unknown",
+            "no vehicle has a known place",
+            "complete speeds and gaps",
+            info.file,
+            column=columns["track_id"],
+        )
+    if switches is not None:
+        table, info = switched(table, switches, info)
+    backward = table["speed"].to_numpy() < 0.0
+    note = f"{n_filled} speeds and gaps in holes of 1 s or less interpolated, "
+    note += f"{int(backward.sum())} negative speeds set to 0"
+    table = table.assign(speed=np.where(backward, 0.0, table["speed"]))
+    info = replace(info, notes=(*info.notes, note), road_length=_road_length(table))
+    table, dropped = validate(table, info, policy, losses)
+    return Recording(info, table, dropped)
+
+
+def fill_holes(values: np.ndarray) -> np.ndarray:
+    """The columns with holes of up to MAX_HOLE frames filled linearly; longer ones and the ends stay NaN."""
+    filled = values.copy()
+    rows = np.arange(len(values))
+    for column in filled.T:
+        known = np.flatnonzero(~np.isnan(column))
+        if not known.size:
+            continue
+        hole = np.diff(known) - 1
+        # For every row the length of the hole it lies in; searchsorted finds the known row ahead of it.
+        ahead = np.searchsorted(known, rows, side="left")
+        within = (ahead > 0) & (ahead < known.size)
+        short = within.copy()
+        short[within] = hole[ahead[within] - 1] <= MAX_HOLE
+        fill = short & np.isnan(column)
+        column[fill] = np.interp(rows[fill], known, column[known])
+    return filled
+
+
+def _plausible(
+    rows: pd.DataFrame, platoon: Platoon, info: RecordingInfo, policy: DataConfig, losses: Losses
+) -> pd.DataFrame:
+    """The platoon's rows with a frame number; impossible speeds and gaps are unknown (NaN) in them."""
+    place, time = rows["pos"].to_numpy(np.float64), rows["t_s"].to_numpy(dtype=np.float64)
+    unlinked = np.isin(place, platoon.unlinked)
+    _leave_out(unlinked, rows, "unlinked", "track_id", "no gap to a neighbour", info, policy, losses)
+    inside = (place >= platoon.first) & (place <= platoon.last)
+    finite = np.isfinite(time)
+    usual = np.median(time[finite]) if finite.any() else np.nan
+    lost = inside & ~(finite & (np.abs(time - usual) <= MAX_TIME))
+    _leave_out(lost, rows, "bad_time", "frame", "the time is unknown or a day off", info, policy, losses)
+    rows = rows.iloc[np.flatnonzero(inside & ~lost)]
+    if rows.empty:
+        raise bad_recording(
+            "time-unknown", "no row states its time", "complete the times", info.file, column=info.columns["frame"]
+        )
+    frame = np.rint(rows["t_s"].to_numpy(dtype=np.float64) * FRAME_RATE).astype(np.int64)
+    rows = rows.assign(frame=frame)
+    twice = rows.duplicated(["pos", "frame"]).to_numpy()
+    _leave_out(twice, rows, "duplicate", "frame", "a vehicle occurs twice in a frame", info, policy, losses)
+    rows = rows.iloc[np.flatnonzero(~twice)]
+
+    speed = rows["speed_mps"].to_numpy(dtype=np.float64, copy=True)
+    gap = rows["gap_to_follower_m"].to_numpy(dtype=np.float64, copy=True)
+    # The gap behind the last vehicle leads out of the platoon.
+    gap[rows["pos"].to_numpy(np.float64) == platoon.last] = np.nan
+    wrong = (speed < -MAX_BACKWARD) | (speed > typed_table.RANGES["speed"][1])
+    _leave_out(wrong, rows, "out_of_range", "speed", "no vehicle has this speed", info, policy, losses)
+    negative, far = gap < 0.0, gap > MAX_GAP
+    _leave_out(negative, rows, "negative_gap", "position", "the gap is negative", info, policy, losses)
+    _leave_out(far, rows, "far_gap", "position", f"the gap is above {MAX_GAP:g} m", info, policy, losses)
+    return rows.assign(
+        speed_mps=np.where(wrong, np.nan, speed), gap_to_follower_m=np.where(negative | far, np.nan, gap)
+    )
+
+
+def _placed(
+    rows: pd.DataFrame, platoon: Platoon, length: float, info: RecordingInfo
+) -> tuple[pd.DataFrame, np.ndarray, int]:
+    """Table of all vehicles in all frames, mask of rows with a known position, number of filled values."""
+    frame, place = rows["frame"].to_numpy(), rows["pos"].to_numpy(np.float64).astype(np.int64)
+    frames = np.arange(frame.min(), frame.max() + 1)
+    places = np.arange(platoon.first, platoon.last + 1)
+
+    def grid(values: np.ndarray) -> np.ndarray:
+        wide = np.full((frames.size, places.size), np.nan)
+        wide[frame - frames[0], place - places[0]] = values
+        return wide
+
+    measured = grid(rows["speed_mps"].to_numpy(dtype=np.float64))
+    gaps = grid(rows["gap_to_follower_m"].to_numpy(dtype=np.float64))[:, :-1]
+    _require_units(gaps, measured, info)
+    speed, ahead = fill_holes(measured), fill_holes(gaps)
+    n_filled = int((~np.isnan(speed)).sum() - (~np.isnan(measured)).sum())
+    n_filled += int((~np.isnan(ahead)).sum() - (~np.isnan(gaps)).sum())
+    first = np.nan_to_num(speed[:, 0])
+    position = np.zeros_like(speed)
+    position[1:, 0] = np.cumsum(0.5 * (first[1:] + first[:-1])) / FRAME_RATE
+    position[:, 1:] = position[:, :1] - np.cumsum(ahead + length, axis=1)
+    placed = ~np.isnan(speed) & ~np.isnan(position)
+    # Behind a vehicle without speed the sum of gaps gives no position.
+    placed = np.logical_and.accumulate(placed, axis=1)
+    position += 0.5 * length - np.min(position, where=placed, initial=np.inf)
+    # A frame the source does not have gets the number of the row before it.
+    source_row = pd.Series(grid(rows.index.to_numpy(dtype=np.float64)).ravel("F")).ffill().bfill()
+    table = pd.DataFrame(
+        {
+            "track_id": np.repeat(places, frames.size),
+            "frame": np.tile(frames, places.size),
+            "direction": 1,
+            "x": position.ravel("F"),
+            "y": 0.0,
+            "position": position.ravel("F"),
+            "lane": 0,
+            "speed": speed.ravel("F"),
+            "length": length,
+            "vehicle_class": "car",
+            "leader_id": np.repeat(np.where(places > platoon.first, places - 1.0, np.nan), frames.size),
+        },
+        index=source_row.to_numpy().astype(np.int64),
+    )
+    return table, placed.ravel("F"), n_filled
+
+
+def _require_units(gaps: np.ndarray, speed: np.ndarray, info: RecordingInfo) -> None:
+    """Raise BadRecordingError if gaps and speeds are in different units: gaps change by the speeds' differences."""
+    n = 2 * round(FRAME_RATE)  # 2 s, over which the receivers' errors matter little
+    if len(speed) <= n:
+        return
+    closing = speed[:, :-1] - speed[:, 1:]
+    mean = 0.5 * (closing[1:] + closing[:-1]) / FRAME_RATE
+    expected = np.stack([np.convolve(column, np.ones(n), mode="valid") for column in mean.T], axis=1)
+    scale = scale_of((gaps[n:] - gaps[:-n]).ravel(), expected.ravel())
+    if scale is not None and is_other_unit(scale):
+        text = f"gaps change {scale[0]:.2f} to {scale[1]:.2f} times as fast as the differences of speeds"
+        remedy = "give speeds in m/s and gaps in m"
+        raise bad_recording("wrong-units", text, remedy, info.file, column=info.columns["position"])
+
+
+def _leave_out(
+    bad: np.ndarray,
+    rows: pd.DataFrame,
+    name: str,
+    column: str,
+    message: str,
+    info: RecordingInfo,
+    policy: DataConfig,
+    losses: Losses,
+) -> None:
+    """Count the marked rows, or stop at the first."""
+    if not bad.any():
+        return
+    if policy.on_bad is OnBad.stop:
+        raise Finding(name, column, bad, message, "complete the source").error(rows, info)
+    losses.counts[name] += int(bad.sum())
+
+
+def _models(rows: pd.DataFrame, file: str) -> dict[int, str | None]:
+    """Car model of each place in the platoon."""
+    models = rows.drop_duplicates(["pos", MODEL])
+    twice = models.duplicated("pos").to_numpy()
+    if twice.any():
+        place, row = models["pos"].iloc[int(np.argmax(twice))], int(models.index[int(np.argmax(twice))]) + 1
+        text = f"vehicle {place:g} has several car models"
+        raise bad_recording("models-contradict", text, "correct the models", file, column=MODEL, row=row)
+    return {int(place): model for place, model in zip(models["pos"], models[MODEL], strict=True)}
+
+
+def _road_length(table: pd.DataFrame) -> float:
+    return float(np.max(table["position"].to_numpy() + 0.5 * table["length"].to_numpy()))

@@ -1,0 +1,35 @@
+"""Who drives a car of OpenACC, where that changes within a run: adaptive cruise control, or the person at the wheel."""
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+
+from rearl_jax.data.checks.losses import split_tracks
+from rearl_jax.data.checks.typed_table import follows_row_before
+from rearl_jax.data.records import RecordingInfo
+
+ACC = "acc"
+"""Label of tracks: 1 with adaptive cruise control, 0 with people at the wheel; None where the file does not tell."""
+
+
+def switched(table: pd.DataFrame, drivers: pd.Series, info: RecordingInfo) -> tuple[pd.DataFrame, RecordingInfo]:
+    """The table in which a car is another track after every switch of its driver, and a note on how many there are.
+
+    Args:
+        table: Rows of cars, sorted by track_id, which is the place in the platoon, and frame.
+        drivers: 1, 0 or None by place and frame.
+        info: The recording.
+    """
+    places = pd.MultiIndex.from_arrays([table["track_id"], table["frame"]])
+    found = drivers.reindex(places).to_numpy(object)
+    label = np.array([value if isinstance(value, str) else "" for value in found], dtype=object)
+    starts = follows_row_before(table["track_id"].to_numpy())
+    starts[1:] &= label[1:] != label[:-1]
+    table = table.assign(**{ACC: [value or None for value in label]})
+    if not starts.any():
+        return table, info
+    share = float(np.mean(label == "1"))
+    note = f"{int(starts.sum())} switches between cruise control and person: a car goes on as another track"
+    note += f" ({100.0 * share:.0f} % of the rows with cruise control)"
+    return split_tracks(table, starts), replace(info, notes=(*info.notes, note))

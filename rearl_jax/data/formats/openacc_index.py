@@ -1,0 +1,50 @@
+"""Index of OpenACC's runs: whether cruise control was on, and the time gap it was set to."""
+
+import re
+from pathlib import Path
+
+import pyarrow as pa
+
+from rearl_jax.config.data import OnBad
+from rearl_jax.data.files.delimited import read_csv
+from rearl_jax.data.problems import bad_recording
+
+FILE = "zalazone_index.csv"
+"""Name of the index in the folder of the platoons."""
+
+_SETTINGS = ("S", "M", "L")
+
+
+def labels_of_run(index: Path, run: str) -> dict[str, str | None]:
+    """Labels of all vehicles of a run, none of them without an index.
+
+    `acc` is 1 with adaptive cruise control and 0 with people at the wheel. `setting` is the time gap that was set: S,
+    M, L, or mixed where cars were set differently; None where people drove, or the run is not in the index.
+
+    Raises:
+        BadRecordingError: The index is damaged, lists the run twice, or states what is neither.
+    """
+    if not index.is_file():
+        return {}
+    lines, _ = read_csv(index, dict.fromkeys(("file", "acc", "setting"), pa.string()), OnBad.stop)
+    rows = [row for row in lines.to_pylist() if (row["file"] or "").removesuffix(".csv") == run]
+    if len(rows) > 1:
+        raise bad_recording(
+            "run-twice", f"the run {run} is listed twice", "remove one of the rows", index, column="file"
+        )
+    if not rows:
+        return {"acc": None, "setting": None}
+    # Lists in text, such as ['1'] and ['S'], or ['SL'] for a run with both settings.
+    acc, settings = (re.findall(r"\w", rows[0][name] or "") for name in ("acc", "setting"))
+    if acc not in (["0"], ["1"], []):
+        raise _unusable(index, run, "acc", rows[0]["acc"], "0 or 1")
+    if not set(settings) <= set(_SETTINGS):
+        raise _unusable(index, run, "setting", rows[0]["setting"], f"some of {', '.join(_SETTINGS)}")
+    setting = None if not settings else settings[0] if len(settings) == 1 else "mixed"
+    return {"acc": acc[0] if acc else None, "setting": setting}
+
+
+def _unusable(index: Path, run: str, column: str, value: str, wanted: str) -> Exception:
+    return bad_recording(
+        "label-unusable", f"{value} of the run {run} is not {wanted}", f"write {wanted}", index, column=column
+    )

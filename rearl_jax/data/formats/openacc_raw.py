@@ -1,0 +1,260 @@
+"""OpenACC's runs as published, one .csv each: five lines about the run above a table with a row for every 0.1 s.
+
+The table has the columns Speed1, E1, N1 and so on of every vehicle, IVS1 for the gap between vehicles 1 and 2, and
+in some campaigns Driver1. A vehicle may lack its columns. Positions are rebuilt as in `openacc`.
+
+Source: notes beside the runs of the campaigns AstaZero, Vicolungo and JRC low speed, European Commission, Joint
+Research Centre, Open ACC Database, DOI 10.2905/JRC.KMH3D00; they say that IVS is computed from satellite positions
+"after bumper to bumper correction".
+"""
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+
+from rearl_jax.config.data import DataConfig, OnBad
+from rearl_jax.data.checks.losses import Losses
+from rearl_jax.data.files.delimited import read_below, stem_of, text_endings
+from rearl_jax.data.files.folder import is_visible, recordings_missing, visible_files
+from rearl_jax.data.files.text_layout import DAMAGED, damaged, first_lines, opened
+from rearl_jax.data.formats import openacc, openacc_index
+from rearl_jax.data.formats.openacc import FRAME_RATE, MAX_HOLE, MODEL, Platoon
+from rearl_jax.data.formats.openacc_drivers import ACC
+from rearl_jax.data.problems import Finding, bad_recording, require_columns
+from rearl_jax.data.schema import Recording, RecordingInfo
+
+SETTING = "setting"
+"""Label of tracks: the distance that was set, in the words of the file; mixed where cars were set differently."""
+
+_ENDINGS = text_endings(".csv")
+_ABOUT = ("Vehicle_order", "ACC", "Distance_setting")
+_MOST_ABOVE = 20  # lines above the table; there are 6
+_NOT_RUNS = ("specification", openacc_index.FILE)
+_DRIVER = {"acc": "1", "human": "0"}
+_RECEIVERS = 1.0  # m; gaps between bumpers are a car shorter than the distances of receivers
+
+
+@dataclass(frozen=True)
+class Header:
+    """What stands above the table of a run.
+
+    Attributes:
+        about: Words behind the names of the lines, such as Vehicle_order.
+        columns: Names of the columns.
+        n_above: Lines above the first row.
+    """
+
+    about: dict[str, tuple[str, ...]]
+    columns: list[str]
+    n_above: int
+
+    def numbered(self, name: str) -> list[int]:
+        """Numbers of the vehicles that have a column of this name."""
+        found = [re.fullmatch(rf"{name}(\d+)", column) for column in self.columns]
+        return sorted(int(match[1]) for match in found if match)
+
+
+def find_runs(root: Path) -> list[Path]:
+    """The runs in the folder and its subfolders, one for each campaign, or the one that is named.
+
+    Raises:
+        MissingInputError: There is none.
+    """
+    if root.is_file():
+        return [root]
+    folders = [root, *(folder for folder in sorted(root.glob("*")) if folder.is_dir() and is_visible(folder))]
+    found = [path for folder in folders for path in visible_files(folder, _ENDINGS)]
+    runs = [path for path in found if not any(word in path.name.lower() for word in _NOT_RUNS)]
+    if not runs:
+        wanted = "the folder of the one Parquet file of OpenACC platoons, or of the published runs (.csv)"
+        raise recordings_missing("no .parquet and no .csv", root, wanted, (".parquet", *_ENDINGS))
+    return runs
+
+
+def is_run(path: Path) -> bool:
+    """Whether the first lines tell of a platoon, and a line below them names the columns."""
+    words = [line.partition(",")[0].strip() for line in first_lines(path, _MOST_ABOVE)]
+    return {*_ABOUT, "Time"} <= set(words)
+
+
+def runs_of(path: Path) -> dict[str, Platoon]:
+    """Recording id -> part of the platoon with two vehicles or more, as the columns of the file tell.
+
+    Raises:
+        BadRecordingError: The file is no run.
+    """
+    header = read_header_of(path)
+    speeds, gaps = header.numbered("Speed"), set(header.numbered("IVS"))
+    chains = [[number] for number in speeds]
+    for ahead, behind in zip(chains[:-1], chains[1:], strict=True):
+        if ahead[-1] in gaps and behind[0] == ahead[-1] + 1:
+            behind[:0] = ahead
+            ahead.clear()
+    unlinked = tuple(chain[0] for chain in chains if len(chain) == 1)
+    chains = [chain for chain in chains if len(chain) > 1]
+    if not chains:
+        text = "no two neighbours have the columns Speed and IVS"
+        raise bad_recording("column-missing", text, "complete the columns", path, column="IVS1")
+    recordings = {}
+    name = f"openacc_{path.absolute().parent.name}_{stem_of(path)}"
+    for chain in chains:
+        part = f"_{chain[0]}to{chain[-1]}" if len(chains) > 1 else ""
+        recordings[f"{name}{part}"] = Platoon(stem_of(path), chain[0], chain[-1], unlinked)
+        unlinked = ()
+    return recordings
+
+
+def read_run(path: Path, recording: str, platoon: Platoon, policy: DataConfig) -> Recording:
+    """One part of a run.
+
+    Where the driver of a car switches, the car goes on as another track, so that the label `acc` is that of a whole
+    track. What is left out is that of `openacc.read_platoon`, and `driver_unknown`: rows whose driver is an unknown
+    word, which count as rows without one.
+
+    Raises:
+        BadRecordingError: The file is damaged or no run, or a row is bad and data.on_bad is stop.
+    """
+    header = read_header_of(path)
+    places = [*range(platoon.first, platoon.last + 1), *platoon.unlinked]
+    wanted = [f"{name}{k}" for k in places for name in ("Speed", "IVS", "Driver", "E", "N")]
+    wanted = ["Time", *(column for column in wanted if column in header.columns)]
+    kinds = {name: pa.string() if name.startswith("Driver") else pa.float64() for name in wanted}
+    table, n_broken = read_below(path, header.columns, header.n_above, kinds, ",", policy.on_bad)
+    wide = table.to_pandas(split_blocks=True, self_destruct=True)
+    models = header.about["Vehicle_order"]
+    campaign = path.absolute().parent.name
+    info = RecordingInfo(
+        id=recording,
+        frame_rate=FRAME_RATE,
+        lane_count={1: 1},
+        road_length=0.0,
+        source=f"OpenACC, {campaign}",
+        licence=openacc.LICENCE,
+        attribution=openacc.ATTRIBUTION,
+        labels=(MODEL, ACC, SETTING),
+        notes=(
+            "single file, adaptive cruise control or human drivers; the road is straightened",
+            f"positions rebuilt from speeds and gaps, vehicle length {policy.default_length:g} m assumed",
+            *_on_receivers(wide, platoon),
+        ),
+        file=str(path),
+        columns={"track_id": "Speed", "frame": "Time", "speed": "Speed", "position": "IVS", "x": "IVS", ACC: "Driver"},
+    )
+    losses = Losses()
+    if n_broken:
+        losses.counts["broken_line"] = n_broken
+    labels = {MODEL: {k: models[k - 1] for k in places}, SETTING: _setting(header), ACC: _acc_of_run(header, path)}
+    drivers = _drivers(wide, header, platoon, info, policy, losses)
+    long = [
+        pd.DataFrame(
+            {
+                "t_s": wide["Time"],
+                "pos": float(k),
+                "speed_mps": wide[f"Speed{k}"],
+                "gap_to_follower_m": wide[f"IVS{k}"] if f"IVS{k}" in wide else np.nan,
+            }
+        )
+        for k in places
+    ]
+    return openacc.rebuilt(pd.concat(long), platoon, info, labels, policy, drivers, losses)
+
+
+def read_header_of(path: Path) -> Header:
+    """What stands above the table.
+
+    Raises:
+        BadRecordingError: The file is empty, damaged or no run, or does not name its vehicles.
+    """
+    about: dict[str, tuple[str, ...]] = {}
+    columns: list[str] = []
+    number = 0
+    try:
+        with opened(path) as file:
+            for number, content in enumerate(file, 1):
+                cells = [cell.strip() for cell in content.decode("utf-8-sig", errors="replace").strip().split(",")]
+                if cells[0] == "Time":
+                    columns = cells
+                    break
+                if number > _MOST_ABOVE:
+                    break
+                about[cells[0]] = tuple(cell for cell in cells[1:] if cell)
+    except DAMAGED as error:
+        raise damaged(path, error) from None
+    if not number:
+        raise bad_recording("file-empty", "the file is empty", "remove the file or complete it", path)
+    if not columns:
+        text = "no line begins with Time, as the header of a run of OpenACC does"
+        raise bad_recording("not-a-table", text, "move the file out of the folder", path)
+    require_columns(list(about), _ABOUT, str(path))
+    header = Header(about, columns, number)
+    most = max(header.numbered("Speed"), default=0)
+    if most > len(about["Vehicle_order"]):
+        text = f"{len(about['Vehicle_order'])} vehicles are named, but there are columns of vehicle {most}"
+        raise bad_recording("vehicle-unnamed", text, "name all vehicles", path, column="Vehicle_order")
+    return header
+
+
+def _on_receivers(wide: pd.DataFrame, platoon: Platoon) -> tuple[str, ...]:
+    """A note on how much further apart the receivers of neighbours are than the gaps say."""
+    found = []
+    for k in range(platoon.first, platoon.last):
+        names = [f"{name}{number}" for name in "EN" for number in (k, k + 1)]
+        if set(names) <= set(wide.columns):
+            east, east_behind, north, north_behind = (wide[name].to_numpy() for name in names)
+            found.append(np.hypot(east - east_behind, north - north_behind) - wide[f"IVS{k}"].to_numpy())
+    values = np.concatenate(found) if found else np.empty(0)
+    values = values[np.isfinite(values)]
+    if not values.size:
+        return ()
+    further = round(float(np.median(values)), 1) + 0.0  # no - 0.0
+    bumpers, receivers = "the gaps are those between bumpers", "the gaps seem to be those of receivers, a car too long"
+    reading = bumpers if further > _RECEIVERS else receivers
+    return (f"receivers of neighbours are {further:.1f} m further apart than the gaps (median): {reading}",)
+
+
+def _acc_of_run(header: Header, path: Path) -> str | None:
+    """Label `acc` of cars without a column Driver: that of the run, if no car has one and all were driven alike."""
+    said = header.about["ACC"]
+    if said not in ((), ("0",), ("1",), ("2",)):
+        text = f"ACC is {','.join(said)}, not 0, 1, 2 or nothing"
+        raise bad_recording("label-unusable", text, "write 0, 1 or 2", path, column="ACC")
+    return said[0] if said in (("0",), ("1",)) and not header.numbered("Driver") else None
+
+
+def _setting(header: Header) -> str | None:
+    said = [word for word in dict.fromkeys(header.about["Distance_setting"]) if word.lower() != "none"]
+    if len(said) > 1 or (said and re.fullmatch("[SML]{2,}", said[0])):
+        return "mixed"
+    return said[0] if said else None
+
+
+def _drivers(
+    wide: pd.DataFrame, header: Header, platoon: Platoon, info: RecordingInfo, policy: DataConfig, losses: Losses
+) -> pd.Series | None:
+    """Who drives, by place and frame; holes of 1 s or less are filled. None if the file does not tell."""
+    found = []
+    time = wide["Time"].to_numpy(np.float64)
+    known = np.isfinite(time) & (np.abs(time) < openacc.MAX_TIME * 1e3)
+    frame = np.rint(np.where(known, time, 0.0) * FRAME_RATE).astype(np.int64)
+    for k in header.numbered("Driver"):
+        if not platoon.first <= k <= platoon.last:
+            continue
+        words = wide[f"Driver{k}"].str.strip().str.lower()
+        driver = words.map(_DRIVER)
+        wrong = (driver.isna() & words.notna() & (words != "")).to_numpy()
+        if wrong.any():
+            text = f"the driver is {words.iloc[int(np.argmax(wrong))]}, not ACC or Human"
+            finding = Finding("driver_unknown", ACC, wrong, text, "write ACC or Human")
+            if policy.on_bad is OnBad.stop:
+                raise finding.error(wide, info)
+            losses.counts["driver_unknown"] += int(wrong.sum())
+        index = pd.MultiIndex.from_arrays([np.full(len(wide), k), frame])
+        found.append(pd.Series(driver.ffill(limit=MAX_HOLE).to_numpy(object), index=index)[known])
+    if not found:
+        return None
+    drivers = pd.Series(pd.concat(found))
+    return pd.Series(drivers.loc[~drivers.index.duplicated()])

@@ -1,0 +1,265 @@
+"""Reader of pNEUMA: vehicles in a city, one per row, whose further columns repeat for every 0.04 s.
+
+A row begins with track_id, type, traveled_d and avg_speed; lat, lon [deg], speed [km/h], lon_acc, lat_acc [m/s^2] and
+time [s] follow again and again. Rows are read one by one, and only what lies on the straight stretch that the user
+names is kept. The source states neither lanes nor lengths of vehicles.
+
+Source: Barmpounakis and Geroliminis, On the new era of urban traffic monitoring with massive drone data: The pNEUMA
+large-scale field experiment, Transportation Research Part C 111 (2020) 50-71; open-traffic.epfl.ch.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+import pyarrow.compute as pc
+
+from rearl_jax.config.data import DataConfig, OnBad
+from rearl_jax.data.checks.frame_rates import frame_rate_of
+from rearl_jax.data.checks.losses import Losses
+from rearl_jax.data.checks.typed_table import LARGEST
+from rearl_jax.data.files.delimited import read_header, stem_of, text_endings
+from rearl_jax.data.files.folder import named_files
+from rearl_jax.data.files.text_layout import first_names, opened
+from rearl_jax.data.problems import DROP_HINT, BadRecordingError, bad_recording, require_columns
+from rearl_jax.data.roads.stretch import Stretch, stretch_of
+from rearl_jax.data.schema import Recording, RecordingInfo, validate
+from rearl_jax.data.units import to_si
+
+LICENCE = "stated at open-traffic.epfl.ch, free for research with attribution"
+ATTRIBUTION = "Barmpounakis and Geroliminis (2020), pNEUMA, Transportation Research Part C 111; open-traffic.epfl.ch"
+HEAD = ("track_id", "type", "traveled_d", "avg_speed")
+REPEATED = ("lat", "lon", "speed", "lon_acc", "lat_acc", "time")
+# Type -> class and length [m], None for data.default_length. The source has no lengths: usual ones, own choice.
+_TYPES: dict[str, tuple[str, float | None]] = {
+    "Car": ("car", None),
+    "Taxi": ("car", None),
+    "Motorcycle": ("motorcycle", 2.2),
+    "Medium Vehicle": ("truck", 6.0),
+    "Heavy Vehicle": ("truck", 10.0),
+    "Bus": ("truck", 12.0),
+}
+_SPELLING = {
+    "track_id": "track_id",
+    "frame": "time",
+    "x": "lat",
+    "position": "lat",
+    "y": "lon",
+    "lateral": "lon",
+    "acceleration": "lon_acc",
+    "vehicle_class": "type",
+}
+_EXCURSION = 25  # rows, 1 s
+_LEAST = 5.0  # m that a vehicle must move to show where it drives
+
+
+@dataclass(frozen=True)
+class _Vehicle:
+    """What a row says of one vehicle.
+
+    Attributes:
+        number: Its track_id.
+        kind: Its type.
+        values: One row per moment, in the columns of REPEATED.
+    """
+
+    number: int
+    kind: str
+    values: np.ndarray
+
+
+def find_files(root: Path) -> list[Path]:
+    """The .csv files in the folder, or the one file that is named.
+
+    Raises:
+        FileNotFoundError: There is none.
+    """
+    wanted = "the folder with the files of pNEUMA, such as 20181024_d1_0830_0900.csv"
+    return named_files(root, text_endings(".csv"), wanted, ".csv")
+
+
+def is_one(path: Path) -> bool:
+    """Whether the first line names the columns of pNEUMA."""
+    return tuple(name for name in first_names(path) if name) == (*HEAD, *REPEATED)
+
+
+def recording_id(path: Path) -> str:
+    """Id of the recording, such as pneuma_20181024_d1_0830_0900."""
+    return f"pneuma_{stem_of(path)}"
+
+
+def read_recording(path: Path, policy: DataConfig) -> Recording:
+    """What passes along the stretch `data.stretch` in its direction.
+
+    Left out and counted: moments beside the stretch (`outside_stretch`), of vehicles that cross it (`crossing`) and
+    that drive against it (`oncoming`).
+
+    Raises:
+        InvalidInputError: data.stretch names no stretch.
+        BadRecordingError: The file has another layout, no vehicle passes, or a row breaks the schema.
+    """
+    stretch = stretch_of(policy.stretch)
+    losses = Losses()
+    pieces, steps = [], []
+    for row, vehicle in _vehicles(path, policy.on_bad, losses):
+        steps.append(float(np.median(np.diff(vehicle.values[:, -1]))) if len(vehicle.values) > 1 else np.nan)
+        pieces += _on_stretch(row, vehicle, stretch, losses)
+    if not steps:
+        raise bad_recording("no-rows", "the file has no vehicle", "remove the file or complete it", path)
+    frame_rate = frame_rate_of(np.array(steps), path, "time")
+    if not pieces:
+        text = "no vehicle drives along data.stretch"
+        raise bad_recording("no-rows", text, "name a stretch within the area of the file", path)
+    info = RecordingInfo(
+        id=recording_id(path),
+        frame_rate=frame_rate,
+        lane_count={1: stretch.n_lanes},
+        road_length=stretch.length,
+        source="pNEUMA",
+        licence=LICENCE,
+        attribution=ATTRIBUTION,
+        notes=(
+            "streets of Athens, with traffic lights: only what drives from "
+            + " to ".join(f"{latitude:.6f}, {longitude:.6f}" for latitude, longitude in (stretch.begin, stretch.end)),
+            f"lanes are {stretch.n_lanes} equal parts of {stretch.width:g} m, the source has none",
+            "the source has no lengths: usual ones of each type are assumed",
+        ),
+        file=str(path),
+        columns=_SPELLING,
+    )
+    table = _table(pieces, stretch, frame_rate, policy.default_length)
+    table, dropped = validate(table, info, policy, losses)
+    return Recording(info, table, dropped)
+
+
+def _vehicles(path: Path, on_bad: OnBad, losses: Losses) -> Iterator[tuple[int, _Vehicle]]:
+    """Row number, from 0, and vehicle of each row of the file."""
+    header = read_header(path)
+    if not {*HEAD, *REPEATED} & set(header):
+        text = f"{path.name} is no file of pNEUMA: its columns are {', '.join(header[:8])}"
+        raise bad_recording("not-a-table", text, "move it out of the folder", path)
+    require_columns(header, (*HEAD, *REPEATED), str(path))
+    if tuple(name for name in header if name) != (*HEAD, *REPEATED):
+        text = f"the columns are {', '.join(header[:12])}"
+        remedy = f"give {', '.join((*HEAD, *REPEATED))}, the last six repeated"
+        raise bad_recording("columns-unordered", text, remedy, path)
+    with opened(path) as file:
+        next(file)
+        for row, line in enumerate(line for line in file if line.strip()):
+            try:
+                yield row, _vehicle(line, path, row)
+            except BadRecordingError:
+                if on_bad is OnBad.stop:
+                    raise
+                losses.counts["broken_line"] += 1
+
+
+def _vehicle(line: bytes, path: Path, row: int) -> _Vehicle:
+    if not line.endswith(b"\n") and not line.rstrip().endswith(b";"):
+        raise _broken("the line ends within a number", path, row)
+    try:
+        text = line.decode().rstrip().removesuffix(";")
+    except UnicodeDecodeError as error:
+        raise _broken(f"the line is not UTF-8 text ({error.reason})", path, row) from None
+    fields = text.split(";", len(HEAD))
+    n_further = fields[-1].count(";") + 1 if len(fields) > len(HEAD) else 0
+    if n_further % len(REPEATED) or not n_further:
+        whole = f"{len(HEAD)} and a multiple of {len(REPEATED)}"
+        raise _broken(f"the line has {len(HEAD)} and {n_further} fields instead of {whole}", path, row)
+    try:
+        # Through Arrow, which splits and reads millions of numbers a second.
+        parts = pc.call_function("split_pattern", [pa.array([fields[-1]])], pc.SplitPatternOptions(";")).flatten()
+        values = pc.call_function("utf8_trim_whitespace", [parts]).cast(pa.float64()).to_numpy()
+        number = int(fields[0])
+    except (pa.ArrowInvalid, ValueError) as error:
+        fault = str(error).partition("\n")[0]
+        raise bad_recording("value-unreadable", fault, f"write a number there{DROP_HINT}", path, row=row + 1) from None
+    if not abs(number) < 2**53:
+        raise bad_recording("value-unreadable", f"track_id is {number}", "correct it", path, row=row + 1)
+    values = np.where(np.abs(values) <= LARGEST, values, np.nan)
+    return _Vehicle(number, fields[1].strip(), values.reshape(-1, len(REPEATED)))
+
+
+def _broken(text: str, path: Path, row: int) -> BadRecordingError:
+    remedy = f"the file is cut off or damaged: copy it again{DROP_HINT}"
+    return bad_recording("line-broken", text, remedy, path, row=row + 1)
+
+
+def _on_stretch(row: int, vehicle: _Vehicle, stretch: Stretch, losses: Losses) -> list[pd.DataFrame]:
+    """The parts of a vehicle's path on the stretch, in the order of time."""
+    along, lateral = stretch.places(vehicle.values[:, 0], vehicle.values[:, 1])
+    inside = (along >= 0.0) & (along <= stretch.length) & (lateral >= 0.0) & (lateral <= stretch.width)
+    inside = _without_excursions(inside)
+    losses.counts["outside_stretch"] += int((~inside).sum())
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], inside, [False]])))
+    pieces = []
+    for begin, end in zip(edges[::2], edges[1::2], strict=True):
+        ahead, aside = along[end - 1] - along[begin], lateral[end - 1] - lateral[begin]
+        if abs(aside) > max(abs(ahead), _LEAST):
+            losses.counts["crossing"] += int(end - begin)
+        elif ahead < -_LEAST:
+            losses.counts["oncoming"] += int(end - begin)
+        else:
+            values = vehicle.values[begin:end]
+            pieces.append(
+                pd.DataFrame(
+                    {
+                        "row": row,
+                        "track_id": vehicle.number,
+                        "type": vehicle.kind,
+                        "along": along[begin:end],
+                        "lateral": lateral[begin:end],
+                        **{name: values[:, 2 + at] for at, name in enumerate(REPEATED[2:])},
+                    }
+                )
+            )
+    return pieces
+
+
+def _without_excursions(inside: np.ndarray) -> np.ndarray:
+    """The mask with what is outside for a moment only, between two parts inside.
+
+    Nobody leaves a street for less than a second: the place is wrong, or unknown, and the check of the schema names it.
+    """
+    known = np.flatnonzero(inside)
+    gaps = np.diff(known)
+    short = np.flatnonzero((gaps > 1) & (gaps <= _EXCURSION))
+    filled = inside.copy()
+    for gap in short:
+        filled[known[gap] : known[gap + 1]] = True
+    return filled
+
+
+def _table(pieces: list[pd.DataFrame], stretch: Stretch, frame_rate: float, default_length: float) -> pd.DataFrame:
+    """Columns of the schema; a vehicle that comes back to the stretch is another one."""
+    numbers = np.array([piece["track_id"].iloc[0] for piece in pieces], np.int64)
+    again = pd.Series(numbers).duplicated().to_numpy() & (np.diff([p["row"].iloc[0] for p in pieces], prepend=-1) == 0)
+    ids = np.where(again, numbers.max() + np.cumsum(again), numbers)
+    rows = pd.concat(pieces, ignore_index=True)
+    kind = pd.Series(rows["type"])
+    lateral = rows["lateral"].to_numpy(np.float64)
+    lane = np.clip(np.floor(lateral / stretch.width * stretch.n_lanes), 0, stretch.n_lanes - 1)
+    return pd.DataFrame(
+        {
+            "track_id": np.repeat(ids, [len(piece) for piece in pieces]),
+            "frame": np.rint(rows["time"].to_numpy(np.float64) * frame_rate),
+            "direction": 1,
+            "x": rows["along"].to_numpy(np.float64),
+            "y": lateral,
+            "position": rows["along"].to_numpy(np.float64),
+            "lateral": lateral,
+            "lane": lane,
+            "speed": to_si(rows["speed"].to_numpy(np.float64), "km/h"),
+            "acceleration": rows["lon_acc"].to_numpy(np.float64),
+            "length": kind.map({name: length or default_length for name, (_, length) in _TYPES.items()})
+            .fillna(default_length)
+            .to_numpy(np.float64),
+            "vehicle_class": kind.map({name: which for name, (which, _) in _TYPES.items()})
+            .fillna(kind)
+            .to_numpy(object),
+        },
+        index=rows["row"].to_numpy(),
+    )

@@ -1,0 +1,161 @@
+"""Reader of SUMO's floating car data, the file of `--fcd-output`, one recording per file.
+
+SUMO states the place of the front bumper and counts lanes from the right, from 0. Lengths are no part of the output:
+they come from the types of vehicles in a route or additional file beside it.
+
+Source: SUMO documentation, Simulation/Output/FCDOutput and Vehicle_Type_Parameter_Defaults.
+"""
+
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+
+from rearl_jax.config.data import DataConfig
+from rearl_jax.data.checks.losses import Losses
+from rearl_jax.data.files.delimited import stem_of
+from rearl_jax.data.files.folder import recordings_missing, visible_files
+from rearl_jax.data.formats.simulated import Simulation, info_of, recording_of
+from rearl_jax.data.formats.sumo_fcd import TABLES, read_fcd, spelling
+from rearl_jax.data.formats.sumo_network import CLASS, Surroundings, VehicleType, sorted_files, surroundings_of
+from rearl_jax.data.formats.sumo_xml import XML
+from rearl_jax.data.records import SPEED_LIMITS, Recording
+from rearl_jax.data.vehicle_classes import CLASSES, class_of
+
+LABELS = ("vehicle", "type")
+"""Labels of tracks: SUMO's id of the vehicle and of its type."""
+
+_SPELLING = {
+    "track_id": "id",
+    "frame": "time",
+    "front": "pos",
+    "position": "pos",
+    "link": "lane",
+    "leader_id": "leaderID",
+    "vehicle_class": "type",
+    "length": "type",
+}
+
+
+def find_fcd(root: Path) -> list[Path]:
+    """The files of floating car data in the folder, or the one file that is named.
+
+    Raises:
+        MissingInputError: There is none.
+        BadRecordingError: An XML file is none of SUMO's.
+    """
+    found = [root] if root.is_file() else sorted([*sorted_files(root)[0], *visible_files(root, TABLES)])
+    if not found:
+        wanted = "a file that `sumo --fcd-output` writes (.xml, .xml.gz, .csv or .parquet), or a folder of them"
+        raise recordings_missing("no floating car data", root, wanted, (*XML, *TABLES))
+    return found
+
+
+def recording_id(path: Path) -> str:
+    """Name of the recording of a file, such as sumo_fcd."""
+    return f"sumo_{stem_of(path)}"
+
+
+def files_beside(root: Path) -> list[Path]:
+    """The networks and the route and additional files in the same folder."""
+    return sorted_files(root if root.is_dir() else root.parent)[1]
+
+
+def read_recording(path: Path, beside: list[Path], policy: DataConfig) -> Recording:
+    """The main road of one file.
+
+    Args:
+        path: The file.
+        beside: Networks, and files with types of vehicles.
+        policy: What happens to bad rows; `default_length` is that of types that no file tells.
+
+    Raises:
+        BadRecordingError: The file is damaged, lacks a column, or a row breaks the schema.
+    """
+    losses = Losses()
+    around = surroundings_of(beside)
+    names = spelling(path)
+    raw, n_broken = read_fcd(path, policy.on_bad)
+    if n_broken:
+        losses.counts["broken_line"] = n_broken
+    link, lane = _edges_and_lanes(pd.Series(raw["lane"]))
+    angle = raw["angle"].to_numpy()
+    heading = np.deg2rad(np.where(np.isfinite(angle), angle, np.nan))  # clockwise from north
+    rows = pd.DataFrame(
+        {
+            "time": raw["time"],
+            "track_id": raw["id"].cat.codes.to_numpy().astype(np.int64),
+            "link": link,
+            "lane": lane,
+            "front": raw["pos"],
+            "speed": raw["speed"],
+            "x": raw["x"],
+            "y": raw["y"],
+            "hx": np.sin(heading),
+            "hy": np.cos(heading),
+            "vehicle": raw["id"],
+            "type": raw["type"],
+        },
+        index=raw.index,
+    )
+    rows.loc[raw["id"].isna().to_numpy(), "track_id"] = np.nan
+    if "acceleration" in raw:
+        rows["acceleration"] = raw["acceleration"]
+    if "leaderID" in raw:
+        rows["leader_id"] = _numbers_of(pd.Series(raw["leaderID"]), raw["id"].cat.categories)
+    del raw
+    rows, notes = _with_types(rows, around, policy)
+    if n_broken and path.name.lower().endswith(XML):
+        notes.append("the file ends within an element: what came after is not known")
+    low, high = SPEED_LIMITS
+    columns = {ours: names.get(theirs, theirs) for ours, theirs in ({n: n for n in names} | _SPELLING).items()}
+    info = info_of(path, recording_id(path), "SUMO", LABELS, notes, columns)
+    limits = {edge: limit for edge, limit in around.limits.items() if low <= limit <= high}
+    return recording_of(rows, Simulation(info, around.lanes, limits), policy, losses)
+
+
+def _numbers_of(vehicles: pd.Series, ids: pd.Index) -> np.ndarray:
+    """Track of each vehicle by its id; NaN for none, and for one that has no rows."""
+    track = np.append(ids.get_indexer(vehicles.cat.categories), -1)[vehicles.cat.codes.to_numpy()]
+    return np.where(track < 0, np.nan, track)
+
+
+def _edges_and_lanes(lanes: pd.Series) -> tuple[pd.Categorical, np.ndarray]:
+    """Edge and lane, counted from the right, of ids such as `exit_1`; both unknown for an id of another form."""
+    ids = [str(name) for name in lanes.cat.categories]
+    parts = [name.rpartition("_") for name in ids]
+    sound = [bool(edge) and number.isascii() and number.isdigit() for edge, _, number in parts]
+    edges = sorted({edge for (edge, _, _), is_sound in zip(parts, sound, strict=True) if is_sound})
+    place = {edge: code for code, edge in enumerate(edges)}
+    of_id = np.array([place[e] if ok else -1 for (e, _, _), ok in zip(parts, sound, strict=True)] + [-1], np.int64)
+    number = np.array([float(n) if ok else np.nan for (_, _, n), ok in zip(parts, sound, strict=True)] + [np.nan])
+    codes = lanes.cat.codes.to_numpy()  # -1, for an unknown one, is the last
+    return pd.Categorical.from_codes(of_id[codes], edges), number[codes]
+
+
+def _with_types(rows: pd.DataFrame, around: Surroundings, policy: DataConfig) -> tuple[pd.DataFrame, list[str]]:
+    """The rows with length, width and class of their types, and notes on what is assumed."""
+    names = [str(name) for name in rows["type"].cat.categories]
+    types = [around.types.get(name, VehicleType(name, None, None)) for name in names]
+    classes = [_class_of(name, around.types) for name in names]
+    unknown = [name for name, kind in zip(names, types, strict=True) if kind.length is None]
+    lengths = [policy.default_length if kind.length is None else kind.length for kind in types]
+    widths = [np.nan if kind.width is None else kind.width for kind in types]
+    codes = rows["type"].cat.codes.to_numpy()
+    rows = rows.assign(
+        length=np.array([*lengths, np.nan])[codes],
+        width=np.array([*widths, np.nan])[codes],
+        vehicle_class=np.array([*classes, None], object)[codes],
+    )
+    notes = []
+    if unknown:
+        text = f"no route or additional file tells the length of the types {', '.join(unknown[:5])}: "
+        notes.append(f"{text}{policy.default_length:g} m assumed, and the class by the name of the type")
+    return rows, notes
+
+
+def _class_of(name: str, types: dict[str, VehicleType]) -> str:
+    if name in types:
+        return CLASS.get(types[name].vehicle_class, "other")
+    word = class_of(name)
+    return word if word in CLASSES else "other"

@@ -1,0 +1,168 @@
+"""Rows of SUMO's floating car data, from XML, CSV or Parquet, as one table in SUMO's own columns.
+
+Source: SUMO documentation, Simulation/Output/FCDOutput and TabularOutputs.
+"""
+
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+
+from rearl_jax.config.data import OnBad
+from rearl_jax.data.files.columnar import column_names, is_parquet, read_columns
+from rearl_jax.data.files.delimited import read_csv, read_header, text_endings
+from rearl_jax.data.files.text_layout import first_names
+from rearl_jax.data.formats.sumo_xml import XML, CutOff, elements, root_of
+from rearl_jax.data.problems import DROP_HINT, bad_recording, require_columns
+
+TABLES = (".parquet", *text_endings(".csv"))
+"""Endings of SUMO's tabular output."""
+ROOT = "fcd-export"
+"""First element of an XML file of floating car data."""
+NUMBERS = ("time", "x", "y", "angle", "speed", "pos")
+TEXTS = ("id", "type", "lane")
+OPTIONAL = {"acceleration": pa.float64(), "leaderID": pa.string()}
+
+_KINDS = dict.fromkeys(NUMBERS, pa.float64()) | dict.fromkeys(TEXTS, pa.string()) | OPTIONAL
+_OTHERS = frozenset({"person", "container"})  # elements that are no vehicles
+_AT_ONCE = 2**15  # elements whose attributes are held as texts
+
+
+def read_fcd(path: Path, on_bad: OnBad) -> tuple[pd.DataFrame, int]:
+    """The rows of vehicles, and the number of broken lines that were left out.
+
+    Columns are NUMBERS, TEXTS (as categories), and those of OPTIONAL that the file has.
+
+    Raises:
+        BadRecordingError: A column is missing, a value is no number, or the file is damaged; if it only ends too early,
+            what comes before is read unless on_bad is stop.
+    """
+    is_xml = path.name.lower().endswith(XML)
+    table, n_broken = _of_xml(path, on_bad) if is_xml else _of_table(path, on_bad)
+    return table, n_broken
+
+
+def is_fcd(path: Path) -> bool:
+    """Whether the file is floating car data, by its first element or the names of its columns."""
+    if path.name.lower().endswith(XML):
+        return root_of(path) == ROOT
+    return {*NUMBERS, *TEXTS} <= _plain(column_names(path) if is_parquet(path) else first_names(path)).keys()
+
+
+def spelling(path: Path) -> dict[str, str]:
+    """What the file calls the columns, by their names in XML."""
+    if path.name.lower().endswith(XML):
+        return {name: name for name in _KINDS}
+    found = column_names(path) if path.suffix.lower() == ".parquet" else read_header(path)
+    plain = _plain(found)
+    require_columns(list(plain), (*NUMBERS, *TEXTS), str(path))
+    return {name: plain[name] for name in _KINDS if name in plain}
+
+
+def _plain(names: Sequence[str]) -> dict[str, str]:
+    """Names in a table by those in XML."""
+    return {name.removeprefix("vehicle_").removeprefix("timestep_"): name for name in names}
+
+
+def _of_table(path: Path, on_bad: OnBad) -> tuple[pd.DataFrame, int]:
+    names = spelling(path)
+    n_broken = 0
+    if path.suffix.lower() == ".parquet":
+        numbers = [spelt for name, spelt in names.items() if _KINDS[name] == pa.float64()]
+        rows = read_columns(path, numbers, [spelt for spelt in names.values() if spelt not in numbers])
+    else:
+        table, n_broken = read_csv(path, {spelt: _KINDS[name] for name, spelt in names.items()}, on_bad, quoted=False)
+        rows = _encoded(table, list(names.values())).to_pandas(split_blocks=True, self_destruct=True)
+    rows = rows.rename(columns={spelt: name for name, spelt in names.items()})
+    # Time steps without vehicles, and persons, leave the columns of vehicles empty.
+    is_vehicle = np.logical_or.reduce([rows[name].notna().to_numpy() for name in ("id", "x", "speed", "lane")])
+    rows = rows if is_vehicle.all() else rows.iloc[np.flatnonzero(is_vehicle)]
+    return rows.astype(dict.fromkeys(set(rows.columns) - set(NUMBERS) - {"acceleration"}, "category")), n_broken
+
+
+def _of_xml(path: Path, on_bad: OnBad) -> tuple[pd.DataFrame, int]:
+    batches: list[pa.RecordBatch] = []
+    n_broken, n_rows = 0, 0
+    try:
+        for chunk in _chunks(path):
+            batches.append(_batch(chunk, path, n_rows))
+            n_rows += len(chunk)
+    except CutOff as cut:
+        n_broken = 1
+        if on_bad is OnBad.stop:
+            text, remedy = "the file ends within an element", f"let SUMO write it to its end{DROP_HINT}"
+            raise bad_recording("line-broken", text, remedy, path, line=cut.line) from None
+    if not batches:
+        raise bad_recording("no-rows", "no vehicle is in the file", "let SUMO write it again", path)
+    table = pa.Table.from_batches(batches).unify_dictionaries()
+    batches.clear()
+    table = table.drop_columns([name for name in OPTIONAL if table[name].null_count == n_rows])
+    return table.to_pandas(split_blocks=True, self_destruct=True), n_broken
+
+
+def _chunks(path: Path) -> Iterator[list[dict[str, str]]]:
+    """Attributes of vehicles, with the time of their step; what is read before the file is cut off comes, too."""
+    time, chunk = "", []
+    root = None
+    try:
+        for name, attributes in elements(path):
+            if root is None:
+                root = name
+                if name != ROOT:
+                    text = f"the file is no output of floating car data: it holds {name}"
+                    raise bad_recording("not-a-table", text, "name the file of --fcd-output", path)
+            elif name == "vehicle":
+                attributes["time"] = time
+                chunk.append(attributes)
+                if len(chunk) == _AT_ONCE:
+                    yield chunk
+                    chunk = []
+            elif name == "timestep":
+                time = attributes.get("time", "")
+            elif name not in _OTHERS:
+                text = f"{name} is no element of floating car data"
+                raise bad_recording("element-unknown", text, "the file is damaged: write or copy it again", path)
+    except CutOff:
+        if chunk:
+            yield chunk
+        raise
+    if chunk:
+        yield chunk
+
+
+def _batch(chunk: Sequence[dict[str, str]], path: Path, n_before: int) -> pa.RecordBatch:
+    """The attributes as columns, texts encoded."""
+    columns = {}
+    for name, kind in _KINDS.items():
+        values = pa.array([attributes.get(name) for attributes in chunk], pa.string())
+        if n_before == 0 and name not in OPTIONAL and values.null_count == len(chunk):
+            require_columns(list(chunk[0]), (name,), str(path))
+        columns[name] = _numbers(values, name, path, n_before) if kind == pa.float64() else values.dictionary_encode()
+    return pa.RecordBatch.from_pydict(columns)
+
+
+def _numbers(values: pa.Array, name: str, path: Path, n_before: int) -> pa.Array:
+    try:
+        return values.cast(pa.float64())
+    except pa.ArrowInvalid:
+        row = next(row for row, value in enumerate(values.to_pylist()) if not _is_number(value))
+        text = f"{values[row].as_py()!r} is not a number"
+        raise bad_recording(
+            "value-unreadable", text, "write a number there", path, column=name, row=n_before + row + 1
+        ) from None
+
+
+def _is_number(value: str | None) -> bool:
+    try:
+        pa.array([value], pa.string()).cast(pa.float64())
+    except pa.ArrowInvalid:
+        return False
+    return True
+
+
+def _encoded(table: pa.Table, names: Sequence[str]) -> pa.Table:
+    """The table with its texts encoded, which takes less memory."""
+    columns = {name: table[name] for name in names}
+    return pa.table({n: c.dictionary_encode() if c.type == pa.string() else c for n, c in columns.items()})

@@ -1,0 +1,77 @@
+"""Elements of SUMO's XML files, one after the other: no file is held in memory as a tree."""
+
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from xml.parsers import expat
+
+from rearl_jax.data.files.text_layout import DAMAGED, damaged, opened
+from rearl_jax.data.problems import BadRecordingError, bad_recording
+
+XML = (".xml", ".xml.gz")
+"""Endings of SUMO's XML files."""
+
+_BLOCK = 2**18  # bytes parsed at a time
+_HEAD = 2**16  # bytes in which the first element must begin, behind the configuration that SUMO writes as a comment
+_UNCLOSED = (3, 4, 5, 6)  # codes of expat: nothing found, broken token, unclosed token, partial character
+
+
+class CutOff(Exception):
+    """The file ends before its last element does; `line` is where."""
+
+    def __init__(self, line: int) -> None:
+        super().__init__(line)
+        self.line = line
+
+
+def elements(path: Path) -> Iterator[tuple[str, dict[str, str]]]:
+    """Names and attributes of all elements, in order.
+
+    Raises:
+        CutOff: The file ends within an element, as if SUMO had been stopped.
+        BadRecordingError: The file is not XML, or cannot be unpacked.
+    """
+    found: list[tuple[str, dict[str, str]]] = []
+    parser = expat.ParserCreate()
+    parser.StartElementHandler = lambda name, attributes: found.append((name, attributes))
+    is_last = False
+    with opened(path) as file:
+        while not is_last:
+            try:
+                block = file.read(_BLOCK)
+            except DAMAGED as error:
+                raise damaged(path, error) from None
+            is_last = not block
+            fault = _fault_of(parser.Parse, block, is_last)
+            yield from found
+            found.clear()
+            if fault is not None and is_last and fault.code in _UNCLOSED:
+                raise CutOff(fault.lineno)
+            if fault is not None:
+                raise not_xml(path, expat.ErrorString(fault.code), fault.lineno)
+
+
+def root_of(path: Path) -> str | None:
+    """Name of the first element; None if there is none where it should be."""
+    names: list[str] = []
+    parser = expat.ParserCreate()
+    parser.StartElementHandler = lambda name, _: names.append(name)
+    try:
+        with opened(path) as file:
+            _fault_of(parser.Parse, file.read(_HEAD), False)
+    except DAMAGED:
+        return None
+    return names[0] if names else None
+
+
+def not_xml(path: Path, said: str, line: int) -> BadRecordingError:
+    """The error for a file that breaks the rules of XML at a line."""
+    remedy = "the file is damaged: write or copy it again"
+    return bad_recording("not-xml", f"the line is not XML ({said})", remedy, path, line=line)
+
+
+def _fault_of(parse: Callable, block: bytes, is_last: bool) -> expat.ExpatError | None:
+    try:
+        parse(block, is_last)
+    except expat.ExpatError as error:
+        return error
+    return None

@@ -1,0 +1,240 @@
+"""Reader of the highway recordings of TGSIM (I-90/I-94, I-294, I-395): metres, one row per vehicle and 0.1 s.
+
+The files give the centre of a vehicle in the plane of a picture, whose y points down, and a lane number whose order
+differs between places. So the road is straightened by the paths of its vehicles, and lanes are ranked from the left by
+where their vehicles are. Vehicle numbers restart in each run of a file.
+
+Source: Federal Highway Administration, Third Generation Simulation Data (TGSIM), data.transportation.gov; Talebpour,
+Mahmassani and Hamdar, report FHWA-JPO-24-133 (2024).
+"""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+import pyarrow.compute as pc
+
+from rearl_jax.config.data import DataConfig
+from rearl_jax.data.checks.frame_rates import frame_rate_of
+from rearl_jax.data.checks.losses import Losses, reject
+from rearl_jax.data.checks.typed_table import LARGEST, follows_row_before
+from rearl_jax.data.files.delimited import read_csv, read_header, stem_of, text_endings
+from rearl_jax.data.files.folder import named_files
+from rearl_jax.data.files.text_layout import first_names
+from rearl_jax.data.formats.ngsim_clock import plain
+from rearl_jax.data.problems import Finding, bad_recording, require_columns, without_value
+from rearl_jax.data.roads.straightened import Straightened, leave_out, straightened
+from rearl_jax.data.schema import Recording, RecordingInfo, validate
+
+LICENCE = "public domain (U.S. Government work)"
+ATTRIBUTION = (
+    "Federal Highway Administration (2024), Third Generation Simulation Data (TGSIM), https://data.transportation.gov"
+)
+AUTOMATED = "automated"
+"""Label of tracks: yes for the automated test vehicles."""
+# Canonical name: name in the files without case and punctuation, which differ between the portal and its archives.
+_COLUMNS = {
+    "track_id": "id",
+    "time": "time",
+    "x": "xlockf",
+    "y": "ylockf",
+    "lane": "lanekf",
+    "speed": "speedkf",
+    "acceleration": "accelerationkf",
+    "length": "lengthsmoothed",
+    "width": "widthsmoothed",
+    "vehicle_class": "typemostcommon",
+}
+_OPTIONAL = {"run": "runindex", "av": "av", "acc": "acc"}
+_TYPES = {
+    "track_id": pa.int64(),
+    "run": pa.int64(),
+    "vehicle_class": pa.string(),
+    "av": pa.string(),
+    "acc": pa.string(),
+}
+_PLACES = {
+    "i294l1": ("i294l1",),
+    "i294l2": ("i294l2",),
+    "i395": ("i395",),
+    "i90_94_moving": ("i9094moving", "i90i94moving"),
+    "i90_94_stationary": ("i9094stationary", "i90i94stationary"),
+}
+# The codes of I-395; the other files write words.
+_CLASSES = {"1": "car", "2": "truck", "3": "truck", "4": "car", "small vehicle": "car", "large vehicle": "truck"}
+_AUTOMATED_CODE = "4"
+
+
+def find_files(root: Path) -> list[Path]:
+    """The .csv files in the folder, or the one file that is named.
+
+    Raises:
+        FileNotFoundError: There is none.
+    """
+    wanted = "the folder with the trajectories of TGSIM, such as I294_L1_final.csv"
+    return named_files(root, text_endings(".csv"), wanted, ".csv")
+
+
+def is_one(path: Path) -> bool:
+    """Whether the first line has the columns of TGSIM's highways."""
+    return set(_COLUMNS.values()) <= {plain(name) for name in first_names(path)}
+
+
+def runs(path: Path, policy: DataConfig) -> dict[str, int | None]:
+    """Recording id, such as tgsim_i294l1_2 -> the run of the file; None if the file does not tell runs apart.
+
+    Raises:
+        BadRecordingError: The file is no trajectory table of TGSIM's highways.
+    """
+    names = _names(path)
+    name = f"tgsim_{_place(path)}"
+    if "run" not in names:
+        return {name: None}
+    rows, _ = read_csv(path, {names["run"]: pa.int64()}, policy.on_bad)
+    found = sorted(run for run in rows[names["run"]].unique().to_pylist() if run is not None)
+    if not found:
+        raise bad_recording("no-rows", "the table has no rows", "remove the file or complete it", path)
+    return {f"{name}_{run}": run for run in found}
+
+
+def read_run(path: Path, recording: str, run: int | None, policy: DataConfig) -> Recording:
+    """One run of a file, on a straight road.
+
+    Rows on ramps that leave the road are left out and counted as `off_road`.
+
+    Raises:
+        BadRecordingError: A column is missing, or a row breaks the schema.
+    """
+    names = _names(path)
+    losses = Losses()
+    rows = _rows(path, names, run, policy, losses)
+    info = RecordingInfo(
+        id=recording,
+        frame_rate=1.0,
+        lane_count={1: 1},
+        road_length=1.0,
+        source="TGSIM",
+        licence=LICENCE,
+        attribution=ATTRIBUTION,
+        labels=(AUTOMATED,),
+        file=str(path),
+        columns={ours: names[ours] for ours in _COLUMNS} | {"position": names["x"], "lateral": names["y"]},
+    )
+    rows["time"] = rows["time"].where(rows["time"].abs() <= LARGEST)
+    for name in ("track_id", "time"):
+        finding = without_value(rows, name)
+        rows = rows if finding is None else reject(rows, finding, info, policy, losses)
+    rows = rows.astype({"track_id": np.int64}).sort_values(["track_id", "time"], kind="stable")
+    steps = np.diff(rows["time"].to_numpy(np.float64))[follows_row_before(rows["track_id"].to_numpy())[1:]]
+    rate = frame_rate_of(steps, path, names["time"])
+    road = _straight(rows, info)
+    notes = ["the road is straightened by the paths of its vehicles", *_lane_notes(road)]
+    info = replace(
+        info,
+        frame_rate=rate,
+        lane_count={side: order.count for side, order in road.lanes.items()},
+        road_length=road.road_length,
+        notes=tuple(notes),
+    )
+    table = pd.DataFrame(
+        {
+            "track_id": rows["track_id"].to_numpy(),
+            "frame": np.rint(rows["time"].to_numpy(np.float64) * rate),
+            **{name: road.columns[name].to_numpy() for name in road.columns},
+            **{name: rows[name].to_numpy(np.float64) for name in ("speed", "acceleration", "length", "width")},
+            "vehicle_class": _classes(pd.Series(rows["vehicle_class"])),
+            AUTOMATED: _automated(rows),
+        },
+        index=rows.index,
+    )
+    faults = {
+        "wrong_direction": (road.wrong_way, "x", "the vehicle drives against all others of its lane"),
+        "lane_out_of_range": (road.no_lane & rows["lane"].notna().to_numpy(), "lane", "the lane is none of this road"),
+    }
+    for name, (marked, column, text) in faults.items():
+        here = pd.Series(marked, index=rows.index).reindex(table.index).to_numpy(bool)
+        if here.any():
+            table = reject(table, Finding(name, column, here, text, "correct it"), info, policy, losses)
+    table = leave_out(table, pd.Series(road.off_road, index=rows.index), losses)
+    table, dropped = validate(table, info, policy, losses)
+    return Recording(info, table, dropped)
+
+
+def _names(path: Path) -> dict[str, str]:
+    """Our name of a column -> its name in the file."""
+    header = read_header(path)
+    present = {plain(name): name for name in header}
+    if "speedkfx" in present:
+        text, remedy = "these are the crossings of Foggy Bottom, which are no straight road", "move the file away"
+        raise bad_recording("format-unsupported", text, remedy, path, column=present["speedkfx"])
+    if not set(_COLUMNS.values()) & set(present) - {"id", "time"}:
+        text = f"{path.name} is no trajectory table of TGSIM"
+        raise bad_recording("not-a-table", text, "move it out of the folder", path)
+    require_columns(list(present), tuple(_COLUMNS.values()), str(path))
+    return {ours: present[theirs] for ours, theirs in (_COLUMNS | _OPTIONAL).items() if theirs in present}
+
+
+def _place(path: Path) -> str:
+    name = plain(stem_of(path))
+    return next((place for place, words in _PLACES.items() if any(word in name for word in words)), stem_of(path))
+
+
+def _rows(path: Path, names: dict[str, str], run: int | None, policy: DataConfig, losses: Losses) -> pd.DataFrame:
+    """The rows of a run in our names; the index counts the rows of the file."""
+    types = {names[ours]: _TYPES.get(ours, pa.float64()) for ours in names}
+    table, n_broken = read_csv(path, types, policy.on_bad)
+    if n_broken:
+        losses.counts["broken_line"] = n_broken
+    index = np.arange(table.num_rows)
+    if run is not None:
+        of_run = pc.call_function("equal", [table[names["run"]], pa.scalar(run)]).fill_null(False)
+        index = np.flatnonzero(of_run.to_numpy())
+        table = table.filter(of_run)
+    if not table.num_rows:
+        raise bad_recording("no-rows", "the table has no rows", "remove the file or complete it", path)
+    rows = table.to_pandas(split_blocks=True, self_destruct=True).set_axis(index, axis=0)
+    return rows.rename(columns={theirs: ours for ours, theirs in names.items()})
+
+
+def _straight(rows: pd.DataFrame, info: RecordingInfo) -> Straightened:
+    track, lane = rows["track_id"].to_numpy(), rows["lane"].to_numpy(np.float64)
+    same = follows_row_before(track)
+    same[1:] &= lane[1:] == lane[:-1]
+    x, y = (rows[name].to_numpy(np.float64) for name in ("x", "y"))
+    places = (track, np.cumsum(~same), x, y, lane)
+    road = straightened(*places, y_down=True)
+    if road is not None and road.is_mirrored:
+        road = straightened(*places, y_down=False)
+    if road is None:
+        text = "no vehicle moves, so that the road cannot be found"
+        raise bad_recording("no-motion", text, "complete the positions", info.file, column=info.columns["x"])
+    return road
+
+
+def _lane_notes(road: Straightened) -> list[str]:
+    notes = []
+    for side, order in sorted(road.lanes.items()):
+        numbers = ", ".join(str(number) for number, _ in sorted(order.ranks.items(), key=lambda item: item[1]))
+        notes.append(f"direction {side}: lanes from the left are lane_kf {numbers}, by the places of their vehicles")
+    if len(road.lanes) < 2:
+        notes.append("one carriageway: that y points down is taken from the data description")
+    return notes
+
+
+def _classes(words: pd.Series) -> pd.Series:
+    """Classes of the schema; a word that is not known stays, and the check of the schema names it."""
+    plain_words = words.str.casefold().str.replace(r"[-_ ]+", " ", regex=True).str.strip().str.removesuffix(".0")
+    return plain_words.map(_CLASSES).fillna(words).astype(object)
+
+
+def _automated(rows: pd.DataFrame) -> pd.Series:
+    """yes for every row of a vehicle that the file calls automated in any row."""
+    column = next((name for name in ("av", "acc") if name in rows), None)
+    if column is None:
+        marked = rows["vehicle_class"].str.removesuffix(".0") == _AUTOMATED_CODE
+    else:
+        marked = rows[column].str.casefold().str.strip() == "yes"
+    ever = marked.fillna(False).groupby(rows["track_id"].to_numpy()).transform("any")
+    return pd.Series(np.where(ever, "yes", "no"), index=rows.index)

@@ -1,0 +1,218 @@
+"""Reader of Vissim's vehicle records (.fzp), one recording per file.
+
+A record states the place of the front on a link or connector, and counts lanes from the right, from 1. Both layouts are
+read: that of Vissim 6 and later, whose columns follow `$VEHICLE:`, and the older one with a column `VehNr`.
+
+Source: PTV Vissim manual, Saving vehicle record to a file or database, and VISSIM 5.30 manual, Vehicle Record.
+"""
+
+import re
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+
+from rearl_jax.config.data import DataConfig
+from rearl_jax.data.checks.losses import Losses
+from rearl_jax.data.files.delimited import read_below, stem_of, text_endings
+from rearl_jax.data.files.folder import named_files
+from rearl_jax.data.files.text_layout import DAMAGED, damaged, first_lines, opened
+from rearl_jax.data.formats.simulated import Simulation, info_of, recording_of
+from rearl_jax.data.problems import bad_recording, require_columns
+from rearl_jax.data.records import Recording
+from rearl_jax.data.units import SI_FACTOR, to_si
+
+LANE_WIDTH = 3.5
+"""Width of a lane [m]; Vissim's default, the records do not state it."""
+LABEL = "type"
+"""Label of tracks: the number of the vehicle type."""
+
+_ENDINGS = text_endings(".fzp")
+_HEADER = "$VEHICLE:"
+_MOST_ABOVE = 1000  # lines above the table; the records explain one column a line
+# Columns by the names in either layout, without case.
+_NAMES = {
+    "time": ("SIMSEC", "T"),
+    "vehicle": ("NO", "VEHNR"),
+    "link": (r"LANE\LINK\NO", "LINK"),
+    "lane": (r"LANE\INDEX", "LANE"),
+    "front": ("POS", "X"),
+    "speed": ("SPEED", "V", "VMS"),
+    "length": ("LENGTH",),
+    "type": ("VEHTYPE", r"VEHTYPE\NO", "TYPE"),
+    "aside": ("POSLAT",),
+    "acceleration": ("ACCELERATION", "A"),
+    "width": ("WIDTH",),
+}
+_REQUIRED = ("time", "vehicle", "link", "lane", "front", "speed")
+_UNSTATED = {"front": "m", "speed": "km/h", "length": "m", "acceleration": "m/s^2", "width": "m"}
+_SPELT = {"m/s2": "m/s^2", "m/s²": "m/s^2", "ft/s2": "ft/s^2", "ft/s²": "ft/s^2", "kmh": "km/h", "mi/h": "mph"}
+_SI = ("m", "m/s", "m/s^2")
+# Types of a new network; others are what their user makes of them. Source: PTV Vissim manual, Vehicle types.
+_CLASS = {100: "car", 200: "truck", 300: "truck", 400: "other"}
+
+
+@dataclass(frozen=True)
+class _Header:
+    """What stands above the table.
+
+    Attributes:
+        n_above: Lines above the first row.
+        columns: All columns, as the file spells them.
+        units: Unit of a column by its name in capitals.
+    """
+
+    n_above: int
+    columns: list[str]
+    units: dict[str, str] = field(default_factory=dict)
+
+    def spelling(self) -> dict[str, str]:
+        """What the file calls the columns that are known here."""
+        by_name = {name.upper(): name for name in self.columns}
+        found = {ours: [by_name[name] for name in names if name in by_name] for ours, names in _NAMES.items()}
+        return {ours: names[0] for ours, names in found.items() if names}
+
+
+def find_records(root: Path) -> list[Path]:
+    """The .fzp files in the folder, or the one file that is named; MissingInputError if there is none."""
+    return named_files(root, _ENDINGS, "a vehicle record of Vissim, or a folder of them", ".fzp")
+
+
+def is_record(path: Path) -> bool:
+    """Whether a line names the columns of a vehicle record."""
+    return any(line.startswith(_HEADER) or _is_old(line) for line in first_lines(path, _MOST_ABOVE))
+
+
+def recording_id(path: Path) -> str:
+    """Name of the recording of a file, such as vissim_run_001."""
+    return f"vissim_{stem_of(path)}"
+
+
+def read_record(path: Path, policy: DataConfig) -> Recording:
+    """The main road of one file.
+
+    Raises:
+        BadRecordingError: The file is no vehicle record, lacks a column, or has an unknown unit, or a row breaks the
+            schema.
+    """
+    losses = Losses()
+    header = _header_of(path)
+    names = header.spelling()
+    for name in _REQUIRED:
+        if name not in names:
+            require_columns(header.columns, (_NAMES[name][0],), str(path))
+    kinds = {spelt: pa.string() if ours == "type" else pa.float64() for ours, spelt in names.items()}
+    table, n_broken = read_below(path, header.columns, header.n_above, kinds, ";", policy.on_bad)
+    if n_broken:
+        losses.counts["broken_line"] = n_broken
+    raw = table.rename_columns([{spelt: ours for ours, spelt in names.items()}[n] for n in table.column_names])
+    rows, notes = _rows_of(raw.to_pandas(split_blocks=True, self_destruct=True), header, names, path, policy)
+    labels = (LABEL,) if "type" in names else ()
+    columns = {**names, "track_id": names["vehicle"], "frame": names["time"], "position": names["front"]}
+    info = info_of(path, recording_id(path), "Vissim", labels, notes, columns)
+    return recording_of(rows, Simulation(info, {}, {}, LANE_WIDTH), policy, losses)
+
+
+def _header_of(path: Path) -> _Header:
+    """The columns and their units.
+
+    Raises:
+        BadRecordingError: The file is empty, damaged, or no vehicle record.
+    """
+    units: dict[str, str] = {}
+    number = 0
+    try:
+        with opened(path) as file:
+            for number, content in enumerate(file, 1):
+                line = content.decode("utf-8-sig", errors="replace").strip()
+                if line.startswith(_HEADER) or _is_old(line):
+                    columns = [name.strip() for name in line.removeprefix(_HEADER).split(";")]
+                    return _Header(number, columns, units)
+                explained = re.match(r"[*\s]*([\w\\]+)\s*:.*\[([^\[\]]+)\]", line)
+                if explained:
+                    units[explained[1].upper()] = explained[2].strip()
+                if number > _MOST_ABOVE:
+                    break
+    except DAMAGED as error:
+        raise damaged(path, error) from None
+    if not number:
+        raise bad_recording("file-empty", "the file is empty", "remove the file or complete it", path)
+    text = "no line begins with $VEHICLE: or has the column VehNr"
+    raise bad_recording("not-a-table", text, "name the vehicle record that Vissim writes", path)
+
+
+def _is_old(line: str) -> bool:
+    """Whether the line names the columns of the older layout."""
+    names = [name.strip() for name in line.split(";")]
+    return "VehNr" in names and len(names) > 2
+
+
+def _rows_of(
+    raw: pd.DataFrame, header: _Header, names: dict[str, str], path: Path, policy: DataConfig
+) -> tuple[pd.DataFrame, list[str]]:
+    """The rows in the columns of `simulated.FIELDS`, in SI units, and notes on what is assumed."""
+    notes, unstated = [], []
+    for name in _UNSTATED:
+        if name in names:
+            unit, is_stated = _unit_of(name, header, names, path)
+            if not is_stated and name in ("front", "speed"):
+                unstated.append(unit)
+            if unit not in _SI:
+                raw[name] = to_si(raw[name].to_numpy(), unit)
+    if unstated:
+        notes.append(f"the file states no units of places and speeds: {' and '.join(unstated)} assumed")
+    rows = raw.assign(
+        track_id=raw["vehicle"], link=_links(raw["link"].to_numpy()), lane=raw["lane"].to_numpy() - 1.0
+    ).drop(columns="vehicle")
+    notes.append("lanes are counted from the right, as where traffic keeps to the right")
+    if "length" not in rows:
+        rows["length"] = policy.default_length
+        notes.append(f"the file has no lengths: {policy.default_length:g} m assumed")
+    if "aside" in rows:
+        # 0 is the right edge of the lane, 1 the left one.
+        rows["aside"] = 0.5 - rows["aside"].to_numpy()
+        notes.append(f"lanes {LANE_WIDTH:g} m wide assumed")
+    if "type" not in rows:
+        notes.append("the file has no types of vehicles: cars assumed")
+        return rows.assign(vehicle_class="car"), notes
+    rows["type"] = rows["type"].str.strip().astype("category")
+    kinds = [str(kind) for kind in rows["type"].cat.categories]
+    classes = [_class_of(kind) for kind in kinds]
+    unknown = [kind for kind, name in zip(kinds, classes, strict=True) if name is None]
+    if unknown:
+        notes.append(f"types {', '.join(unknown[:5])} are none of Vissim's own: class other")
+    found = np.array([*(name or "other" for name in classes), None], object)
+    return rows.assign(vehicle_class=found[rows["type"].cat.codes.to_numpy()]), notes
+
+
+def _unit_of(name: str, header: _Header, names: dict[str, str], path: Path) -> tuple[str, bool]:
+    """Unit of a column, and whether the file states it."""
+    spelt = names[name].upper()
+    if spelt == "VMS":
+        return "m/s", True
+    stated = header.units.get(spelt)
+    if stated is None:
+        return _UNSTATED[name], False
+    unit = _SPELT.get(stated.lower(), stated.lower())
+    if unit not in (*_SI, *SI_FACTOR):
+        text = f"the unit {stated} of the column is not known"
+        remedy = f"let Vissim write one of {', '.join((*_SI, *SI_FACTOR))}"
+        raise bad_recording("unit-unknown", text, remedy, path, column=names[name])
+    return unit, True
+
+
+def _links(numbers: np.ndarray) -> pd.Categorical:
+    """Links by their numbers; unknown for what is no number of a link."""
+    sound = np.isfinite(numbers) & (numbers == np.rint(numbers)) & (np.abs(numbers) < 2**31)
+    links, which = np.unique(np.where(sound, numbers, np.nan), return_inverse=True)
+    found = links[np.isfinite(links)].astype(np.int64)
+    codes = np.where(sound, which, -1)
+    return pd.Categorical.from_codes(codes, [str(link) for link in found])
+
+
+def _class_of(kind: str) -> str | None:
+    """Class of a type such as 100 or 100: Car; None for one that is not Vissim's own."""
+    number = re.match(r"\s*(\d+)", kind)
+    return _CLASS.get(int(number[1])) if number else None

@@ -1,0 +1,1 @@
+"""Tracks in a plane or on a network laid along one straight road."""

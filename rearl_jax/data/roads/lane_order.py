@@ -1,0 +1,70 @@
+"""Ranks of lanes from the left, by where their vehicles are across the road, whatever numbers a source gives them."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from rearl_jax.data.checks.lateral_checks import USUAL_WIDTH
+
+RARE = 0.001
+"""Share of the rows of a carriageway below which a lane number is no lane: a fault, or a stub beside the road."""
+WANDER = 3.0
+"""Width [m] within which 90 % of the centres of vehicles in one lane are; those on a ramp that leaves are not."""
+
+
+_LARGEST = 1e15  # beyond every number of a lane, exact as float64
+
+
+@dataclass(frozen=True)
+class LaneOrder:
+    """Lanes of one carriageway.
+
+    Attributes:
+        ranks: Number in the source -> rank, 0 = leftmost.
+        left_edge: Place of the left edge of the leftmost lane across the road [m], positive to the right.
+        apart: Numbers whose vehicles do not drive along the road, as on ramps that leave it.
+    """
+
+    ranks: dict[int, int]
+    left_edge: float
+    apart: tuple[int, ...]
+
+    @property
+    def count(self) -> int:
+        """Number of lanes."""
+        return max(self.ranks.values(), default=0) + 1
+
+    def rank_of(self, number: np.ndarray) -> np.ndarray:
+        """Rank of each number; NaN for one that is no lane of this carriageway."""
+        return pd.Series(number).map(self.ranks).to_numpy(np.float64, na_value=np.nan)
+
+
+def lane_order(number: np.ndarray, across: np.ndarray) -> LaneOrder:
+    """The lanes of one carriageway.
+
+    Lanes are side by side at least half a lane apart; numbers nearer to each other are parts of one lane.
+
+    Args:
+        number: Lane of each row in the source; NaN where it is unknown.
+        across: Place of each row across the road, positive to the driver's right [m].
+    """
+    known = (np.abs(number) < _LARGEST) & np.isfinite(across)
+    numbers, which, n_rows = np.unique(number[known], return_inverse=True, return_counts=True)
+    places = [across[known][which == lane] for lane in range(len(numbers))]
+    low, middle, high = np.array([np.quantile(place, (0.05, 0.5, 0.95)) for place in places]).reshape(-1, 3).T
+    is_rare = n_rows < RARE * known.sum()
+    is_lane = ~is_rare & (high - low <= WANDER)
+    ranks, rank, last = dict[int, int](), 0, -np.inf
+    for lane in np.argsort(middle):
+        if not is_lane[lane]:
+            continue
+        if middle[lane] - last > 0.5 * USUAL_WIDTH:
+            rank += 0 if np.isinf(last) else max(int(np.rint((middle[lane] - last) / USUAL_WIDTH)), 1)
+            last = middle[lane]
+        ranks[int(numbers[lane])] = rank
+    apart = tuple(numbers[~is_lane & ~is_rare].astype(np.int64).tolist())
+    middle = np.sort(middle[is_lane])
+    left = float(middle[0]) if middle.size else 0.0
+    width = (float(middle[-1]) - left) / rank if rank else USUAL_WIDTH
+    return LaneOrder(ranks, left - 0.5 * width, apart)

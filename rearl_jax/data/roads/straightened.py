@@ -1,0 +1,139 @@
+"""Tracks in the plane of a map or picture as traffic on a straight road: carriageways, positions, lanes."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from rearl_jax.data.checks.losses import Losses, split_tracks
+from rearl_jax.data.checks.typed_table import follows_row_before
+from rearl_jax.data.roads.lane_order import LaneOrder, lane_order
+from rearl_jax.data.roads.road_axis import SPACING, RoadAxis, road_axis
+
+_STANDING = 5.0  # m; a vehicle that moves less shows no direction
+_SHARED = 0.3
+_REACH = 5.0 * SPACING  # m beyond the ends of the axis that vehicles may be at
+
+
+@dataclass(frozen=True)
+class Straightened:
+    """Traffic on a straight road.
+
+    Attributes:
+        columns: direction, x, y, position, lateral and lane of each row, as in the canonical table.
+        lanes: Lanes of each direction.
+        road_length: Length of the road [m].
+        off_road: Mask of the rows in lanes that leave the road.
+        no_lane: Mask of the rows whose lane number is none.
+        wrong_way: Mask of the rows of vehicles that drive against all others of their lane.
+    """
+
+    columns: pd.DataFrame
+    lanes: dict[int, LaneOrder]
+    road_length: float
+    off_road: np.ndarray
+    no_lane: np.ndarray
+    wrong_way: np.ndarray
+
+    @property
+    def is_mirrored(self) -> bool:
+        """Whether the traffic keeps to the left of the oncoming one; the data sets that are read are of countries
+        where it keeps to the right.
+        """
+        y, direction = self.columns["y"].to_numpy(), self.columns["direction"].to_numpy()
+        if len(self.lanes) < 2:
+            return False
+        oncoming, own = (float(np.nanmedian(y[direction == side])) for side in (1, 2))
+        return oncoming > own
+
+
+def straightened(
+    track: np.ndarray,
+    piece: np.ndarray,
+    x: np.ndarray,
+    y: np.ndarray,
+    number: np.ndarray,
+    *,
+    y_down: bool,
+    shared: float = _SHARED,
+) -> Straightened | None:
+    """The tracks on a straight road; None if nothing moves.
+
+    As in the highD format, direction 2 drives along x and y grows to its right; direction 1 drives against x. If all
+    drive one way, that is direction 1 and drives along x.
+
+    Args:
+        track: Vehicle of each row; its rows are together and in the order of time.
+        piece: Number of each row's part of a track that stays in one lane, rising.
+        x: Position in the plane [m].
+        y: The same [m].
+        number: Lane in the source, NaN where it is unknown.
+        y_down: y points down, as in pictures.
+        shared: Share of the rows of a lane number that must drive the other way if both carriageways use the number;
+            above .5 none does.
+    """
+    axis = road_axis(track, piece, x, y, y_down=y_down)
+    if axis is None:
+        return None
+    along, across = axis.places(x, y)
+    ways, sides = _ways(track, along, number, shared)
+    of_lane = pd.Series(number).map(sides).to_numpy(np.float64, na_value=np.nan)
+    wrong = np.isfinite(of_lane) & (of_lane != 0.0) & (ways != 0.0) & (of_lane != ways)
+    # Who stands, or drives against all others, belongs where the lane does.
+    ways = np.where((ways == 0.0) | wrong, np.where(np.isfinite(of_lane) & (of_lane != 0.0), of_lane, 1.0), ways)
+    both = bool((ways < 0.0).any() and (ways > 0.0).any())
+    first, length = _extent(axis, along)
+    lanes, columns = dict[int, LaneOrder](), {}
+    columns["x"], columns["y"] = along - first, across
+    columns["position"] = np.where(ways > 0.0, along - first, length - (along - first))
+    columns["direction"] = np.where(ways > 0.0, 2 if both else 1, 1)
+    lateral, lane = np.full(len(track), np.nan), np.full(len(track), np.nan)
+    off_road, no_lane = np.zeros(len(track), dtype=bool), np.zeros(len(track), dtype=bool)
+    for way in np.unique(ways):
+        here = np.flatnonzero(ways == way)
+        order = lane_order(number[here], way * across[here])
+        lanes[int(columns["direction"][here[0]])] = order
+        lateral[here] = way * across[here] - order.left_edge
+        lane[here] = order.rank_of(number[here])
+        off_road[here] = np.isin(number[here], order.apart)
+        no_lane[here] = ~np.isfinite(lane[here]) & ~off_road[here]
+    columns |= {"lateral": lateral, "lane": lane}
+    return Straightened(pd.DataFrame(columns), lanes, length, off_road, no_lane, wrong)
+
+
+def leave_out(table: pd.DataFrame, off_road: pd.Series, losses: Losses) -> pd.DataFrame:
+    """The table without the rows off the road, which are counted; a track that comes back continues under a new id."""
+    marked = off_road.reindex(table.index).to_numpy(bool)
+    if not marked.any() or marked.all():
+        return table
+    back = follows_row_before(table["track_id"].to_numpy())
+    back[1:] &= ~marked[1:] & marked[:-1]
+    before = table["track_id"].to_numpy()
+    ends = pd.Series(~marked).groupby(before).cumsum().to_numpy()
+    kept = losses.remove(table, marked, "off_road")
+    # Not at the first row of a track that is left: there is nothing before it.
+    return split_tracks(kept, (back & (ends > 1))[~marked])
+
+
+def _ways(
+    track: np.ndarray, along: np.ndarray, number: np.ndarray, shared: float
+) -> tuple[np.ndarray, dict[float, float]]:
+    """The way along the axis, 1 or -1, or 0 if unknown, of the vehicle of each row; and of each lane, 0 for both."""
+    starts = np.flatnonzero(~follows_row_before(track))
+    ends = np.append(starts[1:], len(track)) - 1
+    moved = np.nan_to_num(along[ends] - along[starts])
+    way = np.where(np.abs(moved) > _STANDING, np.sign(moved), 0.0)
+    ways = np.repeat(way, ends - starts + 1)
+    moving = (ways != 0.0) & np.isfinite(number)
+    lanes, which = np.unique(number[moving], return_inverse=True)
+    forward = np.bincount(which, weights=ways[moving] > 0.0) / np.maximum(np.bincount(which), 1)
+    sides = np.where((forward >= shared) & (forward <= 1.0 - shared), 0.0, np.where(forward > 0.5, 1.0, -1.0))
+    return ways, dict(zip(lanes.tolist(), sides.tolist(), strict=True))
+
+
+def _extent(axis: RoadAxis, along: np.ndarray) -> tuple[float, float]:
+    """The first place of a vehicle along the axis, and the length of the road from there [m]."""
+    end = float(np.hypot(np.diff(axis.along), np.diff(axis.bend)).sum())
+    on_road = along[(along > -_REACH) & (along < end + _REACH)]
+    first = float(on_road.min(initial=0.0))
+    return first, max(float(on_road.max(initial=0.0)) - first, 1.0)

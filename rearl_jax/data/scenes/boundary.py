@@ -1,0 +1,291 @@
+"""What was recorded around the vehicles of scenes: those that are simulated, and those that are replayed.
+
+The simulated vehicles of a second are the picked ones of the snapshot at its beginning. Each has a place, which it
+keeps; when it is not picked any more, because it has left the recording, another picked vehicle takes its place, where
+that one was recorded. All others are replayed, or only those ahead of the foremost simulated one of each lane.
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from jaxtyping import Bool, Float, Float32, Int, Int16
+
+from rearl_jax.config.scenes import BoundarySource
+from rearl_jax.core.replayed import NOT_RECORDED
+from rearl_jax.data.records import Recording
+from rearl_jax.data.scenes.scene_set import SceneSet
+from rearl_jax.data.scenes.scene_windows import UNKNOWN_LANE, frame_offsets
+from rearl_jax.data.vehicle_rows import ABSENT, VehicleRows
+from rearl_jax.problems import InvalidInputError, Problem
+
+NOBODY = -1
+"""Track of a place without replayed vehicle."""
+
+
+@dataclass(frozen=True)
+class SceneBoundary:
+    """Simulated and replayed vehicles of some scenes, second by second.
+
+    Positions count from the most upstream place of a simulated vehicle of the scene; lanes of both carriageways lie
+    side by side.
+
+    Attributes:
+        track_id: Vehicle that each simulated one stands for.
+        is_new: Whether it takes this place at the beginning of this second; false in the first.
+        x: Its recorded position then [m].
+        speed: Its recorded speed then [m/s].
+        lane: Its recorded lane then.
+        highest_speed: Its highest recorded speed in the snapshots of the scene in which it is simulated [m/s].
+        replayed_id: Track of each replayed vehicle; NOBODY for a place without one.
+        replayed_number: Number of the vehicle in its scene, from the number of simulated ones on.
+        replayed_length: Length [m].
+        replayed_is_truck: Whether it is a truck.
+        replayed_x: Position at the beginning of each step [m].
+        replayed_speed: Speed then [m/s].
+        replayed_acceleration: Acceleration then [m/s^2]; 0 where it was not recorded.
+        replayed_lane: Lane then; NOT_RECORDED while the vehicle is not recorded.
+    """
+
+    track_id: Int[np.ndarray, "scenes seconds vehicles"]
+    is_new: Bool[np.ndarray, "scenes seconds vehicles"]
+    x: Float[np.ndarray, "scenes seconds vehicles"]
+    speed: Float[np.ndarray, "scenes seconds vehicles"]
+    lane: Int[np.ndarray, "scenes seconds vehicles"]
+    highest_speed: Float[np.ndarray, "scenes seconds vehicles"]
+    replayed_id: Int[np.ndarray, "scenes seconds replayed"]
+    replayed_number: Int[np.ndarray, "scenes seconds replayed"]
+    replayed_length: Float32[np.ndarray, "scenes seconds replayed"]
+    replayed_is_truck: Bool[np.ndarray, "scenes seconds replayed"]
+    replayed_x: Float32[np.ndarray, "scenes seconds steps replayed"]
+    replayed_speed: Float32[np.ndarray, "scenes seconds steps replayed"]
+    replayed_acceleration: Float32[np.ndarray, "scenes seconds steps replayed"]
+    replayed_lane: Int16[np.ndarray, "scenes seconds steps replayed"]
+
+    def select(self, scenes: np.ndarray) -> "SceneBoundary":
+        """Some of the scenes, by their places, in that order."""
+        return SceneBoundary(**{name: values[scenes] for name, values in vars(self).items()})
+
+    @property
+    def n_lanes(self) -> int:
+        """Lanes that some vehicle is on."""
+        return int(max(self.lane.max(), self.replayed_lane.max(initial=0))) + 1
+
+
+@dataclass(frozen=True)
+class BoundaryOptions:
+    """What is replayed.
+
+    Attributes:
+        source: All others, or those ahead of the foremost.
+        steps_per_second: Steps of the simulation [1/s].
+        is_one_way: Whether a scene holds one carriageway only.
+    """
+
+    source: BoundarySource
+    steps_per_second: int
+    is_one_way: bool
+
+
+def cut_boundary(
+    recordings: Iterable[Recording], scenes: SceneSet, subset: np.ndarray, options: BoundaryOptions
+) -> SceneBoundary:
+    """What was recorded around the vehicles of some scenes.
+
+    Between two recorded frames positions, speeds and accelerations change linearly; a lane is that of the earlier one.
+
+    Args:
+        recordings: Those of the scenes, among others; read once, one at a time.
+        scenes: All scenes.
+        subset: Indices of the scenes.
+        options: What is replayed.
+
+    Raises:
+        InvalidInputError: The lane of a vehicle is unknown, or a recording is missing.
+    """
+    chosen = scenes.select(subset)
+    simulated = _simulated(chosen)
+    replayed: dict[int, dict[str, np.ndarray]] = {}
+    for recording in recordings:
+        own = np.flatnonzero(chosen.recording == recording.info.id)
+        if len(own):
+            rows = VehicleRows(recording.table)
+            for scene in own:
+                replayed[int(scene)] = _replayed(recording, rows, chosen, simulated, int(scene), options)
+    missing = sorted(set(range(len(chosen))) - set(replayed))
+    if missing:
+        message = "holds the vehicles around a scene, but is not among the recordings"
+        raise InvalidInputError(Problem("recording-missing", message, file=f"recording {chosen.recording[missing[0]]}"))
+    return SceneBoundary(**simulated, **_joined([replayed[scene] for scene in range(len(chosen))]))
+
+
+def lanes_side_by_side(scenes: SceneSet, lane: np.ndarray, direction: np.ndarray) -> np.ndarray:
+    """Lanes of a road that has the carriageways side by side: on carriageway 2 those of carriageway 1 are added.
+
+    Args:
+        scenes: The scenes, first axis of the others.
+        lane: Lanes within the carriageway.
+        direction: Carriageways.
+    """
+    counts = {info.id: info.lane_count for info in scenes.infos}
+    first = np.array([counts[name].get(1, 0) for name in scenes.recording.tolist()])
+    return lane + np.where(direction == 2, first.reshape(-1, *(1,) * (lane.ndim - 1)), 0)
+
+
+def _simulated(scenes: SceneSet) -> dict[str, np.ndarray]:
+    """Fields of `SceneBoundary` about simulated vehicles."""
+    if (scenes.lane == UNKNOWN_LANE).any():
+        raise _lane_missing()
+    place = np.stack([_places(track) for track in scenes.track_id])
+    lane = lanes_side_by_side(scenes, scenes.lane.astype(np.int64), scenes.direction)
+    by_slot = {"track_id": scenes.track_id, "x": scenes.position, "speed": scenes.speed, "lane": lane}
+    found = {name: np.take_along_axis(values, place, axis=2) for name, values in by_slot.items()}
+    found["x"] = found["x"] - found["x"].min(axis=(1, 2), keepdims=True)
+    track = found["track_id"]
+    found["is_new"] = np.concatenate([np.zeros_like(track[:, :1], bool), track[:, 1:] != track[:, :-1]], axis=1)
+    stay = np.cumsum(found["is_new"], axis=1)  # the vehicles of a place, one after the other
+    highest = np.zeros_like(found["speed"])
+    for number in range(int(stay.max()) + 1):
+        is_own = stay == number
+        top = np.where(is_own, found["speed"], -np.inf).max(axis=1, keepdims=True)
+        highest = np.where(is_own, top, highest)
+    return found | {"highest_speed": highest}
+
+
+def _places(track_id: Int[np.ndarray, "frames slots"]) -> Int[np.ndarray, "frames places"]:
+    """Slot of the vehicle in each place: vehicles keep their places, others fill those that become free."""
+    slots = np.empty(track_id.shape, np.int64)
+    slots[0] = np.arange(track_id.shape[1])
+    for frame in range(1, len(track_id)):
+        before, now = track_id[frame - 1][slots[frame - 1]], track_id[frame]
+        stays = np.isin(before, now)
+        newcomers = np.flatnonzero(~np.isin(now, before))
+        slots[frame, stays] = [int(np.flatnonzero(now == track)[0]) for track in before[stays]]
+        slots[frame, ~stays] = newcomers
+    return slots
+
+
+def _replayed(
+    recording: Recording,
+    rows: VehicleRows,
+    scenes: SceneSet,
+    simulated: dict[str, np.ndarray],
+    scene: int,
+    options: BoundaryOptions,
+) -> dict[str, np.ndarray]:
+    """Fields of `SceneBoundary` about replayed vehicles of one scene, without its axis."""
+    table, n_seconds = recording.table, scenes.seconds
+    offsets = frame_offsets(np.arange(n_seconds + 1), recording.info.frame_rate)
+    frame, first = table["frame"].to_numpy(np.int64), int(scenes.start_frame[scene])
+    is_near = (frame >= first) & (frame < first + offsets[-1])
+    if options.is_one_way:
+        is_near &= table["direction"].to_numpy() == scenes.direction[scene, 0, 0]
+    tracks, at = np.unique(table["track_id"].to_numpy(np.int64)[is_near], return_index=True)
+    row = np.flatnonzero(is_near)[at]
+
+    share = np.arange(options.steps_per_second) / options.steps_per_second
+    time = (offsets[:-1, None] + share * np.diff(offsets)[:, None]).reshape(-1)  # in frames
+    before = np.floor(time + 1e-9).astype(np.int64)
+    weight = np.where(time - before < 1e-9, 0.0, time - before)
+    earlier = rows.rows(np.repeat(tracks, len(time)), np.tile(first + before, len(tracks)))
+    later = rows.rows(np.repeat(tracks, len(time)), np.tile(first + before + (weight > 0), len(tracks)))
+    shape = (len(tracks), n_seconds, options.steps_per_second)
+    is_recorded = ((earlier != ABSENT) & (later != ABSENT)).reshape(shape)
+
+    def between(name: str) -> np.ndarray:
+        values = table[name].to_numpy(np.float64)
+        mixed = values[earlier] + np.tile(weight, len(tracks)) * (values[later] - values[earlier])
+        return np.where(is_recorded, np.nan_to_num(mixed).reshape(shape), 0.0)
+
+    lane = table["lane"].to_numpy(np.int64, na_value=UNKNOWN_LANE)[earlier].reshape(shape)
+    if (is_recorded & (lane == UNKNOWN_LANE)).any():
+        raise _lane_missing()
+    direction = table["direction"].to_numpy(np.int64)[row]
+    if (direction == 2).any():
+        lane = lane + np.where(direction == 2, recording.info.lane_count.get(1, 0), 0)[:, None, None]
+    lane = np.where(is_recorded, lane, NOT_RECORDED)
+    origin = scenes.position[scene, 0, 0] - simulated["x"][scene, 0, 0]
+    moving = {"x": between("position") - origin, "speed": between("speed"), "acceleration": between("acceleration")}
+    own = {name: values[scene] for name, values in simulated.items()}
+    is_simulated = (tracks[:, None, None] == own["track_id"]).any(axis=2)  # [tracks, seconds]
+    if options.source is BoundarySource.measured:
+        picked = _everybody(is_recorded.any(axis=2) & ~is_simulated)
+    else:
+        picked = _in_front(moving["x"][:, :, 0], np.where(is_simulated, NOT_RECORDED, lane[:, :, 0]), own)
+    return _placed(picked, tracks, moving | {"lane": lane}, table.iloc[row], own["x"].shape[1])
+
+
+def _everybody(is_around: Bool[np.ndarray, "tracks seconds"]) -> Int[np.ndarray, "seconds places"]:
+    """Indices of the tracks that are around in each second, NOBODY in places that are left."""
+    picked = np.full((is_around.shape[1], max(int(is_around.sum(axis=0).max(initial=0)), 1)), NOBODY)
+    for second, there in enumerate(is_around.T):
+        (index,) = np.nonzero(there)
+        picked[second, : len(index)] = index
+    return picked
+
+
+def _in_front(
+    x: Float[np.ndarray, "tracks seconds"], lane: Int[np.ndarray, "tracks seconds"], own: dict[str, np.ndarray]
+) -> Int[np.ndarray, "seconds places"]:
+    """Index of the nearest track ahead of the foremost simulated vehicle on each of its lanes, lane by lane.
+
+    Args:
+        x: Positions at the beginning of each second [m].
+        lane: Lanes then; NOT_RECORDED for tracks that are simulated.
+        own: Fields of `SceneBoundary` about simulated vehicles.
+    """
+    n_lanes = int(max(own["lane"].max(), lane.max(initial=0))) + 1
+    picked = np.full((x.shape[1], n_lanes), NOBODY)
+    for number in range(n_lanes):
+        foremost = np.where(own["lane"] == number, own["x"], -np.inf).max(axis=1)
+        ahead = np.where((lane == number) & np.isfinite(foremost) & (x >= foremost), x, np.inf)
+        if len(ahead):
+            nearest = ahead.argmin(axis=0)
+            picked[:, number] = np.where(np.isfinite(ahead.min(axis=0)), nearest, NOBODY)
+    return picked
+
+
+def _placed(
+    picked: Int[np.ndarray, "seconds places"],
+    tracks: Int[np.ndarray, " tracks"],
+    moving: dict[str, np.ndarray],
+    vehicles: pd.DataFrame,
+    n_simulated: int,
+) -> dict[str, np.ndarray]:
+    """Fields of `SceneBoundary` about replayed vehicles: tracks at their places.
+
+    Args:
+        picked: Index of the track in each second and place.
+        tracks: Tracks.
+        moving: Motion of each, `[tracks, seconds, steps]`.
+        vehicles: A row of each.
+        n_simulated: Number of simulated vehicles.
+    """
+    index, is_filled = np.maximum(picked, 0), picked != NOBODY
+    seconds = np.arange(len(picked))[:, None]
+    found = {"replayed_id": np.where(is_filled, tracks[index], NOBODY), "replayed_number": n_simulated + index}
+    found["replayed_length"] = vehicles["length"].to_numpy(np.float32)[index]
+    found["replayed_is_truck"] = (vehicles["vehicle_class"] == "truck").to_numpy(bool)[index]
+    for name, values in moving.items():
+        kind = np.int16 if name == "lane" else np.float32
+        found[f"replayed_{name}"] = np.swapaxes(values[index, seconds], 1, 2).astype(kind)
+    found["replayed_lane"] = np.where(is_filled[:, None], found["replayed_lane"], np.int16(NOT_RECORDED))
+    return found
+
+
+def _joined(parts: list[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
+    """Scenes together, with as many places as the fullest has."""
+    n_places = max(part["replayed_id"].shape[-1] for part in parts)
+    empty = {"replayed_id": NOBODY, "replayed_lane": NOT_RECORDED}
+
+    def padded(name: str, values: np.ndarray) -> np.ndarray:
+        missing = [(0, 0)] * (values.ndim - 1) + [(0, n_places - values.shape[-1])]
+        return np.pad(values, missing, constant_values=empty.get(name, 0))
+
+    return {name: np.stack([padded(name, part[name]) for part in parts]) for name in parts[0]}
+
+
+def _lane_missing() -> InvalidInputError:
+    message = "needs the lane of every vehicle; these recordings lack some"
+    return InvalidInputError(Problem("lane-missing", message, key="scenes.boundary"))

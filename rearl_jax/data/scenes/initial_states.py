@@ -1,0 +1,114 @@
+"""Measured scenes as initial states of simulations: the vehicles of each scene's first snapshot."""
+
+import jax.numpy as jnp
+import numpy as np
+from jaxtyping import Array, Int
+
+from rearl_jax.config.core import CoreConfig
+from rearl_jax.core.boundary import Boundary, Entrants, Identity, Motion
+from rearl_jax.core.road import traffic_model
+from rearl_jax.core.state import TrafficState, make_state
+from rearl_jax.data.scenes.boundary import SceneBoundary, lanes_side_by_side
+from rearl_jax.data.scenes.scene_set import SceneSet
+from rearl_jax.problems import InvalidInputError, Problem, out_of_range
+
+
+def first_lanes(scenes: SceneSet) -> Int[np.ndarray, "scenes slots"]:
+    """Lane of every vehicle in the first snapshot, the carriageways side by side.
+
+    Lane within the carriageway plus, on carriageway 2, the number of lanes of carriageway 1.
+
+    Raises:
+        ValueError: A lane is unknown.
+    """
+    if (scenes.lane[:, 0] < 0).any():
+        message = "is scene, which needs the lane of every vehicle; these recordings lack some"
+        raise InvalidInputError(Problem("lane-missing", message, key="init.source"))
+    return lanes_side_by_side(scenes, scenes.lane[:, 0], scenes.direction[:, 0])
+
+
+def measured_state(scenes: SceneSet, core: CoreConfig) -> TrafficState:
+    """States with the vehicles of every scene's first snapshot, `[n_vehicles, n_scenes]`.
+
+    x = position along the own driving direction less the least one of the scene, so the carriageways lie side by side
+    and all vehicles drive towards larger x; lane as in `first_lanes`; speed = rescaled speed, which is the desired
+    speed too, as highway-env sets it.
+
+    Raises:
+        ValueError: The simulated road has too few lanes or another number of vehicles, or a lane is unknown.
+    """
+    lane = first_lanes(scenes)
+    _require_road(core, scenes.n_slots, int(lane.max()) + 1)
+    position = scenes.position[:, 0]
+    model = traffic_model(core)
+    return make_state(
+        (position - position.min(axis=1, keepdims=True)).T,
+        lane.T * model.lane_width,
+        scenes.scaled_speed[:, 0].T,
+        model,
+        dtype=np.dtype(core.dtype.name).type,
+    )
+
+
+def bounded_state(boundary: SceneBoundary, core: CoreConfig) -> TrafficState:
+    """States with the simulated vehicles of every scene's first second, `[n_vehicles, n_scenes]`.
+
+    As in `measured_state`, but on the road of the replayed vehicles; in the place of the desired speed stands the
+    highest speed that was recorded of the vehicle, to which `core.boundary.cut_desired_speed` cuts that of its driver.
+
+    Raises:
+        ValueError: The simulated road has too few lanes or another number of vehicles.
+    """
+    _require_road(core, boundary.x.shape[2], boundary.n_lanes)
+    model = traffic_model(core)
+    return make_state(
+        boundary.x[:, 0].T,
+        boundary.lane[:, 0].T * model.lane_width,
+        boundary.speed[:, 0].T,
+        model,
+        desired_speed=boundary.highest_speed[:, 0].T,
+        dtype=np.dtype(core.dtype.name).type,
+    )
+
+
+def recorded_surroundings(boundary: SceneBoundary, core: CoreConfig) -> Boundary:
+    """The boundary as the simulation takes it, each scene one scenario.
+
+    A vehicle that takes a place has decided about its lane at a moment that follows from where it is, as highway-env's
+    vehicles have at the start.
+    """
+    dtype = np.dtype(core.dtype.name)
+
+    def last(values: np.ndarray, kind: np.dtype | type = dtype) -> Array:
+        """Values with the scenes last."""
+        return jnp.asarray(np.moveaxis(values, 0, -1).astype(kind))
+
+    replayed = {name: last(getattr(boundary, f"replayed_{name}")) for name in ("x", "speed", "acceleration")}
+    # What is true at the beginning of a second happens at the end of the one before; nobody enters after the last.
+    entering = {name: last(getattr(boundary, name)[:, 1:]) for name in ("x", "speed", "highest_speed")}
+    across = boundary.lane[:, 1:] * traffic_model(core).lane_width
+    return Boundary(
+        motion=Motion(**replayed, lane=last(boundary.replayed_lane, np.int32)),
+        identity=Identity(
+            length=last(boundary.replayed_length),
+            is_truck=last(boundary.replayed_is_truck),
+            number=last(boundary.replayed_number, np.int32),
+        ),
+        entrants=Entrants(
+            **entering,
+            is_new=last(boundary.is_new[:, 1:], bool),
+            lane=last(boundary.lane[:, 1:], np.int32),
+            wait=last(1 - ((boundary.x[:, 1:] + across) * np.pi) % 1.0),
+        ),
+        scene=np.arange(len(boundary.x), dtype=np.int32),
+    )
+
+
+def _require_road(core: CoreConfig, n_vehicles: int, n_lanes: int) -> None:
+    """Raise ValueError if the simulated road has too few lanes or another number of vehicles than the scenes."""
+    if core.n_vehicles != n_vehicles:
+        message = f"must be the {n_vehicles} vehicles of a snapshot, scenes.slots, for init.source=scene"
+        raise out_of_range("core.n_vehicles", message, core.n_vehicles)
+    if n_lanes > core.n_lanes:
+        message = f"must be {n_lanes}, the lanes of these recordings, for init.source=scene"
+        raise out_of_range("core.n_lanes", message, core.n_lanes)

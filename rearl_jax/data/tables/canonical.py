@@ -1,0 +1,229 @@
+"""Tables in files: Parquet or text in the columns of `schema.COLUMNS`, or in others that `data.columns` names.
+
+A file may hold several recordings, told apart by its column `recording`. What is known besides the rows
+(frame rate, lanes, licence) stands in the metadata of a Parquet file, or beside a CSV file in
+`<file>.info.json`; for tables without it, it is worked out from the rows and a note says so.
+"""
+
+import json
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+import pandas as pd
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from rearl_jax.config.data import DataConfig
+from rearl_jax.data.checks.labels import with_labels
+from rearl_jax.data.checks.losses import Losses
+from rearl_jax.data.files.columnar import column_names, is_parquet, is_text, read_columns, stored_text
+from rearl_jax.data.files.delimited import read_csv, read_header, stem_of, text_endings
+from rearl_jax.data.files.folder import named_files
+from rearl_jax.data.files.text_layout import layout_of
+from rearl_jax.data.problems import BadRecordingError, bad_recording, recording_unnamed
+from rearl_jax.data.schema import COLUMNS, REQUIRED, Recording, RecordingInfo, validate
+from rearl_jax.data.tables.completion import NEEDED, completed
+from rearl_jax.data.tables.row_info import info_of_rows
+from rearl_jax.data.tables.spelling import Spelling, require_known_columns, spelling_of
+from rearl_jax.data.tables.track_names import IDS, LARGEST
+from rearl_jax.problems import InvalidInputError, Problem
+from rearl_jax.whole_files import replacing
+
+METADATA = "recordings"
+"""Name of the metadata with the RecordingInfo of every recording; rearl_jax.recordings in Parquet."""
+
+_NAMES = tuple(column.name for column in COLUMNS)
+_ENDINGS = (".parquet", *text_endings(".csv"))
+_TEXTS = tuple(column.name for column in COLUMNS if column.dtype == "category")
+
+
+def find_tables(root: Path) -> list[Path]:
+    """The Parquet and CSV files in the folder, or the one file that is named.
+
+    Raises:
+        FileNotFoundError: There is none.
+    """
+    wanted = "a table, or a folder of tables, one row per vehicle and frame; `rearl prepare FILE` says how to read one"
+    return named_files(root, _ENDINGS, wanted, ".parquet or .csv")
+
+
+class TableFile:
+    """A file of canonical tables; rows are read when they are asked for."""
+
+    def __init__(self, path: Path, policy: DataConfig) -> None:
+        self.path = path
+        self._policy = policy
+        self._is_csv = not is_parquet(path)
+        self._kept: dict[tuple[str, ...], tuple[pd.DataFrame, int]] = {}
+
+    def recordings(self) -> list[str]:
+        """Ids of the recordings in the file."""
+        column = self._spelling.columns.get("recording")
+        if column is None:
+            return [stem_of(self.path)]
+        if self._is_csv:
+            # Not through self._csv: a folder of many files is listed without keeping their rows.
+            rows, _ = read_csv(self.path, {column: pa.string()}, self._policy.on_bad)
+            names = rows[column].unique().to_pandas()
+        else:
+            names = pd.Series(read_columns(self.path, (), (column,))[column].unique())
+        if names.isna().any():
+            raise recording_unnamed(str(self.path))
+        return [str(name) for name in names]
+
+    def read(self, recording: str, labels: Sequence[str] = ()) -> Recording:
+        """One recording of the file, checked.
+
+        Args:
+            recording: Its id.
+            labels: Columns that are labels of its tracks, beside those that the file states itself.
+
+        Raises:
+            BadRecordingError: The file or a row breaks the schema.
+        """
+        spelling = self._spelling
+        if not set(spelling.columns) & set(REQUIRED):
+            text = f"the file is no table of trajectories: its columns are {', '.join(self._columns[:8])}"
+            remedy = "move it out of the folder, or name its columns with data.columns; `rearl prepare FILE` finds them"
+            raise bad_recording("not-a-table", text, remedy, self.path)
+        require_known_columns(list(spelling.columns), NEEDED, str(self.path))
+        losses = Losses()
+        stated = self.stated()
+        further = [name for name in self._columns if name not in (*_NAMES, *spelling.columns.values())]
+        of_file = [label for info in stated.values() for label in info.labels]
+        texts = tuple(name for name in dict.fromkeys([*of_file, *labels]) if name in further)
+        if self._is_csv:
+            rows, n_broken = self._csv(texts)
+            if n_broken:
+                losses.counts["broken_line"] = n_broken
+        else:
+            rows = self._parquet_rows(recording, texts)
+        rows = spelling.renamed(rows)
+        if "recording" in rows:
+            rows = rows.iloc[np.flatnonzero(rows["recording"].to_numpy() == recording)]
+        done = completed(rows, spelling, self._policy, str(self.path))
+        rows, info = done.rows, stated.get(recording)
+        if info is None:
+            source = str(self.path), self.path.name
+            rows, info = info_of_rows(recording, rows, *source, is_in_seconds=spelling.has_clock)
+        info = replace(info, notes=tuple(dict.fromkeys([*info.notes, *done.notes, *self._remarks])))
+        info = replace(info, columns=spelling.foreign)
+        info = with_labels(info, (*labels, *done.labels), [*further, *done.labels])
+        table, dropped = validate(rows, info, self._policy, losses)
+        return Recording(info, table, dropped)
+
+    @cached_property
+    def _columns(self) -> list[str]:
+        if self._is_csv:
+            return read_header(self.path)
+        return column_names(self.path)
+
+    @cached_property
+    def _spelling(self) -> Spelling:
+        return spelling_of(self._policy, self._columns, str(self.path))
+
+    @cached_property
+    def _remarks(self) -> tuple[str, ...]:
+        """What was recognised of a text table and is not certain."""
+        return layout_of(self.path).remarks if self._is_csv else ()
+
+    def _csv(self, labels: tuple[str, ...]) -> tuple[pd.DataFrame, int]:
+        # Kept: several recordings may share the file, and CSV cannot be read in part.
+        if labels not in self._kept:
+            types = {
+                source: pa.string() if name in _TEXTS else pa.float64()
+                for name, source in self._spelling.columns.items()
+            }
+            types |= dict.fromkeys(labels, pa.string())
+            rows, n_broken = self._read_csv(types)
+            self._kept = {labels: (rows.to_pandas(), n_broken)}
+        return self._kept[labels]
+
+    def _read_csv(self, types: dict[str, pa.DataType]) -> tuple[pa.Table, int]:
+        """The columns; ids and times as texts if they are no numbers, or lose digits as such."""
+        columns = self._spelling.columns
+        ids = [columns[name] for name in IDS if name in columns]
+        try:
+            rows, n_broken = read_csv(self.path, types, self._policy.on_bad)
+        except BadRecordingError as error:
+            if error.code != "value-unreadable" or error.problem.column not in (*ids, columns.get("time")):
+                raise
+            at_fault = ids if error.problem.column in ids else [columns["time"]]
+            if types[at_fault[0]] == pa.string():
+                raise
+            return self._read_csv(types | dict.fromkeys(at_fault, pa.string()))
+        if any(_loses_digits(rows[source]) for source in ids):
+            return self._read_csv(types | dict.fromkeys(ids, pa.string()))
+        return rows, n_broken
+
+    def _parquet_rows(self, recording: str, labels: tuple[str, ...]) -> pd.DataFrame:
+        columns = self._spelling.columns
+        texts = [source for name, source in columns.items() if name in _TEXTS]
+        time = columns.get("time")
+        wordy = [columns[name] for name in IDS if name in columns]
+        wordy += [time] if time is not None and is_text(self.path, time) else []
+        numbers = [source for source in columns.values() if source not in (*texts, *wordy)]
+        either = (*wordy, *labels)
+        if "recording" not in columns:
+            return read_columns(self.path, numbers, texts, either=either)
+        own = columns["recording"]
+        names = read_columns(self.path, (), (own,))[own].to_numpy()
+        rows = read_columns(self.path, numbers, texts, either=either, only=(own, recording))
+        return rows.set_axis(np.flatnonzero(names == recording), axis=0)
+
+    def stated(self) -> dict[str, RecordingInfo]:
+        """Metadata of the recordings that the file states, by id."""
+        if self._is_csv:
+            file = sidecar(self.path)
+            stored = file.read_bytes() if file.is_file() else None
+        else:
+            file = self.path
+            stored = stored_text(file, f"rearl_jax.{METADATA}")
+        try:
+            infos = [RecordingInfo.from_json(info, file=str(self.path)) for info in json.loads(stored or "[]")]
+        except (ValueError, TypeError, KeyError, AttributeError, RecursionError, OverflowError) as error:
+            text = f"its statements about the recordings cannot be used: {type(error).__name__}: {error}"
+            raise bad_recording(
+                "metadata-unusable", text, "correct it, or remove it to have it derived from the rows", file
+            ) from None
+        return {info.id: info for info in infos}
+
+
+def _loses_digits(ids: pa.ChunkedArray) -> bool:
+    """Whether ids that were read as float64 may be others in the file."""
+    return pa.types.is_floating(ids.type) and bool(np.nanmax(np.abs(ids.to_numpy()), initial=0.0) > LARGEST)
+
+
+def describe(infos: Iterable[RecordingInfo]) -> str:
+    """The metadata of recordings as JSON, to be stored beside their rows under METADATA."""
+    return json.dumps([info.to_json() for info in infos], allow_nan=False)
+
+
+def write_recording(recording: Recording, path: Path) -> Path:
+    """Path of the canonical table, written whole or not at all, as .parquet or .csv by its ending.
+
+    Raises:
+        ValueError: Another ending.
+    """
+    if path.suffix not in (".parquet", ".csv"):
+        raise InvalidInputError(Problem("ending-unknown", "the name must end in .parquet or .csv", file=str(path)))
+    text = describe([recording.info])
+    if path.suffix == ".csv":
+        with replacing(sidecar(path)) as unfinished:
+            unfinished.write_text(text, encoding="utf-8")
+        with replacing(path) as unfinished:
+            recording.table.to_csv(unfinished, index=False)
+    else:
+        table = pa.Table.from_pandas(recording.table, preserve_index=False)
+        metadata = {**(table.schema.metadata or {}), f"rearl_jax.{METADATA}": text}
+        with replacing(path) as unfinished:
+            pq.write_table(table.replace_schema_metadata(metadata), unfinished)
+    return path
+
+
+def sidecar(path: Path) -> Path:
+    """Optional file with the metadata of a CSV table, which a Parquet file holds itself."""
+    return path.with_name(f"{path.name}.info.json")

@@ -1,0 +1,136 @@
+"""Rows of a foreign table made canonical: units converted, ids numbered, and columns filled in that follow from others.
+
+Whatever is assumed or derived is said in a note of the recording.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from rearl_jax.config.data import DataConfig
+from rearl_jax.data.checks import clock
+from rearl_jax.data.problems import bad_recording
+from rearl_jax.data.tables.moments import seconds_of
+from rearl_jax.data.tables.spelling import Spelling, require_known_columns
+from rearl_jax.data.tables.track_names import LABEL, numbered
+
+NEEDED = ("track_id", "position", "speed")
+"""Columns without which rows are no trajectories; all others may be missing, or follow from these and a clock."""
+
+_LONGEST_STEP = 1e6  # frames; beyond it the number is no frame
+
+
+@dataclass(frozen=True)
+class Completed:
+    """Canonical rows of a foreign table.
+
+    Attributes:
+        rows: The rows.
+        notes: What was done for it.
+        labels: Labels of tracks that came with it.
+    """
+
+    rows: pd.DataFrame
+    notes: tuple[str, ...]
+    labels: tuple[str, ...]
+
+
+def completed(rows: pd.DataFrame, spelling: Spelling, data: DataConfig, file: str) -> Completed:
+    """The rows in SI units with every required column, and notes on what was done for it.
+
+    Times whose unit is not stated stay as they are.
+
+    Args:
+        rows: Rows under canonical names; the index holds the row numbers of the source.
+        spelling: How the table writes them.
+        data: `default_length`.
+        file: For messages.
+
+    Raises:
+        BadRecordingError: A column is missing that does not follow from others, or an id or a time cannot be read.
+    """
+    require_known_columns(list(rows.columns), NEEDED, file)
+    notes: list[str] = []
+    if "time" in rows and not pd.api.types.is_numeric_dtype(rows["time"]):
+        column = spelling.columns.get("time", "time")
+        seconds, form = seconds_of(pd.Series(rows["time"]), file, column)
+        rows = rows.assign(time=seconds)
+        if form is not None:
+            notes.append(f"times are dates and times of day ({form}), taken as seconds")
+    rows, of_ids = numbered(rows, file, spelling.columns)
+    rows = _in_si(rows, spelling, file)
+    rows, of_frames = _with_frames(rows, spelling, file)
+    rows, of_others = _with_defaults(rows, data)
+    return Completed(rows, (*notes, *of_ids, *of_frames, *of_others), (LABEL,) if of_ids else ())
+
+
+def _in_si(rows: pd.DataFrame, spelling: Spelling, file: str) -> pd.DataFrame:
+    """The rows with every column whose unit is stated in SI; frames of a stated rate give the times."""
+    for name, factor in spelling.factors.items():
+        values = pd.Series(pd.to_numeric(rows[name], errors="coerce"), index=rows.index)
+        bad = (values.isna() & rows[name].notna()).to_numpy()
+        if bad.any():
+            row = int(np.argmax(bad))
+            text, column = f"{rows[name].iloc[row]!r} is not a number", spelling.columns[name]
+            number = int(rows.index[row]) + 1
+            raise bad_recording("not-a-number", text, "write a number", file, column=column, row=number)
+        if name == "frame":
+            rows = rows.assign(time=values.astype(np.float64) / factor)
+        elif name == "lane":
+            rows = rows.assign(lane=factor * (values.astype(np.float64) - (spelling.leftmost or 0)))
+        elif factor != 1.0:
+            rows = rows.assign(**{name: values.astype(np.float64) * factor})
+    return rows
+
+
+def _with_frames(rows: pd.DataFrame, spelling: Spelling, file: str) -> tuple[pd.DataFrame, list[str]]:
+    """The rows with frames that rise by 1, from the times where there are none."""
+    track = _numbers(pd.Series(rows["track_id"]))
+    if "frame" not in rows:
+        if "time" not in rows:
+            text = "neither frames nor times are there"
+            remedy = "name the column of times: 'data.columns={time: NAME}'"
+            raise bad_recording("column-missing", text, remedy, file, column="frame")
+        found = clock.frames_of(track, _numbers(pd.Series(rows["time"])))
+        if found is None:
+            text = "the times of a vehicle do not rise by multiples of one step, so they tell no frames"
+            remedy = (
+                "resample the recording to a fixed rate, or name the column of frames: 'data.columns={frame: NAME}'"
+            )
+            raise bad_recording("frames-unknown", text, remedy, file, column=spelling.columns.get("time", "time"))
+        return rows.assign(frame=found[0]), ["frames counted from the times"]
+    frame = _numbers(pd.Series(rows["frame"]))
+    known = np.isfinite(track) & np.isfinite(frame)
+    order = np.flatnonzero(known)[np.lexsort((frame[known], track[known]))]
+    steps = np.diff(frame[order])[np.diff(track[order]) == 0]
+    if not steps.size or (steps != np.rint(steps)).any() or steps.max() > _LONGEST_STEP:
+        return rows, []
+    every = int(np.gcd.reduce(steps.astype(np.int64)))
+    first = float(frame[order[0]])
+    if every < 2 or ((frame[known] - first) % every).any():
+        return rows, []
+    return rows.assign(frame=(frame - np.min(frame[known])) / every), [f"every {every}th frame is there, counted anew"]
+
+
+def _with_defaults(rows: pd.DataFrame, data: DataConfig) -> tuple[pd.DataFrame, list[str]]:
+    """The rows with the columns that a table of one straight road may leave out."""
+    notes = []
+    lateral = rows["lateral"] if "lateral" in rows else 0.0
+    fillings: Mapping[str, tuple[object, str]] = {
+        "direction": (1, "one direction of travel"),
+        "x": (rows["position"], "x is the position along the road"),
+        "y": (lateral, "y is the lateral position" if "lateral" in rows else "y is 0"),
+        "length": (data.default_length, f"every vehicle is {data.default_length:g} m long"),
+        "vehicle_class": ("car", "every vehicle is a car"),
+    }
+    for name, (values, meaning) in fillings.items():
+        if name not in rows:
+            rows = rows.assign(**{name: values})
+            notes.append(meaning)
+    return rows, [f"not in the table, assumed: {', '.join(notes)}"] if notes else []
+
+
+def _numbers(column: pd.Series) -> np.ndarray:
+    return pd.Series(pd.to_numeric(column, errors="coerce")).to_numpy(np.float64, na_value=np.nan)

@@ -1,0 +1,156 @@
+"""What is known of a recording from its rows alone: frame rate, lanes, length of the road and where it begins."""
+
+import numpy as np
+import pandas as pd
+
+from rearl_jax.data.checks import clock
+from rearl_jax.data.checks.placeholders import is_placeholder
+from rearl_jax.data.checks.typed_table import MOST_LANES
+from rearl_jax.data.checks.unit_checks import MOVING, UNIT_RATIOS
+from rearl_jax.data.problems import bad_recording
+from rearl_jax.data.records import RecordingInfo
+from rearl_jax.data.units import SI_FACTOR, to_si
+
+DERIVED = "frame rate, lanes and road length derived from the rows"
+FAR = 1000.0
+"""Position [m] from which on an origin outside of the road is taken for granted, if the road is shorter than that."""
+BEFORE = 20.0
+"""Distance [m] before the upstream edge that a vehicle may be at: one that has not yet entered the view."""
+FAR_AWAY = 1e5
+"""Ground coordinate [m] that only a map projection such as UTM has."""
+_COLUMNS = ("track_id", "frame", "time", "direction", "x", "y", "position", "length", "lane", "speed")
+
+
+def info_of_rows(
+    recording: str, rows: pd.DataFrame, file: str, source: str, *, is_in_seconds: bool = False
+) -> tuple[pd.DataFrame, RecordingInfo]:
+    """The rows on a road that begins at 0, with times in s, and frame rate, lanes and road length of the recording.
+
+    Args:
+        recording: Its id.
+        rows: Canonical rows.
+        file: Where they come from, for messages.
+        source: Name of the data set.
+        is_in_seconds: The times are known to be in s; else their unit is told from the rows.
+
+    Raises:
+        BadRecordingError: There is no column `time`, its unit cannot be told, or the frame rate cannot be told from it.
+    """
+    if "time" not in rows:
+        text = "without metadata of the recording the frame rate is derived from the column time"
+        remedy = "add the column time [s], or state the rate of the frames, such as 'data.units={frame: 25/s}'"
+        raise bad_recording("frame-rate-unknown", text, remedy, file, column="time")
+    values = {name: _numbers(pd.Series(rows[name])) for name in _COLUMNS if name in rows}
+    notes = [DERIVED]
+    rate, unit = _frame_rate(values, file, is_in_seconds)
+    if unit != "s":
+        values["time"] = to_si(values["time"], unit)
+        rows = rows.assign(time=values["time"])
+        notes.append(f"time taken to be in {unit}, which makes {rate:g} frames per second")
+    if clock.resolution(values["time"]) > 1.0 / rate:
+        notes.append(f"times are rounded to {clock.resolution(values['time']):g} s: computed from the frames")
+        rows = rows.drop(columns="time")
+    lanes = {}
+    for direction in (1, 2):
+        here = values["direction"] == direction
+        if here.any():
+            lane = values["lane"][here] if "lane" in values else np.full(1, np.nan)
+            lane = lane[(lane >= 0) & (lane < MOST_LANES)]
+            lanes[direction] = int(np.max(lane, initial=0.0)) + 1
+            if lane.size and lane.min() > 0:
+                notes.append(f"direction {direction}: no vehicle uses the lanes left of lane {lane.min():g}")
+    rows, length, moved = _from_upstream_edge(rows, values)
+    info = RecordingInfo(
+        id=recording,
+        frame_rate=rate,
+        lane_count=lanes or {1: 1},
+        road_length=length,
+        source=source,
+        licence="not stated in the file",
+        attribution="not stated in the file",
+        notes=(*notes, *moved),
+        file=file,
+    )
+    return rows, info
+
+
+def _numbers(column: pd.Series) -> np.ndarray:
+    return pd.Series(pd.to_numeric(column, errors="coerce")).to_numpy(np.float64, na_value=np.nan)
+
+
+def _frame_rate(values: dict[str, np.ndarray], file: str, is_in_seconds: bool) -> tuple[float, str]:
+    """Frames per second, and the unit of the times."""
+    found = clock.period_of(values["track_id"], values["frame"], values["time"])
+    if found is None:
+        text = "the frame rate cannot be determined: no track has two rows with rising frame and time"
+        remedy = "correct frame and time [s], or state the frame rate in the metadata"
+        raise bad_recording("frame-rate-unknown", text, remedy, file, column="time")
+    period, uncertainty = found
+    scale = None if is_in_seconds else _steps_over_speed(values, period)
+    unit = "s" if is_in_seconds else clock.unit_of(period, scale, UNIT_RATIOS.values())
+    if unit is None:
+        text = f"the unit of time cannot be told: it grows by {10.0 * period:g} per 10 frames"
+        hint = "'data.units={time: ms}'"
+        if scale is not None and scale > 0.0:
+            rate = clock.rate_of(period * scale, 0.02 * period * scale)
+            text += f", and vehicles move as if {rate * period:g} of it were one second"
+            hint = f"'data.units={{time: {rate * period:g}/s}}'"
+        remedy = f"state its unit, such as {hint}, or 'data.units={{time: s}}'"
+        raise bad_recording("time-unit-unknown", text, remedy, file, column="time")
+    seconds = SI_FACTOR[unit]
+    return clock.rate_of(period * seconds, uncertainty * seconds), unit
+
+
+def _steps_over_speed(values: dict[str, np.ndarray], period: float) -> float | None:
+    """Median of steps of position over speed x time; None if no vehicle moves."""
+    order = np.lexsort((values["frame"], values["track_id"]))
+    track, frame, position, speed = (values[name][order] for name in ("track_id", "frame", "position", "speed"))
+    with np.errstate(invalid="ignore"):  # what is not finite does not count
+        step = np.abs(np.diff(position))
+        expected = 0.5 * (speed[1:] + speed[:-1]) * np.diff(frame) * period
+        used = (np.diff(track) == 0) & (np.diff(frame) > 0) & (speed[1:] > MOVING) & (step > 0.0) & (expected > 0.0)
+    return float(np.median(step[used] / expected[used])) if used.any() else None
+
+
+def _from_upstream_edge(
+    rows: pd.DataFrame, values: dict[str, np.ndarray]
+) -> tuple[pd.DataFrame, float, tuple[str, ...]]:
+    """The rows with positions from the upstream edge of what is seen, the length of the road, and notes.
+
+    Positions that already begin near 0 stay as they are.
+    """
+    notes: tuple[str, ...] = ()
+    position, half = values["position"].copy(), 0.5 * np.nan_to_num(values["length"])
+    road = 0.0
+    for direction in (1, 2):
+        here = np.flatnonzero((values["direction"] == direction) & _is_place(position))
+        if not here.size:
+            continue
+        here = here[_near_others(position[here])]
+        first, last = float(np.min((position - half)[here])), float(np.max((position + half)[here]))
+        if first < -BEFORE or last <= 0.0 or (first > FAR and first > last - first):
+            own = values["direction"] == direction
+            position[own] -= first
+            last -= first
+            notes += (f"direction {direction}: {first:.1f} m taken off the positions, which begin at 0",)
+        road = max(road, last)
+    if notes:
+        rows = rows.assign(position=position)
+    for name in ("x", "y"):
+        places = values[name][_is_place(values[name])]
+        if places.size and np.min(np.abs(places)) > FAR_AWAY:
+            least = float(np.floor(np.min(places)))
+            rows = rows.assign(**{name: values[name] - least})
+            notes += (f"{least:.0f} m taken off {name}",)
+    return rows, road, notes
+
+
+def _near_others(position: np.ndarray) -> np.ndarray:
+    """Mask of the positions that are not far from 98 % of all, as those of broken rows are."""
+    low, high = np.quantile(position, (0.01, 0.99))
+    reach = high - low + BEFORE
+    return (position >= low - reach) & (position <= high + reach)
+
+
+def _is_place(values: np.ndarray) -> np.ndarray:
+    return np.isfinite(values) & ~(is_placeholder(values) & (values != -1.0))

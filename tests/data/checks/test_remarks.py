@@ -1,0 +1,32 @@
+"""Notes on what is read without a fault: overlaps, and lanes that do not fit lateral positions."""
+
+import numpy as np
+import pytest
+
+from rearl_jax.config.data import DataConfig
+from rearl_jax.data.recordings import iterate_recordings
+from rearl_jax.data.tables.in_memory import in_memory
+
+
+def _notes(rows):
+    (recording,) = iterate_recordings(in_memory(rows.assign(time=rows["frame"] / 10.0), DataConfig()))
+    return recording.info.notes[1:]
+
+
+def test_sound_rows_need_no_note(vehicle_rows):
+    assert _notes(vehicle_rows) == ()
+
+
+@pytest.mark.parametrize("without", [[], ["lane"]])
+def test_vehicles_inside_each_other_are_counted(vehicle_rows, without):
+    close = vehicle_rows.assign(leader_id=np.nan)
+    close.loc[close["track_id"] == 3, ["position", "x"]] += 38.0
+    close.loc[close["track_id"] == 2, ["position", "x"]] += 200.0
+    (note,) = _notes(close.drop(columns=without))
+    gap = 2.0 + 0.2 * np.arange(100) - 8.25
+    assert note.startswith(f"{(gap < 0).sum()} of 100 rows overlap")
+
+
+def test_lateral_positions_far_right_of_their_lanes_are_noted(vehicle_rows):
+    (note,) = _notes(vehicle_rows.assign(lateral=vehicle_rows["lateral"] + 7.0, y=vehicle_rows["y"] + 7.0))
+    assert "further to the right" in note
