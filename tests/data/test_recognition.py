@@ -13,7 +13,7 @@ from benchmarks import sensor_layouts
 from rearl_jax.config.data import DataFormat
 from rearl_jax.data.readers import reader_of
 from rearl_jax.data.survey.task import run
-from tests.data import openacc_files, sumo_files, vissim_files
+from tests.data.formats import openacc_files, sumo_files, vissim_files
 
 
 def _sumo_xml(folder: Path) -> Path:

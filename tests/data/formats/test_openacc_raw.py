@@ -7,7 +7,7 @@ import pytest
 from rearl_jax.config.data import DataConfig, DataFormat, OnBad
 from rearl_jax.data.recordings import iterate_recordings
 from rearl_jax.problems import InvalidInputError, MissingInputError
-from tests.data import openacc_files
+from tests.data.formats import openacc_files
 from tests.refusal import refused
 
 T = openacc_files.T

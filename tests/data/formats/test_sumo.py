@@ -13,7 +13,7 @@ import pytest
 from rearl_jax.config.data import DataConfig, DataFormat, OnBad
 from rearl_jax.data.recordings import count_recordings, is_generated, iterate_recordings
 from rearl_jax.problems import InvalidInputError, MissingInputError
-from tests.data import sumo_files
+from tests.data.formats import sumo_files
 from tests.refusal import refused
 
 ROWS = sumo_files.rows()

@@ -7,7 +7,7 @@ import pytest
 from rearl_jax.config.data import DataConfig, DataFormat, OnBad
 from rearl_jax.data.recordings import is_generated, iterate_recordings
 from rearl_jax.problems import InvalidInputError, MissingInputError
-from tests.data import vissim_files
+from tests.data.formats import vissim_files
 from tests.refusal import refused
 
 ROWS = vissim_files.rows()
