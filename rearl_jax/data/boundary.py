@@ -1,4 +1,4 @@
-"""What was recorded around the vehicles of scenes: those that are simulated, and those that are replayed.
+"""Recorded traffic around the vehicles of scenes: vehicles that enter the simulation, and vehicles that are replayed.
 
 The simulated vehicles of a second are the picked ones of the snapshot at its beginning. Each has a place, which it
 keeps; when it is not picked any more, because it has left the recording, another picked vehicle takes its place, where
@@ -75,7 +75,7 @@ class SceneBoundary:
 
 @dataclass(frozen=True)
 class BoundaryOptions:
-    """What is replayed.
+    """Choice of the replayed vehicles.
 
     Attributes:
         source: All others, or those ahead of the foremost.
@@ -91,15 +91,15 @@ class BoundaryOptions:
 def cut_boundary(
     recordings: Iterable[Recording], scenes: SceneSet, subset: np.ndarray, options: BoundaryOptions
 ) -> SceneBoundary:
-    """What was recorded around the vehicles of some scenes.
+    """The recorded traffic around the vehicles of some scenes.
 
     Between two recorded frames positions, speeds and accelerations change linearly; a lane is that of the earlier one.
 
     Args:
-        recordings: Those of the scenes, among others; read once, one at a time.
+        recordings: Recordings that include those of the scenes; read once, one at a time.
         scenes: All scenes.
         subset: Indices of the scenes.
-        options: What is replayed.
+        options: Choice of the replayed vehicles.
 
     Raises:
         InvalidInputError: The lane of a vehicle is unknown, or a recording is missing.

@@ -1,6 +1,6 @@
 """Tables in files: Parquet or text in the columns of `schema.COLUMNS`, or in others that `data.columns` names.
 
-A file may hold several recordings, told apart by its column `recording`. What is known besides the rows
+A file may hold several recordings, distinguished by its column `recording`. What is known besides the rows
 (frame rate, lanes, licence) stands in the metadata of a Parquet file, or beside a CSV file in
 `<file>.info.json`; for tables without it, it is worked out from the rows and a note says so.
 """
@@ -28,7 +28,7 @@ from rearl_jax.data.row_info import info_of_rows
 from rearl_jax.data.schema import COLUMNS, REQUIRED, Recording, RecordingInfo, validate
 from rearl_jax.data.spelling import Spelling, require_known_columns, spelling_of
 from rearl_jax.data.text_layout import layout_of
-from rearl_jax.data.track_names import IDS, LARGEST
+from rearl_jax.data.track_names import IDS, MAX_EXACT_ID
 from rearl_jax.problems import InvalidInputError, Problem
 from rearl_jax.whole_files import replacing
 
@@ -127,7 +127,7 @@ class TableFile:
 
     @cached_property
     def _remarks(self) -> tuple[str, ...]:
-        """What was recognised of a text table and is not certain."""
+        """Notes on properties of a text table that were guessed."""
         return layout_of(self.path).remarks if self._is_csv else ()
 
     def _csv(self, labels: tuple[str, ...]) -> tuple[pd.DataFrame, int]:
@@ -193,8 +193,8 @@ class TableFile:
 
 
 def _loses_digits(ids: pa.ChunkedArray) -> bool:
-    """Whether ids that were read as float64 may be others in the file."""
-    return pa.types.is_floating(ids.type) and bool(np.nanmax(np.abs(ids.to_numpy()), initial=0.0) > LARGEST)
+    """True if ids that were read as float64 may be others in the file."""
+    return pa.types.is_floating(ids.type) and bool(np.nanmax(np.abs(ids.to_numpy()), initial=0.0) > MAX_EXACT_ID)
 
 
 def describe(infos: Iterable[RecordingInfo]) -> str:

@@ -19,13 +19,13 @@ NUMBERED = frozenset({"track_id", "frame", "direction", "lane", "leader_id"})
 # Wide enough for every road vehicle and for sensor noise, narrow enough for a broken row. Length: the longest
 # combinations on European and US motorways are 25.25 m and about 36 m. Speed: beyond production cars.
 RANGES = {"speed": (0.0, 100.0), "length": (0.5, 40.0), "width": (0.2, 5.0), "acceleration": (-50.0, 50.0)}
-LARGEST = 1e12  # beyond every number of a recording; squares of what is below it do not overflow
+MAX_MAGNITUDE = 1e12  # beyond every number of a recording; squares of what is below it do not overflow
 RANGE_UNIT = {"speed": "m/s", "length": "m", "width": "m", "acceleration": "m/s^2"}
 
 
-MOST_LANES = 12
+MAX_LANES = 12
 """More lanes than any carriageway has; beyond it a lane number is a fault and says nothing about the road."""
-NOISE = 0.5
+POSITION_NOISE = 0.5
 """Excess of a step [m] that noise and rounding of positions bring about at any frame rate."""
 
 
@@ -36,7 +36,7 @@ def not_finite(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -> 
         if not pd.api.types.is_float_dtype(column.dtype):
             continue
         values = column.to_numpy(dtype=np.float64, na_value=np.nan)
-        size, largest = np.abs(values), np.finfo(np.float64).max if name in NUMBERED else LARGEST
+        size, largest = np.abs(values), np.finfo(np.float64).max if name in NUMBERED else MAX_MAGNITUDE
         bad = size > largest if name in NULLABLE else ~(size <= largest)
         if bad.any():
             value = values[np.argmax(bad)]
@@ -172,7 +172,7 @@ def jump(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -> Findin
     expected = 0.5 * (speed[1:] + speed[:-1]) * time
     step = np.diff(position)
     ground = np.hypot(np.diff(table["x"].to_numpy()), np.diff(table["y"].to_numpy()))
-    bound = np.maximum(policy.max_jump * time, NOISE)
+    bound = np.maximum(policy.max_jump * time, POSITION_NOISE)
     causes = {
         "position": np.abs(step - expected) > bound,
         "lateral": np.abs(np.diff(lateral)) > bound,

@@ -14,12 +14,12 @@ SECONDS = {unit: factor for unit, factor in UNITS["s"].items() if unit != "s"}
 """Units of time that are not the second [s]."""
 PLAUSIBLE_RATES = (0.5, 300.0)
 """Frames per second of recordings of traffic [1/s]; beyond them times are in another unit."""
-REGULAR = 0.3
+FRAME_TOLERANCE = 0.3
 """Share of the time between two frames by which a time may be off its frame."""
-MOST_IRREGULAR = 0.05
+MAX_IRREGULAR_SHARE = 0.05
 """Share of rows further off from which on the times are no multiples of one step."""
-_LARGEST_STEP = 3  # of resolution: 10^3 s
-_FINEST = 9  # of resolution: 10^-9 s
+_MAX_STEP_EXPONENT = 3  # of resolution: 10^3 s
+_MIN_STEP_EXPONENT = 9  # of resolution: 10^-9 s
 _DECIMALS = 6  # of a frame rate that is none of the usual ones
 
 
@@ -29,7 +29,7 @@ def resolution(time: np.ndarray) -> float:
     if not time.size or not np.any(time):
         return 0.0
     noise = 4.0 * np.finfo(np.float64).eps * float(np.max(np.abs(time)))
-    for power in range(_LARGEST_STEP, -_FINEST - 1, -1):
+    for power in range(_MAX_STEP_EXPONENT, -_MIN_STEP_EXPONENT - 1, -1):
         step = 10.0**power
         if np.all(np.abs(time - step * np.rint(time / step)) <= noise + 1e-9 * step):
             return step
@@ -37,10 +37,10 @@ def resolution(time: np.ndarray) -> float:
 
 
 def period_of(track: np.ndarray, frame: np.ndarray, time: np.ndarray) -> tuple[float, float] | None:
-    """Time between two frames and its uncertainty, in the unit of the times; None if no track tells it.
+    """Time between two frames and its uncertainty, in the unit of the times; None if no track determines it.
 
-    The rounding of a time is the same for a step and for a whole track, so tracks tell the period better than steps,
-    and the whole recording tells it best, if its tracks share a clock.
+    The rounding error of a time is as large for a step as for a whole track, so tracks determine the period better than
+    steps, and the whole recording does so best, if its tracks share a clock.
 
     Args:
         track: Vehicle of each row.
@@ -95,15 +95,15 @@ def rate_of(period: float, uncertainty: float) -> float:
 
 
 def unit_of(period: float, scale: float | None, ratios: Collection[float] = ()) -> str | None:
-    """Unit of the times; None if it cannot be told.
+    """Unit of the times; None if it cannot be determined.
 
-    The motion of vehicles tells it best, even if position or speed is in another unit. Without motion the step tells
-    it, if that is the step of a recording of traffic in one unit alone and not 1, as that of frame numbers is.
+    The motion of vehicles determines it best, even if position or speed is in another unit. Without motion the step
+    determines it, if only one unit makes it the step of a traffic recording, and if it is not 1 as in frame numbers.
 
     Args:
         period: Time between two frames in that unit.
         scale: Steps of position over speed x time; None where no vehicle moves.
-        ratios: What the scale is with usual units of position and speed that are not those of SI.
+        ratios: Values of the scale for usual units of position and speed other than those of SI.
     """
     seconds = UNITS["s"]
     units = [unit for unit in seconds if PLAUSIBLE_RATES[0] <= 1.0 / (period * seconds[unit]) <= PLAUSIBLE_RATES[1]]
@@ -147,9 +147,9 @@ def frames_of(track: np.ndarray, time: np.ndarray) -> tuple[np.ndarray, float] |
     frame = np.full(len(time), np.nan)
     frame[order] = np.rint((time[order] - first) / period)
     off = np.abs(time[order] - first - frame[order] * period)
-    share_off = np.mean(np.abs(off - np.median(off)) > REGULAR * period)
+    share_off = np.mean(np.abs(off - np.median(off)) > FRAME_TOLERANCE * period)
     is_twice = np.any((np.diff(frame[order])[same] == 0) & (steps > 0.0))
-    return None if share_off > MOST_IRREGULAR or is_twice else (frame, period)
+    return None if share_off > MAX_IRREGULAR_SHARE or is_twice else (frame, period)
 
 
 def _refined(time: np.ndarray, period: float) -> float:

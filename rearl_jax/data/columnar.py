@@ -23,7 +23,7 @@ def column_names(path: Path) -> list[str]:
 
 
 def is_parquet(path: Path) -> bool:
-    """Whether a file is Parquet, by its ending or its first bytes."""
+    """True if a file is Parquet, by its ending or its first bytes."""
     if path.suffix.lower() == ".parquet" or not path.is_file():
         return path.suffix.lower() == ".parquet"
     with path.open("rb") as file:
@@ -31,7 +31,7 @@ def is_parquet(path: Path) -> bool:
 
 
 def is_text(path: Path, column: str) -> bool:
-    """Whether a column holds texts.
+    """True if a column holds texts.
 
     Raises:
         BadRecordingError: The file is not Parquet.
@@ -138,7 +138,7 @@ def _cast(column: pa.ChunkedArray, name: str, path: Path, *, is_text: bool) -> p
 
 
 def _is_scalar(kind: pa.DataType) -> bool:
-    """Whether values of the type are written as one word: numbers, dates and truth values."""
+    """True if values of the type are written as one word: numbers, dates and truth values."""
     return pa.types.is_primitive(kind) or pa.types.is_decimal(kind)
 
 

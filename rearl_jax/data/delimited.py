@@ -28,8 +28,8 @@ from rearl_jax.data.text_layout import (
     text_of,
 )
 
-_LARGEST_WHOLE = 2.0**63  # beyond it a number is no 64-bit integer
-_BLOCK = 2**20  # bytes
+_MAX_INTEGER = 2.0**63  # beyond it a number is no 64-bit integer
+_BLOCK_BYTES = 2**20  # bytes
 _UTF8 = ("utf-8", "utf-8-sig")
 
 
@@ -97,7 +97,7 @@ def read_below(
         header: Names of its columns; those of empty fields at the ends of all lines may be missing.
         n_above: Lines above the first row, the header among them.
         columns: Name and type of every column to read.
-        delimiter: What separates fields.
+        delimiter: Separator of fields.
         on_bad: stop makes a broken line an error.
     """
     try:
@@ -126,7 +126,7 @@ def first_rows(path: Path, number: int) -> tuple[pd.DataFrame, int]:
 
     Args:
         path: The file.
-        number: How many rows at most.
+        number: Largest number of rows.
 
     Raises:
         BadRecordingError: The file is empty, damaged or not text.
@@ -189,7 +189,7 @@ class _Lines:
         path: The file.
         names: Names of all its columns.
         content: The lines in UTF-8; None if they are those of the file itself.
-        delimiter: What separates fields.
+        delimiter: Separator of fields.
         decimal_point: Mark before the fraction of a number.
         header_lines: Lines before the first row.
         quoted: Whether fields may stand in quotes.
@@ -225,7 +225,7 @@ class _Lines:
         with self.path.open("rb") if self.content is None else io.BytesIO(self.content) as file:
             decoder = codecs.getincrementaldecoder("utf-8")()
             try:
-                while block := file.read(_BLOCK):
+                while block := file.read(_BLOCK_BYTES):
                     decoder.decode(block)
                 decoder.decode(b"", final=True)
             except UnicodeDecodeError:
@@ -240,7 +240,7 @@ class _Lines:
             if columns[name] == values.type:
                 continue
             numbers = values.to_numpy()
-            whole = (np.abs(numbers) < _LARGEST_WHOLE) & (numbers == np.rint(numbers))
+            whole = (np.abs(numbers) < _MAX_INTEGER) & (numbers == np.rint(numbers))
             unfit = values.is_valid().to_numpy() & ~whole
             if unfit.any():
                 row = int(np.argmax(unfit))

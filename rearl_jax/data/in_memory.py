@@ -28,7 +28,7 @@ class TableInMemory(DataConfig):
     """A data set whose rows are a table in memory instead of files.
 
     Attributes:
-        table: The rows; the column `recording`, where there is one, tells recordings apart. `root` holds their hash,
+        table: The rows; the column `recording`, if present, distinguishes recordings. `root` holds their hash,
             so that two equal tables are the same data set.
     """
 

@@ -1,6 +1,6 @@
 """Labels of tracks beside the canonical columns: what the source says of a vehicle or its driver, one value per track.
 
-A car's model, the setting of its cruise control, the person at the wheel: discovery tells groups apart by them.
+A car's model, the setting of its cruise control, the person at the wheel: discovery groups vehicles by them.
 """
 
 from collections.abc import Sequence

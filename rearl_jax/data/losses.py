@@ -42,7 +42,7 @@ def reject(
 
     Args:
         table: Rows, with the row numbers of the source (from 0) as index.
-        finding: What is wrong.
+        finding: The fault.
         info: Recording, for its file.
         policy: `on_bad` decides what happens.
         losses: Account of the recording, changed in place.

@@ -40,7 +40,7 @@ class MainRoad:
     """Links in sequence.
 
     Attributes:
-        begins: Where each link begins along the road [m]; NaN for links that are no part of it.
+        begins: Start of each link along the road [m]; NaN for links that are not part of it.
         laps: Rows with which a vehicle begins the road anew, as on a ring.
     """
 
@@ -77,7 +77,7 @@ class _Joint:
     Attributes:
         behind: The link they come from.
         ahead: The link they get to.
-        apart: How far ahead the second begins [m].
+        apart: Distance from the start of the first to the start of the second [m].
         n: Number of vehicles.
     """
 
@@ -103,9 +103,9 @@ def _moved(steps: Steps, rows: np.ndarray) -> np.ndarray:
 
 def _joints(behind: np.ndarray, ahead: np.ndarray, apart: np.ndarray) -> list[_Joint]:
     """Pairs of links that vehicles agree on."""
-    pairs, which = np.unique(np.stack([behind, ahead]), axis=1, return_inverse=True)
+    pairs, inverse = np.unique(np.stack([behind, ahead]), axis=1, return_inverse=True)
     joints = []
-    for pair, rows in enumerate(_rows_of(which.ravel(), pairs.shape[1])):
+    for pair, rows in enumerate(_rows_of(inverse.ravel(), pairs.shape[1])):
         middle = float(np.median(apart[rows]))
         if np.median(np.abs(apart[rows] - middle)) <= AGREE:
             joints.append(_Joint(int(pairs[0, pair]), int(pairs[1, pair]), middle, len(rows)))
@@ -119,7 +119,7 @@ def _rows_of(group: np.ndarray, n_groups: int) -> list[np.ndarray]:
 
 
 def _grown(joints: list[_Joint], steps: Steps) -> np.ndarray:
-    """Where the links begin: from the one with the most rows, along the joints with the most vehicles."""
+    """Start of each link along the road [m], from the link with most rows along the joints with most vehicles."""
     n_links = int(steps.link.max()) + 1
     rows = _rows_of(steps.link, n_links)
     ends = [np.quantile(steps.along[part], (_OUTER, 1.0 - _OUTER)) if part.size else np.zeros(2) for part in rows]
@@ -147,6 +147,6 @@ def _grown(joints: list[_Joint], steps: Steps) -> np.ndarray:
 
 
 def _beside(here: np.ndarray, other: np.ndarray) -> bool:
-    """Whether two stretches lie beside each other, and not one behind the other."""
+    """True if two stretches lie beside each other, and not one behind the other."""
     overlap = min(here[1], other[1]) - max(here[0], other[0])
     return bool(overlap > AGREE or here[0] < other.mean() < here[1] or other[0] < here.mean() < other[1])

@@ -27,7 +27,7 @@ OPTIONAL = {"acceleration": pa.float64(), "leaderID": pa.string()}
 
 _KINDS = dict.fromkeys(NUMBERS, pa.float64()) | dict.fromkeys(TEXTS, pa.string()) | OPTIONAL
 _OTHERS = frozenset({"person", "container"})  # elements that are no vehicles
-_AT_ONCE = 2**15  # elements whose attributes are held as texts
+_BATCH_SIZE = 2**15  # elements whose attributes are held as texts
 
 
 def read_fcd(path: Path, on_bad: OnBad) -> tuple[pd.DataFrame, int]:
@@ -45,14 +45,14 @@ def read_fcd(path: Path, on_bad: OnBad) -> tuple[pd.DataFrame, int]:
 
 
 def is_fcd(path: Path) -> bool:
-    """Whether the file is floating car data, by its first element or the names of its columns."""
+    """True if the file is floating car data, by its first element or the names of its columns."""
     if path.name.lower().endswith(XML):
         return root_of(path) == ROOT
     return {*NUMBERS, *TEXTS} <= _plain(column_names(path) if is_parquet(path) else first_names(path)).keys()
 
 
 def spelling(path: Path) -> dict[str, str]:
-    """What the file calls the columns, by their names in XML."""
+    """Name in the file of every column, by its name in XML."""
     if path.name.lower().endswith(XML):
         return {name: name for name in _KINDS}
     found = column_names(path) if path.suffix.lower() == ".parquet" else read_header(path)
@@ -116,7 +116,7 @@ def _chunks(path: Path) -> Iterator[list[dict[str, str]]]:
             elif name == "vehicle":
                 attributes["time"] = time
                 chunk.append(attributes)
-                if len(chunk) == _AT_ONCE:
+                if len(chunk) == _BATCH_SIZE:
                     yield chunk
                     chunk = []
             elif name == "timestep":

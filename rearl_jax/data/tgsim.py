@@ -17,7 +17,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from rearl_jax.config.data import DataConfig
-from rearl_jax.data.checks import LARGEST, follows_row_before
+from rearl_jax.data.checks import MAX_MAGNITUDE, follows_row_before
 from rearl_jax.data.delimited import read_csv, read_header, stem_of, text_endings
 from rearl_jax.data.folder import named_files
 from rearl_jax.data.frame_rates import frame_rate_of
@@ -78,12 +78,12 @@ def find_files(root: Path) -> list[Path]:
 
 
 def is_one(path: Path) -> bool:
-    """Whether the first line has the columns of TGSIM's highways."""
+    """True if the first line has the columns of TGSIM's highways."""
     return set(_COLUMNS.values()) <= {plain(name) for name in first_names(path)}
 
 
 def runs(path: Path, policy: DataConfig) -> dict[str, int | None]:
-    """Recording id, such as tgsim_i294l1_2 -> the run of the file; None if the file does not tell runs apart.
+    """Recording id, such as tgsim_i294l1_2 -> the run of the file; None if the file does not distinguish runs.
 
     Raises:
         BadRecordingError: The file is no trajectory table of TGSIM's highways.
@@ -122,7 +122,7 @@ def read_run(path: Path, recording: str, run: int | None, policy: DataConfig) ->
         file=str(path),
         columns={ours: names[ours] for ours in _COLUMNS} | {"position": names["x"], "lateral": names["y"]},
     )
-    rows["time"] = rows["time"].where(rows["time"].abs() <= LARGEST)
+    rows["time"] = rows["time"].where(rows["time"].abs() <= MAX_MAGNITUDE)
     for name in ("track_id", "time"):
         finding = without_value(rows, name)
         rows = rows if finding is None else reject(rows, finding, info, policy, losses)

@@ -20,7 +20,7 @@ DEFAULT_MODEL = "Krauss"
 
 @dataclass(frozen=True)
 class VehicleClass:
-    """What SUMO takes for vehicles of a class where a type says nothing: units as of SUMO, and our class."""
+    """SUMO's defaults for vehicles of a class, in SUMO's units, and the class of this package."""
 
     kind: str
     length: float

@@ -21,7 +21,7 @@ from rearl_jax.llm.parameters import without
 from rearl_jax.llm.parsing import majority, understand
 from rearl_jax.llm.profiles import request_body, request_digest
 from rearl_jax.llm.prompt_length import PromptLengths
-from rearl_jax.llm.records import KEEP_OUT, Answer, Cause, Question, Reply
+from rearl_jax.llm.records import NO_DECISION, Answer, Cause, Question, Reply
 from rearl_jax.llm.requests_table import Counts, request_row, requests_frame
 from rearl_jax.llm.sending import Job, Sender
 from rearl_jax.llm.startup import Server, meet, replayed
@@ -319,7 +319,7 @@ class Client:
             votes = []
             for vote, digest in enumerate(digests):
                 reply = replies[digest]
-                action, cause = KEEP_OUT, reply.cause
+                action, cause = NO_DECISION, reply.cause
                 if reply.text is not None:
                     action, cause = self._read(reply.text, question.choices, reply.finish)
                     self._last_texts[cause] = reply.text

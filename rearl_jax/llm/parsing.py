@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from itertools import islice
 
 from rearl_jax.core.meta_actions import MetaAction
-from rearl_jax.llm.records import KEEP_OUT, Cause
+from rearl_jax.llm.records import NO_DECISION, Cause
 
 WORDS = ("left", "keep", "right", "faster", "slower")
 """Names of the actions in questions, in the order of their identifiers."""
@@ -79,10 +79,10 @@ def understand(text: str, choices: tuple[int, ...], finish: str = "") -> tuple[i
     """
     value = _value(text)
     if value is None:
-        return KEEP_OUT, Cause.truncated if finish == "length" else Cause.unparsable
+        return NO_DECISION, Cause.truncated if finish == "length" else Cause.unparsable
     if value == _OTHER_NUMBER:
-        return KEEP_OUT, Cause.out_of_range
-    return (value, Cause.answered) if value in choices else (KEEP_OUT, Cause.inadmissible)
+        return NO_DECISION, Cause.out_of_range
+    return (value, Cause.answered) if value in choices else (NO_DECISION, Cause.inadmissible)
 
 
 def majority(answers: Sequence[tuple[int, Cause]]) -> tuple[int, Cause]:
@@ -97,8 +97,8 @@ def majority(answers: Sequence[tuple[int, Cause]]) -> tuple[int, Cause]:
         if 2 * number > len(answers):
             return action, Cause.answered
     if 2 * causes.total() > len(answers):
-        return KEEP_OUT, causes.most_common(1)[0][0]
-    return KEEP_OUT, Cause.disagreed
+        return NO_DECISION, causes.most_common(1)[0][0]
+    return NO_DECISION, Cause.disagreed
 
 
 def _value(text: str) -> int | None:

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, fields
 from enum import Enum
 
-KEEP_OUT = -1
+NO_DECISION = -1
 """Action of a vehicle that stays with IDM and MOBIL."""
 
 

@@ -41,7 +41,7 @@ def generate(config: GeneratorConfig, root: Path, progress: Progress | None = No
     from which configuration and seed.
 
     Args:
-        config: What to write.
+        config: Content of the data set.
         root: Folder; created if missing.
         progress: Called with the recordings done and wanted, at the start and after each recording.
 
@@ -151,7 +151,7 @@ def _difference(truth: dict, content: dict) -> str:
 
 
 def _is_complete(root: Path, truth: dict, number: int) -> bool:
-    """Whether the three files are listed and have the sizes listed."""
+    """True if the three files are listed and have the sizes listed."""
     sizes = truth["recordings"].get(f"{number:02d}")
     return sizes is not None and all(
         (root / name).is_file() and (root / name).stat().st_size == size for name, size in sizes.items()

@@ -1,4 +1,4 @@
-"""What a survey says on standard output."""
+"""Text of a survey on standard output."""
 
 from rich.markup import escape
 

@@ -16,7 +16,7 @@ from rearl_jax.problems import InvalidInputError, MissingInputError, Problem, Pr
 
 
 def run(place: str) -> dict[str, Any]:
-    """What the file or folder is read as, printed and as a record.
+    """Interpretation of a file or folder, printed and returned as a record.
 
     Keys: file, format, command; for a table also form, rows_looked_at, columns (by their names in the file, each with
     canonical, unit, why), missing, doubts, recordings, notes, dropped. Nothing is written.
