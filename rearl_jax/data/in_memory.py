@@ -20,7 +20,7 @@ from rearl_jax.data.schema import COLUMNS, validate
 from rearl_jax.data.spelling import Spelling, require_known_columns, spelling_of
 
 NAME = "table"
-"""The recording in a table without the column `recording`, and where its rows come from in messages."""
+"""Id of the recording in a table without the column `recording`; in messages also the name of the source."""
 
 
 @dataclass(unsafe_hash=True)

@@ -61,10 +61,10 @@ def numbered(rows: pd.DataFrame, file: str, spelling: Mapping[str, str]) -> tupl
         leader = _as_texts(pd.Series(rows["leader_id"]))
         code = pd.Series(np.arange(1.0, len(names) + 1.0), index=names)
         nobody = leader.isna() | (leader.str.lower().isin(NOBODY) & ~leader.isin(names))
-        strangers = pd.Series(leader[~nobody & ~leader.isin(names)])
-        others, inverse = np.unique(strangers.astype(str), return_inverse=True)
+        absent = pd.Series(leader[~nobody & ~leader.isin(names)])
+        others, inverse = np.unique(absent.astype(str), return_inverse=True)
         number = leader.map(code).astype(np.float64)
-        number[strangers.index] = len(names) + 1.0 + inverse
+        number[absent.index] = len(names) + 1.0 + inverse
         rows = rows.assign(leader_id=number.to_numpy())
         if len(others):
             notes.append(f"{len(others)} stated leaders are no vehicle of the recording, such as {others[0]}")

@@ -27,7 +27,7 @@ MODEL_VERSION = 1  # to be raised with every change that alters the files writte
 _NOT_CONTENT = ("n_recordings", "first_id", "workers")  # these keys do not alter a recording's content
 
 _PLANTED: list[str] = []
-"""Effects beyond the model: none. Their place in generator.json says so."""
+"""Effects beyond the model that the generator plants: none, which generator.json states as an empty list."""
 
 Progress = Callable[[int, int], None]
 
@@ -35,10 +35,9 @@ Progress = Callable[[int, int], None]
 def generate(config: GeneratorConfig, root: Path, progress: Progress | None = None) -> list[Path]:
     """Paths of the recordings' tracks files, after writing those that are missing.
 
-    A recording depends on the seed, its number and the configuration, not on the workers or the other
-    recordings.
-    A killed run is resumed by the same call. Beside the files stands generator.json: that they are generated,
-    from which configuration and seed.
+    A recording depends on the seed, its number and the configuration, not on the workers or the other recordings. The
+    same call resumes a killed run. The file generator.json in the same folder marks the recordings as generated and
+    states their configuration and seed.
 
     Args:
         config: Content of the data set.
@@ -119,10 +118,10 @@ def _opened_truth(config: GeneratorConfig, root: Path) -> dict:
             remedy = "choose another folder (data.root), or remove this one"
             raise InvalidInputError(Problem("generated-otherwise", message, remedy, file=str(path)))
         return truth
-    strangers = sorted(file.name for file in root.glob("*_tracks.csv"))
-    if strangers:
+    foreign_files = sorted(file.name for file in root.glob("*_tracks.csv"))
+    if foreign_files:
         message = (
-            f"the folder holds {strangers[0]} but no {TRUTH_FILE}, so these recordings were not generated here and are "
+            f"the folder holds {foreign_files[0]} but no {TRUTH_FILE}, so these recordings were not generated here and are "
             "not overwritten"
         )
         remedy = "choose another folder (data.root)"
