@@ -1,8 +1,8 @@
 """Tables in files: Parquet or text in the columns of `schema.COLUMNS`, or in others that `data.columns` names.
 
-A file may hold several recordings, distinguished by its column `recording`. What is known besides the rows
-(frame rate, lanes, licence) stands in the metadata of a Parquet file, or beside a CSV file in
-`<file>.info.json`; for tables without it, it is worked out from the rows and a note says so.
+A file may hold several recordings, distinguished by its column `recording`. The metadata (frame
+rate, lanes, licence) are inside a Parquet file, or beside a CSV file in `<file>.info.json`; for tables without metadata
+they are derived from the rows and a note says so.
 """
 
 import json

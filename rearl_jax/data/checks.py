@@ -30,7 +30,7 @@ POSITION_NOISE = 0.5
 
 
 def not_finite(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -> Finding | None:
-    """Rows with NaN in a column that must be known, or with a value that is infinite or as good as that."""
+    """Rows with NaN in a column that must be known, or with an infinite or absurdly large value."""
     for name in table.columns:
         column = table[name]
         if not pd.api.types.is_float_dtype(column.dtype):
@@ -66,7 +66,7 @@ def out_of_order(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -
     bad[1:] &= np.diff(frame) <= 0
     if not bad.any():
         return None
-    # After one frame too far ahead, all rows up to it are late, not only the first.
+    # After a frame number that is too large, all rows with smaller numbers are out of order, not only the next one.
     latest = table.groupby("track_id", sort=False)["frame"].cummax().to_numpy()
     bad = follows_row_before(track)
     bad[1:] &= frame[1:] <= latest[:-1]
@@ -194,12 +194,12 @@ def jump(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -> Findin
 def times_beside_frames(table: pd.DataFrame, info: RecordingInfo) -> np.ndarray:
     """Mask of rows whose time is more than half a frame off frame / frame rate, up to a start all rows share.
 
-    A time that is rounded may be off by half of what it is rounded to, too.
+    A rounded time may deviate by half of its rounding unit in addition.
     """
     time = table["time"].to_numpy()
     off = time - table["frame"].to_numpy() / info.frame_rate
     middle = 0.5 * (np.quantile(off, 0.1) + np.quantile(off, 0.9))
-    # 1 % more, because the middle is known no better.
+    # 1 % more, because the common start is known to no better than that.
     return np.abs(off - middle) > max(0.5 / info.frame_rate, 0.505 * resolution(time))
 
 

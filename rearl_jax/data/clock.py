@@ -15,9 +15,9 @@ SECONDS = {unit: factor for unit, factor in UNITS["s"].items() if unit != "s"}
 PLAUSIBLE_RATES = (0.5, 300.0)
 """Frames per second of recordings of traffic [1/s]; beyond them times are in another unit."""
 FRAME_TOLERANCE = 0.3
-"""Share of the time between two frames by which a time may be off its frame."""
+"""Largest deviation of a time from its frame, as a share of the frame interval [-]."""
 MAX_IRREGULAR_SHARE = 0.05
-"""Share of rows further off from which on the times are no multiples of one step."""
+"""Largest share of rows with a larger deviation [-]; above it the times are not multiples of one step."""
 _MAX_STEP_EXPONENT = 3  # of resolution: 10^3 s
 _MIN_STEP_EXPONENT = 9  # of resolution: 10^-9 s
 _DECIMALS = 6  # of a frame rate that is none of the usual ones
@@ -118,9 +118,9 @@ def unit_of(period: float, scale: float | None, ratios: Collection[float] = ()) 
 
 
 def frames_of(track: np.ndarray, time: np.ndarray) -> tuple[np.ndarray, float] | None:
-    """Frame of each row from its time, counted from the first, and the time between two frames in their unit.
+    """Frame of each row, counted from the first time, and the frame interval in the unit of the times.
 
-    None if the times of a track do not rise by multiples of one step, as those that are rounded too much do not.
+    None if the times of a track do not rise by multiples of one step, for example because they are rounded too much.
 
     Args:
         track: Vehicle of each row.
@@ -134,7 +134,7 @@ def frames_of(track: np.ndarray, time: np.ndarray) -> tuple[np.ndarray, float] |
         return None
     period = float(np.median(steps))
     number = np.zeros(len(order))
-    # Rounded steps of 0.03 and 0.04 are frames 1/30 apart: what a track's frames say of the period numbers them again.
+    # Steps rounded to 0.03 and 0.04 may be frames 1/30 apart: renumber with the period that the whole track implies.
     for _ in range(3):
         rises = np.where(same, np.maximum(np.rint(np.diff(time[order]) / period), 0.0), 0.0)
         number[1:] = np.cumsum(rises)
@@ -153,7 +153,7 @@ def frames_of(track: np.ndarray, time: np.ndarray) -> tuple[np.ndarray, float] |
 
 
 def _refined(time: np.ndarray, period: float) -> float:
-    """The period that the whole recording agrees with, found from parts of it that get longer."""
+    """The period that fits the whole recording, refined on longer and longer parts of it."""
     low, high = float(np.min(time)), float(np.max(time))
     reach = 50.0 * period
     while reach < 2.0 * (high - low):

@@ -90,7 +90,7 @@ def _with_frames(rows: pd.DataFrame, spelling: Spelling, file: str) -> tuple[pd.
     track = _numbers(pd.Series(rows["track_id"]))
     if "frame" not in rows:
         if "time" not in rows:
-            text = "neither frames nor times are there"
+            text = "the table has neither frames nor times"
             remedy = "name the column of times: 'data.columns={time: NAME}'"
             raise bad_recording("column-missing", text, remedy, file, column="frame")
         found = clock.frames_of(track, _numbers(pd.Series(rows["time"])))

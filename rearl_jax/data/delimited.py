@@ -90,7 +90,7 @@ def _require_once(names: Sequence[str], columns: dict[str, pa.DataType], path: P
 def read_below(
     path: Path, header: Sequence[str], n_above: int, columns: dict[str, pa.DataType], delimiter: str, on_bad: OnBad
 ) -> tuple[pa.Table, int]:
-    """The same of a file with other lines above its table, whose fields do not stand in quotes.
+    """The named columns and the number of skipped lines, for a file with lines above its table and without quotes.
 
     Args:
         path: The file.
@@ -165,7 +165,7 @@ def _lines_of(path: Path, names: list[str]) -> "_Lines":
 def read_blank_separated(
     path: Path, names: Sequence[str], columns: dict[str, pa.DataType], on_bad: OnBad
 ) -> tuple[pa.Table, int]:
-    """The same of a file without a header whose fields are separated by any number of blanks.
+    """The named columns and the number of skipped lines, for a file without header and with blanks between fields.
 
     Args:
         path: The file.
@@ -221,7 +221,7 @@ class _Lines:
         return self._whole(table, columns), len(broken)
 
     def _as_text(self) -> "_Lines":
-        """The same lines; in memory, if some are not UTF-8, which broken ones must be for Arrow to hand them over."""
+        """The same lines, copied to memory as UTF-8 if necessary, because Arrow reports broken lines only in UTF-8."""
         with self.path.open("rb") if self.content is None else io.BytesIO(self.content) as file:
             decoder = codecs.getincrementaldecoder("utf-8")()
             try:

@@ -1,7 +1,7 @@
 """Reader of FHWA's leader-follower pairs: the same people behind a car under adaptive cruise control and behind people.
 
-Every pair is two tracks of its own, its follower's and its leader's, because what a follower's leader is differs from
-one of its pairs to the next. Labels: `leader` is ACC or person, `person` says who follows.
+Every pair becomes two tracks, one of the follower and one of the leader, because the kind of leader differs between the
+pairs of one follower. Labels: `leader` is ACC or person, `person` identifies the follower.
 
 Source: U.S. Federal Highway Administration, TO-21-426, modelling interactions of people with inconspicuous vehicles
 under adaptive cruise control; github.com/usdot-fhwa-stol, Apache 2.0.
@@ -91,7 +91,7 @@ def _require_pairs(pairs: pd.DataFrame, info: RecordingInfo) -> None:
         _stop_at(bad, pairs, name, "not-a-number", "a vehicle or pair has no number", "write a whole number", info)
     known = pairs["group"].isin(list(LEADERS)).to_numpy()
     wanted = f"write one of {', '.join(LEADERS)}"
-    _stop_at(~known, pairs, "group", "group-unknown", "what the leader is is not stated", wanted, info)
+    _stop_at(~known, pairs, "group", "group-unknown", "the kind of the leader is not stated", wanted, info)
     for name in ("follower_id", "leader_id", "group"):
         bad = (pairs[name] != pairs.groupby("pair")[name].transform("first")).to_numpy()
         text = f"a pair has several values of {name}"

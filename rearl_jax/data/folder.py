@@ -20,7 +20,7 @@ def visible_files(root: Path, endings: Sequence[str]) -> list[Path]:
     """Files in the folder whose names end like one of `endings`, whatever their case, by name.
 
     Hidden files are left out: locks of editors (`.~lock.a.csv`, `~$a.csv`) and companions that macOS writes
-    (`._a.csv`) bear the names of recordings and are none.
+    (`._a.csv`) have names like recordings but are not recordings.
     """
     files = sorted(root.glob("*")) if root.is_dir() else []
     return [file for file in files if is_visible(file) and _ends(file, endings) and file.is_file()]
@@ -71,7 +71,7 @@ def only_parquet(root: Path, wanted: str) -> Path:
 
 
 def is_visible(file: Path) -> bool:
-    """True if neither programs nor systems have put the file there for themselves."""
+    """True unless the file is hidden, such as the locks and companions of programs and operating systems."""
     return not file.name.startswith(_HIDDEN)
 
 

@@ -164,7 +164,7 @@ def read_recording(tracks_file: Path, policy: DataConfig, *, generated: bool = F
     table = _driver_frame(source, meta, recording.markings, lanes, info.road_length)
     table, dropped = validate(table, info, policy, losses)
     if dropped:
-        # A row that is gone must not have stretched the road of the others.
+        # Dropped rows must not influence the road length of the others.
         length = _last_edge(table["x"].to_numpy() + 0.5 * table["length"].to_numpy())
         to_right = table["direction"].to_numpy() == 2
         along = np.where(to_right, table["x"].to_numpy(), length - table["x"].to_numpy())

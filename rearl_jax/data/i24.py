@@ -34,7 +34,7 @@ N_LANES = 4
 _MAX_LANES = 6
 _USED = 0.01  # share of the rows of a direction in a further lane from which it is one
 _BATCH_BYTES = 32 * 2**20  # bytes of documents that are parsed at a time
-_FIRST_DOCUMENT_BYTES = 2**23  # bytes in which the first document ends, be it of a vehicle that drives for an hour
+_FIRST_DOCUMENT_BYTES = 2**23  # bytes, more than one document has even if its vehicle drives for an hour
 _ASIDE = 0.1  # frames by which a document may miss the times of the others
 _BACKWARD = 1.0  # m/s; errors of the tracking make standing vehicles drive back
 _WINTER = timedelta(hours=-6)  # Central Standard Time; all published days are in it

@@ -84,14 +84,14 @@ def _spans(text: bytes) -> tuple[np.ndarray, np.ndarray]:
             before = (
                 text[: at[place]] if at[place] < _MAX_BACKSLASHES else text[at[place] - _MAX_BACKSLASHES : at[place]]
             )
-            # A backslash behind a backslash is none that escapes.
+            # A backslash that is itself escaped does not escape the next character.
             escaped[place] = (len(before) - len(before.rstrip(b"\\"))) % 2 == 1
     within = np.cumsum(quote & ~escaped) % 2 == 1
     at = at[~quote & ~within]
     step = np.where(codes[at] == ord("{"), 1, -1)
     depth = np.cumsum(step)
     begins, ends = at[(step == 1) & (depth == 1)], at[(step == -1) & (depth == 0)] + 1
-    # A bracket too many shifts all that follow: nothing behind it counts.
+    # An extra bracket shifts all that follow, so everything after it is ignored.
     n = min(len(begins), len(ends))
     wrong = np.flatnonzero(ends[:n] <= begins[:n])
     n = int(wrong[0]) if wrong.size else n

@@ -8,7 +8,7 @@ from rearl_jax.data.records import RecordingInfo
 from rearl_jax.data.unit_checks import LANE_WIDTH, MIN_STEPS, is_other_unit, moving_steps, scale_of, unit_finding
 
 EDGE_TOLERANCE = 0.5
-"""A centre further left of the left edge [m] is no noise: half a vehicle is off the road."""
+"""Distance [m] left of the left edge above which a centre is a fault: half of the vehicle is off the road."""
 
 USUAL_WIDTH = 3.6
 """Width of a lane [m] if a single lane does not show it: 12 ft, and between the 3.5 and 3.75 m of motorways."""

@@ -26,7 +26,7 @@ def wrong_leader(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -
     stated = leader != ABSENT
     if not stated.any():
         return None
-    # Against itself where there is none, which none of the comparisons below marks.
+    # A row without leader is compared with itself, which none of the checks below marks.
     other = np.where(stated, leader, np.arange(len(table)))
     direction, position = table["direction"].to_numpy(), table["position"].to_numpy()
     itself = stated & (track[other] == track)

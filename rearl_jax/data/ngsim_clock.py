@@ -13,7 +13,7 @@ from rearl_jax.data.problems import bad_recording
 LANES = {"us101": 8, "i80": 7}
 """Lanes of each highway."""
 ARTERIALS = ("lankershim", "peachtree")
-"""Places in the export of all places that are no highways."""
+"""Places in the export of all places that are not highways."""
 # Both campaigns were in daylight saving time of the Pacific coast (13 April and 15 June 2005).
 _LOCAL_TIME = timedelta(hours=-7)
 _PERIOD = 100.0  # ms between two frames

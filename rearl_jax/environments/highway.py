@@ -196,7 +196,7 @@ def outcome_of(
 
 
 def select(is_first: Bool[Array, " scenarios"], first: HighwayState, second: HighwayState) -> HighwayState:
-    """The first state in the chosen scenarios and the second in the others; arrays without a scenario axis are shared."""
+    """The first state in the chosen scenarios, the second in all others; arrays without a scenario axis are shared."""
     n_scenarios = is_first.shape[0]
 
     def choose(a: Array, b: Array) -> Array:

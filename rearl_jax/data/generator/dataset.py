@@ -121,8 +121,8 @@ def _opened_truth(config: GeneratorConfig, root: Path) -> dict:
     foreign_files = sorted(file.name for file in root.glob("*_tracks.csv"))
     if foreign_files:
         message = (
-            f"the folder holds {foreign_files[0]} but no {TRUTH_FILE}, so these recordings were not generated here and are "
-            "not overwritten"
+            f"the folder holds {foreign_files[0]} but no {TRUTH_FILE}, so these recordings were not generated here and "
+            "are not overwritten"
         )
         remedy = "choose another folder (data.root)"
         raise InvalidInputError(Problem("not-generated", message, remedy, file=str(root)))
