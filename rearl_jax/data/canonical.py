@@ -86,7 +86,7 @@ class TableFile:
         """
         spelling = self._spelling
         if not set(spelling.columns) & set(REQUIRED):
-            text = f"the file is no table of trajectories: its columns are {', '.join(self._columns[:8])}"
+            text = f"the file is not a table of trajectories: its columns are {', '.join(self._columns[:8])}"
             remedy = "move it out of the folder, or name its columns with data.columns; `rearl prepare FILE` finds them"
             raise bad_recording("not-a-table", text, remedy, self.path)
         require_known_columns(list(spelling.columns), NEEDED, str(self.path))
@@ -143,7 +143,7 @@ class TableFile:
         return self._kept[labels]
 
     def _read_csv(self, types: dict[str, pa.DataType]) -> tuple[pa.Table, int]:
-        """The columns; ids and times as texts if they are no numbers, or lose digits as such."""
+        """The columns; ids and times as texts if they are not numbers, or lose digits as such."""
         columns = self._spelling.columns
         ids = [columns[name] for name in IDS if name in columns]
         try:

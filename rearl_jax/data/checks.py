@@ -162,7 +162,7 @@ def gap(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -> Finding
 def jump(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -> Finding | None:
     """Rows that a vehicle cannot have reached from the row before.
 
-    With the bound b = max(max_jump * time, NOISE): |step of position - mean speed * time| > b, or a step on the ground
+    With the bound b = max(max_jump * time, POSITION_NOISE): |step of position - mean speed * time| > b, or a step on the ground
     longer than mean speed * time + b, or a step of the lateral position > b.
     """
     track = table["track_id"].to_numpy()

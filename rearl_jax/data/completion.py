@@ -19,7 +19,7 @@ from rearl_jax.data.track_names import LABEL, numbered
 NEEDED = ("track_id", "position", "speed")
 """Columns without which rows are no trajectories; all others may be missing, or follow from these and a clock."""
 
-_MAX_STEP = 1e6  # frames; beyond it the number is no frame
+_MAX_STEP = 1e6  # frames; beyond it the number is not a frame
 
 
 @dataclass(frozen=True)

@@ -54,7 +54,7 @@ def file_name_of(recording: str) -> str:
         name = f"%{ord(name[0]):02X}{name[1:]}"
         name = f"{name[:-1]}%2E" if name.endswith(".") else name
     if len(name) > _MAX_NAME_LENGTH:
-        name = f"{name[:_LONGEST_NAME]}-{hashlib.sha256(recording.encode()).hexdigest()[:12]}"
+        name = f"{name[:_MAX_NAME_LENGTH]}-{hashlib.sha256(recording.encode()).hexdigest()[:12]}"
     return name
 
 

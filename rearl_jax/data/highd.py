@@ -123,7 +123,7 @@ def read_recording(tracks_file: Path, policy: DataConfig, *, generated: bool = F
     losses = Losses()
     if "xCenter" in read_header(tracks_file):
         text = "this is the format of exiD, inD, rounD and uniD"
-        remedy = "read exiD with data=exid; the others are no straight roads"
+        remedy = "read exiD with data=exid; the others are not straight roads"
         raise bad_recording("format-unsupported", text, remedy, tracks_file, column="xCenter")
     _, meta_file, recording_file = recording_files(tracks_file)
     recording = read_recording_meta(recording_file)
@@ -192,7 +192,7 @@ def _no_lane(source: pd.DataFrame, meta: pd.DataFrame, markings: dict[int, tuple
     if not bad.any():
         return None
     row = int(np.argmax(bad))
-    text = f"laneId {lane_id[row]} of track {source['track_id'].iloc[row]} is no lane of its carriageway, "
+    text = f"laneId {lane_id[row]} of track {source['track_id'].iloc[row]} is not a lane of its carriageway, "
     text += f"they are {first[row]} to {last[row]}"
     return Finding("lane_out_of_range", "lane", bad, text, "correct the laneId")
 

@@ -124,7 +124,7 @@ def _name(cell: Cell, path: Path, policy: DataConfig) -> str:
 
 
 def _parts(numbers: np.ndarray, index: Index) -> list[np.ndarray]:
-    """The documents in groups that are not much longer than _AT_ONCE, so that few whole journeys are in memory."""
+    """The documents in groups that are not much longer than _BATCH_BYTES, so that few whole journeys are in memory."""
     group = np.cumsum(np.array(index.sizes)[numbers]) // _BATCH_BYTES
     return np.split(numbers, np.flatnonzero(np.diff(group)) + 1)
 
@@ -134,7 +134,7 @@ def _rows(path: Path, numbers: np.ndarray, index: Index, cell: Cell, policy: Dat
     texts = read_documents(path, [index.starts[n] for n in numbers], [index.sizes[n] for n in numbers])
     documents, broken = parsed(texts, _FIELDS)
     if broken.any():
-        text, row = "width or coarse_vehicle_class is no number", int(numbers[np.argmax(broken)]) + 1
+        text, row = "width or coarse_vehicle_class is not a number", int(numbers[np.argmax(broken)]) + 1
         raise bad_recording("not-a-number", text, "write a number", path, column="width", row=row)
     tracks = Tracks(documents)
 

@@ -64,7 +64,7 @@ def documents(path: Path) -> Iterator[Documents]:
             rest = text[done:]
             closed = rest.rstrip(_SEPARATORS).endswith(b"]") and begins.size == ends.size
             if len(rest) > MAX_DOCUMENT_BYTES:
-                fault = f"the object at byte {place} does not end within {LARGEST // 2**20} MB"
+                fault = f"the object at byte {place} does not end within {MAX_DOCUMENT_BYTES // 2**20} MB"
                 raise bad_recording("document-broken", fault, "the file is damaged: copy it again", path)
     if not n_found and not rest.strip(_SEPARATORS + b"[]"):
         raise bad_recording("file-empty", "the file holds no documents", "remove the file or complete it", path)

@@ -8,7 +8,7 @@ import pandas as pd
 from rearl_jax.data.lateral_checks import USUAL_WIDTH
 
 RARE_SHARE = 0.001
-"""Share of the rows of a carriageway below which a lane number is no lane: a fault, or a stub beside the road."""
+"""Share of the rows of a carriageway below which a lane number is not a lane: a fault, or a stub beside the road."""
 LANE_SPREAD = 3.0
 """Width [m] within which 90 % of the centres of vehicles in one lane are; those on a ramp that leaves are not."""
 
@@ -36,7 +36,7 @@ class LaneOrder:
         return max(self.ranks.values(), default=0) + 1
 
     def rank_of(self, number: np.ndarray) -> np.ndarray:
-        """Rank of each number; NaN for one that is no lane of this carriageway."""
+        """Rank of each number; NaN for one that is not a lane of this carriageway."""
         return pd.Series(number).map(self.ranks).to_numpy(np.float64, na_value=np.nan)
 
 

@@ -85,7 +85,7 @@ def notes_on_leaders(table: pd.DataFrame) -> list[str]:
     notes = []
     absent = np.unique(named[~np.isin(named, table["track_id"].to_numpy())])
     if absent.size:
-        notes.append(f"{absent.size} stated leaders, such as {absent[0]}, are no vehicle of the recording")
+        notes.append(f"{absent.size} stated leaders, such as {absent[0]}, are not vehicles of the recording")
     in_lane, stated = next_in_lane(table), VehicleRows(table).leaders(table)
     has_one, is_stated = in_lane != ABSENT, stated != ABSENT
     if is_stated.any() and not states_all_leaders(in_lane, stated):

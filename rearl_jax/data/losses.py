@@ -28,7 +28,7 @@ class Losses:
         """The table without the marked rows, which are counted under the cause."""
         track = table["track_id"].to_numpy()
         self.counts[cause] += int(rows.sum())
-        known = track == track  # an unknown id (NaN) is no track
+        known = track == track  # an unknown id (NaN) is not a track
         n_tracks = np.unique(track[known]).size - np.unique(track[known & ~rows]).size
         if n_tracks:
             self.counts["tracks"] += n_tracks

@@ -12,7 +12,7 @@ _CLOCKS = ("%H:%M:%S.%f", "%I:%M:%S.%f %p")
 _FORMATS = (*(f"{day} {clock}" for day in _DAYS for clock in _CLOCKS), *_CLOCKS, "%M:%S.%f")
 _NO_DAY = datetime(1900, 1, 1, tzinfo=UTC).timestamp()  # s; what times of day are parsed as
 _MAX_DAMAGED_SHARE = 0.05
-"""Share of the times that may be unreadable before the column is no column of times."""
+"""Share of the times that may be unreadable before the column is not a column of times."""
 
 
 def seconds_of(times: pd.Series, file: str, column: str) -> tuple[pd.Series, str | None]:
@@ -43,7 +43,7 @@ def seconds_of(times: pd.Series, file: str, column: str) -> tuple[pd.Series, str
     best = max(counts, key=lambda form: counts[form])
     if counts[best] < (1.0 - _MAX_DAMAGED_SHARE) * n_known:
         example = next((text for text in texts if text is not None), "")
-        text = f"{example!r} is no number, and no date and time that is known"
+        text = f"{example!r} is not a number, and no date and time that is known"
         remedy = "write the time in s, or as 2024-05-31T08:00:00.25"
         raise bad_recording("time-unreadable", text, remedy, file, column=column)
     _require_all(texts, found[best].notna(), f"a time as the others are ({best})", file, column)

@@ -132,7 +132,7 @@ def _require_units(pairs: pd.DataFrame, info: RecordingInfo) -> None:
     time = pairs["t_s"].to_numpy(np.float64)[order]
     if (np.abs(time) > _MAX_TIME).any():
         raise bad_recording(
-            "wrong-units", f"a time is beyond {_MOST_TIME:g} s", "give the time in s", info.file, column="t_s"
+            "wrong-units", f"a time is beyond {_MAX_TIME:g} s", "give the time in s", info.file, column="t_s"
         )
     require_period(time, pair[order], 1.0 / FRAME_RATE, info.file, "t_s")
     lengths = pairs["leader_length_m"].to_numpy(np.float64)

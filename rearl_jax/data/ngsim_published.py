@@ -118,7 +118,7 @@ class PublishedFile:
             table = table.iloc[np.flatnonzero(~twice)]
         no_lane = (table["lane"] < 0).to_numpy()
         if no_lane.any():
-            text = f"Lane_ID {table['lane'].iloc[int(np.argmax(no_lane))] + 1:g} is no lane, they count from 1"
+            text = f"Lane_ID {table['lane'].iloc[int(np.argmax(no_lane))] + 1:g} is not a lane, they count from 1"
             finding = Finding("lane_out_of_range", "lane", no_lane, text, "correct the Lane_ID")
             table = reject(table, finding, info, self._policy, losses)
         table, dropped = validate(table, info, self._policy, losses)
@@ -136,7 +136,7 @@ class PublishedFile:
         else:
             is_table = bool(required & {plain(name) for name in read_header(self.path)})
         if not is_table:
-            text = f"{self.path.name} is no trajectory table of NGSIM"
+            text = f"{self.path.name} is not a trajectory table of NGSIM"
             raise bad_recording("not-a-table", text, "move it out of the folder", self.path)
 
     def _load(self, wanted: tuple[str, ...]) -> tuple[pd.DataFrame, dict[str, int]]:

@@ -85,7 +85,7 @@ def runs_of(path: Path) -> dict[str, Platoon]:
     """Recording id -> part of the platoon with two vehicles or more, from the columns of the file.
 
     Raises:
-        BadRecordingError: The file is no run.
+        BadRecordingError: The file is not a run.
     """
     header = read_header_of(path)
     speeds, gaps = header.numbered("Speed"), set(header.numbered("IVS"))

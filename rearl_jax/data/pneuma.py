@@ -63,7 +63,7 @@ class _Vehicle:
     Attributes:
         number: Its track_id.
         kind: Its type.
-        values: One row per moment, in the columns of REPEATED.
+        values: One row per moment, in the columns of REPEATED_COLUMNS.
     """
 
     number: int
@@ -139,12 +139,12 @@ def _vehicles(path: Path, on_bad: OnBad, losses: Losses) -> Iterator[tuple[int, 
     """Row number, from 0, and vehicle of each row of the file."""
     header = read_header(path)
     if not {*VEHICLE_COLUMNS, *REPEATED_COLUMNS} & set(header):
-        text = f"{path.name} is no file of pNEUMA: its columns are {', '.join(header[:8])}"
+        text = f"{path.name} is not a file of pNEUMA: its columns are {', '.join(header[:8])}"
         raise bad_recording("not-a-table", text, "move it out of the folder", path)
     require_columns(header, (*VEHICLE_COLUMNS, *REPEATED_COLUMNS), str(path))
     if tuple(name for name in header if name) != (*VEHICLE_COLUMNS, *REPEATED_COLUMNS):
         text = f"the columns are {', '.join(header[:12])}"
-        remedy = f"give {', '.join((*HEAD, *REPEATED))}, the last six repeated"
+        remedy = f"give {', '.join((*VEHICLE_COLUMNS, *REPEATED_COLUMNS))}, the last six repeated"
         raise bad_recording("columns-unordered", text, remedy, path)
     with opened(path) as file:
         next(file)
@@ -167,8 +167,8 @@ def _vehicle(line: bytes, path: Path, row: int) -> _Vehicle:
     fields = text.split(";", len(VEHICLE_COLUMNS))
     n_further = fields[-1].count(";") + 1 if len(fields) > len(VEHICLE_COLUMNS) else 0
     if n_further % len(REPEATED_COLUMNS) or not n_further:
-        whole = f"{len(HEAD)} and a multiple of {len(REPEATED)}"
-        raise _broken(f"the line has {len(HEAD)} and {n_further} fields instead of {whole}", path, row)
+        whole = f"{len(VEHICLE_COLUMNS)} and a multiple of {len(REPEATED_COLUMNS)}"
+        raise _broken(f"the line has {len(VEHICLE_COLUMNS)} and {n_further} fields instead of {whole}", path, row)
     try:
         # Through Arrow, which splits and reads millions of numbers a second.
         parts = pc.call_function("split_pattern", [pa.array([fields[-1]])], pc.SplitPatternOptions(";")).flatten()

@@ -1,7 +1,7 @@
 """Recordings of traffic simulators: rows on links of a network become one road, fronts become centres.
 
-Every reader of a simulator's output brings its rows into the columns of `FIELDS`. Simulated traffic is no measurement,
-so these recordings are marked as generated.
+Every reader of a simulator's output brings its rows into the columns of `FIELDS`. Simulated traffic is not a
+measurement, so these recordings are marked as generated.
 """
 
 from collections.abc import Mapping, Sequence
@@ -54,7 +54,7 @@ class Simulation:
 
 
 def is_generated(data: DataConfig, root: Path) -> bool:
-    """True: simulated traffic is no measurement."""
+    """True: simulated traffic is not a measurement."""
     return True
 
 
@@ -248,10 +248,10 @@ def _described(
 
 
 def _without_others(info: RecordingInfo, others: np.ndarray, links: pd.Index) -> RecordingInfo:
-    """The recording with a note on links that are no part of the road."""
+    """The recording with a note on links that are not part of the road."""
     found, counts = np.unique(others, return_counts=True)
     most = np.argsort(-counts, kind="stable")[:_MAX_NAMED_LINKS]
     names = ", ".join(f"{links[found[link]]} ({counts[link]} rows)" for link in most)
-    more = f" and {len(found) - _NAMED} more" if len(found) > _MAX_NAMED_LINKS else ""
+    more = f" and {len(found) - _MAX_NAMED_LINKS} more" if len(found) > _MAX_NAMED_LINKS else ""
     note = f"{len(others)} rows on other links left out: {names}{more}"
     return replace(info, notes=(*info.notes, note))

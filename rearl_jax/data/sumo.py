@@ -1,6 +1,6 @@
 """Reader of SUMO's floating car data, the file of `--fcd-output`, one recording per file.
 
-SUMO states the place of the front bumper and counts lanes from the right, from 0. Lengths are no part of the output:
+SUMO states the place of the front bumper and counts lanes from the right, from 0. Lengths are not part of the output:
 they come from the types of vehicles in a route or additional file beside it.
 
 Source: SUMO documentation, Simulation/Output/FCDOutput and Vehicle_Type_Parameter_Defaults.

@@ -26,7 +26,7 @@ TEXTS = ("id", "type", "lane")
 OPTIONAL = {"acceleration": pa.float64(), "leaderID": pa.string()}
 
 _KINDS = dict.fromkeys(NUMBERS, pa.float64()) | dict.fromkeys(TEXTS, pa.string()) | OPTIONAL
-_OTHERS = frozenset({"person", "container"})  # elements that are no vehicles
+_OTHERS = frozenset({"person", "container"})  # elements that are not vehicles
 _BATCH_SIZE = 2**15  # elements whose attributes are held as texts
 
 
@@ -36,8 +36,8 @@ def read_fcd(path: Path, on_bad: OnBad) -> tuple[pd.DataFrame, int]:
     Columns are NUMBERS, TEXTS (as categories), and those of OPTIONAL that the file has.
 
     Raises:
-        BadRecordingError: A column is missing, a value is no number, or the file is damaged; if it only ends too early,
-            what comes before is read unless on_bad is stop.
+        BadRecordingError: A column is missing, a value is not a number, or the file is damaged. A file that only ends
+            too early is read up to there unless on_bad is stop.
     """
     is_xml = path.name.lower().endswith(XML)
     table, n_broken = _of_xml(path, on_bad) if is_xml else _of_table(path, on_bad)
@@ -111,7 +111,7 @@ def _chunks(path: Path) -> Iterator[list[dict[str, str]]]:
             if root is None:
                 root = name
                 if name != ROOT:
-                    text = f"the file is no output of floating car data: it holds {name}"
+                    text = f"the file is not an output of floating car data: it holds {name}"
                     raise bad_recording("not-a-table", text, "name the file of --fcd-output", path)
             elif name == "vehicle":
                 attributes["time"] = time
@@ -122,7 +122,7 @@ def _chunks(path: Path) -> Iterator[list[dict[str, str]]]:
             elif name == "timestep":
                 time = attributes.get("time", "")
             elif name not in _OTHERS:
-                text = f"{name} is no element of floating car data"
+                text = f"{name} is not an element of floating car data"
                 raise bad_recording("element-unknown", text, "the file is damaged: write or copy it again", path)
     except CutOff:
         if chunk:

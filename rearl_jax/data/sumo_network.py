@@ -76,7 +76,7 @@ def sorted_files(folder: Path) -> tuple[list[Path], list[Path]]:
             # A file without a first element is damaged, which its reader says.
             recordings.append(path)
         elif root not in _PASSED_OVER:
-            text = f"the file holds {root}, which is no output of SUMO that is known here"
+            text = f"the file holds {root}, which is not an output of SUMO that is known here"
             raise bad_recording("not-a-table", text, "move it out of the folder", path)
     return recordings, beside
 

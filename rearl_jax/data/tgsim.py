@@ -86,7 +86,7 @@ def runs(path: Path, policy: DataConfig) -> dict[str, int | None]:
     """Recording id, such as tgsim_i294l1_2 -> the run of the file; None if the file does not distinguish runs.
 
     Raises:
-        BadRecordingError: The file is no trajectory table of TGSIM's highways.
+        BadRecordingError: The file is not a trajectory table of TGSIM's highways.
     """
     names = _names(path)
     name = f"tgsim_{_place(path)}"
@@ -167,10 +167,10 @@ def _names(path: Path) -> dict[str, str]:
     header = read_header(path)
     present = {plain(name): name for name in header}
     if "speedkfx" in present:
-        text, remedy = "these are the crossings of Foggy Bottom, which are no straight road", "move the file away"
+        text, remedy = "these are the crossings of Foggy Bottom, which are not straight roads", "move the file away"
         raise bad_recording("format-unsupported", text, remedy, path, column=present["speedkfx"])
     if not set(_COLUMNS.values()) & set(present) - {"id", "time"}:
-        text = f"{path.name} is no trajectory table of TGSIM"
+        text = f"{path.name} is not a trajectory table of TGSIM"
         raise bad_recording("not-a-table", text, "move it out of the folder", path)
     require_columns(list(present), tuple(_COLUMNS.values()), str(path))
     return {ours: present[theirs] for ours, theirs in (_COLUMNS | _OPTIONAL).items() if theirs in present}

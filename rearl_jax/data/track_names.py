@@ -1,4 +1,4 @@
-"""Ids of tracks that are no whole numbers: numbered in the order of their first rows, and kept as a label."""
+"""Ids of tracks that are not whole numbers: numbered in the order of their first rows, and kept as a label."""
 
 from collections.abc import Mapping
 
@@ -8,14 +8,14 @@ import pandas as pd
 from rearl_jax.data.problems import bad_recording
 
 LABEL = "track_name"
-"""Label of tracks whose id in the source is no number that the canonical table can hold: that id."""
+"""Label of tracks whose id in the source is not a number that the canonical table can hold: that id."""
 IDS = ("track_id", "leader_id")
 """Columns that name vehicles."""
 MAX_EXACT_ID = 2**53
 """Whole numbers beyond it do not survive as float64."""
 NOBODY = frozenset({"", "none", "null", "nan", "na", "n/a", "<na>", "-", "-1", "0"})
 """Spellings of "no leader" in sources, in lower case; if a vehicle has such an id, that vehicle is meant."""
-_MAX_DAMAGED_SHARE = 0.02  # share of the rows up to which ids that are no numbers are damage, each in one row
+_MAX_DAMAGED_SHARE = 0.02  # share of the rows up to which ids that are not numbers are damage, each in one row
 
 
 def numbered(rows: pd.DataFrame, file: str, spelling: Mapping[str, str]) -> tuple[pd.DataFrame, tuple[str, ...]]:
@@ -29,7 +29,7 @@ def numbered(rows: pd.DataFrame, file: str, spelling: Mapping[str, str]) -> tupl
         spelling: Names in the file of canonical columns that have others there.
 
     Raises:
-        BadRecordingError: A few ids are no numbers where the others are.
+        BadRecordingError: A few ids are not numbers where the others are.
     """
     texts = _texts(pd.Series(rows["track_id"]))
     if texts is None:
@@ -67,7 +67,7 @@ def numbered(rows: pd.DataFrame, file: str, spelling: Mapping[str, str]) -> tupl
         number[absent.index] = len(names) + 1.0 + inverse
         rows = rows.assign(leader_id=number.to_numpy())
         if len(others):
-            notes.append(f"{len(others)} stated leaders are no vehicle of the recording, such as {others[0]}")
+            notes.append(f"{len(others)} stated leaders are not vehicles of the recording, such as {others[0]}")
     return rows, tuple(notes)
 
 
@@ -108,7 +108,7 @@ def _as_texts(ids: pd.Series) -> pd.Series:
 
 
 def _whole_numbers(texts: pd.Series) -> np.ndarray:
-    """Whole numbers up to LARGEST, NaN for other texts."""
+    """Whole numbers up to MAX_EXACT_ID, NaN for other texts."""
     numbers = pd.Series(pd.to_numeric(texts, errors="coerce")).to_numpy(np.float64, na_value=np.nan)
     fits = np.isfinite(numbers) & (np.abs(numbers) <= MAX_EXACT_ID)
     return np.where(fits & (numbers == np.rint(np.where(fits, numbers, 0.0))), numbers, np.nan)

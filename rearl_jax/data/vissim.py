@@ -94,7 +94,7 @@ def read_record(path: Path, policy: DataConfig) -> Recording:
     """The main road of one file.
 
     Raises:
-        BadRecordingError: The file is no vehicle record, lacks a column, or has an unknown unit, or a row breaks the
+        BadRecordingError: The file is not a vehicle record, lacks a column, or has an unknown unit, or a row breaks the
             schema.
     """
     losses = Losses()
@@ -204,7 +204,7 @@ def _unit_of(name: str, header: _Header, names: dict[str, str], path: Path) -> t
 
 
 def _links(numbers: np.ndarray) -> pd.Categorical:
-    """Links by their numbers; unknown for what is no number of a link."""
+    """Links by their numbers; unknown for what is not a number of a link."""
     sound = np.isfinite(numbers) & (numbers == np.rint(numbers)) & (np.abs(numbers) < 2**31)
     links, inverse = np.unique(np.where(sound, numbers, np.nan), return_inverse=True)
     found = links[np.isfinite(links)].astype(np.int64)

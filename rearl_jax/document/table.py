@@ -107,7 +107,7 @@ def table_of(
         for title in (number(record[first]),)
     )
     if len(frame) > len(rows):
-        title += f" (the first {MOST_ROWS} of {len(frame)} rows)"
+        title += f" (the first {MAX_ROWS} of {len(frame)} rows)"
     return Table(title, tuple(headings[name] for name in others), rows)
 
 

@@ -95,7 +95,7 @@ class VehicleType:
         """Value of an attribute and its standard deviation, 0 for a plain number; the default where it is not stated.
 
         Raises:
-            InvalidInputError: It is no number, or it is neither stated nor has a default.
+            InvalidInputError: It is not a number, or it is neither stated nor has a default.
         """
         if attribute not in self.attributes:
             if default is None:

@@ -55,7 +55,7 @@ class Client:
             config: Model, sampling, time-outs, and file of the answers.
             base_url: Address of the server, with or without `/v1` at its end; not used for a replay.
             replay: Whether only stored answers are given, without a server.
-            read: Function that parses an answer; KEEP_OUT for an answer without an action.
+            read: Function that parses an answer; NO_DECISION for an answer without an action.
 
         Raises:
             InvalidInputError: The address is invalid, or a key of the configuration is out of range.

@@ -217,7 +217,7 @@ async def _read(response: httpx.Response) -> Response:
     async for part in response.aiter_bytes():
         content += part
         if len(content) > MAX_BODY_BYTES:
-            return Response(error=f"the response is larger than {LARGEST_BODY >> 20} MiB")
+            return Response(error=f"the response is larger than {MAX_BODY_BYTES >> 20} MiB")
     return Response(
         status=response.status_code,
         content=bytes(content),

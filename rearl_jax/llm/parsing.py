@@ -58,7 +58,7 @@ _IDENTIFIER = re.compile(
 
 
 def understand(text: str, choices: tuple[int, ...], finish: str = "") -> tuple[int, Cause]:
-    """The chosen action (KEEP_OUT for none) and the cause.
+    """The chosen action (NO_DECISION for none) and the cause.
 
     Reasoning is left out: everything up to the last `</think>`; if a `<think>` stays open there is no answer. In the
     rest, without the marks of code fences, the first of these that applies counts:
@@ -88,7 +88,7 @@ def understand(text: str, choices: tuple[int, ...], finish: str = "") -> tuple[i
 def majority(answers: Sequence[tuple[int, Cause]]) -> tuple[int, Cause]:
     """The action with more than half of all votes; invalid votes count in the total.
 
-    Without such an action the result is KEEP_OUT. Its cause is the most frequent cause of the invalid votes (the first
+    Without such an action the result is NO_DECISION. Its cause is the most frequent cause of the invalid votes (the first
     of equally frequent ones) if more than half are invalid, else `disagreed`.
     """
     votes = Counter(action for action, cause in answers if cause is Cause.answered)

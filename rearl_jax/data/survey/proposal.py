@@ -214,7 +214,7 @@ def _lane(found: Proposal, column: FoundColumn, clock: Clock, motion: Motion | N
         return "holds no whole numbers"
     low, high = int(numbers.min()), int(numbers.max())
     if low < 0 or high - low >= MAX_LANES or high >= 100:
-        return f"the numbers {low} to {high} are no lanes of one carriageway"
+        return f"the numbers {low} to {high} are not lanes of one carriageway"
     unit = f"from {low}" if low else None
     found.taken["lane"] = Taken(column.name, unit, f"name; numbers {low} to {high}, taken to count from the left")
     return None

@@ -23,7 +23,7 @@ def run(place: str) -> dict[str, Any]:
 
     Raises:
         MissingInputError: There is no such file.
-        InvalidInputError: It is no table, or cannot be read for the reason that is printed.
+        InvalidInputError: It is not a table, or cannot be read for the reason that is printed.
     """
     path = Path(place)
     if not path.exists():
