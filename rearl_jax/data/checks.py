@@ -162,8 +162,8 @@ def gap(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -> Finding
 def jump(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -> Finding | None:
     """Rows that a vehicle cannot have reached from the row before.
 
-    With the bound b = max(max_jump * time, POSITION_NOISE): |step of position - mean speed * time| > b, or a step on the ground
-    longer than mean speed * time + b, or a step of the lateral position > b.
+    With the bound b = max(max_jump * time, POSITION_NOISE): |step of position - mean speed * time| > b, or a step on
+    the ground longer than mean speed * time + b, or a step of the lateral position > b.
     """
     track = table["track_id"].to_numpy()
     follows = follows_row_before(track)[1:]

@@ -88,8 +88,8 @@ def understand(text: str, choices: tuple[int, ...], finish: str = "") -> tuple[i
 def majority(answers: Sequence[tuple[int, Cause]]) -> tuple[int, Cause]:
     """The action with more than half of all votes; invalid votes count in the total.
 
-    Without such an action the result is NO_DECISION. Its cause is the most frequent cause of the invalid votes (the first
-    of equally frequent ones) if more than half are invalid, else `disagreed`.
+    Without such an action the result is NO_DECISION. Its cause is the most frequent cause of the invalid votes (the
+    first of equally frequent ones) if more than half are invalid, else `disagreed`.
     """
     votes = Counter(action for action, cause in answers if cause is Cause.answered)
     causes = Counter(cause for _, cause in answers if cause is not Cause.answered)
