@@ -112,7 +112,7 @@ def unit_of(period: float, scale: float | None, ratios: Collection[float] = ()) 
             for unit in tried:
                 if any(abs(scale / seconds[unit] / ratio - 1.0) < 0.07 for ratio in wanted):
                     return unit
-    far = 20.0 / PLAUSIBLE_RATES[0]  # s: a step of seconds, be it of a very slow camera
+    far = 20.0 / PLAUSIBLE_RATES[0]  # longer than any frame interval in s
     by_step = [unit for unit in units if unit not in ("min", "h") and (unit == "s" or period > far)]
     return by_step[0] if by_step and period != 1.0 else None
 
