@@ -1,4 +1,4 @@
-"""Reads a table as it is proposed, and leaves out what the reader refuses until it reads the rest."""
+"""Reads a table as proposed; columns that the reader refuses are left out, one after the other, until the rest is read."""
 
 from dataclasses import dataclass, field, replace
 
