@@ -1,4 +1,4 @@
-"""Leaders that a source states: whether they can be leaders, and whether they are those of all vehicles."""
+"""Checks of the leaders that a source states, and whether it states those of all vehicles."""
 
 import numpy as np
 import pandas as pd
@@ -101,7 +101,7 @@ def notes_on_leaders(table: pd.DataFrame) -> list[str]:
 
 
 def _in_other_lane(table: pd.DataFrame, stated: np.ndarray, other: np.ndarray, frame_rate: float) -> np.ndarray:
-    """Rows of followers and leaders who are never in the same lane, for longer than a source may be late."""
+    """Rows of pairs that are in different lanes for longer than `LANE_CHANGE`."""
     lane = table["lane"].to_numpy(dtype=np.float64, na_value=np.nan)
     known = np.flatnonzero(stated & np.isfinite(lane) & np.isfinite(lane[other]))
     bad = np.zeros(len(table), dtype=bool)

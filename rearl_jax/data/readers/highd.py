@@ -30,7 +30,7 @@ def entries(data: DataConfig, root: Path) -> Iterator[Entry]:
 
 
 def entries_of(data: DataConfig, root: Path, *, generated: bool) -> Iterator[Entry]:
-    """Entries of which it is known whether the generator made them."""
+    """Entries marked as generated if the generator wrote the files."""
     for path in highd.find_recordings(root):
         name = highd.recording_id(path, generated=generated)
         yield Entry(name, partial(highd.read_recording, path, data, generated=generated), file=path)
