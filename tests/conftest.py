@@ -14,6 +14,11 @@ jax.config.update("jax_enable_x64", True)
 jax.config.update("jax_numpy_dtype_promotion", "strict")
 jax.config.update("jax_numpy_rank_promotion", "raise")
 
+WHOLE_FOLDERS = ("evaluation", "validation", "blind", "decision", "clustering", "environments", "study")
+"""Folders whose files share a costly fixture. `--dist loadfile` gives each to one worker, which makes it once; they are
+given out first, in this order, and the folders of `LONG` after them, so that no long file is left for the end."""
+LONG = ("core", "discovery", "sweep", "baselines", "docs", "llm", "report")
+
 COMPILED = Path(__file__).parents[1] / ".pytest_cache" / "compiled"
 """Where the tests keep compiled programs, for one another and for the next run: most of their time is compiling."""
 MAPPED = Path("/proc/self/maps")
@@ -26,6 +31,35 @@ if "JAX_COMPILATION_CACHE_DIR" not in os.environ:
     jax.config.update("jax_compilation_cache_dir", str(COMPILED))
     jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
     jax.config.update("jax_persistent_cache_min_entry_size_bytes", 0)
+
+
+def pytest_collection_modifyitems(items):
+    """Sorts the tests by folder, the longest first."""
+    order = [*WHOLE_FOLDERS, *LONG]
+    root = Path(__file__).parent
+
+    def place(item):
+        folder = item.path.relative_to(root).parts[0] if item.path.is_relative_to(root) else ""
+        return order.index(folder) if folder in order else len(order)
+
+    items.sort(key=place)
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config, log):
+    """The scheduler of `--dist loadfile`, for which each of `WHOLE_FOLDERS` is one file."""
+    from xdist.scheduler import LoadFileScheduling
+
+    if config.getvalue("dist") != "loadfile":
+        return None
+
+    class LoadFolderOrFile(LoadFileScheduling):
+        def _split_scope(self, nodeid):
+            folder = nodeid.split("/")[1]
+            return folder if folder in WHOLE_FOLDERS else super()._split_scope(nodeid)
+
+    config.option.loadscopereorder = False  # which would put files with few tests, the long ones, last
+    return LoadFolderOrFile(config, log)
 
 
 @pytest.fixture(autouse=True, scope="module")

@@ -47,7 +47,7 @@ FIRST_RUN = 2**31
 initial state, whatever the seeds.
 """
 
-NOISE = 2**31
+ACTION_STREAM = 2**31
 """Random stream of actions and of the order of decisions, separate from that of initial states."""
 
 WEIGHTS_RUN = 2**32 - 1
@@ -104,7 +104,7 @@ def training_keys(
     """
     run_key = jax.random.fold_in(jax.random.key(seed), jnp.uint32(FIRST_RUN) + update.astype(jnp.uint32))
     keys = jax.vmap(lambda number: jax.random.fold_in(run_key, number))(jnp.arange(n_scenarios, dtype=jnp.uint32))
-    return keys, jax.random.fold_in(run_key, NOISE)
+    return keys, jax.random.fold_in(run_key, ACTION_STREAM)
 
 
 def first_learner(config: TrainPpoTask) -> Learner:

@@ -103,7 +103,7 @@ def _dispatch(arguments: list[str]) -> int:
 
 
 def _look_at(task: Task, words: list[str]) -> tuple[int, dict[str, Any]]:
-    """What `rearl TASK FILE` finds, and its exit code."""
+    """Exit code and result of `rearl TASK FILE`."""
     if len(words) > 1:
         conflict = f"takes one file and no keys: rearl {task.words} {shlex.quote(next(filter(_is_file, words)))}"
         raise UsageError(Problem("file-and-keys", conflict, key=f"rearl {task.words} FILE"))
@@ -111,7 +111,7 @@ def _look_at(task: Task, words: list[str]) -> tuple[int, dict[str, Any]]:
 
 
 def _is_file(word: str) -> bool:
-    """Whether a word names a file or folder and no key: one that is there, or that looks like a path."""
+    """True if a word names a file or folder and no key: one that is there, or that looks like a path."""
     if word.startswith(("/", "./", "../")):
         return True
     return "=" not in word and ("." in word or os.sep in word or os.path.exists(word))

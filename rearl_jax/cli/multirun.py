@@ -62,7 +62,7 @@ def run_many(task: Task, overrides: list[str], config_dir: str | None) -> tuple[
     whole = compose_task(task, own, config_dir)
     folder = Path(whole.results.root) / whole.study
     if failed is not None:
-        # A job that ended before its study began has left there what an earlier multirun wrote.
+        # If a job failed before it wrote anything, its folder may still contain the results of an earlier multirun.
         cells = [cell for cell in cells if not _is_of_before(task, own, folder, cell, config_dir)]
     if task.collect is not None:
         task.load_collect()(whole, cells)

@@ -69,7 +69,7 @@ def _is_own(cache: Path) -> bool:
     except OSError:
         return True  # there is no cache, which runtime.start reports
     complain(
-        f"others can write to {cache}: compiled programs are neither kept nor taken from there; make it your own "
+        f"other users can write to {cache}, so the cache of compiled programs is not used; make the folder your own "
         "(chmod o-w, chown), or set XDG_CACHE_HOME"
     )
     return False
@@ -88,7 +88,7 @@ def is_for_user(error: BaseException) -> bool:
 
 
 def explained(error: BaseException) -> str:
-    """Message to the user about an error, with a remedy for errors of the file system."""
+    """Message to the user about an error; for errors of the file system it includes a remedy."""
     if not isinstance(error, OSError) or error.errno is None:
         return str(error)
     message = str(error)

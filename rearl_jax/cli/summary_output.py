@@ -30,7 +30,7 @@ def standard_output_apart() -> Iterator[TextIO]:
 
 
 def summary_object(task: Task, folder: Path | None, returned: Mapping[str, Any]) -> dict[str, Any]:
-    """The summary of a task: `task`, `results` (its folder), and the keys of summary.json, a list of them as `rows`."""
+    """The summary of a task: `task`, `results` (its folder), and the content of summary.json, a list as `rows`."""
     stored = None if folder is None else _read(folder / "summary.json")
     first = first_part(stored)
     if not isinstance(first, dict) or first.get("task") != task.words:
@@ -41,7 +41,7 @@ def summary_object(task: Task, folder: Path | None, returned: Mapping[str, Any])
 
 
 def multirun_object(task: Task, folder: Path, cells: Sequence[Mapping[str, str]]) -> dict[str, Any]:
-    """The summary of a multirun: that of all cells, else that of every finished job."""
+    """The summary of a multirun: the one of all cells if the task writes one, else those of all finished jobs."""
     stored = _read(folder / "summary.json") if task.collect is not None else None
     if stored is None:
         stored = []

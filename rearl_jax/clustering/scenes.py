@@ -15,7 +15,7 @@ from rearl_jax.problems import InvalidInputError, Problem
 
 log = logging.getLogger(__name__)
 
-_SAME = 9
+_SHARE_DECIMALS = 9
 """Decimals to which shares must agree for scenes to count as equal; smaller differences are rounding errors."""
 
 _N_ACTIONS = 5
@@ -116,7 +116,7 @@ def cluster_scenes(
         raise InvalidInputError(Problem("scenes-too-few", message, remedy))
     if not has_vector.all():
         log.warning("%d scenes have no track of tracks.min_frames and no cluster", int((~has_vector).sum()))
-    n_distinct = len(np.unique(np.round(vectors[fitted], _SAME), axis=0))
+    n_distinct = len(np.unique(np.round(vectors[fitted], _SHARE_DECIMALS), axis=0))
     n_clusters = min(config.n_clusters, n_distinct)
     if n_clusters < config.n_clusters:
         log.warning(
@@ -127,7 +127,7 @@ def cluster_scenes(
             int(fitted.sum()),
         )
     # Rounded, so that k-means treats equal scenes as equal.
-    points = np.round(vectors, _SAME)
+    points = np.round(vectors, _SHARE_DECIMALS)
     # pyright infers the type from the default "auto".
     kmeans = KMeans(n_clusters, n_init=config.n_init, random_state=config.seed)  # pyright: ignore[reportArgumentType]
     kmeans.fit(points[fitted])
@@ -136,7 +136,7 @@ def cluster_scenes(
     distance = ((points[:, None] - centres[None]) ** 2).sum(axis=2)
     labels = np.where(has_vector, distance.argmin(axis=1), -1)
     # Rounded for the same reason: distances of equal scenes must be equal, so that the lowest index is chosen.
-    to_centre = np.round(distance, 2 * _SAME)
+    to_centre = np.round(distance, 2 * _SHARE_DECIMALS)
     representatives = np.empty(n_clusters, dtype=np.int64)
     for cluster in range(n_clusters):
         members = np.flatnonzero(fitted & (labels == cluster))

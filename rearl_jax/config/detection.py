@@ -32,7 +32,7 @@ class Scope(Enum):
     scene = "scene"
     """All."""
     vehicle = "vehicle"
-    """Those that contribute to the deviation."""
+    """Vehicles that contribute to the deviation."""
 
 
 class ReferenceMode(Enum):

@@ -30,7 +30,7 @@ class DiscoverConfig:
     draws: int = key(1000, "bootstrap resamples of drivers for the intervals of errors")
     by: str | None = key(
         None,
-        "label by which drivers are told apart, each group with its own verdict: one of the format (openacc: model, "
+        "label by which drivers are grouped, each group with its own verdict: one of the format (openacc: model, "
         "acc, setting; fhwa: leader, person), a further column of a canonical table that is constant per track, or "
         "recording, vehicle_class, direction, lane; auto: kinds of drivers are found without labels",
     )

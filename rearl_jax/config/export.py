@@ -55,7 +55,7 @@ class SumoFileConfig:
 
 
 def _platoons() -> DataConfig:
-    """Shipped recordings with first vehicles that nobody is ahead of."""
+    """Shipped recordings with first vehicles, which have no vehicle ahead."""
     return DataConfig(DataFormat.openacc, on_bad=OnBad.drop_row)
 
 

@@ -42,8 +42,8 @@ class Finding:
         name: Key under which dropped rows are counted; with hyphens the code of the problem.
         column: Column at fault, as named in the schema.
         rows: Mask over the rows of the table; for a step (gap, jump) the row after the step.
-        message: What is wrong with the first marked row, in words.
-        remedy: What to do about it.
+        message: Description of the fault in the first marked row.
+        remedy: Advice to the user.
         is_step: The rows are sound, the step from the row before is not.
     """
 
@@ -64,7 +64,7 @@ class Finding:
 
 
 def without_value(table: pd.DataFrame, name: str) -> Finding | None:
-    """The finding for rows that lack a value by which they are told apart, such as the vehicle's number."""
+    """The finding for rows that lack an identifying value, such as the vehicle's number."""
     missing = table[name].isna().to_numpy()
     return Finding("not_finite", name, missing, "the value is missing", "complete the row") if missing.any() else None
 

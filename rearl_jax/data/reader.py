@@ -35,12 +35,12 @@ class Reader:
     """A format of recordings. Every function gets the file or folder that data.root names; it exists.
 
     Attributes:
-        expected: What data.root must name, in words.
+        expected: Description of the file or folder that data.root must name.
         entries: The recordings, in order. Names are read here, rows are not.
         files: The files the rows come from, and those that say how to read them. Raises FileNotFoundError for none.
         same: Label that joins what the same driver or car did in several recordings; None where nothing does.
         generated: Whether any of the recordings was made by the generator; None for a format that has no such mark.
-        recognises: What data.root must name for a file or folder in this format, None for one in another; tells from
+        recognises: Value of data.root for a file or folder in this format, None for another format; decides by
             names and first lines alone, and raises nothing but errors of reading. None for a format without signs.
     """
 
@@ -79,7 +79,7 @@ def parts_of_files(
 
     Args:
         find: The files.
-        parts: Recording id -> what tells its rows from others.
+        parts: Recording id -> value that selects its rows.
         read: One recording of a file by its id and part.
     """
 

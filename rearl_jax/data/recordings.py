@@ -67,7 +67,7 @@ def count_recordings(data: DataConfig) -> int:
 
 
 def is_generated(data: DataConfig) -> bool:
-    """Whether any of the recordings was made by the generator, whatever they are read as."""
+    """True if any of the recordings was made by the generator, whatever they are read as."""
     if isinstance(data, TableInMemory):
         return False
     made = reader_of(data.format).generated

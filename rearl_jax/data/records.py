@@ -11,7 +11,7 @@ from rearl_jax.problems import out_of_range
 SPEED_LIMITS = (11.0, 45.0)
 """Legal speed limits of highways lie between [m/s]: 40 km/h on ramps are 11.1 m/s, 160 km/h are 44.4 m/s."""
 
-_MOST = 1e6
+_MAX_VALUE = 1e6
 """Beyond every length of a road and every frame rate."""
 
 
@@ -30,8 +30,8 @@ class RecordingInfo:
         generated: The recording was made by the generator, not measured.
         speed_limit: Legal speed limit [m/s]; None if there is none or it is unknown.
         lane_markings: Per direction the lateral offsets of the lane markings from the left edge [m], rising.
-        labels: Columns of the table beyond the canonical ones: texts that tell vehicles apart, one value per track.
-        notes: What a reader of results must know: values that are assumed, limits of the set.
+        labels: Columns of the table beyond the canonical ones: texts that group vehicles, one value per track.
+        notes: Remarks for readers of results: assumed values, limits of the data set.
         file: File or folder the rows come from; for error messages, not exported.
         columns: Names of the columns in that file where they differ; for error messages, not exported.
     """
@@ -80,7 +80,7 @@ class RecordingInfo:
                 raise out_of_range(name, "must be a text", repr(value))
         for name in ("frame_rate", "road_length", "speed_limit"):
             value = getattr(self, name)
-            if not (_is_number(value) and 0 < value < _MOST) and not (name == "speed_limit" and value is None):
+            if not (_is_number(value) and 0 < value < _MAX_VALUE) and not (name == "speed_limit" and value is None):
                 raise out_of_range(name, "must be a number above 0", repr(value))
         if self.speed_limit is not None and not SPEED_LIMITS[0] <= self.speed_limit <= SPEED_LIMITS[1]:
             message = "must be a limit of a highway in m/s: is it in another unit?"
@@ -88,7 +88,7 @@ class RecordingInfo:
         if not self.lane_count or not all(side in (1, 2) and 0 < n < 100 for side, n in self.lane_count.items()):
             raise out_of_range("lane_count", "must be the number of lanes of the directions 1 and 2", self.lane_count)
         for offsets in self.lane_markings.values():
-            if not all(_is_number(offset) and abs(offset) < _MOST for offset in offsets):
+            if not all(_is_number(offset) and abs(offset) < _MAX_VALUE for offset in offsets):
                 raise out_of_range("lane_markings", "must be numbers", offsets)
         if not all(isinstance(label, str) and label for label in self.labels):
             raise out_of_range("labels", "must be names of columns", self.labels)
@@ -104,8 +104,8 @@ class Recording:
     Attributes:
         info: Metadata.
         table: Canonical trajectory table, columns as in `schema.COLUMNS` and the labels, sorted by track_id and frame.
-        dropped: What was left out, by cause: `<cause>` rows removed, `<cause>_cuts` places at which a track was cut in
-            two, `tracks` tracks removed as a whole. Empty if nothing was.
+        dropped: Numbers of dropped items by cause: `<cause>` rows removed, `<cause>_cuts` cuts of a track in two,
+            `tracks` tracks removed as a whole. Empty if nothing was dropped.
     """
 
     info: RecordingInfo

@@ -73,7 +73,7 @@ COLUMNS = (
 _MADE_HERE = ("recording", "time")
 # Checked as 64-bit integers and narrowed last, so that a lane of 300 is reported and does not wrap around.
 _SMALL = {"int8": "int64", "Int8": "Int64"}
-_LARGEST = 2**53  # whole numbers beyond it do not survive as float64
+_MAX_EXACT_INTEGER = 2**53  # whole numbers beyond it do not survive as float64
 _ROW_CHECKS = (typed_table.unknown_class, typed_table.out_of_order, placeholders.misplaced)
 # Motion by whole vehicles, after cuts at jumps. Leaders last, where all positions are sound: a row that is left out for
 # its leader leaves a gap.
@@ -106,7 +106,7 @@ def validate(
             `time` is computed from the frames where it is missing, missing nullable columns and labels become unknown.
         info: The recording.
         policy: `on_bad` and `max_jump`.
-        losses: What the reader has left out already.
+        losses: Rows that the reader has already left out.
 
     Raises:
         BadRecordingError: A column is missing, the table is empty, a column is in a wrong unit; or a row
@@ -177,7 +177,7 @@ def _number(values: pd.Series, column: Column, info: RecordingInfo) -> pd.Series
         values = values.astype(np.float64)
     if column.dtype.lower().startswith("int"):
         array = values.to_numpy(dtype=np.float64, na_value=np.nan)
-        unfit = (array != np.rint(array)) | (np.abs(array) > _LARGEST)
+        unfit = (array != np.rint(array)) | (np.abs(array) > _MAX_EXACT_INTEGER)
         _stop_at(np.isfinite(array) & unfit, values, "a whole number below 2^53", info)
     return values
 

@@ -29,7 +29,7 @@ SPELLINGS = {
 }  # fmt: skip
 """Other spellings of units, in lower case."""
 
-_WRITTEN = re.compile(r"([+-]?)(\d+(?:\.\d+)?|)\s*(\D.*)")
+_NUMBER_AND_UNIT = re.compile(r"([+-]?)(\d+(?:\.\d+)?|)\s*(\D.*)")
 
 
 def to_si(values: np.ndarray, unit: str) -> np.ndarray:
@@ -60,7 +60,7 @@ def factor_of(text: str, kind: str) -> float | None:
         text: The unit.
         kind: SI unit of the kind, a key of UNITS.
     """
-    found = _WRITTEN.fullmatch(text.strip())
+    found = _NUMBER_AND_UNIT.fullmatch(text.strip())
     if found is None:
         return None
     number = float(found[2] or 1.0)

@@ -8,7 +8,7 @@ ABSENT = -1
 
 
 class VehicleRows:
-    """Where each vehicle is in a canonical table, which is sorted by track and frame."""
+    """Rows of each vehicle in a canonical table, which is sorted by track and frame."""
 
     def __init__(self, table: pd.DataFrame) -> None:
         frame = table["frame"].to_numpy(np.int64)

@@ -53,7 +53,7 @@ class Orders(eqx.Module):
 
 
 def model_under_decisions(model: TrafficModel, longitudinal: Longitudinal) -> TrafficModel:
-    """The road of traffic under decisions: vehicles under one keep their distance, or do not."""
+    """The traffic model with decisions; `longitudinal` decides whether vehicles with an action keep their distance."""
     return replace(model, meta_follows=longitudinal is Longitudinal.idm_capped)
 
 
@@ -72,7 +72,7 @@ def initial_decision_memory(state: TrafficState, model: TrafficModel) -> Decisio
 def forget(
     memory: DecisionMemory, is_new: Bool[Array, "vehicles scenarios"], state: TrafficState, model: TrafficModel
 ) -> DecisionMemory:
-    """Memory in which nothing is known of vehicles that have taken the places of others."""
+    """The memory, reset to its initial values for vehicles that have just entered."""
     fresh = initial_decision_memory(state, model)
     return jax.tree.map(lambda first, second: jnp.where(is_new, first, second), fresh, memory)
 

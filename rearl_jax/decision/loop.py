@@ -206,7 +206,7 @@ def rollout_with_policy(
         model: Road, time step and parts of the traffic model.
         options: Static options.
         n_seconds: Seconds to simulate [s].
-        boundary: What was recorded around the traffic; None for a free road.
+        boundary: Recorded traffic around the simulated vehicles; None for a free road.
 
     Raises:
         ValueError: The references or the boundary are shorter than the rollout.

@@ -21,16 +21,16 @@ COLUMNS = ("presence", "x", "y", "vx", "vy")
 N_ROWS = 5
 """Vehicles in an observation, the observer first. Source: highway-env 1.12.1, `KinematicObservation`."""
 
-PERCEPTION = 200.0
+PERCEPTION_DISTANCE = 200.0
 """Distance [m] within which others are observed. Source: highway-env 1.12.1, `AbstractEnv.PERCEPTION_DISTANCE`."""
 
-FASTEST = 40.0
+MAX_SPEED = 40.0
 """Largest speed [m/s] the ranges are made for. Source: highway-env 1.12.1, `Vehicle.MAX_SPEED`."""
 
 LANE_WIDTH = 4.0
 """Lane width [m] the ranges are made for. Source: highway-env 1.12.1, `AbstractLane.DEFAULT_WIDTH`."""
 
-REAR_VIEW = 10.0
+REAR_DISTANCE = 10.0
 """Distance behind [m] up to which vehicles are observed without `see_behind`. Source: highway-env 1.12.1,
 `Road.close_objects_to`: twice the length of a vehicle.
 """
@@ -43,7 +43,7 @@ class ObservationSpec:
     Attributes:
         ranges: Values of x, y, vx and vy that become 1 [m, m, m/s, m/s]; beyond them an observation is cut.
         n_rows: Vehicles in an observation, the observer first; missing ones are rows of zeros.
-        see_behind: Whether vehicles further back than `REAR_VIEW` are seen.
+        see_behind: Whether vehicles further back than `REAR_DISTANCE` are seen.
         is_placed: Whether the observer's own row has its x, counted from the start of the road; else 0.
     """
 
@@ -63,7 +63,7 @@ def highway_env_observation(n_lanes: int, n_rows: int = N_ROWS, *, see_behind: b
 
     Source: highway-env 1.12.1, `KinematicObservation.normalize_obs`.
     """
-    return ObservationSpec((5 * FASTEST, n_lanes * LANE_WIDTH, 2 * FASTEST, 2 * FASTEST), n_rows, see_behind)
+    return ObservationSpec((5 * MAX_SPEED, n_lanes * LANE_WIDTH, 2 * MAX_SPEED, 2 * MAX_SPEED), n_rows, see_behind)
 
 
 class _ObservedVehicle(eqx.Module):
@@ -106,9 +106,9 @@ def observe_neighbours(
 
     def insert(other: Int[Array, ""], nearest: tuple[_ObservedVehicle, ...]) -> tuple[_ObservedVehicle, ...]:
         x, y = row(state.x, other) - own_x, row(state.y, other) - own_y
-        is_seen = row(is_there, other) & (index != other) & (x * x + y * y < PERCEPTION**2)
+        is_seen = row(is_there, other) & (index != other) & (x * x + y * y < PERCEPTION_DISTANCE**2)
         if not spec.see_behind:
-            is_seen = is_seen & (x > -REAR_VIEW)
+            is_seen = is_seen & (x > -REAR_DISTANCE)
         distance = jnp.where(is_seen, jnp.abs(x), jnp.inf)
         candidate = _ObservedVehicle(distance, x, y, row(vx, other) - own_vx, row(vy, other) - own_vy)
         ranked = []

@@ -10,7 +10,7 @@ import pandas as pd
 NONE = "-"
 """Text of a missing number."""
 
-MOST_ROWS = 60
+MAX_ROWS = 60
 """Largest number of rows of a table made from a frame; the Parquet file contains all."""
 
 _DIGITS = 3
@@ -100,14 +100,14 @@ def table_of(
     """
     headings = dict(columns) if isinstance(columns, Mapping) else {name: spoken(name) for name in columns}
     first, *others = (name for name in headings if name in frame)
-    records = frame.head(MOST_ROWS).astype(object).to_dict("records")
+    records = frame.head(MAX_ROWS).astype(object).to_dict("records")
     rows = tuple(
         Row(title, tuple(_cell(record, name) for name in others), (emphasis or {}).get(title, Emphasis.plain))
         for record in records
         for title in (number(record[first]),)
     )
     if len(frame) > len(rows):
-        title += f" (the first {MOST_ROWS} of {len(frame)} rows)"
+        title += f" (the first {MAX_ROWS} of {len(frame)} rows)"
     return Table(title, tuple(headings[name] for name in others), rows)
 
 

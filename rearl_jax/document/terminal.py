@@ -12,7 +12,7 @@ from rearl_jax.document.table import Alignment, Cell, Emphasis, Row, Table
 
 GENERATED = "GENERATED recordings, not measured: the figures say nothing about real traffic"
 
-_LEAST_WIDTH = 100
+_MIN_WIDTH = 100
 """Least width of a file or a pipe [columns], for the sentences."""
 
 _STYLES = {Emphasis.plain: None, Emphasis.strong: "bold", Emphasis.subdued: "dim italic"}
@@ -52,7 +52,7 @@ def _width(document: Document) -> int:
     unlimited = Console(width=10_000, file=io.StringIO())
     tables = (table for section in document.sections if not section.is_folded for table in section.tables)
     drawn = (_drawn(table, with_intervals=True, generated=document.generated) for table in tables)
-    return max([_LEAST_WIDTH, *(unlimited.measure(table).maximum for table in drawn)])
+    return max([_MIN_WIDTH, *(unlimited.measure(table).maximum for table in drawn)])
 
 
 def _drawn(table: Table, *, with_intervals: bool, generated: bool) -> rich.table.Table:

@@ -196,7 +196,7 @@ def outcome_of(
 
 
 def select(is_first: Bool[Array, " scenarios"], first: HighwayState, second: HighwayState) -> HighwayState:
-    """Scenario by scenario one of two states; what is the same for all scenarios is the same in both."""
+    """The first state in the chosen scenarios, the second in all others; arrays without a scenario axis are shared."""
     n_scenarios = is_first.shape[0]
 
     def choose(a: Array, b: Array) -> Array:

@@ -22,13 +22,13 @@ FRAMES_PER_SECOND = 1
 _SCALE = 5
 """Pixels per metre."""
 
-_REACH = 200.0
+_SHOWN_LENGTH = 200.0
 """Length of the road that is shown [m]; the controlled vehicle is in the middle."""
 
 _MARGIN = 10
 """Space beside the road [pixels]."""
 
-_MARK = 0.6
+_MARK_LENGTH = 0.6
 """Length of the mark at the front [m]; it begins 1.7 m behind it."""
 
 _EDGE, _FRAME = 0.4, 1.6
@@ -65,7 +65,7 @@ def pictures(state: HighwayState, options: HighwayOptions) -> list[UInt8[np.ndar
     road = _road(model.n_lanes, model.lane_width)
     drawn = []
     for number in range(x.shape[-1]):
-        left = float(x[EGO, number]) - _REACH / 2
+        left = float(x[EGO, number]) - _SHOWN_LENGTH / 2
         picture = _with_lines(road.copy(), model.n_lanes, model.lane_width, left)
         # The controlled vehicle last, so that none hides it.
         for vehicle in np.flatnonzero(controller[:, number] != int(Controller.ABSENT))[::-1]:
@@ -78,7 +78,7 @@ def pictures(state: HighwayState, options: HighwayOptions) -> list[UInt8[np.ndar
 
 def _road(n_lanes: int, lane_width: float) -> UInt8[np.ndarray, "height width 3"]:
     height = round(n_lanes * lane_width * _SCALE)
-    picture = np.full((height + 2 * _MARGIN, round(_REACH * _SCALE), 3), _BACKGROUND, np.uint8)
+    picture = np.full((height + 2 * _MARGIN, round(_SHOWN_LENGTH * _SCALE), 3), _BACKGROUND, np.uint8)
     picture[_MARGIN : _MARGIN + height] = _ROAD
     return picture
 
@@ -102,7 +102,7 @@ def _draw_vehicle(
         _fill(picture, x, y, length + _FRAME, width + _FRAME, _CRASHED)
     _fill(picture, x, y, length, width, edge)
     _fill(picture, x, y, length - _EDGE, width - _EDGE, body)
-    _fill(picture, x + length / 2 - 1.7 + _MARK / 2, y, _MARK, 0.8 * width, edge)
+    _fill(picture, x + length / 2 - 1.7 + _MARK_LENGTH / 2, y, _MARK_LENGTH, 0.8 * width, edge)
 
 
 def _fill(picture: np.ndarray, x: float, y: float, length: float, width: float, colour: tuple[int, int, int]) -> None:

@@ -133,7 +133,7 @@ class HighwayVectorEnv(gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, np.nda
         ended_before = self._has_ended
         if self._mode is AutoresetMode.DISABLED and ended_before.any():
             raise RuntimeError(
-                f"{ended_before.sum()} episodes have ended: call reset with options={{'reset_mask': who ended}}"
+                f"{ended_before.sum()} episodes have ended: call reset with options={{'reset_mask': their mask}}"
             )
         self._scenarios, outcome = step_program(self.options)(self._scenarios, actions.astype(np.int32))
         observation, speed = _scenarios_first(outcome.observation), np.asarray(outcome.speed)

@@ -22,7 +22,7 @@ from rearl_jax.evaluation.language_model import open_client
 from rearl_jax.evaluation.mixture_trials import assess
 from rearl_jax.evaluation.recorded_driving import recorded_shares
 from rearl_jax.llm.client import Client
-from rearl_jax.llm.records import KEEP_OUT, Cause, Message, Question
+from rearl_jax.llm.records import NO_DECISION, Cause, Message, Question
 from rearl_jax.progress import shown
 
 log = logging.getLogger(__name__)
@@ -94,5 +94,5 @@ def understand_mixture(text: str, choices: tuple[int, ...], finish: str = "") ->
     try:
         read_mixture(text)
     except BadAnswerError as error:
-        return KEEP_OUT, Cause.truncated if finish == "length" else Cause[error.fault.name]
-    return KEEP_OUT, Cause.answered
+        return NO_DECISION, Cause.truncated if finish == "length" else Cause[error.fault.name]
+    return NO_DECISION, Cause.answered

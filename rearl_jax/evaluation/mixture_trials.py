@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from rearl_jax.baselines.critical.adaptation import Assessment
-from rearl_jax.baselines.critical.asking import NEAR_MISS
+from rearl_jax.baselines.critical.asking import NEAR_MISS_TIME
 from rearl_jax.baselines.critical.mixture import Mixture
 from rearl_jax.config import EvaluateTask
 from rearl_jax.config.core import InitConfig
@@ -38,7 +38,7 @@ def assess(
         config,
         init=InitConfig(speed=config.init.speed),
         eval=replace(config.eval, n_runs=n_runs, seed_scope=SeedScope.run),
-        safety=replace(config.safety, ttc=NEAR_MISS),
+        safety=replace(config.safety, ttc=NEAR_MISS_TIME),
     )
     rollouts = Rollouts([Row(config, mixture=mixture) for mixture in candidates], scenes, subset, apart=True)
     scorer = make_scorer(config, scenes, n_runs * len(subset))

@@ -24,8 +24,8 @@ from rearl_jax.models.population import Population
 HEADWAY_EDGES = equal_edges(0.0, 5.0, 10)
 """Edges of the bins of time headways [s]; longer ones count in the last."""
 
-SLOWEST = 1.0
-"""Speed [m/s] below which nobody has a time headway, as `thw.v_min`."""
+MIN_SPEED = 1.0
+"""Speed [m/s] below which no time headway is defined, as `thw.v_min`."""
 
 
 def round_trip(
@@ -106,7 +106,7 @@ class _Measured:
     Attributes:
         speed: [m/s].
         headway: Time headways [s].
-        moves: Where there is a headway: the follower moves, and is behind its leader.
+        moves: Mask of the values with a headway: the follower moves and is behind its leader.
     """
 
     speed: Float[np.ndarray, "seconds followers platoons"]
@@ -115,10 +115,10 @@ class _Measured:
 
     @classmethod
     def of(cls, motion: Motion) -> "_Measured":
-        """Those of some platoons."""
+        """The headways of some platoons."""
         seconds = slice(STEPS_PER_SECOND, None, STEPS_PER_SECOND)
         speed, gap = motion.speed[seconds, 1:], motion.gap[seconds]
-        moves = (speed >= SLOWEST) & (gap > 0)
+        moves = (speed >= MIN_SPEED) & (gap > 0)
         return cls(speed, np.where(moves, gap, 0.0) / np.where(moves, speed, 1.0), moves)
 
     def beside(self, reference: "_Measured") -> dict[str, float]:

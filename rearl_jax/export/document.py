@@ -1,4 +1,4 @@
-"""Document of an export: where every part of the model went, and how the other program drives."""
+"""Document of an export: the place of every part of the model in the other program, and a comparison of both."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -74,6 +74,6 @@ def _comparison(config: ExportTask, tables: Mapping[str, pd.DataFrame]) -> Secti
         ),
         notes=(
             "SUMO ran with --step-method.ballistic; both with steps of 0.1 s, without lane changes",
-            "distances are to the first row; that of other drivers is what a draw alone changes",
+            "distances are to the first row; the distance of other drivers shows the effect of the random draw alone",
         ),
     )

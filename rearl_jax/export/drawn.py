@@ -1,4 +1,4 @@
-"""Drivers drawn from a population, as columns of numbers: what every target writes."""
+"""Drivers drawn from a population, as columns of numbers, the input of every export target."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ from rearl_jax.models.population import Population
 from rearl_jax.models.traffic import DrawnDrivers, draw_drivers, populate
 
 SPACING = 100.0
-"""Distance [m] at which vehicles are placed while their drivers are drawn; nobody drives from there."""
+"""Distance [m] at which vehicles are placed while their drivers are drawn; no simulation starts from there."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +45,7 @@ def draw(population: Population, n: int, seed: int) -> DriverColumns:
 
     Args:
         population: The population.
-        n: How many; each is as probable as the others.
+        n: Number of drivers, drawn independently.
         seed: Seed of the draw.
     """
     drawn = _draw(jax.random.split(jax.random.key(seed), 1), n, population)
@@ -88,7 +88,7 @@ def columns(population: Population, drivers: Drivers, n: int, scenario: int) -> 
     """The drivers of one scenario as columns.
 
     Args:
-        population: What they were drawn from.
+        population: The population they were drawn from.
         drivers: The drivers, arrays `[vehicles, scenarios]`.
         n: Number of vehicles.
         scenario: Number of the scenario.

@@ -1,4 +1,4 @@
-"""Speeds of measured first vehicles, which nobody is ahead of."""
+"""Speeds of measured first vehicles, which have no vehicle ahead."""
 
 import numpy as np
 import pandas as pd

@@ -138,7 +138,7 @@ def _class(
 
 
 def _said(types: Sequence[VehicleType], name: str, speed_limit: float | None) -> list[Said]:
-    """What became of each attribute of the file, and of those that it leaves to SUMO's defaults."""
+    """Translation of each attribute of the file, and of those that it leaves to SUMO's defaults."""
     homes = {own: parameter for parameter, attributes in MODELS[name].attributes.items() for own in attributes}
     homes |= {"length": "length", "vClass": "class of vehicles", "carFollowModel": f"car_following {name}"}
     if speed_limit is not None:

@@ -1,4 +1,4 @@
-"""What became of each part of a model in another program: where it went, or why it could not be said there."""
+"""Report on the export of each part of a model: its place in the other program, or why it has none."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -15,7 +15,7 @@ class Said:
     Attributes:
         what: Parameter or effect of the model.
         where: Attribute of the other program that holds it; None if it could not be said.
-        remark: How near that is, or why it could not be said; empty if it is the same.
+        remark: Accuracy of the translation, or why there is none; empty if it is exact.
     """
 
     what: str
@@ -29,7 +29,7 @@ class Exported:
 
     Attributes:
         text: Content of the file.
-        said: What became of each part of the model.
+        said: Report on each part of the model.
     """
 
     text: str

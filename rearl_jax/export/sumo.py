@@ -38,7 +38,7 @@ class SumoModel:
         name: Value of `carFollowModel`.
         attributes: Attributes that hold each parameter of ours.
         fixed: Further attributes, the same for all drivers.
-        remarks: How the two differ, by parameter or `equation`.
+        remarks: Differences between the two, by parameter or `equation`.
     """
 
     name: str

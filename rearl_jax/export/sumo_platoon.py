@@ -17,8 +17,8 @@ from jaxtyping import Float
 from rearl_jax.export.platoon import STEPS_PER_SECOND, Motion, Start
 from rearl_jax.export.sumo_road import draw_network
 
-FASTEST = 60.0
-"""Limit of the road [m/s], which limits nobody."""
+SPEED_LIMIT = 60.0
+"""Speed limit of the road [m/s], above every desired speed."""
 
 FCD = "fcd_{}.xml"
 """Floating car data of one platoon."""
@@ -98,8 +98,8 @@ def _order(
     ids = [LEADER, *(f"follower_{k}" for k in range(1, len(names) + 1))]
     network, routes, fcd = (folder / file.format(number) for file in ("road_{}.net.xml", "traffic_{}.rou.xml", FCD))
     front = np.asarray(start.state.x)[:, number] + start.length[:, number] / 2
-    length = float(np.ceil(front[0] + FASTEST * len(leader_speed) / STEPS_PER_SECOND))
-    network.write_text(draw_network(1, length, FASTEST), encoding="utf-8")
+    length = float(np.ceil(front[0] + SPEED_LIMIT * len(leader_speed) / STEPS_PER_SECOND))
+    network.write_text(draw_network(1, length, SPEED_LIMIT), encoding="utf-8")
     vehicles = [
         _VEHICLE.format(id=own, type=kind, front=place, speed=leader_speed[0])
         for own, kind, place in zip(ids, (LEADER, *names), front, strict=True)

@@ -20,7 +20,7 @@ DEFAULT_MODEL = "Krauss"
 
 @dataclass(frozen=True)
 class VehicleClass:
-    """What SUMO takes for vehicles of a class where a type says nothing: units as of SUMO, and our class."""
+    """SUMO's defaults for vehicles of a class, in SUMO's units, and the class of this package."""
 
     kind: str
     length: float
@@ -95,7 +95,7 @@ class VehicleType:
         """Value of an attribute and its standard deviation, 0 for a plain number; the default where it is not stated.
 
         Raises:
-            InvalidInputError: It is no number, or it is neither stated nor has a default.
+            InvalidInputError: It is not a number, or it is neither stated nor has a default.
         """
         if attribute not in self.attributes:
             if default is None:

@@ -25,7 +25,7 @@ _APPLICATION = 0x5245414C
 _PATIENCE = 60.0
 """Longest wait for another process that is writing [s]."""
 
-_AT_ONCE = 500
+_BATCH_SIZE = 500
 """Requests looked up in one statement."""
 
 _FIELDS = (*TEXTS, *TOKEN_COUNTS)
@@ -84,8 +84,8 @@ class Answers:
         wanted = list(digests)
         replies: dict[str, Reply] = {}
         try:
-            for start in range(0, len(wanted), _AT_ONCE):
-                part = wanted[start : start + _AT_ONCE]
+            for start in range(0, len(wanted), _BATCH_SIZE):
+                part = wanted[start : start + _BATCH_SIZE]
                 marks = ",".join("?" * len(part))
                 rows = self._database.execute(
                     f"SELECT digest, {', '.join(_FIELDS)} FROM answers WHERE digest IN ({marks})", part

@@ -21,7 +21,7 @@ from rearl_jax.llm.parameters import without
 from rearl_jax.llm.parsing import majority, understand
 from rearl_jax.llm.profiles import request_body, request_digest
 from rearl_jax.llm.prompt_length import PromptLengths
-from rearl_jax.llm.records import KEEP_OUT, Answer, Cause, Question, Reply
+from rearl_jax.llm.records import NO_DECISION, Answer, Cause, Question, Reply
 from rearl_jax.llm.requests_table import Counts, request_row, requests_frame
 from rearl_jax.llm.sending import Job, Sender
 from rearl_jax.llm.startup import Server, meet, replayed
@@ -55,7 +55,7 @@ class Client:
             config: Model, sampling, time-outs, and file of the answers.
             base_url: Address of the server, with or without `/v1` at its end; not used for a replay.
             replay: Whether only stored answers are given, without a server.
-            read: Function that parses an answer; KEEP_OUT for an answer without an action.
+            read: Function that parses an answer; NO_DECISION for an answer without an action.
 
         Raises:
             InvalidInputError: The address is invalid, or a key of the configuration is out of range.
@@ -319,7 +319,7 @@ class Client:
             votes = []
             for vote, digest in enumerate(digests):
                 reply = replies[digest]
-                action, cause = KEEP_OUT, reply.cause
+                action, cause = NO_DECISION, reply.cause
                 if reply.text is not None:
                     action, cause = self._read(reply.text, question.choices, reply.finish)
                     self._last_texts[cause] = reply.text

@@ -16,13 +16,13 @@ from rearl_jax.config.llm import LlmConfig
 from rearl_jax.llm.proxies import Proxy, proxy_for, unusable
 from rearl_jax.problems import InvalidInputError, Problem
 
-LARGEST_BODY = 4 * 2**20
+MAX_BODY_BYTES = 4 * 2**20
 """Size above which a response counts as broken [bytes]; the longest reasoning has a hundredth of it."""
 
 _IDLE = 4.0
 """Time after which an unused connection is not used again [s]: less than the 5 s after which uvicorn closes it."""
 
-_SHORTEST_SECRET = 8
+_MIN_SECRET_LENGTH = 8
 """Length below which a key is regarded as a placeholder [characters]; removing it from messages would destroy ordinary
 words.
 """
@@ -147,7 +147,7 @@ class Connection:
 
     def without_key(self, text: str) -> str:
         """The text with the server's key masked, because a server may repeat the key in its messages."""
-        return text if len(self._key) < _SHORTEST_SECRET else text.replace(self._key, "***")
+        return text if len(self._key) < _MIN_SECRET_LENGTH else text.replace(self._key, "***")
 
     async def close(self) -> None:
         """Closes all connections."""
@@ -216,8 +216,8 @@ async def _read(response: httpx.Response) -> Response:
     content = bytearray()
     async for part in response.aiter_bytes():
         content += part
-        if len(content) > LARGEST_BODY:
-            return Response(error=f"the response is larger than {LARGEST_BODY >> 20} MiB")
+        if len(content) > MAX_BODY_BYTES:
+            return Response(error=f"the response is larger than {MAX_BODY_BYTES >> 20} MiB")
     return Response(
         status=response.status_code,
         content=bytes(content),

@@ -10,7 +10,7 @@ from typing import Any
 
 from rearl_jax.llm.profiles import read_error
 
-_NEEDED = frozenset({"model", "messages"})
+_REQUIRED = frozenset({"model", "messages"})
 """Parameters that every request needs."""
 
 _OTHER_NAMES = {"max_tokens": "max_completion_tokens"}
@@ -45,7 +45,7 @@ def refused_parameter(body: str, content: bytes) -> str | None:
         content: Body of the response that refuses it.
     """
     said = content.decode("utf-8", "replace")
-    optional = [name for name in json.loads(body) if name not in _NEEDED]
+    optional = [name for name in json.loads(body) if name not in _REQUIRED]
     named = [(match.start(), name) for name in optional if (match := re.search(rf"(?<!\w){name}(?!\w)", said))]
     if named:
         return min(named)[1]
@@ -56,7 +56,7 @@ def refused_parameter(body: str, content: bytes) -> str | None:
 def optional_parameters(body: str) -> list[str]:
     """Optional parameters of a body, those supported by the fewest servers first."""
     known = ["max_tokens", "temperature", "seed"]
-    names = [name for name in json.loads(body) if name not in _NEEDED]
+    names = [name for name in json.loads(body) if name not in _REQUIRED]
     return sorted(names, key=lambda name: known[::-1].index(name) if name in known else -1)
 
 

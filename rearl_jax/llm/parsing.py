@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from itertools import islice
 
 from rearl_jax.core.meta_actions import MetaAction
-from rearl_jax.llm.records import KEEP_OUT, Cause
+from rearl_jax.llm.records import NO_DECISION, Cause
 
 WORDS = ("left", "keep", "right", "faster", "slower")
 """Names of the actions in questions, in the order of their identifiers."""
@@ -58,7 +58,7 @@ _IDENTIFIER = re.compile(
 
 
 def understand(text: str, choices: tuple[int, ...], finish: str = "") -> tuple[int, Cause]:
-    """The chosen action (KEEP_OUT for none) and the cause.
+    """The chosen action (NO_DECISION for none) and the cause.
 
     Reasoning is left out: everything up to the last `</think>`; if a `<think>` stays open there is no answer. In the
     rest, without the marks of code fences, the first of these that applies counts:
@@ -79,17 +79,17 @@ def understand(text: str, choices: tuple[int, ...], finish: str = "") -> tuple[i
     """
     value = _value(text)
     if value is None:
-        return KEEP_OUT, Cause.truncated if finish == "length" else Cause.unparsable
+        return NO_DECISION, Cause.truncated if finish == "length" else Cause.unparsable
     if value == _OTHER_NUMBER:
-        return KEEP_OUT, Cause.out_of_range
-    return (value, Cause.answered) if value in choices else (KEEP_OUT, Cause.inadmissible)
+        return NO_DECISION, Cause.out_of_range
+    return (value, Cause.answered) if value in choices else (NO_DECISION, Cause.inadmissible)
 
 
 def majority(answers: Sequence[tuple[int, Cause]]) -> tuple[int, Cause]:
     """The action with more than half of all votes; invalid votes count in the total.
 
-    Without such an action the result is KEEP_OUT. Its cause is the most frequent cause of the invalid votes (the first
-    of equally frequent ones) if more than half are invalid, else `disagreed`.
+    Without such an action the result is NO_DECISION. Its cause is the most frequent cause of the invalid votes (the
+    first of equally frequent ones) if more than half are invalid, else `disagreed`.
     """
     votes = Counter(action for action, cause in answers if cause is Cause.answered)
     causes = Counter(cause for _, cause in answers if cause is not Cause.answered)
@@ -97,8 +97,8 @@ def majority(answers: Sequence[tuple[int, Cause]]) -> tuple[int, Cause]:
         if 2 * number > len(answers):
             return action, Cause.answered
     if 2 * causes.total() > len(answers):
-        return KEEP_OUT, causes.most_common(1)[0][0]
-    return KEEP_OUT, Cause.disagreed
+        return NO_DECISION, causes.most_common(1)[0][0]
+    return NO_DECISION, Cause.disagreed
 
 
 def _value(text: str) -> int | None:

@@ -16,7 +16,7 @@ from rearl_jax.llm.records import Completion, Message
 _encode = json.JSONEncoder(sort_keys=True, separators=(",", ":"), allow_nan=False).encode
 """Canonical JSON: the same object always gives the same text."""
 
-_MOST_TOKENS = 2**31
+_MAX_TOKENS = 2**31
 
 
 @dataclass(frozen=True)
@@ -193,4 +193,4 @@ def _text(value: Any) -> str:
 
 
 def _count(value: Any) -> int | None:
-    return value if isinstance(value, int) and not isinstance(value, bool) and 0 <= value < _MOST_TOKENS else None
+    return value if isinstance(value, int) and not isinstance(value, bool) and 0 <= value < _MAX_TOKENS else None

@@ -3,15 +3,15 @@
 For example, Ollama truncates a prompt to its context length, 4,096 tokens by default, and answers the rest.
 """
 
-MOST_CHARACTERS = 8.0
+MAX_CHARACTERS_PER_TOKEN = 8.0
 """Largest plausible number of characters per token, averaged over a prompt [-]; own choice. English text has 4 to 5,
 the shipped prompt with its many figures 2 to 4.
 """
 
-_LEAST_PROMPTS = 8
+_MIN_PROMPTS = 8
 """Number of prompts with the same token count that indicates a limit."""
 
-_DIFFERENCE = 1.05
+_MAX_RATIO = 1.05
 """Ratio of the longest to the shortest prompt with equal counts [-] above which equality is not a coincidence."""
 
 
@@ -38,7 +38,7 @@ class PromptLengths:
             self._most, self._lengths = n_tokens, []
         if n_tokens == self._most:
             self._lengths.append(n_characters)
-        if n_characters > MOST_CHARACTERS * n_tokens:
+        if n_characters > MAX_CHARACTERS_PER_TOKEN * n_tokens:
             return True
         lengths = self._lengths
-        return len(lengths) >= _LEAST_PROMPTS and max(lengths) > _DIFFERENCE * min(lengths)
+        return len(lengths) >= _MIN_PROMPTS and max(lengths) > _MAX_RATIO * min(lengths)

@@ -3,7 +3,7 @@
 from dataclasses import dataclass, fields
 from enum import Enum
 
-KEEP_OUT = -1
+NO_DECISION = -1
 """Action of a vehicle that stays with IDM and MOBIL."""
 
 
@@ -113,7 +113,7 @@ class Answer:
     """Result of a question.
 
     Attributes:
-        action: The action to execute, KEEP_OUT for none.
+        action: The action to execute, NO_DECISION for none.
         cause: `answered`, or the cause why there is no action.
         replies: Replies, one per vote.
         digest: Hash of the chat and of everything sent with it, as in the cache.

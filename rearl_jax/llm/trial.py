@@ -26,7 +26,7 @@ _CHAT = (
 _CHOICES = (7, 8)
 """Choices that no model would answer to the trial question unless it is restricted to them."""
 
-_MOST_NAMED = 8
+_MAX_NAMED = 8
 """Refused parameters that are left out one after another."""
 
 _OF_CONTENT = (400, 415, 422)
@@ -67,7 +67,7 @@ async def try_out(
 
     refused: tuple[str, ...] = ()
     response = first = await send(())
-    while response.status in _OF_CONTENT and len(refused) < _MOST_NAMED:
+    while response.status in _OF_CONTENT and len(refused) < _MAX_NAMED:
         name = refused_parameter(without(body, refused), response.content)
         if name is None or name in refused:
             break

@@ -6,7 +6,7 @@ from rearl_jax.llm.records import Cause
 from rearl_jax.llm.requests_table import Counts
 from rearl_jax.problems import InvalidInputError, Problem
 
-MOST_UNUSABLE = 100
+MAX_UNUSABLE = 100
 """Questions without a usable answer before a run without any is stopped; own choice."""
 
 _REMEDIES = {
@@ -49,7 +49,7 @@ def check_usable(
         fault = f"the server refuses every request ({reasons.get(Cause.refused, 'no reason given')})"
         remedy = "correct what it names and give the same command again: answers received are stored"
         raise InvalidInputError(Problem("requests-refused", fault, remedy))
-    if is_answered or not (is_finished or counts.answers >= MOST_UNUSABLE):
+    if is_answered or not (is_finished or counts.answers >= MAX_UNUSABLE):
         return
     commonest = max(causes, key=causes.__getitem__)
     counted = ", ".join(f"{cause.name} {n}" for cause, n in causes.items())

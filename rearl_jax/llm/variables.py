@@ -62,7 +62,7 @@ class Share(NamedTuple):
 
 
 class Error(NamedTuple):
-    """A figure of the detection and its threshold [%], and whether it is above."""
+    """A deviation from the reference and its threshold [%]; `exceeded` if the deviation is larger."""
 
     error: float
     threshold: float

@@ -62,7 +62,7 @@ def rate_of_change(
         values: Quantity to differentiate.
         track_id: Which vehicle a slot holds; None if that never changes.
         frame_interval: Time between frames [s].
-        known: Where the quantity itself is known; None if it is everywhere.
+        known: Mask of the values of the quantity that are known; None if all are.
     """
     previous, valid = previous_values(values, track_id)
     if known is not None:

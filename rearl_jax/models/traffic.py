@@ -32,10 +32,10 @@ POPULATION_STREAM = 3
 SEED_STREAM = 100
 """First of the streams of the effects' random numbers, one for each effect."""
 
-FURTHEST = 2.5
+TRUNCATION = 2.5
 """Standard deviations at which a driver's parameters and a vehicle's length are truncated; own choice."""
 
-LEAST_GAP = 4.0
+MIN_GAP = 4.0
 """Gap [m] that is left between vehicles which would start inside or close behind each other; own choice, what
 highway-env's spawning leaves at least between two of its cars on one lane.
 """
@@ -121,7 +121,7 @@ def draw_drivers(
 
     place, own, length_deviates = jax.vmap(draw, out_axes=-1)(keys)
     number = class_numbers(place, jnp.asarray(population.shares))
-    own, length_deviates = (jnp.clip(deviates, -FURTHEST, FURTHEST) for deviates in (own, length_deviates))
+    own, length_deviates = (jnp.clip(deviates, -TRUNCATION, TRUNCATION) for deviates in (own, length_deviates))
     tables = jax.tree.map(jnp.asarray, (population.median, population.factor, population.noise, population.length))
     median, factor, noise, length = (jnp.moveaxis(table[number], (0, 1), (-2, -1)) for table in tables)
     values = dict(zip(names, median * jnp.exp(jnp.sum(factor * own[None], axis=1)), strict=True))
@@ -205,7 +205,7 @@ def make_room(
     def place(fronts: tuple[Array, ...], vehicle: tuple[Array, Array, Array]) -> tuple[tuple[Array, ...], Array]:
         x, own_length, own_lane = vehicle
         for number, front in enumerate(fronts):
-            x = jnp.where(own_lane == number, jnp.maximum(x, front + LEAST_GAP + own_length / 2), x)
+            x = jnp.where(own_lane == number, jnp.maximum(x, front + MIN_GAP + own_length / 2), x)
         ends = x + own_length / 2
         return tuple(jnp.where(own_lane == number, ends, front) for number, front in enumerate(fronts)), x
 

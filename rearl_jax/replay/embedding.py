@@ -14,7 +14,7 @@ from rearl_jax.data.scenes.scene_set import SceneSet
 from rearl_jax.data.scenes.scene_windows import UNKNOWN_LANE
 from rearl_jax.replay.scenes import Replay, ReplayedScene
 
-MOST_CHARACTERS = 600_000
+MAX_CHARACTERS = 600_000
 """Length of the data in a page; scenes beyond it are left out."""
 
 _CM = 100.0
@@ -43,7 +43,7 @@ def replay_data(replay: Replay) -> dict[str, Any]:
     for replayed in replay.replayed:
         scene = _scene(replay.scenes, replayed, model.lane_width)
         size += len(embedded(scene))
-        if scenes and size > MOST_CHARACTERS:
+        if scenes and size > MAX_CHARACTERS:
             break
         scenes.append(scene)
     return {

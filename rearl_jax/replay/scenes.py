@@ -59,7 +59,7 @@ class Replay:
         config: The method that was simulated.
         scenes: All recorded scenes.
         replayed: The chosen ones.
-        origin: Where the rollouts come from, in a sentence or two.
+        origin: Description of the origin of the rollouts.
         has_decisions: Whether the method intervenes and the vehicles with decisions are known.
     """
 

@@ -37,7 +37,7 @@ from rearl_jax.report.witness import Witness, policy_of
 from rearl_jax.results import Study
 from rearl_jax.runtime import set_precision
 
-SAME_FIGURE = 1e-5
+ROUNDING_TOLERANCE = 1e-5
 """Difference of Hellinger distances [-] up to which a rollout is that of the study: the largest effect of rounding on a
 mean.
 """
@@ -198,7 +198,7 @@ def _require_same_figures(
     for rollout in replayed:
         scene = int(scenes.scene_id[rollout.index])
         before = kept.get((scene, rollout.run))
-        if before is None or abs(before - rollout.h) > SAME_FIGURE:
+        if before is None or abs(before - rollout.h) > ROUNDING_TOLERANCE:
             figure = "no" if before is None else f"{before:.5f} as"
             raise NoReplayError(
                 f"simulated again, run {rollout.run} of scene {scene} has a Hellinger distance of {rollout.h:.5f}, but "

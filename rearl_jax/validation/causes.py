@@ -10,7 +10,7 @@ from rearl_jax.validation.comparison import Comparison
 from rearl_jax.validation.records import Recorded
 from rearl_jax.validation.scenarios import TICKS_PER_SECOND
 
-JUMP = 100.0
+JUMP_FACTOR = 100.0
 """Growth of a difference within one tick that is a jump: no rounding error of a smooth step grows like that."""
 
 GROWING_TICKS = 30
@@ -97,7 +97,7 @@ def unstable_below(length: float) -> float:
 def name_cause(facts: Facts) -> Cause:
     """The cause that the facts show."""
     if facts.is_crashed:
-        return Cause.push_tie if facts.growth > JUMP else Cause.push
+        return Cause.push_tie if facts.growth > JUMP_FACTOR else Cause.push
     if facts.slowest < facts.unstable_below:
         return Cause.standstill
     if facts.has_flipped:

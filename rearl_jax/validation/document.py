@@ -15,10 +15,10 @@ _SHARES = ("lane_change_agreement", "crash_agreement", "agree_share")
 _EXCEPTION = {
     "scene": "scene",
     "cause": "cause",
-    "first_time": "from\n[s]",
+    "first_time": "first differs\n[s]",
     "first_contact": "first contact\n[s]",
     "first_speed": "vehicle's\nspeed [m/s]",
-    "max_position": "largest\n[m]",
+    "max_position": "largest\ndifference [m]",
     "own_difference": "highway-env's\nown [m]",
 }
 
@@ -35,7 +35,10 @@ def document_of(
         config: Tolerances.
     """
     sections = [_agreement(groups, precision, summary, config) for precision in PRECISIONS]
-    note = "highway-env's own: its difference from a run that starts one unit in the last place further ahead"
+    note = (
+        "highway-env's own: difference between two runs of highway-env whose initial positions differ by one rounding "
+        "unit"
+    )
     for precision in PRECISIONS:
         excepted = where(scenes, precision=precision, agrees=False)
         if len(excepted):

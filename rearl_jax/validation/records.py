@@ -118,7 +118,7 @@ def from_bytes(content: bytes) -> Recorded:
     """The scene written by `to_bytes`.
 
     Raises:
-        ValueError: If the checksum of an array is wrong. NumPy checks those only that it reads to their end.
+        ValueError: If the checksum of an array is wrong. NumPy itself checks only arrays that it reads to their end.
     """
     with zipfile.ZipFile(io.BytesIO(content)) as file:
         if (name := file.testzip()) is not None:

@@ -64,6 +64,7 @@ def small():
     return simulate(*traffic(N_VEHICLES))
 
 
+@pytest.mark.thorough  # a program of its own, for the tests that follow
 def test_traffic_has_what_the_symmetries_are_about(small):
     assert (np.diff(small.lane, axis=0) != 0).sum() > 5
     assert np.isfinite(small.x).all()

@@ -5,6 +5,7 @@ from dataclasses import replace
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pytest
 
 from rearl_jax.core import idm_driving
 from rearl_jax.core.model import TrafficModel
@@ -24,11 +25,10 @@ def test_where_more_are_due_than_have_places_all_decide(monkeypatch):
     state = sort_if_large(replace(state, ticks_to_decision=jnp.zeros_like(state.ticks_to_decision)))
 
     def target_lanes():
-        @jax.jit
         def decide(state):
             return idm_driving.drive_by_idm(state, derive_state(state, MODEL), drivers, MODEL).target_lane
 
-        return np.asarray(decide(state))
+        return np.asarray(jax.jit(decide, compiler_options=HASTE)(state))
 
     assert LARGEST_SMALL_TRAFFIC < N_VEHICLES
     assert idm_driving.ONE_IN_ASKED > 3
@@ -40,6 +40,7 @@ def test_where_more_are_due_than_have_places_all_decide(monkeypatch):
     np.testing.assert_array_equal(some_at_a_time, target_lanes())
 
 
+@pytest.mark.thorough  # compiling takes half a minute
 def test_large_traffic_has_slopes_where_lanes_are_changed():
     state, drivers = spawn(jax.random.split(jax.random.key(5), 2), MODEL, n_vehicles=30, density=1.5)
 

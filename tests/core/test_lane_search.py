@@ -1,5 +1,6 @@
 """Search of neighbours: the sorted road gives the same as comparing all pairs, vehicles abreast included."""
 
+import functools
 from unittest import mock
 
 import jax
@@ -18,17 +19,22 @@ from tests.core.simulation import MODEL, default_drivers
 N_VEHICLES, N_SCENARIOS = 30, 40
 
 
-def neighbour_indices(state, drivers, lane, largest):
-    """Indices of three leaders and a follower on a lane, with traffic of up to so many vehicles taken for small."""
+@functools.cache
+def program(largest):
+    """Three leaders and a follower on a lane, with traffic of up to so many vehicles taken for small; compiled once."""
 
-    def search(state):
+    def search(state, drivers, lane):
         state = sort_if_large(state)
         derived = derive_state(state, MODEL)
         vehicles = vehicle_states(state, derived, drivers)
         return (*find_ahead(state, derived, vehicles, lane, 3), find_behind(state, derived, vehicles, lane))
 
+    return jax.jit(search)
+
+
+def neighbour_indices(state, drivers, lane, largest):
     with mock.patch.object(neighbours, "LARGEST_SMALL_TRAFFIC", largest):
-        return [np.asarray(neighbour.index) for neighbour in jax.jit(search)(state)]
+        return [np.asarray(neighbour.index) for neighbour in program(largest)(state, drivers, lane)]
 
 
 @pytest.mark.parametrize("places", [4, 12, 1000], ids=["piled up", "abreast", "spread"])

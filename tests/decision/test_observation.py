@@ -9,7 +9,9 @@ from rearl_jax.decision.observation import highway_env_observation, observe_neig
 from tests.highway_env_twins import put_on_road, road_of_four_lanes
 
 
-@pytest.mark.parametrize(("n_rows", "see_behind"), [(5, False), (7, True), (9, False)])
+@pytest.mark.parametrize(
+    ("n_rows", "see_behind"), [(5, False), (7, True), pytest.param(9, False, marks=pytest.mark.thorough)]
+)
 def test_as_highway_env_sees(wild, n_rows, see_behind):
     env = road_of_four_lanes()
     spec = highway_env_observation(4, n_rows, see_behind=see_behind)

@@ -19,6 +19,9 @@ N_REFS, N_SECONDS, N_SLOTS, N_SCENARIOS = 4, 12, 10, 6
 EDGES = np.linspace(5, 32, 9)
 LOW, HIGH = 0.25, 0.3
 
+HASTE = {"xla_backend_optimization_level": 0}
+"""Options of the compiler: these programs run for a millisecond and are compiled for a second."""
+
 
 def rollout_keys(n_scenarios):
     return jax.random.split(jax.random.key(3), n_scenarios)
@@ -28,7 +31,7 @@ def rollout_keys(n_scenarios):
 def program(options):
     """The detection over all frames, compiled once for each choice of options."""
 
-    @jax.jit
+    @functools.partial(jax.jit, compiler_options=HASTE)
     def scan(frames, table, h, m):
         def step(memory, frame):
             return detect(memory, frame, table, Thresholds(h, m), options)

@@ -14,7 +14,7 @@ with atheris.instrument_imports(include=["rearl_jax.llm", "rearl_jax.baselines.c
     from rearl_jax.baselines.critical.answers import BadAnswerError, read_mixture
     from rearl_jax.llm.parsing import understand
     from rearl_jax.llm.profiles import read_completion, read_error
-    from rearl_jax.llm.records import KEEP_OUT, Cause
+    from rearl_jax.llm.records import NO_DECISION, Cause
     from rearl_jax.models.file import BadModelError, read_model
 
 _PATH = Path(tempfile.mkdtemp()) / "model.yaml"
@@ -29,7 +29,7 @@ def reply(data: bytes) -> None:
     choices = tuple(action for action in range(5) if data[:1] and data[0] >> action & 1)
     action, cause = understand(_text(data[1:]), choices)
     assert (cause is Cause.answered) == (action in choices)
-    assert cause is Cause.answered or action == KEEP_OUT
+    assert cause is Cause.answered or action == NO_DECISION
 
 
 def mixture(data: bytes) -> None:

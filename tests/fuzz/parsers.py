@@ -17,7 +17,7 @@ from rearl_jax.core.meta_actions import MetaAction
 from rearl_jax.llm.answers import Answers
 from rearl_jax.llm.parsing import understand
 from rearl_jax.llm.profiles import read_completion, read_error
-from rearl_jax.llm.records import KEEP_OUT, Cause, Completion, Reply
+from rearl_jax.llm.records import NO_DECISION, Cause, Completion, Reply
 from rearl_jax.models.file import read_model, write_model
 from rearl_jax.models.record import RepairedModel
 from rearl_jax.report.finished import read_finished
@@ -52,7 +52,7 @@ def reply(folder: Path) -> Callable[[Random], Result]:
             action, cause = understand(text, choices, rng.choice(("", "stop", "length")))
         except Exception as error:
             return judged(error, ())  # it never fails
-        if (cause is Cause.answered) != (action in choices) or (cause is not Cause.answered and action != KEEP_OUT):
+        if (cause is Cause.answered) != (action in choices) or (cause is not Cause.answered and action != NO_DECISION):
             return Outcome.silent, f"{action} {cause} of {choices}: {text[:80]!r}"
         return (Outcome.accepted if cause is Cause.answered else Outcome.refused), ""
 

@@ -15,7 +15,7 @@ from rearl_jax.llm.answers import Answers
 from rearl_jax.llm.breaker import Breaker
 from rearl_jax.llm.client import Client
 from rearl_jax.llm.connection import Connection, server_address
-from rearl_jax.llm.records import KEEP_OUT, Cause, Message
+from rearl_jax.llm.records import NO_DECISION, Cause, Message
 from rearl_jax.llm.requests_table import COLUMNS
 from rearl_jax.problems import InvalidInputError, MissingInputError
 from tests.llm.asking import CHOICES, make_config, make_questions, outcomes
@@ -34,7 +34,7 @@ def test_answers_come_in_the_order_of_the_questions(tmp_path):
     assert len(set(actions)) == 5
     assert [reply.text for answer in answers for reply in answer.replies] == [str(action) for action in actions]
     for action, got in zip(actions, answers, strict=True):
-        expected = (action, Cause.answered) if action in CHOICES else (KEEP_OUT, Cause.inadmissible)
+        expected = (action, Cause.answered) if action in CHOICES else (NO_DECISION, Cause.inadmissible)
         assert (got.action, got.cause) == expected
         (reply,) = got.replies
         assert (reply.cause, reply.tries, reply.status, reply.from_cache) == (Cause.answered, 1, 200, False)
@@ -121,7 +121,7 @@ def test_replay_needs_no_server(tmp_path):
             answers = client.submit(questions + make_questions(3, "new")).result()
             assert client.counts.causes[Cause.not_kept] == 3
         assert outcomes(answers[:30]) == outcomes(first)
-        assert [(answer.action, answer.cause) for answer in answers[30:]] == [(KEEP_OUT, Cause.not_kept)] * 3
+        assert [(answer.action, answer.cause) for answer in answers[30:]] == [(NO_DECISION, Cause.not_kept)] * 3
         assert answers[30].replies[0].tries == 0
     assert len(stub.chats) == 30
 
@@ -164,7 +164,7 @@ def test_votes_have_seeds_and_are_kept_one_by_one(tmp_path):
         if texts.count(most) > 1 and int(most) in CHOICES:
             assert (answer.action, answer.cause) == (int(most), Cause.answered)
         elif len(set(texts)) == 3 and "2" not in texts:
-            assert (answer.action, answer.cause) == (KEEP_OUT, Cause.disagreed)
+            assert (answer.action, answer.cause) == (NO_DECISION, Cause.disagreed)
     assert len(frame) == 120
     assert list(frame["vote"][:3]) == [0, 1, 2]
     assert list(frame["from_cache"][:3]) == [True, False, False]
@@ -184,7 +184,7 @@ def test_table_of_requests(tmp_path):
     assert len(frame) == 20
     assert frame["second"].isna().tolist() == [True] * 10 + [False] * 10
     assert frame["cause"].tolist() == 2 * [*["answered"] * 3, "unparsable", *["answered"] * 6]
-    assert frame["action"].tolist()[2:5] == [1, KEEP_OUT, 1]
+    assert frame["action"].tolist()[2:5] == [1, NO_DECISION, 1]
     assert frame["text"][3] == "I cannot tell"
     assert set(frame["thinking_length"]) == {20}
     assert frame["prompt_tokens"].isna().all()
@@ -293,7 +293,7 @@ def test_thinking_cut_off_is_kept_and_truncated(tmp_path):
         for _ in range(2):
             with Client(config, stub.url) as client:
                 (answer,) = client.submit(make_questions(1)).result()
-            assert (answer.action, answer.cause) == (KEEP_OUT, Cause.truncated)
+            assert (answer.action, answer.cause) == (NO_DECISION, Cause.truncated)
             assert answer.replies[0].finish == "length"
     assert len(stub.chats) == 1
 

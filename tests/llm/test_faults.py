@@ -13,7 +13,7 @@ import pytest
 from rearl_jax.llm.breaker import Breaker
 from rearl_jax.llm.client import Client
 from rearl_jax.llm.connection import read_retry_after
-from rearl_jax.llm.records import KEEP_OUT, Cause
+from rearl_jax.llm.records import NO_DECISION, Cause
 from tests.llm.asking import make_config, make_questions, outcomes
 from tests.llm.stub import STATUS, Fault, Seen, Stub, chat_digest
 
@@ -44,7 +44,7 @@ def test_every_fault(tmp_path, expected, caplog, fault):
             answers = client.submit(make_questions(3)).result()
             assert client.counts.causes == {cause: 3}
         assert len(stub.chats) == 6
-        assert [(answer.action, answer.cause) for answer in answers] == [(KEEP_OUT, cause)] * 3
+        assert [(answer.action, answer.cause) for answer in answers] == [(NO_DECISION, cause)] * 3
         status = None if fault in TIMED_OUT | NO_RESPONSE else STATUS.get(fault, 200)
         replies = [reply for answer in answers for reply in answer.replies]
         assert {(reply.tries, reply.status, reply.text) for reply in replies} == {(2, status, None)}
@@ -62,7 +62,7 @@ def test_refusals_are_not_repeated(tmp_path, caplog, status):
     with Stub(fault=lambda seen: status) as stub, Client(make_config(tmp_path), stub.url) as client:
         answers = client.submit(make_questions(6)).result()
     assert len(stub.chats) == 6
-    assert {(answer.action, answer.cause) for answer in answers} == {(KEEP_OUT, Cause.refused)}
+    assert {(answer.action, answer.cause) for answer in answers} == {(NO_DECISION, Cause.refused)}
     assert {(reply.tries, reply.status) for answer in answers for reply in answer.replies} == {(1, status)}
     assert caplog.text.count(f"HTTP {status}: status {status} was asked for") == 1
 

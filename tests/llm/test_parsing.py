@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from rearl_jax.core.meta_actions import MetaAction
 from rearl_jax.llm.parsing import WORDS, majority, understand
-from rearl_jax.llm.records import KEEP_OUT, Cause
+from rearl_jax.llm.records import NO_DECISION, Cause
 
 ALL = (0, 1, 2, 3, 4)
 
@@ -56,15 +56,15 @@ def by_text(texts):
 @pytest.mark.parametrize(("text", "action"), by_text(ANSWERS))
 def test_answers(text, action):
     assert understand(text, ALL) == (action, Cause.answered)
-    assert understand(text, tuple(other for other in ALL if other != action)) == (KEEP_OUT, Cause.inadmissible)
+    assert understand(text, tuple(other for other in ALL if other != action)) == (NO_DECISION, Cause.inadmissible)
     assert understand(text, ALL, "length") == (action, Cause.answered)
 
 
 @pytest.mark.parametrize(("text", "cause"), by_text(NOTHING), ids=lambda value: str(value)[:40])
 def test_texts_without_an_answer(text, cause):
-    assert understand(text, ALL, "stop") == (KEEP_OUT, cause)
+    assert understand(text, ALL, "stop") == (NO_DECISION, cause)
     cut = Cause.truncated if cause is Cause.unparsable else cause
-    assert understand(text, ALL, "length") == (KEEP_OUT, cut)
+    assert understand(text, ALL, "length") == (NO_DECISION, cut)
 
 
 def test_words_are_those_of_the_actions():
@@ -91,7 +91,7 @@ CAUSES = {Cause.answered, Cause.unparsable, Cause.out_of_range, Cause.inadmissib
 def test_any_text_gives_an_admissible_action_or_the_reason_why_not(text, choices, finish):
     action, cause = understand(text, choices, finish)
     assert cause in CAUSES
-    assert action in choices if cause is Cause.answered else action == KEEP_OUT
+    assert action in choices if cause is Cause.answered else action == NO_DECISION
     assert cause is not Cause.truncated or finish == "length"
 
 
@@ -111,7 +111,7 @@ def test_thoughts_mean_nothing(thought, rest, start):
 @settings(max_examples=200, deadline=None)
 def test_an_open_thought_holds_no_answer(thought):
     if "</think" not in thought:
-        assert understand("<think>" + thought, ALL) == (KEEP_OUT, Cause.unparsable)
+        assert understand("<think>" + thought, ALL) == (NO_DECISION, Cause.unparsable)
 
 
 @given(st.dictionaries(st.text(max_size=8), st.one_of(st.integers(), st.text(), st.none()), max_size=4))
@@ -158,24 +158,24 @@ def answered(*actions):
 
 
 def failed(*causes):
-    return [(KEEP_OUT, cause) for cause in causes]
+    return [(NO_DECISION, cause) for cause in causes]
 
 
 @pytest.mark.parametrize(
     ("votes", "expected"),
     [
         (answered(3), (3, Cause.answered)),
-        (failed(Cause.late), (KEEP_OUT, Cause.late)),
+        (failed(Cause.late), (NO_DECISION, Cause.late)),
         (answered(3, 3, 1), (3, Cause.answered)),
         (answered(1, 3, 3), (3, Cause.answered)),
         (answered(0, 0, 0), (0, Cause.answered)),
-        (answered(0, 1, 2), (KEEP_OUT, Cause.disagreed)),
+        (answered(0, 1, 2), (NO_DECISION, Cause.disagreed)),
         (answered(3, 3) + failed(Cause.failed), (3, Cause.answered)),
-        (answered(3, 1) + failed(Cause.failed), (KEEP_OUT, Cause.disagreed)),
-        (answered(3) + failed(Cause.late, Cause.failed), (KEEP_OUT, Cause.late)),
-        (answered(3) + failed(Cause.inadmissible, Cause.inadmissible), (KEEP_OUT, Cause.inadmissible)),
-        (failed(Cause.late, Cause.broken, Cause.broken), (KEEP_OUT, Cause.broken)),
-        (failed(Cause.broken, Cause.late, Cause.truncated), (KEEP_OUT, Cause.broken)),
+        (answered(3, 1) + failed(Cause.failed), (NO_DECISION, Cause.disagreed)),
+        (answered(3) + failed(Cause.late, Cause.failed), (NO_DECISION, Cause.late)),
+        (answered(3) + failed(Cause.inadmissible, Cause.inadmissible), (NO_DECISION, Cause.inadmissible)),
+        (failed(Cause.late, Cause.broken, Cause.broken), (NO_DECISION, Cause.broken)),
+        (failed(Cause.broken, Cause.late, Cause.truncated), (NO_DECISION, Cause.broken)),
     ],
 )
 def test_majority(votes, expected):

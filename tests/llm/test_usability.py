@@ -6,7 +6,7 @@ from rearl_jax.cli.running import is_for_user
 from rearl_jax.llm.client import Client
 from rearl_jax.llm.records import Cause
 from rearl_jax.llm.requests_table import Counts
-from rearl_jax.llm.usability import MOST_UNUSABLE, check_usable
+from rearl_jax.llm.usability import MAX_UNUSABLE, check_usable
 from rearl_jax.problems import InvalidInputError
 from tests.llm.asking import make_config, make_questions
 from tests.llm.stub import Stub
@@ -24,7 +24,7 @@ def check(causes, *, is_finished=False, in_a_row=0, reasons=None, any_text=False
     [
         ({}, False, 0),
         ({}, True, 0),
-        ({Cause.late: MOST_UNUSABLE - 1}, False, 0),
+        ({Cause.late: MAX_UNUSABLE - 1}, False, 0),
         ({Cause.refused: 7}, False, 7),
         ({Cause.answered: 1, Cause.unparsable: 5000}, True, 0),
         ({Cause.answered: 1, Cause.refused: 5000}, True, 7),
@@ -38,7 +38,7 @@ def test_a_run_that_may_go_on(case):
 @pytest.mark.parametrize(
     ("case", "code"),
     [
-        (({Cause.late: MOST_UNUSABLE}, False, 0), "answers-unusable"),
+        (({Cause.late: MAX_UNUSABLE}, False, 0), "answers-unusable"),
         (({Cause.unparsable: 1}, True, 0), "answers-unusable"),
         (({Cause.not_kept: 3}, True, 0), "answers-unusable"),
         (({Cause.refused: 8}, False, 0), "requests-refused"),

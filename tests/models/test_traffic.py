@@ -12,7 +12,7 @@ from rearl_jax.core.model import TrafficModel
 from rearl_jax.core.spawn import spawn
 from rearl_jax.models.population import LaneChanging, population_of_model
 from rearl_jax.models.record import EffectValues
-from rearl_jax.models.traffic import LEAST_GAP, populate
+from rearl_jax.models.traffic import MIN_GAP, populate
 from tests.models.drivers import CURVE, GAIN, MOBIL, NOISE, PARAMETERS, SD, drivers, model
 
 ROAD = TrafficModel(speed_limit=None)
@@ -102,7 +102,7 @@ def test_nobody_starts_inside_another_and_most_stay_where_they_were(traffic):
             order = on_lane[np.argsort(x[on_lane, scenario])]
             gaps = np.diff(x[order, scenario]) - (length[order[1:], scenario] + length[order[:-1], scenario]) / 2
             least = min(least, *gaps, math.inf)
-    assert least >= LEAST_GAP - 1e-9
+    assert least >= MIN_GAP - 1e-9
     moved = x != np.asarray(before.x)
     assert 0.01 < moved.mean() < 0.3
     assert (x >= np.asarray(before.x)).all()

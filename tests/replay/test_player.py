@@ -18,7 +18,7 @@ def test_scenes_beyond_the_size_of_a_page_are_left_out_and_counted(replay, monke
     from rearl_jax.replay import embedding
     from rearl_jax.replay.player import player_of
 
-    monkeypatch.setattr(embedding, "MOST_CHARACTERS", 10)
+    monkeypatch.setattr(embedding, "MAX_CHARACTERS", 10)
     player = player_of(replay)
     assert "1 more scenes were left out" in player.html
     assert player.script.count('"recording"') == 1

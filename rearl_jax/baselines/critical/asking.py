@@ -12,12 +12,12 @@ from rearl_jax.baselines.critical.answers import SCHEMA, BadAnswerError, read_mi
 from rearl_jax.baselines.critical.classes import CLASSES
 from rearl_jax.baselines.critical.mixture import Mixture
 
-NEAR_MISS = 1.5
+NEAR_MISS_TIME = 1.5
 """Time to collision below which two vehicles nearly miss each other [s]. Source: CRITICAL's near misses; the value is
 that of `safety.ttc`, FHWA-HRT-08-051 (2008).
 """
 
-_LONGEST = 200
+_MAX_REPEATED = 200
 """Number of characters of a refused answer that are repeated in the next prompt."""
 
 
@@ -55,7 +55,7 @@ class LanguageModelProposer:
             try:
                 return Proposal(read_mixture(reply.text), attempt, cause)
             except BadAnswerError as error:
-                refused, why = reply.text.strip()[:_LONGEST], str(error)
+                refused, why = reply.text.strip()[:_MAX_REPEATED], str(error)
         return Proposal(None, self._attempts, cause)
 
     def _messages(self, trials: Sequence[Trial], attempt: int, refused: str, why: str) -> tuple[str, str]:
@@ -64,7 +64,7 @@ class LanguageModelProposer:
         variables = {
             "schema": json.dumps(SCHEMA),
             "classes": CLASSES,
-            "near_miss": NEAR_MISS,
+            "near_miss": NEAR_MISS_TIME,
             "recorded": self._recorded,
             "now": now,
             "past": past[-self._history :] if self._history else [],

@@ -117,7 +117,7 @@ def recorded_mixture(driving: Driving, *, seed: int = 0) -> Mixture:
     columns = (driving.speed, driving.acceleration, driving.lane_changes)
     features = np.stack([column[cars] for column in columns], axis=1).astype(np.float64)
     if len(np.unique(features, axis=0)) < N_GROUPS:
-        message = f"the threshold scenes hold too few cars to tell {N_GROUPS} kinds of drivers apart ({len(features)})"
+        message = f"the threshold scenes hold too few cars to distinguish {N_GROUPS} kinds of drivers ({len(features)})"
         remedy = "set critical.ratios=[AGGRESSIVE,DEFENSIVE,TRUCK] or critical.proposer=search"
         raise InvalidInputError(Problem("cars-too-few", message, remedy))
     spread = features.std(axis=0)

@@ -14,12 +14,12 @@ SECONDS = {unit: factor for unit, factor in UNITS["s"].items() if unit != "s"}
 """Units of time that are not the second [s]."""
 PLAUSIBLE_RATES = (0.5, 300.0)
 """Frames per second of recordings of traffic [1/s]; beyond them times are in another unit."""
-REGULAR = 0.3
-"""Share of the time between two frames by which a time may be off its frame."""
-MOST_IRREGULAR = 0.05
-"""Share of rows further off from which on the times are no multiples of one step."""
-_LARGEST_STEP = 3  # of resolution: 10^3 s
-_FINEST = 9  # of resolution: 10^-9 s
+FRAME_TOLERANCE = 0.3
+"""Largest deviation of a time from its frame, as a share of the frame interval [-]."""
+MAX_IRREGULAR_SHARE = 0.05
+"""Largest share of rows with a larger deviation [-]; above it the times are not multiples of one step."""
+_MAX_STEP_EXPONENT = 3  # of resolution: 10^3 s
+_MIN_STEP_EXPONENT = 9  # of resolution: 10^-9 s
 _DECIMALS = 6  # of a frame rate that is none of the usual ones
 
 
@@ -29,7 +29,7 @@ def resolution(time: np.ndarray) -> float:
     if not time.size or not np.any(time):
         return 0.0
     noise = 4.0 * np.finfo(np.float64).eps * float(np.max(np.abs(time)))
-    for power in range(_LARGEST_STEP, -_FINEST - 1, -1):
+    for power in range(_MAX_STEP_EXPONENT, -_MIN_STEP_EXPONENT - 1, -1):
         step = 10.0**power
         if np.all(np.abs(time - step * np.rint(time / step)) <= noise + 1e-9 * step):
             return step
@@ -37,10 +37,10 @@ def resolution(time: np.ndarray) -> float:
 
 
 def period_of(track: np.ndarray, frame: np.ndarray, time: np.ndarray) -> tuple[float, float] | None:
-    """Time between two frames and its uncertainty, in the unit of the times; None if no track tells it.
+    """Time between two frames and its uncertainty, in the unit of the times; None if no track determines it.
 
-    The rounding of a time is the same for a step and for a whole track, so tracks tell the period better than steps,
-    and the whole recording tells it best, if its tracks share a clock.
+    The rounding error of a time is as large for a step as for a whole track, so tracks determine the period better than
+    steps, and the whole recording does so best, if its tracks share a clock.
 
     Args:
         track: Vehicle of each row.
@@ -95,15 +95,15 @@ def rate_of(period: float, uncertainty: float) -> float:
 
 
 def unit_of(period: float, scale: float | None, ratios: Collection[float] = ()) -> str | None:
-    """Unit of the times; None if it cannot be told.
+    """Unit of the times; None if it cannot be determined.
 
-    The motion of vehicles tells it best, even if position or speed is in another unit. Without motion the step tells
-    it, if that is the step of a recording of traffic in one unit alone and not 1, as that of frame numbers is.
+    The motion of vehicles determines it best, even if position or speed is in another unit. Without motion the step
+    determines it, if only one unit makes it the step of a traffic recording, and if it is not 1 as in frame numbers.
 
     Args:
         period: Time between two frames in that unit.
         scale: Steps of position over speed x time; None where no vehicle moves.
-        ratios: What the scale is with usual units of position and speed that are not those of SI.
+        ratios: Values of the scale for usual units of position and speed other than those of SI.
     """
     seconds = UNITS["s"]
     units = [unit for unit in seconds if PLAUSIBLE_RATES[0] <= 1.0 / (period * seconds[unit]) <= PLAUSIBLE_RATES[1]]
@@ -112,15 +112,15 @@ def unit_of(period: float, scale: float | None, ratios: Collection[float] = ()) 
             for unit in tried:
                 if any(abs(scale / seconds[unit] / ratio - 1.0) < 0.07 for ratio in wanted):
                     return unit
-    far = 20.0 / PLAUSIBLE_RATES[0]  # s: a step of seconds, be it of a very slow camera
+    far = 20.0 / PLAUSIBLE_RATES[0]  # longer than any frame interval in s
     by_step = [unit for unit in units if unit not in ("min", "h") and (unit == "s" or period > far)]
     return by_step[0] if by_step and period != 1.0 else None
 
 
 def frames_of(track: np.ndarray, time: np.ndarray) -> tuple[np.ndarray, float] | None:
-    """Frame of each row from its time, counted from the first, and the time between two frames in their unit.
+    """Frame of each row, counted from the first time, and the frame interval in the unit of the times.
 
-    None if the times of a track do not rise by multiples of one step, as those that are rounded too much do not.
+    None if the times of a track do not rise by multiples of one step, for example because they are rounded too much.
 
     Args:
         track: Vehicle of each row.
@@ -134,7 +134,7 @@ def frames_of(track: np.ndarray, time: np.ndarray) -> tuple[np.ndarray, float] |
         return None
     period = float(np.median(steps))
     number = np.zeros(len(order))
-    # Rounded steps of 0.03 and 0.04 are frames 1/30 apart: what a track's frames say of the period numbers them again.
+    # Steps rounded to 0.03 and 0.04 may be frames 1/30 apart: renumber with the period that the whole track implies.
     for _ in range(3):
         rises = np.where(same, np.maximum(np.rint(np.diff(time[order]) / period), 0.0), 0.0)
         number[1:] = np.cumsum(rises)
@@ -147,13 +147,13 @@ def frames_of(track: np.ndarray, time: np.ndarray) -> tuple[np.ndarray, float] |
     frame = np.full(len(time), np.nan)
     frame[order] = np.rint((time[order] - first) / period)
     off = np.abs(time[order] - first - frame[order] * period)
-    share_off = np.mean(np.abs(off - np.median(off)) > REGULAR * period)
+    share_off = np.mean(np.abs(off - np.median(off)) > FRAME_TOLERANCE * period)
     is_twice = np.any((np.diff(frame[order])[same] == 0) & (steps > 0.0))
-    return None if share_off > MOST_IRREGULAR or is_twice else (frame, period)
+    return None if share_off > MAX_IRREGULAR_SHARE or is_twice else (frame, period)
 
 
 def _refined(time: np.ndarray, period: float) -> float:
-    """The period that the whole recording agrees with, found from parts of it that get longer."""
+    """The period that fits the whole recording, refined on longer and longer parts of it."""
     low, high = float(np.min(time)), float(np.max(time))
     reach = 50.0 * period
     while reach < 2.0 * (high - low):

@@ -13,7 +13,7 @@ from rearl_jax.data.checks import lateral_checks, unit_checks
 from rearl_jax.data.problems import Finding
 from rearl_jax.data.records import RecordingInfo
 
-_FEWEST_VEHICLES = 2  # of a carriageway that is judged by itself; one alone is judged by `motion_checks`
+_MIN_VEHICLES = 2  # of a carriageway that is judged by itself; one alone is judged by `motion_checks`
 
 Check = Callable[[pd.DataFrame, RecordingInfo], Finding | None]
 
@@ -54,12 +54,12 @@ def _carriageways(table: pd.DataFrame) -> Iterator[np.ndarray]:
     sides = np.unique(direction)
     for side in sides if len(sides) > 1 else ():
         rows = np.flatnonzero(direction == side)
-        if table["track_id"].iloc[rows].nunique() >= _FEWEST_VEHICLES:
+        if table["track_id"].iloc[rows].nunique() >= _MIN_VEHICLES:
             yield rows
 
 
 def _of_part(check: Check, table: pd.DataFrame, rows: np.ndarray, info: RecordingInfo) -> Finding | None:
-    """What the check finds in some rows, as rows of the table."""
+    """The finding of a check in some rows, as rows of the whole table."""
     part = table.iloc[rows]
     finding = check(part, info)
     if finding is None:

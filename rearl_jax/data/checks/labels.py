@@ -1,6 +1,6 @@
 """Labels of tracks beside the canonical columns: what the source says of a vehicle or its driver, one value per track.
 
-A car's model, the setting of its cruise control, the person at the wheel: discovery tells groups apart by them.
+A car's model, the setting of its cruise control, the person at the wheel: discovery groups vehicles by them.
 """
 
 from collections.abc import Sequence
@@ -15,7 +15,7 @@ from rearl_jax.data.records import Recording, RecordingInfo
 from rearl_jax.problems import InvalidInputError, Problem
 
 CANONICAL = ("recording", "vehicle_class", "direction", "lane")
-"""Canonical columns that serve as labels too; of the lanes of a track, the one it was in longest."""
+"""Canonical columns that also serve as labels; the lane is the one in which the track was longest."""
 
 
 def with_labels(info: RecordingInfo, wanted: Sequence[str], columns: Sequence[str]) -> RecordingInfo:
@@ -41,7 +41,7 @@ def labelled(table: pd.DataFrame, info: RecordingInfo) -> pd.DataFrame:
         if differs.any():
             row = int(table.index[order[np.argmax(differs)]]) + 1
             text = f"the label {name} differs between rows of one vehicle"
-            remedy = "give each vehicle one value, or the parts of its track ids of their own"
+            remedy = "give each vehicle one value, or give the parts of its track different ids"
             raise bad_recording("label-varies", text, remedy, info.file or info.id, column=name, row=row)
         table = table.assign(**{name: label})
     return table

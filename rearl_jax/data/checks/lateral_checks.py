@@ -7,11 +7,11 @@ from rearl_jax.data.checks.unit_checks import LANE_WIDTH, MIN_STEPS, is_other_un
 from rearl_jax.data.problems import Finding
 from rearl_jax.data.records import RecordingInfo
 
-EDGE = 0.5
-"""A centre further left of the left edge [m] is no noise: half a vehicle is off the road."""
+EDGE_TOLERANCE = 0.5
+"""Distance [m] left of the left edge above which a centre is a fault: half of the vehicle is off the road."""
 
 USUAL_WIDTH = 3.6
-"""Width of a lane [m] where one lane alone does not tell it: 12 ft, and between the 3.5 and 3.75 m of motorways."""
+"""Width of a lane [m] if a single lane does not show it: 12 ft, and between the 3.5 and 3.75 m of motorways."""
 
 
 def wrong_lateral(table: pd.DataFrame, info: RecordingInfo) -> Finding | None:
@@ -35,7 +35,7 @@ def wrong_lateral(table: pd.DataFrame, info: RecordingInfo) -> Finding | None:
 def wrong_origin(table: pd.DataFrame, info: RecordingInfo) -> Finding | None:
     """Lanes that do not count from 0, or lateral positions that do not count from the left edge to the right."""
     lateral = table["lateral"].to_numpy()
-    outside = lateral < -EDGE
+    outside = lateral < -EDGE_TOLERANCE
     if np.isfinite(lateral).sum() >= MIN_STEPS and outside.sum() > 0.5 * np.isfinite(lateral).sum():
         text = f"lateral is negative in {outside.sum()} rows, left of the carriageway"
         remedy = "count lateral from the left edge of the carriageway, positive to the right"
@@ -71,7 +71,7 @@ def lanes_off(table: pd.DataFrame) -> int | None:
 
 
 def wrong_across(table: pd.DataFrame, info: RecordingInfo) -> Finding | None:
-    """Where the ground frame lies along the road, y must grow with the lateral position."""
+    """If the ground frame lies along the road, y must grow with the lateral position."""
     rows, step, _ = moving_steps(table, info)
     x, y, lateral = (table[name].to_numpy() for name in ("x", "y", "lateral"))
     if rows.size < MIN_STEPS or abs(np.median(np.abs(x[rows] - x[rows - 1]) / np.abs(step)) - 1.0) > 0.001:

@@ -11,7 +11,7 @@ from rearl_jax.data.vehicle_rows import ABSENT, VehicleRows
 LANE_CHANGE = 1.0
 """Time over which a source may name a leader in another lane [s]: lane numbers change before or after the leader."""
 
-ALL = 0.5
+COMPLETE_SHARE = 0.5
 """Share of the rows with a vehicle ahead in the lane from which on the stated leaders are those of all vehicles.
 
 Tables of leader-follower pairs state it for .70 of such rows (NGSIM I-80 with lateral positions) or more, because the
@@ -26,7 +26,7 @@ def wrong_leader(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -
     stated = leader != ABSENT
     if not stated.any():
         return None
-    # Against itself where there is none, which none of the comparisons below marks.
+    # A row without leader is compared with itself, which none of the checks below marks.
     other = np.where(stated, leader, np.arange(len(table)))
     direction, position = table["direction"].to_numpy(), table["position"].to_numpy()
     itself = stated & (track[other] == track)
@@ -66,7 +66,7 @@ def next_in_lane(table: pd.DataFrame) -> np.ndarray:
 
 
 def states_all_leaders(in_lane: np.ndarray, stated: np.ndarray) -> bool:
-    """Whether a source that states leaders states those of all vehicles, so that others have none.
+    """True if a source that states leaders states those of all vehicles, so that others have none.
 
     Args:
         in_lane: Row of the next vehicle ahead in the lane, ABSENT without one.
@@ -74,22 +74,22 @@ def states_all_leaders(in_lane: np.ndarray, stated: np.ndarray) -> bool:
     """
     is_stated = stated != ABSENT
     has_one = in_lane != ABSENT
-    return bool(is_stated.any() and is_stated[has_one].sum() >= ALL * has_one.sum())
+    return bool(is_stated.any() and is_stated[has_one].sum() >= COMPLETE_SHARE * has_one.sum())
 
 
 def notes_on_leaders(table: pd.DataFrame) -> list[str]:
-    """What is to be known of the stated leaders: vehicles that are not there, and leaders of some vehicles only."""
+    """Notes on the stated leaders: ids of absent vehicles, and leaders that are stated for some vehicles only."""
     named = table["leader_id"].dropna().to_numpy(np.int64)
     if not named.size:
         return []
     notes = []
-    strangers = np.unique(named[~np.isin(named, table["track_id"].to_numpy())])
-    if strangers.size:
-        notes.append(f"{strangers.size} stated leaders, such as {strangers[0]}, are no vehicle of the recording")
+    absent = np.unique(named[~np.isin(named, table["track_id"].to_numpy())])
+    if absent.size:
+        notes.append(f"{absent.size} stated leaders, such as {absent[0]}, are not vehicles of the recording")
     in_lane, stated = next_in_lane(table), VehicleRows(table).leaders(table)
     has_one, is_stated = in_lane != ABSENT, stated != ABSENT
     if is_stated.any() and not states_all_leaders(in_lane, stated):
-        text = "of the rows with a vehicle ahead in the lane: the lanes tell the others"
+        text = "of the rows with a vehicle ahead in the lane: the other leaders follow from the lanes"
         notes.append(f"leaders are stated for {is_stated[has_one].mean():.0%} {text}")
     position = table["position"].to_numpy()
     both = is_stated & has_one

@@ -28,7 +28,7 @@ class Losses:
         """The table without the marked rows, which are counted under the cause."""
         track = table["track_id"].to_numpy()
         self.counts[cause] += int(rows.sum())
-        known = track == track  # an unknown id (NaN) is no track
+        known = track == track  # an unknown id (NaN) is not a track
         n_tracks = np.unique(track[known]).size - np.unique(track[known & ~rows]).size
         if n_tracks:
             self.counts["tracks"] += n_tracks
@@ -42,7 +42,7 @@ def reject(
 
     Args:
         table: Rows, with the row numbers of the source (from 0) as index.
-        finding: What is wrong.
+        finding: The fault.
         info: Recording, for its file.
         policy: `on_bad` decides what happens.
         losses: Account of the recording, changed in place.

@@ -4,14 +4,14 @@ import numpy as np
 import pandas as pd
 
 from rearl_jax.config.data import DataConfig
-from rearl_jax.data.checks.typed_table import MOST_LANES, RANGES
+from rearl_jax.data.checks.typed_table import MAX_LANES, RANGES
 from rearl_jax.data.problems import Finding
 from rearl_jax.data.records import RecordingInfo
 
 # Runs of nines, and the largest and smallest integers of two and four bytes, as programs write them for "no value".
 NUMBERS = np.array([*(10.0**n - 1 for n in range(3, 11)), 2.0**15 - 1, 2.0**15, 2.0**16 - 1, 2.0**31 - 1, 2.0**31])
-FAR = 10.0  # times the middle half of all places that a place must be away from it
-LEAST_FAR = 1000.0  # m
+FAR_FACTOR = 10.0  # times the middle half of all places that a place must be away from it
+MIN_FAR = 1000.0  # m
 APART = 100.0  # m between a placeholder and the nearest place of a vehicle
 _PLACES = ("x", "y", "position", "lateral")
 
@@ -34,7 +34,7 @@ def misplaced(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -> F
             continue
         bad = marked & ((values < places.min() - APART) | (values > places.max() + APART))
         low, high = np.quantile(places, (0.25, 0.75))
-        reach = FAR * (high - low) + LEAST_FAR
+        reach = FAR_FACTOR * (high - low) + MIN_FAR
         bad |= (values < low - reach) | (values > high + reach)
         if bad.any():
             text = f"{name} is {values[np.argmax(bad)]:g} m, which seems to stand for an unknown value"
@@ -52,7 +52,7 @@ def impossible_rows(table: pd.DataFrame) -> np.ndarray:
     direction = table["direction"].to_numpy()
     for side in np.unique(direction):
         here = direction == side
-        for name, (low, high) in {**RANGES, "lane": (0.0, MOST_LANES - 1.0)}.items():
+        for name, (low, high) in {**RANGES, "lane": (0.0, MAX_LANES - 1.0)}.items():
             values = table[name].to_numpy(dtype=np.float64, na_value=np.nan)
             outside = here & ((values < low) | (values > high))
             if outside.sum() > 0.5 * (here & np.isfinite(values)).sum():

@@ -1,4 +1,4 @@
-"""Whether the rows of a recording are all of the tracks that NN_tracksMeta.csv lists, and no others."""
+"""Check that the rows of a recording are those of the tracks that NN_tracksMeta.csv lists."""
 
 import numpy as np
 import pandas as pd

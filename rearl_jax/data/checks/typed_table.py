@@ -19,24 +19,24 @@ NUMBERED = frozenset({"track_id", "frame", "direction", "lane", "leader_id"})
 # Wide enough for every road vehicle and for sensor noise, narrow enough for a broken row. Length: the longest
 # combinations on European and US motorways are 25.25 m and about 36 m. Speed: beyond production cars.
 RANGES = {"speed": (0.0, 100.0), "length": (0.5, 40.0), "width": (0.2, 5.0), "acceleration": (-50.0, 50.0)}
-LARGEST = 1e12  # beyond every number of a recording; squares of what is below it do not overflow
+MAX_MAGNITUDE = 1e12  # beyond every number of a recording; squares of what is below it do not overflow
 RANGE_UNIT = {"speed": "m/s", "length": "m", "width": "m", "acceleration": "m/s^2"}
 
 
-MOST_LANES = 12
+MAX_LANES = 12
 """More lanes than any carriageway has; beyond it a lane number is a fault and says nothing about the road."""
-NOISE = 0.5
+POSITION_NOISE = 0.5
 """Excess of a step [m] that noise and rounding of positions bring about at any frame rate."""
 
 
 def not_finite(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -> Finding | None:
-    """Rows with NaN in a column that must be known, or with a value that is infinite or as good as that."""
+    """Rows with NaN in a column that must be known, or with an infinite or absurdly large value."""
     for name in table.columns:
         column = table[name]
         if not pd.api.types.is_float_dtype(column.dtype):
             continue
         values = column.to_numpy(dtype=np.float64, na_value=np.nan)
-        size, largest = np.abs(values), np.finfo(np.float64).max if name in NUMBERED else LARGEST
+        size, largest = np.abs(values), np.finfo(np.float64).max if name in NUMBERED else MAX_MAGNITUDE
         bad = size > largest if name in NULLABLE else ~(size <= largest)
         if bad.any():
             value = values[np.argmax(bad)]
@@ -66,7 +66,7 @@ def out_of_order(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -
     bad[1:] &= np.diff(frame) <= 0
     if not bad.any():
         return None
-    # After one frame too far ahead, all rows up to it are late, not only the first.
+    # After a frame number that is too large, all rows with smaller numbers are out of order, not only the next one.
     latest = table.groupby("track_id", sort=False)["frame"].cummax().to_numpy()
     bad = follows_row_before(track)
     bad[1:] &= frame[1:] <= latest[:-1]
@@ -162,8 +162,8 @@ def gap(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -> Finding
 def jump(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -> Finding | None:
     """Rows that a vehicle cannot have reached from the row before.
 
-    With the bound b = max(max_jump * time, NOISE): |step of position - mean speed * time| > b, or a step on the ground
-    longer than mean speed * time + b, or a step of the lateral position > b.
+    With the bound b = max(max_jump * time, POSITION_NOISE): |step of position - mean speed * time| > b, or a step on
+    the ground longer than mean speed * time + b, or a step of the lateral position > b.
     """
     track = table["track_id"].to_numpy()
     follows = follows_row_before(track)[1:]
@@ -172,7 +172,7 @@ def jump(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -> Findin
     expected = 0.5 * (speed[1:] + speed[:-1]) * time
     step = np.diff(position)
     ground = np.hypot(np.diff(table["x"].to_numpy()), np.diff(table["y"].to_numpy()))
-    bound = np.maximum(policy.max_jump * time, NOISE)
+    bound = np.maximum(policy.max_jump * time, POSITION_NOISE)
     causes = {
         "position": np.abs(step - expected) > bound,
         "lateral": np.abs(np.diff(lateral)) > bound,
@@ -194,12 +194,12 @@ def jump(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -> Findin
 def times_beside_frames(table: pd.DataFrame, info: RecordingInfo) -> np.ndarray:
     """Mask of rows whose time is more than half a frame off frame / frame rate, up to a start all rows share.
 
-    A time that is rounded may be off by half of what it is rounded to, too.
+    A rounded time may deviate by half of its rounding unit in addition.
     """
     time = table["time"].to_numpy()
     off = time - table["frame"].to_numpy() / info.frame_rate
     middle = 0.5 * (np.quantile(off, 0.1) + np.quantile(off, 0.9))
-    # 1 % more, because the middle is known no better.
+    # 1 % more, because the common start is known to no better than that.
     return np.abs(off - middle) > max(0.5 / info.frame_rate, 0.505 * resolution(time))
 
 

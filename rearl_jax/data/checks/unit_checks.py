@@ -15,7 +15,7 @@ from rearl_jax.data.records import RecordingInfo
 from rearl_jax.data.units import SI_FACTOR
 from rearl_jax.data.vehicle_classes import CLASSES
 
-MOVING = 3.0  # m/s; below it rounding of positions hides the ratio of step and speed
+MIN_SPEED = 3.0  # m/s; below it rounding of positions hides the ratio of step and speed
 MIN_STEPS = 20  # fewer moving steps do not determine a unit
 RATIO_TOLERANCE = 0.07  # the nearest confusion, feet with km/h, is off by 0.09
 # Median sizes. Length of cars and trucks on motorways: 4.6 m and 14 to 16 m (Krajewski et al. 2018, highD).
@@ -23,10 +23,10 @@ MEDIAN_SIZE = {("length", "car"): (3.0, 7.0), ("length", "truck"): (4.5, 26.0), 
 LANE_WIDTH = (2.2, 5.5)  # m
 ACCELERATION_P99 = 9.0  # m/s^2, about the friction limit of a dry road
 # Two measurements of one quantity: in NGSIM, I-80 and OpenACC they correlate with .92 or more and agree within 25 %.
-ALIKE = 0.8  # correlation from which two measurements reveal each other's unit
-SAME_UNIT = 1.8  # factor between them that no error makes; the least wrong unit has 3.28
+MIN_CORRELATION = 0.8  # correlation from which two measurements reveal each other's unit
+MAX_SAME_UNIT_FACTOR = 1.8  # factor between them that no error makes; the least wrong unit has 3.28
 WRONG_SHARE = 0.1  # of the rows have a wrong time: a unit or a frame rate, no matter of single rows
-WINDOW = 1.0  # s over which changes of speed are compared with accelerations, beyond most of their noise
+AVERAGING_TIME = 1.0  # s over which changes of speed are compared with accelerations, beyond most of their noise
 
 # step / (speed * time) that a wrong unit of position or speed produces.
 UNIT_RATIOS = {
@@ -53,7 +53,7 @@ def scale_of(values: np.ndarray, reference: np.ndarray) -> tuple[float, float] |
         return None
     product = float(np.mean(values * reference))
     squares = float(np.mean(values**2)), float(np.mean(reference**2))
-    if not abs(product) > ALIKE * np.sqrt(squares[0] * squares[1]):
+    if not abs(product) > MIN_CORRELATION * np.sqrt(squares[0] * squares[1]):
         return None
     low, high = sorted((product / squares[1], squares[0] / product))
     return low, high
@@ -81,7 +81,7 @@ def require_period(time: np.ndarray, track: np.ndarray, period: float, file: str
 
 def is_other_unit(scale: tuple[float, float] | None) -> bool:
     """True for a scale as from `scale_of` that can only be that of another unit."""
-    return scale is not None and (scale[0] > SAME_UNIT or scale[1] < 1.0 / SAME_UNIT)
+    return scale is not None and (scale[0] > MAX_SAME_UNIT_FACTOR or scale[1] < 1.0 / MAX_SAME_UNIT_FACTOR)
 
 
 def wrong_time(table: pd.DataFrame, info: RecordingInfo) -> Finding | None:
@@ -158,7 +158,7 @@ def wrong_size(table: pd.DataFrame, info: RecordingInfo) -> Finding | None:
 def wrong_acceleration(table: pd.DataFrame, info: RecordingInfo) -> Finding | None:
     """Accelerations that are not what changes of speed say, or that no tyre could bring about."""
     track, speed, values = (table[name].to_numpy() for name in ("track_id", "speed", "acceleration"))
-    n = max(round(WINDOW * info.frame_rate), 1)
+    n = max(round(AVERAGING_TIME * info.frame_rate), 1)
     if len(table) > n:
         mean = np.convolve(0.5 * (values[1:] + values[:-1]), np.full(n, 1.0 / n), mode="valid")
         within = track[n:] == track[:-n]
@@ -185,12 +185,12 @@ def moving_steps(table: pd.DataFrame, info: RecordingInfo) -> tuple[np.ndarray, 
     starts = np.flatnonzero(~follows)
     ends = np.append(starts[1:], len(track)) - 1
     time = np.maximum(frame[ends] - frame[starts], 1) / info.frame_rate
-    moved = np.repeat(np.abs(position[ends] - position[starts]) / time > MOVING, ends - starts + 1)
+    moved = np.repeat(np.abs(position[ends] - position[starts]) / time > MIN_SPEED, ends - starts + 1)
     rows = np.flatnonzero(follows)
     step = position[rows] - position[rows - 1]
     dt = (frame[rows] - frame[rows - 1]) / info.frame_rate
     slower, mean = np.minimum(speed[rows], speed[rows - 1]), 0.5 * np.abs(speed[rows] + speed[rows - 1])
-    moving = (slower > MOVING) | (moved[rows] & (np.abs(step) > MOVING * dt))
+    moving = (slower > MIN_SPEED) | (moved[rows] & (np.abs(step) > MIN_SPEED * dt))
     moving &= step != 0.0
     # A speed of 0 must not divide; any value below the slowest vehicle serves.
     expected = np.maximum(mean, 1e-3) * dt

@@ -23,7 +23,7 @@ def column_names(path: Path) -> list[str]:
 
 
 def is_parquet(path: Path) -> bool:
-    """Whether a file is Parquet, by its ending or its first bytes."""
+    """True if a file is Parquet, by its ending or its first bytes."""
     if path.suffix.lower() == ".parquet" or not path.is_file():
         return path.suffix.lower() == ".parquet"
     with path.open("rb") as file:
@@ -31,7 +31,7 @@ def is_parquet(path: Path) -> bool:
 
 
 def is_text(path: Path, column: str) -> bool:
-    """Whether a column holds texts.
+    """True if a column holds texts.
 
     Raises:
         BadRecordingError: The file is not Parquet.
@@ -89,7 +89,7 @@ def read_columns(
 def _table(path: Path, names: Sequence[str], only: tuple[str, str | int] | None) -> pa.Table:
     """The named columns, unchanged.
 
-    The rows are chosen here, batch by batch: pyarrow's own filters ask for the columns' statistics, and wait for ever
+    The rows are chosen here, batch by batch: pyarrow's own filters ask for the columns' statistics, and never return
     if those are damaged.
     """
     columns = list(dict.fromkeys([*names, *([] if only is None else only[:1])]))
@@ -106,7 +106,7 @@ def _table(path: Path, names: Sequence[str], only: tuple[str, str | int] | None)
 
 
 def _has(batch: pa.RecordBatch, name: str, value: str | int) -> pa.Array:
-    """Mask of the rows with the value in a column, which may hold numbers that the value is the text of."""
+    """Mask of the rows with a value in a column; numbers are compared as text if the value is a text."""
     values = batch.column(name)
     kind = values.type.value_type if pa.types.is_dictionary(values.type) else values.type
     if isinstance(value, str) and _is_scalar(kind):
@@ -138,7 +138,7 @@ def _cast(column: pa.ChunkedArray, name: str, path: Path, *, is_text: bool) -> p
 
 
 def _is_scalar(kind: pa.DataType) -> bool:
-    """Whether values of the type are written as one word: numbers, dates and truth values."""
+    """True if values of the type are written as one word: numbers, dates and truth values."""
     return pa.types.is_primitive(kind) or pa.types.is_decimal(kind)
 
 
@@ -161,7 +161,7 @@ def _seconds(column: pa.ChunkedArray) -> pa.ChunkedArray:
 
 
 def _as_it_is(column: pa.ChunkedArray) -> pa.ChunkedArray:
-    """The column as numbers if it holds some that survive as float64 where there are gaps, else as text."""
+    """The column as numbers if float64 (needed for gaps) represents them exactly, else as text."""
     kind = column.type.value_type if pa.types.is_dictionary(column.type) else column.type
     is_number = pa.types.is_integer(kind) or pa.types.is_floating(kind)
     if pa.types.is_integer(kind) and column.null_count:

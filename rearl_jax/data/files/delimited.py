@@ -28,8 +28,8 @@ from rearl_jax.data.files.text_layout import (
 )
 from rearl_jax.data.problems import DROP_HINT, BadRecordingError, bad_recording, require_columns
 
-_LARGEST_WHOLE = 2.0**63  # beyond it a number is no 64-bit integer
-_BLOCK = 2**20  # bytes
+_MAX_INTEGER = 2.0**63  # beyond it a number is no 64-bit integer
+_BLOCK_BYTES = 2**20  # bytes
 _UTF8 = ("utf-8", "utf-8-sig")
 
 
@@ -90,14 +90,14 @@ def _require_once(names: Sequence[str], columns: dict[str, pa.DataType], path: P
 def read_below(
     path: Path, header: Sequence[str], n_above: int, columns: dict[str, pa.DataType], delimiter: str, on_bad: OnBad
 ) -> tuple[pa.Table, int]:
-    """The same of a file with other lines above its table, whose fields do not stand in quotes.
+    """The named columns and the number of skipped lines, for a file with lines above its table and without quotes.
 
     Args:
         path: The file.
         header: Names of its columns; those of empty fields at the ends of all lines may be missing.
         n_above: Lines above the first row, the header among them.
         columns: Name and type of every column to read.
-        delimiter: What separates fields.
+        delimiter: Separator of fields.
         on_bad: stop makes a broken line an error.
     """
     try:
@@ -126,7 +126,7 @@ def first_rows(path: Path, number: int) -> tuple[pd.DataFrame, int]:
 
     Args:
         path: The file.
-        number: How many rows at most.
+        number: Largest number of rows.
 
     Raises:
         BadRecordingError: The file is empty, damaged or not text.
@@ -165,7 +165,7 @@ def _lines_of(path: Path, names: list[str]) -> "_Lines":
 def read_blank_separated(
     path: Path, names: Sequence[str], columns: dict[str, pa.DataType], on_bad: OnBad
 ) -> tuple[pa.Table, int]:
-    """The same of a file without a header whose fields are separated by any number of blanks.
+    """The named columns and the number of skipped lines, for a file without header and with blanks between fields.
 
     Args:
         path: The file.
@@ -189,7 +189,7 @@ class _Lines:
         path: The file.
         names: Names of all its columns.
         content: The lines in UTF-8; None if they are those of the file itself.
-        delimiter: What separates fields.
+        delimiter: Separator of fields.
         decimal_point: Mark before the fraction of a number.
         header_lines: Lines before the first row.
         quoted: Whether fields may stand in quotes.
@@ -221,11 +221,11 @@ class _Lines:
         return self._whole(table, columns), len(broken)
 
     def _as_text(self) -> "_Lines":
-        """The same lines; in memory, if some are not UTF-8, which broken ones must be for Arrow to hand them over."""
+        """The same lines, copied to memory as UTF-8 if necessary, because Arrow reports broken lines only in UTF-8."""
         with self.path.open("rb") if self.content is None else io.BytesIO(self.content) as file:
             decoder = codecs.getincrementaldecoder("utf-8")()
             try:
-                while block := file.read(_BLOCK):
+                while block := file.read(_BLOCK_BYTES):
                     decoder.decode(block)
                 decoder.decode(b"", final=True)
             except UnicodeDecodeError:
@@ -240,7 +240,7 @@ class _Lines:
             if columns[name] == values.type:
                 continue
             numbers = values.to_numpy()
-            whole = (np.abs(numbers) < _LARGEST_WHOLE) & (numbers == np.rint(numbers))
+            whole = (np.abs(numbers) < _MAX_INTEGER) & (numbers == np.rint(numbers))
             unfit = values.is_valid().to_numpy() & ~whole
             if unfit.any():
                 row = int(np.argmax(unfit))

@@ -10,7 +10,7 @@ from rearl_jax.problems import MissingInputError, Problem
 PACKED = (".gz", ".bz2", ".xz", ".zst", ".zip", ".7z", ".rar", ".tar", ".tgz")
 """Endings of compressed files and archives."""
 _DEEP = 2  # folders below the named one that are looked into for a hint
-_LONGEST_NAME = 150  # characters; 255 is the limit of most file systems, with an ending and a mark while unfinished
+_MAX_NAME_LENGTH = 150  # characters; 255 is the limit of most file systems, with an ending and a mark while unfinished
 _DEVICES = frozenset({"con", "prn", "aux", "nul", *(f"{port}{n}" for port in ("com", "lpt") for n in range(1, 10))})
 """Names that Windows keeps for devices."""
 _HIDDEN = (".", "~$", "__")
@@ -20,7 +20,7 @@ def visible_files(root: Path, endings: Sequence[str]) -> list[Path]:
     """Files in the folder whose names end like one of `endings`, whatever their case, by name.
 
     Hidden files are left out: locks of editors (`.~lock.a.csv`, `~$a.csv`) and companions that macOS writes
-    (`._a.csv`) bear the names of recordings and are none.
+    (`._a.csv`) have names like recordings but are not recordings.
     """
     files = sorted(root.glob("*")) if root.is_dir() else []
     return [file for file in files if is_visible(file) and _ends(file, endings) and file.is_file()]
@@ -32,7 +32,7 @@ def named_files(root: Path, endings: Sequence[str], wanted: str, usual: str) -> 
     Args:
         root: File or folder.
         endings: Of the files of recordings.
-        wanted: What `data.root` must name.
+        wanted: Description of the file or folder that `data.root` must name.
         usual: The usual endings in words, such as `.csv or .txt`.
 
     Raises:
@@ -53,8 +53,8 @@ def file_name_of(recording: str) -> str:
     if name.startswith(_HIDDEN) or name.endswith(".") or name.partition(".")[0].lower() in _DEVICES:
         name = f"%{ord(name[0]):02X}{name[1:]}"
         name = f"{name[:-1]}%2E" if name.endswith(".") else name
-    if len(name) > _LONGEST_NAME:
-        name = f"{name[:_LONGEST_NAME]}-{hashlib.sha256(recording.encode()).hexdigest()[:12]}"
+    if len(name) > _MAX_NAME_LENGTH:
+        name = f"{name[:_MAX_NAME_LENGTH]}-{hashlib.sha256(recording.encode()).hexdigest()[:12]}"
     return name
 
 
@@ -71,7 +71,7 @@ def only_parquet(root: Path, wanted: str) -> Path:
 
 
 def is_visible(file: Path) -> bool:
-    """Whether neither programs nor systems have put the file there for themselves."""
+    """True unless the file is hidden, such as the locks and companions of programs and operating systems."""
     return not file.name.startswith(_HIDDEN)
 
 
@@ -79,9 +79,9 @@ def recordings_missing(found: str, root: Path, wanted: str, endings: Sequence[st
     """The error for a folder that holds `found`, such as `no .csv`, where `data.root` must name what is wanted.
 
     Args:
-        found: What is there.
+        found: Content of the folder.
         root: The folder.
-        wanted: What `data.root` must name.
+        wanted: Description of the file or folder that `data.root` must name.
         endings: Of the files of recordings, to point out where else they are.
     """
     message = f"{found}: data.root must name {wanted}{_hint(root, endings)}"

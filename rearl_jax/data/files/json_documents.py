@@ -15,12 +15,12 @@ from pyarrow import json
 
 from rearl_jax.data.problems import bad_recording, file_missing
 
-BLOCK = 16 * 2**20
+BLOCK_BYTES = 16 * 2**20
 """Bytes that are read at a time."""
-LARGEST = 64 * 2**20
+MAX_DOCUMENT_BYTES = 64 * 2**20
 """Bytes beyond which an object without end is a lost bracket and no document."""
-_LONGEST_RUN = 1000  # backslashes before a quotation mark
-_BETWEEN = b" \t\r\n,"
+_MAX_BACKSLASHES = 1000  # backslashes before a quotation mark
+_SEPARATORS = b" \t\r\n,"
 
 
 @dataclass(frozen=True)
@@ -49,10 +49,10 @@ def documents(path: Path) -> Iterator[Documents]:
         raise file_missing(path)
     rest, place, is_array, closed, n_found = b"", 0, False, False, 0
     with path.open("rb") as file:
-        while block := file.read(BLOCK):
+        while block := file.read(BLOCK_BYTES):
             text = rest + block
             if place == 0 and not n_found:
-                is_array = text.lstrip(b"\xef\xbb\xbf" + _BETWEEN).startswith(b"[")
+                is_array = text.lstrip(b"\xef\xbb\xbf" + _SEPARATORS).startswith(b"[")
             begins, ends = _spans(text)
             _require_json(text, begins, ends, place, path)
             if ends.size:
@@ -62,13 +62,13 @@ def documents(path: Path) -> Iterator[Documents]:
             done = int(ends[-1]) if ends.size else 0
             place += done
             rest = text[done:]
-            closed = rest.rstrip(_BETWEEN).endswith(b"]") and begins.size == ends.size
-            if len(rest) > LARGEST:
-                fault = f"the object at byte {place} does not end within {LARGEST // 2**20} MB"
+            closed = rest.rstrip(_SEPARATORS).endswith(b"]") and begins.size == ends.size
+            if len(rest) > MAX_DOCUMENT_BYTES:
+                fault = f"the object at byte {place} does not end within {MAX_DOCUMENT_BYTES // 2**20} MB"
                 raise bad_recording("document-broken", fault, "the file is damaged: copy it again", path)
-    if not n_found and not rest.strip(_BETWEEN + b"[]"):
+    if not n_found and not rest.strip(_SEPARATORS + b"[]"):
         raise bad_recording("file-empty", "the file holds no documents", "remove the file or complete it", path)
-    tail = rest.strip(_BETWEEN + b"[]")
+    tail = rest.strip(_SEPARATORS + b"[]")
     if tail or (is_array and not closed):
         yield Documents([], [], max(tail.count(b'"_id"'), 1))
 
@@ -81,15 +81,17 @@ def _spans(text: bytes) -> tuple[np.ndarray, np.ndarray]:
     escaped = np.zeros(len(at), dtype=bool)
     if b"\\" in text:
         for place in np.flatnonzero(quote & (at > 0) & (codes[np.maximum(at - 1, 0)] == ord("\\"))):
-            before = text[: at[place]] if at[place] < _LONGEST_RUN else text[at[place] - _LONGEST_RUN : at[place]]
-            # A backslash behind a backslash is none that escapes.
+            before = (
+                text[: at[place]] if at[place] < _MAX_BACKSLASHES else text[at[place] - _MAX_BACKSLASHES : at[place]]
+            )
+            # A backslash that is itself escaped does not escape the next character.
             escaped[place] = (len(before) - len(before.rstrip(b"\\"))) % 2 == 1
     within = np.cumsum(quote & ~escaped) % 2 == 1
     at = at[~quote & ~within]
     step = np.where(codes[at] == ord("{"), 1, -1)
     depth = np.cumsum(step)
     begins, ends = at[(step == 1) & (depth == 1)], at[(step == -1) & (depth == 0)] + 1
-    # A bracket too many shifts all that follow: nothing behind it counts.
+    # An extra bracket shifts all that follow, so everything after it is ignored.
     n = min(len(begins), len(ends))
     wrong = np.flatnonzero(ends[:n] <= begins[:n])
     n = int(wrong[0]) if wrong.size else n
@@ -100,11 +102,11 @@ def _require_json(text: bytes, begins: np.ndarray, ends: np.ndarray, place: int,
     """Raise BadRecordingError for anything but commas and blanks between objects."""
     before = np.concatenate([[0], ends])[: begins.size]
     for start, stop in zip(before, begins, strict=True):
-        between = text[start:stop].strip(_BETWEEN)
+        between = text[start:stop].strip(_SEPARATORS)
         if between and not (place == 0 and start == 0 and between.removeprefix(b"\xef\xbb\xbf").strip() in (b"[", b"")):
             fault = f"not JSON documents: {between[:20].decode(errors='replace')!r} at byte {place + int(start)}"
             raise bad_recording("not-json", fault, "the file is damaged: copy it again", path)
-    if not begins.size and text.strip(_BETWEEN + b"[]\xef\xbb\xbf"):
+    if not begins.size and text.strip(_SEPARATORS + b"[]\xef\xbb\xbf"):
         fault = f"not JSON documents: the file begins with {text[:20].decode(errors='replace')!r}"
         raise bad_recording("not-json", fault, "give an array of objects, or one object per line", path)
 

@@ -1,4 +1,4 @@
-"""How a text table is written: compression, encoding, lines before the header, delimiter and decimal mark."""
+"""Layout of a text table: compression, encoding, lines before the header, delimiter and decimal mark."""
 
 import bz2
 import codecs
@@ -20,12 +20,12 @@ from rearl_jax.data.problems import BadRecordingError, bad_recording, file_missi
 
 OPENERS = {".gz": gzip.GzipFile, ".bz2": bz2.BZ2File, ".xz": lzma.LZMAFile}
 DAMAGED = (EOFError, OSError, lzma.LZMAError, zipfile.BadZipFile, zlib.error, RuntimeError, NotImplementedError)
-"""What the standard library raises for compressed files that are damaged, encrypted, or compressed in another way."""
+"""Errors of the standard library for compressed files that are damaged, encrypted, or compressed in another way."""
 BLANKS = " "
 """Delimiter that stands for any number of blanks."""
 _MAGIC = {b"\x1f\x8b": ".gz", b"BZh": ".bz2", b"\xfd7zXZ\x00": ".xz", b"PK\x03\x04": ".zip"}
 _DELIMITERS = (",", ";", "\t", "|")
-_MARKS = {codecs.BOM_UTF8: "utf-8-sig", codecs.BOM_UTF16_LE: "utf-16", codecs.BOM_UTF16_BE: "utf-16"}
+_BYTE_ORDER_MARKS = {codecs.BOM_UTF8: "utf-8-sig", codecs.BOM_UTF16_LE: "utf-16", codecs.BOM_UTF16_BE: "utf-16"}
 _SINGLE_BYTE = "cp1252"
 _NAMES = {
     "utf-8": "UTF-8",
@@ -35,9 +35,9 @@ _NAMES = {
     "utf-16-be": "UTF-16",
     _SINGLE_BYTE: "Windows-1252",
 }
-_LOOKED_AT = 20  # lines that tell delimiter and decimal mark
-_HEAD = 2**16  # bytes that tell whether a file is text
-_BLOCK = 2**20
+_SAMPLE_LINES = 20  # lines from which delimiter and decimal mark are determined
+_SAMPLE_BYTES = 2**16  # bytes from which it is decided whether a file is text
+_BLOCK_BYTES = 2**20
 _CONTROL = re.compile(rb"[\x00-\x08\x0e-\x1a\x1c-\x1f]")
 _UNDEFINED = re.compile(rb"[\x81\x8d\x8f\x90\x9d]")  # no characters of Windows-1252
 _MULTIBYTE = re.compile(rb"[\xc3-\xdf][\x80-\xbf]|[\xe1-\xef][\x80-\xbf]{2}")
@@ -47,7 +47,7 @@ _PREAMBLE = re.compile(r"#.*|sep=.", re.IGNORECASE)
 
 @dataclass(frozen=True)
 class Layout:
-    """How a text table is written.
+    """Layout of a text table.
 
     Attributes:
         compression: Ending of files that are compressed like this one, empty for none.
@@ -55,7 +55,7 @@ class Layout:
         is_sure: Whether the file itself says which encoding it has.
         header_lines: Lines up to and with that of the names.
         header: That line.
-        delimiter: What separates fields; BLANKS for any number of blanks.
+        delimiter: Separator of fields; BLANKS for any number of blanks.
         decimal_point: Mark before the fraction of a number.
     """
 
@@ -74,7 +74,7 @@ class Layout:
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """What a reader of results must know of the encoding, if it is not UTF-8."""
+        """Note on the encoding if it is not UTF-8."""
         if self.encoding.startswith("utf-8"):
             return ()
         doubt = "" if self.is_sure else ", which the bytes suggest and do not prove"
@@ -132,7 +132,7 @@ def first_lines(path: Path, number: int) -> list[str]:
     """The first lines that are not empty, without what is not text; a very long one comes in parts."""
     try:
         with opened(path) as file:
-            parts = iter(partial(file.readline, _HEAD), b"")
+            parts = iter(partial(file.readline, _SAMPLE_BYTES), b"")
             lines = (line.decode("utf-8-sig", errors="replace").strip() for line in parts)
             return list(islice((line for line in lines if line), number))
     except DAMAGED as error:
@@ -164,11 +164,11 @@ def fields_of(line: str, delimiter: str) -> list[str]:
 
 @lru_cache(maxsize=256)
 def _layout(path: Path, size: int, changed: int) -> Layout:
-    """The layout; size and time of the last change tell whether the file is still the same."""
+    """The layout; size and time of the last change show whether the file is unchanged."""
     try:
         encoding, is_sure = _encoding(path)
         with text_of(path) as file:
-            lines = [line.rstrip("\r\n") for line in islice(file, 10 * _LOOKED_AT)]
+            lines = [line.rstrip("\r\n") for line in islice(file, 10 * _SAMPLE_LINES)]
     except DAMAGED as error:
         raise damaged(path, error) from None
     except UnicodeDecodeError as error:
@@ -199,11 +199,11 @@ def _header(lines: Sequence[str], filled: Sequence[int]) -> tuple[int, list[str]
         if _names_what_is_below(lines[filled[place]], lines[filled[place + 1]]):
             break
         place += 1
-    return filled[place], [lines[number] for number in filled[place + 1 : place + 1 + _LOOKED_AT]]
+    return filled[place], [lines[number] for number in filled[place + 1 : place + 1 + _SAMPLE_LINES]]
 
 
 def _names_what_is_below(comment: str, line: str) -> bool:
-    """Whether a comment has as many fields as the line below, which holds numbers."""
+    """True if a comment has as many fields as the line below, which holds numbers."""
     for delimiter in (*_DELIMITERS, BLANKS):
         fields = fields_of(line, delimiter)
         if len(fields) > 1 and len(fields) == len(fields_of(comment.lstrip("# "), delimiter)):
@@ -212,7 +212,7 @@ def _names_what_is_below(comment: str, line: str) -> bool:
 
 
 def _delimiter(header: str, rows: Sequence[str]) -> str:
-    """What separates as many fields in the lines as in the header; a comma if there is but one."""
+    """The delimiter that gives the lines as many fields as the header; a comma if there is only one column."""
     scores = {}
     for delimiter in (*_DELIMITERS, BLANKS):
         wanted = len(fields_of(header, delimiter))
@@ -238,11 +238,11 @@ def _encoding(path: Path) -> tuple[str, bool]:
     what that does not: then they are damaged.
     """
     with opened(path) as file:
-        head = file.read(_HEAD)
-        for mark, codec in _MARKS.items():
+        head = file.read(_SAMPLE_BYTES)
+        for mark, codec in _BYTE_ORDER_MARKS.items():
             if head.startswith(mark):
                 return codec, True
-        zeros = [head[start:_HEAD:2].count(0) / max(len(head) / 2, 1) for start in (0, 1)]
+        zeros = [head[start:_SAMPLE_BYTES:2].count(0) / max(len(head) / 2, 1) for start in (0, 1)]
         if max(zeros) > 0.4 and min(zeros) < 0.1:
             return ("utf-16-be" if zeros[0] > zeros[1] else "utf-16-le"), False
         if control := _CONTROL.search(head):
@@ -261,5 +261,5 @@ def _encoding(path: Path) -> tuple[str, bool]:
                     raise bad_recording("not-text", text, advice, path, line=line) from None
                 return _SINGLE_BYTE, False
             line += block.count(b"\n")
-            block = file.read(_BLOCK)
+            block = file.read(_BLOCK_BYTES)
     return "utf-8", True

@@ -72,9 +72,7 @@ def read_recording(tracks_file: Path, policy: DataConfig) -> Recording:
     """
     header = read_header(tracks_file)
     if "xCenter" in header and "laneletId" not in header:
-        text = (
-            "this is the format of inD, rounD and uniD: crossings, roundabouts and a campus, which are no straight road"
-        )
+        text = "this is the format of inD, rounD and uniD: crossings, roundabouts and a campus, not straight roads"
         remedy = "read highD with data=highd and exiD with data=exid; only motorways can be read"
         raise bad_recording("format-unsupported", text, remedy, tracks_file, column="laneletId")
     losses = Losses()

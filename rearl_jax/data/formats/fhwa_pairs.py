@@ -1,7 +1,7 @@
 """Reader of FHWA's leader-follower pairs: the same people behind a car under adaptive cruise control and behind people.
 
-Every pair is two tracks of its own, its follower's and its leader's, because what a follower's leader is differs from
-one of its pairs to the next. Labels: `leader` is ACC or person, `person` says who follows.
+Every pair becomes two tracks, one of the follower and one of the leader, because the kind of leader differs between the
+pairs of one follower. Labels: `leader` is ACC or person, `person` identifies the follower.
 
 Source: U.S. Federal Highway Administration, TO-21-426, modelling interactions of people with inconspicuous vehicles
 under adaptive cruise control; github.com/usdot-fhwa-stol, Apache 2.0.
@@ -27,14 +27,14 @@ ATTRIBUTION = (
     "https://github.com/usdot-fhwa-stol"
 )
 PERSON = "person"
-"""Label of tracks: who follows, told apart within a run; None of leaders."""
+"""Label of tracks: identity of the follower within a run; None for leaders."""
 LENGTH = 5.0  # m, assumed by the source for all vehicles: its gap is the spacing less this
 LEADERS = {"CAV": "ACC", "HV": "person"}
 _NUMBERS = "pair follower_id leader_id t_s y_f_m v_f_mps a_f_mps2 y_l_m v_l_mps a_l_mps2".split()
 _TEXTS = ("recording", "group")
 COLUMNS = (*_TEXTS, *_NUMBERS)
 """Columns by which a file is recognised."""
-_LARGEST_ID = 1e9
+_MAX_ID = 1e9
 
 
 def find_pairs(root: Path) -> Path:
@@ -87,11 +87,11 @@ def _require_pairs(pairs: pd.DataFrame, info: RecordingInfo) -> None:
     """Raise BadRecordingError unless every row names its pair, and a pair has one follower, leader and group."""
     for name in ("pair", "follower_id", "leader_id"):
         values = pairs[name].to_numpy(np.float64, na_value=np.nan)
-        bad = ~((values >= 0) & (values < _LARGEST_ID) & (values == np.rint(values)))
+        bad = ~((values >= 0) & (values < _MAX_ID) & (values == np.rint(values)))
         _stop_at(bad, pairs, name, "not-a-number", "a vehicle or pair has no number", "write a whole number", info)
     known = pairs["group"].isin(list(LEADERS)).to_numpy()
     wanted = f"write one of {', '.join(LEADERS)}"
-    _stop_at(~known, pairs, "group", "group-unknown", "what the leader is is not stated", wanted, info)
+    _stop_at(~known, pairs, "group", "group-unknown", "the kind of the leader is not stated", wanted, info)
     for name in ("follower_id", "leader_id", "group"):
         bad = (pairs[name] != pairs.groupby("pair")[name].transform("first")).to_numpy()
         text = f"a pair has several values of {name}"

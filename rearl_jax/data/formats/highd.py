@@ -55,8 +55,8 @@ _SOURCE_COLUMNS = {
     "vehicle_class": "class",
     "direction": "drivingDirection",
 }
-_RARE = 0.01  # share of the rows of a direction below which a laneId far from the markings is a fault
-_STANDING = 0.5  # m/s; the mean velocity of a vehicle in a jam has no reliable sign
+_RARE_SHARE = 0.01  # share of the rows of a direction below which a laneId far from the markings is a fault
+_MIN_DIRECTED_SPEED = 0.5  # m/s; the mean velocity of a vehicle in a jam has no reliable sign
 
 
 def find_recordings(root: Path) -> list[Path]:
@@ -113,7 +113,7 @@ def read_recording(tracks_file: Path, policy: DataConfig, *, generated: bool = F
 
     Args:
         tracks_file: NN_tracks.csv, the other two files lie beside it.
-        policy: What happens to bad rows.
+        policy: Treatment of bad rows.
         generated: The files were written by the generator.
 
     Raises:
@@ -123,7 +123,7 @@ def read_recording(tracks_file: Path, policy: DataConfig, *, generated: bool = F
     losses = Losses()
     if "xCenter" in read_header(tracks_file):
         text = "this is the format of exiD, inD, rounD and uniD"
-        remedy = "read exiD with data=exid; the others are no straight roads"
+        remedy = "read exiD with data=exid; the others are not straight roads"
         raise bad_recording("format-unsupported", text, remedy, tracks_file, column="xCenter")
     _, meta_file, recording_file = recording_files(tracks_file)
     recording = read_recording_meta(recording_file)
@@ -164,7 +164,7 @@ def read_recording(tracks_file: Path, policy: DataConfig, *, generated: bool = F
     table = _driver_frame(source, meta, recording.markings, lanes, info.road_length)
     table, dropped = validate(table, info, policy, losses)
     if dropped:
-        # A row that is gone must not have stretched the road of the others.
+        # Dropped rows must not influence the road length of the others.
         length = _last_edge(table["x"].to_numpy() + 0.5 * table["length"].to_numpy())
         to_right = table["direction"].to_numpy() == 2
         along = np.where(to_right, table["x"].to_numpy(), length - table["x"].to_numpy())
@@ -192,7 +192,7 @@ def _no_lane(source: pd.DataFrame, meta: pd.DataFrame, markings: dict[int, tuple
     if not bad.any():
         return None
     row = int(np.argmax(bad))
-    text = f"laneId {lane_id[row]} of track {source['track_id'].iloc[row]} is no lane of its carriageway, "
+    text = f"laneId {lane_id[row]} of track {source['track_id'].iloc[row]} is not a lane of its carriageway, "
     text += f"they are {first[row]} to {last[row]}"
     return Finding("lane_out_of_range", "lane", bad, text, "correct the laneId")
 
@@ -205,7 +205,7 @@ def _moving_otherwise(source: pd.DataFrame, meta: pd.DataFrame) -> Finding | Non
     velocity = np.where(np.abs(velocity) <= RANGES["speed"][1], velocity, 0.0)
     mean = np.bincount(which, weights=velocity) / counts
     direction = meta["drivingDirection"].reindex(ids).to_numpy()
-    wrong = (np.abs(mean) > _STANDING) & (np.sign(mean) != np.where(direction == 2, 1.0, -1.0))
+    wrong = (np.abs(mean) > _MIN_DIRECTED_SPEED) & (np.sign(mean) != np.where(direction == 2, 1.0, -1.0))
     if not wrong.any():
         return None
     track = int(np.argmax(wrong))
@@ -222,8 +222,8 @@ def _driver_frame(
     road_length: float,
 ) -> pd.DataFrame:
     """Columns of the schema."""
-    ids, which = np.unique(source["track_id"].to_numpy(), return_inverse=True)
-    direction = meta["drivingDirection"].reindex(ids).to_numpy()[which]
+    ids, inverse = np.unique(source["track_id"].to_numpy(), return_inverse=True)
+    direction = meta["drivingDirection"].reindex(ids).to_numpy()[inverse]
     classes = pd.Categorical(meta["class"].reindex(ids))
     to_right = direction == 2
     x = source["x"].to_numpy() + 0.5 * source["width"].to_numpy()
@@ -244,7 +244,7 @@ def _driver_frame(
             "acceleration": np.where(to_right, 1.0, -1.0) * source["xAcceleration"].to_numpy(),
             "length": source["width"].to_numpy(),
             "width": source["height"].to_numpy(),
-            "vehicle_class": pd.Categorical.from_codes(classes.codes[which], categories=classes.categories),
+            "vehicle_class": pd.Categorical.from_codes(classes.codes[inverse], categories=classes.categories),
             # precedingId 0 says that there is no vehicle ahead in the picture.
             "leader_id": np.where(leader == 0.0, np.nan, leader),
         },
@@ -281,7 +281,7 @@ def _lane_ids(
     for side, (low, high) in lanes.items():
         here = lane_id[direction == side]
         used, counts = np.unique(here, return_counts=True)
-        used = used[(counts >= _RARE * here.size) | ((used >= low - 1) & (used <= high + 1))]
+        used = used[(counts >= _RARE_SHARE * here.size) | ((used >= low - 1) & (used <= high + 1))]
         if used.size and (used.min() < low or used.max() > high):
             lanes[side] = (int(used.min()), int(used.max()))
             notes += (f"direction {side}: laneId outside the lane markings, lanes counted from the ids that occur",)

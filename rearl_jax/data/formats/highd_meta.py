@@ -15,7 +15,7 @@ from rearl_jax.data.problems import DROP_HINT, bad_recording, require_columns
 from rearl_jax.data.records import SPEED_LIMITS
 from rearl_jax.data.vehicle_classes import CLASSES, classes_of
 
-_NEEDED = ("frameRate", "upperLaneMarkings", "lowerLaneMarkings")
+_REQUIRED = ("frameRate", "upperLaneMarkings", "lowerLaneMarkings")
 _SLOWEST, _FASTEST = 0.1, 1000.0  # frames per second, beyond every camera that watches roads
 
 _TRACKS_META = {
@@ -48,8 +48,8 @@ def read_recording_meta(path: Path) -> RecordingMeta:
         BadRecordingError: A column is missing, or a value is not a number.
     """
     present = read_header(path)
-    require_columns(present, _NEEDED, str(path))
-    columns = {name: pa.string() for name in (*_NEEDED, *({"speedLimit"} & set(present)))}
+    require_columns(present, _REQUIRED, str(path))
+    columns = {name: pa.string() for name in (*_REQUIRED, *({"speedLimit"} & set(present)))}
     rows, _ = read_csv(path, columns, OnBad.stop)
     if not rows.num_rows:
         raise bad_recording("no-rows", "the recording has no row", "complete the file", path)

@@ -31,10 +31,10 @@ ATTRIBUTION = (
 )
 N_LANES = 4
 """Lanes of each direction that go through; further ones are counted where vehicles use them."""
-_MOST_LANES = 6
+_MAX_LANES = 6
 _USED = 0.01  # share of the rows of a direction in a further lane from which it is one
-_AT_ONCE = 32 * 2**20  # bytes of documents that are parsed at a time
-_HEAD = 2**23  # bytes in which the first document ends, be it of a vehicle that drives for an hour
+_BATCH_BYTES = 32 * 2**20  # bytes of documents that are parsed at a time
+_FIRST_DOCUMENT_BYTES = 2**23  # bytes, more than one document has even if its vehicle drives for an hour
 _ASIDE = 0.1  # frames by which a document may miss the times of the others
 _BACKWARD = 1.0  # m/s; errors of the tracking make standing vehicles drive back
 _WINTER = timedelta(hours=-6)  # Central Standard Time; all published days are in it
@@ -72,9 +72,9 @@ def find_files(root: Path) -> list[Path]:
 
 
 def is_one(path: Path) -> bool:
-    """Whether the first document has the fields of a trajectory, as far as it is looked at."""
+    """True if the first document has the fields of a trajectory, as far as it is looked at."""
     with path.open("rb") as file:
-        head = file.read(_HEAD)
+        head = file.read(_FIRST_DOCUMENT_BYTES)
     return re.match(rb"(\xef\xbb\xbf)?\s*(\[\s*)?\{", head) is not None and all(
         re.search(rb'"%s"\s*:' % name.encode(), head) for name in NEEDED
     )
@@ -124,8 +124,8 @@ def _name(cell: Cell, path: Path, policy: DataConfig) -> str:
 
 
 def _parts(numbers: np.ndarray, index: Index) -> list[np.ndarray]:
-    """The documents in groups that are not much longer than _AT_ONCE, so that few whole journeys are in memory."""
-    group = np.cumsum(np.array(index.sizes)[numbers]) // _AT_ONCE
+    """The documents in groups that are not much longer than _BATCH_BYTES, so that few whole journeys are in memory."""
+    group = np.cumsum(np.array(index.sizes)[numbers]) // _BATCH_BYTES
     return np.split(numbers, np.flatnonzero(np.diff(group)) + 1)
 
 
@@ -134,7 +134,7 @@ def _rows(path: Path, numbers: np.ndarray, index: Index, cell: Cell, policy: Dat
     texts = read_documents(path, [index.starts[n] for n in numbers], [index.sizes[n] for n in numbers])
     documents, broken = parsed(texts, _FIELDS)
     if broken.any():
-        text, row = "width or coarse_vehicle_class is no number", int(numbers[np.argmax(broken)]) + 1
+        text, row = "width or coarse_vehicle_class is not a number", int(numbers[np.argmax(broken)]) + 1
         raise bad_recording("not-a-number", text, "write a number", path, column="width", row=row)
     tracks = Tracks(documents)
 
@@ -248,7 +248,7 @@ def _lanes(lateral: np.ndarray, side: np.ndarray) -> tuple[np.ndarray, dict[int,
     for way in (-1.0, 1.0):
         here = lane[side == way]
         if here.size:
-            used = [n for n in range(N_LANES, _MOST_LANES) if np.mean(here == n) >= _USED]
+            used = [n for n in range(N_LANES, _MAX_LANES) if np.mean(here == n) >= _USED]
             lane_count[2 if way > 0 else 1] = max(used, default=N_LANES - 1) + 1
             lane[side == way] = np.where((here >= 0) & (here <= max(used, default=N_LANES - 1)), here, np.nan)
     return lane, lane_count, int((~np.isfinite(lane)).sum())

@@ -1,4 +1,4 @@
-"""Where in a file of I-24 MOTION each vehicle is when: which documents a window of time and a section of road needs.
+"""Index of a file of I-24 MOTION: the documents with vehicles in each time window and road section.
 
 One pass over the file finds it, so that a recording of hours is read piece by piece.
 """
@@ -24,10 +24,10 @@ MILES = (57.0, 65.0)
 LANE = 12.0
 """Width of a lane, and of the shoulder beside the median [ft]."""
 _FEET_PER_MILE = 5280.0
-_LARGEST = 2e18  # beyond every time, in nanoseconds too, and every place
-_FEWEST = 8  # documents that tell the unit of y_position
+_MAX_NUMBER = 2e18  # beyond every time, in nanoseconds too, and every place
+_MIN_DOCUMENTS = 8  # documents needed to check the unit of y_position
 _SINCE, _UNTIL = 1.5e9, 4.0e9  # s since 1970: the years 2017 and 2096
-_BACKWARD = 5.0 / FEET  # ft that a vehicle may end behind its begin, because of errors of the tracking
+_BACKWARD = 5.0 / FEET  # ft that a vehicle may end upstream of its start, because of tracking errors
 _LIST = pa.list_(pa.float64())
 _FIELDS = {
     "_id": pa.struct({"$oid": pa.string()}),
@@ -52,7 +52,7 @@ class Index:
         sizes: Its length [bytes].
         cells: Numbers of the documents with a row in each window and section, from 0.
         frame_rate: Frames per second [1/s].
-        phase: Time of a frame since a whole number of frames [frames], shared by most documents.
+        phase: Offset of the frames of most documents from multiples of the frame interval [frames], 0 to 1.
         dropped: Documents that were left out, by cause.
     """
 
@@ -84,7 +84,7 @@ def index_of(path: Path, window: float | None, section: float | None, on_bad: On
 @lru_cache(maxsize=2)
 def _index(path: Path, window: float | None, section: float | None, on_bad: OnBad, stamp: tuple[int, int]) -> Index:
     index, seen = Index(), set[str]()
-    steps, begins, miles, asides, backward = [], [], [], [], Counter[tuple[float, bool]]()
+    steps, begins, miles, offsets_from_middle, backward = [], [], [], [], Counter[tuple[float, bool]]()
     for block in documents(path):
         first = len(index.starts)
         index.starts += block.starts
@@ -107,7 +107,7 @@ def _index(path: Path, window: float | None, section: float | None, on_bad: OnBa
         direction = tracks.of_document("direction")
         steps.append(np.diff(times)[tracks.follows[1:]])
         begins.append(times[tracks.begins])
-        asides.append(np.abs(tracks.values("y_position")[tracks.begins]))
+        offsets_from_middle.append(np.abs(tracks.values("y_position")[tracks.begins]))
         miles.append(x[tracks.begins] / _FEET_PER_MILE)
         moved = (x[tracks.ends] - x[tracks.begins]) * direction
         for side in (-1.0, 1.0):
@@ -122,11 +122,11 @@ def _index(path: Path, window: float | None, section: float | None, on_bad: OnBa
             _leave_out(index, "wrong_direction", int(wrong.sum()), at, text, path, on_bad, "direction")
         centre = FEET * (x + 0.5 * np.repeat(direction * tracks.of_document("length"), tracks.counts))
         keys = np.stack([_cell(times, window), _cell(centre, section)], axis=1)
-        _file(index, keys, np.repeat(numbers, tracks.counts), np.repeat(~wrong, tracks.counts))
+        _add_to_index(index, keys, np.repeat(numbers, tracks.counts), np.repeat(~wrong, tracks.counts))
     _require_forward(backward, path)
     if not begins:
         return index
-    _require_units(np.concatenate(begins), np.concatenate(miles), np.concatenate(asides), path)
+    _require_units(np.concatenate(begins), np.concatenate(miles), np.concatenate(offsets_from_middle), path)
     index.frame_rate = frame_rate_of(np.concatenate(steps), path, "timestamp")
     index.phase = _phase(np.concatenate(begins) * index.frame_rate)
     return index
@@ -158,11 +158,11 @@ class Tracks:
 def _cell(values: np.ndarray, length: float | None) -> np.ndarray:
     if length is None:
         return np.zeros(len(values), np.int64)
-    return np.floor(np.clip(values / length, -_LARGEST, _LARGEST)).astype(np.int64)
+    return np.floor(np.clip(values / length, -_MAX_NUMBER, _MAX_NUMBER)).astype(np.int64)
 
 
-def _file(index: Index, keys: np.ndarray, number: np.ndarray, sound: np.ndarray) -> None:
-    """Enters the documents under the windows and sections of their rows."""
+def _add_to_index(index: Index, keys: np.ndarray, number: np.ndarray, sound: np.ndarray) -> None:
+    """Adds the documents to the index, under the windows and sections of their rows."""
     new = np.ones(len(keys), dtype=bool)
     new[1:] = (keys[1:] != keys[:-1]).any(axis=1) | (number[1:] != number[:-1])
     rows = np.flatnonzero(new & sound)
@@ -187,7 +187,7 @@ def _sound(
 
     def unknown(name: str) -> np.ndarray:
         values = table[name].combine_chunks().flatten().to_numpy(zero_copy_only=False).astype(np.float64)
-        sums = np.concatenate([[0], np.cumsum(~(np.abs(values) <= _LARGEST))])
+        sums = np.concatenate([[0], np.cumsum(~(np.abs(values) <= _MAX_NUMBER))])
         ends = np.cumsum(lengths(name))
         return sums[ends] > sums[ends - lengths(name)]
 
@@ -217,7 +217,7 @@ def _sound(
         (
             "not_finite",
             "length",
-            lambda: ~(np.abs(table["length"].to_numpy()) <= _LARGEST),
+            lambda: ~(np.abs(table["length"].to_numpy()) <= _MAX_NUMBER),
             "the value is impossible",
         ),
         (
@@ -271,7 +271,7 @@ def _require_forward(backward: Counter[tuple[float, bool]], path: Path) -> None:
             raise bad_recording("wrong-direction", text, remedy, path, column="x_position")
 
 
-def _require_units(times: np.ndarray, miles: np.ndarray, asides: np.ndarray, path: Path) -> None:
+def _require_units(times: np.ndarray, miles: np.ndarray, offsets_from_middle: np.ndarray, path: Path) -> None:
     mile, time = float(np.median(miles)), float(np.median(times))
     if not MILES[0] <= mile <= MILES[1]:
         text = (
@@ -281,10 +281,12 @@ def _require_units(times: np.ndarray, miles: np.ndarray, asides: np.ndarray, pat
     if not _SINCE <= time <= _UNTIL:
         text = f"the times are about {time:.6g}"
         raise bad_recording("wrong-units", text, "give the times in s since 1970", path, column="timestamp")
-    asides = asides[np.isfinite(asides)]
+    offsets_from_middle = offsets_from_middle[np.isfinite(offsets_from_middle)]
     # Most drive right of the left shoulder, someone right of the second lane, and nobody beyond the sixth.
-    far = float(np.quantile(asides, 0.95)) if asides.size else 0.0
-    if asides.size >= _FEWEST and (np.median(asides) < LANE or not 2.0 * LANE <= far <= 7.5 * LANE):
+    far = float(np.quantile(offsets_from_middle, 0.95)) if offsets_from_middle.size else 0.0
+    if offsets_from_middle.size >= _MIN_DOCUMENTS and (
+        np.median(offsets_from_middle) < LANE or not 2.0 * LANE <= far <= 7.5 * LANE
+    ):
         text = f"the outermost vehicles are {far:.3g} ft beside the middle of the road"
         raise bad_recording("wrong-units", text, "give y_position in feet", path, column="y_position")
 

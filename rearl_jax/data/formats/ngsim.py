@@ -26,7 +26,7 @@ ATTRIBUTION = (
 )
 US101_LENGTH = 640.0  # m, 2100 ft; NGSIM US-101 data description
 DEBOUNCE = 21  # frames, 2 s
-_MOST_LANES = 100  # a lane beyond it is not a number of a lane
+_MAX_LANE = 100  # a lane beyond it is not a number of a lane
 
 _US101_PERIODS = {0: "us101_0750", 1: "us101_0805", 2: "us101_0820"}
 _US101_COLUMNS = ("period", "vehicle_id", "frame", "x_m", "y_m", "lane_est", "speed_mps", "accel_mps2")
@@ -101,7 +101,7 @@ def read_us101(path: Path, recording: str, period: int, policy: DataConfig) -> R
         }
     )
     losses = Losses()
-    unknown = ~(np.abs(table["lane"].to_numpy()) < _MOST_LANES)
+    unknown = ~(np.abs(table["lane"].to_numpy()) < _MAX_LANE)
     if unknown.any():
         finding = Finding("not_finite", "lane", unknown, "the lane is unknown", "complete the row")
         table = reject(table, finding, info, policy, losses)

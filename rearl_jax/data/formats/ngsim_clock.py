@@ -1,4 +1,4 @@
-"""Recordings in a published NGSIM table, told apart by the time of their frame 0: global time - 100 ms * frame."""
+"""Recordings in a published NGSIM table, distinguished by the time of their frame 0: global time - 100 ms * frame."""
 
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
@@ -13,14 +13,16 @@ from rearl_jax.data.problems import bad_recording
 LANES = {"us101": 8, "i80": 7}
 """Lanes of each highway."""
 ARTERIALS = ("lankershim", "peachtree")
-"""Places in the export of all places that are no highways."""
+"""Places in the export of all places that are not highways."""
 # Both campaigns were in daylight saving time of the Pacific coast (13 April and 15 June 2005).
 _LOCAL_TIME = timedelta(hours=-7)
 _PERIOD = 100.0  # ms between two frames
 _LATEST = 4.1e12  # ms, the end of the year 2099
 _UNITS = {"s": 1e3, "us": 1e-3, "ns": 1e-6}  # ms
 _SINCE = 3.1e11  # ms, the year 1980: smaller times since 1970 are in a larger unit
-_FEW = 0.05  # share of the vehicles of the largest recording of a place below which one is a fault of its clock
+_MIN_VEHICLE_SHARE = (
+    0.05  # share of the vehicles of the largest recording of a place below which one is a fault of its clock
+)
 
 
 def recordings_of(rows: pd.DataFrame, path: Path) -> dict[str, np.ndarray]:
@@ -45,8 +47,8 @@ def recordings_of(rows: pd.DataFrame, path: Path) -> dict[str, np.ndarray]:
     for place, here in places_of(rows, path).items():
         if place in ARTERIALS:
             continue
-        starts, which = np.unique(start[here], return_inverse=True)
-        parts = [here[which == number] for number in range(len(starts))]
+        starts, inverse = np.unique(start[here], return_inverse=True)
+        parts = [here[inverse == number] for number in range(len(starts))]
         _require_many_vehicles(rows, parts, path)
         for first, own in zip(starts, parts, strict=True):
             recording = f"{place}_{_clock(int(first))}"
@@ -113,7 +115,7 @@ def _require_many_vehicles(rows: pd.DataFrame, parts: list[np.ndarray], path: Pa
     vehicles = [np.unique(track[part]) for part in parts]
     largest = max(range(len(parts)), key=lambda number: len(parts[number]), default=0)
     for number, part in enumerate(parts):
-        few = number != largest and len(vehicles[number]) <= max(1.0, _FEW * len(vehicles[largest]))
+        few = number != largest and len(vehicles[number]) <= max(1.0, _MIN_VEHICLE_SHARE * len(vehicles[largest]))
         alone = len(vehicles[number]) < len(vehicles[largest])
         if number != largest and ((few and alone) or _goes_on(track, frame, part, parts[largest])):
             text = f"{len(part)} rows of vehicle {vehicles[number][0]}"
@@ -123,7 +125,7 @@ def _require_many_vehicles(rows: pd.DataFrame, parts: list[np.ndarray], path: Pa
 
 
 def _goes_on(track: np.ndarray, frame: np.ndarray, part: np.ndarray, other: np.ndarray) -> bool:
-    """Whether every vehicle of a part has its next or last frame, and none of its own frames, in the other part."""
+    """True if every vehicle of a part has its next or last frame, and none of its own frames, in the other part."""
     own = pd.DataFrame({"track": track[part], "frame": frame[part]})
     there = pd.MultiIndex.from_arrays([track[other], frame[other]])
     if pd.MultiIndex.from_frame(own).isin(there).any():

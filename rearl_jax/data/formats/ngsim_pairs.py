@@ -26,9 +26,9 @@ LANES = 7  # six lanes and the on-ramp, NGSIM I-80 data description
 _NUMBERS = "follower leader t_s y_f_m v_f_mps a_f_mps2 y_l_m v_l_mps a_l_mps2 leader_length_m lane".split()
 COLUMNS = ("run", *_NUMBERS)
 """Columns by which a file is recognised."""
-_LARGEST_ID = 1e12
-_MOST_TIME = 1e7  # s, more than any recording lasts
-_SAME = 0.01  # m; rows that share a vehicle must agree on where it is and how long
+_MAX_ID = 1e12
+_MAX_TIME = 1e7  # s, more than any recording lasts
+_SHARED_TOLERANCE = 0.01  # m; rows that share a vehicle must agree on where it is and how long
 
 
 def find_pairs(root: Path) -> Path:
@@ -118,7 +118,7 @@ def _require_ids(pairs: pd.DataFrame, info: RecordingInfo) -> None:
     """Raise BadRecordingError if a known id is not a whole number."""
     for name in ("follower", "leader"):
         values = pairs[name].to_numpy(np.float64, na_value=np.nan)
-        bad = ~np.isnan(values) & ~((np.abs(values) < _LARGEST_ID) & (values == np.rint(values)))
+        bad = ~np.isnan(values) & ~((np.abs(values) < _MAX_ID) & (values == np.rint(values)))
         if bad.any():
             row = int(np.argmax(bad))
             text = f"{values[row]:g} is not a number of a vehicle"
@@ -130,9 +130,9 @@ def _require_units(pairs: pd.DataFrame, info: RecordingInfo) -> None:
     pair = pairs.groupby(["follower", "leader"], dropna=False, sort=False).ngroup().to_numpy()
     order = np.argsort(pair, kind="stable")
     time = pairs["t_s"].to_numpy(np.float64)[order]
-    if (np.abs(time) > _MOST_TIME).any():
+    if (np.abs(time) > _MAX_TIME).any():
         raise bad_recording(
-            "wrong-units", f"a time is beyond {_MOST_TIME:g} s", "give the time in s", info.file, column="t_s"
+            "wrong-units", f"a time is beyond {_MAX_TIME:g} s", "give the time in s", info.file, column="t_s"
         )
     require_period(time, pair[order], 1.0 / FRAME_RATE, info.file, "t_s")
     lengths = pairs["leader_length_m"].to_numpy(np.float64)
@@ -155,8 +155,8 @@ def _require_one_length(pairs: pd.DataFrame, info: RecordingInfo) -> None:
         lengths = pairs.groupby(who)[column]
         with np.errstate(invalid="ignore"):  # the schema check finds infinite lengths
             span = np.asarray(lengths.transform("max")) - np.asarray(lengths.transform("min"))
-        if (span > _SAME).any():
-            row = int(np.argmax(span > _SAME))
+        if (span > _SHARED_TOLERANCE).any():
+            row = int(np.argmax(span > _SHARED_TOLERANCE))
             text = f"vehicle {pairs[who].iloc[row]} has several lengths"
             raise bad_recording(
                 "lengths-contradict", text, "correct the lengths", info.file, column=column, row=row + 1
@@ -204,7 +204,7 @@ def _agreeing(members: pd.DataFrame, info: RecordingInfo, policy: DataConfig, lo
     """The rows of vehicles on whose position all their pairs agree."""
     where = members.groupby(["track_id", "frame"])["position"]
     with np.errstate(invalid="ignore"):  # the schema check finds infinite positions
-        off = np.asarray(where.transform("max")) - np.asarray(where.transform("min")) > _SAME
+        off = np.asarray(where.transform("max")) - np.asarray(where.transform("min")) > _SHARED_TOLERANCE
     if not off.any():
         return members
     row = int(np.argmax(off))

@@ -2,7 +2,7 @@
 
 NGSIM gives the front centre of a vehicle, Local_Y along the road and Local_X from the left edge; the
 canonical table wants the centre. Vehicle and frame numbers restart in each 15-minute recording, so
-global time - 100 ms * frame tells the recordings of a file apart.
+global time - 100 ms * frame distinguishes the recordings of a file.
 
 Source: U.S. Department of Transportation, Next Generation Simulation Vehicle Trajectories and Supporting
 Data, DOI 10.21949/1504477.
@@ -18,7 +18,7 @@ import pyarrow as pa
 
 from rearl_jax.config.data import DataConfig, OnBad
 from rearl_jax.data.checks.losses import Losses, reject
-from rearl_jax.data.checks.typed_table import MOST_LANES
+from rearl_jax.data.checks.typed_table import MAX_LANES
 from rearl_jax.data.files.columnar import is_parquet
 from rearl_jax.data.files.delimited import read_blank_separated, read_csv, read_header, text_endings
 from rearl_jax.data.files.folder import named_files, visible_files
@@ -67,7 +67,7 @@ _PUBLISHED_SPELLING = {
     "leader_id": "Preceding",
 }
 _ENDINGS = (*text_endings(".csv"), *text_endings(".txt"))
-_LOOKED_AT = 5  # lines of a .txt that are looked at to tell whether it is a table
+_SAMPLE_LINES = 5  # lines of a .txt from which it is decided whether it is a table
 # A time that is not in ms may have a fraction; what is wrong with it is said by its unit.
 _TYPES = {"location": pa.string(), "global_time": pa.float64()}
 _KEYS = ("track_id", "frame", "global_time")
@@ -118,7 +118,7 @@ class PublishedFile:
             table = table.iloc[np.flatnonzero(~twice)]
         no_lane = (table["lane"] < 0).to_numpy()
         if no_lane.any():
-            text = f"Lane_ID {table['lane'].iloc[int(np.argmax(no_lane))] + 1:g} is no lane, they count from 1"
+            text = f"Lane_ID {table['lane'].iloc[int(np.argmax(no_lane))] + 1:g} is not a lane, they count from 1"
             finding = Finding("lane_out_of_range", "lane", no_lane, text, "correct the Lane_ID")
             table = reject(table, finding, info, self._policy, losses)
         table, dropped = validate(table, info, self._policy, losses)
@@ -132,11 +132,11 @@ class PublishedFile:
         """Raise BadRecordingError for a file that is something else, such as a readme."""
         required = {name for name, _, needed in _PUBLISHED.values() if needed}
         if is_txt:
-            is_table = any(len(line.split()) >= len(_TXT_COLUMNS) for line in first_lines(self.path, _LOOKED_AT))
+            is_table = any(len(line.split()) >= len(_TXT_COLUMNS) for line in first_lines(self.path, _SAMPLE_LINES))
         else:
             is_table = bool(required & {plain(name) for name in read_header(self.path)})
         if not is_table:
-            text = f"{self.path.name} is no trajectory table of NGSIM"
+            text = f"{self.path.name} is not a trajectory table of NGSIM"
             raise bad_recording("not-a-table", text, "move it out of the folder", self.path)
 
     def _load(self, wanted: tuple[str, ...]) -> tuple[pd.DataFrame, dict[str, int]]:
@@ -185,7 +185,7 @@ def recognises(path: Path) -> Path | None:
     if not files or is_parquet(files[0]):
         return None
     if files[0].name.lower().endswith(text_endings(".txt")):
-        lines = [line.split() for line in first_lines(files[0], _LOOKED_AT)]
+        lines = [line.split() for line in first_lines(files[0], _SAMPLE_LINES)]
         is_table = bool(lines) and all(len(line) == len(_TXT_COLUMNS) and _are_numbers(line) for line in lines)
         return path if is_table else None
     required = {name for name, _, needed in _PUBLISHED.values() if needed}
@@ -217,7 +217,7 @@ def _converted(recording: str, rows: pd.DataFrame, path: Path) -> tuple[pd.DataF
     info = RecordingInfo(
         id=recording,
         frame_rate=FRAME_RATE,
-        lane_count={1: LANES.get(place, min(int(_largest(lane)), MOST_LANES))},
+        lane_count={1: LANES.get(place, min(int(_largest(lane)), MAX_LANES))},
         road_length=US101_LENGTH if place == "us101" else _largest(source["front"]),
         source=f"NGSIM {place}",
         licence=LICENCE,

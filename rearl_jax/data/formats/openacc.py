@@ -38,7 +38,7 @@ COLUMNS = ("file", *_NUMBERS)
 """Columns by which a file is recognised."""
 MODEL = "model"
 """Label of tracks: the car model. A model is one physical car, which drove in many files."""
-_MOST_PLACES = 1000  # more vehicles than any platoon has
+_MAX_PLACES = 1000  # more vehicles than any platoon has
 
 
 @dataclass(frozen=True)
@@ -67,7 +67,7 @@ def platoon_recordings(path: Path) -> dict[str, Platoon]:
     """Recording id -> part of a platoon with two vehicles or more."""
     rows = read_columns(path, _NUMBERS, ("file",))
     place = rows["pos"].to_numpy(np.float64)
-    wrong = rows["file"].isna().to_numpy() | ~((place >= 1.0) & (place < _MOST_PLACES) & (place == np.rint(place)))
+    wrong = rows["file"].isna().to_numpy() | ~((place >= 1.0) & (place < _MAX_PLACES) & (place == np.rint(place)))
     if wrong.any():
         text, row = "a row does not state its vehicle and file", int(np.argmax(wrong)) + 1
         raise bad_recording("vehicle-unnamed", text, "complete it", path, column="pos", row=row)
@@ -143,9 +143,9 @@ def rebuilt(
         platoon: The part of them.
         info: The recording, without the length of its road.
         labels: Labels by name: one value for all, or one for each place.
-        policy: What happens to bad rows.
-        switches: Who drives, by place and frame, where drivers switch; see `openacc_drivers`.
-        losses: What is left out already.
+        policy: Treatment of bad rows.
+        switches: Driver by position in the platoon and frame, if drivers switch; see `openacc_drivers`.
+        losses: Rows that are already left out.
 
     Raises:
         BadRecordingError: As `read_platoon`.

@@ -1,4 +1,4 @@
-"""Who drives a car of OpenACC, where that changes within a run: adaptive cruise control, or the person at the wheel."""
+"""Driver of a car of OpenACC if it changes within a run: adaptive cruise control or a person."""
 
 from dataclasses import replace
 
@@ -10,7 +10,7 @@ from rearl_jax.data.checks.typed_table import follows_row_before
 from rearl_jax.data.records import RecordingInfo
 
 ACC = "acc"
-"""Label of tracks: 1 with adaptive cruise control, 0 with people at the wheel; None where the file does not tell."""
+"""Label of tracks: 1 with adaptive cruise control, 0 with people at the wheel; None if the file does not state it."""
 
 
 def switched(table: pd.DataFrame, drivers: pd.Series, info: RecordingInfo) -> tuple[pd.DataFrame, RecordingInfo]:

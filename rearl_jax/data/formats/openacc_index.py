@@ -22,7 +22,7 @@ def labels_of_run(index: Path, run: str) -> dict[str, str | None]:
     M, L, or mixed where cars were set differently; None where people drove, or the run is not in the index.
 
     Raises:
-        BadRecordingError: The index is damaged, lists the run twice, or states what is neither.
+        BadRecordingError: The index is damaged, lists the run twice, or contains an unknown label.
     """
     if not index.is_file():
         return {}

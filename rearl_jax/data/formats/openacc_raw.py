@@ -31,16 +31,16 @@ SETTING = "setting"
 """Label of tracks: the distance that was set, in the words of the file; mixed where cars were set differently."""
 
 _ENDINGS = text_endings(".csv")
-_ABOUT = ("Vehicle_order", "ACC", "Distance_setting")
-_MOST_ABOVE = 20  # lines above the table; there are 6
+_HEADER_KEYS = ("Vehicle_order", "ACC", "Distance_setting")
+_MAX_HEADER_LINES = 20  # lines above the table; there are 6
 _NOT_RUNS = ("specification", openacc_index.FILE)
 _DRIVER = {"acc": "1", "human": "0"}
-_RECEIVERS = 1.0  # m; gaps between bumpers are a car shorter than the distances of receivers
+_RECEIVER_TOLERANCE = 1.0  # m; gaps between bumpers are a car shorter than the distances of receivers
 
 
 @dataclass(frozen=True)
 class Header:
-    """What stands above the table of a run.
+    """Header lines above the table of a run.
 
     Attributes:
         about: Words behind the names of the lines, such as Vehicle_order.
@@ -76,16 +76,16 @@ def find_runs(root: Path) -> list[Path]:
 
 
 def is_run(path: Path) -> bool:
-    """Whether the first lines tell of a platoon, and a line below them names the columns."""
-    words = [line.partition(",")[0].strip() for line in first_lines(path, _MOST_ABOVE)]
-    return {*_ABOUT, "Time"} <= set(words)
+    """True if the first lines describe a platoon and a line below them names the columns."""
+    words = [line.partition(",")[0].strip() for line in first_lines(path, _MAX_HEADER_LINES)]
+    return {*_HEADER_KEYS, "Time"} <= set(words)
 
 
 def runs_of(path: Path) -> dict[str, Platoon]:
-    """Recording id -> part of the platoon with two vehicles or more, as the columns of the file tell.
+    """Recording id -> part of the platoon with two vehicles or more, from the columns of the file.
 
     Raises:
-        BadRecordingError: The file is no run.
+        BadRecordingError: The file is not a run.
     """
     header = read_header_of(path)
     speeds, gaps = header.numbered("Speed"), set(header.numbered("IVS"))
@@ -164,7 +164,7 @@ def read_run(path: Path, recording: str, platoon: Platoon, policy: DataConfig) -
 
 
 def read_header_of(path: Path) -> Header:
-    """What stands above the table.
+    """The header lines above the table.
 
     Raises:
         BadRecordingError: The file is empty, damaged or no run, or does not name its vehicles.
@@ -179,7 +179,7 @@ def read_header_of(path: Path) -> Header:
                 if cells[0] == "Time":
                     columns = cells
                     break
-                if number > _MOST_ABOVE:
+                if number > _MAX_HEADER_LINES:
                     break
                 about[cells[0]] = tuple(cell for cell in cells[1:] if cell)
     except DAMAGED as error:
@@ -189,7 +189,7 @@ def read_header_of(path: Path) -> Header:
     if not columns:
         text = "no line begins with Time, as the header of a run of OpenACC does"
         raise bad_recording("not-a-table", text, "move the file out of the folder", path)
-    require_columns(list(about), _ABOUT, str(path))
+    require_columns(list(about), _HEADER_KEYS, str(path))
     header = Header(about, columns, number)
     most = max(header.numbered("Speed"), default=0)
     if most > len(about["Vehicle_order"]):
@@ -212,7 +212,7 @@ def _on_receivers(wide: pd.DataFrame, platoon: Platoon) -> tuple[str, ...]:
         return ()
     further = round(float(np.median(values)), 1) + 0.0  # no - 0.0
     bumpers, receivers = "the gaps are those between bumpers", "the gaps seem to be those of receivers, a car too long"
-    reading = bumpers if further > _RECEIVERS else receivers
+    reading = bumpers if further > _RECEIVER_TOLERANCE else receivers
     return (f"receivers of neighbours are {further:.1f} m further apart than the gaps (median): {reading}",)
 
 
@@ -235,7 +235,7 @@ def _setting(header: Header) -> str | None:
 def _drivers(
     wide: pd.DataFrame, header: Header, platoon: Platoon, info: RecordingInfo, policy: DataConfig, losses: Losses
 ) -> pd.Series | None:
-    """Who drives, by place and frame; holes of 1 s or less are filled. None if the file does not tell."""
+    """Driver by position in the platoon and frame, gaps of 1 s or less filled; None if the file does not state it."""
     found = []
     time = wide["Time"].to_numpy(np.float64)
     known = np.isfinite(time) & (np.abs(time) < openacc.MAX_TIME * 1e3)

@@ -20,7 +20,7 @@ import pyarrow.compute as pc
 from rearl_jax.config.data import DataConfig, OnBad
 from rearl_jax.data.checks.frame_rates import frame_rate_of
 from rearl_jax.data.checks.losses import Losses
-from rearl_jax.data.checks.typed_table import LARGEST
+from rearl_jax.data.checks.typed_table import MAX_MAGNITUDE
 from rearl_jax.data.files.delimited import read_header, stem_of, text_endings
 from rearl_jax.data.files.folder import named_files
 from rearl_jax.data.files.text_layout import first_names, opened
@@ -31,8 +31,8 @@ from rearl_jax.data.units import to_si
 
 LICENCE = "stated at open-traffic.epfl.ch, free for research with attribution"
 ATTRIBUTION = "Barmpounakis and Geroliminis (2020), pNEUMA, Transportation Research Part C 111; open-traffic.epfl.ch"
-HEAD = ("track_id", "type", "traveled_d", "avg_speed")
-REPEATED = ("lat", "lon", "speed", "lon_acc", "lat_acc", "time")
+VEHICLE_COLUMNS = ("track_id", "type", "traveled_d", "avg_speed")
+REPEATED_COLUMNS = ("lat", "lon", "speed", "lon_acc", "lat_acc", "time")
 # Type -> class and length [m], None for data.default_length. The source has no lengths: usual ones, own choice.
 _TYPES: dict[str, tuple[str, float | None]] = {
     "Car": ("car", None),
@@ -52,18 +52,18 @@ _SPELLING = {
     "acceleration": "lon_acc",
     "vehicle_class": "type",
 }
-_EXCURSION = 25  # rows, 1 s
-_LEAST = 5.0  # m that a vehicle must move to show where it drives
+_EXCURSION_ROWS = 25  # rows, 1 s
+_MIN_MOVED = 5.0  # m that a vehicle must move to show where it drives
 
 
 @dataclass(frozen=True)
 class _Vehicle:
-    """What a row says of one vehicle.
+    """One vehicle as described by a row.
 
     Attributes:
         number: Its track_id.
         kind: Its type.
-        values: One row per moment, in the columns of REPEATED.
+        values: One row per moment, in the columns of REPEATED_COLUMNS.
     """
 
     number: int
@@ -82,8 +82,8 @@ def find_files(root: Path) -> list[Path]:
 
 
 def is_one(path: Path) -> bool:
-    """Whether the first line names the columns of pNEUMA."""
-    return tuple(name for name in first_names(path) if name) == (*HEAD, *REPEATED)
+    """True if the first line names the columns of pNEUMA."""
+    return tuple(name for name in first_names(path) if name) == (*VEHICLE_COLUMNS, *REPEATED_COLUMNS)
 
 
 def recording_id(path: Path) -> str:
@@ -92,7 +92,7 @@ def recording_id(path: Path) -> str:
 
 
 def read_recording(path: Path, policy: DataConfig) -> Recording:
-    """What passes along the stretch `data.stretch` in its direction.
+    """The vehicles that drive along the stretch `data.stretch` in its direction.
 
     Left out and counted: moments beside the stretch (`outside_stretch`), of vehicles that cross it (`crossing`) and
     that drive against it (`oncoming`).
@@ -138,13 +138,13 @@ def read_recording(path: Path, policy: DataConfig) -> Recording:
 def _vehicles(path: Path, on_bad: OnBad, losses: Losses) -> Iterator[tuple[int, _Vehicle]]:
     """Row number, from 0, and vehicle of each row of the file."""
     header = read_header(path)
-    if not {*HEAD, *REPEATED} & set(header):
-        text = f"{path.name} is no file of pNEUMA: its columns are {', '.join(header[:8])}"
+    if not {*VEHICLE_COLUMNS, *REPEATED_COLUMNS} & set(header):
+        text = f"{path.name} is not a file of pNEUMA: its columns are {', '.join(header[:8])}"
         raise bad_recording("not-a-table", text, "move it out of the folder", path)
-    require_columns(header, (*HEAD, *REPEATED), str(path))
-    if tuple(name for name in header if name) != (*HEAD, *REPEATED):
+    require_columns(header, (*VEHICLE_COLUMNS, *REPEATED_COLUMNS), str(path))
+    if tuple(name for name in header if name) != (*VEHICLE_COLUMNS, *REPEATED_COLUMNS):
         text = f"the columns are {', '.join(header[:12])}"
-        remedy = f"give {', '.join((*HEAD, *REPEATED))}, the last six repeated"
+        remedy = f"give {', '.join((*VEHICLE_COLUMNS, *REPEATED_COLUMNS))}, the last six repeated"
         raise bad_recording("columns-unordered", text, remedy, path)
     with opened(path) as file:
         next(file)
@@ -164,11 +164,11 @@ def _vehicle(line: bytes, path: Path, row: int) -> _Vehicle:
         text = line.decode().rstrip().removesuffix(";")
     except UnicodeDecodeError as error:
         raise _broken(f"the line is not UTF-8 text ({error.reason})", path, row) from None
-    fields = text.split(";", len(HEAD))
-    n_further = fields[-1].count(";") + 1 if len(fields) > len(HEAD) else 0
-    if n_further % len(REPEATED) or not n_further:
-        whole = f"{len(HEAD)} and a multiple of {len(REPEATED)}"
-        raise _broken(f"the line has {len(HEAD)} and {n_further} fields instead of {whole}", path, row)
+    fields = text.split(";", len(VEHICLE_COLUMNS))
+    n_further = fields[-1].count(";") + 1 if len(fields) > len(VEHICLE_COLUMNS) else 0
+    if n_further % len(REPEATED_COLUMNS) or not n_further:
+        whole = f"{len(VEHICLE_COLUMNS)} and a multiple of {len(REPEATED_COLUMNS)}"
+        raise _broken(f"the line has {len(VEHICLE_COLUMNS)} and {n_further} fields instead of {whole}", path, row)
     try:
         # Through Arrow, which splits and reads millions of numbers a second.
         parts = pc.call_function("split_pattern", [pa.array([fields[-1]])], pc.SplitPatternOptions(";")).flatten()
@@ -179,8 +179,8 @@ def _vehicle(line: bytes, path: Path, row: int) -> _Vehicle:
         raise bad_recording("value-unreadable", fault, f"write a number there{DROP_HINT}", path, row=row + 1) from None
     if not abs(number) < 2**53:
         raise bad_recording("value-unreadable", f"track_id is {number}", "correct it", path, row=row + 1)
-    values = np.where(np.abs(values) <= LARGEST, values, np.nan)
-    return _Vehicle(number, fields[1].strip(), values.reshape(-1, len(REPEATED)))
+    values = np.where(np.abs(values) <= MAX_MAGNITUDE, values, np.nan)
+    return _Vehicle(number, fields[1].strip(), values.reshape(-1, len(REPEATED_COLUMNS)))
 
 
 def _broken(text: str, path: Path, row: int) -> BadRecordingError:
@@ -198,9 +198,9 @@ def _on_stretch(row: int, vehicle: _Vehicle, stretch: Stretch, losses: Losses) -
     pieces = []
     for begin, end in zip(edges[::2], edges[1::2], strict=True):
         ahead, aside = along[end - 1] - along[begin], lateral[end - 1] - lateral[begin]
-        if abs(aside) > max(abs(ahead), _LEAST):
+        if abs(aside) > max(abs(ahead), _MIN_MOVED):
             losses.counts["crossing"] += int(end - begin)
-        elif ahead < -_LEAST:
+        elif ahead < -_MIN_MOVED:
             losses.counts["oncoming"] += int(end - begin)
         else:
             values = vehicle.values[begin:end]
@@ -212,7 +212,7 @@ def _on_stretch(row: int, vehicle: _Vehicle, stretch: Stretch, losses: Losses) -
                         "type": vehicle.kind,
                         "along": along[begin:end],
                         "lateral": lateral[begin:end],
-                        **{name: values[:, 2 + at] for at, name in enumerate(REPEATED[2:])},
+                        **{name: values[:, 2 + at] for at, name in enumerate(REPEATED_COLUMNS[2:])},
                     }
                 )
             )
@@ -226,7 +226,7 @@ def _without_excursions(inside: np.ndarray) -> np.ndarray:
     """
     known = np.flatnonzero(inside)
     gaps = np.diff(known)
-    short = np.flatnonzero((gaps > 1) & (gaps <= _EXCURSION))
+    short = np.flatnonzero((gaps > 1) & (gaps <= _EXCURSION_ROWS))
     filled = inside.copy()
     for gap in short:
         filled[known[gap] : known[gap + 1]] = True

@@ -1,7 +1,7 @@
 """Recordings of traffic simulators: rows on links of a network become one road, fronts become centres.
 
-Every reader of a simulator's output brings its rows into the columns of `FIELDS`. Simulated traffic is no measurement,
-so these recordings are marked as generated.
+Every reader of a simulator's output brings its rows into the columns of `FIELDS`. Simulated traffic is not a
+measurement, so these recordings are marked as generated.
 """
 
 from collections.abc import Mapping, Sequence
@@ -14,7 +14,7 @@ import pandas as pd
 from rearl_jax.config.data import DataConfig
 from rearl_jax.data.checks import clock
 from rearl_jax.data.checks.losses import Losses, reject, split_tracks
-from rearl_jax.data.checks.typed_table import LARGEST, MOST_LANES
+from rearl_jax.data.checks.typed_table import MAX_LANES, MAX_MAGNITUDE
 from rearl_jax.data.problems import Finding, bad_recording
 from rearl_jax.data.roads.main_road import Steps, main_road
 from rearl_jax.data.schema import Recording, RecordingInfo, validate
@@ -30,21 +30,21 @@ LANE_STEP = 4.0
 """Distance [m] that a vehicle may move aside in a step: simulators change lanes at once; SUMO's are 3.2 m wide."""
 
 _KNOWN = ("time", "track_id", "link", "lane", "front", "speed", "length")
-_OFF = 0.05  # of a period by which a time may be off the clock of the simulation
-_LONGEST = 1e8  # s, three years
-_NAMED = 3  # links that a note names
-_FEWEST = 3  # rows of a lane that is used
+_CLOCK_TOLERANCE = 0.05  # of a period by which a time may be off the clock of the simulation
+_MAX_TIME = 1e8  # s, three years
+_MAX_NAMED_LINKS = 3  # links that a note names
+_MIN_LANE_ROWS = 3  # rows of a lane that is used
 
 
 @dataclass(frozen=True)
 class Simulation:
-    """What is known about a simulation besides its rows.
+    """Properties of a simulation beyond its rows.
 
     Attributes:
         info: The recording, without frame rate, lanes and length of the road, which follow from the rows.
         lanes: Number of lanes of links by their names; of others the lanes that vehicles use are counted.
         limits: Speed limits of links by their names [m/s].
-        lane_width: Width of a lane [m], where `aside` tells the place in the lane; None without it.
+        lane_width: Width of a lane [m], if `aside` gives the position in the lane; else None.
     """
 
     info: RecordingInfo
@@ -54,21 +54,21 @@ class Simulation:
 
 
 def is_generated(data: DataConfig, root: Path) -> bool:
-    """True: simulated traffic is no measurement."""
+    """True: simulated traffic is not a measurement."""
     return True
 
 
 def info_of(
     path: Path, id: str, source: str, labels: tuple[str, ...], notes: Sequence[str], columns: dict[str, str]
 ) -> RecordingInfo:
-    """What a file of a simulator tells of its recording; frame rate, lanes and length of the road stand for unknown.
+    """The record of a simulated recording; frame rate, lanes and road length are placeholders until the rows are read.
 
     Args:
         path: The file.
         id: Id of the recording.
         source: The simulator.
         labels: Columns that are labels.
-        notes: What is assumed.
+        notes: Assumptions.
         columns: Names of columns in the file by ours.
     """
     return RecordingInfo(
@@ -94,9 +94,9 @@ def recording_of(rows: pd.DataFrame, simulation: Simulation, policy: DataConfig,
         rows: FIELDS, and where the source has them x, y (of the front) and heading (unit vector along and across: hx,
             hy), aside (place in the lane to the right of its middle, in lane widths), acceleration, width, leader_id,
             labels. The index holds the rows of the source, from 0.
-        simulation: What else is known.
-        policy: What happens to bad rows.
-        losses: What is left out already.
+        simulation: Further properties.
+        policy: Treatment of bad rows.
+        losses: Rows that are already left out.
 
     Raises:
         BadRecordingError: A value is missing or the times do not follow a clock and data.on_bad is stop, or a row
@@ -161,7 +161,7 @@ def _known(rows: pd.DataFrame, info: RecordingInfo, policy: DataConfig, losses: 
         column = rows[name]
         missing = column.isna().to_numpy()
         if pd.api.types.is_float_dtype(column.dtype):
-            missing = ~(np.abs(column.to_numpy()) <= LARGEST)
+            missing = ~(np.abs(column.to_numpy()) <= MAX_MAGNITUDE)
         if missing.any():
             finding = Finding("not_finite", name, missing, "the value is missing or infinite", "complete it")
             rows = reject(rows, finding, info, policy, losses)
@@ -172,7 +172,7 @@ def _on_clock(
     rows: pd.DataFrame, info: RecordingInfo, policy: DataConfig, losses: Losses
 ) -> tuple[pd.DataFrame, float]:
     """The rows with their frame, and the time between two frames [s]."""
-    time = np.clip(rows["time"].to_numpy(np.float64), -2.0 * _LONGEST, 2.0 * _LONGEST)
+    time = np.clip(rows["time"].to_numpy(np.float64), -2.0 * _MAX_TIME, 2.0 * _MAX_TIME)
     track = rows["track_id"].to_numpy()
     order = np.lexsort((time, track))
     steps = np.diff(time[order])[np.diff(track[order]) == 0]
@@ -188,7 +188,7 @@ def _on_clock(
         raise bad_recording("wrong-units", text, remedy, info.file, column=info.columns.get("time", "time"))
     ticks = time * rate
     usual = ticks - np.sort(ticks)[len(ticks) // 2]  # the time of a row, as the median of two might be none
-    off = (np.abs(usual - np.rint(usual)) > _OFF) | (np.abs(time) > _LONGEST)
+    off = (np.abs(usual - np.rint(usual)) > _CLOCK_TOLERANCE) | (np.abs(time) > _MAX_TIME)
     if off.any():
         text = f"time {time[int(np.argmax(off))]:g} s is none of the time steps, which are {1.0 / rate:g} s apart"
         finding = Finding("bad_time", "time", off, text, "write all vehicles at the same time steps")
@@ -201,11 +201,11 @@ def _lanes_of_links(rows: pd.DataFrame, stated: Mapping[str, int]) -> np.ndarray
     """Number of lanes of every link: as stated, or up to the leftmost that has rows enough to be no damage."""
     links = rows["link"].cat.categories
     code, lane = rows["link"].cat.codes.to_numpy(), rows["lane"].to_numpy(np.float64)
-    known = (code >= 0) & (lane >= 0.0) & (lane < MOST_LANES)
+    known = (code >= 0) & (lane >= 0.0) & (lane < MAX_LANES)
     pairs = np.stack([code[known], lane[known]]).astype(np.int64)
     lanes, n_rows = np.unique(pairs, axis=1, return_counts=True)
     # Of a short link that few pass, every row counts.
-    enough = np.minimum(_FEWEST, np.bincount(pairs[0], minlength=len(links))[lanes[0]] // 10)
+    enough = np.minimum(_MIN_LANE_ROWS, np.bincount(pairs[0], minlength=len(links))[lanes[0]] // 10)
     used = np.ones(len(links))
     np.maximum.at(used, lanes[0, n_rows >= enough], lanes[1, n_rows >= enough] + 1.0)
     return np.array([stated.get(name, n) for name, n in zip(links, used, strict=True)], np.float64)
@@ -228,11 +228,11 @@ def _on_ground(table: pd.DataFrame, rows: pd.DataFrame, simulation: Simulation) 
 def _described(
     info: RecordingInfo, begins: np.ndarray, n_lanes: np.ndarray, links: pd.Index, period: float, simulation: Simulation
 ) -> RecordingInfo:
-    """The recording with what its road tells."""
+    """The recording with the properties of its road."""
     order = [int(link) for link in np.argsort(begins) if not np.isnan(begins[link])]
     names = [str(links[link]) for link in order]
     shown = [name for name in names if not name.startswith(":")] or names
-    text = ", ".join(shown[: 2 * _NAMED]) + (", ..." if len(shown) > 2 * _NAMED else "")
+    text = ", ".join(shown[: 2 * _MAX_NAMED_LINKS]) + (", ..." if len(shown) > 2 * _MAX_NAMED_LINKS else "")
     notes = [f"simulated; road: {text}"]
     unstated = [name for name in names if name not in simulation.lanes]
     if unstated:
@@ -248,10 +248,10 @@ def _described(
 
 
 def _without_others(info: RecordingInfo, others: np.ndarray, links: pd.Index) -> RecordingInfo:
-    """The recording with a note on links that are no part of the road."""
+    """The recording with a note on links that are not part of the road."""
     found, counts = np.unique(others, return_counts=True)
-    most = np.argsort(-counts, kind="stable")[:_NAMED]
+    most = np.argsort(-counts, kind="stable")[:_MAX_NAMED_LINKS]
     names = ", ".join(f"{links[found[link]]} ({counts[link]} rows)" for link in most)
-    more = f" and {len(found) - _NAMED} more" if len(found) > _NAMED else ""
+    more = f" and {len(found) - _MAX_NAMED_LINKS} more" if len(found) > _MAX_NAMED_LINKS else ""
     note = f"{len(others)} rows on other links left out: {names}{more}"
     return replace(info, notes=(*info.notes, note))

@@ -1,6 +1,6 @@
 """Reader of SUMO's floating car data, the file of `--fcd-output`, one recording per file.
 
-SUMO states the place of the front bumper and counts lanes from the right, from 0. Lengths are no part of the output:
+SUMO states the place of the front bumper and counts lanes from the right, from 0. Lengths are not part of the output:
 they come from the types of vehicles in a route or additional file beside it.
 
 Source: SUMO documentation, Simulation/Output/FCDOutput and Vehicle_Type_Parameter_Defaults.
@@ -67,7 +67,7 @@ def read_recording(path: Path, beside: list[Path], policy: DataConfig) -> Record
     Args:
         path: The file.
         beside: Networks, and files with types of vehicles.
-        policy: What happens to bad rows; `default_length` is that of types that no file tells.
+        policy: Treatment of bad rows; `default_length` is the length of types that no file describes.
 
     Raises:
         BadRecordingError: The file is damaged, lacks a column, or a row breaks the schema.
@@ -149,7 +149,7 @@ def _with_types(rows: pd.DataFrame, around: Surroundings, policy: DataConfig) ->
     )
     notes = []
     if unknown:
-        text = f"no route or additional file tells the length of the types {', '.join(unknown[:5])}: "
+        text = f"no route or additional file states the length of the types {', '.join(unknown[:5])}: "
         notes.append(f"{text}{policy.default_length:g} m assumed, and the class by the name of the type")
     return rows, notes
 

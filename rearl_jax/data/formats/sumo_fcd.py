@@ -26,8 +26,8 @@ TEXTS = ("id", "type", "lane")
 OPTIONAL = {"acceleration": pa.float64(), "leaderID": pa.string()}
 
 _KINDS = dict.fromkeys(NUMBERS, pa.float64()) | dict.fromkeys(TEXTS, pa.string()) | OPTIONAL
-_OTHERS = frozenset({"person", "container"})  # elements that are no vehicles
-_AT_ONCE = 2**15  # elements whose attributes are held as texts
+_OTHERS = frozenset({"person", "container"})  # elements that are not vehicles
+_BATCH_SIZE = 2**15  # elements whose attributes are held as texts
 
 
 def read_fcd(path: Path, on_bad: OnBad) -> tuple[pd.DataFrame, int]:
@@ -36,8 +36,8 @@ def read_fcd(path: Path, on_bad: OnBad) -> tuple[pd.DataFrame, int]:
     Columns are NUMBERS, TEXTS (as categories), and those of OPTIONAL that the file has.
 
     Raises:
-        BadRecordingError: A column is missing, a value is no number, or the file is damaged; if it only ends too early,
-            what comes before is read unless on_bad is stop.
+        BadRecordingError: A column is missing, a value is not a number, or the file is damaged. A file that only ends
+            too early is read up to there unless on_bad is stop.
     """
     is_xml = path.name.lower().endswith(XML)
     table, n_broken = _of_xml(path, on_bad) if is_xml else _of_table(path, on_bad)
@@ -45,14 +45,14 @@ def read_fcd(path: Path, on_bad: OnBad) -> tuple[pd.DataFrame, int]:
 
 
 def is_fcd(path: Path) -> bool:
-    """Whether the file is floating car data, by its first element or the names of its columns."""
+    """True if the file is floating car data, by its first element or the names of its columns."""
     if path.name.lower().endswith(XML):
         return root_of(path) == ROOT
     return {*NUMBERS, *TEXTS} <= _plain(column_names(path) if is_parquet(path) else first_names(path)).keys()
 
 
 def spelling(path: Path) -> dict[str, str]:
-    """What the file calls the columns, by their names in XML."""
+    """Name in the file of every column, by its name in XML."""
     if path.name.lower().endswith(XML):
         return {name: name for name in _KINDS}
     found = column_names(path) if path.suffix.lower() == ".parquet" else read_header(path)
@@ -111,18 +111,18 @@ def _chunks(path: Path) -> Iterator[list[dict[str, str]]]:
             if root is None:
                 root = name
                 if name != ROOT:
-                    text = f"the file is no output of floating car data: it holds {name}"
+                    text = f"the file is not an output of floating car data: it holds {name}"
                     raise bad_recording("not-a-table", text, "name the file of --fcd-output", path)
             elif name == "vehicle":
                 attributes["time"] = time
                 chunk.append(attributes)
-                if len(chunk) == _AT_ONCE:
+                if len(chunk) == _BATCH_SIZE:
                     yield chunk
                     chunk = []
             elif name == "timestep":
                 time = attributes.get("time", "")
             elif name not in _OTHERS:
-                text = f"{name} is no element of floating car data"
+                text = f"{name} is not an element of floating car data"
                 raise bad_recording("element-unknown", text, "the file is damaged: write or copy it again", path)
     except CutOff:
         if chunk:

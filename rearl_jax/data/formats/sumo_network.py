@@ -1,4 +1,4 @@
-"""What lies beside SUMO's floating car data: lengths of vehicles by their type, and lanes of the network."""
+"""Files beside SUMO's floating car data: vehicle lengths by type, and lanes of the network."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -45,7 +45,7 @@ CLASS = {
 
 @dataclass(frozen=True)
 class VehicleType:
-    """A type of vehicles: SUMO's class, length and width [m]; None where neither the type nor its class tells them."""
+    """A type of vehicles: SUMO's class, length and width [m]; None if neither the type nor its class states them."""
 
     vehicle_class: str
     length: float | None
@@ -76,13 +76,13 @@ def sorted_files(folder: Path) -> tuple[list[Path], list[Path]]:
             # A file without a first element is damaged, which its reader says.
             recordings.append(path)
         elif root not in _PASSED_OVER:
-            text = f"the file holds {root}, which is no output of SUMO that is known here"
+            text = f"the file holds {root}, which is not an output of SUMO that is known here"
             raise bad_recording("not-a-table", text, "move it out of the folder", path)
     return recordings, beside
 
 
 def surroundings_of(files: list[Path]) -> Surroundings:
-    """What the files of networks and types say.
+    """Content of the files of networks and vehicle types.
 
     Raises:
         BadRecordingError: A file is damaged, or a length or a number of lanes is none.

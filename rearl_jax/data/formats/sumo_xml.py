@@ -11,7 +11,9 @@ XML = (".xml", ".xml.gz")
 """Endings of SUMO's XML files."""
 
 _BLOCK = 2**18  # bytes parsed at a time
-_HEAD = 2**16  # bytes in which the first element must begin, behind the configuration that SUMO writes as a comment
+_FIRST_ELEMENT_BYTES = (
+    2**16
+)  # bytes in which the first element must begin, behind the configuration that SUMO writes as a comment
 _UNCLOSED = (3, 4, 5, 6)  # codes of expat: nothing found, broken token, unclosed token, partial character
 
 
@@ -57,7 +59,7 @@ def root_of(path: Path) -> str | None:
     parser.StartElementHandler = lambda name, _: names.append(name)
     try:
         with opened(path) as file:
-            _fault_of(parser.Parse, file.read(_HEAD), False)
+            _fault_of(parser.Parse, file.read(_FIRST_ELEMENT_BYTES), False)
     except DAMAGED:
         return None
     return names[0] if names else None

@@ -19,7 +19,7 @@ import pyarrow.compute as pc
 from rearl_jax.config.data import DataConfig
 from rearl_jax.data.checks.frame_rates import frame_rate_of
 from rearl_jax.data.checks.losses import Losses, reject
-from rearl_jax.data.checks.typed_table import LARGEST, follows_row_before
+from rearl_jax.data.checks.typed_table import MAX_MAGNITUDE, follows_row_before
 from rearl_jax.data.files.delimited import read_csv, read_header, stem_of, text_endings
 from rearl_jax.data.files.folder import named_files
 from rearl_jax.data.files.text_layout import first_names
@@ -78,15 +78,15 @@ def find_files(root: Path) -> list[Path]:
 
 
 def is_one(path: Path) -> bool:
-    """Whether the first line has the columns of TGSIM's highways."""
+    """True if the first line has the columns of TGSIM's highways."""
     return set(_COLUMNS.values()) <= {plain(name) for name in first_names(path)}
 
 
 def runs(path: Path, policy: DataConfig) -> dict[str, int | None]:
-    """Recording id, such as tgsim_i294l1_2 -> the run of the file; None if the file does not tell runs apart.
+    """Recording id, such as tgsim_i294l1_2 -> the run of the file; None if the file does not distinguish runs.
 
     Raises:
-        BadRecordingError: The file is no trajectory table of TGSIM's highways.
+        BadRecordingError: The file is not a trajectory table of TGSIM's highways.
     """
     names = _names(path)
     name = f"tgsim_{_place(path)}"
@@ -122,7 +122,7 @@ def read_run(path: Path, recording: str, run: int | None, policy: DataConfig) ->
         file=str(path),
         columns={ours: names[ours] for ours in _COLUMNS} | {"position": names["x"], "lateral": names["y"]},
     )
-    rows["time"] = rows["time"].where(rows["time"].abs() <= LARGEST)
+    rows["time"] = rows["time"].where(rows["time"].abs() <= MAX_MAGNITUDE)
     for name in ("track_id", "time"):
         finding = without_value(rows, name)
         rows = rows if finding is None else reject(rows, finding, info, policy, losses)
@@ -167,10 +167,10 @@ def _names(path: Path) -> dict[str, str]:
     header = read_header(path)
     present = {plain(name): name for name in header}
     if "speedkfx" in present:
-        text, remedy = "these are the crossings of Foggy Bottom, which are no straight road", "move the file away"
+        text, remedy = "these are the crossings of Foggy Bottom, which are not straight roads", "move the file away"
         raise bad_recording("format-unsupported", text, remedy, path, column=present["speedkfx"])
     if not set(_COLUMNS.values()) & set(present) - {"id", "time"}:
-        text = f"{path.name} is no trajectory table of TGSIM"
+        text = f"{path.name} is not a trajectory table of TGSIM"
         raise bad_recording("not-a-table", text, "move it out of the folder", path)
     require_columns(list(present), tuple(_COLUMNS.values()), str(path))
     return {ours: present[theirs] for ours, theirs in (_COLUMNS | _OPTIONAL).items() if theirs in present}

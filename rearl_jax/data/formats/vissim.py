@@ -31,7 +31,7 @@ LABEL = "type"
 
 _ENDINGS = text_endings(".fzp")
 _HEADER = "$VEHICLE:"
-_MOST_ABOVE = 1000  # lines above the table; the records explain one column a line
+_MAX_HEADER_LINES = 1000  # lines above the table; the records explain one column a line
 # Columns by the names in either layout, without case.
 _NAMES = {
     "time": ("SIMSEC", "T"),
@@ -56,7 +56,7 @@ _CLASS = {100: "car", 200: "truck", 300: "truck", 400: "other"}
 
 @dataclass(frozen=True)
 class _Header:
-    """What stands above the table.
+    """The header lines above the table.
 
     Attributes:
         n_above: Lines above the first row.
@@ -69,7 +69,7 @@ class _Header:
     units: dict[str, str] = field(default_factory=dict)
 
     def spelling(self) -> dict[str, str]:
-        """What the file calls the columns that are known here."""
+        """Name in the file of every known column."""
         by_name = {name.upper(): name for name in self.columns}
         found = {ours: [by_name[name] for name in names if name in by_name] for ours, names in _NAMES.items()}
         return {ours: names[0] for ours, names in found.items() if names}
@@ -81,8 +81,8 @@ def find_records(root: Path) -> list[Path]:
 
 
 def is_record(path: Path) -> bool:
-    """Whether a line names the columns of a vehicle record."""
-    return any(line.startswith(_HEADER) or _is_old(line) for line in first_lines(path, _MOST_ABOVE))
+    """True if a line names the columns of a vehicle record."""
+    return any(line.startswith(_HEADER) or _is_old(line) for line in first_lines(path, _MAX_HEADER_LINES))
 
 
 def recording_id(path: Path) -> str:
@@ -94,7 +94,7 @@ def read_record(path: Path, policy: DataConfig) -> Recording:
     """The main road of one file.
 
     Raises:
-        BadRecordingError: The file is no vehicle record, lacks a column, or has an unknown unit, or a row breaks the
+        BadRecordingError: The file is not a vehicle record, lacks a column, or has an unknown unit, or a row breaks the
             schema.
     """
     losses = Losses()
@@ -133,7 +133,7 @@ def _header_of(path: Path) -> _Header:
                 explained = re.match(r"[*\s]*([\w\\]+)\s*:.*\[([^\[\]]+)\]", line)
                 if explained:
                     units[explained[1].upper()] = explained[2].strip()
-                if number > _MOST_ABOVE:
+                if number > _MAX_HEADER_LINES:
                     break
     except DAMAGED as error:
         raise damaged(path, error) from None
@@ -144,7 +144,7 @@ def _header_of(path: Path) -> _Header:
 
 
 def _is_old(line: str) -> bool:
-    """Whether the line names the columns of the older layout."""
+    """True if the line names the columns of the older layout."""
     names = [name.strip() for name in line.split(";")]
     return "VehNr" in names and len(names) > 2
 
@@ -204,11 +204,11 @@ def _unit_of(name: str, header: _Header, names: dict[str, str], path: Path) -> t
 
 
 def _links(numbers: np.ndarray) -> pd.Categorical:
-    """Links by their numbers; unknown for what is no number of a link."""
+    """Links by their numbers; unknown for what is not a number of a link."""
     sound = np.isfinite(numbers) & (numbers == np.rint(numbers)) & (np.abs(numbers) < 2**31)
-    links, which = np.unique(np.where(sound, numbers, np.nan), return_inverse=True)
+    links, inverse = np.unique(np.where(sound, numbers, np.nan), return_inverse=True)
     found = links[np.isfinite(links)].astype(np.int64)
-    codes = np.where(sound, which, -1)
+    codes = np.where(sound, inverse, -1)
     return pd.Categorical.from_codes(codes, [str(link) for link in found])
 
 

@@ -10,7 +10,7 @@ from rearl_jax.data.generator.fleet import Drivers
 from rearl_jax.data.generator.traffic import FRAME, Samples
 
 LATERAL_NOISE_SHARE = 0.5  # lateral detection noise relative to the longitudinal one; edges of a lane are sharper
-SHORTEST_TRACK = 4  # frames the tracker needs for third differences
+MIN_TRACK_FRAMES = 4  # frames the tracker needs for third differences
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ def interpolate(samples: Samples, frames_per_step: int) -> tuple[np.ndarray, np.
     lateral positions the straight line.
     """
     n_rows = np.diff(np.flatnonzero(np.diff(samples.vehicle, prepend=-1, append=-1)))
-    enough = np.repeat((n_rows - 1) * frames_per_step >= SHORTEST_TRACK, n_rows)
+    enough = np.repeat((n_rows - 1) * frames_per_step >= MIN_TRACK_FRAMES, n_rows)
     pair = np.flatnonzero((samples.vehicle[1:] == samples.vehicle[:-1]) & enough[:-1])
     if np.any(samples.step[pair + 1] - samples.step[pair] != 1):
         raise RuntimeError("a generated vehicle left the view and came back; positions must not decrease")

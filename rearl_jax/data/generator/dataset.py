@@ -27,7 +27,7 @@ MODEL_VERSION = 1  # to be raised with every change that alters the files writte
 _NOT_CONTENT = ("n_recordings", "first_id", "workers")  # these keys do not alter a recording's content
 
 _PLANTED: list[str] = []
-"""Effects beyond the model: none. Their place in generator.json says so."""
+"""Effects beyond the model that the generator plants: none, which generator.json states as an empty list."""
 
 Progress = Callable[[int, int], None]
 
@@ -35,13 +35,12 @@ Progress = Callable[[int, int], None]
 def generate(config: GeneratorConfig, root: Path, progress: Progress | None = None) -> list[Path]:
     """Paths of the recordings' tracks files, after writing those that are missing.
 
-    A recording depends on the seed, its number and the configuration, not on the workers or the other
-    recordings.
-    A killed run is resumed by the same call. Beside the files stands generator.json: that they are generated,
-    from which configuration and seed.
+    A recording depends on the seed, its number and the configuration, not on the workers or the other recordings. The
+    same call resumes a killed run. The file generator.json in the same folder marks the recordings as generated and
+    states their configuration and seed.
 
     Args:
-        config: What to write.
+        config: Content of the data set.
         root: Folder; created if missing.
         progress: Called with the recordings done and wanted, at the start and after each recording.
 
@@ -119,11 +118,11 @@ def _opened_truth(config: GeneratorConfig, root: Path) -> dict:
             remedy = "choose another folder (data.root), or remove this one"
             raise InvalidInputError(Problem("generated-otherwise", message, remedy, file=str(path)))
         return truth
-    strangers = sorted(file.name for file in root.glob("*_tracks.csv"))
-    if strangers:
+    foreign_files = sorted(file.name for file in root.glob("*_tracks.csv"))
+    if foreign_files:
         message = (
-            f"the folder holds {strangers[0]} but no {TRUTH_FILE}, so these recordings were not generated here and are "
-            "not overwritten"
+            f"the folder holds {foreign_files[0]} but no {TRUTH_FILE}, so these recordings were not generated here and "
+            "are not overwritten"
         )
         remedy = "choose another folder (data.root)"
         raise InvalidInputError(Problem("not-generated", message, remedy, file=str(root)))
@@ -151,7 +150,7 @@ def _difference(truth: dict, content: dict) -> str:
 
 
 def _is_complete(root: Path, truth: dict, number: int) -> bool:
-    """Whether the three files are listed and have the sizes listed."""
+    """True if the three files are listed and have the sizes listed."""
     sizes = truth["recordings"].get(f"{number:02d}")
     return sizes is not None and all(
         (root / name).is_file() and (root / name).stat().st_size == size for name, size in sizes.items()

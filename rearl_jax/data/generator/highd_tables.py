@@ -80,7 +80,7 @@ def _tracks_table(
     dhw = np.where(has, np.abs(x[preceding] - x), 0.0)
     speed = np.abs(x_velocity)
     closing = speed - np.where(has, np.abs(x_velocity[preceding]), 0.0)
-    # A hundredth is the resolution of the file: smaller speeds and speed differences are not told from it.
+    # A hundredth is the resolution of the file: smaller speeds and speed differences cannot be distinguished from 0.
     ttc = dhw / np.where(np.abs(closing) < 0.01, 0.01, closing)
     return {
         "frame": tracks.frame,

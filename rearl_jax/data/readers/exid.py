@@ -1,4 +1,4 @@
-"""exiD: motorways with entries and exits, which are left out; not inD, rounD and uniD, which are no straight roads."""
+"""exiD: motorways with entries and exits, which are left out; not inD, rounD and uniD, whose roads are not straight."""
 
 from rearl_jax.data.formats import exid
 from rearl_jax.data.formats.highd import find_recordings

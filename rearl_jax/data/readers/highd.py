@@ -12,7 +12,7 @@ from rearl_jax.problems import MissingInputError
 
 
 def is_generated(data: DataConfig, root: Path) -> bool:
-    """Whether the generator has left its mark beside the files."""
+    """True if the generator has left its mark beside the files."""
     # Imported here, because the generator imports scipy.stats, which reading does not need.
     from rearl_jax.data.generator.dataset import TRUTH_FILE
 

@@ -26,7 +26,7 @@ def entries(data: DataConfig, root: Path) -> Iterator[Entry]:
         passed_over |= dict.fromkeys(file.passed_over)
     if not any_recording:
         names = ", ".join(path.name for path in paths)
-        message = f"{names}: only {' and '.join(passed_over)}, which is no highway and is passed over"
+        message = f"{names}: only {' and '.join(passed_over)}, which is not a highway and is passed over"
         remedy = "name a folder with recordings of US-101 or I-80"
         raise MissingInputError(Problem("arterials-only", message, remedy, file=str(root)))
 

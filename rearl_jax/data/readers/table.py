@@ -24,7 +24,7 @@ def files(root: Path) -> list[Path]:
 
 
 def is_generated(data: DataConfig, root: Path) -> bool:
-    """Whether any of the files states that it was generated."""
+    """True if any of the files states that it was generated."""
     tables = (canonical.TableFile(path, data) for path in canonical.find_tables(root))
     return any(info.generated for table in tables for info in table.stated().values())
 

@@ -7,13 +7,13 @@ import pandas as pd
 
 from rearl_jax.data.checks.lateral_checks import USUAL_WIDTH
 
-RARE = 0.001
-"""Share of the rows of a carriageway below which a lane number is no lane: a fault, or a stub beside the road."""
-WANDER = 3.0
+RARE_SHARE = 0.001
+"""Share of the rows of a carriageway below which a lane number is not a lane: a fault, or a stub beside the road."""
+LANE_SPREAD = 3.0
 """Width [m] within which 90 % of the centres of vehicles in one lane are; those on a ramp that leaves are not."""
 
 
-_LARGEST = 1e15  # beyond every number of a lane, exact as float64
+_MAX_LANE = 1e15  # beyond every number of a lane, exact as float64
 
 
 @dataclass(frozen=True)
@@ -36,7 +36,7 @@ class LaneOrder:
         return max(self.ranks.values(), default=0) + 1
 
     def rank_of(self, number: np.ndarray) -> np.ndarray:
-        """Rank of each number; NaN for one that is no lane of this carriageway."""
+        """Rank of each number; NaN for one that is not a lane of this carriageway."""
         return pd.Series(number).map(self.ranks).to_numpy(np.float64, na_value=np.nan)
 
 
@@ -49,12 +49,12 @@ def lane_order(number: np.ndarray, across: np.ndarray) -> LaneOrder:
         number: Lane of each row in the source; NaN where it is unknown.
         across: Place of each row across the road, positive to the driver's right [m].
     """
-    known = (np.abs(number) < _LARGEST) & np.isfinite(across)
+    known = (np.abs(number) < _MAX_LANE) & np.isfinite(across)
     numbers, which, n_rows = np.unique(number[known], return_inverse=True, return_counts=True)
     places = [across[known][which == lane] for lane in range(len(numbers))]
     low, middle, high = np.array([np.quantile(place, (0.05, 0.5, 0.95)) for place in places]).reshape(-1, 3).T
-    is_rare = n_rows < RARE * known.sum()
-    is_lane = ~is_rare & (high - low <= WANDER)
+    is_rare = n_rows < RARE_SHARE * known.sum()
+    is_lane = ~is_rare & (high - low <= LANE_SPREAD)
     ranks, rank, last = dict[int, int](), 0, -np.inf
     for lane in np.argsort(middle):
         if not is_lane[lane]:

@@ -1,7 +1,8 @@
-"""The main road of a simulated network: which of its links follow each other, and where along the road each begins.
+"""The main road of a simulated network: the sequence of its links, and the position at which each begins.
 
-Simulators state how far a vehicle is along its link. How far apart two links begin follows from the vehicles that drive
-from one to the other, because a step is speed x time. At forks and merges the road goes where most vehicles go.
+Simulators state how far a vehicle is along its link. The distance between the starts of two links follows from the
+vehicles that drive from one to the other, because a step is speed x time. At forks and merges the road goes where most
+vehicles go.
 """
 
 import heapq
@@ -9,14 +10,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-AGREE = 1.0
-"""Distance [m] within which vehicles must agree on where a link begins; speeds are rounded and change in a step."""
+START_TOLERANCE = 1.0
+"""Largest difference [m] between the starts of a link by two vehicles; speeds are rounded and change in a step."""
 _OUTER = 0.01  # share of the rows at either end of a link that may be damaged
 
 
 @dataclass(frozen=True)
 class Steps:
-    """Rows of vehicles on links, those of a vehicle together and in the order of time.
+    """Rows of vehicles on links, sorted by vehicle and time.
 
     Attributes:
         track: Vehicle.
@@ -40,8 +41,8 @@ class MainRoad:
     """Links in sequence.
 
     Attributes:
-        begins: Where each link begins along the road [m]; NaN for links that are no part of it.
-        laps: Rows with which a vehicle begins the road anew, as on a ring.
+        begins: Start of each link along the road [m]; NaN for links that are not part of it.
+        laps: Mask of the rows at which a vehicle starts another lap, as on a ring.
     """
 
     begins: np.ndarray
@@ -56,12 +57,12 @@ def main_road(steps: Steps) -> MainRoad:
     rows, moved = rows[changes], moved[changes]
     apart = steps.along[rows] + moved - steps.along[rows + 1]
     joints = _joints(steps.link[rows], steps.link[rows + 1], apart)
-    begins = _grown(joints, steps)
+    begins = _starts(joints, steps)
     # One vehicle alone may be a damaged row.
     closing = {
         (joint.behind, joint.ahead)
         for joint in joints
-        if joint.n > 1 and abs(begins[joint.ahead] - begins[joint.behind] - joint.apart) > AGREE
+        if joint.n > 1 and abs(begins[joint.ahead] - begins[joint.behind] - joint.apart) > START_TOLERANCE
     }
     laps = np.zeros(len(steps.track), bool)
     if closing:
@@ -72,13 +73,13 @@ def main_road(steps: Steps) -> MainRoad:
 
 @dataclass(frozen=True)
 class _Joint:
-    """Two links that vehicles drive from one to the other.
+    """A pair of consecutive links.
 
     Attributes:
-        behind: The link they come from.
-        ahead: The link they get to.
-        apart: How far ahead the second begins [m].
-        n: Number of vehicles.
+        behind: The first link.
+        ahead: The second link.
+        apart: Distance from the start of the first to the start of the second [m].
+        n: Number of vehicles that drive from the first to the second.
     """
 
     behind: int
@@ -88,7 +89,7 @@ class _Joint:
 
 
 def _moved(steps: Steps, rows: np.ndarray) -> np.ndarray:
-    """Distance from each row to the next [m]: speed x time with the later speed or the mean of both, which fits better.
+    """Distance from each row to the next [m]: speed x time, with the later or the mean speed, whichever fits better.
 
     Source: SUMO documentation, Simulation/Basic_Definition, Euler and ballistic integration.
     """
@@ -102,24 +103,24 @@ def _moved(steps: Steps, rows: np.ndarray) -> np.ndarray:
 
 
 def _joints(behind: np.ndarray, ahead: np.ndarray, apart: np.ndarray) -> list[_Joint]:
-    """Pairs of links that vehicles agree on."""
-    pairs, which = np.unique(np.stack([behind, ahead]), axis=1, return_inverse=True)
+    """Pairs of consecutive links whose distance is the same for most vehicles."""
+    pairs, inverse = np.unique(np.stack([behind, ahead]), axis=1, return_inverse=True)
     joints = []
-    for pair, rows in enumerate(_rows_of(which.ravel(), pairs.shape[1])):
+    for pair, rows in enumerate(_rows_of(inverse.ravel(), pairs.shape[1])):
         middle = float(np.median(apart[rows]))
-        if np.median(np.abs(apart[rows] - middle)) <= AGREE:
+        if np.median(np.abs(apart[rows] - middle)) <= START_TOLERANCE:
             joints.append(_Joint(int(pairs[0, pair]), int(pairs[1, pair]), middle, len(rows)))
     return joints
 
 
 def _rows_of(group: np.ndarray, n_groups: int) -> list[np.ndarray]:
-    """Rows of every group; np.split gives one part too many where there is none."""
+    """Rows of every group. Without groups np.split returns one part, which is cut off."""
     order = np.argsort(group, kind="stable")
     return np.split(order, np.searchsorted(group[order], np.arange(1, n_groups)))[:n_groups]
 
 
-def _grown(joints: list[_Joint], steps: Steps) -> np.ndarray:
-    """Where the links begin: from the one with the most rows, along the joints with the most vehicles."""
+def _starts(joints: list[_Joint], steps: Steps) -> np.ndarray:
+    """Start of each link along the road [m], from the link with most rows along the joints with most vehicles."""
     n_links = int(steps.link.max()) + 1
     rows = _rows_of(steps.link, n_links)
     ends = [np.quantile(steps.along[part], (_OUTER, 1.0 - _OUTER)) if part.size else np.zeros(2) for part in rows]
@@ -135,7 +136,7 @@ def _grown(joints: list[_Joint], steps: Steps) -> np.ndarray:
         here = begin + ends[link]
         if not np.isnan(begins[link]) or any(_beside(here, other) for other in placed):
             continue
-        # Between two links of the road only what both are joined to: a ramp is joined to one.
+        # A link between two links of the road must be joined to both; a ramp is joined to one of them only.
         sides = {apart > 0.0 for _, other, apart in neighbours[link] if not np.isnan(begins[other])}
         if placed and np.nanmin(begins) < begin < np.nanmax(begins) and len(sides) < 2:
             continue
@@ -147,6 +148,6 @@ def _grown(joints: list[_Joint], steps: Steps) -> np.ndarray:
 
 
 def _beside(here: np.ndarray, other: np.ndarray) -> bool:
-    """Whether two stretches lie beside each other, and not one behind the other."""
+    """True if two stretches lie beside each other, and not one behind the other."""
     overlap = min(here[1], other[1]) - max(here[0], other[0])
-    return bool(overlap > AGREE or here[0] < other.mean() < here[1] or other[0] < here.mean() < other[1])
+    return bool(overlap > START_TOLERANCE or here[0] < other.mean() < here[1] or other[0] < here.mean() < other[1])

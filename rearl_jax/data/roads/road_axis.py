@@ -11,7 +11,7 @@ import pandas as pd
 
 SPACING = 20.0
 """Distance between the points of an axis [m], short beside the bends of highways, whose radii are above 300 m."""
-_LONGEST_STEP = 0.5 * SPACING  # m between two frames; no vehicle is faster at 10 frames per second
+_MAX_STEP = 0.5 * SPACING  # m between two frames; no vehicle is faster at 10 frames per second
 
 
 @dataclass(frozen=True)
@@ -97,7 +97,7 @@ def _increments(piece: np.ndarray, a: np.ndarray, b: np.ndarray, n: int) -> np.n
     """By how much the road goes to the right between each point and the next: the median over all who pass both."""
     cell = np.floor(a / SPACING).astype(np.int64)
     step = np.diff(a)
-    crosses = (piece[1:] == piece[:-1]) & (np.abs(np.diff(cell)) == 1) & (np.abs(step) < _LONGEST_STEP)
+    crosses = (piece[1:] == piece[:-1]) & (np.abs(np.diff(cell)) == 1) & (np.abs(step) < _MAX_STEP)
     at = np.flatnonzero(crosses)
     point = np.maximum(cell[at], cell[at + 1])
     share = (SPACING * point - a[at]) / step[at]

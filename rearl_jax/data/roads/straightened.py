@@ -10,9 +10,9 @@ from rearl_jax.data.checks.typed_table import follows_row_before
 from rearl_jax.data.roads.lane_order import LaneOrder, lane_order
 from rearl_jax.data.roads.road_axis import SPACING, RoadAxis, road_axis
 
-_STANDING = 5.0  # m; a vehicle that moves less shows no direction
-_SHARED = 0.3
-_REACH = 5.0 * SPACING  # m beyond the ends of the axis that vehicles may be at
+_MIN_MOVED = 5.0  # m; a vehicle that moves less shows no direction
+_SHARED_SHARE = 0.3
+_END_MARGIN = 5.0 * SPACING  # m beyond the ends of the axis that vehicles may be at
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class Straightened:
 
     @property
     def is_mirrored(self) -> bool:
-        """Whether the traffic keeps to the left of the oncoming one; the data sets that are read are of countries
+        """True if the traffic keeps to the left of the oncoming one; the data sets that are read are of countries
         where it keeps to the right.
         """
         y, direction = self.columns["y"].to_numpy(), self.columns["direction"].to_numpy()
@@ -55,7 +55,7 @@ def straightened(
     number: np.ndarray,
     *,
     y_down: bool,
-    shared: float = _SHARED,
+    shared: float = _SHARED_SHARE,
 ) -> Straightened | None:
     """The tracks on a straight road; None if nothing moves.
 
@@ -122,11 +122,11 @@ def _ways(
     starts = np.flatnonzero(~follows_row_before(track))
     ends = np.append(starts[1:], len(track)) - 1
     moved = np.nan_to_num(along[ends] - along[starts])
-    way = np.where(np.abs(moved) > _STANDING, np.sign(moved), 0.0)
+    way = np.where(np.abs(moved) > _MIN_MOVED, np.sign(moved), 0.0)
     ways = np.repeat(way, ends - starts + 1)
     moving = (ways != 0.0) & np.isfinite(number)
-    lanes, which = np.unique(number[moving], return_inverse=True)
-    forward = np.bincount(which, weights=ways[moving] > 0.0) / np.maximum(np.bincount(which), 1)
+    lanes, inverse = np.unique(number[moving], return_inverse=True)
+    forward = np.bincount(inverse, weights=ways[moving] > 0.0) / np.maximum(np.bincount(inverse), 1)
     sides = np.where((forward >= shared) & (forward <= 1.0 - shared), 0.0, np.where(forward > 0.5, 1.0, -1.0))
     return ways, dict(zip(lanes.tolist(), sides.tolist(), strict=True))
 
@@ -134,6 +134,6 @@ def _ways(
 def _extent(axis: RoadAxis, along: np.ndarray) -> tuple[float, float]:
     """The first place of a vehicle along the axis, and the length of the road from there [m]."""
     end = float(np.hypot(np.diff(axis.along), np.diff(axis.bend)).sum())
-    on_road = along[(along > -_REACH) & (along < end + _REACH)]
+    on_road = along[(along > -_END_MARGIN) & (along < end + _END_MARGIN)]
     first = float(on_road.min(initial=0.0))
     return first, max(float(on_road.max(initial=0.0)) - first, 1.0)

@@ -1,4 +1,4 @@
-"""What was recorded around the vehicles of scenes: those that are simulated, and those that are replayed.
+"""Recorded traffic around the vehicles of scenes: vehicles that enter the simulation, and vehicles that are replayed.
 
 The simulated vehicles of a second are the picked ones of the snapshot at its beginning. Each has a place, which it
 keeps; when it is not picked any more, because it has left the recording, another picked vehicle takes its place, where
@@ -32,10 +32,10 @@ class SceneBoundary:
     side by side.
 
     Attributes:
-        track_id: Vehicle that each simulated one stands for.
-        is_new: Whether it takes this place at the beginning of this second; false in the first.
-        x: Its recorded position then [m].
-        speed: Its recorded speed then [m/s].
+        track_id: Recorded vehicle whose place each simulated vehicle takes.
+        is_new: True if it enters at the beginning of this second; false in the first second.
+        x: Its recorded position at the beginning of the second [m].
+        speed: Its recorded speed at the beginning of the second [m/s].
         lane: Its recorded lane then.
         highest_speed: Its highest recorded speed in the snapshots of the scene in which it is simulated [m/s].
         replayed_id: Track of each replayed vehicle; NOBODY for a place without one.
@@ -64,7 +64,7 @@ class SceneBoundary:
     replayed_lane: Int16[np.ndarray, "scenes seconds steps replayed"]
 
     def select(self, scenes: np.ndarray) -> "SceneBoundary":
-        """Some of the scenes, by their places, in that order."""
+        """The scenes with these indices, in this order."""
         return SceneBoundary(**{name: values[scenes] for name, values in vars(self).items()})
 
     @property
@@ -75,7 +75,7 @@ class SceneBoundary:
 
 @dataclass(frozen=True)
 class BoundaryOptions:
-    """What is replayed.
+    """Choice of the replayed vehicles.
 
     Attributes:
         source: All others, or those ahead of the foremost.
@@ -91,15 +91,15 @@ class BoundaryOptions:
 def cut_boundary(
     recordings: Iterable[Recording], scenes: SceneSet, subset: np.ndarray, options: BoundaryOptions
 ) -> SceneBoundary:
-    """What was recorded around the vehicles of some scenes.
+    """The recorded traffic around the vehicles of some scenes.
 
     Between two recorded frames positions, speeds and accelerations change linearly; a lane is that of the earlier one.
 
     Args:
-        recordings: Those of the scenes, among others; read once, one at a time.
+        recordings: Recordings that include those of the scenes; read once, one at a time.
         scenes: All scenes.
         subset: Indices of the scenes.
-        options: What is replayed.
+        options: Choice of the replayed vehicles.
 
     Raises:
         InvalidInputError: The lane of a vehicle is unknown, or a recording is missing.
@@ -144,7 +144,7 @@ def _simulated(scenes: SceneSet) -> dict[str, np.ndarray]:
     found["x"] = found["x"] - found["x"].min(axis=(1, 2), keepdims=True)
     track = found["track_id"]
     found["is_new"] = np.concatenate([np.zeros_like(track[:, :1], bool), track[:, 1:] != track[:, :-1]], axis=1)
-    stay = np.cumsum(found["is_new"], axis=1)  # the vehicles of a place, one after the other
+    stay = np.cumsum(found["is_new"], axis=1)  # successive vehicles in one place
     highest = np.zeros_like(found["speed"])
     for number in range(int(stay.max()) + 1):
         is_own = stay == number
@@ -217,7 +217,7 @@ def _replayed(
 
 
 def _everybody(is_around: Bool[np.ndarray, "tracks seconds"]) -> Int[np.ndarray, "seconds places"]:
-    """Indices of the tracks that are around in each second, NOBODY in places that are left."""
+    """Indices of the tracks around the scene in each second, NOBODY in unused places."""
     picked = np.full((is_around.shape[1], max(int(is_around.sum(axis=0).max(initial=0)), 1)), NOBODY)
     for second, there in enumerate(is_around.T):
         (index,) = np.nonzero(there)

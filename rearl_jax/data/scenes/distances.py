@@ -53,7 +53,7 @@ def feature_distance(
         present: Places that are vehicles.
         n_places: Number of leading places to compute.
         definition: Mean distance to all others, or distance to the vehicle ahead.
-        metric: How the distance of two vehicles is measured.
+        metric: Definition of the distance between two vehicles.
 
     Source: Bi et al. use the letter d of the mean distance to the others also in the feature vector; the
     distance headway is the other reading.

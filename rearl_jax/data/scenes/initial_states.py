@@ -74,8 +74,8 @@ def bounded_state(boundary: SceneBoundary, core: CoreConfig) -> TrafficState:
 def recorded_surroundings(boundary: SceneBoundary, core: CoreConfig) -> Boundary:
     """The boundary as the simulation takes it, each scene one scenario.
 
-    A vehicle that takes a place has decided about its lane at a moment that follows from where it is, as highway-env's
-    vehicles have at the start.
+    The time of the last lane-change decision of an entering vehicle depends on its position, as for highway-env's
+    vehicles at the start.
     """
     dtype = np.dtype(core.dtype.name)
 
@@ -84,7 +84,7 @@ def recorded_surroundings(boundary: SceneBoundary, core: CoreConfig) -> Boundary
         return jnp.asarray(np.moveaxis(values, 0, -1).astype(kind))
 
     replayed = {name: last(getattr(boundary, f"replayed_{name}")) for name in ("x", "speed", "acceleration")}
-    # What is true at the beginning of a second happens at the end of the one before; nobody enters after the last.
+    # Values at the beginning of a second are applied at the end of the previous one; after the last no vehicle enters.
     entering = {name: last(getattr(boundary, name)[:, 1:]) for name in ("x", "speed", "highest_speed")}
     across = boundary.lane[:, 1:] * traffic_model(core).lane_width
     return Boundary(

@@ -73,7 +73,7 @@ class SceneSet:
         is_long_track: The vehicle's track has at least `tracks.min_frames` frames.
         speed_min: Recorded speed that becomes 5 m/s [m/s].
         speed_max: Recorded speed that becomes 32 m/s [m/s].
-        speed_norm: How speeds are rescaled.
+        speed_norm: Rescaling of speeds.
         infos: Metadata of the recordings of the scenes.
         counts: Counts of the recordings and windows read.
         settings: Keys the scenes were made with, as the user writes them.
@@ -121,7 +121,7 @@ class SceneSet:
 
     @property
     def generated(self) -> bool:
-        """Whether any recording was made by the generator, not measured."""
+        """True if any recording was made by the generator, not measured."""
         return any(info.generated for info in self.infos)
 
     @property
@@ -197,7 +197,7 @@ def scale_speed(speed: np.ndarray, speed_min: float, speed_max: float, norm: Spe
         speed: Recorded speed [m/s].
         speed_min: Speed that becomes 5 m/s.
         speed_max: Speed that becomes 32 m/s.
-        norm: How to rescale.
+        norm: Rescaling of speeds.
 
     Source: Bi et al.
     """
@@ -215,7 +215,7 @@ def real_lane_change_rate(scenes: SceneSet) -> Float[np.ndarray, " scenes"]:
     """Lane changes per vehicle-second of every scene, in the recorded traffic.
 
     Number of (snapshot, slot) whose vehicle is in another lane one second later, over all snapshots x slots.
-    A vehicle that has left the recording by then counts as unchanged (`has_next` tells how many do).
+    A vehicle that has left the recording by then counts as unchanged (`has_next` marks the others).
 
     Raises:
         ValueError: A vehicle's lane is unknown.

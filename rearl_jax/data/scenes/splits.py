@@ -18,8 +18,8 @@ from rearl_jax.problems import InvalidInputError, Problem, out_of_range
 # Splits of the paper's 741 scenes. Source: Bi et al.; 150 is a rounded fifth.
 _PAPER_SIZES = {"evaluation": 50, "threshold": 150, "tuning": 15}
 _THRESHOLD_SHARE = 0.2
-_LEAST_SIZES = {"evaluation": 5, "threshold": 1, "tuning": 1}
-_LEAST_SCALED = 5
+_MIN_SCENES = {"evaluation": 5, "threshold": 1, "tuning": 1}
+_MIN_SCALED_SCENES = 5
 
 # Border of a block in floating-point seconds; far below any frame interval.
 _TIME_TOLERANCE = 1e-6
@@ -148,9 +148,9 @@ def split_sizes(n_scenes: int, split: SplitConfig) -> dict[str, int]:
     """
     scale = min(n_scenes / PAPER_SCENES, 1.0)
     sizes = {
-        "evaluation": max(_LEAST_SCALED, _rounded(_PAPER_SIZES["evaluation"] * scale)),
+        "evaluation": max(_MIN_SCALED_SCENES, _rounded(_PAPER_SIZES["evaluation"] * scale)),
         "threshold": max(1, _rounded(_THRESHOLD_SHARE * n_scenes)),
-        "tuning": max(_LEAST_SCALED, _rounded(_PAPER_SIZES["tuning"] * scale)),
+        "tuning": max(_MIN_SCALED_SCENES, _rounded(_PAPER_SIZES["tuning"] * scale)),
     }
     if n_scenes == PAPER_SCENES:
         sizes["threshold"] = _PAPER_SIZES["threshold"]
@@ -161,7 +161,7 @@ def split_sizes(n_scenes: int, split: SplitConfig) -> dict[str, int]:
             spare = n_scenes - (sum(sizes.values()) - sizes[name])
             sizes[name] = max(1, min(sizes[name], spare))
     if sum(sizes.values()) > n_scenes:
-        least = sum(given.get(name, size) for name, size in _LEAST_SIZES.items())
+        least = sum(given.get(name, size) for name, size in _MIN_SCENES.items())
         message = (
             f"{n_scenes} scenes are too few for the splits evaluation, threshold and tuning: {least} are needed with "
             f"the sizes given ({given or 'none given'})"
@@ -236,7 +236,7 @@ def _assign_units(windows_in_unit: np.ndarray, sizes: dict[str, int], rng: np.ra
 
 def _refuse_small(splits: Splits, n_units: int, split: SplitConfig) -> None:
     sizes = splits.summary()
-    for name, least in _LEAST_SIZES.items():
+    for name, least in _MIN_SCENES.items():
         needed = min(least, splits.requested[name])
         if sizes[name] < needed:
             remedy = {
@@ -244,7 +244,7 @@ def _refuse_small(splits: Splits, n_units: int, split: SplitConfig) -> None:
                 SplitUnit.recording: "read more recordings, or set split.unit=block or scenario",
                 SplitUnit.block: "set split.block_seconds lower, or split.unit=scenario without overlap",
             }[split.unit]
-            other_seed = ", or set another split.seed" if n_units >= len(_LEAST_SIZES) else ""
+            other_seed = ", or set another split.seed" if n_units >= len(_MIN_SCENES) else ""
             message = (
                 f"the {name} split got {sizes[name]} of {splits.requested[name]} scenes, at least {needed} are needed: "
                 f"split.unit={split.unit.name} makes only {n_units} units of {len(splits.label)} scenes "

@@ -24,12 +24,12 @@ _PRECISION = 9  # digits of a decimal number, the most that four bytes hold
 
 @dataclass(frozen=True)
 class Packed:
-    """What is taken from a published table.
+    """Selection from a published table.
 
     Attributes:
         file: Name of the shipped file.
-        columns: Columns, in order; those that tell one track from another come first, then the time.
-        tracks: Number of columns that tell one track from another.
+        columns: Columns, in order; those that identify a track come first, then the time.
+        tracks: Number of columns that identify a track.
         decimals: Decimals of measured numbers [m], [m/s], [m/s^2]: millimetres where the source has more than any
             camera or receiver resolves, the source's own where it has fewer.
         chosen: Column of text, and what it must match in the rows that are taken; None for all rows.

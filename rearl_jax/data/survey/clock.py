@@ -1,4 +1,4 @@
-"""Which columns of an unknown table tell vehicles apart, and which tell when: times or frames that rise."""
+"""Search for the columns of an unknown table that identify the vehicles and the times (or frames, which rise)."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -8,21 +8,21 @@ import numpy as np
 from rearl_jax.data.survey.names import ALIASES, rank_of
 from rearl_jax.data.survey.sample import FoundColumn
 
-_RISING = 0.98  # share of the steps of tracks that must rise
-_ALIKE = 0.8  # share of them that must be about the usual step
-_FEWEST_ROWS = 3  # of a track, on average
+_MIN_RISING_SHARE = 0.98  # share of the steps of tracks that must rise
+_MIN_USUAL_SHARE = 0.8  # share of them that must be about the usual step
+_MIN_TRACK_ROWS = 3  # of a track, on average
 
 
 @dataclass(frozen=True)
 class Clock:
-    """Who, and when.
+    """Columns that identify the vehicles and the times.
 
     Attributes:
         track: Column of the vehicles.
         time: Column of times; None for none.
         frame: Column of frames; None for none.
         recording: Column of the recordings; None for none.
-        by_name: Whether names have told vehicles and clock, and not values alone.
+        by_name: True if the columns were found by name, not by values alone.
     """
 
     track: FoundColumn
@@ -56,7 +56,7 @@ def clock_of(columns: Sequence[FoundColumn]) -> Clock | None:
         column for column in named(columns, "recording") if 1 < len(np.unique(column.codes)) <= len(column.codes) / 3
     ]
     # Ids that begin anew in each recording go back in time there, which single damaged rows may do too.
-    for share in (1.0, _RISING):
+    for share in (1.0, _MIN_RISING_SHARE):
         for recording in (None, *recordings):
             for track in named(columns, "track_id"):
                 found = _by_name(columns, track, recording, share)
@@ -70,7 +70,7 @@ def _by_name(
 ) -> Clock | None:
     """The clock along the tracks of a column, if one rises in at least a share of the steps."""
     vehicles = vehicles_of(track, recording)
-    if track.kind == "empty" or len(vehicles) < _FEWEST_ROWS * len(np.unique(vehicles)):
+    if track.kind == "empty" or len(vehicles) < _MIN_TRACK_ROWS * len(np.unique(vehicles)):
         return None
     rising = [column for column in columns if column is not track and is_rising(vehicles, column, share)]
     times, frames = named(rising, "time"), [column for column in named(rising, "frame") if column.is_whole]
@@ -90,15 +90,15 @@ def vehicles_of(track: FoundColumn, recording: FoundColumn | None) -> np.ndarray
     return codes if recording is None else codes + (codes.max(initial=0) + 2) * (recording.codes + 1)
 
 
-def is_rising(vehicles: np.ndarray, column: FoundColumn, share: float = _RISING) -> bool:
-    """Whether the values rise along tracks, row after row, by about the same step."""
+def is_rising(vehicles: np.ndarray, column: FoundColumn, share: float = _MIN_RISING_SHARE) -> bool:
+    """True if the values rise along tracks, row after row, by about the same step."""
     if column.kind not in ("numbers", "moments"):
         return False
     steps = _steps(vehicles, column.values)
     if not steps.size or np.mean(steps > 0.0) < share:
         return False
     usual = float(np.median(steps))
-    return bool(np.mean(np.abs(steps - usual) <= 0.5 * usual) >= _ALIKE)
+    return bool(np.mean(np.abs(steps - usual) <= 0.5 * usual) >= _MIN_USUAL_SHARE)
 
 
 def _steps(vehicles: np.ndarray, values: np.ndarray) -> np.ndarray:
@@ -109,12 +109,12 @@ def _steps(vehicles: np.ndarray, values: np.ndarray) -> np.ndarray:
 
 
 def _by_values(columns: Sequence[FoundColumn]) -> Clock | None:
-    """The vehicles and times of a table whose names tell nothing: the fewest tracks along which a column rises."""
+    """The vehicles and times of a table without known column names: the fewest tracks along which a column rises."""
     best: tuple[int, FoundColumn, FoundColumn] | None = None
     for track in columns:
         n_tracks = len(np.unique(track.codes))
         is_id = (track.kind == "words" or track.is_whole) and not _is_named_otherwise(track, ("track_id",))
-        if not is_id or n_tracks < 2 or n_tracks * _FEWEST_ROWS > len(track.codes):
+        if not is_id or n_tracks < 2 or n_tracks * _MIN_TRACK_ROWS > len(track.codes):
             continue
         others = [c for c in columns if c is not track and not _is_named_otherwise(c, ("time", "frame"))]
         rising = [column for column in others if is_rising(track.codes, column)]
@@ -129,7 +129,7 @@ def _by_values(columns: Sequence[FoundColumn]) -> Clock | None:
 
 
 def _is_named_otherwise(column: FoundColumn, canonical: Sequence[str]) -> bool:
-    """Whether a column has a name of other canonical columns, and none of these."""
+    """True if a column has a name of other canonical columns, and none of these."""
     ranks = {name for name in ALIASES if rank_of(column.name, name) is not None}
     return bool(ranks) and not ranks & set(canonical)
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rearl_jax.data.checks.clock import NTSC_RATES, PLAUSIBLE_RATES, STANDARD_RATES
-from rearl_jax.data.checks.unit_checks import ALIKE
+from rearl_jax.data.checks.unit_checks import MIN_CORRELATION
 from rearl_jax.data.survey.clock import Clock, named
 from rearl_jax.data.survey.names import rank_of, unit_in
 from rearl_jax.data.survey.sample import FoundColumn
@@ -29,12 +29,12 @@ SIZES = {
 TOLERANCE = 0.04
 """Relative difference up to which a ratio is that of two units; km/h and ft/s differ by 9 %."""
 _RATE_TOLERANCE = 0.015  # between steps and a usual frame rate
-_SPREAD = 0.25  # of the ratios of single pieces, between the quartiles, relative to their median
-_PIECE = 10  # rows over which a step is taken, beyond most of the noise and rounding of positions
-_FEWEST = 8  # pieces that tell anything
-_OPPOSITE = 0.05  # share of pieces that go the other way from which on vehicles drive both ways
-_FAST = 50.0  # m/s; speeds of traffic above it are in ft/s
-_SLOWEST = 20.0  # s between rows, beyond which times are not in s
+_MAX_RATIO_SPREAD = 0.25  # of the ratios of single pieces, between the quartiles, relative to their median
+_PIECE_ROWS = 10  # rows over which a step is taken, beyond most of the noise and rounding of positions
+_MIN_PIECES = 8  # pieces needed for an estimate
+_MIN_OPPOSITE_SHARE = 0.05  # share of pieces that go the other way from which on vehicles drive both ways
+_MAX_SPEED_MPS = 50.0  # m/s; speeds of traffic above it are in ft/s
+_MAX_ROW_TIME = 20.0  # s between rows, beyond which times are not in s
 _FEET_OR_METRES = "m and m/s cannot be told from ft and ft/s: neither names nor sizes of vehicles say it, m are assumed"
 _NO_MOTION = ("track_id", "frame", "time", "lane", "length", "width", "vehicle_class", "leader_id", "direction")
 
@@ -49,7 +49,7 @@ class Motion:
         units: Unit of either.
         clock_unit: Unit of the times, or rate of the frames such as 25/s.
         ratio: Step of position over speed x time in the units of the table.
-        doubt: What names and values leave open of the units; empty for nothing.
+        doubt: Ambiguity of the units after names and values; empty for none.
         is_reversed: Positions fall while driving.
         is_negative: Speeds are negative.
         goes_both_ways: Some vehicles drive the other way.
@@ -90,13 +90,13 @@ def motion_of(columns: Sequence[FoundColumn], clock: Clock) -> Motion | None:
 def told_by(motion: Motion, columns: Sequence[FoundColumn]) -> Motion:
     """The motion with feet instead of metres, or the other way, if sizes of vehicles or the speeds say so.
 
-    Steps alone do not tell m and m/s from ft and ft/s. Where names say one and sizes the other, that is a doubt.
+    Steps alone do not distinguish m and m/s from ft and ft/s. If names and sizes disagree, the unit counts as doubtful.
     """
     if motion.units not in (("m", "m/s"), ("ft", "ft/s")):
         return motion
     by_name = unit_in(motion.position.name, "m") or (unit_in(motion.speed.name, "m/s") or "").partition("/")[0]
     by_size = _unit_of_sizes(columns)
-    if by_size is None and float(np.nanquantile(np.abs(motion.speed.values), 0.95)) > _FAST:
+    if by_size is None and float(np.nanquantile(np.abs(motion.speed.values), 0.95)) > _MAX_SPEED_MPS:
         by_size = "ft"
     if by_name and by_size and by_name != by_size:
         return replace(motion, doubt=f"names say {by_name}, sizes of vehicles or speeds say {by_size}")
@@ -129,7 +129,7 @@ class _Pieces:
         known = np.flatnonzero((vehicles >= 0) & np.isfinite(counted))
         self._order = known[np.lexsort((counted[known], vehicles[known]))]
         track = vehicles[self._order]
-        self.length = min(_PIECE, max(len(track) // max(np.unique(track).size, 1) - 1, 1))
+        self.length = min(_PIECE_ROWS, max(len(track) // max(np.unique(track).size, 1) - 1, 1))
         self._same = track[self.length :] == track[: -self.length]
         self.time = (counted[self._order][self.length :] - counted[self._order][: -self.length])[self._same]
 
@@ -139,12 +139,12 @@ class _Pieces:
         return (values[self.length :] - values[: -self.length])[self._same]
 
     def go_together(self, position: np.ndarray, speed: np.ndarray) -> bool:
-        """Whether steps of a column follow changes of another, which names would say of position and speed."""
+        """True if steps of a column follow changes of another, which names would say of position and speed."""
         step, expected = np.abs(self.steps(position)), np.abs(self.means(speed) * self.time)
         known = np.isfinite(step) & np.isfinite(expected)
-        if known.sum() < _FEWEST or min(np.std(step[known]), np.std(expected[known])) == 0.0:
+        if known.sum() < _MIN_PIECES or min(np.std(step[known]), np.std(expected[known])) == 0.0:
             return False
-        return bool(np.corrcoef(step[known], expected[known])[0, 1] > ALIKE)
+        return bool(np.corrcoef(step[known], expected[known])[0, 1] > MIN_CORRELATION)
 
     def means(self, values: np.ndarray) -> np.ndarray:
         """Mean of a column over each piece, by the trapezoidal rule."""
@@ -170,14 +170,14 @@ def _motion(position: FoundColumn, speed: FoundColumn, clock: Clock, pieces: _Pi
     step, expected = pieces.steps(position.values), pieces.means(speed.values) * pieces.time
     known = np.isfinite(step) & np.isfinite(expected) & (expected != 0.0)
     step, expected = step[known], expected[known]
-    if step.size < _FEWEST:
+    if step.size < _MIN_PIECES:
         return None
     # Slow pieces say more of noise than of units.
     moving = np.abs(expected) >= 0.3 * float(np.quantile(np.abs(expected), 0.9))
     ratios = step[moving] / expected[moving]
     size = np.abs(ratios)
     low, middle, high = np.quantile(size, (0.25, 0.5, 0.75))
-    if ratios.size < _FEWEST or middle <= 0.0 or high - low > _SPREAD * middle:
+    if ratios.size < _MIN_PIECES or middle <= 0.0 or high - low > _MAX_RATIO_SPREAD * middle:
         return None
     found = _units(float(middle), position, speed, clock)
     if found is None:
@@ -193,7 +193,7 @@ def _motion(position: FoundColumn, speed: FoundColumn, clock: Clock, pieces: _Pi
         ratio=float(middle),
         is_reversed=bool(np.mean(forward) < 0.5),
         is_negative=bool(np.mean(expected[moving] < 0.0) > 0.5),
-        goes_both_ways=bool(_OPPOSITE < np.mean(forward) < 1.0 - _OPPOSITE),
+        goes_both_ways=bool(_MIN_OPPOSITE_SHARE < np.mean(forward) < 1.0 - _MIN_OPPOSITE_SHARE),
     )
 
 
@@ -228,7 +228,7 @@ def _clock_units(clock: Clock) -> list[tuple[str, float]]:
         return []
     if clock.time.kind == "moments":
         return [("s", 1.0)]
-    longest = {"s": _SLOWEST}
+    longest = {"s": _MAX_ROW_TIME}
     units = [
         unit
         for unit in ("s", "ms", "us", "ns")

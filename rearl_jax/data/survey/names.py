@@ -50,7 +50,7 @@ ALIASES = {
     "direction": "direction driving_direction drivingdirection dir travel_direction carriageway roadway richtung",
     "recording": "recording recording_id recordingid run run_id session session_id scenario video segment file",
 }
-"""Names of each canonical column, the most telling first; case, blanks and punctuation do not count."""
+"""Names of each canonical column, the most specific first; case, blanks and punctuation do not count."""
 
 _ORDER = {
     name: {re.sub("_", "", alias): rank for rank, alias in enumerate(text.split())} for name, text in ALIASES.items()
@@ -67,7 +67,7 @@ def plain_of(name: str) -> str:
 
 
 def rank_of(name: str, canonical: str) -> int | None:
-    """Place of a name among those of a canonical column, 0 = the most telling; None if it is none of them."""
+    """Place of a name among those of a canonical column, 0 = the most specific; None if it is none of them."""
     order = _ORDER[canonical]
     whole = "".join(_words(name))
     return order.get(whole, order.get(plain_of(name)))

@@ -1,11 +1,11 @@
-"""What each column of an unknown table is taken for: by its name, and by values that must bear the name out."""
+"""Proposed meaning of each column of an unknown table: by its name, confirmed by its values."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from rearl_jax.data.checks.typed_table import MOST_LANES
+from rearl_jax.data.checks.typed_table import MAX_LANES
 from rearl_jax.data.checks.unit_checks import LANE_WIDTH
 from rearl_jax.data.schema import COLUMNS
 from rearl_jax.data.survey.clock import Clock, clock_of, named
@@ -26,8 +26,8 @@ class Taken:
 
     Attributes:
         source: Its name in the file.
-        unit: What `data.units` says of it; None where it needs nothing.
-        why: What speaks for it, in words.
+        unit: Its entry in `data.units`; None if none is needed.
+        why: Reason for the proposal.
     """
 
     source: str
@@ -37,13 +37,13 @@ class Taken:
 
 @dataclass
 class Proposal:
-    """What a table is read as.
+    """Proposed interpretation of a table.
 
     Attributes:
         taken: Columns by canonical name.
         refused: Columns that have a fitting name and are left out, and why, by their name in the file.
         missing: Canonical columns without which the table cannot be read, and what was looked for.
-        doubts: What cannot be told from the table.
+        doubts: Properties that the table does not determine.
     """
 
     taken: dict[str, Taken] = field(default_factory=dict)
@@ -69,7 +69,7 @@ class Proposal:
 
 
 def proposal_of(sample: Sample) -> Proposal:
-    """What the columns of a sample are taken for."""
+    """The proposed interpretation of the columns of a sample."""
     found = Proposal()
     clock = clock_of(sample.columns)
     motion = None if clock is None else motion_of(sample.columns, clock)
@@ -213,8 +213,8 @@ def _lane(found: Proposal, column: FoundColumn, clock: Clock, motion: Motion | N
     if not column.is_whole or not numbers.size:
         return "holds no whole numbers"
     low, high = int(numbers.min()), int(numbers.max())
-    if low < 0 or high - low >= MOST_LANES or high >= 100:
-        return f"the numbers {low} to {high} are no lanes of one carriageway"
+    if low < 0 or high - low >= MAX_LANES or high >= 100:
+        return f"the numbers {low} to {high} are not lanes of one carriageway"
     unit = f"from {low}" if low else None
     found.taken["lane"] = Taken(column.name, unit, f"name; numbers {low} to {high}, taken to count from the left")
     return None

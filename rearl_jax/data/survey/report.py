@@ -1,4 +1,4 @@
-"""What a survey says on standard output."""
+"""Text of a survey on standard output."""
 
 from rich.markup import escape
 
@@ -11,13 +11,13 @@ _WIDTH = 110
 
 
 def print_format(path: str, name: str, meaning: str, command: str) -> None:
-    """Says which known format a file or folder is in."""
+    """Prints the known format of a file or folder."""
     print_notes(standard_output(_WIDTH), [f"{shown(path)} is in the format {name}: {meaning}", "read it with"])
     print(command)
 
 
 def print_sample(sample: Sample, proposal: Proposal) -> None:
-    """Says how a table is written, and what each column is taken for."""
+    """Prints the layout of a table and the proposed meaning of each column."""
     console = standard_output(_WIDTH)
     broken = f", {sample.n_broken} broken lines among them" if sample.n_broken else ""
     console.print(f"{escape(shown(str(sample.path)))}: {escape(sample.form)}", highlight=False, soft_wrap=True)
@@ -40,7 +40,7 @@ def print_sample(sample: Sample, proposal: Proposal) -> None:
 
 
 def print_trial(trial: Trial, command: str) -> None:
-    """Says what the command reads, and the command."""
+    """Prints what the command reads, and the command."""
     console = standard_output(_WIDTH)
     for one in trial.recordings[:10]:
         rate = f"{one['frame_rate']:g} frames per second"

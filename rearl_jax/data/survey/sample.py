@@ -16,8 +16,8 @@ from rearl_jax.data.tables.moments import is_moment, seconds_of
 
 ROWS = 50_000
 """Rows that are looked at."""
-_TRIED = 50  # values that tell whether a column of words holds moments
-_MOSTLY = 0.95  # share of the values that must be numbers
+_SAMPLE_VALUES = 50  # values from which it is decided whether a column of texts contains dates and times
+_MIN_NUMBER_SHARE = 0.95  # share of the values that must be numbers
 _DELIMITERS = {",": "comma", ";": "semicolon", "\t": "tab", "|": "bar", BLANKS: "blanks"}
 
 
@@ -44,7 +44,7 @@ class FoundColumn:
 
     @property
     def is_whole(self) -> bool:
-        """Whether all numbers are whole."""
+        """True if all numbers are whole."""
         known = self.values[np.isfinite(self.values)]
         return self.kind == "numbers" and bool((known == np.rint(known)).all())
 
@@ -55,7 +55,7 @@ class Sample:
 
     Attributes:
         path: The file.
-        form: How it is written, in words.
+        form: Description of its layout.
         columns: Its columns, without those whose name occurs twice.
         twice: Names that occur twice.
         n_rows: Rows that were looked at.
@@ -138,9 +138,9 @@ def _column(name: str, values: pd.Series) -> FoundColumn:
     if pd.api.types.is_timedelta64_dtype(values.dtype):
         return FoundColumn(name, "moments", (values / pd.Timedelta(seconds=1)).to_numpy(np.float64), texts)
     numbers = pd.Series(pd.to_numeric(texts, errors="coerce")).to_numpy(np.float64, na_value=np.nan)
-    if np.isfinite(numbers).sum() >= _MOSTLY * n_known:
+    if np.isfinite(numbers).sum() >= _MIN_NUMBER_SHARE * n_known:
         return FoundColumn(name, "numbers", numbers, texts)
-    if is_moment(texts.dropna().iloc[:_TRIED]):
+    if is_moment(texts.dropna().iloc[:_SAMPLE_VALUES]):
         try:
             return FoundColumn(name, "moments", seconds_of(texts, "", name)[0].to_numpy(np.float64), texts)
         except ValueError:

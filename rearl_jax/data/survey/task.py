@@ -16,14 +16,14 @@ from rearl_jax.problems import InvalidInputError, MissingInputError, Problem, Pr
 
 
 def run(place: str) -> dict[str, Any]:
-    """What the file or folder is read as, printed and as a record.
+    """Interpretation of a file or folder, printed and returned as a record.
 
     Keys: file, format, command; for a table also form, rows_looked_at, columns (by their names in the file, each with
     canonical, unit, why), missing, doubts, recordings, notes, dropped. Nothing is written.
 
     Raises:
         MissingInputError: There is no such file.
-        InvalidInputError: It is no table, or cannot be read for the reason that is printed.
+        InvalidInputError: It is not a table, or cannot be read for the reason that is printed.
     """
     path = Path(place)
     if not path.exists():

@@ -1,4 +1,4 @@
-"""Reads a table as it is proposed, and leaves out what the reader refuses until it reads the rest."""
+"""Reads a table as proposed; columns that the reader refuses are left out, one after the other, until the rest is read."""
 
 from dataclasses import dataclass, field, replace
 
@@ -10,7 +10,7 @@ from rearl_jax.problems import ProblemError
 _OPTIONAL = ("lateral", "lane", "acceleration", "width", "leader_id", "vehicle_class", "length", "direction")
 _OF_COLUMNS = ("wrong-units", "wrong-origin")
 """Faults of whole columns; others may be those of a few rows."""
-_FEW = 0.05
+_MAX_DROPPED_SHARE = 0.05
 """Share of the rows that may be dropped before a column is left out instead."""
 _CAUSED_BY = {"y": "lateral"}
 """Columns that are filled in from others."""
@@ -18,7 +18,7 @@ _CAUSED_BY = {"y": "lateral"}
 
 @dataclass
 class Trial:
-    """What a table gives when it is read.
+    """Result of reading a table on trial.
 
     Attributes:
         data: The configuration that reads it.
@@ -46,7 +46,7 @@ def tried(root: str, proposal: Proposal, present: list[str]) -> Trial:
 
     Args:
         root: File, or folder of files of the same columns.
-        proposal: What its columns are taken for; changed in place.
+        proposal: Proposed meaning of its columns; changed in place.
         present: Names of all columns.
     """
     while True:
@@ -59,7 +59,7 @@ def tried(root: str, proposal: Proposal, present: list[str]) -> Trial:
             proposal.leave_out(column, strict.error.problem.fault)
             continue
         lenient = _read(replace(data, on_bad=OnBad.drop_row))
-        if lenient.error is None and (column is None or lenient.share_dropped <= _FEW):
+        if lenient.error is None and (column is None or lenient.share_dropped <= _MAX_DROPPED_SHARE):
             lenient.notes.append(f"data.on_bad=stop stops at: {strict.error.problem.message}")
             return lenient
         if column is None:

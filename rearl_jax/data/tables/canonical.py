@@ -1,8 +1,8 @@
 """Tables in files: Parquet or text in the columns of `schema.COLUMNS`, or in others that `data.columns` names.
 
-A file may hold several recordings, told apart by its column `recording`. What is known besides the rows
-(frame rate, lanes, licence) stands in the metadata of a Parquet file, or beside a CSV file in
-`<file>.info.json`; for tables without it, it is worked out from the rows and a note says so.
+A file may hold several recordings, distinguished by its column `recording`. The metadata (frame
+rate, lanes, licence) are inside a Parquet file, or beside a CSV file in `<file>.info.json`; for tables without metadata
+they are derived from the rows and a note says so.
 """
 
 import json
@@ -28,7 +28,7 @@ from rearl_jax.data.schema import COLUMNS, REQUIRED, Recording, RecordingInfo, v
 from rearl_jax.data.tables.completion import NEEDED, completed
 from rearl_jax.data.tables.row_info import info_of_rows
 from rearl_jax.data.tables.spelling import Spelling, require_known_columns, spelling_of
-from rearl_jax.data.tables.track_names import IDS, LARGEST
+from rearl_jax.data.tables.track_names import IDS, MAX_EXACT_ID
 from rearl_jax.problems import InvalidInputError, Problem
 from rearl_jax.whole_files import replacing
 
@@ -86,7 +86,7 @@ class TableFile:
         """
         spelling = self._spelling
         if not set(spelling.columns) & set(REQUIRED):
-            text = f"the file is no table of trajectories: its columns are {', '.join(self._columns[:8])}"
+            text = f"the file is not a table of trajectories: its columns are {', '.join(self._columns[:8])}"
             remedy = "move it out of the folder, or name its columns with data.columns; `rearl prepare FILE` finds them"
             raise bad_recording("not-a-table", text, remedy, self.path)
         require_known_columns(list(spelling.columns), NEEDED, str(self.path))
@@ -127,7 +127,7 @@ class TableFile:
 
     @cached_property
     def _remarks(self) -> tuple[str, ...]:
-        """What was recognised of a text table and is not certain."""
+        """Notes on properties of a text table that were guessed."""
         return layout_of(self.path).remarks if self._is_csv else ()
 
     def _csv(self, labels: tuple[str, ...]) -> tuple[pd.DataFrame, int]:
@@ -143,7 +143,7 @@ class TableFile:
         return self._kept[labels]
 
     def _read_csv(self, types: dict[str, pa.DataType]) -> tuple[pa.Table, int]:
-        """The columns; ids and times as texts if they are no numbers, or lose digits as such."""
+        """The columns; ids and times as texts if they are not numbers, or lose digits as such."""
         columns = self._spelling.columns
         ids = [columns[name] for name in IDS if name in columns]
         try:
@@ -193,8 +193,8 @@ class TableFile:
 
 
 def _loses_digits(ids: pa.ChunkedArray) -> bool:
-    """Whether ids that were read as float64 may be others in the file."""
-    return pa.types.is_floating(ids.type) and bool(np.nanmax(np.abs(ids.to_numpy()), initial=0.0) > LARGEST)
+    """True if ids that were read as float64 may be others in the file."""
+    return pa.types.is_floating(ids.type) and bool(np.nanmax(np.abs(ids.to_numpy()), initial=0.0) > MAX_EXACT_ID)
 
 
 def describe(infos: Iterable[RecordingInfo]) -> str:

@@ -19,7 +19,7 @@ from rearl_jax.data.tables.track_names import LABEL, numbered
 NEEDED = ("track_id", "position", "speed")
 """Columns without which rows are no trajectories; all others may be missing, or follow from these and a clock."""
 
-_LONGEST_STEP = 1e6  # frames; beyond it the number is no frame
+_MAX_STEP = 1e6  # frames; beyond it the number is not a frame
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class Completed:
 
     Attributes:
         rows: The rows.
-        notes: What was done for it.
+        notes: Remarks on the values filled in.
         labels: Labels of tracks that came with it.
     """
 
@@ -44,7 +44,7 @@ def completed(rows: pd.DataFrame, spelling: Spelling, data: DataConfig, file: st
 
     Args:
         rows: Rows under canonical names; the index holds the row numbers of the source.
-        spelling: How the table writes them.
+        spelling: Their spelling in the table.
         data: `default_length`.
         file: For messages.
 
@@ -90,12 +90,12 @@ def _with_frames(rows: pd.DataFrame, spelling: Spelling, file: str) -> tuple[pd.
     track = _numbers(pd.Series(rows["track_id"]))
     if "frame" not in rows:
         if "time" not in rows:
-            text = "neither frames nor times are there"
+            text = "the table has neither frames nor times"
             remedy = "name the column of times: 'data.columns={time: NAME}'"
             raise bad_recording("column-missing", text, remedy, file, column="frame")
         found = clock.frames_of(track, _numbers(pd.Series(rows["time"])))
         if found is None:
-            text = "the times of a vehicle do not rise by multiples of one step, so they tell no frames"
+            text = "the times of a vehicle do not rise by multiples of one step, so frames cannot be derived from them"
             remedy = (
                 "resample the recording to a fixed rate, or name the column of frames: 'data.columns={frame: NAME}'"
             )
@@ -105,7 +105,7 @@ def _with_frames(rows: pd.DataFrame, spelling: Spelling, file: str) -> tuple[pd.
     known = np.isfinite(track) & np.isfinite(frame)
     order = np.flatnonzero(known)[np.lexsort((frame[known], track[known]))]
     steps = np.diff(frame[order])[np.diff(track[order]) == 0]
-    if not steps.size or (steps != np.rint(steps)).any() or steps.max() > _LONGEST_STEP:
+    if not steps.size or (steps != np.rint(steps)).any() or steps.max() > _MAX_STEP:
         return rows, []
     every = int(np.gcd.reduce(steps.astype(np.int64)))
     first = float(frame[order[0]])

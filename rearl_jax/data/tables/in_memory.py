@@ -20,7 +20,7 @@ from rearl_jax.data.tables.row_info import info_of_rows
 from rearl_jax.data.tables.spelling import Spelling, require_known_columns, spelling_of
 
 NAME = "table"
-"""The recording in a table without the column `recording`, and where its rows come from in messages."""
+"""Id of the recording in a table without the column `recording`; in messages also the name of the source."""
 
 
 @dataclass(unsafe_hash=True)
@@ -28,7 +28,7 @@ class TableInMemory(DataConfig):
     """A data set whose rows are a table in memory instead of files.
 
     Attributes:
-        table: The rows; the column `recording`, where there is one, tells recordings apart. `root` holds their hash,
+        table: The rows; the column `recording`, if present, distinguishes recordings. `root` holds their hash,
             so that two equal tables are the same data set.
     """
 

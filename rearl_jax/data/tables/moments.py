@@ -11,8 +11,8 @@ _DAYS = ("%d.%m.%Y", "%d/%m/%Y", "%m/%d/%Y", "%d-%m-%Y", "%Y/%m/%d", "%Y.%m.%d",
 _CLOCKS = ("%H:%M:%S.%f", "%I:%M:%S.%f %p")
 _FORMATS = (*(f"{day} {clock}" for day in _DAYS for clock in _CLOCKS), *_CLOCKS, "%M:%S.%f")
 _NO_DAY = datetime(1900, 1, 1, tzinfo=UTC).timestamp()  # s; what times of day are parsed as
-_MOST_DAMAGED = 0.05
-"""Share of the times that may be unreadable before the column is no column of times."""
+_MAX_DAMAGED_SHARE = 0.05
+"""Share of the times that may be unreadable before the column is not a column of times."""
 
 
 def seconds_of(times: pd.Series, file: str, column: str) -> tuple[pd.Series, str | None]:
@@ -26,12 +26,12 @@ def seconds_of(times: pd.Series, file: str, column: str) -> tuple[pd.Series, str
         column: For messages.
 
     Raises:
-        BadRecordingError: One of them cannot be read, or day and month cannot be told apart and matter.
+        BadRecordingError: One of them cannot be read, or day and month cannot be distinguished although it matters.
     """
     texts = times.astype(str).str.strip().where(times.notna(), None)
     numbers = pd.Series(pd.to_numeric(texts.str.replace(",", ".", regex=False), errors="coerce"), index=times.index)
     n_known = int(texts.notna().sum())
-    if numbers.notna().sum() >= (1.0 - _MOST_DAMAGED) * n_known:
+    if numbers.notna().sum() >= (1.0 - _MAX_DAMAGED_SHARE) * n_known:
         _require_all(texts, numbers.notna(), "a number", file, column)
         return numbers.astype(np.float64), None
     # With a fraction everywhere one format reads whole and broken seconds.
@@ -41,9 +41,9 @@ def seconds_of(times: pd.Series, file: str, column: str) -> tuple[pd.Series, str
     found = {form: _parsed(plain, form) for form in ("ISO8601", *_FORMATS)}
     counts = {form: int(values.notna().sum()) for form, values in found.items()}
     best = max(counts, key=lambda form: counts[form])
-    if counts[best] < (1.0 - _MOST_DAMAGED) * n_known:
+    if counts[best] < (1.0 - _MAX_DAMAGED_SHARE) * n_known:
         example = next((text for text in texts if text is not None), "")
-        text = f"{example!r} is no number, and no date and time that is known"
+        text = f"{example!r} is not a number, and no date and time that is known"
         remedy = "write the time in s, or as 2024-05-31T08:00:00.25"
         raise bad_recording("time-unreadable", text, remedy, file, column=column)
     _require_all(texts, found[best].notna(), f"a time as the others are ({best})", file, column)
@@ -57,7 +57,7 @@ def seconds_of(times: pd.Series, file: str, column: str) -> tuple[pd.Series, str
 
 
 def is_moment(texts: pd.Series) -> bool:
-    """Whether a few texts are dates and times."""
+    """True if a few texts are dates and times."""
     try:
         return seconds_of(texts, "", "")[1] is not None
     except ValueError:

@@ -1,22 +1,22 @@
-"""What is known of a recording from its rows alone: frame rate, lanes, length of the road and where it begins."""
+"""Frame rate, lanes, road length and road origin of a recording, derived from its rows."""
 
 import numpy as np
 import pandas as pd
 
 from rearl_jax.data.checks import clock
 from rearl_jax.data.checks.placeholders import is_placeholder
-from rearl_jax.data.checks.typed_table import MOST_LANES
-from rearl_jax.data.checks.unit_checks import MOVING, UNIT_RATIOS
+from rearl_jax.data.checks.typed_table import MAX_LANES
+from rearl_jax.data.checks.unit_checks import MIN_SPEED, UNIT_RATIOS
 from rearl_jax.data.problems import bad_recording
 from rearl_jax.data.records import RecordingInfo
 from rearl_jax.data.units import SI_FACTOR, to_si
 
 DERIVED = "frame rate, lanes and road length derived from the rows"
-FAR = 1000.0
-"""Position [m] from which on an origin outside of the road is taken for granted, if the road is shorter than that."""
-BEFORE = 20.0
+DISTANT_ORIGIN = 1000.0
+"""First position [m] above which the origin is taken to be outside the road, if it also exceeds the road length."""
+ENTRY_MARGIN = 20.0
 """Distance [m] before the upstream edge that a vehicle may be at: one that has not yet entered the view."""
-FAR_AWAY = 1e5
+PROJECTED_COORDINATE = 1e5
 """Ground coordinate [m] that only a map projection such as UTM has."""
 _COLUMNS = ("track_id", "frame", "time", "direction", "x", "y", "position", "length", "lane", "speed")
 
@@ -29,12 +29,12 @@ def info_of_rows(
     Args:
         recording: Its id.
         rows: Canonical rows.
-        file: Where they come from, for messages.
+        file: Name of their file, for messages.
         source: Name of the data set.
-        is_in_seconds: The times are known to be in s; else their unit is told from the rows.
+        is_in_seconds: True if the times are known to be in s; else their unit is derived from the rows.
 
     Raises:
-        BadRecordingError: There is no column `time`, its unit cannot be told, or the frame rate cannot be told from it.
+        BadRecordingError: There is no column `time`, or its unit or the frame rate cannot be determined.
     """
     if "time" not in rows:
         text = "without metadata of the recording the frame rate is derived from the column time"
@@ -55,7 +55,7 @@ def info_of_rows(
         here = values["direction"] == direction
         if here.any():
             lane = values["lane"][here] if "lane" in values else np.full(1, np.nan)
-            lane = lane[(lane >= 0) & (lane < MOST_LANES)]
+            lane = lane[(lane >= 0) & (lane < MAX_LANES)]
             lanes[direction] = int(np.max(lane, initial=0.0)) + 1
             if lane.size and lane.min() > 0:
                 notes.append(f"direction {direction}: no vehicle uses the lanes left of lane {lane.min():g}")
@@ -89,11 +89,11 @@ def _frame_rate(values: dict[str, np.ndarray], file: str, is_in_seconds: bool) -
     scale = None if is_in_seconds else _steps_over_speed(values, period)
     unit = "s" if is_in_seconds else clock.unit_of(period, scale, UNIT_RATIOS.values())
     if unit is None:
-        text = f"the unit of time cannot be told: it grows by {10.0 * period:g} per 10 frames"
+        text = f"the unit of time cannot be determined: it grows by {10.0 * period:g} per 10 frames"
         hint = "'data.units={time: ms}'"
         if scale is not None and scale > 0.0:
             rate = clock.rate_of(period * scale, 0.02 * period * scale)
-            text += f", and vehicles move as if {rate * period:g} of it were one second"
+            text += f", and the motion of the vehicles suggests that {rate * period:g} units are one second"
             hint = f"'data.units={{time: {rate * period:g}/s}}'"
         remedy = f"state its unit, such as {hint}, or 'data.units={{time: s}}'"
         raise bad_recording("time-unit-unknown", text, remedy, file, column="time")
@@ -108,7 +108,7 @@ def _steps_over_speed(values: dict[str, np.ndarray], period: float) -> float | N
     with np.errstate(invalid="ignore"):  # what is not finite does not count
         step = np.abs(np.diff(position))
         expected = 0.5 * (speed[1:] + speed[:-1]) * np.diff(frame) * period
-        used = (np.diff(track) == 0) & (np.diff(frame) > 0) & (speed[1:] > MOVING) & (step > 0.0) & (expected > 0.0)
+        used = (np.diff(track) == 0) & (np.diff(frame) > 0) & (speed[1:] > MIN_SPEED) & (step > 0.0) & (expected > 0.0)
     return float(np.median(step[used] / expected[used])) if used.any() else None
 
 
@@ -128,27 +128,27 @@ def _from_upstream_edge(
             continue
         here = here[_near_others(position[here])]
         first, last = float(np.min((position - half)[here])), float(np.max((position + half)[here]))
-        if first < -BEFORE or last <= 0.0 or (first > FAR and first > last - first):
+        if first < -ENTRY_MARGIN or last <= 0.0 or (first > DISTANT_ORIGIN and first > last - first):
             own = values["direction"] == direction
             position[own] -= first
             last -= first
-            notes += (f"direction {direction}: {first:.1f} m taken off the positions, which begin at 0",)
+            notes += (f"direction {direction}: {first:.1f} m subtracted from the positions, so that they begin at 0",)
         road = max(road, last)
     if notes:
         rows = rows.assign(position=position)
     for name in ("x", "y"):
         places = values[name][_is_place(values[name])]
-        if places.size and np.min(np.abs(places)) > FAR_AWAY:
+        if places.size and np.min(np.abs(places)) > PROJECTED_COORDINATE:
             least = float(np.floor(np.min(places)))
             rows = rows.assign(**{name: values[name] - least})
-            notes += (f"{least:.0f} m taken off {name}",)
+            notes += (f"{least:.0f} m subtracted from {name}",)
     return rows, road, notes
 
 
 def _near_others(position: np.ndarray) -> np.ndarray:
-    """Mask of the positions that are not far from 98 % of all, as those of broken rows are."""
+    """Mask of the positions near the middle 98 % of all; positions of broken rows are far from them."""
     low, high = np.quantile(position, (0.01, 0.99))
-    reach = high - low + BEFORE
+    reach = high - low + ENTRY_MARGIN
     return (position >= low - reach) & (position <= high + reach)
 
 

@@ -21,12 +21,12 @@ _NAMES = tuple(column.name for column in COLUMNS)
 
 @dataclass(frozen=True)
 class Spelling:
-    """How a table writes the canonical columns.
+    """Spelling of the canonical columns in a table.
 
     Attributes:
         columns: Name in the table of every canonical column that it holds, by canonical name.
         factors: Factor to SI of the columns whose unit is stated, by canonical name.
-        leftmost: Number of the leftmost lane, where it is stated; `factors` tells whether numbers fall to the right.
+        leftmost: Number of the leftmost lane, if stated; the sign in `factors` gives the direction of counting.
     """
 
     columns: Mapping[str, str]
@@ -35,7 +35,7 @@ class Spelling:
 
     @property
     def has_clock(self) -> bool:
-        """Whether the unit of the times is stated, or the rate of the frames."""
+        """True if the unit of the times is stated, or the rate of the frames."""
         return bool({"time", "frame"} & set(self.factors))
 
     @property

@@ -1,4 +1,4 @@
-"""Ids of tracks that are no whole numbers: numbered in the order of their first rows, and kept as a label."""
+"""Ids of tracks that are not whole numbers: numbered in the order of their first rows, and kept as a label."""
 
 from collections.abc import Mapping
 
@@ -8,14 +8,14 @@ import pandas as pd
 from rearl_jax.data.problems import bad_recording
 
 LABEL = "track_name"
-"""Label of tracks whose id in the source is no number that the canonical table can hold: that id."""
+"""Label of tracks whose id in the source is not a number that the canonical table can hold: that id."""
 IDS = ("track_id", "leader_id")
 """Columns that name vehicles."""
-LARGEST = 2**53
+MAX_EXACT_ID = 2**53
 """Whole numbers beyond it do not survive as float64."""
 NOBODY = frozenset({"", "none", "null", "nan", "na", "n/a", "<na>", "-", "-1", "0"})
-"""What sources write for no leader, in lower case; an id of a vehicle is that vehicle."""
-_RARE = 0.02  # share of the rows up to which ids that are no numbers are damage, each in one row
+"""Spellings of "no leader" in sources, in lower case; if a vehicle has such an id, that vehicle is meant."""
+_MAX_DAMAGED_SHARE = 0.02  # share of the rows up to which ids that are not numbers are damage, each in one row
 
 
 def numbered(rows: pd.DataFrame, file: str, spelling: Mapping[str, str]) -> tuple[pd.DataFrame, tuple[str, ...]]:
@@ -29,7 +29,7 @@ def numbered(rows: pd.DataFrame, file: str, spelling: Mapping[str, str]) -> tupl
         spelling: Names in the file of canonical columns that have others there.
 
     Raises:
-        BadRecordingError: A few ids are no numbers where the others are.
+        BadRecordingError: A few ids are not numbers where the others are.
     """
     texts = _texts(pd.Series(rows["track_id"]))
     if texts is None:
@@ -40,7 +40,7 @@ def numbered(rows: pd.DataFrame, file: str, spelling: Mapping[str, str]) -> tupl
     if is_number[known].all() and _are_distinct(pd.Series(texts[known]), numbers[known]):
         return _with_numeric_leaders(rows.assign(track_id=numbers), file, spelling), ()
     rare = known & ~is_number
-    if rare.any() and rare.sum() <= _RARE * known.sum() and not pd.Series(texts[rare]).duplicated().any():
+    if rare.any() and rare.sum() <= _MAX_DAMAGED_SHARE * known.sum() and not pd.Series(texts[rare]).duplicated().any():
         row = int(np.argmax(rare))
         raise bad_recording(
             "value-unreadable",
@@ -61,13 +61,13 @@ def numbered(rows: pd.DataFrame, file: str, spelling: Mapping[str, str]) -> tupl
         leader = _as_texts(pd.Series(rows["leader_id"]))
         code = pd.Series(np.arange(1.0, len(names) + 1.0), index=names)
         nobody = leader.isna() | (leader.str.lower().isin(NOBODY) & ~leader.isin(names))
-        strangers = pd.Series(leader[~nobody & ~leader.isin(names)])
-        others, which = np.unique(strangers.astype(str), return_inverse=True)
+        absent = pd.Series(leader[~nobody & ~leader.isin(names)])
+        others, inverse = np.unique(absent.astype(str), return_inverse=True)
         number = leader.map(code).astype(np.float64)
-        number[strangers.index] = len(names) + 1.0 + which
+        number[absent.index] = len(names) + 1.0 + inverse
         rows = rows.assign(leader_id=number.to_numpy())
         if len(others):
-            notes.append(f"{len(others)} stated leaders are no vehicle of the recording, such as {others[0]}")
+            notes.append(f"{len(others)} stated leaders are not vehicles of the recording, such as {others[0]}")
     return rows, tuple(notes)
 
 
@@ -94,7 +94,7 @@ def _with_numeric_leaders(rows: pd.DataFrame, file: str, spelling: Mapping[str, 
 def _texts(ids: pd.Series) -> pd.Series | None:
     """The ids as texts; None if they are numbers that stay as they are."""
     if pd.api.types.is_integer_dtype(ids.dtype):
-        return _as_texts(ids) if (ids.abs() > LARGEST).any() else None
+        return _as_texts(ids) if (ids.abs() > MAX_EXACT_ID).any() else None
     return None if pd.api.types.is_numeric_dtype(ids.dtype) else _as_texts(ids)
 
 
@@ -108,14 +108,14 @@ def _as_texts(ids: pd.Series) -> pd.Series:
 
 
 def _whole_numbers(texts: pd.Series) -> np.ndarray:
-    """Whole numbers up to LARGEST, NaN for other texts."""
+    """Whole numbers up to MAX_EXACT_ID, NaN for other texts."""
     numbers = pd.Series(pd.to_numeric(texts, errors="coerce")).to_numpy(np.float64, na_value=np.nan)
-    fits = np.isfinite(numbers) & (np.abs(numbers) <= LARGEST)
+    fits = np.isfinite(numbers) & (np.abs(numbers) <= MAX_EXACT_ID)
     return np.where(fits & (numbers == np.rint(np.where(fits, numbers, 0.0))), numbers, np.nan)
 
 
 def _are_distinct(texts: pd.Series, numbers: np.ndarray) -> bool:
-    """Whether different ids are different numbers; 12 and 12.0 are the same id, 7 and 007 are not."""
+    """True if different ids are different numbers; 12 and 12.0 are the same id, 7 and 007 are not."""
     plain = texts.str.replace(r"\.0*$", "", regex=True)
     return plain.nunique() == np.unique(numbers).size
 

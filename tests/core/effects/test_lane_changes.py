@@ -46,10 +46,13 @@ def shared(given):
 
 
 @jax.jit
-def two_ticks(state, drivers):
-    state = begin_driving(state, drivers, MODEL)
-    first = step(state, drivers, MODEL)
-    return first, step(first, drivers, MODEL)
+def begin(state, drivers):
+    return begin_driving(state, drivers, MODEL)
+
+
+@jax.jit
+def tick(state, drivers):
+    return step(state, drivers, MODEL)
 
 
 def simulate(cars, name, columns, **others):
@@ -63,7 +66,8 @@ def simulate(cars, name, columns, **others):
     body = replace(drivers.body, is_truck=jnp.asarray(np.broadcast_to(IS_TRUCK[:, None], (N_CARS, 2))))
     following = IDM(*(jnp.full((1, 1), value) for value in (V0, T, S0, A, B)))
     drivers = replace(drivers, body=body, car_following=following, effects=shared({name: columns} | others))
-    return jax.tree.map(np.asarray, two_ticks(state, drivers))
+    first = tick(begin(state, drivers), drivers)
+    return jax.tree.map(np.asarray, (first, tick(first, drivers)))
 
 
 def gap(cars, rear, front):

@@ -86,8 +86,8 @@ def test_lines_arrays_and_small_blocks_say_the_same(found, read, monkeypatch):
     (array,) = read(found)
     lines = "\n".join(json.dumps(document) for document in found)
     indented = json.dumps(found, indent=2)
-    monkeypatch.setattr(json_documents, "BLOCK", 3000)
-    monkeypatch.setattr(i24, "_AT_ONCE", 10_000)
+    monkeypatch.setattr(json_documents, "BLOCK_BYTES", 3000)
+    monkeypatch.setattr(i24, "_BATCH_BYTES", 10_000)
     for content in (lines, indented, "\ufeff" + indented):
         (other,) = read(content)
         pd.testing.assert_frame_equal(array.table, other.table)

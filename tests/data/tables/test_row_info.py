@@ -102,7 +102,7 @@ def test_a_road_begins_at_its_upstream_edge(vehicle_rows, origin):
     least = float((sound.table["position"] - 0.5 * sound.table["length"]).min())
     np.testing.assert_allclose(moved.table["position"], sound.table["position"] - least, atol=1e-6)
     assert moved.info.road_length == pytest.approx(sound.info.road_length - least)
-    assert any("taken off the positions" in note for note in moved.info.notes)
+    assert any("subtracted from the positions" in note for note in moved.info.notes)
     assert np.abs(moved.table["x"]).max() < 1e5
 
 

@@ -1,5 +1,6 @@
 """Car-following models compared on drivers whose model is known: their own is chosen."""
 
+import functools
 from dataclasses import replace
 
 import numpy as np
@@ -55,10 +56,25 @@ def silence(done, total):
     """No progress is shown."""
 
 
-@pytest.mark.parametrize("name", NAMES)
-def test_drivers_keep_the_model_they_drive_by(driven_by, name):
-    parts = driven_by(name)
-    found = comparison_of(PRIORS, parts, DiscoverConfig(), silence)
+@pytest.fixture(scope="module")
+def compared(driven_by, tmp_path_factory):
+    """The drivers of a model, the models compared on them, and the study that keeps the choice."""
+
+    @functools.cache
+    def compare(name):
+        config = DiscoverTask(
+            results=ResultsConfig(str(tmp_path_factory.mktemp(name))), data=DataConfig(DataFormat.table, "nowhere")
+        )
+        study = Study(config.results.root, "killed", config, "discover", "generated", generated=True)
+        parts = driven_by(name)
+        return parts, comparison_of(PRIORS, parts, config.discover, silence, study), study
+
+    return compare
+
+
+@pytest.mark.parametrize("name", [pytest.param("idm", marks=pytest.mark.thorough), "constant_time_headway"])
+def test_drivers_keep_the_model_they_drive_by(compared, name):
+    parts, found, _ = compared(name)
     assert found.prior.name == name
     block = base_block(found, DiscoverConfig(), {})
     assert (block["chosen"], block["driver"], block["differs"]) == (name, "idm", name != "idm")
@@ -78,13 +94,8 @@ def test_drivers_keep_the_model_they_drive_by(driven_by, name):
         assert found.base is None
 
 
-def test_a_killed_run_makes_the_same_choice_without_comparing_again(driven_by, tmp_path, monkeypatch):
-    parts, options = driven_by("constant_time_headway"), DiscoverConfig()
-    config = DiscoverTask(
-        results=ResultsConfig(str(tmp_path)), data=DataConfig(DataFormat.table, "nowhere"), discover=options
-    )
-    study = Study(config.results.root, "killed", config, "discover", "generated", generated=True)
-    first = comparison_of(PRIORS, parts, options, silence, study)
+def test_a_killed_run_makes_the_same_choice_without_comparing_again(compared, monkeypatch):
+    (parts, first, study), options = compared("constant_time_headway"), DiscoverConfig()
     assert study.owns(BASE_TABLE)
     monkeypatch.setattr(module, "compared_models", None)
     again = comparison_of(PRIORS, parts, options, silence, study)

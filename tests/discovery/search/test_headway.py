@@ -61,6 +61,7 @@ def test_a_time_gap_that_varies_is_found_and_scored_better(solver, varying):
     assert not variation_section({}).tables
 
 
+@pytest.mark.thorough
 def test_drivers_who_only_accelerate_unevenly_keep_their_time_gap(solver, many):
     noise = replace(many[1], acceleration=0.3)
     other = driven(solver, many, noise, None)
