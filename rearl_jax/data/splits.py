@@ -213,7 +213,7 @@ def _remedy(n_scenes: int, least: int, seconds: float) -> str:
     if n_scenes >= len(_LEAST_SIZES):
         small = f"split.evaluation={n_scenes - 2} split.threshold=1 split.tuning=1"
         remedies.append(f"set {small}")
-    return ", or ".join([*remedies, "use method=base, which needs evaluation scenes only"])
+    return ", or ".join(remedies)
 
 
 def _rounded(value: float) -> int:

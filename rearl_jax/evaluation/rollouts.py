@@ -104,7 +104,7 @@ class Rollouts:
             self.boundary = recorded_boundary(config, scenes, held_out)
             if self.boundary is None:
                 chosen = scenes.select(held_out)
-                highest = highest_speeds(chosen).T.astype(config.core.dtype.name)
+                highest = jnp.asarray(highest_speeds(chosen).T, config.core.dtype.name)
                 state = replace(measured_state(chosen, config.core), desired_speed=highest)
             else:
                 state, table = (

@@ -113,13 +113,13 @@ STUDIES = (
         summary="how much of the error of simulated scenes comes from what, from Base to real against real",
         goes_on=True,
         description=(
-            "Adds components to Base, one at a time, in the stated order and in every other possible one: starts and "
+            "Adds components to Base, one at a time, in the stated order and in every other possible one: start and "
             "desired speeds as recorded, recorded vehicles around, calibrated drivers, what discovery found, "
-            "calibrated lane changes, drivers that vary within themselves, REARL. Divides the fall of every error into "
-            "Shapley shares with intervals and says what the rest is beside real against real. Effects and lane changes come "
-            "from model=FILE; without it drivers are calibrated on the recordings outside the judged scenes. Simulates "
-            "as many lanes and vehicles as the scenes have. A killed study continues where it stopped. Prints tables, "
-            "writes Parquet, a figure and one HTML page."
+            "calibrated lane changes, variation within drivers, REARL. Divides the fall of every error into Shapley "
+            "shares with intervals and says what the rest is beside real against real. Effects and lane changes come "
+            "from model=FILE; without it drivers are calibrated on the recordings outside the judged scenes. The road "
+            "has the lanes of the recordings. A killed study continues where it stopped. Prints tables, writes "
+            "Parquet, a figure and one HTML page."
         ),
         examples=(
             "rearl study budget",

@@ -20,12 +20,12 @@ from rearl_jax.config.budget import (
 )
 
 TITLES: Mapping[str, str] = {
-    START: "starts and desired speeds as recorded",
+    START: "start and desired speeds as recorded",
     BOUNDARY: "recorded vehicles around",
     CALIBRATED: "calibrated drivers",
     FOUND: "what discovery found",
     LANE_CHANGES: "calibrated lane changes",
-    VARIATION: "drivers that vary within themselves",
+    VARIATION: "variation within drivers",
     REARL: "REARL",
 }
 """Titles of the components in tables and figures."""

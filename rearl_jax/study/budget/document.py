@@ -30,7 +30,8 @@ SURE = 0.95
 
 CAPTIONS = {
     "waterfall": "From Base to the row with all components: bars are shares (means over all possible orders) with "
-    "their intervals, crosses the falls in the stated order. The grey line is real against real."
+    "their intervals, crosses the errors of the rows in the stated order. The grey line is real against real. Position "
+    "errors begin with the row that starts as recorded."
 }
 """Text below the figure."""
 
@@ -144,14 +145,20 @@ def findings_of(table: pd.DataFrame, mape: str, components: Sequence[str]) -> tu
         return ("No main error has a figure in all rows of the budget: there is nothing to divide.",)
     paragraphs = [_verdict(*next(iter(own.items())))]
     paragraphs += [_finding(error, _records(part)) for error, part in own.items()]
-    missing = [COLUMNS[error].title for error in COLUMNS if error not in set(table["error"])]
+    missing = [_name(error) for error in COLUMNS if error not in set(table["error"])]
     if missing:
         paragraphs.append(f"Without a figure in some row, so not divided: {', '.join(missing)}.")
     if START in components and "position_error" not in own:
         paragraphs.append(
-            "Position errors need vehicles that are picked in two consecutive snapshots: no vehicle stays long enough."
+            "Position errors need vehicles that are picked in the first snapshot and in the second, one second later: "
+            "none is, so no vehicle stays long enough for one."
         )
     return tuple(paragraphs)
+
+
+def _name(error: str) -> str:
+    """Name of an error in a sentence, without its unit."""
+    return COLUMNS[error].title.partition(",")[0]
 
 
 def _verdict(error: str, table: pd.DataFrame) -> str:
@@ -161,7 +168,7 @@ def _verdict(error: str, table: pd.DataFrame) -> str:
     beside = f"; recorded scenes are {_text(of[OF_REAL]['value'], error)} from each other" if OF_REAL in of else ""
     ends = " to ".join(_text(of[part]["value"], error) for part in (FIRST, LAST))
     return (
-        f"{COLUMNS[error].title} goes from {ends} with all components; the largest share of this fall, "
+        f"{_name(error)} goes from {ends} with all components; the largest share of this fall, "
         f"{_inline(of[leader], error)}, has {TITLES[leader]}{beside}."
     )
 
@@ -169,7 +176,7 @@ def _verdict(error: str, table: pd.DataFrame) -> str:
 def _finding(error: str, records: Mapping[tuple[str, str], Mapping[str, Any]]) -> str:
     """What the fall of an error is made of, whether the order decides that, and what is left."""
     of = {part: record for (_, part), record in records.items()}
-    title, whole = COLUMNS[error].title, of[WHOLE]
+    title, whole = _name(error), of[WHOLE]
     said = [
         f"{title} goes from {_text(of[FIRST]['value'], error)} ({of[FIRST]['title']}) to "
         f"{_text(of[LAST]['value'], error)} with all components, a fall of {_inline(whole, error)}"
@@ -185,7 +192,9 @@ def _finding(error: str, records: Mapping[tuple[str, str], Mapping[str, Any]]) -
 def _order(of: Mapping[str, Mapping[str, Any]], shares: Sequence[str]) -> str:
     """Whether the order in which components are added decides which is the largest."""
     leader = shares[0]
-    leads, n_orders = float(of[leader]["leads"]), of[leader]["n_orders"]
+    leads, n_orders = float(of[leader]["leads"]), int(of[leader]["n_orders"])
+    if n_orders == 1:
+        return "these components can be added in one order only"
     stated = max(shares, key=lambda part: of[part]["stated"])
     if leads >= SURE and stated == leader:
         return (
@@ -235,8 +244,8 @@ def definitions_of(config: StudyBudgetTask, scenes: SceneSet, held_out: np.ndarr
         f"A vehicle of the first snapshot is picked for {np.median(stay):.0f} s of the {scenes.seconds} s of a scene "
         "(median). Without recorded vehicles around, the first vehicles are simulated to the end and compared with "
         "whoever is picked; with them a vehicle leaves when it is not picked any more, and the one picked instead "
-        "enters as recorded. Position errors count only vehicles that are recorded, from the second after they enter, "
-        "so they are errors of the time that vehicles stay.",
+        "enters as recorded. Position errors are those of the vehicles of the first snapshot while they are picked, in "
+        "all rows alike.",
         f"{TITLES[REARL]}: decisions of the matcher where the traffic differs too much from its reference; the same "
         "thresholds in all rows, percentiles of Base on threshold scenes.",
         f"The fullest of the {config.hist.n_bins} bins of the Hellinger distance holds {percent(fullest)} of the "

@@ -7,7 +7,6 @@ program, and have the same random numbers.
 from collections.abc import Iterable
 from dataclasses import replace
 
-import jax.numpy as jnp
 import numpy as np
 
 from rearl_jax.config.budget import FOUND, LANE_CHANGES, VARIATION
@@ -63,7 +62,7 @@ def drivers_of(model: RepairedModel, row: Row, core: CoreConfig) -> Population:
     )
     if VARIATION in row:
         return population
-    return replace(population, noise=jnp.asarray(population.noise) * jnp.array([0, 1], dtype))
+    return replace(population, noise=np.asarray(population.noise) * np.array([[0, 1]], dtype))
 
 
 def _effects(model: RepairedModel, row: Row) -> Iterable[EffectValues]:

@@ -63,7 +63,8 @@ class Setting:
 
 def simulated_rows(setting: Setting, study: Study, bar: Progress, metadata: Mapping[str, str]) -> pd.DataFrame:
     """One row per row of the budget (or reference row) and judged scene: `row`, `scene_id`, every metric (mean over
-    runs), and for rows that start as recorded `position_error` [m] and `overlap_share` [-].
+    runs), and for rows that start as recorded `position_error` [m] (of the vehicles of the first snapshot, whom all
+    rows simulate) and `overlap_share` [-].
 
     Args:
         setting: What all rows have in common.
@@ -136,7 +137,7 @@ def _table(setting: Setting, scores: Scores, positions: Positions | None = None)
     columns |= dict.fromkeys(("position_error", "overlap_share"), np.full(len(held_out), np.nan))
     if positions is not None:
         at = np.searchsorted(held_out, positions.scene)
-        columns["position_error"] = grouped_mean(positions.error, at, len(held_out))
+        columns["position_error"] = grouped_mean(positions.first_error, at, len(held_out))
         columns["overlap_share"] = grouped_mean(positions.overlap, at, len(held_out))
     frame = pd.DataFrame({"row": [scores.row] * len(held_out), "scene_id": scene_id.astype(np.int32)})
     missing = {name: pd.arrays.FloatingArray(np.nan_to_num(v), ~np.isfinite(v)) for name, v in columns.items()}

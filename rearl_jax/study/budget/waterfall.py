@@ -41,21 +41,19 @@ def draw_waterfall(table: pd.DataFrame, mape: str, *, generated: bool) -> bytes:
 
 def _draw_panel(panel: Axes, own: pd.DataFrame, parts: list[str]) -> None:
     """Bars from the error of the first row to that of the last."""
-    level, last = float(own.loc[FIRST, "value"]), len(parts) + 1
-    panel.barh(0, level, 2 * _HALF, color=GREY)
-    for place, name in enumerate(parts, 1):
-        if name not in own.index:  # in the first row of this error
-            panel.plot([level, level], [place - _HALF, place + _HALF], color=GREY, linewidth=1.0)
-            continue
+    level = stated = float(own.loc[FIRST, "value"])
+    begin = len([name for name in parts if name not in own.index])  # components of the first row of this error
+    panel.barh(begin, level, 2 * _HALF, color=GREY)
+    for place, name in enumerate(parts[begin:], begin + 1):
         share = own.loc[name]
         value = float(share["value"])
         panel.barh(place, -value, 2 * _HALF, left=level, color=BLUE if value >= 0 else VERMILION)
         if not pd.isna(share["low"]):
-            panel.hlines(
-                place, level - float(share["high"]), level - float(share["low"]), color=DARK_GREY, linewidth=1.0
-            )
-        panel.plot(level - float(share["stated"]), place, "x", color=DARK_GREY, markersize=4)
-        level -= value
-    panel.barh(last, float(own.loc[LAST, "value"]), 2 * _HALF, color=DARK_GREY)
+            low, high = (level - float(share[end]) for end in ("high", "low"))
+            panel.hlines(place, low, high, color=DARK_GREY, linewidth=1.0)
+        level, stated = level - value, stated - float(share["stated"])
+        panel.plot(stated, place, "x", color=DARK_GREY, markersize=4)
+    panel.barh(len(parts) + 1, float(own.loc[LAST, "value"]), 2 * _HALF, color=DARK_GREY)
     if OF_REAL in own.index:
         panel.axvline(float(own.loc[OF_REAL, "value"]), color=GREY, linewidth=1.2)
+    panel.set_xlim(left=0.0)
