@@ -9,16 +9,15 @@ from typing import Any
 
 from rearl_jax.config._key import key
 from rearl_jax.config.blind import BlindConfig
-from rearl_jax.config.budget import BudgetConfig
 from rearl_jax.config.clustering import BoConfig, ClusterConfig, KlConfig
-from rearl_jax.config.core import CoreConfig, InitConfig, InitialSource
+from rearl_jax.config.core import CoreConfig, InitConfig
 from rearl_jax.config.critical import CriticalConfig
 from rearl_jax.config.data import DataConfig, DataFormat
 from rearl_jax.config.decision import AdmissibleConfig, DecisionConfig, ExecConfig, MatcherConfig, PolicyName
 from rearl_jax.config.detection import DetectionConfig, ReferenceConfig
 from rearl_jax.config.discover import DiscoverConfig
 from rearl_jax.config.driver import CALIBRATED, DEFAULT, DriverConfig, record_of
-from rearl_jax.config.evaluation import EvaluationConfig, Method, SeedScope, Variant
+from rearl_jax.config.evaluation import EvaluationConfig, Method, Variant
 from rearl_jax.config.generator import GeneratorConfig
 from rearl_jax.config.llm import LlmConfig, PromptConfig
 from rearl_jax.config.metrics import HistConfig, MapeConfig, RealismConfig, SafetyConfig, ThwConfig
@@ -27,17 +26,7 @@ from rearl_jax.config.ppo import PpoConfig, PpoPolicyConfig
 from rearl_jax.config.real import RealConfig
 from rearl_jax.config.report import FolderConfig, ReportConfig
 from rearl_jax.config.results import ResultsConfig
-from rearl_jax.config.scenes import (
-    BoundarySource,
-    Direction,
-    FeaturesConfig,
-    ScenesConfig,
-    SpacingConfig,
-    SpeedConfig,
-    SpeedNorm,
-    SplitConfig,
-    TracksConfig,
-)
+from rearl_jax.config.scenes import FeaturesConfig, ScenesConfig, SpacingConfig, SpeedConfig, SplitConfig, TracksConfig
 from rearl_jax.config.study import StepsConfig, Table1Config, Table4Config
 from rearl_jax.config.sweep import SweepConfig
 from rearl_jax.config.validation import ValidationConfig
@@ -263,47 +252,6 @@ class StudyTable1Task(EvaluateTask):
             )
             policy = self.decision.policy.name
             raise InvalidInputError(Problem("set-by-task", message, key="decision.policy", value=policy))
-
-
-def _measured_scenes() -> ScenesConfig:
-    """Scenes of one carriageway each, among all recorded vehicles."""
-    return ScenesConfig(direction=Direction.per_direction, boundary=BoundarySource.measured)
-
-
-def _as_recorded() -> SpeedConfig:
-    """Speeds as they were recorded."""
-    return SpeedConfig(SpeedNorm.none)
-
-
-@dataclass(unsafe_hash=True)
-class StudyBudgetTask(EvaluateTask):
-    """Error budget of simulated scenes."""
-
-    study: str = _study("study_budget")
-    method: Method = key(Method.base, _ROWS_DECIDE)
-    variant: Variant = key(Variant.all, "all; the rows switch the parts of model=FILE on and off")
-    scenes: ScenesConfig = key(_measured_scenes, (ScenesConfig.__doc__ or "").rstrip("."))
-    speed: SpeedConfig = key(_as_recorded, (SpeedConfig.__doc__ or "").rstrip("."))
-    budget: BudgetConfig = _group(BudgetConfig)
-    discover: DiscoverConfig = _group(DiscoverConfig)
-
-    def check(self) -> None:
-        """Raise InvalidInputError for keys that the rows set themselves, or that do not fit recorded positions."""
-        fixed = {"method": Method.base, "variant": Variant.all, "init.source": InitialSource.seed}
-        given = {"method": self.method, "variant": self.variant, "init.source": self.init.source}
-        for name, usual in fixed.items():
-            if given[name] is not usual:
-                message = "is set by the rows: leave it out, and choose components with budget.components=[...]"
-                raise InvalidInputError(Problem("set-by-task", message, key=name, value=given[name].name))
-        if self.speed.norm is not SpeedNorm.none:
-            message = "must be none: rescaled speeds do not fit recorded positions"
-            raise out_of_range("speed.norm", message, self.speed.norm.name)
-        if self.eval.seed_scope is not SeedScope.run_x_scene:
-            message = "must be run_x_scene: every rollout starts from its own scene"
-            raise out_of_range("eval.seed_scope", message, self.eval.seed_scope.name)
-        if self.decision.policy.is_outside:
-            message = "must be a policy inside the compiled program, such as matcher or idle"
-            raise out_of_range("decision.policy", message, self.decision.policy.name)
 
 
 @dataclass(unsafe_hash=True)

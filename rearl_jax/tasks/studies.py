@@ -109,7 +109,7 @@ STUDIES = (
     Task(
         words="study budget",
         run="rearl_jax.study.budget.task:run",
-        config="rearl_jax.config:StudyBudgetTask",
+        config="rearl_jax.config.budget:StudyBudgetTask",
         summary="how much of the error of simulated scenes comes from what, from Base to real against real",
         goes_on=True,
         description=(

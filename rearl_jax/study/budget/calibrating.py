@@ -6,7 +6,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rearl_jax.config import DiscoverTask, StudyBudgetTask
+from rearl_jax.config import DiscoverTask
+from rearl_jax.config.budget import StudyBudgetTask
 from rearl_jax.data.losses import split_tracks
 from rearl_jax.data.recordings import data_id, iterate_recordings
 from rearl_jax.data.records import Recording

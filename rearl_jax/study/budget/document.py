@@ -6,8 +6,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from rearl_jax.config import StudyBudgetTask
-from rearl_jax.config.budget import REARL, START
+from rearl_jax.config.budget import REARL, START, StudyBudgetTask
 from rearl_jax.data.scene_set import SceneSet
 from rearl_jax.document.document import Document, Section
 from rearl_jax.document.table import NONE, Cell, Emphasis, Row, Table, percent

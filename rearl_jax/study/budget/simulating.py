@@ -7,8 +7,7 @@ import numpy as np
 import pandas as pd
 from rich.progress import Progress
 
-from rearl_jax.config import StudyBudgetTask
-from rearl_jax.config.budget import BOUNDARY, CALIBRATED, REARL, START
+from rearl_jax.config.budget import BOUNDARY, CALIBRATED, REARL, START, StudyBudgetTask
 from rearl_jax.config.core import InitialSource
 from rearl_jax.config.evaluation import Method
 from rearl_jax.config.scenes import BoundarySource

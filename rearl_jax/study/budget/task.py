@@ -14,8 +14,7 @@ from dataclasses import replace
 import numpy as np
 from rich.progress import Progress
 
-from rearl_jax.config import StudyBudgetTask
-from rearl_jax.config.budget import BOUNDARY, CALIBRATED, NEEDS, REARL, START
+from rearl_jax.config.budget import BOUNDARY, CALIBRATED, NEEDS, REARL, START, StudyBudgetTask
 from rearl_jax.config.evaluation import Method
 from rearl_jax.config.scenes import BoundarySource
 from rearl_jax.data.boundary import lanes_side_by_side

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from rearl_jax.config import StudyBudgetTask
+from rearl_jax.config.budget import StudyBudgetTask
 from rearl_jax.config.evaluation import EvaluationConfig
 from rearl_jax.document.html import page_of
 from rearl_jax.evaluation.remarks import Remarks

@@ -7,8 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from rearl_jax.config import StudyBudgetTask
-from rearl_jax.config.budget import BOUNDARY, CALIBRATED, COMPONENTS, REARL, START, BudgetConfig
+from rearl_jax.config.budget import BOUNDARY, CALIBRATED, COMPONENTS, REARL, START, BudgetConfig, StudyBudgetTask
 from rearl_jax.config.core import InitConfig, InitialSource
 from rearl_jax.config.decision import DecisionConfig, PolicyName
 from rearl_jax.config.evaluation import EvaluationConfig, Method, SeedScope, Variant
