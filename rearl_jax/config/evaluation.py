@@ -25,6 +25,11 @@ class Method(Enum):
         """True for methods that compare the traffic with representative scenes."""
         return self is Method.rearl
 
+    @property
+    def needs_splits(self) -> bool:
+        """True for methods that look at scenes besides those they are evaluated on."""
+        return self in (Method.rearl, Method.critical)
+
 
 class Variant(Enum):
     """Traffic of a repaired model that is simulated."""

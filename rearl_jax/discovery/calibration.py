@@ -1,5 +1,6 @@
 """Calibration of the driver model to measured trajectories, without added effects."""
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -7,6 +8,7 @@ import pandas as pd
 
 from rearl_jax.config import DiscoverTask
 from rearl_jax.data.recordings import data_id, iterate_recordings
+from rearl_jax.data.records import Recording
 from rearl_jax.discovery.observe.base import base_of
 from rearl_jax.discovery.observe.drivers import prior_of
 from rearl_jax.discovery.observe.parts import measured_drivers
@@ -37,15 +39,20 @@ class Calibration:
         write_model(path, self.model)
 
 
-def calibration(config: DiscoverTask) -> Calibration:
+def calibration(config: DiscoverTask, recordings: Iterable[Recording] | None = None) -> Calibration:
     """Calibration of the drivers who follow a leader long enough, at most `discover.max_drivers` of them.
+
+    Args:
+        config: The task.
+        recordings: Parts of the recordings of `config.data`; None for all of them.
 
     Raises:
         FileNotFoundError, ValueError: There are no recordings, a recording is invalid, or no driver follows a leader
             long enough.
     """
     prior = prior_of(config.driver)
-    findings, data = measured_drivers(list(iterate_recordings(config.data)), config.discover, prior)
+    recordings = iterate_recordings(config.data) if recordings is None else recordings
+    findings, data = measured_drivers(list(recordings), config.discover, prior)
     solver = solver_of(data, prior)
     fit = base_of(solver, data, lane_changes=config.discover.lane_changes).fit
     model = repaired_model(fit, fit, (), (), None, CONSTANT, data, solver.layout, data_id(config.data), config.study)

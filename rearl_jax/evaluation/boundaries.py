@@ -8,7 +8,7 @@ from rearl_jax.cache import kept_path, read_arrays, write_arrays
 from rearl_jax.config import EvaluateTask
 from rearl_jax.config.core import InitialSource
 from rearl_jax.config.evaluation import SeedScope
-from rearl_jax.config.scenes import BoundarySource, Direction, SpeedNorm
+from rearl_jax.config.scenes import BoundarySource, SpeedNorm
 from rearl_jax.data.recordings import data_id, file_stamps, iterate_recordings
 from rearl_jax.data.scenes.boundary import BoundaryOptions, SceneBoundary, cut_boundary
 from rearl_jax.data.scenes.scene_set import SceneSet
@@ -77,8 +77,7 @@ def recorded_boundary(config: EvaluateTask, scenes: SceneSet, subset: np.ndarray
     arrays = read_arrays(path)
     if arrays is not None:
         return SceneBoundary(**arrays)
-    is_one_way = config.scenes.direction is Direction.per_direction
-    options = BoundaryOptions(source, config.core.ticks_per_second, is_one_way)
+    options = BoundaryOptions(source, config.core.ticks_per_second, scenes.is_one_way)
     boundary = cut_boundary(iterate_recordings(config.data), scenes, subset, options)
     write_arrays(path, {item.name: getattr(boundary, item.name) for item in fields(boundary)})
     return boundary

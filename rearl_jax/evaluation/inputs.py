@@ -13,12 +13,12 @@ from jaxtyping import Int
 from rich.progress import Progress
 
 from rearl_jax.config import ClusterTask, EvaluateTask
-from rearl_jax.config.evaluation import EvaluationConfig
+from rearl_jax.config.evaluation import EvaluationConfig, Subset
 from rearl_jax.data.recordings import count_recordings, file_stamps, iterate_recordings
 from rearl_jax.data.scenes.cutting import build_scenes
 from rearl_jax.data.scenes.scene_cache import SceneCache
 from rearl_jax.data.scenes.scene_set import SceneSet
-from rearl_jax.data.scenes.splits import Split, Splits, split_scenes
+from rearl_jax.data.scenes.splits import Split, Splits, split_for_evaluation, split_scenes
 from rearl_jax.detection.references import References
 from rearl_jax.problems import InvalidInputError, Problem
 from rearl_jax.results import Study
@@ -62,7 +62,18 @@ def inputs_of_scenes(config: EvaluateTask, scenes: SceneSet) -> Inputs:
         message = "needs representative scenes, which are clustered from whole recordings"
         remedy = "give a table of trajectories instead of scenes, or name the recordings with data"
         raise InvalidInputError(Problem("recordings-needed", message, remedy, key="method", value=config.method.name))
-    return Inputs(scenes, split_scenes(scenes, config.split))
+    return Inputs(scenes, splits_for(config, scenes))
+
+
+def splits_for(config: EvaluateTask | ClusterTask, scenes: SceneSet) -> Splits:
+    """Splits of the scenes; an evaluation whose method looks at no other scenes needs evaluation scenes only.
+
+    Raises:
+        InvalidInputError: There are too few scenes.
+    """
+    if isinstance(config, EvaluateTask) and config.eval.subset is Subset.evaluation and not config.method.needs_splits:
+        return split_for_evaluation(scenes, config.split)
+    return split_scenes(scenes, config.split)
 
 
 def read_inputs(
@@ -90,7 +101,7 @@ def read_inputs(
     scenes = None if known is None else known.scenes
     if scenes is None or (builder is not None and builder.needs_recordings):
         scenes = _read(config, builder, bar)
-    splits = split_scenes(scenes, config.split)
+    splits = splits_for(config, scenes)
     log.info("splits: %s", ", ".join(f"{name} {size}" for name, size in splits.summary().items()))
     inputs = Inputs(scenes, splits)
     if builder is not None:

@@ -20,6 +20,7 @@ from rearl_jax.evaluation.runner import scored_rollouts
 from rearl_jax.evaluation.simulators import NEVER
 from rearl_jax.evaluation.tables import frame_series
 from rearl_jax.evaluation.traffic import calibrated
+from rearl_jax.problems import InvalidInputError, Problem
 from rearl_jax.progress import shown
 
 log = logging.getLogger(__name__)
@@ -69,7 +70,8 @@ def base_values(
     series = frame_series(row, config.hist.window)
     h, mape = (series[name][np.isfinite(series[name])] for name in ("h", config.mape.column))
     if not len(h) or not len(mape):
-        raise ValueError("base gave no Hellinger distance or no spacing error to take percentiles of")
+        message = "base gave no Hellinger distance or no spacing error to take percentiles of"
+        raise InvalidInputError(Problem("no-figure", message, "set hist.window lower, or read more recordings"))
     return BaseValues(h, mape, subset, row.n_rollouts)
 
 

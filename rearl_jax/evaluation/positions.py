@@ -26,12 +26,14 @@ class Positions:
         run: Its run.
         error: Mean distance along the road of simulated vehicles from where they were recorded at the same time [m];
             NaN where there was nothing to compare.
+        first_error: The same, of the vehicles of the first snapshot only, which every boundary simulates [m].
         overlap: Share of the vehicle-seconds in which a simulated vehicle is inside a replayed one [-].
     """
 
     scene: Int[np.ndarray, " rollouts"]
     run: Int[np.ndarray, " rollouts"]
     error: Float[np.ndarray, " rollouts"]
+    first_error: Float[np.ndarray, " rollouts"]
     overlap: Float[np.ndarray, " rollouts"]
 
 
@@ -51,15 +53,24 @@ def positions_of(simulated: Simulated, rollouts: Rollouts, scenes: SceneSet) -> 
     overlap = np.zeros(len(index))
     if boundary is None:
         recorded, is_known = _first_vehicles(scenes, index)
-        x = x[:, : recorded.shape[1]]  # frame k is at second k + 1
+        x, is_first = x[:, : recorded.shape[1]], True  # frame k is at second k + 1
     else:
-        recorded, is_known = boundary.x[rollouts.column], ~boundary.is_new[rollouts.column]
+        is_new = boundary.is_new[rollouts.column]
+        recorded, is_known, is_first = boundary.x[rollouts.column], ~is_new, ~is_new.cumsum(axis=1).astype(bool)
         is_known[:, 0] = False
         overlap = overlaps(simulated, boundary, rollouts.column).mean(axis=(1, 2))
+    distance = np.abs(x - recorded)
+    errors = (_mean(distance, is_known), _mean(distance, is_known & is_first))
+    return Positions(index, rollouts.run, *errors, overlap)
+
+
+def _mean(
+    distance: Float[np.ndarray, "rollouts seconds vehicles"], is_known: Bool[np.ndarray, "rollouts seconds vehicles"]
+) -> Float[np.ndarray, " rollouts"]:
+    """Mean of the known distances of each rollout [m]; NaN without any."""
     n_known = is_known.sum(axis=(1, 2))
-    distance = np.where(is_known, np.abs(x - recorded), 0.0).sum(axis=(1, 2))
-    error = np.where(n_known > 0, distance / np.maximum(n_known, 1), np.nan)
-    return Positions(index, rollouts.run, error, overlap)
+    total = np.where(is_known, distance, 0.0).sum(axis=(1, 2))
+    return np.where(n_known > 0, total / np.maximum(n_known, 1), np.nan)
 
 
 def overlaps(

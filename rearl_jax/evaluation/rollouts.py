@@ -15,7 +15,7 @@ from rearl_jax.config.evaluation import Method, SeedScope
 from rearl_jax.core.boundary import Boundary
 from rearl_jax.core.road import traffic_model
 from rearl_jax.data.scenes.boundary import SceneBoundary
-from rearl_jax.data.scenes.initial_states import bounded_state, measured_state, recorded_surroundings
+from rearl_jax.data.scenes.initial_states import bounded_state, highest_speeds, measured_state, recorded_surroundings
 from rearl_jax.data.scenes.scene_set import SceneSet
 from rearl_jax.decision.execution import model_under_decisions
 from rearl_jax.detection.detector import Thresholds
@@ -33,7 +33,6 @@ from rearl_jax.evaluation.simulators import (
     program,
     rollout_keys,
 )
-from rearl_jax.evaluation.traffic import is_cooperative, population_of
 from rearl_jax.problems import InvalidInputError, Problem, out_of_range
 
 NO_SCENE = -1
@@ -63,8 +62,8 @@ class Rollouts:
         """Counts the rollouts; nothing is simulated yet.
 
         Args:
-            rows: Rows of one configuration, which may differ in thresholds and in shares of driver classes; every row
-                gets the same initial states.
+            rows: Rows of one configuration and the same drivers, which may differ in thresholds and in shares of driver
+                classes; every row gets the same initial states.
             scenes: All scenes.
             held_out: Indices of those to be simulated.
             references: Representative scenes, for methods that intervene.
@@ -82,7 +81,8 @@ class Rollouts:
         self._n_runs = config.eval.n_runs
         self._numbers = range(len(rows) * self._n_runs * len(self._served))
         # A last axis of length 1: the same for all scenarios.
-        self._traffic = jax.tree.map(_same_for_all, population_of(config))
+        self._traffic = jax.tree.map(_same_for_all, rows[0].population)
+        self._is_cooperative = rows[0].is_cooperative
         self._references = self._thresholds = self._shares = None
         self.policy: TrainedPolicy | None = None
         if config.method is Method.critical:
@@ -103,7 +103,9 @@ class Rollouts:
                 raise out_of_range("eval.seed_scope", message, config.eval.seed_scope.name)
             self.boundary = recorded_boundary(config, scenes, held_out)
             if self.boundary is None:
-                state = measured_state(scenes.select(held_out), config.core)
+                chosen = scenes.select(held_out)
+                highest = jnp.asarray(highest_speeds(chosen).T, config.core.dtype.name)
+                state = replace(measured_state(chosen, config.core), desired_speed=highest)
             else:
                 state, table = (
                     bounded_state(self.boundary, config.core),
@@ -152,7 +154,7 @@ class Rollouts:
         acts = interventions(config) if self.policy is None else self.policy.options
         if isinstance(acts, Interventions) and (acts.policy.is_outside or self._host_policy is not None):
             return self._decided_on_host(acts)
-        simulate = program(acts, config.core, config.init.speed, self._n_seconds, is_cooperative(config))
+        simulate = program(acts, config.core, config.init.speed, self._n_seconds, self._is_cooperative)
         return simulate.chunks(self._batch())
 
     @property
@@ -190,7 +192,7 @@ class Rollouts:
             key, value = "scenes.boundary", config.scenes.boundary.name
             raise InvalidInputError(Problem("policy-outside", message, "set it to free", key=key, value=value))
         assert batch.thresholds is not None  # the method needs them
-        model = traffic_model(config.core, cooperative=is_cooperative(config))
+        model = traffic_model(config.core, cooperative=self._is_cooperative)
         state, drivers, keys, table = beginnings(config.core, config.init.speed, acts.loop.detection)(batch)
         return simulate_with_host_policy(
             state,

@@ -10,7 +10,8 @@ from rearl_jax.config import EvaluateTask
 from rearl_jax.config.evaluation import Method, Variant
 from rearl_jax.evaluation.scores import WITH_EFFECT
 from rearl_jax.evaluation.simulators import NEVER
-from rearl_jax.evaluation.traffic import WITH_MODEL
+from rearl_jax.evaluation.traffic import WITH_MODEL, is_cooperative, population_of
+from rearl_jax.models.population import Population
 
 
 @dataclass(frozen=True)
@@ -22,12 +23,24 @@ class Row:
         name: Its name in tables and files.
         thresholds: Thresholds of the Hellinger distance and of the spacing error, for methods that intervene.
         mixture: Shares of the driver classes, for method=critical; None for `critical.ratios`.
+        drivers: Drivers in the place of those of the configuration; None for these.
     """
 
     config: EvaluateTask
     name: str = ""
     thresholds: tuple[float, float] = NEVER
     mixture: Mixture | None = None
+    drivers: Population | None = None
+
+    @property
+    def population(self) -> Population | None:
+        """Drivers and effects; None for highway-env's."""
+        return population_of(self.config) if self.drivers is None else self.drivers
+
+    @property
+    def is_cooperative(self) -> bool:
+        """Whether any driver may consider what a lane change costs others."""
+        return self.drivers is not None or is_cooperative(self.config)
 
 
 @dataclass(frozen=True)

@@ -150,7 +150,7 @@ def begin(
     if batch.traffic is not None:
         replayed = None if around is None else around.at_start()
         state, drivers = populate_by_model(state, drivers, keys, _same_for_all(batch.traffic), model, replayed)
-    if around is not None and batch.measured is not None:
+    if batch.measured is not None:
         # Recorded vehicles are not moved to make room; their state brings the highest speed that was seen of them.
         wanted = cut_desired_speed(state.speed, batch.measured.desired_speed, drivers)
         state = replace(state, x=batch.measured.x, desired_speed=wanted)

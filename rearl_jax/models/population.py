@@ -127,8 +127,11 @@ def population_of_keys(
 
 def lane_changing_of(mobil: MobilConfig, dtype: np.dtype, ticks_per_second: int) -> LaneChanging | None:
     """The MOBIL parameters of a configuration; None for highway-env's."""
-    if mobil.is_default:
-        return None
+    return None if mobil.is_default else lane_changing_values(mobil, dtype, ticks_per_second)
+
+
+def lane_changing_values(mobil: MobilConfig, dtype: np.dtype, ticks_per_second: int) -> LaneChanging:
+    """The MOBIL parameters of a configuration, also if they are highway-env's."""
     return LaneChanging(
         politeness=np.array(mobil.politeness, dtype),
         gain_threshold=np.array(mobil.gain_threshold, dtype),

@@ -9,6 +9,8 @@ from rearl_jax.evaluation.document import DECISION_COLUMNS, SUMMARY_COLUMNS, doc
 from rearl_jax.evaluation.remarks import Remarks
 from rearl_jax.report.discovery import blind_document, discovery_document
 from rearl_jax.report.finished import FinishedStudy
+from rearl_jax.study.budget.document import document_of as budget_document_of
+from rearl_jax.study.budget.tables import BUDGET_COLUMNS, STEP_COLUMNS
 from rearl_jax.study.document import document_of as study_document_of
 from rearl_jax.study.real.document import document_of as real_document_of
 from rearl_jax.study.real.facts import FACT_COLUMNS
@@ -77,6 +79,18 @@ def real_document(study: FinishedStudy) -> Document:
     return real_document_of(table, facts, differences, _remarks(study, "real"), generated=study.generated)
 
 
+def budget_document(study: FinishedStudy) -> Document:
+    """The document of an error budget.
+
+    Raises:
+        FileNotFoundError, ValueError: A table is missing, or of an older version.
+    """
+    table, steps = study.table("budget"), study.table("steps")
+    study.needs(table, BUDGET_COLUMNS, "budget.parquet")
+    study.needs(steps, STEP_COLUMNS, "steps.parquet")
+    return budget_document_of(table, steps, _remarks(study, "budget"), generated=study.generated)
+
+
 def _remarks(study: FinishedStudy, table: str) -> Remarks:
     """Remarks on a table; empty in studies of an older version."""
     remarks = study.metadata(table).get("remarks")
@@ -89,6 +103,7 @@ DOCUMENTS: dict[str, Callable[[FinishedStudy], Document]] = {
     "discover blind": blind_document,
     "sweep thresholds": sweep_document,
     "study real": real_document,
+    "study budget": budget_document,
     **{f"study {name}": paper_document for name in ("table1", "table3", "table4", "fig6", "fig7", "fig8")},
 }
 """The document of a study, by the task that made it."""

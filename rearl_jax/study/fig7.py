@@ -12,6 +12,7 @@ import pandas as pd
 
 from rearl_jax.config import StudyFig7Task
 from rearl_jax.console import generated_mark
+from rearl_jax.data.scenes.splits import split_scenes
 from rearl_jax.document.document import Section
 from rearl_jax.evaluation.inputs import read_inputs
 from rearl_jax.evaluation.percentiles import BaseValues
@@ -58,7 +59,7 @@ def run(config: StudyFig7Task) -> dict:
     study = begin("study fig7", config, inputs_id(config))
     with progress_bar() as bar:
         inputs = read_inputs(config, study, bar, with_references=False)
-        scenes, subset = inputs.scenes, inputs.splits.threshold
+        scenes, subset = inputs.scenes, split_scenes(inputs.scenes, config.split).threshold
         metadata = {"seeds": config.seeds}
         metadata |= {"scenes_id": scenes.data_id, "mape": config.mape.definition.name}
         base = kept_base_values(config, study, scenes, subset, metadata, shown(bar, "base"))

@@ -63,6 +63,7 @@ SIMULATION = (
             "rearl sweep thresholds",
             "rearl sweep thresholds data=highd data.root=/data/highD study=highd_thresholds",
             "rearl sweep thresholds sweep.h_pct=[10,30] sweep.m_pct=[5]",
+            "rearl sweep thresholds scenes.boundary=measured init.source=scene speed.norm=none core.n_lanes=6",
         ),
     ),
     Task(

@@ -107,6 +107,29 @@ STUDIES = (
         x64=True,
     ),
     Task(
+        words="study budget",
+        run="rearl_jax.study.budget.task:run",
+        config="rearl_jax.config.budget:StudyBudgetTask",
+        summary="how much of the error of simulated scenes comes from what, from Base to real against real",
+        goes_on=True,
+        description=(
+            "Adds components to Base, one at a time, in the stated order and in every other possible one: start and "
+            "desired speeds as recorded, recorded vehicles around, calibrated drivers, what discovery found, "
+            "calibrated lane changes, variation within drivers, REARL. Divides the fall of every error into Shapley "
+            "shares with intervals and says what the rest is beside real against real. Effects and lane changes come "
+            "from model=FILE; without it drivers are calibrated on the recordings outside the judged scenes. The road "
+            "has the lanes of the recordings. A killed study continues where it stopped. Prints tables, writes "
+            "Parquet, a figure and one HTML page."
+        ),
+        examples=(
+            "rearl study budget",
+            "rearl study budget data=table data.root=/data/motorway study=motorway_budget",
+            "rearl study budget data=table data.root=/data/jam scenes.seconds=10 hist.low=0 study=jam",
+            "rearl study budget model=results/discover/model.yaml study=with_effects",
+            "rearl study budget budget.components=[start,boundary,rearl] study=three",
+        ),
+    ),
+    Task(
         words="report",
         run="rearl_jax.report.task:run",
         config="rearl_jax.config:ReportTask",

@@ -126,6 +126,11 @@ def test_distances_count_from_the_second_after_a_vehicle_has_entered(scenes):
     listed = Listed(MEASURED, boundary, n_scenes)
     found = positions_of(simulated, listed, scenes)
     np.testing.assert_allclose(found.error, 3.0)
+    np.testing.assert_allclose(found.first_error, 3.0)
+    ahead[:, 7:, 0] += 9.0
+    entered = positions_of(replace(simulated, frames=frames_at(ahead, boundary.lane)), listed, scenes)
+    assert (entered.error > 3.0).all()
+    np.testing.assert_allclose(entered.first_error, 3.0)
     assert position_figures(found)["position_error"] == pytest.approx(3.0)
     table = position_extra(scenes.scene_id, {"base": found}).tables["positions"]
     assert list(table.columns) == ["method", "scene_id", "run", "position_error", "overlap_share"]

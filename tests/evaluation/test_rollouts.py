@@ -7,10 +7,13 @@ import numpy as np
 import pytest
 
 from rearl_jax.config.core import InitConfig, InitialSource, InitialSpeed
+from rearl_jax.config.driver import record_of
 from rearl_jax.config.evaluation import EvaluationConfig, SeedScope
+from rearl_jax.core.road import traffic_model
 from rearl_jax.evaluation.rollouts import Rollouts
 from rearl_jax.evaluation.rows import Row
 from rearl_jax.evaluation.runner import evaluate
+from rearl_jax.evaluation.simulators import begin
 from rearl_jax.evaluation.tables import frame_table, run_table
 from rearl_jax.problems import InvalidInputError
 
@@ -101,6 +104,18 @@ def test_rollouts_from_the_measured_snapshot(scenes, small):
         np.testing.assert_allclose(frames.speed[0, :, column], speed, rtol=1e-6)
         # Carriageway 2 lies to the right of the two lanes of carriageway 1.
         assert frames.lane[0, :, column].tolist() == [0, 1, 2, 3]
+
+
+@pytest.mark.parametrize("wanted", [5.0, 30.0])
+def test_drivers_of_recorded_vehicles_want_at_most_what_was_seen(scenes, small, wanted):
+    measured = replace(small, init=InitConfig(InitialSource.scene), driver=record_of("idm")(desired_speed=wanted))
+    rollouts = Rollouts([Row(measured)], scenes, np.array([1, 4]))
+    batch, model = rollouts._batch(), traffic_model(measured.core)
+    state, _, _ = jax.jit(lambda batch: begin(batch, measured.core, measured.init.speed, model))(batch)
+    highest = scenes.scaled_speed[rollouts.scene].max(axis=1).T
+    assert highest.min() < 15.0 < 30.0 < highest.max()
+    np.testing.assert_allclose(state.desired_speed, np.minimum(highest, wanted), rtol=1e-6)
+    np.testing.assert_array_equal(state.x, batch.measured.x)  # nobody is moved to make room
 
 
 def test_measured_snapshots_that_do_not_fit_the_road_stop(scenes, small):

@@ -123,11 +123,15 @@ def cut_boundary(
 def lanes_side_by_side(scenes: SceneSet, lane: np.ndarray, direction: np.ndarray) -> np.ndarray:
     """Lanes of a road that has the carriageways side by side: on carriageway 2 those of carriageway 1 are added.
 
+    In scenes of one carriageway each they are left as they are: what is beside is not the other carriageway's traffic.
+
     Args:
         scenes: The scenes, first axis of the others.
         lane: Lanes within the carriageway.
         direction: Carriageways.
     """
+    if scenes.is_one_way:
+        return lane
     counts = {info.id: info.lane_count for info in scenes.infos}
     first = np.array([counts[name].get(1, 0) for name in scenes.recording.tolist()])
     return lane + np.where(direction == 2, first.reshape(-1, *(1,) * (lane.ndim - 1)), 0)
@@ -202,7 +206,7 @@ def _replayed(
     if (is_recorded & (lane == UNKNOWN_LANE)).any():
         raise _lane_missing()
     direction = table["direction"].to_numpy(np.int64)[row]
-    if (direction == 2).any():
+    if (direction == 2).any() and not options.is_one_way:
         lane = lane + np.where(direction == 2, recording.info.lane_count.get(1, 0), 0)[:, None, None]
     lane = np.where(is_recorded, lane, NOT_RECORDED)
     origin = scenes.position[scene, 0, 0] - simulated["x"][scene, 0, 0]

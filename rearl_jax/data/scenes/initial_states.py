@@ -2,7 +2,7 @@
 
 import jax.numpy as jnp
 import numpy as np
-from jaxtyping import Array, Int
+from jaxtyping import Array, Float, Int
 
 from rearl_jax.config.core import CoreConfig
 from rearl_jax.core.boundary import Boundary, Entrants, Identity, Motion
@@ -14,9 +14,7 @@ from rearl_jax.problems import InvalidInputError, Problem, out_of_range
 
 
 def first_lanes(scenes: SceneSet) -> Int[np.ndarray, "scenes slots"]:
-    """Lane of every vehicle in the first snapshot, the carriageways side by side.
-
-    Lane within the carriageway plus, on carriageway 2, the number of lanes of carriageway 1.
+    """Lane of every vehicle in the first snapshot, as `lanes_side_by_side` numbers them.
 
     Raises:
         ValueError: A lane is unknown.
@@ -48,6 +46,12 @@ def measured_state(scenes: SceneSet, core: CoreConfig) -> TrafficState:
         model,
         dtype=np.dtype(core.dtype.name).type,
     )
+
+
+def highest_speeds(scenes: SceneSet) -> Float[np.ndarray, "scenes slots"]:
+    """Highest speed at which each vehicle of the first snapshot is recorded in its scene, rescaled [m/s]."""
+    is_same = scenes.track_id[:, :, :, None] == scenes.track_id[:, :1, None, :]  # [scenes, frames, slots, vehicles]
+    return np.where(is_same, scenes.scaled_speed[..., None], -np.inf).max(axis=(1, 2))
 
 
 def bounded_state(boundary: SceneBoundary, core: CoreConfig) -> TrafficState:

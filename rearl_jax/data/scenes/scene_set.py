@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 from jaxtyping import Bool, Float, Int, Int8, Shaped
 
-from rearl_jax.config.scenes import SpeedNorm
+from rearl_jax.config.scenes import Direction, SpeedNorm
 from rearl_jax.data.records import RecordingInfo
 from rearl_jax.data.scenes.scene_windows import UNKNOWN_LANE
 from rearl_jax.problems import InvalidInputError, Problem
@@ -123,6 +123,11 @@ class SceneSet:
     def generated(self) -> bool:
         """True if any recording was made by the generator, not measured."""
         return any(info.generated for info in self.infos)
+
+    @property
+    def is_one_way(self) -> bool:
+        """Whether each scene holds one carriageway only."""
+        return self.settings.get("scenes.direction") == Direction.per_direction.name
 
     @property
     def block(self) -> np.ndarray:

@@ -5,6 +5,7 @@ whole. Two scenes in different splits never contain the same second of the same 
 overlap of windows, because scenes that would do so are left out and counted.
 """
 
+import math
 from dataclasses import dataclass
 from enum import IntEnum
 
@@ -20,6 +21,12 @@ _PAPER_SIZES = {"evaluation": 50, "threshold": 150, "tuning": 15}
 _THRESHOLD_SHARE = 0.2
 _MIN_SCENES = {"evaluation": 5, "threshold": 1, "tuning": 1}
 _MIN_SCALED_SCENES = 5
+
+TOO_FEW, TOO_SMALL = "scenes-too-few", "split-too-small"
+"""Codes of the problems of too few scenes, and of too few units, for three splits."""
+
+_SHORTEST = 5
+"""Shortest scenes that are advised [s], the default of hist.window."""
 
 # Border of a block in floating-point seconds; far below any frame interval.
 _TIME_TOLERANCE = 1e-6
@@ -86,6 +93,28 @@ def split_scenes(scenes: SceneSet, split: SplitConfig) -> Splits:
     return split_windows(scenes.recording, scenes.start_time, float(scenes.seconds), split)
 
 
+def split_for_evaluation(scenes: SceneSet, split: SplitConfig) -> Splits:
+    """Splits for a task that uses evaluation scenes only.
+
+    Those of `split_scenes`, so that all methods are evaluated on the same scenes; where the scenes are too few for
+    three splits, as many of them as are asked for are evaluation scenes, and there are no others.
+
+    Raises:
+        ValueError: Windows overlap and the unit is a scenario, or `split.evaluation` exceeds the number of scenes.
+    """
+    try:
+        return split_scenes(scenes, split)
+    except InvalidInputError as error:
+        if error.code not in (TOO_FEW, TOO_SMALL):
+            raise
+    n_scenes, wanted = len(scenes), split.evaluation or _LEAST_SIZES["evaluation"]
+    if split.evaluation is not None and wanted > n_scenes:
+        raise out_of_range("split.evaluation", f"must be at most {n_scenes}, the number of scenes", wanted)
+    label = np.full(n_scenes, Split.REST, np.int8)
+    label[np.random.default_rng(split.seed).permutation(n_scenes)[:wanted]] = Split.EVALUATION
+    return Splits(label, {"evaluation": wanted, "threshold": 0, "tuning": 0}, 0, 0)
+
+
 def split_windows(recording: np.ndarray, start_time: np.ndarray, seconds: float, split: SplitConfig) -> Splits:
     """Splits of windows of recordings.
 
@@ -111,7 +140,7 @@ def split_windows(recording: np.ndarray, start_time: np.ndarray, seconds: float,
     if split.unit is SplitUnit.block and split.block_seconds < seconds - _TIME_TOLERANCE:
         message = f"must be at least the {seconds:g} s of a scene, better several times that, to lie inside a block"
         raise out_of_range("split.block_seconds", message, split.block_seconds)
-    sizes = split_sizes(len(recording), split)
+    sizes = split_sizes(len(recording), split, seconds)
     first_unit, last_unit, n_units = _units(recording, start_time, seconds, split)
     rng = np.random.default_rng(split.seed)
     windows_in_unit = np.bincount(first_unit[first_unit == last_unit], minlength=n_units)
@@ -136,12 +165,17 @@ def split_windows(recording: np.ndarray, start_time: np.ndarray, seconds: float,
     return splits
 
 
-def split_sizes(n_scenes: int, split: SplitConfig) -> dict[str, int]:
+def split_sizes(n_scenes: int, split: SplitConfig, seconds: float = math.inf) -> dict[str, int]:
     """Number of scenes asked for per split, `evaluation`, `threshold`, `tuning`.
 
     The paper's 150, 15 and 50 of 741. For another number N: threshold 0.2 N; tuning and evaluation scaled by
     N / 741 (not above 15 and 50), at least 5. If these do not fit into N: evaluation as above, threshold 0.2 N, tuning
     the rest, the last two at least 1. A size given in the configuration is taken as it is.
+
+    Args:
+        n_scenes: Number of scenes.
+        split: Sizes asked for.
+        seconds: Length of a scene [s], for the advice to cut shorter ones.
 
     Raises:
         ValueError: Fewer scenes than the splits need.
@@ -166,12 +200,20 @@ def split_sizes(n_scenes: int, split: SplitConfig) -> dict[str, int]:
             f"{n_scenes} scenes are too few for the splits evaluation, threshold and tuning: {least} are needed with "
             f"the sizes given ({given or 'none given'})"
         )
-        remedy = (
-            "read more recordings, lower scenes.min_vehicles, set scenes.stride below scenes.seconds with "
-            "split.unit=block, or set split.evaluation, split.threshold and split.tuning to smaller numbers"
-        )
-        raise InvalidInputError(Problem("scenes-too-few", message, remedy))
+        raise InvalidInputError(Problem(TOO_FEW, message, _remedy(n_scenes, least, seconds)))
     return sizes
+
+
+def _remedy(n_scenes: int, least: int, seconds: float) -> str:
+    """How to get enough scenes: every scene holds several shorter ones."""
+    remedies = ["read more recordings"]
+    shorter = 0 if math.isinf(seconds) else int(seconds // math.ceil(least / n_scenes))
+    if shorter >= _SHORTEST:
+        remedies.append(f"set scenes.seconds={shorter}")
+    if n_scenes >= len(_LEAST_SIZES):
+        small = f"split.evaluation={n_scenes - 2} split.threshold=1 split.tuning=1"
+        remedies.append(f"set {small}")
+    return ", or ".join(remedies)
 
 
 def _rounded(value: float) -> int:
@@ -241,8 +283,10 @@ def _refuse_small(splits: Splits, n_units: int, split: SplitConfig) -> None:
         if sizes[name] < needed:
             remedy = {
                 SplitUnit.scenario: "read more recordings",
-                SplitUnit.recording: "read more recordings, or set split.unit=block or scenario",
-                SplitUnit.block: "set split.block_seconds lower, or split.unit=scenario without overlap",
+                SplitUnit.recording: "set split.unit=scenario without overlap (scenes.stride=null), or read more "
+                "recordings",
+                SplitUnit.block: "set split.unit=scenario without overlap (scenes.stride=null), or split.block_seconds "
+                "lower",
             }[split.unit]
             other_seed = ", or set another split.seed" if n_units >= len(_MIN_SCENES) else ""
             message = (
@@ -250,4 +294,4 @@ def _refuse_small(splits: Splits, n_units: int, split: SplitConfig) -> None:
                 f"split.unit={split.unit.name} makes only {n_units} units of {len(splits.label)} scenes "
                 f"({splits.n_crossing} of them cross the border of two splits)"
             )
-            raise InvalidInputError(Problem("split-too-small", message, f"{remedy}{other_seed}"))
+            raise InvalidInputError(Problem(TOO_SMALL, message, f"{remedy}{other_seed}"))

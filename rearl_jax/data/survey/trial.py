@@ -1,4 +1,4 @@
-"""Reads a table as proposed; columns that the reader refuses are left out, one after the other, until the rest is read."""
+"""Reads a table as proposed; columns that the reader refuses are left out one by one until the rest is read."""
 
 from dataclasses import dataclass, field, replace
 

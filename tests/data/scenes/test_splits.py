@@ -1,12 +1,15 @@
 """Splits: the paper's sizes, what happens with few scenes, and that no second of traffic is in two splits."""
 
+import re
+from dataclasses import replace
 from itertools import combinations
 
 import numpy as np
 import pytest
 
 from rearl_jax.config.scenes import SplitConfig, SplitUnit
-from rearl_jax.data.scenes.splits import Split, split_sizes, split_windows
+from rearl_jax.data.scenes.splits import Split, split_for_evaluation, split_scenes, split_sizes, split_windows
+from tests.evaluation.conftest import made_scenes
 from tests.refusal import refused
 
 SECONDS = 60.0
@@ -208,3 +211,38 @@ def test_units_that_cannot_serve_three_splits(arguments, split, code, facts):
 def test_bad_values_are_refused(split, key):
     with refused("out-of-range", key=key):
         split.check()
+
+
+def scenes_of(recording, start_time):
+    """Scenes at these windows."""
+    return replace(made_scenes().select(np.zeros(len(recording), int)), recording=recording, start_time=start_time)
+
+
+@pytest.mark.parametrize(("n", "evaluation"), [(1, 1), (2, 2), (6, 5)])
+def test_an_evaluation_of_few_scenes_needs_no_other_splits(n, evaluation):
+    recording, start = windows(1, n * SECONDS)
+    scenes = scenes_of(recording, start)
+    with refused("scenes-too-few"):
+        split_scenes(scenes, SplitConfig())
+    splits = split_for_evaluation(scenes, SplitConfig())
+    assert (len(splits.evaluation), len(splits.threshold), len(splits.tuning)) == (evaluation, 0, 0)
+    with refused("out-of-range", key="split.evaluation"):
+        split_for_evaluation(scenes, SplitConfig(evaluation=n + 1))
+
+
+def test_an_evaluation_of_enough_scenes_has_those_of_all_methods():
+    recording, start = windows(10, 10 * SECONDS)
+    scenes = scenes_of(recording, start)
+    every, alone = split_scenes(scenes, SplitConfig()), split_for_evaluation(scenes, SplitConfig())
+    np.testing.assert_array_equal(every.label, alone.label)
+
+
+@pytest.mark.parametrize("n", [1, 2, 3, 6])
+def test_the_advice_to_cut_shorter_scenes_gives_enough_of_them(n):
+    with refused("scenes-too-few") as caught:
+        split_sizes(n, SplitConfig(), SECONDS)
+    shorter = int(re.search(r"scenes.seconds=(\d+)", caught.value.problem.remedy)[1])
+    assert sum(split_sizes(n * int(SECONDS // shorter), SplitConfig()).values()) >= 7
+    if n >= 3:
+        advised = re.search(r"split.evaluation=(\d+)", caught.value.problem.remedy)[1]
+        split_sizes(n, SplitConfig(evaluation=int(advised), threshold=1, tuning=1))

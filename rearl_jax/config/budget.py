@@ -1,0 +1,90 @@
+"""The task of the error budget, and its keys."""
+
+from dataclasses import dataclass
+
+from rearl_jax.config import EvaluateTask
+from rearl_jax.config._key import key
+from rearl_jax.config.core import InitialSource
+from rearl_jax.config.discover import DiscoverConfig
+from rearl_jax.config.evaluation import Method, SeedScope, Variant
+from rearl_jax.config.scenes import BoundarySource, Direction, ScenesConfig, SpeedConfig, SpeedNorm
+from rearl_jax.problems import InvalidInputError, Problem, out_of_range
+
+START, BOUNDARY, CALIBRATED, FOUND = "start", "boundary", "calibrated", "found"
+LANE_CHANGES, VARIATION, REARL = "lane_changes", "variation", "rearl"
+
+COMPONENTS = (START, BOUNDARY, CALIBRATED, FOUND, LANE_CHANGES, VARIATION, REARL)
+"""Names of all components, in the stated order."""
+
+NEEDS = {BOUNDARY: START, FOUND: CALIBRATED, LANE_CHANGES: CALIBRATED, VARIATION: CALIBRATED}
+"""Component without which another one cannot be: recorded vehicles drive around recorded ones, and effects, lane
+changes and fluctuations were estimated together with the calibrated drivers.
+"""
+
+
+@dataclass(unsafe_hash=True)
+class BudgetConfig:
+    """Components that are added to Base"""
+
+    components: tuple[str, ...] = key(
+        COMPONENTS,
+        f"components in the stated order: some of {', '.join(COMPONENTS)}; those that the recordings or the model do "
+        "not have are left out and named",
+    )
+    calibrate: bool = key(
+        True,
+        "without model: calibrate the drivers on the recordings outside the judged scenes; false: leave them out",
+    )
+
+    def check(self) -> None:
+        """Raise InvalidInputError for an unknown component, one that is named twice, or one that lacks another."""
+        if not self.components or len(set(self.components)) != len(self.components):
+            named = f"[{', '.join(self.components)}]"
+            raise out_of_range("components", "must name each component once, and at least one", named)
+        for number, name in enumerate(self.components):
+            if name not in COMPONENTS:
+                raise out_of_range("components", f"must be some of {', '.join(COMPONENTS)}", name)
+            if name in NEEDS and NEEDS[name] not in self.components[:number]:
+                message = f"must name {NEEDS[name]} before {name}, which needs it"
+                raise InvalidInputError(Problem("component-missing", message, key="components", value=name))
+
+
+def _measured_scenes() -> ScenesConfig:
+    """Scenes of one carriageway each, among all recorded vehicles."""
+    return ScenesConfig(direction=Direction.per_direction, boundary=BoundarySource.measured)
+
+
+def _as_recorded() -> SpeedConfig:
+    """Speeds as they were recorded."""
+    return SpeedConfig(SpeedNorm.none)
+
+
+@dataclass(unsafe_hash=True)
+class StudyBudgetTask(EvaluateTask):
+    """Error budget of simulated scenes."""
+
+    study: str = key("study_budget", "name of the folder under results.root; the same name again replaces its files")
+    method: Method = key(Method.base, "base; each row of the budget sets its own method")
+    variant: Variant = key(Variant.all, "all; the rows switch the parts of model=FILE on and off")
+    scenes: ScenesConfig = key(_measured_scenes, (ScenesConfig.__doc__ or "").rstrip("."))
+    speed: SpeedConfig = key(_as_recorded, (SpeedConfig.__doc__ or "").rstrip("."))
+    budget: BudgetConfig = key(BudgetConfig, "Components that are added to Base")
+    discover: DiscoverConfig = key(DiscoverConfig, (DiscoverConfig.__doc__ or "").rstrip("."))
+
+    def check(self) -> None:
+        """Raise InvalidInputError for keys that the rows set themselves, or that do not fit recorded positions."""
+        fixed = {"method": Method.base, "variant": Variant.all, "init.source": InitialSource.seed}
+        given = {"method": self.method, "variant": self.variant, "init.source": self.init.source}
+        for name, usual in fixed.items():
+            if given[name] is not usual:
+                message = "is set by the rows: leave it out, and choose components with budget.components=[...]"
+                raise InvalidInputError(Problem("set-by-task", message, key=name, value=given[name].name))
+        if self.speed.norm is not SpeedNorm.none:
+            message = "must be none: rescaled speeds do not fit recorded positions"
+            raise out_of_range("speed.norm", message, self.speed.norm.name)
+        if self.eval.seed_scope is not SeedScope.run_x_scene:
+            message = "must be run_x_scene: every rollout starts from its own scene"
+            raise out_of_range("eval.seed_scope", message, self.eval.seed_scope.name)
+        if self.decision.policy.is_outside:
+            message = "must be a policy inside the compiled program, such as matcher or idle"
+            raise out_of_range("decision.policy", message, self.decision.policy.name)

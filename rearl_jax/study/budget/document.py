@@ -1,0 +1,262 @@
+"""Document of the budget: rows of the stated order, shares of the components, and what the rest of the error is."""
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from rearl_jax.config.budget import REARL, START, StudyBudgetTask
+from rearl_jax.data.scenes.scene_set import SceneSet
+from rearl_jax.document.document import Document, Section
+from rearl_jax.document.table import NONE, Cell, Emphasis, Row, Table, percent
+from rearl_jax.evaluation.remarks import Remarks
+from rearl_jax.evaluation.scores import TITLES as REFERENCE_TITLES
+from rearl_jax.evaluation.tables import HEADINGS
+from rearl_jax.metrics import METRICS
+from rearl_jax.study.budget.components import TITLES
+from rearl_jax.study.budget.figures import COLUMNS, DIGITS
+from rearl_jax.study.budget.tables import FIRST, LAST, OF_REAL, REST, WHOLE
+
+SHOWN = {**HEADINGS, "position_error": "position error, m"}
+"""Figures of the rows and their headings."""
+
+MAIN = ("h", "{mape}", "position_error")
+"""Errors that the findings speak of; the second is that of `mape.definition`."""
+
+SURE = 0.95
+"""Share of the orders from which on they do not decide which component has the largest fall [-]."""
+
+CAPTIONS = {
+    "waterfall": "From Base to the row with all components: bars are shares (means over all possible orders) with "
+    "their intervals, crosses the errors of the rows in the stated order. The grey line is real against real. Position "
+    "errors begin with the row that starts as recorded."
+}
+"""Text below the figure."""
+
+
+def document_of(table: pd.DataFrame, steps: pd.DataFrame, remarks: Remarks, *, generated: bool) -> Document:
+    """The document.
+
+    Args:
+        table: Content of budget.parquet.
+        steps: Content of steps.parquet.
+        remarks: The data, findings, definitions and sources.
+        generated: Whether any of the data were generated.
+    """
+    verdict, *findings = remarks.notes
+    sections = (
+        Section("Rows in the stated order", tables=(_rows(steps),)),
+        Section("Shares in the fall of each error", (_READING,), (_shares(table),)),
+        Section("What the rest is", notes=tuple(findings)),
+        Section("Shares by error, beside the stated order", tables=tuple(_by_error(table)), is_folded=True),
+        Section("Definitions", notes=remarks.definitions, is_folded=True),
+    )
+    return Document(
+        title="Error budget of simulated scenes",
+        verdict=verdict,
+        sections=sections,
+        command="study budget",
+        generated=generated,
+        data=remarks.data,
+        sources=remarks.sources,
+        captions=CAPTIONS,
+    )
+
+
+_READING = (
+    "A share is the mean over all possible orders of the fall of the error when the component is added; positive is "
+    "closer to the recording in every column. Shares sum to the whole fall."
+)
+
+
+def _text(value: Any, error: str, sign: str = "") -> str:
+    digits = DIGITS.get(error, METRICS[error].digits if error in METRICS else 3)
+    return NONE if value is None or pd.isna(value) else f"{float(value):{sign}.{digits}f}"
+
+
+def _cell(record: Mapping[str, Any] | None, error: str, sign: str = "") -> Cell:
+    """A figure with its interval."""
+    value, low, high = (_text((record or {}).get(name), error, sign) for name in ("value", "low", "high"))
+    return Cell(value, "" if NONE in (low, high) else f"{low} to {high}")
+
+
+def _rows(steps: pd.DataFrame) -> Table:
+    """The rows of the stated order and the reference rows."""
+    records: dict[tuple[str, str], dict[str, Mapping[str, Any]]] = {}
+    for record in steps.astype(object).to_dict("records"):
+        records.setdefault((record["row"], record["title"]), {})[record["figure"]] = record
+    rows = tuple(
+        Row(
+            title,
+            tuple(_cell(figures.get(name), name) for name in SHOWN),
+            Emphasis.subdued if name in REFERENCE_TITLES else Emphasis.plain,
+        )
+        for (name, title), figures in records.items()
+    )
+    return Table("Base with one component more in every row", tuple(SHOWN.values()), rows)
+
+
+def _shares(table: pd.DataFrame) -> Table:
+    """The shares of all errors beside each other."""
+    records = _records(table)
+    parts = [name for name in TITLES if any(part == name for _, part in records)]
+    errors = list(dict.fromkeys(table["error"]))
+    titles = {**TITLES, WHOLE: "whole fall", OF_REAL: "real against real", REST: "rest beside real against real"}
+    titles |= {FIRST: "first row", LAST: "all components"}
+    rows = []
+    for part in (FIRST, *parts, WHOLE, LAST, OF_REAL, REST):
+        sign = "" if part in (FIRST, LAST, OF_REAL) else "+"
+        cells = tuple(_cell(records.get((error, part)), error, sign) for error in errors)
+        rows.append(Row(titles[part], cells, Emphasis.plain if part in parts else Emphasis.subdued))
+    return Table("Shares of the components", tuple(COLUMNS[error].title for error in errors), tuple(rows))
+
+
+def _by_error(table: pd.DataFrame) -> Iterable[Table]:
+    """A table per error: shares, the fall in the stated order, extremes over all orders."""
+    headings = ("share", "in the stated order", "least", "most", "leads in")
+    for error, own in table.dropna(subset=["leads"]).groupby("error", sort=False):
+        rows = []
+        for record in own.astype(object).to_dict("records"):
+            others = tuple(Cell(_text(record[name], str(error), "+")) for name in ("stated", "least", "most"))
+            leads = Cell(percent(record["leads"]), "of the orders")
+            rows.append(Row(record["title"], (_cell(record, str(error), "+"), *others, leads)))
+        yield Table(f"{COLUMNS[str(error)].title}, {own['n_orders'].iloc[0]} orders", headings, tuple(rows))
+
+
+def _records(table: pd.DataFrame) -> dict[tuple[str, str], dict[str, Any]]:
+    """Rows of budget.parquet by error and part."""
+    records = table.astype(object).to_dict("records")
+    return {(record["error"], record["part"]): {str(k): v for k, v in record.items()} for record in records}
+
+
+def findings_of(table: pd.DataFrame, mape: str, components: Sequence[str]) -> tuple[str, ...]:
+    """Findings computed from the figures: the verdict, then a paragraph per main error.
+
+    Args:
+        table: Content of budget.parquet.
+        mape: The spacing error that decides, as in `MapeConfig.column`.
+        components: The components, in the stated order.
+    """
+    errors = [name.format(mape=mape) for name in MAIN]
+    own = {error: pd.DataFrame(table[table["error"] == error]) for error in errors if error in set(table["error"])}
+    if not own:
+        return ("No main error has a figure in all rows of the budget: there is nothing to divide.",)
+    paragraphs = [_verdict(*next(iter(own.items())))]
+    paragraphs += [_finding(error, _records(part)) for error, part in own.items()]
+    missing = [_name(error) for error in COLUMNS if error not in set(table["error"])]
+    if missing:
+        paragraphs.append(f"Without a figure in some row, so not divided: {', '.join(missing)}.")
+    if START in components and "position_error" not in own:
+        paragraphs.append(
+            "Position errors need vehicles that are picked in the first snapshot and in the second, one second later: "
+            "none is, so no vehicle stays long enough for one."
+        )
+    return tuple(paragraphs)
+
+
+def _name(error: str) -> str:
+    """Name of an error in a sentence, without its unit."""
+    return COLUMNS[error].title.partition(",")[0]
+
+
+def _verdict(error: str, table: pd.DataFrame) -> str:
+    """The result in one sentence."""
+    of = {part: record for (_, part), record in _records(table).items()}
+    leader = max((part for part in of if part in TITLES), key=lambda part: of[part]["value"])
+    beside = f"; recorded scenes are {_text(of[OF_REAL]['value'], error)} from each other" if OF_REAL in of else ""
+    ends = " to ".join(_text(of[part]["value"], error) for part in (FIRST, LAST))
+    return (
+        f"{_name(error)} goes from {ends} with all components; the largest share of this fall, "
+        f"{_inline(of[leader], error)}, has {TITLES[leader]}{beside}."
+    )
+
+
+def _finding(error: str, records: Mapping[tuple[str, str], Mapping[str, Any]]) -> str:
+    """What the fall of an error is made of, whether the order decides that, and what is left."""
+    of = {part: record for (_, part), record in records.items()}
+    title, whole = _name(error), of[WHOLE]
+    said = [
+        f"{title} goes from {_text(of[FIRST]['value'], error)} ({of[FIRST]['title']}) to "
+        f"{_text(of[LAST]['value'], error)} with all components, a fall of {_inline(whole, error)}"
+    ]
+    shares = sorted((part for part in of if part in TITLES), key=lambda part: -of[part]["value"])
+    said.append("shares: " + ", ".join(f"{TITLES[part]} {_inline(of[part], error)}" for part in shares))
+    return (
+        ". ".join(sentence[:1].upper() + sentence[1:] for sentence in (*said, _order(of, shares), _rest(of, error)))
+        + "."
+    )
+
+
+def _order(of: Mapping[str, Mapping[str, Any]], shares: Sequence[str]) -> str:
+    """Whether the order in which components are added decides which is the largest."""
+    leader = shares[0]
+    leads, n_orders = float(of[leader]["leads"]), int(of[leader]["n_orders"])
+    if n_orders == 1:
+        return "these components can be added in one order only"
+    stated = max(shares, key=lambda part: of[part]["stated"])
+    if leads >= SURE and stated == leader:
+        return (
+            f"the order does not decide: {TITLES[leader]} has the largest fall in {percent(leads)} of {n_orders} orders"
+        )
+    words = "" if stated == leader else f", in the stated one {TITLES[stated]}"
+    return (
+        f"the order decides which component looks largest: {TITLES[leader]} has the largest share, but the largest "
+        f"fall only in {percent(leads)} of {n_orders} orders{words}"
+    )
+
+
+def _rest(of: Mapping[str, Mapping[str, Any]], error: str) -> str:
+    """What is left of the error, beside real against real where recordings have the error themselves."""
+    if REST not in of:
+        return f"what is left, {_inline(of[LAST], error, '')}, none of the components explains; recordings have 0"
+    last, real, rest = of[LAST], of[OF_REAL], of[REST]
+    beside = f"another recorded scene in its place has {_text(real['value'], error)}"
+    left = f"what is left, {_text(last['value'], error)},"
+    if pd.isna(rest["low"]):
+        return f"{left} is of too few scenes to be compared: {beside}"
+    if float(rest["low"]) > 0:
+        more = f"the rest of {_inline(rest, error)} none of the components explains"
+        return f"{left} is more than recordings differ: {beside}; {more}"
+    if float(rest["high"]) < 0:
+        return f"{left} is less than recordings differ: {beside}; it need not be a fault of the simulation"
+    return f"{left} cannot be told from what recordings differ: {beside}"
+
+
+def _inline(record: Mapping[str, Any], error: str, sign: str = "+") -> str:
+    """A figure in a sentence."""
+    cell = _cell(record, error, sign)
+    return f"{cell.value} ({cell.interval})" if cell.interval else cell.value
+
+
+def definitions_of(config: StudyBudgetTask, scenes: SceneSet, held_out: np.ndarray) -> tuple[str, ...]:
+    """How rows, starts, intervals and the vehicles of short scenes come about."""
+    chosen = scenes.track_id[held_out]
+    stay = (chosen[:, :, :, None] == chosen[:, :1, None, :]).any(axis=2).sum(axis=1)
+    fullest = _fullest_bin(config, scenes.scaled_speed[held_out])
+    return (
+        f"Road: {config.core.n_vehicles} vehicles on {config.core.n_lanes} lanes in all rows (those of the recordings, "
+        "at least core.n_lanes).",
+        "Base: highway-env's start, drawn by eval.seed, run and scene, and the drivers of the keys driver and mobil.",
+        f"{TITLES[START]}: the first snapshot of the scene; every driver wants at most the highest speed that its "
+        "vehicle is recorded at, drivers without a desired speed of their own exactly that.",
+        f"A vehicle of the first snapshot is picked for {np.median(stay):.0f} s of the {scenes.seconds} s of a scene "
+        "(median). Without recorded vehicles around, the first vehicles are simulated to the end and compared with "
+        "whoever is picked; with them a vehicle leaves when it is not picked any more, and the one picked instead "
+        "enters as recorded. Position errors are those of the vehicles of the first snapshot while they are picked, in "
+        "all rows alike.",
+        f"{TITLES[REARL]}: decisions of the matcher where the traffic differs too much from its reference; the same "
+        "thresholds in all rows, percentiles of Base on threshold scenes.",
+        f"The fullest of the {config.hist.n_bins} bins of the Hellinger distance holds {percent(fullest)} of the "
+        "recorded speeds; where it holds nearly all, H tells little: set hist.low and hist.high to their range.",
+        "THW error and LCR error: distance of a scene's time headway and lane-change rate from the recorded scene's.",
+        f"Intervals: {100 * config.eval.confidence:g} % percentile bootstrap over {len(held_out)} judged scenes, the "
+        "same resamples for every figure. An error is divided over the scenes that have it in all rows.",
+    )
+
+
+def _fullest_bin(config: StudyBudgetTask, speed: np.ndarray) -> float:
+    """Largest share of the speeds in one bin of the Hellinger distance [-]."""
+    hist = config.hist
+    counts, _ = np.histogram(np.clip(speed, hist.low, hist.high), hist.n_bins, (hist.low, hist.high))
+    return float(counts.max() / max(counts.sum(), 1))

@@ -1,0 +1,126 @@
+"""Figures of the budget: errors of the rows scene by scene, shares, and the rest beside real against real."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+
+from rearl_jax.config.budget import START
+from rearl_jax.config.evaluation import EvaluationConfig
+from rearl_jax.evaluation.estimates import intervals
+from rearl_jax.evaluation.scores import REAL, REAL_VS_REAL, TITLES
+from rearl_jax.study.budget.components import Row, orders, row_name, row_of
+from rearl_jax.study.budget.shares import Errors, Shares, shares_of
+
+
+@dataclass(frozen=True)
+class Column:
+    """An error of the budget.
+
+    Attributes:
+        title: Heading, with the unit.
+        source: Metric it is taken from.
+        form: `as it is`, `less real` (distance from the figure of the recorded scene) or `up` (higher is better).
+        first: Components of the first row: errors that rows without them do not have.
+    """
+
+    title: str
+    source: str
+    form: str = "as it is"
+    first: Row = frozenset()
+
+
+COLUMNS: Mapping[str, Column] = {
+    "h": Column("H", "h"),
+    "mape_a": Column("MAPE A", "mape_a"),
+    "mape_b": Column("MAPE B", "mape_b"),
+    "mape_c": Column("MAPE C", "mape_c"),
+    "thw_error": Column("THW error, s", "thw", "less real"),
+    "lcr_error": Column("LCR error", "lcr", "less real"),
+    "realism": Column("realism", "realism", "up"),
+    "position_error": Column("position error, m", "position_error", first=frozenset({START})),
+    "collisions": Column("crashed", "collisions"),
+}
+"""Errors of the budget by name."""
+
+DIGITS: Mapping[str, int] = {"thw_error": 2, "lcr_error": 4, "position_error": 1}
+"""Digits after the decimal point; 3 where none are stated."""
+
+Figure = tuple[float, float | None, float | None]
+"""Mean over scenes, and the ends of its interval."""
+
+
+def errors_of(table: pd.DataFrame, column: Column) -> dict[str, np.ndarray]:
+    """Error of every row of the table (rows of the budget and reference rows), scene by scene; less is better.
+
+    Args:
+        table: One row per row and scene: `row`, `scene_id`, every metric.
+        column: The error.
+    """
+    wide = table.pivot(index="scene_id", columns="row", values=column.source).astype(np.float64)
+    if column.form == "less real":
+        real = wide[REAL] if REAL in wide else np.nan
+        wide = wide.sub(real, axis=0).abs()
+    elif column.form == "up":
+        wide = -wide
+    return {str(name): values.to_numpy(np.float64) for name, values in wide.items()}
+
+
+@dataclass(frozen=True)
+class ColumnBudget:
+    """The budget of one error.
+
+    Attributes:
+        column: The error.
+        errors: Error of every row and reference row, scene by scene.
+        shares: Shares of the components.
+        last: Name of the row with all components.
+    """
+
+    column: Column
+    errors: Mapping[str, np.ndarray]
+    shares: Shares
+    last: str
+
+    @property
+    def first(self) -> str:
+        """Name of the row from which the error falls."""
+        return row_name(self.column.first)
+
+    def rest(self) -> np.ndarray:
+        """Error of the last row less that of real against real, scene by scene; NaN if recordings have none."""
+        of_real = self.errors.get(REAL_VS_REAL)
+        return np.full(len(self.shares.whole), np.nan) if of_real is None else self.errors[self.last] - of_real
+
+
+def budgets(table: pd.DataFrame, components: Sequence[str]) -> dict[str, ColumnBudget]:
+    """The budget of every error that has a figure in some scene in all of its rows."""
+    found = {}
+    for name, column in COLUMNS.items():
+        added = tuple(item for item in components if item not in column.first)
+        if not added or not column.first <= set(components) or column.source not in table:
+            continue
+        errors = errors_of(table, column)
+        rows: Errors = {row_of(row): values for row, values in errors.items() if is_row(row)}
+        shares = shares_of(rows, _after(orders(components), column.first), column.first)
+        if np.isfinite(shares.whole).any():
+            found[name] = ColumnBudget(column, errors, shares, row_name(frozenset(components)))
+    return found
+
+
+def is_row(name: str) -> bool:
+    """Whether a name is one of a row of the budget, and not of a reference row."""
+    return name not in TITLES
+
+
+def _after(every: Sequence[tuple[str, ...]], first: Row) -> list[tuple[str, ...]]:
+    """What is left of the orders that begin with some components, the stated one first."""
+    return [order[len(first) :] for order in every if set(order[: len(first)]) == first]
+
+
+def figures_of(values: Sequence[np.ndarray], eval: EvaluationConfig) -> list[Figure]:
+    """Means over scenes with bootstrap intervals, all from the same resamples; NaN without any value."""
+    ends = intervals(np.stack(values, axis=1), eval)
+    means = (float(value[np.isfinite(value)].mean()) if np.isfinite(value).any() else np.nan for value in values)
+    return [(mean, *end) for mean, end in zip(means, ends, strict=True)]

@@ -1,0 +1,143 @@
+"""Rows of the budget simulated and scored one after the other; finished rows are not simulated again."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pandas as pd
+from rich.progress import Progress
+
+from rearl_jax.config.budget import BOUNDARY, CALIBRATED, REARL, START, StudyBudgetTask
+from rearl_jax.config.core import InitialSource
+from rearl_jax.config.evaluation import Method
+from rearl_jax.config.scenes import BoundarySource
+from rearl_jax.detection.references import References
+from rearl_jax.evaluation.estimates import grouped_mean, scene_means
+from rearl_jax.evaluation.inputs import Inputs
+from rearl_jax.evaluation.positions import Positions
+from rearl_jax.evaluation.rollouts import Rollouts
+from rearl_jax.evaluation.rows import Row as SimulatedRow
+from rearl_jax.evaluation.runner import example_scene, make_scorer, reference_rows, simulated_row
+from rearl_jax.evaluation.scores import REAL, Scores, with_realism
+from rearl_jax.evaluation.simulators import NEVER
+from rearl_jax.metrics import METRICS
+from rearl_jax.models.record import RepairedModel
+from rearl_jax.results import Study, part_name
+from rearl_jax.study.budget.components import TITLES, Row, named, row_name, rows_of
+from rearl_jax.study.budget.drivers import drivers_of
+
+ROWS = "rows"
+"""Name of the table: a folder of parts, read as one Parquet table."""
+
+NO_LIMIT = 100.0
+"""Desired speed [m/s] of Base's drivers in rows that start as recorded, of which the highest recorded speed of the
+vehicle is left: the largest that can be given."""
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What all rows of a budget have in common.
+
+    Attributes:
+        config: The task, with as many lanes and vehicles as the scenes need.
+        inputs: Scenes, their splits, and representative scenes where REARL is a component.
+        held_out: Indices of the judged scenes.
+        components: The components, in the stated order.
+        model: Calibrated drivers; None without.
+        thresholds: Thresholds of REARL's detection.
+    """
+
+    config: StudyBudgetTask
+    inputs: Inputs
+    held_out: np.ndarray
+    components: tuple[str, ...]
+    model: RepairedModel | None = None
+    thresholds: tuple[float, float] = NEVER
+
+    @property
+    def references(self) -> References | None:
+        """Representative scenes."""
+        return self.inputs.references
+
+
+def simulated_rows(setting: Setting, study: Study, bar: Progress, metadata: Mapping[str, str]) -> pd.DataFrame:
+    """One row per row of the budget (or reference row) and judged scene: `row`, `scene_id`, every metric (mean over
+    runs), and for rows that start as recorded `position_error` [m] (of the vehicles of the first snapshot, whom all
+    rows simulate) and `overlap_share` [-].
+
+    Args:
+        setting: What all rows have in common.
+        study: Folder that keeps every finished row.
+        bar: Shows the progress.
+        metadata: Metadata of every part.
+    """
+    rows, finished = rows_of(setting.components), study.finished_parts(ROWS)
+    line = bar.add_task("rows", total=len(rows) + 1)
+    scorer = references = None
+    for number, row in enumerate([None, *rows]):
+        bar.update(line, description=f"row: {_title(row)}", completed=number)
+        if number in finished:
+            continue
+        if scorer is None or references is None:
+            config, inputs = setting.config, setting.inputs
+            scorer = make_scorer(config, inputs.scenes, config.eval.n_runs * len(setting.held_out))
+            references = reference_rows(config, inputs.scenes, setting.held_out, scorer)
+        table = _references(setting, references) if row is None else _row(setting, row, scorer, references)
+        study.write_table(part_name(ROWS, number), table, **metadata)
+    bar.update(line, completed=len(rows) + 1)
+    return pd.read_parquet(study.path / ROWS)
+
+
+def _title(row: Row | None) -> str:
+    return "references" if row is None else ", ".join(TITLES[name] for name in named(row)) or "base"
+
+
+def _references(setting: Setting, references: Sequence[Scores]) -> pd.DataFrame:
+    """Rows of the references."""
+    real = next(row for row in references if row.row == REAL)
+    complete = with_realism(list(references), real, setting.config.realism)
+    return pd.concat([_table(setting, row) for row in complete], ignore_index=True)
+
+
+def _row(setting: Setting, row: Row, scorer, references: Sequence[Scores]) -> pd.DataFrame:
+    """A row, simulated and scored."""
+    scenes, held_out, name = setting.inputs.scenes, setting.held_out, row_name(row)
+    rollouts = Rollouts([as_simulated(setting, row)], scenes, held_out, setting.references)
+    example = example_scene(scenes, held_out, None)
+    scores, _, _, positions = simulated_row(name, rollouts, scorer, scenes, held_out, example, lambda done, total: None)
+    real = next(reference for reference in references if reference.row == REAL)
+    (complete,) = with_realism([scores], real, setting.config.realism)
+    return _table(setting, complete, positions)
+
+
+def as_simulated(setting: Setting, row: Row) -> SimulatedRow:
+    """A row of the budget as a row of an evaluation."""
+    config = replace(setting.config, model=None, method=Method.rearl if REARL in row else Method.base)
+    if START in row:
+        driver = config.driver
+        if driver.values()["desired_speed"] is None:
+            driver = replace(driver, **{"desired_speed": NO_LIMIT})
+        config = replace(config, init=replace(config.init, source=InitialSource.scene), driver=driver)
+    if BOUNDARY not in row:
+        config = replace(config, scenes=replace(config.scenes, boundary=BoundarySource.free))
+    drivers = None
+    if CALIBRATED in row:
+        assert setting.model is not None  # else it is no component
+        drivers = drivers_of(setting.model, row, config.core)
+    thresholds = setting.thresholds if REARL in row else NEVER
+    return SimulatedRow(config, row_name(row), thresholds, drivers=drivers)
+
+
+def _table(setting: Setting, scores: Scores, positions: Positions | None = None) -> pd.DataFrame:
+    """Figures of a row, scene by scene."""
+    held_out = setting.held_out
+    scene_id = setting.inputs.scenes.scene_id[held_out]
+    columns = {name: scene_means(scores, name, held_out) for name in METRICS}
+    columns |= dict.fromkeys(("position_error", "overlap_share"), np.full(len(held_out), np.nan))
+    if positions is not None:
+        at = np.searchsorted(held_out, positions.scene)
+        columns["position_error"] = grouped_mean(positions.first_error, at, len(held_out))
+        columns["overlap_share"] = grouped_mean(positions.overlap, at, len(held_out))
+    frame = pd.DataFrame({"row": [scores.row] * len(held_out), "scene_id": scene_id.astype(np.int32)})
+    missing = {name: pd.arrays.FloatingArray(np.nan_to_num(v), ~np.isfinite(v)) for name, v in columns.items()}
+    return frame.assign(**missing)
