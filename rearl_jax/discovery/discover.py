@@ -22,7 +22,7 @@ from rearl_jax.discovery.observe.candidates import Term
 from rearl_jax.discovery.observe.drivers import prior_of
 from rearl_jax.discovery.observe.parts import Parts
 from rearl_jax.discovery.observe.solver import Solver, solver_of
-from rearl_jax.discovery.observe.uncertainty import known
+from rearl_jax.discovery.observe.uncertainty import standard_deviations
 from rearl_jax.discovery.read.gate import Finding
 from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.report import tables
@@ -142,7 +142,7 @@ def _discovery(config: DiscoverTask, parts: Parts, found: BestSearch, lanes: Lan
         errors |= model_errors(solver, reported, {"after": outcome.last}, options.seed)
     over = Resampling(options.confidence, options.draws, options.seed)
     variation = time_gap_variation(solver, outcome.last, options.seed)
-    deviations = known(solver, outcome.last.state).theta
+    deviations = standard_deviations(solver, outcome.last.state).theta
     effects = _effects(deviations, outcome, left, parts.findings, options.confidence)
     without = {
         (term.effect, outcome.layout.candidates[term].variables): names
@@ -210,14 +210,14 @@ def _effects(
     """
     effects = [found_in_columns(finding, confidence) for finding in findings if finding.is_artefact]
     most, doubtful = THRESHOLDS.most_confidence, THRESHOLDS.doubtful_confidence
-    usual = most if left.is_enough and not outcome.leaves_shifts else doubtful
+    highest = most if left.is_enough and not outcome.leaves_shifts else doubtful
     if outcome.clocks is not None:
         effects.append(differing_clocks(outcome.clocks, most if left.is_of_clocks else doubtful))
     theta = outcome.last.state.theta
     for trial, rivals, own in outcome.fitted_trials(deviations):
         if not outcome.is_stated(trial) or not is_on(trial, theta, own, outcome.layout, confidence):
             continue
-        reliability = doubtful if outcome.is_doubtful(trial) else usual
+        reliability = doubtful if outcome.is_doubtful(trial) else highest
         effects.append(named_trial(trial, rivals, theta, own, outcome.layout, confidence, reliability))
     return effects
 

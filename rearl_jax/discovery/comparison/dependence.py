@@ -14,8 +14,8 @@ from rearl_jax.discovery.comparison.choice import is_beaten
 from rearl_jax.discovery.comparison.compared import calibrated_alike
 from rearl_jax.discovery.observe.candidates import Term
 from rearl_jax.discovery.observe.drivers import Prior
-from rearl_jax.discovery.observe.fit import Fit, on_others
-from rearl_jax.discovery.observe.fit_state import FitState, copied
+from rearl_jax.discovery.observe.fit import Fit, recalibrated
+from rearl_jax.discovery.observe.fit_state import FitState, with_changes
 from rearl_jax.discovery.observe.noise import no_larger, noises, under_best_noise
 from rearl_jax.discovery.observe.solver import Solver, solver_of
 from rearl_jax.discovery.read.measured import Measured
@@ -54,7 +54,7 @@ def found_beside(solver: Solver, outcome: Search, priors: Sequence[Prior], fitte
     """
     if not any(trial.candidate.kind in ("driver", "road") for trial in outcome.added):
         return []
-    (chosen,) = on_others(solver, outcome.checked, [outcome.last])
+    (chosen,) = recalibrated(solver, outcome.checked, [outcome.last])
     return [_beside(solver_of(fitted, prior), prior, outcome, chosen) for prior in priors[:MOST_OTHERS]]
 
 
@@ -80,7 +80,7 @@ def _beside(solver: Solver, prior: Prior, outcome: Search, chosen: FitState) -> 
         fits = {term: _with(solver, fit, trial)}
         fit = rebased(solver, fit, fits)
         after = nested(solver, fit, fits)[term]
-        before, other = on_others(solver, outcome.checked, [fit, after])
+        before, other = recalibrated(solver, outcome.checked, [fit, after])
         holds[term] = trial_of(solver, after, fit.state, other, before, outcome.null.null_mean(term)).holds
         others.append(other)
         fit = after
@@ -91,6 +91,6 @@ def _with(solver: Solver, fit: Fit, trial: Trial) -> Fit:
     """A model with the addition of another one, which begins at what was found there."""
     places, theta = list(trial.candidate.free), fit.state.theta.copy()
     theta[places] = trial.fit.state.theta[places]
-    state = copied(fit.state, theta=theta, active=(*fit.state.active, trial.candidate.term))
+    state = with_changes(fit.state, theta=theta, active=(*fit.state.active, trial.candidate.term))
     solver.solve([state], iterations=15, tolerance=0.3)
     return Fit(trial.candidate, *under_best_noise(solver, state, noises(fit.noise, no_larger(fit.noise))))

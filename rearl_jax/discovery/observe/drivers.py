@@ -78,8 +78,8 @@ class Prior:
         """Car following of drivers whose standardised parameters are z."""
         truck = jnp.asarray(is_truck)[None]
         car_logs, truck_logs = (jnp.log(jnp.asarray(row))[:, None] for row in self.usual)
-        usual = car_logs * (1 - truck) + truck_logs * truck
-        return self.model(*jnp.exp(usual + jnp.asarray(self.spread)[:, None] * z))
+        medians = car_logs * (1 - truck) + truck_logs * truck
+        return self.model(*jnp.exp(medians + jnp.asarray(self.spread)[:, None] * z))
 
 
 def prior_of(driver: DriverConfig) -> Prior:

@@ -17,7 +17,7 @@ CONTENT = np.log(THRESHOLDS.independent_observations)
 
 
 @dataclass(frozen=True)
-class Known:
+class StandardDeviations:
     """Standard deviations of fitted parameters.
 
     Attributes:
@@ -29,7 +29,7 @@ class Known:
     drivers: Float[np.ndarray, "drivers own"]
 
 
-def known(solver: Solver, state: FitState) -> Known:
+def standard_deviations(solver: Solver, state: FitState) -> StandardDeviations:
     """Standard deviations in a solved state.
 
     For each element of theta the larger of two estimates: from the curvature, which relies on the noise model, and from
@@ -46,7 +46,7 @@ def known(solver: Solver, state: FitState) -> Known:
     inverse = np.linalg.inv(gram[:, own, own] + state.precision)
     drivers = np.sqrt(np.einsum("dii->di", inverse))
     if not len(free):
-        return Known(np.empty(0), drivers)
+        return StandardDeviations(np.empty(0), drivers)
     response, information = _projected(state, len(free))
     information = information + np.diag(solver.layout.scale[free] ** -2.0)
     away = state.away @ state.precision
@@ -56,7 +56,7 @@ def known(solver: Solver, state: FitState) -> Known:
     n = len(scores)
     scatter = scores.T @ scores * n / max(n - len(free), 1)
     sandwich = covariance @ scatter @ covariance
-    return Known(np.sqrt(np.maximum(np.diag(covariance), np.diag(sandwich))), drivers)
+    return StandardDeviations(np.sqrt(np.maximum(np.diag(covariance), np.diag(sandwich))), drivers)
 
 
 def _projected(state: FitState, n_free: int) -> tuple[np.ndarray, np.ndarray]:

@@ -12,7 +12,7 @@ import numpy as np
 
 from rearl_jax.discovery.observe.fit_state import FitState
 from rearl_jax.discovery.observe.solver import Solver
-from rearl_jax.discovery.observe.uncertainty import known
+from rearl_jax.discovery.observe.uncertainty import standard_deviations
 from rearl_jax.discovery.thresholds import THRESHOLDS
 from rearl_jax.document.document import Section
 from rearl_jax.document.table import Cell, Row, Table, number, percent, sentence, spoken
@@ -26,7 +26,7 @@ def population_block(solver: Solver, state: FitState) -> dict[str, dict[str, Any
     prior, truck = solver.layout.prior, state.truck
     low, high = (bound[truck] for bound in prior.bounds)
     values = np.exp(np.median(np.log(prior.values(state.z, truck)), axis=0))
-    told = 1 - np.mean((known(solver, state).drivers / state.spread) ** 2, axis=0)
+    told = 1 - np.mean((standard_deviations(solver, state).drivers / state.spread) ** 2, axis=0)
     at_bound = ((state.z <= low + NEAR) | (state.z >= high - NEAR)).mean(axis=0)
     rows = zip(prior.names, prior.units, values, prior.spread * state.spread, told, at_bound, strict=True)
     return {
