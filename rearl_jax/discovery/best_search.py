@@ -13,7 +13,7 @@ from rich.progress import Progress
 
 from rearl_jax.config import DiscoverTask
 from rearl_jax.discovery.comparison.comparison import Comparison, comparison_of
-from rearl_jax.discovery.comparison.dependence import MOST_OTHERS, Beside, better_model, found_beside
+from rearl_jax.discovery.comparison.dependence import MOST_OTHERS, Beside, better_model, found_beside, without_bounds
 from rearl_jax.discovery.observe.base import Base
 from rearl_jax.discovery.observe.candidates import LENS
 from rearl_jax.discovery.observe.clocks import CLOCK_OFFSET
@@ -166,4 +166,4 @@ def _search(
         log.info("a corrected camera distortion makes simulations of the check drivers worse: it is not corrected")
         outcome = look(excluded=outcome.excluded | {LENS})
     report("reporting", 0, 1)
-    return confirmed(solver, outcome, options.seed)
+    return without_bounds(solver, confirmed(solver, outcome, options.seed), parts.fitted)

@@ -35,6 +35,7 @@ from rearl_jax.discovery.report.repaired import repaired_model
 from rearl_jax.discovery.report.variation import variation_block
 from rearl_jax.discovery.report.verdict import (
     MISJUDGED,
+    OF_BOUNDS,
     candidate_rows,
     differing_clocks,
     found_in_columns,
@@ -51,6 +52,7 @@ from rearl_jax.discovery.search.procedure import Search, in_time
 from rearl_jax.discovery.search.refit import rebased, refit
 from rearl_jax.discovery.search.screen import scores
 from rearl_jax.discovery.thresholds import THRESHOLDS
+from rearl_jax.document.table import spoken
 from rearl_jax.models.record import RepairedModel
 from rearl_jax.problems import out_of_range
 from rearl_jax.results import Study
@@ -172,7 +174,7 @@ def _discovery(config: DiscoverTask, parts: Parts, found: BestSearch, lanes: Lan
             "staleness": left.staleness,
             "remaining": {"name": str(left.remaining[0]), "surprise": left.remaining[1]},
         },
-        "data": _described(parts, solver, (*parts.notes, *([MISJUDGED] if left.misjudges else ()))),
+        "data": _described(parts, solver, (*parts.notes, *_doubts(outcome, left))),
         "thresholds": THRESHOLDS.plain(),
     }
     verdict = with_lane_choice(following, lanes)
@@ -200,6 +202,12 @@ def _discovery(config: DiscoverTask, parts: Parts, found: BestSearch, lanes: Lan
     if lanes.prediction is not None:
         written[LANE_CHANGE_TABLE] = prediction_table(lanes.prediction)
     return Discovery(config, parts.id, verdict, written, model, Behind(solver, outcome, parts, reported, errors))
+
+
+def _doubts(outcome: Search, left: Adequacy) -> list[str]:
+    """Notes on what speaks against the final model."""
+    of_bounds = [OF_BOUNDS.format(spoken(str(term))) for term in outcome.of_bounds]
+    return of_bounds + [MISJUDGED] * left.misjudges
 
 
 def _effects(

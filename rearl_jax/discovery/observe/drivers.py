@@ -24,11 +24,13 @@ class Prior:
         name: Name of the car-following model.
         usual_car: Median parameters of car drivers, in the order of the model's declaration.
         usual_truck: Median parameters of truck drivers.
+        is_bounded: Whether parameters stay within their declared bounds.
     """
 
     name: str
     usual_car: tuple[float, ...]
     usual_truck: tuple[float, ...]
+    is_bounded: bool = True
 
     @property
     def model(self) -> type[CarFollowing]:
@@ -62,7 +64,9 @@ class Prior:
 
     @property
     def bounds(self) -> tuple[Float[np.ndarray, "classes own"], Float[np.ndarray, "classes own"]]:
-        """Bounds of the standardised parameters of cars and of trucks [-]."""
+        """Bounds of the standardised parameters of cars and of trucks [-]; infinite without bounds."""
+        if not self.is_bounded:
+            return np.full_like(self.usual, -np.inf), np.full_like(self.usual, np.inf)
         parameters = self.model.declaration.parameters
         limits = (np.array([getattr(parameter, end) for parameter in parameters]) for end in ("low", "high"))
         low, high = ((np.log(limit) - np.log(self.usual)) / self.spread for limit in limits)

@@ -12,6 +12,9 @@ from rearl_jax.discovery.observe.fit_state import FitState
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.thresholds import THRESHOLDS
 
+NEAR = 1e-6
+"""Distance from a bound below which a parameter counts as at the bound [-]."""
+
 CONTENT = np.log(THRESHOLDS.independent_observations)
 """Logarithm of a typical number of independent observations of one parameter [-]."""
 
@@ -57,6 +60,12 @@ def standard_deviations(solver: Solver, state: FitState) -> StandardDeviations:
     scatter = scores.T @ scores * n / max(n - len(free), 1)
     sandwich = covariance @ scatter @ covariance
     return StandardDeviations(np.sqrt(np.maximum(np.diag(covariance), np.diag(sandwich))), drivers)
+
+
+def shares_at_bound(solver: Solver, state: FitState) -> Float[np.ndarray, " own"]:
+    """Share of the drivers at a bound of each parameter [-]."""
+    low, high = (bound[state.truck] for bound in solver.layout.prior.bounds)
+    return ((state.z <= low + NEAR) | (state.z >= high - NEAR)).mean(axis=0)
 
 
 def _projected(state: FitState, n_free: int) -> tuple[np.ndarray, np.ndarray]:

@@ -96,6 +96,7 @@ class Search:
         lane_changes: What changes of lane bring with them, against the model without it.
         rejected: What had been added, and made the simulation of other drivers worse.
         excluded: Candidates, or clocks, that are not looked for.
+        of_bounds: Added effects that do not hold once drivers' parameters may leave their bounds.
     """
 
     layout: Layout
@@ -107,6 +108,7 @@ class Search:
     lane_changes: list[Trial] = field(default_factory=list)
     rejected: list[Trial] = field(default_factory=list)
     excluded: frozenset[Term] = frozenset()
+    of_bounds: frozenset[Term] = frozenset()
 
     @property
     def before(self) -> Fit:
@@ -169,9 +171,11 @@ class Search:
 
     def is_doubtful(self, trial: Trial) -> bool:
         """True if a named effect is beaten by what is not believed, comes before what simulations contradict or after a
-        free curve, whose remainder it may be, or leaves a dependence on what it acts by, which then is another one than
-        it says.
+        free curve, whose remainder it may be, does not hold without bounds of the drivers' parameters, or leaves a
+        dependence on what it acts by, which then is another one than it says.
         """
+        if trial.candidate.term in self.of_bounds:
+            return True
         if self.is_contradicted or any(turn.is_beaten for turn in self.rounds if turn.chosen is trial):
             return True
         earlier = takewhile(lambda other: other is not trial, self.added)
