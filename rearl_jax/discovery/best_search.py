@@ -13,7 +13,7 @@ from rich.progress import Progress
 
 from rearl_jax.config import DiscoverTask
 from rearl_jax.discovery.comparison.comparison import Comparison, comparison_of
-from rearl_jax.discovery.comparison.dependence import MOST_OTHERS, Beside, better_model, found_beside
+from rearl_jax.discovery.comparison.dependence import MOST_OTHERS, Beside, better_model, found_beside, without_bounds
 from rearl_jax.discovery.observe.base import Base
 from rearl_jax.discovery.observe.candidates import LENS
 from rearl_jax.discovery.observe.clocks import CLOCK_OFFSET
@@ -73,7 +73,7 @@ def best_search(
     beside = found_beside(solver, outcome, comparison.others, parts.fitted)
     better = better_model(beside, seed)
     if better is not None:
-        log.info("with what was found, %s is surely more likely: the search begins anew beside it", better.name)
+        log.info("with the effects found, %s fits significantly better: the search is repeated with it", better.name)
         comparison, solver = comparison.going_on_with(better), solver_of(parts.fitted, better)
         outcome = _search(config, None, solver, parts, None, bar, whose)  # simulated nulls are of the first model
         beside = found_beside(solver, outcome, comparison.others, parts.fitted)
@@ -89,7 +89,10 @@ def best_search(
         named = _search(config, None, other, parts, None, bar, words)
         left = adequacy(other, named, seed)
         if names_more(before, named, left, prediction_of(other, named), seed):
-            log.info("beside %s, what was found has a name, and other drivers are as likely", prior.name)
+            log.info(
+                "with %s, the effects found have names, and the check drivers are predicted at least as well",
+                prior.name,
+            )
             comparison = comparison.going_on_with(prior)
             beside = found_beside(other, named, comparison.others, parts.fitted)
             return BestSearch(other, named, left, comparison, beside)
@@ -157,10 +160,10 @@ def _search(
     )
     outcome = look()
     if not clocks_confirmed(solver, outcome, parts.checked, options.seed):
-        log.info("clocks put right make simulations of other drivers worse: left as they are")
+        log.info("corrected clocks make simulations of the check drivers worse: clocks are not corrected")
         outcome = look(excluded=frozenset({CLOCK_OFFSET}))
     if not lens_confirmed(solver, outcome, options.seed):
-        log.info("a camera's distortion makes simulations of other drivers worse: left as it is")
+        log.info("a corrected camera distortion makes simulations of the check drivers worse: it is not corrected")
         outcome = look(excluded=outcome.excluded | {LENS})
     report("reporting", 0, 1)
-    return confirmed(solver, outcome, options.seed)
+    return without_bounds(solver, confirmed(solver, outcome, options.seed), parts.fitted)

@@ -12,7 +12,7 @@ from rearl_jax.data.recordings import iterate_recordings, label_of_same
 from rearl_jax.data.records import Recording
 from rearl_jax.discovery.discover import Discovery, discovery_of
 from rearl_jax.discovery.groups.group import Grouping, grouped
-from rearl_jax.discovery.groups.kinds import Kinds, kinds_of, purity, seen_of
+from rearl_jax.discovery.groups.kinds import Kinds, driver_likelihoods, kinds_of, purity
 from rearl_jax.discovery.observe.base import base_of
 from rearl_jax.discovery.observe.drivers import prior_of
 from rearl_jax.discovery.observe.parts import AUTO, Parts, measured_drivers, named_labels
@@ -100,7 +100,7 @@ def _kinds(config: DiscoverTask, drivers: Drivers, bar: Progress) -> Kinds:
     solver = solver_of(drivers.data, prior_of(config.driver))
     fit = base_of(solver, drivers.data, lane_changes=config.discover.lane_changes).fit
     say(1, 2)
-    kinds = kinds_of(seen_of(solver, fit), config.discover.seed)
+    kinds = kinds_of(driver_likelihoods(solver, fit), config.discover.seed)
     say(2, 2)
     return kinds
 

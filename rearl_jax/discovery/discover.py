@@ -22,7 +22,7 @@ from rearl_jax.discovery.observe.candidates import Term
 from rearl_jax.discovery.observe.drivers import prior_of
 from rearl_jax.discovery.observe.parts import Parts
 from rearl_jax.discovery.observe.solver import Solver, solver_of
-from rearl_jax.discovery.observe.uncertainty import known
+from rearl_jax.discovery.observe.uncertainty import standard_deviations
 from rearl_jax.discovery.read.gate import Finding
 from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.report import tables
@@ -35,6 +35,7 @@ from rearl_jax.discovery.report.repaired import repaired_model
 from rearl_jax.discovery.report.variation import variation_block
 from rearl_jax.discovery.report.verdict import (
     MISJUDGED,
+    OF_BOUNDS,
     candidate_rows,
     differing_clocks,
     found_in_columns,
@@ -51,6 +52,7 @@ from rearl_jax.discovery.search.procedure import Search, in_time
 from rearl_jax.discovery.search.refit import rebased, refit
 from rearl_jax.discovery.search.screen import scores
 from rearl_jax.discovery.thresholds import THRESHOLDS
+from rearl_jax.document.table import spoken
 from rearl_jax.models.record import RepairedModel
 from rearl_jax.problems import out_of_range
 from rearl_jax.results import Study
@@ -142,7 +144,7 @@ def _discovery(config: DiscoverTask, parts: Parts, found: BestSearch, lanes: Lan
         errors |= model_errors(solver, reported, {"after": outcome.last}, options.seed)
     over = Resampling(options.confidence, options.draws, options.seed)
     variation = time_gap_variation(solver, outcome.last, options.seed)
-    deviations = known(solver, outcome.last.state).theta
+    deviations = standard_deviations(solver, outcome.last.state).theta
     effects = _effects(deviations, outcome, left, parts.findings, options.confidence)
     without = {
         (term.effect, outcome.layout.candidates[term].variables): names
@@ -172,7 +174,7 @@ def _discovery(config: DiscoverTask, parts: Parts, found: BestSearch, lanes: Lan
             "staleness": left.staleness,
             "remaining": {"name": str(left.remaining[0]), "surprise": left.remaining[1]},
         },
-        "data": _described(parts, solver, (*parts.notes, *([MISJUDGED] if left.misjudges else ()))),
+        "data": _described(parts, solver, (*parts.notes, *_doubts(outcome, left))),
         "thresholds": THRESHOLDS.plain(),
     }
     verdict = with_lane_choice(following, lanes)
@@ -202,6 +204,12 @@ def _discovery(config: DiscoverTask, parts: Parts, found: BestSearch, lanes: Lan
     return Discovery(config, parts.id, verdict, written, model, Behind(solver, outcome, parts, reported, errors))
 
 
+def _doubts(outcome: Search, left: Adequacy) -> list[str]:
+    """Notes on what speaks against the final model."""
+    of_bounds = [OF_BOUNDS.format(spoken(str(term))) for term in outcome.of_bounds]
+    return of_bounds + [MISJUDGED] * left.misjudges
+
+
 def _effects(
     deviations: np.ndarray, outcome: Search, left: Adequacy, findings: Sequence[Finding], confidence: float
 ) -> list[Claim]:
@@ -210,14 +218,14 @@ def _effects(
     """
     effects = [found_in_columns(finding, confidence) for finding in findings if finding.is_artefact]
     most, doubtful = THRESHOLDS.most_confidence, THRESHOLDS.doubtful_confidence
-    usual = most if left.is_enough and not outcome.leaves_shifts else doubtful
+    highest = most if left.is_enough and not outcome.leaves_shifts else doubtful
     if outcome.clocks is not None:
         effects.append(differing_clocks(outcome.clocks, most if left.is_of_clocks else doubtful))
     theta = outcome.last.state.theta
     for trial, rivals, own in outcome.fitted_trials(deviations):
         if not outcome.is_stated(trial) or not is_on(trial, theta, own, outcome.layout, confidence):
             continue
-        reliability = doubtful if outcome.is_doubtful(trial) else usual
+        reliability = doubtful if outcome.is_doubtful(trial) else highest
         effects.append(named_trial(trial, rivals, theta, own, outcome.layout, confidence, reliability))
     return effects
 

@@ -15,7 +15,7 @@ from jaxtyping import Float
 from rearl_jax.discovery.comparison.choice import is_beaten
 from rearl_jax.discovery.observe.base import Base, base_of
 from rearl_jax.discovery.observe.closed_loop import calibrated_to_gap, simulated_error
-from rearl_jax.discovery.observe.fit import Fit, on_others
+from rearl_jax.discovery.observe.fit import Fit, recalibrated
 from rearl_jax.discovery.observe.fit_state import FitState, new_state
 from rearl_jax.discovery.observe.noise import ACCELERATIONS, noises, under_best_time
 from rearl_jax.discovery.observe.solver import Solver
@@ -83,7 +83,7 @@ def compared_models(
     fits, states, likely = [], [], []
     for number, solver in enumerate(solvers):
         fit = base.fit if number == 0 else calibrated_alike(solver, fitted, base.fit)
-        (state,) = on_others(solver, checked, [fit])
+        (state,) = recalibrated(solver, checked, [fit])
         fits.append(fit)
         states.append(state)
         likely.append(state.marginal())

@@ -1,11 +1,12 @@
-"""What was found under one car-following model, beside others: does it need that model, and is another one better now?
+"""What was found under one car-following model, beside others: does it need that model, or the bounds of its
+parameters, and is another one better now?
 
 An effect that is missing pulls the comparison of bare models towards those that imitate it. With what was found in them
 they compare anew.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
@@ -14,14 +15,16 @@ from rearl_jax.discovery.comparison.choice import is_beaten
 from rearl_jax.discovery.comparison.compared import calibrated_alike
 from rearl_jax.discovery.observe.candidates import Term
 from rearl_jax.discovery.observe.drivers import Prior
-from rearl_jax.discovery.observe.fit import Fit, on_others
-from rearl_jax.discovery.observe.fit_state import FitState, copied
+from rearl_jax.discovery.observe.fit import Fit, recalibrated
+from rearl_jax.discovery.observe.fit_state import FitState, with_changes
 from rearl_jax.discovery.observe.noise import no_larger, noises, under_best_noise
 from rearl_jax.discovery.observe.solver import Solver, solver_of
+from rearl_jax.discovery.observe.uncertainty import shares_at_bound
 from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.search.decision import Trial, bounded_gains, trial_of
 from rearl_jax.discovery.search.procedure import Search
 from rearl_jax.discovery.search.refit import nested, rebased
+from rearl_jax.discovery.thresholds import THRESHOLDS
 
 MOST_OTHERS = 2
 """Other models under which effects are looked for at most."""
@@ -52,16 +55,29 @@ def found_beside(solver: Solver, outcome: Search, priors: Sequence[Prior], fitte
         priors: The other models, the most likely first.
         fitted: The fitted drivers as they were measured, which curves and sections are laid out for.
     """
-    if not any(trial.candidate.kind in ("driver", "road") for trial in outcome.added):
+    if not _named(outcome):
         return []
-    (chosen,) = on_others(solver, outcome.checked, [outcome.last])
+    (chosen,) = recalibrated(solver, outcome.checked, [outcome.last])
     return [_beside(solver_of(fitted, prior), prior, outcome, chosen) for prior in priors[:MOST_OTHERS]]
 
 
 def dependent_effects(outcome: Search, others: Sequence[Beside]) -> dict[Term, tuple[str, ...]]:
     """Names of the other models in which an effect does not hold, by effect; only effects with a name."""
-    named = [trial.candidate.term for trial in outcome.added if trial.candidate.kind in ("driver", "road")]
-    return {term: tuple(one.prior.name for one in others if not one.holds[term]) for term in named}
+    return {term: tuple(one.prior.name for one in others if not one.holds[term]) for term in _named(outcome)}
+
+
+def without_bounds(solver: Solver, outcome: Search, fitted: Measured) -> Search:
+    """The search with the effects noted that do not hold once drivers' parameters may leave their bounds. A driver at a
+    bound cannot be described by the model, and an effect may take in what is missing there.
+
+    Nothing is fitted where few drivers are at a bound, or where no effect with a name was found.
+    """
+    prior, named = solver.layout.prior, _named(outcome)
+    states = (outcome.first.state, outcome.last.state)
+    if not named or max(shares_at_bound(solver, state).max() for state in states) <= THRESHOLDS.most_at_bound:
+        return outcome
+    holds, _ = _found_again(solver_of(fitted, replace(prior, is_bounded=False)), outcome)
+    return replace(outcome, of_bounds=frozenset(term for term in named if not holds[term]))
 
 
 def better_model(others: Sequence[Beside], seed: int) -> Prior | None:
@@ -72,25 +88,36 @@ def better_model(others: Sequence[Beside], seed: int) -> Prior | None:
     return best.prior if is_beaten(np.zeros_like(best.gains), [best.gains], seed) else None
 
 
+def _named(outcome: Search) -> list[Term]:
+    """The added effects with a name."""
+    return [trial.candidate.term for trial in outcome.added if trial.candidate.kind in ("driver", "road")]
+
+
 def _beside(solver: Solver, prior: Prior, outcome: Search, chosen: FitState) -> Beside:
+    holds, other = _found_again(solver, outcome)
+    return Beside(prior, holds, bounded_gains(other.marginal() - chosen.marginal(), outcome.checked))
+
+
+def _found_again(solver: Solver, outcome: Search) -> tuple[dict[Term, bool], FitState]:
+    """Whether each addition holds in another model beside those before it, and the check drivers with all of them."""
     fit = calibrated_alike(solver, outcome.first.state.data, outcome.first)
-    holds, others = {}, []
+    holds, other = {}, None
     for trial in outcome.added:
         term = trial.candidate.term
         fits = {term: _with(solver, fit, trial)}
         fit = rebased(solver, fit, fits)
         after = nested(solver, fit, fits)[term]
-        before, other = on_others(solver, outcome.checked, [fit, after])
+        before, other = recalibrated(solver, outcome.checked, [fit, after])
         holds[term] = trial_of(solver, after, fit.state, other, before, outcome.null.null_mean(term)).holds
-        others.append(other)
         fit = after
-    return Beside(prior, holds, bounded_gains(others[-1].marginal() - chosen.marginal(), outcome.checked))
+    assert other is not None
+    return holds, other
 
 
 def _with(solver: Solver, fit: Fit, trial: Trial) -> Fit:
     """A model with the addition of another one, which begins at what was found there."""
     places, theta = list(trial.candidate.free), fit.state.theta.copy()
     theta[places] = trial.fit.state.theta[places]
-    state = copied(fit.state, theta=theta, active=(*fit.state.active, trial.candidate.term))
+    state = with_changes(fit.state, theta=theta, active=(*fit.state.active, trial.candidate.term))
     solver.solve([state], iterations=15, tolerance=0.3)
     return Fit(trial.candidate, *under_best_noise(solver, state, noises(fit.noise, no_larger(fit.noise))))

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from rearl_jax.discovery.groups.mixture import Mixture, Seen, drawn_from, one_group, split_further
+from rearl_jax.discovery.groups.mixture import DriverLikelihoods, Mixture, drawn_from, one_group, split_further
 from rearl_jax.discovery.observe.fit import Fit
 from rearl_jax.discovery.observe.kalman import Noise
 from rearl_jax.discovery.observe.observer import squared_leader_acceleration
@@ -84,12 +84,12 @@ class Kinds:
         }
 
 
-def kinds_of(seen: Seen, seed: int) -> Kinds:
+def kinds_of(likelihoods: DriverLikelihoods, seed: int) -> Kinds:
     """Kinds of drivers; more than one only if a single kind would hardly ever give as much evidence for several."""
-    mixtures = [one_group(seen)]
+    mixtures = [one_group(likelihoods)]
     distinctness = [1.0]
-    while len(mixtures) < MOST_KINDS and len(seen.weighted) >= (len(mixtures) + 1) * THRESHOLDS.least_drivers:
-        mixtures.append(split_further(seen, mixtures[-1]))
+    while len(mixtures) < MOST_KINDS and len(likelihoods.weighted) >= (len(mixtures) + 1) * THRESHOLDS.least_drivers:
+        mixtures.append(split_further(likelihoods, mixtures[-1]))
         distinctness.append(mixtures[-1].distinctness())
         if mixtures[-1].evidence < max(mixture.evidence for mixture in mixtures) - HOPELESS:
             break
@@ -100,7 +100,7 @@ def kinds_of(seen: Seen, seed: int) -> Kinds:
     gain = best.evidence - mixtures[0].evidence
     chance = 1.0
     if gain >= THRESHOLDS.least_kinds_gain:
-        by_chance = np.array(_gains_by_chance(seen, mixtures[0], seed))
+        by_chance = np.array(_gains_by_chance(likelihoods, mixtures[0], seed))
         chance = float((1 + (by_chance >= gain).sum()) / (1 + len(by_chance)))
     if chance > THRESHOLDS.most_kinds_chance:
         best = mixtures[0]
@@ -111,7 +111,7 @@ def kinds_of(seen: Seen, seed: int) -> Kinds:
     return Kinds(of_driver, [mixture.evidence for mixture in mixtures], distinctness, gain, chance)
 
 
-def seen_of(solver: Solver, fit: Fit) -> Seen:
+def driver_likelihoods(solver: Solver, fit: Fit) -> DriverLikelihoods:
     """Estimates of each driver of a calibrated model, relative to the mean of its class (car or truck): standardised
     parameters, in principal directions of the information, and noise.
 
@@ -135,7 +135,7 @@ def seen_of(solver: Solver, fit: Fit) -> Seen:
     whole[:, own, own] = np.einsum("ji,njk,kl->nil", directions, information, directions)
     for k in range(2):
         whole[:, size + k, size + k] = known[:, k]
-    return Seen(whole, np.einsum("nij,nj->ni", whole, np.concatenate([best, values], axis=1)))
+    return DriverLikelihoods(whole, np.einsum("nij,nj->ni", whole, np.concatenate([best, values], axis=1)))
 
 
 def purity(kinds: Sequence[int | None], labels: Sequence[str | None], seed: int) -> dict[str, float] | None:
@@ -165,13 +165,13 @@ def _are_kinds(mixture: Mixture, distinctness: float) -> bool:
     return bool(sizes.min() >= THRESHOLDS.least_drivers and distinctness >= THRESHOLDS.least_distinctness)
 
 
-def _gains_by_chance(seen: Seen, single: Mixture, seed: int) -> list[float]:
+def _gains_by_chance(likelihoods: DriverLikelihoods, single: Mixture, seed: int) -> list[float]:
     """Evidence for two kinds minus that for one [nats] in simulated single-kind data sets; 0 if the two are not
     distinct.
     """
     gains = []
     for replicate in range(REPLICATES):
-        drawn = drawn_from(seen, single, np.random.default_rng([seed, replicate]))
+        drawn = drawn_from(likelihoods, single, np.random.default_rng([seed, replicate]))
         alone = one_group(drawn)
         two = split_further(drawn, alone)
         gains.append(max(0.0, two.evidence - alone.evidence) if _are_kinds(two, two.distinctness()) else 0.0)

@@ -35,7 +35,7 @@ DRAWN = 4000
 
 
 @dataclass(frozen=True)
-class Seen:
+class DriverLikelihoods:
     """Gaussian likelihood of each driver's parameters.
 
     Attributes:
@@ -94,19 +94,19 @@ class Mixture:
         return np.log(self.share) - 0.5 * distance - 0.5 * np.linalg.slogdet(self.covariance)[1]
 
 
-def one_group(seen: Seen) -> Mixture:
+def one_group(likelihoods: DriverLikelihoods) -> Mixture:
     """One population."""
-    return _climbed(seen, np.ones((len(seen.weighted), 1)), (), spread_of_all(seen))
+    return _climbed(likelihoods, np.ones((len(likelihoods.weighted), 1)), (), spread_of_all(likelihoods))
 
 
-def split_further(seen: Seen, mixture: Mixture) -> Mixture:
+def split_further(likelihoods: DriverLikelihoods, mixture: Mixture) -> Mixture:
     """The best mixture with one more population; the same mixture if no population can be split.
 
     The search starts with each population split at the median of each parameter. Means first differ in that parameter
     alone, and further parameters are added while the evidence rises; a second search starts with all parameters
     differing and removes them while the evidence rises. Each of the two finds kinds that the other misses.
     """
-    pooled, numbers = spread_of_all(seen), range(seen.weighted.shape[1])
+    pooled, numbers = spread_of_all(likelihoods), range(likelihoods.weighted.shape[1])
     few, all_of_them = [], []
     for k in range(len(mixture.share)):
         weights = mixture.member[:, k]
@@ -115,44 +115,49 @@ def split_further(seen: Seen, mixture: Mixture) -> Mixture:
             above = (values > np.average(values, weights=weights)).astype(float)
             member = np.column_stack([np.delete(mixture.member, k, axis=1), weights * above, weights * (1 - above)])
             if member.sum(axis=0).min() >= 1.0:
-                few.append(_climbed(seen, member, {*mixture.differing, place}, pooled))
-                all_of_them.append(_climbed(seen, member, numbers, pooled))
+                few.append(_climbed(likelihoods, member, {*mixture.differing, place}, pooled))
+                all_of_them.append(_climbed(likelihoods, member, numbers, pooled))
     if not few:
         return mixture
     ends = (
-        _improved(seen, max(starts, key=lambda candidate: candidate.evidence), pooled) for starts in (few, all_of_them)
+        _improved(likelihoods, max(starts, key=lambda candidate: candidate.evidence), pooled)
+        for starts in (few, all_of_them)
     )
     return max(ends, key=lambda candidate: candidate.evidence)
 
 
-def _improved(seen: Seen, mixture: Mixture, pooled: np.ndarray) -> Mixture:
+def _improved(likelihoods: DriverLikelihoods, mixture: Mixture, pooled: np.ndarray) -> Mixture:
     """The mixture after adding or removing differing parameters, one at a time, while the evidence rises."""
     while True:
         others = [{*mixture.differing} ^ {place} for place in range(len(pooled))]
-        tried = [_climbed(seen, mixture.member, places, pooled, NEARBY) for places in others if places]
+        tried = [_climbed(likelihoods, mixture.member, places, pooled, NEARBY) for places in others if places]
         better = max(tried, key=lambda candidate: candidate.evidence, default=mixture)
         if better.evidence <= mixture.evidence:
             return mixture
         mixture = better
 
 
-def drawn_from(seen: Seen, mixture: Mixture, rng: np.random.Generator) -> Seen:
+def drawn_from(likelihoods: DriverLikelihoods, mixture: Mixture, rng: np.random.Generator) -> DriverLikelihoods:
     """Simulated drivers of a mixture, with the same information as the given ones."""
-    groups = rng.choice(len(mixture.share), len(seen.weighted), p=mixture.share)
+    groups = rng.choice(len(mixture.share), len(likelihoods.weighted), p=mixture.share)
     roots = np.linalg.cholesky(mixture.covariance)
-    numbers = mixture.mean[groups] + np.einsum("nij,nj->ni", roots[groups], rng.standard_normal(seen.weighted.shape))
-    values, vectors = np.linalg.eigh(seen.information)
-    noise = np.sqrt(np.maximum(values, 0.0)) * rng.standard_normal(seen.weighted.shape)
+    numbers = mixture.mean[groups] + np.einsum(
+        "nij,nj->ni", roots[groups], rng.standard_normal(likelihoods.weighted.shape)
+    )
+    values, vectors = np.linalg.eigh(likelihoods.information)
+    noise = np.sqrt(np.maximum(values, 0.0)) * rng.standard_normal(likelihoods.weighted.shape)
     errors = np.einsum("nij,nj->ni", vectors, noise)
-    return Seen(seen.information, np.einsum("nij,nj->ni", seen.information, numbers) + errors)
+    return DriverLikelihoods(
+        likelihoods.information, np.einsum("nij,nj->ni", likelihoods.information, numbers) + errors
+    )
 
 
-def spread_of_all(seen: Seen) -> Float[np.ndarray, "numbers numbers"]:
+def spread_of_all(likelihoods: DriverLikelihoods) -> Float[np.ndarray, "numbers numbers"]:
     """Covariance of all drivers as one population; the search starts at the unit matrix."""
-    size = seen.weighted.shape[1]
+    size = likelihoods.weighted.shape[1]
     mean, covariance = np.zeros(size), np.eye(size)
     for _ in range(ITERATIONS):
-        expected, error, _ = _posterior(seen, mean, covariance)
+        expected, error, _ = _posterior(likelihoods, mean, covariance)
         mean = expected.mean(axis=0)
         away = expected - mean
         covariance = away.T @ away + error.sum(axis=0) + USUAL_DRIVERS * np.eye(size)
@@ -160,12 +165,14 @@ def spread_of_all(seen: Seen) -> Float[np.ndarray, "numbers numbers"]:
     return covariance
 
 
-def _posterior(seen: Seen, mean: np.ndarray, covariance: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _posterior(
+    likelihoods: DriverLikelihoods, mean: np.ndarray, covariance: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Posterior mean and covariance of each driver's parameters in a population, and its log-likelihood there."""
     precision = np.linalg.inv(covariance)
-    whole = seen.information + precision
+    whole = likelihoods.information + precision
     error = np.linalg.inv(whole)
-    right = seen.weighted + precision @ mean
+    right = likelihoods.weighted + precision @ mean
     expected = np.einsum("nij,nj->ni", error, right)
     square = np.einsum("ni,ni->n", expected, right) - mean @ precision @ mean
     likely = 0.5 * (square - np.linalg.slogdet(covariance)[1] - np.linalg.slogdet(whole)[1])
@@ -173,12 +180,16 @@ def _posterior(seen: Seen, mean: np.ndarray, covariance: np.ndarray) -> tuple[np
 
 
 def _climbed(
-    seen: Seen, member: np.ndarray, differing: Collection[int], pooled: np.ndarray, iterations: int = ITERATIONS
+    likelihoods: DriverLikelihoods,
+    member: np.ndarray,
+    differing: Collection[int],
+    pooled: np.ndarray,
+    iterations: int = ITERATIONS,
 ) -> Mixture:
     """The mixture found by expectation maximisation from a start."""
     n_groups, size, places = member.shape[1], len(pooled), tuple(sorted(differing))
     mean, covariance, shape = np.zeros((n_groups, size)), np.stack([pooled] * n_groups), pooled
-    posteriors = [_posterior(seen, np.zeros(size), pooled)] * n_groups
+    posteriors = [_posterior(likelihoods, np.zeros(size), pooled)] * n_groups
     reached = -np.inf
     for _ in range(iterations):
         counts = member.sum(axis=0)
@@ -195,7 +206,7 @@ def _climbed(
         shape = (scatter / factor[:, None, None]).sum(axis=0) + USUAL_DRIVERS * np.eye(size)
         shape = shape / (counts.sum() + USUAL_DRIVERS)
         covariance = factor[:, None, None] * shape
-        posteriors = [_posterior(seen, mean[k], covariance[k]) for k in range(n_groups)]
+        posteriors = [_posterior(likelihoods, mean[k], covariance[k]) for k in range(n_groups)]
         share = counts / counts.sum()
         likely = np.stack([posterior[2] for posterior in posteriors], axis=1) + np.log(share)
         total = np.logaddexp.reduce(likely, axis=1)

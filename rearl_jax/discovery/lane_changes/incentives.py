@@ -43,13 +43,13 @@ class KnownDrivers:
     Attributes:
         vehicle: Sorted numbers of the calibrated vehicles, as in `Measured.vehicle`.
         values: Parameters of these vehicles, in the order of the model's declaration.
-        usual: Parameters of a car and of a truck that were not calibrated.
+        population: Parameters of a car and of a truck that were not calibrated.
         prior: Car-following model and prior distribution of its parameters.
     """
 
     vehicle: Int[np.ndarray, " known"]
     values: Float[np.ndarray, "known own"]
-    usual: Float[np.ndarray, "classes own"]
+    population: Float[np.ndarray, "classes own"]
     prior: Prior = IDM_PRIOR
 
     def is_known(self, vehicle: Int[np.ndarray, " rows"]) -> Bool[np.ndarray, " rows"]:
@@ -65,16 +65,16 @@ class KnownDrivers:
             of_driver[state.data.driver] = state.data.vehicle
             vehicles.append(of_driver)
             values.append(prior.values(state.z, state.truck))
-        usual = prior.values(states[0].mean, np.array([0, 1])) if states else prior.usual
+        population = prior.values(states[0].mean, np.array([0, 1])) if states else prior.usual
         vehicle = np.concatenate(vehicles)
         order = np.argsort(vehicle)
-        return cls(vehicle[order], np.concatenate(values)[order], usual, prior)
+        return cls(vehicle[order], np.concatenate(values)[order], population, prior)
 
     def of_vehicles(
         self, vehicle: Int[np.ndarray, " rows"], is_truck: Bool[np.ndarray, " rows"]
     ) -> Float[np.ndarray, "own rows"]:
         """Parameters of each row's vehicle; population values if the vehicle was not calibrated."""
-        out = self.usual[is_truck.astype(int)]
+        out = self.population[is_truck.astype(int)]
         if len(self.vehicle):
             place = np.minimum(np.searchsorted(self.vehicle, vehicle), len(self.vehicle) - 1)
             is_known = self.vehicle[place] == vehicle
@@ -112,7 +112,7 @@ def _acceleration(model: str, numbers: Float[Array | np.ndarray, "columns rows"]
 
 
 def likely_parameters(
-    usual: Float[np.ndarray, "own rows"],
+    population: Float[np.ndarray, "own rows"],
     driver: Int[np.ndarray, " rows"],
     speed: Float[np.ndarray, " rows"],
     gap: Float[np.ndarray, " rows"],
@@ -129,7 +129,7 @@ def likely_parameters(
     all, politeness and aversion to trucks would be found where there are none.
 
     Args:
-        usual: Population parameters for each row's driver.
+        population: Population parameters for each row's driver.
         driver: Driver of each row, numbered from 0.
         speed, gap, leader_speed: Own speed [m/s], gap to the leader [m], its speed [m/s].
         measured: Acceleration [m/s^2].
@@ -143,9 +143,9 @@ def likely_parameters(
     n = int(driver.max()) + 1 if len(driver) else 0
     used = np.flatnonzero(is_led & (gap > 0.0) & (np.abs(measured) < HARD))
     if not len(used):
-        return usual
+        return population
     rows = [values[used] for values in (speed, gap, leader_speed)]
-    led, base, who, wanted = np.ones(len(used), bool), usual[:, used], driver[used], measured[used]
+    led, base, who, wanted = np.ones(len(used), bool), population[:, used], driver[used], measured[used]
     n_own, spread = prior.size, prior.spread
     z = np.zeros((n, n_own))
 
@@ -169,4 +169,4 @@ def likely_parameters(
         z = np.clip(z + np.clip(step, -1.0, 1.0), -FURTHEST, FURTHEST)
     z[:, RESPONSE:] -= z[np.unique(who)][:, RESPONSE:].mean(axis=0)
     z[np.bincount(who, minlength=n) == 0] = 0.0
-    return usual * np.exp(spread[:, None] * z[driver].T)
+    return population * np.exp(spread[:, None] * z[driver].T)

@@ -118,16 +118,16 @@ def calibrated_mobil(table: Opportunities, confidence: float) -> CalibratedMobil
                 reached = np.where(table.rear_after >= -safe_decel, place, 0)
                 posterior[i, j, k] = _likelihood(reached, taken)
     axes = dict(zip(("politeness", "bias", "safe_decel", "gain_threshold"), _grids(), strict=True))
-    usual = MobilRule()
+    prior_mean = MobilRule()
     for number, (name, values) in enumerate(axes.items()):
-        prior = -0.5 * ((values - getattr(usual, name)) / SPREAD[name]) ** 2
+        prior = -0.5 * ((values - getattr(prior_mean, name)) / SPREAD[name]) ** 2
         posterior += prior.reshape([-1 if axis == number else 1 for axis in range(len(axes))])
     if not np.isfinite(posterior).any():
-        rule = usual.with_rates(table)
+        rule = prior_mean.with_rates(table)
         return CalibratedMobil(rule, {name: Estimate(getattr(rule, name), None, None, UNITS[name]) for name in UNITS})
     best = np.unravel_index(int(np.argmax(posterior)), posterior.shape)
     values = {name: float(grid[place]) for (name, grid), place in zip(axes.items(), best, strict=True)}
-    rule = replace(usual, **values).with_rates(table)
+    rule = replace(prior_mean, **values).with_rates(table)
     weight = np.exp(posterior - posterior.max())
     estimates = {}
     for number, (name, grid) in enumerate(axes.items()):

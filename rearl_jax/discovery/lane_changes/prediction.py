@@ -42,7 +42,7 @@ class Prediction:
     Attributes:
         table: The opportunities; `table.changes` is the recorded choice.
         chance: Probability of a change within the opportunity [-], by the names of PREDICTORS.
-        says: Whether a change counts as predicted. MOBIL predicts the changes that its rule accepts; the hazard
+        is_predicted: Whether a change counts as predicted. MOBIL predicts the changes that its rule accepts; the hazard
             predicts a change if its probability is above the constant rate of the side.
         mobil: The calibrated MOBIL.
         n_fitted_drivers, n_fitted_changes: Number of fitted drivers and of their changes.
@@ -52,7 +52,7 @@ class Prediction:
 
     table: Opportunities
     chance: dict[str, Float[np.ndarray, " rows"]]
-    says: dict[str, Bool[np.ndarray, " rows"]]
+    is_predicted: dict[str, Bool[np.ndarray, " rows"]]
     mobil: CalibratedMobil
     n_fitted_drivers: int
     n_fitted_changes: int
@@ -119,21 +119,21 @@ def prediction(
     sides = [fitted.changes[fitted.side == side] for side in (-1, 1)]
     left, right = (rate(float(taken.sum()), float(len(taken))) for taken in sides)
     constant = np.where(held.side < 0, left, right)
-    mobil, usual = calibrated_mobil(fitted, confidence), MobilRule()
+    mobil, uncalibrated = calibrated_mobil(fitted, confidence), MobilRule()
     chance = {
         BASE_RATE: constant,
-        AS_IT_WAS: usual.with_refused(fitted).chance(held),
-        USUAL_RULE: usual.with_rates(fitted).chance(held),
+        AS_IT_WAS: uncalibrated.with_refused(fitted).chance(held),
+        USUAL_RULE: uncalibrated.with_rates(fitted).chance(held),
         CALIBRATED: mobil.rule.chance(held),
         HAZARD: np.clip(hazard[part == 2], SUREST, 1.0 - SUREST),
     }
     return Prediction(
         table=held,
         chance=chance,
-        says={
+        is_predicted={
             BASE_RATE: np.zeros(len(constant), bool),
-            AS_IT_WAS: usual.accepts(held),
-            USUAL_RULE: usual.accepts(held),
+            AS_IT_WAS: uncalibrated.accepts(held),
+            USUAL_RULE: uncalibrated.accepts(held),
             CALIBRATED: mobil.rule.accepts(held),
             HAZARD: chance[HAZARD] > constant,
         },

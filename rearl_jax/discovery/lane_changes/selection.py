@@ -17,7 +17,7 @@ from rearl_jax.discovery.lane_changes.motion import count_changes
 from rearl_jax.discovery.lane_changes.opportunities import Opportunities, opportunities
 from rearl_jax.discovery.lane_changes.prediction import LEAST_CHANGES, prediction
 from rearl_jax.discovery.lane_changes.ramps import count_ramp_changes
-from rearl_jax.discovery.lane_changes.trials import Trial, Tried, tried
+from rearl_jax.discovery.lane_changes.trials import CandidateColumns, Trial, trials_of
 from rearl_jax.discovery.thresholds import THRESHOLDS
 
 N_PARTS = 3
@@ -63,10 +63,10 @@ def lane_change_findings(
     part = part_of_rows(table, split, seed)
     if not table.changes[part == 0].any():
         return nothing_seen(n_changes, len(table.side), f"{UNSEEN}, {_too_few_in_part(0)}")
-    every = Tried(table, part, seed)
-    unnamed = _why_nothing_is_named(every, n_recorded)
-    findings, added = (None, []) if unnamed else _named(every, confidence)
-    hazard = every.fitted(every.effects(added), 0, 1).chance(every.data, every.effects(added))
+    columns = CandidateColumns(table, part, seed)
+    unnamed = _why_nothing_is_named(columns, n_recorded)
+    findings, added = (None, []) if unnamed else _named(columns, confidence)
+    hazard = columns.fitted(columns.effects(added), 0, 1).chance(columns.data, columns.effects(added))
     predicted = prediction(table, part, hazard, confidence, n_recorded, count_ramp_changes(recordings))
     return replace(findings or nothing_seen(n_changes, len(table.side), unnamed), prediction=predicted)
 
@@ -85,33 +85,33 @@ def _too_few_in_part(fewest: int) -> str:
     return f"too few lane changes in a third of the drivers: {fewest}, {needed}"
 
 
-def _why_nothing_is_named(every: Tried, n_recorded: int) -> str:
+def _why_nothing_is_named(columns: CandidateColumns, n_recorded: int) -> str:
     """Reason why no influence can be named, or ""."""
-    taken, least = every.data.taken, THRESHOLDS.least_lane_changes
+    taken, least = columns.data.taken, THRESHOLDS.least_lane_changes
     if n_recorded < least:
         return _too_few(n_recorded)
     if taken.sum() < least:
         return f"{UNSEEN}, too few lane changes by choice: {int(taken.sum())}, {_NEEDED}"
-    fewest = min(int(taken[every.part == number].sum()) for number in range(N_PARTS))
+    fewest = min(int(taken[columns.part == number].sum()) for number in range(N_PARTS))
     if fewest < THRESHOLDS.least_lane_changes_in_part:
         return f"{UNSEEN}, {_too_few_in_part(fewest)}"
-    if not _gain_counts(every):
+    if not _gain_counts(columns):
         return "lane changes do not depend on the gain of drivers: they are forced, or made for a destination"
     return ""
 
 
-def _named(every: Tried, confidence: float) -> tuple[LaneChangeFindings, list[Trial]]:
+def _named(columns: CandidateColumns, confidence: float) -> tuple[LaneChangeFindings, list[Trial]]:
     """Findings, and the trials that were added."""
-    added, rounds = _selected(every)
-    before, after, change = _loss(every, added, confidence)
+    added, rounds = _selected(columns)
+    before, after, change = _loss(columns, added, confidence)
     names = ", ".join(trial.candidate.name.replace("_", " ") for trial in added)
     names = names or "nothing beside the own acceleration counts"
-    n_changes = int(every.data.taken.sum())
+    n_changes = int(columns.data.taken.sum())
     findings = LaneChangeFindings(
-        effects=_effects(every, added, rounds, confidence),
-        candidates=_ranked(every, added, rounds),
+        effects=_effects(columns, added, rounds, confidence),
+        candidates=_ranked(columns, added, rounds),
         n_changes=n_changes,
-        n_opportunities=len(every.part),
+        n_opportunities=len(columns.part),
         loss_before=before,
         loss_after=after,
         loss_change=change,
@@ -156,19 +156,19 @@ def part_of_rows(
     return np.where(known >= 0, known, np.where(stay >= 0, stay, at_random))[row]
 
 
-def _gain_counts(every: Tried) -> bool:
+def _gain_counts(columns: CandidateColumns) -> bool:
     """True if the probability of a change grows with the own gain."""
-    data = every.data.take(every.rows(0, 1))
+    data = columns.data.take(columns.rows(0, 1))
     line = fit(np.column_stack([np.ones(len(data.gain)), data.gain]), data.taken, data.driver)
     return bool(line.coefficients[1] > THRESHOLDS.own_gain_z_score * np.sqrt(line.covariance[1, 1]))
 
 
-def _selected(every: Tried) -> tuple[list[Trial], list[list[Trial]]]:
+def _selected(columns: CandidateColumns) -> tuple[list[Trial], list[list[Trial]]]:
     """Added effects in order, and all trials of each round."""
     added: list[Trial] = []
     rounds: list[list[Trial]] = []
     while len(added) < THRESHOLDS.most_lane_effects:
-        rounds.append(tried(every, added))
+        rounds.append(trials_of(columns, added))
         least = max(THRESHOLDS.later_lane_total, THRESHOLDS.later_lane_share * added[0].total) if added else 0.0
         confirmed = [trial for trial in rounds[-1] if trial.is_confirmed and trial.total > least]
         if not confirmed:
@@ -178,10 +178,10 @@ def _selected(every: Tried) -> tuple[list[Trial], list[list[Trial]]]:
 
 
 def _effects(
-    every: Tried, added: Sequence[Trial], rounds: Sequence[Sequence[Trial]], confidence: float
+    columns: CandidateColumns, added: Sequence[Trial], rounds: Sequence[Sequence[Trial]], confidence: float
 ) -> tuple[Claim, ...]:
     """Claims on the added effects, with strengths estimated on the fitted and checked drivers."""
-    model = every.fitted(every.effects(added), 0, 1)
+    model = columns.fitted(columns.effects(added), 0, 1)
     reach = float(norm.ppf(0.5 + confidence / 2))
     claims = []
     for number, (trial, trials) in enumerate(zip(added, rounds, strict=False)):
@@ -197,7 +197,9 @@ def _effects(
     return tuple(claims)
 
 
-def _ranked(every: Tried, added: Sequence[Trial], rounds: Sequence[Sequence[Trial]]) -> tuple[RankedCandidate, ...]:
+def _ranked(
+    columns: CandidateColumns, added: Sequence[Trial], rounds: Sequence[Sequence[Trial]]
+) -> tuple[RankedCandidate, ...]:
     """All candidates as in the first round, and the circumstances that every model contains."""
     alike = {
         other.candidate.key
@@ -211,7 +213,7 @@ def _ranked(every: Tried, added: Sequence[Trial], rounds: Sequence[Sequence[Tria
         return RankedCandidate(candidate.name, candidate.kind, candidate.variables, z, gain, check, is_alike)
 
     rows = [row(trial.candidate, abs(trial.z), trial.gain, trial.check) for trial in rounds[0]]
-    line = every.fitted(every.effects(()), 0, 1).line
+    line = columns.fitted(columns.effects(()), 0, 1).line
     held = [candidate for candidate in CANDIDATES if candidate.is_circumstance]
     last = slice(-len(held), None)
     z = np.abs(line.coefficients[last]) / np.sqrt(np.diag(line.covariance)[last])
@@ -219,13 +221,13 @@ def _ranked(every: Tried, added: Sequence[Trial], rounds: Sequence[Sequence[Tria
     return tuple(sorted(rows, key=lambda ranked: -ranked.z_score))
 
 
-def _loss(every: Tried, added: Sequence[Trial], confidence: float) -> tuple[float, float, Estimate]:
+def _loss(columns: CandidateColumns, added: Sequence[Trial], confidence: float) -> tuple[float, float, Estimate]:
     """Mean log-loss per opportunity of the reported drivers before and after, and its change [nats]."""
-    reported, losses = every.rows(2), []
-    for effects in (every.effects(()), every.effects(added)):
-        losses.append(-every.fitted(effects, 0, 1).log_likelihood(every.data, effects))
+    reported, losses = columns.rows(2), []
+    for effects in (columns.effects(()), columns.effects(added)):
+        losses.append(-columns.fitted(effects, 0, 1).log_likelihood(columns.data, effects))
     change = losses[1] - losses[0]
-    drawn = every.resampled(change, 2) / int(reported.sum())
+    drawn = columns.resampled(change, 2) / int(reported.sum())
     low, high = np.quantile(drawn, [0.5 - confidence / 2, 0.5 + confidence / 2])
     before, after = (float(loss[reported].mean()) for loss in losses)
     return before, after, Estimate(float(change[reported].mean()), float(low), float(high), "nats")

@@ -51,7 +51,7 @@ class Trial:
         return self.check or 0.0
 
 
-class Tried:
+class CandidateColumns:
     """All opportunities with the columns of the candidates, in three parts that share no driver."""
 
     def __init__(self, table: Opportunities, part: Int[np.ndarray, " rows"], seed: int) -> None:
@@ -113,12 +113,12 @@ class Tried:
         return np.array([sums[rng.integers(0, len(sums), len(sums))].sum() for _ in range(RESAMPLES)])
 
 
-def tried(all_of: Tried, added: Sequence[Trial]) -> list[Trial]:
+def trials_of(columns: CandidateColumns, added: Sequence[Trial]) -> list[Trial]:
     """A trial of every candidate that has not been added yet, in its best form."""
-    effects = all_of.effects(added)
-    model = all_of.fitted(effects, 0, 1)
-    before, unseen = model.log_likelihood(all_of.data, effects), all_of.unseen(effects)
-    rows = all_of.rows(0, 1)
+    effects = columns.effects(added)
+    model = columns.fitted(effects, 0, 1)
+    before, unseen = model.log_likelihood(columns.data, effects), columns.unseen(effects)
+    rows = columns.rows(0, 1)
     known = {trial.candidate.key for trial in added}
     trials = []
     for candidate in NAMEABLE:
@@ -126,15 +126,15 @@ def tried(all_of: Tried, added: Sequence[Trial]) -> list[Trial]:
             continue
         forms = []
         for form in candidate.forms:
-            extra = all_of.column(candidate, form)
-            z = all_of.score(model, effects, extra)
+            extra = columns.column(candidate, form)
+            z = columns.score(model, effects, extra)
             if abs(z) < NEEDED or (z < 0 and candidate.low >= 0):
                 forms.append(Trial(candidate, form, z, None, None, False))
                 continue
             wider = np.column_stack([effects, extra])
-            more = all_of.fitted(wider, 0, 1).log_likelihood(all_of.data, wider) - before
-            other = all_of.unseen(wider) - unseen
-            is_confirmed = bool(np.quantile(all_of.resampled(other, 0, 1), THRESHOLDS.lane_check_quantile) > 0.0)
+            more = columns.fitted(wider, 0, 1).log_likelihood(columns.data, wider) - before
+            other = columns.unseen(wider) - unseen
+            is_confirmed = bool(np.quantile(columns.resampled(other, 0, 1), THRESHOLDS.lane_check_quantile) > 0.0)
             gain, check = float(more[rows].sum()), float(other.sum())
             forms.append(Trial(candidate, form, z, gain, check, is_confirmed))
         trials.append(max(forms, key=lambda trial: (trial.is_confirmed, trial.total, abs(trial.z))))

@@ -11,7 +11,7 @@ import numpy as np
 
 from rearl_jax.discovery.observe.candidates import LANE_CHANGES, Term
 from rearl_jax.discovery.observe.fit import Fit
-from rearl_jax.discovery.observe.fit_state import copied
+from rearl_jax.discovery.observe.fit_state import with_changes
 from rearl_jax.discovery.observe.noise import ACCELERATIONS, calibrate, noises, under_best_noise
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.read.measured import Measured
@@ -68,7 +68,7 @@ def _with(solver: Solver, fit: Fit, term: Term) -> Fit:
     """The model with one effect of lane changes, fitted."""
     active = (*fit.state.active, term)
     states = [
-        copied(fit.state, theta=solver.layout.with_values(fit.state.theta, start), active=active)
+        with_changes(fit.state, theta=solver.layout.with_values(fit.state.theta, start), active=active)
         for start in STARTS[term.effect]
     ]
     solver.solve(states, iterations=20, tolerance=0.1)

@@ -26,21 +26,21 @@ VARIANCES = (0.01, 0.04, 0.1)
 """Tested variances of offsets [s^2]; the best one is used."""
 
 
-def usual_leaders(data: Measured) -> Int[np.ndarray, "drivers leaders"]:
+def main_leaders(data: Measured) -> Int[np.ndarray, "drivers leaders"]:
     """The leaders that each driver followed longest; -1 if there were fewer."""
-    usual = np.full((data.n_drivers, MOST_LEADERS), -1)
+    leaders_of = np.full((data.n_drivers, MOST_LEADERS), -1)
     for driver in range(data.n_drivers):
         pieces = data.driver == driver
         leaders = data.leader[:, pieces][data.weight[:, pieces] > 0]
         names, counts = np.unique(leaders[leaders >= 0], return_counts=True)
         order = names[np.argsort(-counts)][:MOST_LEADERS]
-        usual[driver, : len(order)] = order
-    return usual
+        leaders_of[driver, : len(order)] = order
+    return leaders_of
 
 
 def following(data: Measured) -> Float[np.ndarray, "leaders steps pieces"]:
     """1 if a driver follows its k-th main leader."""
-    leaders = usual_leaders(data)[data.driver]  # [pieces, leaders]
+    leaders = main_leaders(data)[data.driver]  # [pieces, leaders]
     return (data.leader[None] == leaders.T[:, None]).astype(float) * (leaders.T[:, None] >= 0)
 
 
@@ -126,7 +126,7 @@ class Clocks(Shifts):
     values_per_shift = 1.0
 
     def __init__(self, data: Measured) -> None:
-        leaders = usual_leaders(data)
+        leaders = main_leaders(data)
         own = np.zeros(data.n_drivers, int)
         own[data.driver] = data.vehicle
         self.data, self.vehicle = data, np.unique(np.concatenate([own, leaders[leaders >= 0]]))

@@ -24,11 +24,13 @@ class Prior:
         name: Name of the car-following model.
         usual_car: Median parameters of car drivers, in the order of the model's declaration.
         usual_truck: Median parameters of truck drivers.
+        is_bounded: Whether parameters stay within their declared bounds.
     """
 
     name: str
     usual_car: tuple[float, ...]
     usual_truck: tuple[float, ...]
+    is_bounded: bool = True
 
     @property
     def model(self) -> type[CarFollowing]:
@@ -62,7 +64,9 @@ class Prior:
 
     @property
     def bounds(self) -> tuple[Float[np.ndarray, "classes own"], Float[np.ndarray, "classes own"]]:
-        """Bounds of the standardised parameters of cars and of trucks [-]."""
+        """Bounds of the standardised parameters of cars and of trucks [-]; infinite without bounds."""
+        if not self.is_bounded:
+            return np.full_like(self.usual, -np.inf), np.full_like(self.usual, np.inf)
         parameters = self.model.declaration.parameters
         limits = (np.array([getattr(parameter, end) for parameter in parameters]) for end in ("low", "high"))
         low, high = ((np.log(limit) - np.log(self.usual)) / self.spread for limit in limits)
@@ -78,8 +82,8 @@ class Prior:
         """Car following of drivers whose standardised parameters are z."""
         truck = jnp.asarray(is_truck)[None]
         car_logs, truck_logs = (jnp.log(jnp.asarray(row))[:, None] for row in self.usual)
-        usual = car_logs * (1 - truck) + truck_logs * truck
-        return self.model(*jnp.exp(usual + jnp.asarray(self.spread)[:, None] * z))
+        medians = car_logs * (1 - truck) + truck_logs * truck
+        return self.model(*jnp.exp(medians + jnp.asarray(self.spread)[:, None] * z))
 
 
 def prior_of(driver: DriverConfig) -> Prior:

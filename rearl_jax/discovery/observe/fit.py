@@ -28,7 +28,7 @@ class Fit:
     noise: Noise
 
 
-def on_others(solver: Solver, data: Measured, fits: Sequence[Fit]) -> list[FitState]:
+def recalibrated(solver: Solver, data: Measured, fits: Sequence[Fit]) -> list[FitState]:
     """Other drivers under fitted models: their own parameters are calibrated, everything else is kept.
 
     All models have the same number of free parameters on these drivers, so their likelihoods are comparable.
@@ -45,7 +45,7 @@ def on_others(solver: Solver, data: Measured, fits: Sequence[Fit]) -> list[FitSt
     return states
 
 
-def with_others(solver: Solver, fit: Fit, data: Measured) -> Fit:
+def joint_fit(solver: Solver, fit: Fit, data: Measured) -> Fit:
     """The model fitted again to its drivers and other drivers together, starting from the present fit.
 
     All drivers together are needed for rare situations, such as the response to a cut-in.

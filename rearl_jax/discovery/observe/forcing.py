@@ -80,10 +80,10 @@ def answers(left: Residuals) -> Answers:
     """Derivatives of the car-following model along the observer's states; added effects change them little and are
     ignored.
     """
-    data, seen, usual = left.state.data, left.stimulus(), drivers_of(left)
+    data, seen, calibrated = left.state.data, left.stimulus(), drivers_of(left)
 
     def wanted(x: Array, v: Array, logs: Array) -> Array:
-        driver = left.prior.model(*(value * jnp.exp(log) for value, log in zip(usual.rows(), logs, strict=True)))
+        driver = left.prior.model(*(value * jnp.exp(log) for value, log in zip(calibrated.rows(), logs, strict=True)))
         moved = replace(seen, gap=seen.gap - (x - seen.position), speed=v)
         return follow(moved, driver, (), (), jnp.zeros_like(v), data.dt)[0]
 

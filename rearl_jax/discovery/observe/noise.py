@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from rearl_jax.discovery.observe.autocorrelation import autocorrelation
-from rearl_jax.discovery.observe.fit_state import FitState, copied, new_state, with_noise
+from rearl_jax.discovery.observe.fit_state import FitState, new_state, with_changes, with_noise
 from rearl_jax.discovery.observe.kalman import Noise
 from rearl_jax.discovery.observe.observer import squared_leader_acceleration
 from rearl_jax.discovery.observe.solver import Solver
@@ -112,10 +112,10 @@ def no_larger(noise: Noise) -> list[float]:
 
 def calibrate(solver: Solver, data: Measured) -> tuple[FitState, Noise]:
     """Joint calibration of drivers, population and noise, without candidates."""
-    usual = replace(USUAL, position=data.noise)
-    state = new_state(data, solver.layout, usual)
+    start = replace(USUAL, position=data.noise)
+    state = new_state(data, solver.layout, start)
     solver.solve([state], iterations=8, tolerance=1.0)
-    noise, likely = best_noise(solver, state, noises(usual, ACCELERATIONS))
+    noise, likely = best_noise(solver, state, noises(start, ACCELERATIONS))
     lasting = [
         replace(noise, acceleration=sd, position=lasting_noise(data.noise, time, data.dt), position_time=time)
         for time in LASTING
@@ -126,7 +126,7 @@ def calibrate(solver: Solver, data: Measured) -> tuple[FitState, Noise]:
         noise = other
     state, noise = under_best_time(solver, state, noises(noise, ACCELERATIONS))
     for _ in range(SPREAD_ITERATIONS):
-        state = copied(state, spread=spread_of(state))
+        state = with_changes(state, spread=spread_of(state))
         solver.solve([state], iterations=5, tolerance=0.3)
     noise = _with_growth_and_independence(solver, state, noise)
     state = with_noise(state, noise)

@@ -17,7 +17,7 @@ from rearl_jax.core.effects.effect import Effect
 from rearl_jax.discovery.observe.candidates import CANDIDATE_EFFECTS, LENS, Knots, Layout, Term, effects_at, lens_at
 from rearl_jax.discovery.observe.observer import Pieces, innovations
 from rearl_jax.discovery.observe.robust import kept_share, robust_square
-from rearl_jax.discovery.observe.sensitivity import look_along
+from rearl_jax.discovery.observe.sensitivity import sensitivity_sums
 
 _MADE: dict[tuple, dict[tuple, ScenarioMap]] = {}
 """Compiled programs by configuration: time step, elements of theta, car-following model."""
@@ -82,7 +82,7 @@ class Programs:
         def run(a: dict) -> dict:
             nobody = jnp.zeros((0, *a["pieces"].y.shape))
             knots, kept = _squeezed(a["knots"]), len(places)
-            sums = look_along(
+            sums = sensitivity_sums(
                 a["z"], a["theta"], a["pieces"], self.layout, knots, places, (), kept, nobody, self.dt, active
             )
             return {name: sums[name] for name in ("square", "count", "gradient")} | {"gram": sums["nuisance"]}
@@ -90,11 +90,11 @@ class Programs:
         return self._program(("sums", active), run, WIDEST)
 
     def look(self, places: tuple[int, ...], groups: tuple[tuple[int, ...], ...], n_kept: int) -> Callable[[dict], dict]:
-        """`sensitivity.look_along` for these indices of theta."""
+        """`sensitivity.sensitivity_sums` for these indices of theta."""
 
         def run(a: dict) -> dict:
             knots = _squeezed(a["knots"])
-            return look_along(
+            return sensitivity_sums(
                 a["z"], a["theta"], a["pieces"], self.layout, knots, places, groups, n_kept, a["following"], self.dt
             )
 

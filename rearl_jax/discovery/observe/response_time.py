@@ -21,7 +21,7 @@ from jaxtyping import Bool, Float, Int
 from rearl_jax.core.effects.stimulus import Stimulus
 from rearl_jax.core.following import begin_effects, follow
 from rearl_jax.discovery.observe.candidates import LENS, Term, effects_at, lens_at
-from rearl_jax.discovery.observe.fit_state import FitState, copied
+from rearl_jax.discovery.observe.fit_state import FitState, with_changes
 from rearl_jax.discovery.observe.observer import stimulus, straightened, straightened_start
 from rearl_jax.discovery.observe.solver import Solver
 
@@ -116,7 +116,7 @@ def responses(solver: Solver, state: FitState) -> Responses:
     places = list(layout.candidates[DELAY].free)
     theta = state.theta.copy()
     theta[places] = np.minimum(late, layout.high[places])
-    delayed = copied(state, theta=theta, active=(*state.active, DELAY))
+    delayed = with_changes(state, theta=theta, active=(*state.active, DELAY))
     solver.solve([delayed], iterations=15, tolerance=0.1)
     return Responses(undelayed, covariances(solver, delayed), float(theta[places[0]]))
 

@@ -25,7 +25,7 @@ from rearl_jax.discovery.observe.robust import kept_share, robust_square
 from rearl_jax.discovery.read.measured import Surroundings
 
 
-def look_along(
+def sensitivity_sums(
     z: Float[Array, "own pieces"],
     theta: Float[Array, "parameters pieces"],
     pieces: Pieces,

@@ -70,7 +70,7 @@ class Solver:
     def look(
         self, states: Sequence[FitState], places: tuple[int, ...], groups: tuple[tuple[int, ...], ...]
     ) -> list[dict[str, np.ndarray]]:
-        """Sums of `sensitivity.look_along` over each driver; all states must have the same added candidates."""
+        """Sums of `sensitivity.sensitivity_sums` over each driver; all states must have the same added candidates."""
         n_kept = len(self.free(states[0]))
         arguments = self._arguments(states, _joined([state.pieces for state in states]))
         arguments["following"] = np.concatenate([following(state.data) for state in states], axis=-1)

@@ -12,12 +12,15 @@ from rearl_jax.discovery.observe.fit_state import FitState
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.thresholds import THRESHOLDS
 
+NEAR = 1e-6
+"""Distance from a bound below which a parameter counts as at the bound [-]."""
+
 CONTENT = np.log(THRESHOLDS.independent_observations)
 """Logarithm of a typical number of independent observations of one parameter [-]."""
 
 
 @dataclass(frozen=True)
-class Known:
+class StandardDeviations:
     """Standard deviations of fitted parameters.
 
     Attributes:
@@ -29,7 +32,7 @@ class Known:
     drivers: Float[np.ndarray, "drivers own"]
 
 
-def known(solver: Solver, state: FitState) -> Known:
+def standard_deviations(solver: Solver, state: FitState) -> StandardDeviations:
     """Standard deviations in a solved state.
 
     For each element of theta the larger of two estimates: from the curvature, which relies on the noise model, and from
@@ -46,7 +49,7 @@ def known(solver: Solver, state: FitState) -> Known:
     inverse = np.linalg.inv(gram[:, own, own] + state.precision)
     drivers = np.sqrt(np.einsum("dii->di", inverse))
     if not len(free):
-        return Known(np.empty(0), drivers)
+        return StandardDeviations(np.empty(0), drivers)
     response, information = _projected(state, len(free))
     information = information + np.diag(solver.layout.scale[free] ** -2.0)
     away = state.away @ state.precision
@@ -56,7 +59,13 @@ def known(solver: Solver, state: FitState) -> Known:
     n = len(scores)
     scatter = scores.T @ scores * n / max(n - len(free), 1)
     sandwich = covariance @ scatter @ covariance
-    return Known(np.sqrt(np.maximum(np.diag(covariance), np.diag(sandwich))), drivers)
+    return StandardDeviations(np.sqrt(np.maximum(np.diag(covariance), np.diag(sandwich))), drivers)
+
+
+def shares_at_bound(solver: Solver, state: FitState) -> Float[np.ndarray, " own"]:
+    """Share of the drivers at a bound of each parameter [-]."""
+    low, high = (bound[state.truck] for bound in solver.layout.prior.bounds)
+    return ((state.z <= low + NEAR) | (state.z >= high - NEAR)).mean(axis=0)
 
 
 def _projected(state: FitState, n_free: int) -> tuple[np.ndarray, np.ndarray]:

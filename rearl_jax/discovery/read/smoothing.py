@@ -84,8 +84,8 @@ def jumps(position: np.ndarray, dt: float) -> np.ndarray:
     jumped = np.zeros(len(position), bool)
     if len(position) > 3:
         third = np.abs(np.diff(position, 3))
-        usual = float(np.median(third)) / 0.6745
-        jumped[2:-1] = third > max(JUMP * dt**2, JUMP_NOISE * usual)
+        deviation = float(np.median(third)) / 0.6745
+        jumped[2:-1] = third > max(JUMP * dt**2, JUMP_NOISE * deviation)
     return jumped
 
 

@@ -37,7 +37,7 @@ class Split:
     test: Measured
 
 
-def seen_enough(splits: Sequence[Split]) -> Bool[np.ndarray, " drivers"]:
+def has_enough_data(splits: Sequence[Split]) -> Bool[np.ndarray, " drivers"]:
     """True for drivers with at least LEAST_TIME in the tests and in each training of these tests."""
     trained, tested = (
         np.stack([getattr(split, part).driver_minutes * 60 for split in splits]) for part in ("training", "test")

@@ -128,7 +128,9 @@ def _protocol(first: ProtocolErrors | None, final: ProtocolErrors | None, over: 
         return None
     return {"n_drivers": len(final.driver), "left_out": final.left_out} | {
         measure: {
-            statistic: _compared(first.usual[measure], first.by_driver[measure], final.by_driver[measure], pool, over)
+            statistic: _compared(
+                first.population[measure], first.by_driver[measure], final.by_driver[measure], pool, over
+            )
             for statistic, pool in STATISTICS.items()
         }
         for measure in PROTOCOL_MEASURES
@@ -136,12 +138,12 @@ def _protocol(first: ProtocolErrors | None, final: ProtocolErrors | None, over: 
 
 
 def _compared(
-    usual: np.ndarray, before: np.ndarray, after: np.ndarray, pool: Pool, over: Resampling
+    population: np.ndarray, before: np.ndarray, after: np.ndarray, pool: Pool, over: Resampling
 ) -> dict[str, dict[str, float]]:
     """Figures before and after, their absolute and relative change, and the error with population parameters."""
-    of_usual, first, last = (over.drawn(values, pool) for values in (usual, before, after))
+    with_population, first, last = (over.drawn(values, pool) for values in (population, before, after))
     return over.change(before, after, pool) | {
         "change_share": over.figure(last / first - 1),
-        "population": over.figure(of_usual),
-        "population_share": over.figure(last / of_usual - 1),
+        "population": over.figure(with_population),
+        "population_share": over.figure(last / with_population - 1),
     }

@@ -128,4 +128,4 @@ def _joined_protocol(groups: Sequence[ProtocolErrors | None]) -> ProtocolErrors 
 
     n_drivers = [len(errors.driver) for errors in tested]
     left_out = sum(errors.left_out for errors in tested)
-    return ProtocolErrors(np.arange(sum(n_drivers)), concatenated("by_driver"), concatenated("usual"), left_out)
+    return ProtocolErrors(np.arange(sum(n_drivers)), concatenated("by_driver"), concatenated("population"), left_out)

@@ -58,7 +58,7 @@ def prediction_table(prediction: Prediction) -> pd.DataFrame:
     )
     for name, chance in prediction.chance.items():
         with np.errstate(invalid="ignore"):
-            accuracy = _balanced(*(_sums(driver, rows) for rows in _outcomes(changes, prediction.says[name])))
+            accuracy = _balanced(*(_sums(driver, rows) for rows in _outcomes(changes, prediction.is_predicted[name])))
         table[f"expected_{name}"] = _sums(driver, chance)
         table[f"log_loss_{name}"] = _sums(driver, log_loss(chance, changes)) / seconds
         table[f"balanced_accuracy_{name}"] = accuracy
@@ -81,7 +81,7 @@ def _stratum(prediction: Prediction, rows: Bool[np.ndarray, " rows"], over: Resa
     constant = drawn(log_loss(prediction.chance[BASE_RATE][rows], table.changes))
     for name in PREDICTORS:
         chance = prediction.chance[name][rows]
-        loss, said = drawn(log_loss(chance, table.changes)), prediction.says[name][rows]
+        loss, said = drawn(log_loss(chance, table.changes)), prediction.is_predicted[name][rows]
         with np.errstate(invalid="ignore", divide="ignore"):
             scores[name] = {
                 "log_loss": _figure(loss / time, over),

@@ -68,8 +68,8 @@ def _words(prediction: Mapping[str, Any]) -> str:
     worse = [PREDICTORS[name] for name in surely_worse(prediction)]
     if worse:
         said += f" Surely worse than the constant rate: {', '.join(worse)}."
-    usual, own = (every["models"][name]["log_loss"]["value"] for name in (AS_IT_WAS, CALIBRATED))
-    if own >= usual:
+    uncalibrated, own = (every["models"][name]["log_loss"]["value"] for name in (AS_IT_WAS, CALIBRATED))
+    if own >= uncalibrated:
         said += " MOBIL calibrated is not better than as it was."
     if every["models"][CALIBRATED]["less_base_rate"]["high"] >= 0:
         said += " Calibrated MOBIL is not significantly better than the constant rate."
@@ -104,10 +104,10 @@ def _strata_table(prediction: Mapping[str, Any], measure: str, title: str) -> Ta
 
 
 def _mobil_table(prediction: Mapping[str, Any]) -> Table:
-    usual, rows = MobilRule(), []
+    uncalibrated, rows = MobilRule(), []
     for name, estimate in prediction["mobil"].items():
         unit = "" if estimate["unit"] == "-" else f" [{estimate['unit']}]"
-        rows.append(Row(f"{spoken(name)}{unit}", (Cell(number(getattr(usual, name))), _cell(estimate))))
+        rows.append(Row(f"{spoken(name)}{unit}", (Cell(number(getattr(uncalibrated, name))), _cell(estimate))))
     return Table("Parameters of MOBIL", ("as it was", "calibrated"), tuple(rows))
 
 

@@ -12,22 +12,18 @@ import numpy as np
 
 from rearl_jax.discovery.observe.fit_state import FitState
 from rearl_jax.discovery.observe.solver import Solver
-from rearl_jax.discovery.observe.uncertainty import known
+from rearl_jax.discovery.observe.uncertainty import shares_at_bound, standard_deviations
 from rearl_jax.discovery.thresholds import THRESHOLDS
 from rearl_jax.document.document import Section
 from rearl_jax.document.table import Cell, Row, Table, number, percent, sentence, spoken
-
-NEAR = 1e-6
-"""Distance from a bound below which a parameter counts as at the bound [-]."""
 
 
 def population_block(solver: Solver, state: FitState) -> dict[str, dict[str, Any]]:
     """Entry `population` of the verdict, for the fitted drivers of a calibrated model."""
     prior, truck = solver.layout.prior, state.truck
-    low, high = (bound[truck] for bound in prior.bounds)
     values = np.exp(np.median(np.log(prior.values(state.z, truck)), axis=0))
-    told = 1 - np.mean((known(solver, state).drivers / state.spread) ** 2, axis=0)
-    at_bound = ((state.z <= low + NEAR) | (state.z >= high - NEAR)).mean(axis=0)
+    told = 1 - np.mean((standard_deviations(solver, state).drivers / state.spread) ** 2, axis=0)
+    at_bound = shares_at_bound(solver, state)
     rows = zip(prior.names, prior.units, values, prior.spread * state.spread, told, at_bound, strict=True)
     return {
         name: {

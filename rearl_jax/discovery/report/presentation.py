@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 
 from rearl_jax.discovery.discover import Behind, Discovery
-from rearl_jax.discovery.observe.fit import on_others
+from rearl_jax.discovery.observe.fit import recalibrated
 from rearl_jax.discovery.observe.residuals import Residuals, residuals_of
 from rearl_jax.discovery.report import figures, map_figures
 from rearl_jax.discovery.report.document import document_of
@@ -86,7 +86,7 @@ def all_residuals(behind: Behind) -> dict[str, list[Residuals]]:
         models["after"] = search.last, (search.checked, behind.reported)
     left = {}
     for model, (fit, others) in models.items():
-        states = [fit.state, *(on_others(solver, part, [fit])[0] for part in others)]
+        states = [fit.state, *(recalibrated(solver, part, [fit])[0] for part in others)]
         left[model] = [residuals_of(solver, [state], [fit])[0] for state in states]
     return left
 

@@ -12,12 +12,12 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from rearl_jax.discovery.observe.closed_loop import simulated_error
-from rearl_jax.discovery.observe.fit import Fit, on_others
-from rearl_jax.discovery.observe.fit_state import FitState, copied
+from rearl_jax.discovery.observe.fit import Fit, recalibrated
+from rearl_jax.discovery.observe.fit_state import FitState, with_changes
 from rearl_jax.discovery.observe.observer import pieces_of
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.read.measured import Measured
-from rearl_jax.discovery.read.training import Split, error_of_splits, halves, seen_enough
+from rearl_jax.discovery.read.training import Split, error_of_splits, halves, has_enough_data
 
 IN_SAMPLE = "in_sample"
 
@@ -43,13 +43,13 @@ class ProtocolErrors:
     Attributes:
         driver: Index of each tested driver among the reported drivers, or among the drivers with several runs.
         by_driver: Values of the PROTOCOL_MEASURES of each tested driver.
-        usual: Values of the same measures on the same drives with population parameters.
+        population: Values of the same measures on the same drives with population parameters.
         left_out: Number of drivers with too little data.
     """
 
     driver: Int[np.ndarray, " drivers"]
     by_driver: dict[str, Float[np.ndarray, " drivers"]]
-    usual: dict[str, Float[np.ndarray, " drivers"]]
+    population: dict[str, Float[np.ndarray, " drivers"]]
     left_out: int
 
 
@@ -71,35 +71,36 @@ def protocol_errors(
     """
     data = state.data
     whole, all_drivers = [Split(data, data)], np.arange(data.n_drivers)
-    usual = measures_of(whole, [_with_population_parameters(solver, state)])
+    population = measures_of(whole, [_with_population_parameters(solver, state)])
     return {
-        "population": ProtocolErrors(all_drivers, usual, usual, 0),
+        "population": ProtocolErrors(all_drivers, population, population, 0),
         "first_half": _predicted(solver, [halves(data)], fit),
         "other_runs": _predicted(solver, runs, fit),
-        IN_SAMPLE: ProtocolErrors(all_drivers, measures_of(whole, [in_sample]), usual, 0),
+        IN_SAMPLE: ProtocolErrors(all_drivers, measures_of(whole, [in_sample]), population, 0),
     }
 
 
 def _predicted(solver: Solver, splits: Sequence[Split], fit: Fit) -> ProtocolErrors | None:
     """Errors in the tests with parameters estimated from the training drives and the population."""
-    if not splits or not seen_enough(splits).any():
+    if not splits or not has_enough_data(splits).any():
         return None
-    used = np.flatnonzero(seen_enough(splits))
-    own, usual = [], []
+    used = np.flatnonzero(has_enough_data(splits))
+    own, population = [], []
     for split in splits:
-        (trained,) = on_others(solver, split.training, [fit])
-        tested = copied(trained, data=split.test, pieces=pieces_of(split.test, fit.noise))
+        (trained,) = recalibrated(solver, split.training, [fit])
+        tested = with_changes(trained, data=split.test, pieces=pieces_of(split.test, fit.noise))
         own.append(simulated_error(solver, tested))
-        usual.append(_with_population_parameters(solver, tested))
-    by_driver, of_usual = (
-        {name: values[used] for name, values in measures_of(splits, deviations).items()} for deviations in (own, usual)
+        population.append(_with_population_parameters(solver, tested))
+    by_driver, with_population = (
+        {name: values[used] for name, values in measures_of(splits, deviations).items()}
+        for deviations in (own, population)
     )
-    return ProtocolErrors(used, by_driver, of_usual, splits[0].test.n_drivers - len(used))
+    return ProtocolErrors(used, by_driver, with_population, splits[0].test.n_drivers - len(used))
 
 
 def _with_population_parameters(solver: Solver, state: FitState) -> Deviation:
     """Deviations if every driver has the population parameters."""
-    return simulated_error(solver, copied(state, z=state.mean[state.truck]))
+    return simulated_error(solver, with_changes(state, z=state.mean[state.truck]))
 
 
 def measures_of(splits: Sequence[Split], deviations: Sequence[Deviation]) -> dict[str, Float[np.ndarray, " drivers"]]:

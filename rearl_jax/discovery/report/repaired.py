@@ -74,7 +74,7 @@ def population(fit: Fit, data: Measured, prior: Prior) -> dict[str, DriverClass]
     lengths = np.zeros(data.n_drivers)
     lengths[data.driver] = data.length
     unit, spread = prior.spread, prior.spread * state.spread
-    for number, (name, usual) in enumerate(zip((CAR, TRUCK), prior.usual, strict=True)):
+    for number, (name, median) in enumerate(zip((CAR, TRUCK), prior.usual, strict=True)):
         members = truck == number
         share = float(members.mean())
         if share < THRESHOLDS.least_truck_share:
@@ -86,7 +86,7 @@ def population(fit: Fit, data: Measured, prior: Prior) -> dict[str, DriverClass]
         covariance = own + np.diag(np.maximum(spread**2 - np.diag(own), 0.0)) * _unknown(fit, members)
         classes[name] = DriverClass(
             share=share,
-            log_mean=dict(zip(prior.names, (np.log(usual) + unit * state.mean[number]).tolist(), strict=True)),
+            log_mean=dict(zip(prior.names, (np.log(median) + unit * state.mean[number]).tolist(), strict=True)),
             log_covariance=((covariance + covariance.T) / 2).tolist(),
             noise_sd=fit.noise.acceleration,
             noise_time=fit.noise.time,

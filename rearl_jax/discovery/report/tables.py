@@ -10,7 +10,7 @@ import pandas as pd
 from rearl_jax.discovery.observe.candidates import Term
 from rearl_jax.discovery.observe.fit import Fit
 from rearl_jax.discovery.observe.solver import Solver
-from rearl_jax.discovery.observe.uncertainty import known
+from rearl_jax.discovery.observe.uncertainty import standard_deviations
 from rearl_jax.discovery.report.errors import ModelErrors
 from rearl_jax.discovery.report.protocols import IN_SAMPLE
 from rearl_jax.discovery.search.null import Null
@@ -52,7 +52,7 @@ def error_table(errors: Mapping[str, ModelErrors]) -> pd.DataFrame:
                 part = part.assign(floor=model_errors.floor, **model_errors.by_driver)
             parts.append(
                 part.assign(
-                    **protocol_errors.by_driver, **{f"population_{k}": v for k, v in protocol_errors.usual.items()}
+                    **protocol_errors.by_driver, **{f"population_{k}": v for k, v in protocol_errors.population.items()}
                 )
             )
     return pd.concat(parts, ignore_index=True)
@@ -73,7 +73,7 @@ def fit_table(solver: Solver, fit: Fit) -> pd.DataFrame:
     state = fit.state
     prior = solver.layout.prior
     values = prior.values(state.z, state.truck)
-    deviations = known(solver, state).drivers * prior.spread
+    deviations = standard_deviations(solver, state).drivers * prior.spread
     table = pd.DataFrame({"driver": np.arange(len(state.z)), "truck": state.truck.astype(bool)})
     for k, name in enumerate(prior.names):
         table[name], table[f"{name}_log_sd"] = values[:, k], deviations[:, k]

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from rearl_jax.discovery.observe.fit import Fit, on_others
+from rearl_jax.discovery.observe.fit import Fit, recalibrated
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.report.error_block import Resampling
@@ -46,7 +46,7 @@ def variation_block(
     before = errors["before"].by_driver["energy_score"]
     constant = varying = errors["after"].by_driver["energy_score"] if "after" in errors else before
     if variation != CONSTANT:
-        (state,) = on_others(solver, reported, [last])
+        (state,) = recalibrated(solver, reported, [last])
         varying = energy_scores(solver, state, last, over.seed, variation)
     values = solver.layout.prior.values(last.state.z, last.state.truck)[:, solver.layout.prior.names.index("time_gap")]
     scores = {"before": before, "constant": constant, "varying": varying}

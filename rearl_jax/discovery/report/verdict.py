@@ -77,6 +77,9 @@ MISJUDGED = (
 )
 """Note on a model under which drivers seem to misjudge gaps."""
 
+OF_BOUNDS = "{} is not found if drivers' parameters may leave their bounds: drivers at a bound may cause it"
+"""Note on an effect that depends on the bounds of the drivers' parameters."""
+
 
 def named_trial(
     trial: Trial,

@@ -14,7 +14,7 @@ from jaxtyping import Float
 
 from rearl_jax.core.following import follow
 from rearl_jax.discovery.observe.candidates import Term
-from rearl_jax.discovery.observe.fit import Fit, on_others
+from rearl_jax.discovery.observe.fit import Fit, recalibrated
 from rearl_jax.discovery.observe.fit_state import FitState
 from rearl_jax.discovery.observe.forcing import answers, drivers_of
 from rearl_jax.discovery.observe.residuals import Residuals, residuals_of
@@ -117,7 +117,7 @@ def adequacy(solver: Solver, search: Search, seed: int) -> Adequacy:
     """
     state, last = search.last.state, search.rounds[-1]
     (before,) = solver.innovations([search.first.state])
-    states = [state, *on_others(solver, search.checked, [search.last])]
+    states = [state, *recalibrated(solver, search.checked, [search.last])]
     residuals = residuals_of(solver, states, [search.last, search.last])
     chance = by_noise_alone(solver, states, search.last, seed)
     left = residuals[0]
@@ -157,8 +157,8 @@ def standardised(innovation: Float[np.ndarray, "steps pieces"], data: Measured) 
     count = np.cumsum(np.pad(data.weight, ((1, 0), (0, 0))), axis=0)
     half, row = round(EVEN_FOR / 2 / data.dt), np.arange(len(innovation))
     first, last = np.maximum(row - half, 0), np.minimum(row + half + 1, len(innovation))
-    usual = (energy[last] - energy[first]) / np.maximum(count[last] - count[first], 1.0)
-    return innovation / np.sqrt(np.maximum(usual, 1e-12))
+    local = (energy[last] - energy[first]) / np.maximum(count[last] - count[first], 1.0)
+    return innovation / np.sqrt(np.maximum(local, 1e-12))
 
 
 def kurtosis(innovation: Float[np.ndarray, "steps pieces"], weight: Float[np.ndarray, "steps pieces"]) -> float:
@@ -241,8 +241,8 @@ def _energy_scores(square: Float[np.ndarray, "steps pieces"], left: Residuals) -
     counts = data.weight > 0
     if not counts.any():
         return np.zeros(data.n_drivers)
-    usual, most = np.quantile(square[counts], [0.9, 0.98])
-    stake = np.minimum(square, most) / max(float(usual), 1e-12)
+    large, most = np.quantile(square[counts], [0.9, 0.98])
+    stake = np.minimum(square, most) / max(float(large), 1e-12)
     energy = left.acceleration**2
     energy = np.minimum(energy / np.maximum(data.driver_mean(energy), 1e-12)[data.driver], MOST_ENERGY)
     return _driver_scores(energy, stake, data)

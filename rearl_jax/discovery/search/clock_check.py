@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rearl_jax.discovery.observe.clocks import CLOCK_OFFSET, Clocks, Estimate, Pairs, Shifts
-from rearl_jax.discovery.observe.fit import Fit, on_others
+from rearl_jax.discovery.observe.fit import Fit, recalibrated
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.search.decision import bounded_gains
@@ -46,7 +46,7 @@ class ClockCheck:
 
 
 @dataclass(frozen=True)
-class PutRight:
+class ShiftCorrection:
     """Drivers with corrected leader positions.
 
     Attributes:
@@ -63,7 +63,7 @@ class PutRight:
 def check_clocks(solver: Solver, base: Fit, checked: Measured) -> ClockCheck | None:
     """Clock offsets found by the fitted drivers and by the others; None if there are none."""
     parts = (base.state.data, checked)
-    fitted, others = (put_right(solver, Clocks(part), base) for part in parts)
+    fitted, others = (correct_shifts(solver, Clocks(part), base) for part in parts)
     gain = fitted.gain - THRESHOLDS.freedom_price
     if (
         gain < THRESHOLDS.least_gain
@@ -71,22 +71,22 @@ def check_clocks(solver: Solver, base: Fit, checked: Measured) -> ClockCheck | N
         or others.gain < THRESHOLDS.worst_check
     ):
         return None
-    by_pairs = sum(put_right(solver, Pairs(part), base).gain for part in parts)
+    by_pairs = sum(correct_shifts(solver, Pairs(part), base).gain for part in parts)
     if fitted.gain + others.gain < by_pairs + THRESHOLDS.clock_lead:
         return None
     return ClockCheck(base, gain, others.gain, float(np.std(fitted.estimate.values)), fitted.data, others.data)
 
 
-def put_right(solver: Solver, shifts: Shifts, base: Fit) -> PutRight:
+def correct_shifts(solver: Solver, shifts: Shifts, base: Fit) -> ShiftCorrection:
     """The data corrected by a model of shifts, under the calibrated model; the best of all iterations."""
-    (state,) = on_others(solver, shifts.data, [base])
+    (state,) = recalibrated(solver, shifts.data, [base])
     before, values, best = state.penalised(), shifts.values, None
     for _ in range(LOOKS):
         seen = scores(solver, [state])[0][CLOCK_OFFSET]
         estimate = shifts.estimate(values, seen.driver_score, seen.driver_information)
         values, data = estimate.values, shifts.corrected(estimate.values)
-        (state,) = on_others(solver, data, [base])
-        corrected = PutRight(
+        (state,) = recalibrated(solver, data, [base])
+        corrected = ShiftCorrection(
             data, estimate, float(bounded_gains(state.penalised() - before, data).sum()) - estimate.cost
         )
         best = corrected if best is None or corrected.gain > best.gain else best

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 from rearl_jax.discovery.observe.candidates import LENS
 from rearl_jax.discovery.observe.closed_loop import gap_errors
-from rearl_jax.discovery.observe.fit import on_others
+from rearl_jax.discovery.observe.fit import recalibrated
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.search.procedure import Search, is_free
@@ -26,7 +26,7 @@ def confirmed(solver: Solver, outcome: Search, seed: int) -> Search:
     if not outcome.added:
         return outcome
     fits = [outcome.first, *(trial.fit for trial in outcome.added)]
-    errors = gap_errors(solver, on_others(solver, outcome.checked, fits))
+    errors = gap_errors(solver, recalibrated(solver, outcome.checked, fits))
     kept = len(outcome.added)
     while (
         kept > 1 and is_free(outcome.added[kept - 1]) and share_worse(errors[kept - 1], errors[kept], seed=seed) > 0.5
@@ -48,8 +48,8 @@ def clocks_confirmed(solver: Solver, outcome: Search, checked: Measured, seed: i
     if outcome.clocks is None:
         return True
     states = [
-        *on_others(solver, checked, [outcome.before]),
-        *on_others(solver, outcome.checked, [outcome.first]),
+        *recalibrated(solver, checked, [outcome.before]),
+        *recalibrated(solver, outcome.checked, [outcome.first]),
     ]
     before, after = gap_errors(solver, states)
     return share_worse(before, after, seed=seed) < 0.5
@@ -61,7 +61,7 @@ def lens_confirmed(solver: Solver, outcome: Search, seed: int) -> bool:
     """
     for turn in outcome.rounds:
         if turn.chosen is not None and turn.chosen.candidate.term == LENS:
-            states = on_others(solver, outcome.checked, [turn.base, turn.chosen.fit])
+            states = recalibrated(solver, outcome.checked, [turn.base, turn.chosen.fit])
             before, after = gap_errors(solver, states)
             return share_worse(before, after, seed=seed) < 0.5
     return True

@@ -6,7 +6,7 @@ import numpy as np
 from jaxtyping import Float
 
 from rearl_jax.discovery.observe.closed_loop import gap_errors
-from rearl_jax.discovery.observe.fit import on_others
+from rearl_jax.discovery.observe.fit import recalibrated
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.search.adequacy import Adequacy
@@ -33,7 +33,7 @@ class Prediction:
 
 def prediction_of(solver: Solver, outcome: Search) -> Prediction:
     """How the final model of a search predicts the check drivers."""
-    (state,) = on_others(solver, outcome.checked, [outcome.last])
+    (state,) = recalibrated(solver, outcome.checked, [outcome.last])
     (error,) = gap_errors(solver, [state])
     return Prediction(state.marginal(), error, outcome.checked)
 

@@ -6,7 +6,7 @@ from typing import Any
 from rearl_jax.config import DiscoverConfig
 from rearl_jax.data.records import Recording
 from rearl_jax.discovery.lane_changes import KnownDrivers, LaneChangeFindings, lane_change_findings, too_few_changes
-from rearl_jax.discovery.observe.fit import on_others
+from rearl_jax.discovery.observe.fit import recalibrated
 from rearl_jax.discovery.observe.parts import Parts
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.search.procedure import Search
@@ -22,7 +22,7 @@ def lane_choice(
     if (few := too_few_changes(recordings)) is not None:
         return few  # before any driver is calibrated for it
     known = KnownDrivers.of(
-        [search.first.state, *on_others(solver, search.checked, [search.first])], solver.layout.prior
+        [search.first.state, *recalibrated(solver, search.checked, [search.first])], solver.layout.prior
     )
     split = [part.vehicle for part in (parts.fitted, parts.checked, parts.reported)]
     return lane_change_findings(recordings, known, split, options.confidence, options.seed)

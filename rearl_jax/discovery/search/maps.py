@@ -103,17 +103,17 @@ def basis_of(variable: Reaction, weight: Float[np.ndarray, "steps pieces"]) -> B
 
 
 def fitted(
-    scores: DriverScores, drivers: Float[np.ndarray, " drivers"] | None = None, usual: float = USUAL
+    scores: DriverScores, drivers: Float[np.ndarray, " drivers"] | None = None, prior_deviation: float = USUAL
 ) -> Float[np.ndarray, " columns"]:
-    """Values that explain the innovations best; `drivers` is the weight of each driver, `usual` the prior standard
-    deviation.
+    """Values that explain the innovations best; `drivers` is the weight of each driver,
+    `prior_deviation` the standard deviation of the prior.
     """
     gram, score = (
         (scores.gram.sum(axis=0), scores.score.sum(axis=0))
         if drivers is None
         else (np.tensordot(drivers, scores.gram, 1), drivers @ scores.score)
     )
-    return np.linalg.solve(gram + scores.variance / usual**2 * np.eye(len(score)), score)
+    return np.linalg.solve(gram + scores.variance / prior_deviation**2 * np.eye(len(score)), score)
 
 
 def curve_of(
@@ -193,7 +193,7 @@ def plane_of(
     scores: DriverScores,
 ) -> Plane:
     """The map of two variables; `share` of the time steps in each field."""
-    values = fitted(scores, usual=USUAL_IN_FIELDS)
+    values = fitted(scores, prior_deviation=USUAL_IN_FIELDS)
     values = values - values @ share
     value = np.where(share > LEAST_SHARE, values, np.nan).reshape(FIELDS, FIELDS)
     return Plane(variables[0], variables[1], edges[0], edges[1], value)

@@ -10,11 +10,11 @@ from jaxtyping import Float
 from rearl_jax.discovery.observe.base import Base, base_of
 from rearl_jax.discovery.observe.candidates import EARLY_LEADER, Layout, Term
 from rearl_jax.discovery.observe.clocks import CLOCK_OFFSET, Clocks
-from rearl_jax.discovery.observe.fit import Fit, on_others, with_others
+from rearl_jax.discovery.observe.fit import Fit, joint_fit, recalibrated
 from rearl_jax.discovery.observe.fit_state import FitState
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.read.measured import Measured
-from rearl_jax.discovery.search.clock_check import ClockCheck, check_clocks, put_right
+from rearl_jax.discovery.search.clock_check import ClockCheck, check_clocks, correct_shifts
 from rearl_jax.discovery.search.decision import Trial, believed, not_told_apart, trial_of
 from rearl_jax.discovery.search.families import confounded, with_families
 from rearl_jax.discovery.search.null import Null
@@ -96,6 +96,7 @@ class Search:
         lane_changes: What changes of lane bring with them, against the model without it.
         rejected: What had been added, and made the simulation of other drivers worse.
         excluded: Candidates, or clocks, that are not looked for.
+        of_bounds: Added effects that do not hold once drivers' parameters may leave their bounds.
     """
 
     layout: Layout
@@ -107,6 +108,7 @@ class Search:
     lane_changes: list[Trial] = field(default_factory=list)
     rejected: list[Trial] = field(default_factory=list)
     excluded: frozenset[Term] = frozenset()
+    of_bounds: frozenset[Term] = frozenset()
 
     @property
     def before(self) -> Fit:
@@ -169,9 +171,11 @@ class Search:
 
     def is_doubtful(self, trial: Trial) -> bool:
         """True if a named effect is beaten by what is not believed, comes before what simulations contradict or after a
-        free curve, whose remainder it may be, or leaves a dependence on what it acts by, which then is another one than
-        it says.
+        free curve, whose remainder it may be, does not hold without bounds of the drivers' parameters, or leaves a
+        dependence on what it acts by, which then is another one than it says.
         """
+        if trial.candidate.term in self.of_bounds:
+            return True
         if self.is_contradicted or any(turn.is_beaten for turn in self.rounds if turn.chosen is trial):
             return True
         earlier = takewhile(lambda other: other is not trial, self.added)
@@ -216,7 +220,7 @@ def search(
     report("calibrating drivers", 0, 1)
     of_lanes = calibrated or base_of(solver, fitted, lane_changes=lane_changes)
     base = of_lanes.fit
-    everybody = with_others(solver, base, checked)
+    everybody = joint_fit(solver, base, checked)
     null = null_for(everybody)
     (seen,) = scores(solver, [everybody.state])
     outcome = Search(solver.layout, null, seen, checked, excluded=excluded)
@@ -229,7 +233,7 @@ def search(
     while len(outcome.added) <= THRESHOLDS.most_effects:
         turn = _round(solver, base, everybody.state, seen, outcome, report)
         if clocks is not None and not outcome.rounds and (turn.chosen is None or clocks.total > turn.chosen.total):
-            # The data are put right, and the loop begins again.
+            # The clocks are corrected in the data, and the loop begins again.
             outcome.clocks, outcome.checked = clocks, clocks.checked
             of_lanes, clocks = base_of(solver, clocks.fitted, lane_changes=lane_changes), None
             base = of_lanes.fit
@@ -239,14 +243,14 @@ def search(
             if turn.chosen is None or len(outcome.rounds) == rounds:
                 break
             base = turn.chosen.fit
-        everybody = with_others(solver, base, outcome.checked)
+        everybody = joint_fit(solver, base, outcome.checked)
         (seen,) = scores(solver, [everybody.state])
     return outcome
 
 
 def in_time(solver: Solver, outcome: Search, data: Measured) -> Measured:
-    """Drivers as the final model takes them: with their clocks put right where the fitted ones' were."""
-    return data if outcome.clocks is None else put_right(solver, Clocks(data), outcome.clocks.base).data
+    """Drivers as the final model takes them: with their clocks corrected where the fitted ones' were."""
+    return data if outcome.clocks is None else correct_shifts(solver, Clocks(data), outcome.clocks.base).data
 
 
 def _round(
@@ -274,7 +278,7 @@ def _round(
         base = rebased(solver, base, fits)
         fits = nested(solver, base, fits)
         report("checking on other drivers", 0, 1)
-        other_base, *others = on_others(solver, outcome.checked, [base, *fits.values()])
+        other_base, *others = recalibrated(solver, outcome.checked, [base, *fits.values()])
         trials = [
             trial_of(solver, fit, base.state, other, other_base, null.null_mean(term))
             for (term, fit), other in zip(fits.items(), others, strict=True)
@@ -299,7 +303,7 @@ def lane_change_trials(solver: Solver, base: Base, checked: Measured) -> list[Tr
     if not base.steps:
         return []
     fits = [base.bare, *base.steps]
-    others = on_others(solver, checked, fits)
+    others = recalibrated(solver, checked, fits)
     return [
         trial_of(solver, after, before.state, other, other_before, 0.0)
         for before, after, other_before, other in zip(fits[:-1], fits[1:], others[:-1], others[1:], strict=True)

@@ -7,7 +7,7 @@ import numpy as np
 
 from rearl_jax.discovery.observe.candidates import Candidate, Layout, Term
 from rearl_jax.discovery.observe.fit import Fit
-from rearl_jax.discovery.observe.fit_state import FitState, copied, with_noise
+from rearl_jax.discovery.observe.fit_state import FitState, with_changes, with_noise
 from rearl_jax.discovery.observe.noise import no_larger, noises, under_best_noise
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.search.screen import Score
@@ -75,9 +75,10 @@ def _sections(name: str, score: Score, state: FitState, layout: Layout) -> list[
             result.append(layout.with_values(state.theta, {"grade.push": float(np.clip(size, -1, 1)), **edges}))
         else:
             mean_driver = layout.prior.values(state.mean[:1], np.zeros(1, int))[0]
-            usual = float(mean_driver[layout.prior.names.index("desired_speed")])
+            desired_speed = float(mean_driver[layout.prior.names.index("desired_speed")])
             result += [
-                layout.with_values(state.theta, {"speed_limit.limit": usual * share, **edges}) for share in LIMITS
+                layout.with_values(state.theta, {"speed_limit.limit": desired_speed * share, **edges})
+                for share in LIMITS
             ]
     # Drivers who never approach their desired speed carry no information on a limit: start without a limit.
     return result or [state.theta.copy()]
@@ -119,7 +120,7 @@ def refit(
     for number, candidate in enumerate(candidates):
         active = (*base.state.active, candidate.term)
         states = [
-            copied(base.state, theta=theta, active=active)
+            with_changes(base.state, theta=theta, active=active)
             for theta in starts(candidate, seen[candidate.term], base.state, solver.layout)
         ]
         solver.solve(states, iterations=15, tolerance=0.3)
@@ -141,7 +142,7 @@ def nested(solver: Solver, base: Fit, fits: dict[Term, Fit]) -> dict[Term, Fit]:
     better = {}
     for term, fit in fits.items():
         if fit.state.objective > base.state.objective:
-            again = copied(base.state, active=fit.state.active)
+            again = with_changes(base.state, active=fit.state.active)
             solver.solve([again], iterations=20, tolerance=0.05)
             fit = min(fit, replace(fit, state=again, noise=base.noise), key=lambda candidate: candidate.state.objective)
         better[term] = fit

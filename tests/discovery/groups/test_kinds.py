@@ -7,7 +7,7 @@ import pytest
 
 from rearl_jax.discovery.groups import kinds
 from rearl_jax.discovery.observe.base import base_of
-from rearl_jax.discovery.observe.fit_state import copied
+from rearl_jax.discovery.observe.fit_state import with_changes
 from rearl_jax.discovery.observe.solver import solver_of
 from rearl_jax.discovery.search.null import simulate_again
 
@@ -25,7 +25,7 @@ def calibrated_many(measured_of):
 def test_drivers_of_one_kind_are_one_kind(calibrated_many):
     solver, fit = calibrated_many
     assert fit.state.data.n_drivers == 45
-    assert kinds.kinds_of(kinds.seen_of(solver, fit), 0).n == 1
+    assert kinds.kinds_of(kinds.driver_likelihoods(solver, fit), 0).n == 1
 
 
 def test_controllers_are_told_from_people(calibrated_many):
@@ -33,10 +33,10 @@ def test_controllers_are_told_from_people(calibrated_many):
     solver, fit = calibrated_many
     is_machine = np.arange(45) % 3 == 0
     place = solver.layout.prior.names.index("time_gap")
-    state = copied(fit.state, z=fit.state.z.copy())
+    state = with_changes(fit.state, z=fit.state.z.copy())
     state.z[is_machine, place] += np.log(2.0) / solver.layout.prior.spread[place]
     solver.sums([state])
-    machines = copied(state, data=state.data)
+    machines = with_changes(state, data=state.data)
     quiet = replace(fit.noise, acceleration=fit.noise.acceleration / 4)
     drives = [
         simulate_again(solver, one, noise, np.random.default_rng(k))
@@ -49,7 +49,7 @@ def test_controllers_are_told_from_people(calibrated_many):
     )
     data = replace(state.data, y=whole, smooth=smooth, smooth_speed=speed)
     again = base_of(solver, data, lane_changes=False).fit
-    found = kinds.kinds_of(kinds.seen_of(solver, again), 0)
+    found = kinds.kinds_of(kinds.driver_likelihoods(solver, again), 0)
     assert found.n == 2
     labels = ["machine" if one else "person" for one in is_machine]
     share = kinds.purity(found.of_driver, labels, 0)

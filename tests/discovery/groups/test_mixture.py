@@ -5,7 +5,7 @@ import pytest
 
 from rearl_jax.discovery.groups import kinds
 from rearl_jax.discovery.groups.group import grouped
-from rearl_jax.discovery.groups.mixture import Seen, drawn_from, one_group, split_further
+from rearl_jax.discovery.groups.mixture import DriverLikelihoods, drawn_from, one_group, split_further
 
 SIZE = 4
 
@@ -16,26 +16,26 @@ def few_replicates(monkeypatch):
     monkeypatch.setattr(kinds, "REPLICATES", 19)
 
 
-def _seen(numbers: np.ndarray, deviation: np.ndarray, rng: np.random.Generator) -> Seen:
+def _likelihoods(numbers: np.ndarray, deviation: np.ndarray, rng: np.random.Generator) -> DriverLikelihoods:
     """Drivers whose numbers are known with these standard deviations."""
     information = np.zeros((*numbers.shape, SIZE))
     information[:, range(SIZE), range(SIZE)] = deviation**-2.0
-    return Seen(information, (numbers + deviation * rng.standard_normal(numbers.shape)) * deviation**-2.0)
+    return DriverLikelihoods(information, (numbers + deviation * rng.standard_normal(numbers.shape)) * deviation**-2.0)
 
 
-def _drivers(n: int, apart: float, seed: int, precise: float = 0.3) -> tuple[Seen, np.ndarray]:
+def _drivers(n: int, apart: float, seed: int, precise: float = 0.3) -> tuple[DriverLikelihoods, np.ndarray]:
     """Two kinds, a third of the drivers the second, whose means are `apart` in two numbers; and who is of it."""
     rng = np.random.default_rng(seed)
     second = np.arange(n) % 3 == 0
     numbers = rng.standard_normal((n, SIZE))
     numbers[:, 1:3] += apart * second[:, None]
-    return _seen(numbers, precise * np.exp(0.3 * rng.standard_normal((n, SIZE))), rng), second
+    return _likelihoods(numbers, precise * np.exp(0.3 * rng.standard_normal((n, SIZE))), rng), second
 
 
 @pytest.mark.parametrize("seed", [0, 2])
 def test_two_kinds_are_told_apart(seed):
-    seen, second = _drivers(90, 5.0, seed)
-    found = kinds.kinds_of(seen, seed)
+    likelihoods, second = _drivers(90, 5.0, seed)
+    found = kinds.kinds_of(likelihoods, seed)
     assert found.n == 2
     assert found.gain > 10
     assert found.chance <= 1 / (1 + kinds.REPLICATES)
@@ -46,8 +46,8 @@ def test_two_kinds_are_told_apart(seed):
 
 
 def test_numbers_in_which_kinds_do_not_differ_cost_nothing():
-    seen, _ = _drivers(90, 5.0, 1)
-    two = split_further(seen, one_group(seen))
+    likelihoods, _ = _drivers(90, 5.0, 1)
+    two = split_further(likelihoods, one_group(likelihoods))
     assert set(two.differing) <= {1, 2}
     assert len(two.differing) > 0
     common = [place for place in range(SIZE) if place not in two.differing]
@@ -65,15 +65,17 @@ def test_one_kind_is_one_kind(n_seeds):
             numbers[:, 0] = rng.gamma(2.0, 0.7, 60)
         if seed % 4 == 2:
             numbers = numbers / np.sqrt(rng.chisquare(6, (60, 1)) / 6)
-        several += kinds.kinds_of(_seen(numbers, 0.3 * np.ones((60, SIZE)), rng), seed).n > 1
+        several += kinds.kinds_of(_likelihoods(numbers, 0.3 * np.ones((60, SIZE)), rng), seed).n > 1
     assert several <= 1
 
 
 def test_drivers_of_whom_nothing_is_known_do_not_count():
-    seen, second = _drivers(90, 5.0, 2)
-    blind = Seen(np.zeros((60, SIZE, SIZE)), np.zeros((60, SIZE)))
-    both = Seen(*(np.concatenate([getattr(seen, name), getattr(blind, name)]) for name in ("information", "weighted")))
-    alone, found = split_further(seen, one_group(seen)), split_further(both, one_group(both))
+    likelihoods, second = _drivers(90, 5.0, 2)
+    blind = DriverLikelihoods(np.zeros((60, SIZE, SIZE)), np.zeros((60, SIZE)))
+    both = DriverLikelihoods(
+        *(np.concatenate([getattr(likelihoods, name), getattr(blind, name)]) for name in ("information", "weighted"))
+    )
+    alone, found = split_further(likelihoods, one_group(likelihoods)), split_further(both, one_group(both))
     order = [np.argsort(one.share) for one in (alone, found)]
     np.testing.assert_allclose(found.mean[order[1]], alone.mean[order[0]], atol=0.6)
     np.testing.assert_allclose(found.member[90:], np.broadcast_to(found.share, (60, 2)), atol=0.05)
@@ -82,9 +84,9 @@ def test_drivers_of_whom_nothing_is_known_do_not_count():
 
 
 def test_drawn_drivers_are_like_those_they_are_drawn_from():
-    seen, _ = _drivers(900, 5.0, 3)
-    mixture = one_group(seen)
-    drawn = one_group(drawn_from(seen, mixture, np.random.default_rng(0)))
+    likelihoods, _ = _drivers(900, 5.0, 3)
+    mixture = one_group(likelihoods)
+    drawn = one_group(drawn_from(likelihoods, mixture, np.random.default_rng(0)))
     np.testing.assert_allclose(drawn.mean, mixture.mean, atol=0.3)
     np.testing.assert_allclose(np.diagonal(drawn.covariance[0]), np.diagonal(mixture.covariance[0]), rtol=0.25)
 

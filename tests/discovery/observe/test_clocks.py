@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rearl_jax.discovery.observe.clocks import Clocks, Pairs, usual_leaders
+from rearl_jax.discovery.observe.clocks import Clocks, Pairs, main_leaders
 from rearl_jax.discovery.observe.fit import Fit
-from rearl_jax.discovery.search.clock_check import check_clocks, put_right
+from rearl_jax.discovery.search.clock_check import check_clocks, correct_shifts
 from rearl_jax.discovery.thresholds import THRESHOLDS
 
 
@@ -21,7 +21,7 @@ def late(data, offset):
 @pytest.fixture
 def chains(measured_of):
     data = measured_of()
-    vehicles = np.unique(np.r_[data.vehicle, usual_leaders(data)[usual_leaders(data) >= 0]])
+    vehicles = np.unique(np.r_[data.vehicle, main_leaders(data)[main_leaders(data) >= 0]])
     offset = dict(zip(vehicles.tolist(), np.random.default_rng(4).normal(0, 0.4, len(vehicles)), strict=True))
     return late(data, offset)
 
@@ -30,9 +30,9 @@ def test_clocks_are_put_right(solver, calibrated, chains):
     data, offset = chains
     base = Fit(None, *calibrated)
     account = Clocks(data)
-    found = put_right(solver, account, base)
+    found = correct_shifts(solver, account, base)
     assert found.gain > 5
-    leaders = usual_leaders(data)
+    leaders = main_leaders(data)
     own = np.zeros(data.n_drivers, int)
     own[data.driver] = data.vehicle
     place = {int(vehicle): k for k, vehicle in enumerate(account.vehicle)}
@@ -41,12 +41,12 @@ def test_clocks_are_put_right(solver, calibrated, chains):
         [known[leader] - known[driver] for driver, leader in pairs] for known in (offset, found.estimate.values[0])
     )
     assert np.corrcoef(ahead, seen)[0, 1] > 0.8
-    assert found.gain > put_right(solver, Pairs(data), base).gain + THRESHOLDS.clock_lead
+    assert found.gain > correct_shifts(solver, Pairs(data), base).gain + THRESHOLDS.clock_lead
 
 
 def test_clocks_that_are_right_are_left_alone(solver, calibrated, measured_of):
     base = Fit(None, *calibrated)
-    assert put_right(solver, Clocks(measured_of()), base).gain < 3
+    assert correct_shifts(solver, Clocks(measured_of()), base).gain < 3
     assert check_clocks(solver, base, measured_of()) is None
 
 
@@ -54,4 +54,4 @@ def test_no_driver_decides_about_clocks(solver, calibrated, chains):
     data, _ = chains
     base = Fit(None, *calibrated)
     one = replace(data, weight=np.where(data.driver == 0, data.weight, 0.0))
-    assert put_right(solver, Pairs(one), base).gain < 12.0 + 1e-6
+    assert correct_shifts(solver, Pairs(one), base).gain < 12.0 + 1e-6

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rearl_jax.discovery.read.training import MOST_FOLDS, UNKNOWN, halves, left_out_runs, seen_enough
+from rearl_jax.discovery.read.training import MOST_FOLDS, UNKNOWN, halves, has_enough_data, left_out_runs
 
 
 @pytest.fixture(scope="module")
@@ -61,7 +61,7 @@ def test_drivers_who_are_seen_too_shortly_are_left_out(data):
     short = data.weight.copy()
     short[round(15 / data.dt) :, 3] = 0
     split = halves(replace(data, weight=short))
-    assert list(np.flatnonzero(~seen_enough([split]))) == [3]
+    assert list(np.flatnonzero(~has_enough_data([split]))) == [3]
 
 
 def test_every_run_is_left_out_once_and_only_the_others_train_for_it(data):

@@ -37,8 +37,8 @@ def predicted(sure=0.6, doubtful=0.02, wrong=False):
     foreseen = np.where(changes != wrong, sure, doubtful)
     chance = {name: foreseen if name == "hazard" else constant for name in PREDICTORS}
     estimates = {name: Estimate(getattr(MobilRule(), name), None, None, unit) for name, unit in UNITS.items()}
-    says = {name: values > constant for name, values in chance.items()}
-    return Prediction(table, chance, says, CalibratedMobil(MobilRule(), estimates), 80, 70, 200, 3)
+    is_predicted = {name: values > constant for name, values in chance.items()}
+    return Prediction(table, chance, is_predicted, CalibratedMobil(MobilRule(), estimates), 80, 70, 200, 3)
 
 
 def test_figures_are_those_of_the_sums():

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from rearl_jax.discovery.observe.closed_loop import calibrated_to_gap, simulated_error
-from rearl_jax.discovery.observe.fit import Fit, on_others
+from rearl_jax.discovery.observe.fit import Fit, recalibrated
 from rearl_jax.discovery.read.training import halves, left_out_runs
 from rearl_jax.discovery.report.protocols import IN_SAMPLE, PROTOCOLS, protocol_errors
 
@@ -17,7 +17,7 @@ def fit(calibrated):
 
 @pytest.fixture(scope="module")
 def state(solver, fit, measured_of):
-    return on_others(solver, measured_of(), [fit])[0]
+    return recalibrated(solver, measured_of(), [fit])[0]
 
 
 def errors(solver, state, fit, runs=()):
@@ -30,12 +30,12 @@ def errors(solver, state, fit, runs=()):
 def test_the_more_is_known_of_drivers_the_smaller_is_the_error(solver, fit, state):
     found = errors(solver, state, fit)
     population, half, own = (found[name].by_driver for name in ("population", "first_half", IN_SAMPLE))
-    usual = found["first_half"].usual
+    population = found["first_half"].population
     assert population["gap_rmse"].mean() > 3.0  # drivers differ
     for measure in half:
-        assert half[measure].mean() < 0.85 * usual[measure].mean()
+        assert half[measure].mean() < 0.85 * population[measure].mean()
         assert own[measure].mean() < half[measure].mean() < population[measure].mean()
-    assert (half["gap_rmse"] < usual["gap_rmse"]).mean() > 0.5
+    assert (half["gap_rmse"] < population["gap_rmse"]).mean() > 0.5
     assert found["other_runs"] is None
 
 
@@ -47,10 +47,10 @@ def test_other_runs_help_only_where_they_are_of_the_same_driver(solver, fit, sta
     def mean_errors(identity):
         found = errors(solver, state, fit, left_out_runs(runs, identity, everybody))["other_runs"]
         assert len(found.driver) == n
-        return found.by_driver["gap_rmse"].mean(), found.usual["gap_rmse"].mean()
+        return found.by_driver["gap_rmse"].mean(), found.population["gap_rmse"].mean()
 
-    known, usual = mean_errors(np.tile(np.arange(n), 2))
+    known, population = mean_errors(np.tile(np.arange(n), 2))
     mistaken, as_usual = mean_errors(np.concatenate([np.arange(n), (np.arange(n) + n // 2) % n]))
-    assert known < 0.7 * usual
+    assert known < 0.7 * population
     assert mistaken > 1.5 * known
     assert mistaken > 0.9 * as_usual

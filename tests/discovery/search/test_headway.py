@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rearl_jax.discovery.observe.fit import Fit
-from rearl_jax.discovery.observe.fit_state import copied, new_state
+from rearl_jax.discovery.observe.fit_state import new_state, with_changes
 from rearl_jax.discovery.report.error_block import Resampling
 from rearl_jax.discovery.report.variation import scored, variation_section
 from rearl_jax.discovery.search.headway import CONSTANT, TimeGapVariation, energy_scores, time_gap_variation
@@ -21,7 +21,7 @@ def driven(solver, drivers, noise, varied):
     state, _ = drivers
     drives = replace(state, pieces=replace(state.pieces, varied=varied))
     y = state.data.y - behind_noisy_drive(solver, drives, noise, np.random.default_rng(5))
-    return copied(state, data=replace(state.data, y=y), pieces=replace(state.pieces, y=y))
+    return with_changes(state, data=replace(state.data, y=y), pieces=replace(state.pieces, y=y))
 
 
 @pytest.fixture(scope="module")
@@ -32,7 +32,7 @@ def many(solver, calibrated):
     for _ in range(3):
         data, z = data.beside(data), np.concatenate([z, z])
     more = new_state(data, solver.layout, noise)
-    return copied(more, z=z, mean=state.mean, spread=state.spread, theta=state.theta, active=state.active), noise
+    return with_changes(more, z=z, mean=state.mean, spread=state.spread, theta=state.theta, active=state.active), noise
 
 
 @pytest.fixture

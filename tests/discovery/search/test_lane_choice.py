@@ -95,7 +95,7 @@ def test_drivers_are_known_and_split_as_they_were_for_car_following(recordings, 
 
 
 def test_nobody_is_calibrated_for_a_few_changes(recordings_of, solver, search, monkeypatch):
-    monkeypatch.setattr("rearl_jax.discovery.search.lane_choice.on_others", None)  # would be called
+    monkeypatch.setattr("rearl_jax.discovery.search.lane_choice.recalibrated", None)  # would be called
     few = recordings_of()[:1]
     lanes = lane_choice(solver, search, parts_of(few), few, DiscoverConfig())
     assert "too few lane changes: " in lanes.words

@@ -9,11 +9,11 @@ from rearl_jax.discovery.claims import Claim
 from rearl_jax.discovery.observe import clocks
 from rearl_jax.discovery.observe.candidates import Candidate, Term
 from rearl_jax.discovery.observe.drivers import IDM_PRIOR
-from rearl_jax.discovery.observe.fit import Fit, with_others
-from rearl_jax.discovery.observe.fit_state import copied
+from rearl_jax.discovery.observe.fit import Fit, joint_fit
+from rearl_jax.discovery.observe.fit_state import with_changes
 from rearl_jax.discovery.observe.kalman import Noise
 from rearl_jax.discovery.observe.noise import calibrate
-from rearl_jax.discovery.observe.uncertainty import interval, known, price
+from rearl_jax.discovery.observe.uncertainty import interval, price, standard_deviations
 from rearl_jax.discovery.report.verdict import candidate_rows, verdict_of
 from rearl_jax.discovery.search import decision, families
 from rearl_jax.discovery.search.adequacy import Adequacy
@@ -39,7 +39,7 @@ def test_drivers_are_found_again(solver, calibrated):
     again = simulate_again(solver, state, noise, np.random.default_rng(3))
     truth = state.z.copy()
     solver.solve([again], iterations=25)
-    deviations = known(solver, again).drivers
+    deviations = standard_deviations(solver, again).drivers
     told = deviations < 0.5
     assert told.sum() > 10
     errors = (again.z - truth)[told] / deviations[told]
@@ -79,7 +79,7 @@ def test_candidates_on_top_of_what_was_added_are_scored_without_it(solver, calib
     """Once an effect is in the model, its own direction has nothing left to say."""
     state, _ = calibrated
     term = Term("speed_dependent_time_gap")
-    added = copied(state, active=(term,))
+    added = with_changes(state, active=(term,))
     solver.solve([added], iterations=15)
     (found,) = scores(solver, [added])
     assert abs(found[term].score[0]) < 1e-2 * np.sqrt(found[Term("asymmetry")].information[0, 0]) + 1.0
@@ -96,7 +96,7 @@ def test_the_screen_sees_with_everybody_what_the_fitted_alone_hardly_show(solver
     data = replace(state.data, y=planted.pieces.y)
     halves = [data.select(np.flatnonzero(data.driver % 2 == half)) for half in (0, 1)]
     alone = Fit(None, *calibrate(solver, halves[0]))
-    both = with_others(solver, alone, halves[1])
+    both = joint_fit(solver, alone, halves[1])
     assert both.state.data.n_drivers == len(both.state.z) == data.n_drivers
     twice = [alone.state] * 2  # as many pieces as both have: one program for all
     seen = scores(solver, twice)[0], scores(solver, [both.state])[0]
@@ -195,7 +195,7 @@ def test_a_delay_of_less_than_a_time_step_is_of_the_numerics(trial, calibrated, 
     state, noise = calibrated
     theta = state.theta.copy()
     theta[list(delay.candidate.free)] = steps * state.data.dt
-    delay = replace(delay, fit=Fit(delay.candidate, copied(state, theta=theta), noise))
+    delay = replace(delay, fit=Fit(delay.candidate, with_changes(state, theta=theta), noise))
     exceeding = frozenset({Term("holds"), Term("reaction_delay")})
     assert Round(Fit(None, state, noise), {}, {}, {}, exceeding, [holds, delay], [holds]).is_beaten == counts
 
@@ -279,11 +279,11 @@ def test_a_curve_without_a_name_improves_a_model_if_the_error_is_surely_lower(
 def test_a_model_is_never_worse_than_the_one_it_contains(solver, calibrated):
     state, noise = calibrated
     candidate = solver.layout.candidates[Term("leader_acceleration")]
-    base = Fit(None, copied(state), noise)
+    base = Fit(None, with_changes(state), noise)
     solver.solve([base.state], iterations=3)
     theta = state.theta.copy()
     theta[list(candidate.free)] = 1.5
-    stuck = copied(base.state, theta=theta, active=(candidate.term,))
+    stuck = with_changes(base.state, theta=theta, active=(candidate.term,))
     stuck.objective = base.state.objective + 190.0
     (fit,) = nested(solver, base, {candidate.term: Fit(candidate, stuck, noise)}).values()
     assert fit.state.objective <= base.state.objective + 0.1
@@ -344,7 +344,7 @@ def test_a_twin_stands_behind_the_candidate_that_it_looks_like(solver, calibrate
 def test_clocks_are_told_from_shifts_that_are_no_clocks(measured_of):
     """Scores made from known offsets are explained by offsets; scores of unrelated shifts are not."""
     data = measured_of()
-    leaders = clocks.usual_leaders(data)
+    leaders = clocks.main_leaders(data)
     own = np.zeros(data.n_drivers, int)
     own[data.driver] = data.vehicle
     rng = np.random.default_rng(0)
