@@ -1,10 +1,12 @@
 """A complete discovery: reads recordings, groups drivers if requested, analyses each group."""
 
+import json
 import re
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
+import pandas as pd
 from rich.progress import Progress
 
 from rearl_jax.config import DiscoverTask
@@ -25,6 +27,9 @@ from rearl_jax.discovery.thresholds import THRESHOLDS
 from rearl_jax.problems import InvalidInputError, Problem
 from rearl_jax.progress import shown
 from rearl_jax.results import Study
+
+Keep = Callable[[Study, Discovery], None]
+"""Function that writes a discovery into its folder."""
 
 
 @dataclass(frozen=True)
@@ -59,7 +64,13 @@ class Drivers:
 
 
 def compute(
-    config: DiscoverTask, bar: Progress, identity: str, *, generated: bool, study: Study | None = None
+    config: DiscoverTask,
+    bar: Progress,
+    identity: str,
+    *,
+    generated: bool,
+    study: Study | None = None,
+    keep: Keep | None = None,
 ) -> Discovery:
     """Effects that the traffic model lacks; nothing is printed.
 
@@ -70,6 +81,7 @@ def compute(
         generated: Whether any of the data were generated, not measured.
         study: Folder that keeps the simulated null distributions (the longest computation), so that an interrupted run
             continues; None to keep nothing.
+        keep: Writes a finished group, which is not computed again then; None to keep none.
 
     Raises:
         FileNotFoundError, ValueError: As `task.run`.
@@ -83,7 +95,7 @@ def compute(
     else:
         kinds = _kinds(config, drivers, bar) if by == AUTO else None
         names = drivers.data.label(by).tolist() if kinds is None else kinds.names()
-        discovery = _of_groups(config, drivers, grouped(drivers.data, names), bar, study)
+        discovery = _of_groups(config, drivers, grouped(drivers.data, names), bar, study, keep)
         if kinds is not None:
             labels = {name: drivers.data.label(name).tolist() for name in drivers.data.labels}
             purities = {name: purity(kinds.of_driver, values, config.discover.seed) for name, values in labels.items()}
@@ -140,7 +152,12 @@ def group_studies(
 
 
 def _of_groups(
-    config: DiscoverTask, drivers: Drivers, grouping: Grouping, bar: Progress, study: Study | None
+    config: DiscoverTask,
+    drivers: Drivers,
+    grouping: Grouping,
+    bar: Progress,
+    study: Study | None,
+    keep: Keep | None,
 ) -> Discovery:
     """A discovery of each group, with a joint verdict."""
     if not grouping.groups:
@@ -149,15 +166,28 @@ def _of_groups(
         raise InvalidInputError(Problem("too-few-drivers", said, "choose another label", key="discover.by"))
     names = [group.name for group in grouping.groups]
     studies = {} if study is None else group_studies(study, config, names, drivers.id, generated=drivers.generated)
-    groups = {}
-    for group in grouping.groups:
-        parts = drivers.parts(group.data, config.discover.seed)
-        of_group = replace(config, study=f"{config.study}_{group.name}")
-        groups[group.name] = discovery_of(
-            of_group, parts, drivers.recordings, bar, studies.get(group.name), f"{config.discover.by} {group.name}"
-        )
-    verdict = verdict_of_groups(config.discover, groups, grouping.left_out)
-    return Discovery(config, drivers.id, verdict, groups=groups)
+    groups, parts = {}, {group.name: drivers.parts(group.data, config.discover.seed) for group in grouping.groups}
+    for name in names:
+        inside = studies.get(name)
+        finished = None if inside is None or keep is None else _finished(config, drivers.id, inside)
+        if finished is None:
+            of_group, words = replace(config, study=f"{config.study}_{name}"), f"{config.discover.by} {name}"
+            finished = discovery_of(of_group, parts[name], drivers.recordings, bar, inside, words)
+            if inside is not None and keep is not None:
+                keep(inside, finished)
+                finished = replace(finished, model=None, behind=None)
+        groups[name] = finished
+    verdict = verdict_of_groups(config.discover, groups, parts, grouping.left_out)
+    infos = tuple(recording.info for recording in drivers.recordings)
+    return Discovery(config, drivers.id, verdict, groups=groups, infos=infos)
+
+
+def _finished(config: DiscoverTask, identity: str, study: Study) -> Discovery | None:
+    """Verdict and errors of a group that an interrupted run has written; None if it has not."""
+    if study.finished_summary() is None:
+        return None
+    verdict = json.loads((study.path / "verdict.json").read_text(encoding="utf-8"))
+    return Discovery(config, identity, verdict, {"errors": pd.read_parquet(study.path / "errors.parquet")})
 
 
 def _each_once(notes: Sequence[str]) -> tuple[str, ...]:

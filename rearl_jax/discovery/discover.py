@@ -10,7 +10,7 @@ import pandas as pd
 from rich.progress import Progress
 
 from rearl_jax.config import DiscoverTask
-from rearl_jax.data.records import Recording
+from rearl_jax.data.records import Recording, RecordingInfo
 from rearl_jax.discovery.best_search import NULL_TABLE, BestSearch, best_search
 from rearl_jax.discovery.claims import Claim
 from rearl_jax.discovery.comparison.compared import compared_table
@@ -87,8 +87,9 @@ class Discovery:
         verdict: As in verdict.json, see `discovery.verdict`.
         tables: Parquet tables by name; empty where `discover.oracle` says what is missing.
         model: The repaired model; None for the same reason.
-        behind: What figures and page are drawn from; None for the same reason.
+        behind: What figures and page are drawn from; None for the same reason, and for a group that was written.
         groups: Discoveries of groups of drivers by the name of each; empty where drivers are not told apart.
+        infos: Descriptions of the recordings of groups.
     """
 
     config: DiscoverTask
@@ -98,6 +99,7 @@ class Discovery:
     model: RepairedModel | None = None
     behind: Behind | None = None
     groups: Mapping[str, "Discovery"] = field(default_factory=dict)
+    infos: tuple[RecordingInfo, ...] = ()
 
 
 def discovery_of(
@@ -153,6 +155,7 @@ def _discovery(config: DiscoverTask, parts: Parts, found: BestSearch, lanes: Lan
     effects = [replace(one, depends_on_base=without.get((one.name, one.variables), ())) for one in effects]
     error = error_block(errors, options.confidence, options.draws, options.seed)
     change = error["change"]
+    time_gaps = equilibrium_time_gaps(solver, outcome.first.state, options)
     following = {
         "verdict": verdict_of(outcome, effects, left, is_lower=change is not None and change["high"] < 0),
         "effects": [effect.plain() for effect in effects],
@@ -160,9 +163,8 @@ def _discovery(config: DiscoverTask, parts: Parts, found: BestSearch, lanes: Lan
         "lane_changes": lane_changes_block(outcome, deviations, options.confidence),
         "unseen": unseen(outcome, outcome.null.threshold(THRESHOLDS.candidate_z_score)),
         "error": error,
-        "base": None
-        if comparison is None
-        else base_block(comparison, options, equilibrium_time_gaps(solver, outcome.first.state, options)),
+        "base": None if comparison is None else base_block(comparison, options, time_gaps),
+        **({"equilibrium_time_gap": time_gaps} if comparison is None else {}),
         "population": population_block(solver, outcome.first.state),
         "time_gap_variation": variation_block(solver, outcome.last, reported, errors, variation, over),
         "adequacy": {

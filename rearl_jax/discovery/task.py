@@ -10,6 +10,7 @@ driver, if there are enough), `model.yaml`, figures, `page.html`, `verdict.json`
 
 import json
 from contextlib import nullcontext
+from functools import partial
 
 from rich.progress import Progress
 
@@ -43,10 +44,12 @@ def run(config: DiscoverTask, *, show: bool = True, bar: Progress | None = None)
     """
     identity, generated = data_id(config.data), is_generated(config.data)
     study = Study(config.results.root, config.study, config, "discover", identity, generated=generated)
+    is_repeated = study.finished_summary() is not None  # then nothing of it is reused
     if study.begin(resume=config.results.resume) is not None:
         return json.loads((study.path / "verdict.json").read_text(encoding="utf-8"))
     with progress_bar() if bar is None else nullcontext(bar) as lines:
-        discovery = compute(config, lines, identity, generated=generated, study=study)
+        keep = None if is_repeated else partial(_write_group, study)
+        discovery = compute(config, lines, identity, generated=generated, study=study, keep=keep)
     write(study, discovery)
     if show:
         print_document(document_of(config, discovery.verdict))
@@ -59,9 +62,8 @@ def write(study: Study, discovery: Discovery) -> None:
     groups = discovery.groups
     folders = group_studies(study, config, list(groups), discovery.data_id, generated=generated)
     for name, inside in folders.items():
-        study.own(f"{inside.path.relative_to(study.path).as_posix()}/")
-        inside.write_config()
-        write(inside, groups[name])
+        if groups[name].behind is not None:  # else it was written when it was found
+            _write_group(study, inside, groups[name])
     seeds = {"seeds": f"discover.seed={discovery.config.discover.seed}"}
     for name, table in discovery.tables.items():
         if name not in (NULL_TABLE, BASE_TABLE) or not study.owns(name):  # written as soon as they are known
@@ -74,8 +76,14 @@ def write(study: Study, discovery: Discovery) -> None:
 
         present(study, discovery)
     elif groups and config.discover.page:
-        infos = {info.id: info for group in groups.values() if group.behind for info in group.behind.parts.infos}
-        document = document_of(config, discovery.verdict, sources=data_sources(tuple(infos.values())))
+        document = document_of(config, discovery.verdict, sources=data_sources(discovery.infos))
         study.write_text("page.html", page_of(document, config, {}, data_id=discovery.data_id))
     study.write_text("verdict.json", json.dumps(discovery.verdict, indent=1, allow_nan=False) + "\n")
     study.write_summary(tables.summary(discovery.verdict))
+
+
+def _write_group(study: Study, inside: Study, discovery: Discovery) -> None:
+    """Writes the discovery of a group into its folder inside that of the study."""
+    study.own(f"{inside.path.relative_to(study.path).as_posix()}/")
+    inside.write_config()
+    write(inside, discovery)

@@ -22,25 +22,33 @@ from typing import Any
 import numpy as np
 
 from rearl_jax.config import DiscoverConfig
-from rearl_jax.discovery.discover import Behind, Discovery
+from rearl_jax.discovery.discover import Discovery
+from rearl_jax.discovery.observe.parts import Parts
 from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.read.split import in_both, known_again
-from rearl_jax.discovery.report.equilibrium import equilibrium_time_gaps
 from rearl_jax.discovery.report.error_block import error_block
 from rearl_jax.discovery.report.errors import ModelErrors
 from rearl_jax.discovery.report.protocols import ProtocolErrors
+from rearl_jax.discovery.report.tables import read_errors
 from rearl_jax.discovery.thresholds import THRESHOLDS
 
 STRONGEST_FIRST = ("named", "improved", "unexplained", "artefact", "nothing")
 
 
 def verdict_of_groups(
-    options: DiscoverConfig, groups: Mapping[str, Discovery], left_out: Mapping[str, int]
+    options: DiscoverConfig, groups: Mapping[str, Discovery], parts: Mapping[str, Parts], left_out: Mapping[str, int]
 ) -> dict[str, Any]:
-    """The verdict on all groups, without the computation time."""
-    rows = [_row(options, name, discovery) for name, discovery in groups.items()]
+    """The verdict on all groups, without the computation time.
+
+    Args:
+        options: Keys of discovery.
+        groups: Verdict and table of errors of each group.
+        parts: Its drivers.
+        left_out: Number of drivers outside all groups, by value of the label.
+    """
+    rows = [_row(options, name, discovery.verdict, parts[name]) for name, discovery in groups.items()]
     words = [row["verdict"] for row in rows]
-    errors = _joined([behind.errors for behind in map(_behind, groups.values())])
+    errors = _joined([read_errors(one.tables["errors"], one.verdict["error"]) for one in groups.values()])
     data = [discovery.verdict["data"] for discovery in groups.values()]
     notes = list(dict.fromkeys(note for part in data for note in part["notes"]))
     return {
@@ -66,9 +74,7 @@ def verdict_of_groups(
     }
 
 
-def _row(options: DiscoverConfig, name: str, discovery: Discovery) -> dict[str, Any]:
-    verdict, behind = discovery.verdict, _behind(discovery)
-    parts, first = behind.parts, behind.search.first.state
+def _row(options: DiscoverConfig, name: str, verdict: Mapping[str, Any], parts: Parts) -> dict[str, Any]:
     all_drivers = parts.fitted.beside(parts.checked).beside(parts.reported)
     persons = known_again(all_drivers)
     return {
@@ -84,7 +90,7 @@ def _row(options: DiscoverConfig, name: str, discovery: Discovery) -> dict[str, 
         "error": verdict["error"],
         "car_following": verdict["data"]["car_following"],
         "base": verdict["base"],
-        "equilibrium_time_gap": equilibrium_time_gaps(behind.solver, first, options),
+        "equilibrium_time_gap": (verdict["base"] or verdict)["equilibrium_time_gap"],
         "notes": verdict["data"]["notes"],
     }
 
@@ -97,11 +103,6 @@ def _most_common(data: Measured) -> dict[str, Any]:
         for value, n in counts.most_common(1):
             common[name] = {"value": value, "share": n / data.n_drivers}
     return common
-
-
-def _behind(discovery: Discovery) -> Behind:
-    assert discovery.behind is not None
-    return discovery.behind
 
 
 def _joined(groups: Sequence[Mapping[str, ModelErrors]]) -> dict[str, ModelErrors]:

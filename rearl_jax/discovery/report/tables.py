@@ -11,8 +11,8 @@ from rearl_jax.discovery.observe.candidates import Term
 from rearl_jax.discovery.observe.fit import Fit
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.observe.uncertainty import standard_deviations
-from rearl_jax.discovery.report.errors import ModelErrors
-from rearl_jax.discovery.report.protocols import IN_SAMPLE
+from rearl_jax.discovery.report.errors import MEASURES, ModelErrors
+from rearl_jax.discovery.report.protocols import IN_SAMPLE, PROTOCOL_MEASURES, PROTOCOLS, ProtocolErrors
 from rearl_jax.discovery.search.null import Null
 from rearl_jax.discovery.search.procedure import Search
 
@@ -56,6 +56,30 @@ def error_table(errors: Mapping[str, ModelErrors]) -> pd.DataFrame:
                 )
             )
     return pd.concat(parts, ignore_index=True)
+
+
+def read_errors(table: pd.DataFrame, error: Mapping[str, Any]) -> dict[str, ModelErrors]:
+    """Errors from their table, without response times.
+
+    Args:
+        table: As `error_table` makes it.
+        error: Entry `error` of the verdict.
+    """
+    return {str(model): _read_model(rows, error) for model, rows in table.groupby("model", sort=False)}
+
+
+def _read_model(rows: pd.DataFrame, error: Mapping[str, Any]) -> ModelErrors:
+    found: dict[str, ProtocolErrors | None] = dict.fromkeys(PROTOCOLS)
+    for name, part in rows.groupby("protocol", sort=False):
+        own, usual = (
+            {measure: part[f"{prefix}{measure}"].to_numpy(float) for measure in PROTOCOL_MEASURES}
+            for prefix in ("", "population_")
+        )
+        left_out = error["protocols"][name]["left_out"]
+        found[str(name)] = ProtocolErrors(part["driver"].to_numpy(), own, usual, left_out)
+    whole = rows.loc[rows["protocol"] == IN_SAMPLE, ["floor", *MEASURES]].astype(float)
+    by_driver = {name: np.asarray(whole[name]) for name in MEASURES}
+    return ModelErrors(by_driver, np.asarray(whole["floor"]), found, None)
 
 
 def driver_table(solver: Solver, search: Search) -> pd.DataFrame:

@@ -21,7 +21,8 @@ base         {chosen, driver, differs, before, compared, drivers: {fitted, check
              the most likely of all, is_vetoed: whether simulations contradict it, protocols: {name: {n_drivers,
              gap_rmse, gap_nrmse, speed_rmse}}, null if not simulated}]; `equilibrium_time_gap` {speed [m/s]: {value,
              low, high}} [s]: median over fitted drivers of gap over speed behind a leader of that speed, null if
-             fewer than half of the drivers have a higher desired speed
+             fewer than half of the drivers have a higher desired speed; without a comparison, this is an entry of the
+             verdict
 error        {measure, protocol, n_drivers, before, after, change, floor, noise_alone, oracle, explained_share, all,
              protocols, response_time}: `measure` under `protocol` as figures {value, low, high}; `noise_alone`: error
              of drives simulated with the drivers' own noise under the final model; `floor`: the same, at most the

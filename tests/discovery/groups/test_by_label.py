@@ -8,11 +8,18 @@ import pytest
 from rearl_jax.config import DataConfig, DiscoverConfig, DiscoverTask, ResultsConfig
 from rearl_jax.config.data import DataFormat
 from rearl_jax.data.recordings import iterate_recordings
+from rearl_jax.discovery import compute
+from rearl_jax.discovery.discover import Discovery
 from rearl_jax.discovery.read import reading
 from rearl_jax.discovery.read.split import in_both, split_drivers
+from rearl_jax.discovery.report.error_block import error_block
 from rearl_jax.discovery.report.groups_section import groups_section
+from rearl_jax.discovery.report.tables import error_table
 from rearl_jax.discovery.report.words import verdict_words
+from rearl_jax.discovery.task import run
 from rearl_jax.problems import InvalidInputError
+from tests.discovery.made_verdict import VERDICT
+from tests.discovery.report.test_error_block import made
 from tests.refusal import refused
 
 
@@ -59,8 +66,6 @@ def _config(folder, root, **keys):
 
 @pytest.mark.slow
 def test_each_group_gets_its_verdict(folder, tmp_path):
-    from rearl_jax.discovery.task import run
-
     verdict = run(_config(folder, tmp_path))
     flat, hilly = verdict["groups"]
     assert (flat["value"], hilly["value"]) == ("flat", "hilly")
@@ -77,11 +82,44 @@ def test_each_group_gets_its_verdict(folder, tmp_path):
     assert json.loads((inside / "verdict.json").read_text())["effects"] == hilly["effects"]
     page = (tmp_path / "roads" / "page.html").read_text()
     assert "hilly: missing in the model: grade" in page.replace("Hilly", "hilly")
+    (tmp_path / "roads" / "summary.json").unlink()  # as if interrupted before the end
+    again = run(_config(folder, tmp_path))
+    assert again == verdict | {"seconds": again["seconds"]}
+    assert again["seconds"] < verdict["seconds"]
+
+
+@pytest.fixture
+def asked(monkeypatch):
+    """Names of the groups that were looked into; each discovery is made by hand."""
+    names = []
+
+    def discovery_of(config, parts, recordings, bar, study, words):
+        names.append(words)
+        if len(names) == 2:
+            raise KeyboardInterrupt
+        errors = {"before": made(1.0 + len(words), 0.3)}
+        verdict = VERDICT | {"error": error_block(errors, 0.9, 20, 0), "base": None, "effects": []}
+        verdict |= {"data": VERDICT["data"] | {"car_following": "idm"}, "equilibrium_time_gap": {"10": None}}
+        return Discovery(config, parts.id, verdict, {"errors": error_table(errors)})
+
+    monkeypatch.setattr(compute, "discovery_of", discovery_of)
+    return names
+
+
+def test_an_interrupted_discovery_keeps_its_finished_groups(folder, tmp_path, asked):
+    config = _config(folder, tmp_path, page=False)
+    with pytest.raises(KeyboardInterrupt):
+        run(config, show=False)
+    verdict = run(config, show=False)
+    assert asked == ["road flat", "road hilly", "road hilly"]
+    assert [row["value"] for row in verdict["groups"]] == ["flat", "hilly"]
+    assert verdict["error"]["n_drivers"] == 2 * verdict["groups"][0]["error"]["n_drivers"]
+    again = run(config, show=False)  # what is finished is repeated
+    assert asked[3:] == ["road flat", "road hilly"]
+    assert again == verdict | {"seconds": again["seconds"]}
 
 
 def test_labels_that_nobody_has_and_groups_too_small_are_named(folder, tmp_path):
-    from rearl_jax.discovery.task import run
-
     with refused("label-unknown", key="discover.by"):
         run(_config(folder, tmp_path, by="colour"))
     with refused("label-unknown", key="discover.same"):

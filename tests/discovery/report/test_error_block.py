@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from rearl_jax.discovery.observe.fit import Fit
@@ -10,7 +11,7 @@ from rearl_jax.discovery.observe.response_time import Covariances, Responses
 from rearl_jax.discovery.report.error_block import STATISTICS, error_block, explained_share
 from rearl_jax.discovery.report.errors import MEASURES, ModelErrors, model_errors
 from rearl_jax.discovery.report.protocols import PROTOCOL_MEASURES, PROTOCOLS, ProtocolErrors
-from rearl_jax.discovery.report.tables import error_table
+from rearl_jax.discovery.report.tables import error_table, read_errors
 
 N = 30
 
@@ -33,6 +34,19 @@ def made(size, floor, seed=0):
         protocols | {"other_runs": None},
         Responses(Covariances(1.0, nothing[:, :1], nothing)),
     )
+
+
+def test_errors_survive_their_table(tmp_path):
+    few = {name: np.arange(1.0, 5.0) for name in PROTOCOL_MEASURES}
+    errors = {name: made(size, 0.3, seed) for name, size, seed in (("before", 1.0, 1), ("after", 0.8, 2))}
+    for one in errors.values():
+        one.protocols["first_half"] = ProtocolErrors(np.array([0, 3, 5, 9]), few, few, N - 4)
+    block = error_block(errors, 0.9, 50, 0)
+    error_table(errors).to_parquet(tmp_path / "errors.parquet")
+    again = error_block(read_errors(pd.read_parquet(tmp_path / "errors.parquet"), block), 0.9, 50, 0)
+    assert again["response_time"] == {"before": None, "after": None}
+    assert again["protocols"]["first_half"]["left_out"] == N - 4
+    assert again == block | {"response_time": again["response_time"]}
 
 
 @pytest.mark.parametrize("floor", [0.1, 0.6, 1.0, 1.4, 5.0])
