@@ -10,12 +10,10 @@ from rearl_jax.config.driver import DEFAULT, MODELS
 from rearl_jax.config.driver.declaration import DriverModel
 from rearl_jax.core.car_following import CAR_FOLLOWING
 from rearl_jax.core.car_following.model import linearise
+from rearl_jax.study.stability.cases import DRAWN
 
 SPEEDS = (5.0, 15.0, 25.0)
 """Speeds of the comparison [m/s]."""
-
-DRAWN = {"desired_speed": 30.0, "accel_exponent": 4.0}
-"""Values used for parameters that highway-env draws with the initial state."""
 
 
 def car_following() -> str:

@@ -20,7 +20,7 @@ from rearl_jax.core.elementary import cosine, not_zero, sine
 from rearl_jax.core.model import LANE_TEST_LENGTH, TrafficModel
 from rearl_jax.core.nearest import NearestOnLanes, lane_bit, scan_along_road
 from rearl_jax.core.order import NOBODY, sort_along_road
-from rearl_jax.core.replayed import ReplayedVehicles
+from rearl_jax.core.replayed import ReplayedBeside, ReplayedVehicles
 from rearl_jax.core.state import TrafficState, nearest_lane
 
 Result = TypeVar("Result")
@@ -50,6 +50,7 @@ class DerivedState(eqx.Module):
         on_lanes: The lanes the vehicle is on, as bits (`lane_bit`); none if it is out of sight beyond the road.
         nearest: Nearest vehicles on every lane; None in small traffic, where all pairs are compared.
         replayed: Recorded vehicles around the simulated ones; None for none.
+        beside: Those on the lanes beside, for vehicles that search only these; None to search among all.
     """
 
     lane: Int[Array, "vehicles *scenarios"]
@@ -61,6 +62,7 @@ class DerivedState(eqx.Module):
     on_lanes: Int[Array, "vehicles *scenarios"]
     nearest: NearestOnLanes | None
     replayed: ReplayedVehicles | None = None
+    beside: ReplayedBeside | None = None
 
 
 class Candidates(NamedTuple):
@@ -181,7 +183,12 @@ def find_leader(
         is_nearer = (row(replayed.lane, other) == lane) & (ahead_by >= 0) & (ahead_by < nearest[0])
         return _replace_where(is_nearer, (ahead_by, row(replayed.speed, other)), nearest)
 
-    distance, speed_x = for_each_vehicle(replayed.n_places, keep_nearest, (leader.distance, leader.speed_x))
+    own = leader.distance, leader.speed_x
+    if derived.beside is None:
+        distance, speed_x = for_each_vehicle(replayed.n_places, keep_nearest, own)
+    else:
+        found = derived.beside.ahead_on(lane)
+        distance, speed_x = _replace_where(found.distance < leader.distance, tuple(found), own)
     return Leader(distance, speed_x, jnp.where(distance < leader.distance, 0.0, leader.speed_y))
 
 
@@ -225,7 +232,12 @@ def find_follower(
         is_nearer = (row(replayed.lane, other) == lane) & (behind_by > 0) & (behind_by < nearest[0])
         return _replace_where(is_nearer, (behind_by, row(replayed.speed, other)), nearest)
 
-    distance, speed = for_each_vehicle(replayed.n_places, keep_nearest, (follower.distance, follower.speed))
+    own = follower.distance, follower.speed
+    if derived.beside is None:
+        distance, speed = for_each_vehicle(replayed.n_places, keep_nearest, own)
+    else:
+        found = derived.beside.behind_on(lane)
+        distance, speed = _replace_where(found.distance < follower.distance, tuple(found), own)
     along, across = jnp.ones_like(state.x), jnp.zeros_like(state.x)
     replayed_follower = Follower(distance, speed, along, across, along)
     return _replace_where(distance < follower.distance, replayed_follower, follower)

@@ -20,8 +20,14 @@ STEPS_PER_SECOND = 10
 """Clock of both simulations [1/s]: SUMO's steps are whole milliseconds, which highway-env's 15 per second are not."""
 
 ROAD = TrafficModel(
-    n_lanes=1, speed_limit=None, ticks_per_second=STEPS_PER_SECOND, lane_changes=False, collisions=False
+    n_lanes=1,
+    road_length=1e6,  # nobody reaches its end within hours
+    speed_limit=None,
+    ticks_per_second=STEPS_PER_SECOND,
+    lane_changes=False,
+    collisions=False,
 )
+"""One lane on which platoons drive."""
 
 
 @dataclass(frozen=True)

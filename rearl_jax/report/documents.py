@@ -15,6 +15,9 @@ from rearl_jax.study.document import document_of as study_document_of
 from rearl_jax.study.real.document import document_of as real_document_of
 from rearl_jax.study.real.facts import FACT_COLUMNS
 from rearl_jax.study.real.table import ROW_COLUMNS
+from rearl_jax.study.stability.document import TABLES as STABILITY_TABLES
+from rearl_jax.study.stability.document import document_of as stability_document_of
+from rearl_jax.study.stability.rings import RING_COLUMNS
 from rearl_jax.sweep.document import SUMMARY_KEYS
 from rearl_jax.sweep.document import document_of as sweep_document_of
 
@@ -91,6 +94,19 @@ def budget_document(study: FinishedStudy) -> Document:
     return budget_document_of(table, steps, _remarks(study, "budget"), generated=study.generated)
 
 
+def stability_document(study: FinishedStudy) -> Document:
+    """The document of a study of stability.
+
+    Raises:
+        FileNotFoundError, ValueError: A table is missing, or of an older version.
+    """
+    tables = {name: study.table(name) for name in STABILITY_TABLES}
+    study.needs(tables["ring"], RING_COLUMNS, "ring.parquet")
+    verdict = json.loads((study.path / "verdict.json").read_text(encoding="utf-8"))
+    margin = study.config.stability.margin
+    return stability_document_of(tables, verdict, _remarks(study, "ring"), margin=margin, generated=study.generated)
+
+
 def _remarks(study: FinishedStudy, table: str) -> Remarks:
     """Remarks on a table; empty in studies of an older version."""
     remarks = study.metadata(table).get("remarks")
@@ -104,6 +120,7 @@ DOCUMENTS: dict[str, Callable[[FinishedStudy], Document]] = {
     "sweep thresholds": sweep_document,
     "study real": real_document,
     "study budget": budget_document,
+    "study stability": stability_document,
     **{f"study {name}": paper_document for name in ("table1", "table3", "table4", "fig6", "fig7", "fig8")},
 }
 """The document of a study, by the task that made it."""

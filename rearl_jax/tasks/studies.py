@@ -130,6 +130,25 @@ STUDIES = (
         ),
     ),
     Task(
+        words="study stability",
+        run="rearl_jax.study.stability.task:run",
+        config="rearl_jax.config:StudyStabilityTask",
+        summary="whether simulated traffic flows, breaks down and is string-stable as theory and recordings say",
+        goes_on=True,
+        description=(
+            "Simulates platoons behind an oscillating first vehicle, rings, and a queue that discharges, for every "
+            "car-following model or a repaired one, and puts amplification, waves, capacity, outflow, wave speed and "
+            "collisions beside the linear analysis and, for amplification, beside measured followers. A killed study "
+            "continues where it stopped. Prints tables, writes Parquet, verdict.json, figures and one HTML page."
+        ),
+        examples=(
+            "rearl study stability",
+            "rearl study stability stability.models=[idm,gipps] stability.measured=false study=two",
+            "rearl study stability model=results/discover/model.yaml data=i80_slice study=repaired_traffic",
+        ),
+        x64=True,
+    ),
+    Task(
         words="report",
         run="rearl_jax.report.task:run",
         config="rearl_jax.config:ReportTask",

@@ -1,0 +1,65 @@
+"""Keys of the study of string stability and traffic flow."""
+
+from dataclasses import dataclass
+
+from rearl_jax.config._key import key
+from rearl_jax.config._ranges import check_least, check_positive, check_rising, check_within
+from rearl_jax.config.driver import MODELS
+from rearl_jax.problems import out_of_range
+
+
+@dataclass(unsafe_hash=True)
+class StabilityConfig:
+    """Platoons, rings and queues that are simulated, and what is compared with recordings"""
+
+    models: tuple[str, ...] = key(
+        tuple(MODELS),
+        "car-following models with their usual values, each looked into; `model` or `driver` takes their place",
+    )
+    speeds: tuple[float, ...] = key(
+        (5.0, 15.0, 25.0), "speeds of the platoons [m/s]; those above the desired speed are left out"
+    )
+    frequencies: tuple[float, ...] = key(
+        (0.01, 0.02, 0.03, 0.05, 0.07, 0.1, 0.15, 0.2, 0.3),
+        "frequencies of the first vehicle's speed [Hz]; own choice, around those at which traffic oscillates",
+    )
+    amplitude: float = key(
+        0.01, "amplitude of the first vehicle's speed [m/s]; small, as the analysis is linear; own choice"
+    )
+    ring_vehicles: int = key(22, "vehicles on the rings; Sugiyama et al., New J. Phys. 10 (2008) 033001")
+    ring_lengths: tuple[float, ...] = key(
+        (230.0, 300.0, 400.0, 550.0), "lengths of the rings [m]; the first as in Sugiyama et al., the others own choice"
+    )
+    ring_seconds: int = key(1800, "simulated time on the rings [s]; growth rates of 0.001/s are told from zero")
+    densities: tuple[float, ...] = key(
+        (8.0, 12.0, 16.0, 20.0, 25.0, 30.0, 35.0, 40.0, 50.0, 60.0, 75.0, 90.0, 110.0),
+        "densities of the fundamental diagram [vehicles/km]; those at which nobody can move are left out",
+    )
+    flow_vehicles: int = key(40, "vehicles on each ring of the fundamental diagram; own choice")
+    flow_seconds: int = key(900, "simulated time on them [s], the last third of which is measured; own choice")
+    queue_vehicles: int = key(60, "vehicles that discharge from a queue on an open road; own choice")
+    scenes: int = key(32, "scenes with lane changes in which collisions are counted, 30 vehicles for 60 s each")
+    measured: bool = key(True, "compare with the recordings of `data`")
+    seconds: int = key(60, "length of the measured pieces behind one leader [s]; own choice")
+    margin: float = key(
+        0.2, "difference in amplification, as a share, up to which model and recording are equivalent; own choice"
+    )
+    seed: int = key(0, "seed of drivers and perturbations")
+
+    def check(self) -> None:
+        """Raise InvalidInputError for a value outside its range, and for an unknown model."""
+        if not self.models or len(set(self.models)) != len(self.models):
+            raise out_of_range("models", "must name each model once, and at least one", list(self.models))
+        for name in self.models:
+            if name not in MODELS:
+                raise out_of_range("models", f"must be some of {', '.join(MODELS)}", name)
+        check_rising(self, "speeds", "ring_lengths", "densities")
+        check_positive(self, "amplitude", "margin")
+        check_least(self, 3, "ring_vehicles", "flow_vehicles")
+        check_least(self, 30, "queue_vehicles")
+        check_least(self, 300, "ring_seconds", "flow_seconds")
+        check_least(self, 1, "scenes")
+        check_least(self, 20, "seconds")
+        check_within(self, 0, 2**31 - 4, "seed")
+        if not self.frequencies or not all(0 < value <= 1 for value in self.frequencies):
+            raise out_of_range("frequencies", "must be within 0 and 1 Hz, and at least one", list(self.frequencies))

@@ -1,0 +1,1 @@
+"""String stability, flow and collisions of simulated traffic, beside theory and recordings."""

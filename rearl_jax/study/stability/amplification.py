@@ -1,0 +1,58 @@
+"""Amplification along platoons of equal vehicles: simulated behind a first vehicle whose speed oscillates, and by the
+linear analysis.
+"""
+
+import numpy as np
+import pandas as pd
+from jaxtyping import Float
+
+from rearl_jax.config.stability import StabilityConfig
+from rearl_jax.export.platoon import STEPS_PER_SECOND, simulate, start_platoons
+from rearl_jax.study.stability.analysis import amplification
+from rearl_jax.study.stability.cases import NEAR_DESIRED, Case
+
+N_FOLLOWERS = 3
+"""Followers of each first vehicle; the third is compared with the second, whose motion is integrated like its own."""
+
+TRANSIENT = 300.0
+"""Time until the followers oscillate steadily [s]; own choice."""
+
+PERIODS, LEAST_TIME = 4, 60.0
+"""Measured afterwards: this many periods of the slowest oscillation, and at least this time [s]."""
+
+AMPLIFICATION_COLUMNS = ("speed", "frequency", "analysis", "simulated", "difference")
+
+
+def amplification_table(case: Case, options: StabilityConfig) -> pd.DataFrame:
+    """One row per speed [m/s] and frequency [Hz]: amplitude of a follower's speed over its leader's [-] by the analysis
+    and in the simulation, and the difference.
+    """
+    speeds = [speed for speed in options.speeds if speed < NEAR_DESIRED * case.desired_speed]
+    if not speeds:
+        return pd.DataFrame(columns=list(AMPLIFICATION_COLUMNS))
+    speed, frequency = (axis.ravel() for axis in np.meshgrid(speeds, options.frequencies, indexing="ij"))
+    measured = max(PERIODS / frequency.min(), LEAST_TIME)
+    time = np.arange(round((TRANSIENT + measured) * STEPS_PER_SECOND) + 1)[:, None] / STEPS_PER_SECOND
+    first = speed + options.amplitude * np.sin(2 * np.pi * frequency * time)
+    motion = simulate(start_platoons(case.typical, first, N_FOLLOWERS, options.seed), first)
+    late = time[:, 0] >= TRANSIENT
+    amplitude = [amplitudes(motion.speed[late, vehicle], frequency, time[late]) for vehicle in (-2, -1)]
+    expected = [amplification(case.slopes(v), case.scheme, f) for v, f in zip(speed, frequency, strict=True)]
+    simulated = amplitude[1] / amplitude[0]
+    columns = (speed, frequency, expected, simulated, simulated - expected)
+    return pd.DataFrame(dict(zip(AMPLIFICATION_COLUMNS, columns, strict=True)))
+
+
+def amplitudes(
+    speed: Float[np.ndarray, "steps platoons"],
+    frequency: Float[np.ndarray, " platoons"],
+    time: Float[np.ndarray, "steps one"],
+) -> Float[np.ndarray, " platoons"]:
+    """Amplitudes of the oscillations at a frequency in each series [m/s], by least squares with a mean and a trend."""
+    found = []
+    for own, at in zip(speed.T, frequency, strict=True):
+        angle = 2 * np.pi * at * time[:, 0]
+        basis = np.stack([np.sin(angle), np.cos(angle), np.ones_like(angle), angle], axis=1)
+        sine, cosine, *_ = np.linalg.lstsq(basis, own, rcond=None)[0]
+        found.append(np.hypot(sine, cosine))
+    return np.array(found)

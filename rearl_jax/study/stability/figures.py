@@ -1,0 +1,71 @@
+"""Figures of the study of stability: amplification by frequency, and flow by density."""
+
+from collections.abc import Mapping
+
+import pandas as pd
+from matplotlib.axes import Axes
+
+from rearl_jax.drawing import (
+    BLUE,
+    FONT_SIZE,
+    GREEN,
+    LIGHT_GREY,
+    ORANGE,
+    PURPLE,
+    SKY_BLUE,
+    VERMILION,
+    YELLOW,
+    panels,
+    png,
+    set_title,
+)
+
+_COLOURS = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY_BLUE, YELLOW)
+
+
+def draw_figures(tables: Mapping[str, pd.DataFrame], *, generated: bool) -> dict[str, bytes]:
+    """PNG files by name."""
+    drawn = {
+        "amplification": _amplification(tables["amplification"], generated),
+        "fundamental_diagram": _fundamental_diagram(tables["flow"], generated),
+    }
+    return {name: content for name, content in drawn.items() if content is not None}
+
+
+def _amplification(table: pd.DataFrame, generated: bool) -> bytes | None:
+    speeds = sorted(set(table["speed"].tolist()))
+    if not speeds:
+        return None
+    figure, axes = panels(3.2 * len(speeds) + 0.8, 3.4, columns=len(speeds), generated=generated)
+    for panel, speed in zip(axes, speeds, strict=True):
+        for number, (name, own) in enumerate(table[table["speed"] == speed].groupby("model", sort=False)):
+            colour = _COLOURS[number % len(_COLOURS)]
+            panel.plot(own["frequency"], own["analysis"], color=colour, linewidth=1.2, label=str(name))
+            panel.plot(own["frequency"], own["simulated"], "o", color=colour, markersize=3)
+        panel.axhline(1.0, color="black", linewidth=0.6)
+        panel.set_xscale("log")
+        _finish(panel, f"at {speed:g} m/s", "frequency [Hz]", "amplification [-]")
+    axes[0].legend(frameon=False, fontsize=FONT_SIZE - 2)
+    return png(figure)
+
+
+def _fundamental_diagram(table: pd.DataFrame, generated: bool) -> bytes | None:
+    if table.empty:
+        return None
+    figure, (panel,) = panels(6.4, 4.0, generated=generated)
+    for number, (name, own) in enumerate(table.groupby("model", sort=False)):
+        colour = _COLOURS[number % len(_COLOURS)]
+        for start, fill in (("even", colour), ("jam", "none")):
+            part = own[own["start"] == start]
+            label = str(name) if start == "even" else None
+            panel.plot(part["density"], part["flow"], "o-", color=colour, mfc=fill, markersize=4, lw=0.8, label=label)
+    panel.legend(frameon=False, fontsize=FONT_SIZE - 1)
+    _finish(panel, "one lane", "density [vehicles/km]", "flow [vehicles/h]")
+    return png(figure)
+
+
+def _finish(panel: Axes, title: str, x: str, y: str) -> None:
+    panel.set(xlabel=x, ylabel=y)
+    panel.grid(color=LIGHT_GREY, linewidth=0.6)
+    panel.set_axisbelow(True)
+    set_title(panel, title)

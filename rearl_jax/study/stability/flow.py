@@ -1,0 +1,141 @@
+"""Flow of drawn drivers: the fundamental diagram on rings, a queue that discharges on an open road, and collisions.
+
+Densities of a ring are vehicles over its length, flows density times mean speed. The jam of a discharging queue moves
+against traffic at the speed at which vehicles start; its outflow is that of vehicles which have passed it.
+"""
+
+import equinox as eqx
+import jax
+import numpy as np
+import pandas as pd
+from jaxtyping import Array, Float, Int, Key
+
+from rearl_jax.config.stability import StabilityConfig
+from rearl_jax.core.model import TrafficModel
+from rearl_jax.core.rollout import rollout
+from rearl_jax.core.spawn import spawn
+from rearl_jax.export.platoon import STEPS_PER_SECOND
+from rearl_jax.models.population import Population
+from rearl_jax.models.traffic import populate
+from rearl_jax.study.stability.cases import Case
+from rearl_jax.study.stability.roads import Motion, drive
+
+UNEVEN = 0.5
+"""Largest displacement from equal spacing at the start [m]; own choice."""
+
+LEAST_WAVE = 1.0
+"""Standard deviation of the speeds on a ring [m/s] from which it holds a wave whose speed is measured; own choice."""
+
+STARTED = 2.0
+"""Speed at which a vehicle of a queue has started [m/s]; own choice."""
+
+DETECTOR = 1000.0
+"""Distance of the measured cross-section from the head of the queue [m], where most have reached their speed."""
+
+LEADING = 10
+"""Vehicles at the head of the queue that count in neither figure: they drive more freely than the others."""
+
+QUEUE_SECONDS = 400
+"""Simulated time of the queue [s]."""
+
+SCENE = TrafficModel(n_lanes=4, speed_limit=None, ticks_per_second=STEPS_PER_SECOND, cooperative=True)
+SCENE_VEHICLES, SCENE_SECONDS = 30, 60
+"""Scenes with lane changes: those of `rearl_jax.core.spawn`, as `rearl evaluate` simulates them."""
+
+FLOW_COLUMNS = ("start", "density", "flow", "speed", "speed_sd", "wave_speed", "overlaps")
+QUEUE_COLUMNS = ("outflow", "wave_speed", "overlaps")
+
+
+def flow_table(case: Case, options: StabilityConfig) -> pd.DataFrame:
+    """One row per start (`even`, `jam`) and density [vehicles/km], with FLOW_COLUMNS: `flow` [vehicles/h], `speed` and
+    `speed_sd` [m/s], `wave_speed` of the largest wave (null without one) [m/s], `overlaps` of vehicles.
+    """
+    n, standing = options.flow_vehicles, case.length + float(case.equilibrium_gaps(np.zeros(1))[0])
+    density = np.array([own for own in options.densities if 1000 / own > standing])
+    if not len(density):
+        return pd.DataFrame(columns=list(FLOW_COLUMNS))
+    spacing, order = 1000 / density, np.arange(n)[:, None]
+    even = -order * spacing + np.random.default_rng(options.seed).uniform(-UNEVEN, UNEVEN, (n, 1))
+    speed = np.tile([case.speed_at(own - case.length) for own in spacing], (n, 1))
+    motion = drive(
+        case.population,
+        np.concatenate([even, np.tile(-order * standing, len(density))], axis=1),
+        np.concatenate([speed, np.zeros_like(speed)], axis=1),
+        seconds=options.flow_seconds,
+        seed=options.seed,
+        circumference=n * np.tile(spacing, 2),
+    )
+    late = motion.speed[-(options.flow_seconds // 3) :]
+    mean, deviation = late.mean(axis=(0, 1)), late.std(axis=1).mean(axis=0)
+    waves = wave_speeds(motion, n * np.tile(spacing, 2), len(late))
+    columns = (
+        np.repeat(["even", "jam"], len(density)),
+        np.tile(density, 2),
+        3.6 * np.tile(density, 2) * mean,
+        mean,
+        deviation,
+        np.where(deviation >= LEAST_WAVE, waves, np.nan),
+        motion.overlaps.sum(axis=0),
+    )
+    return pd.DataFrame(dict(zip(FLOW_COLUMNS, columns, strict=True)))
+
+
+def wave_speeds(
+    motion: Motion, circumference: Float[np.ndarray, " rings"], seconds: int
+) -> Float[np.ndarray, " rings"]:
+    """Speed along the road of the wave with one crest [m/s], over the last seconds, from its phase over time."""
+    position, speed = motion.position[-seconds:], motion.speed[-seconds:]
+    angle = 2 * np.pi * position / circumference
+    wave = ((speed - speed.mean(axis=1, keepdims=True)) * np.exp(-1j * angle)).sum(axis=1)
+    turned = -np.unwrap(np.angle(wave), axis=0)
+    return np.polyfit(np.arange(seconds), turned, 1)[0] * circumference / (2 * np.pi)
+
+
+def queue_table(case: Case, options: StabilityConfig) -> pd.DataFrame:
+    """One row: `outflow` [vehicles/h] and `wave_speed` [m/s] of a queue that discharges, null if it has not done so in
+    QUEUE_SECONDS, and `overlaps` of its vehicles.
+    """
+    standing = case.length + float(case.equilibrium_gaps(np.zeros(1))[0])
+    position = -np.arange(options.queue_vehicles)[:, None] * standing
+    motion = drive(case.population, position, np.zeros_like(position), seconds=QUEUE_SECONDS, seed=options.seed)
+    start = _first_time(motion.speed[:, :, 0], STARTED)[LEADING:]
+    passed = _first_time(motion.position[:, :, 0], DETECTOR)[LEADING:]
+    outflow = wave_speed = np.nan
+    if np.isfinite(passed).all():
+        outflow = 3600 * (len(passed) - 1) / (passed[-1] - passed[0])
+        wave_speed = np.polyfit(start, position[LEADING:, 0], 1)[0]
+    return pd.DataFrame([(outflow, wave_speed, int(motion.overlaps.sum()))], columns=list(QUEUE_COLUMNS))
+
+
+def _first_time(values: Float[np.ndarray, "seconds vehicles"], least: float) -> Float[np.ndarray, " vehicles"]:
+    """Time [s] at which each series first reaches a value, interpolated; nan where it does not."""
+    reached = values >= least
+    after = reached.argmax(axis=0)
+    before, vehicle = np.maximum(after - 1, 0), np.arange(values.shape[1])
+    step = values[after, vehicle] - values[before, vehicle]
+    share = (least - values[before, vehicle]) / np.where(step > 0, step, 1.0)
+    return np.where(reached.any(axis=0), before + 1 + np.where(step > 0, share, 0.0), np.nan)
+
+
+def traffic_table(case: Case, flow: pd.DataFrame, queue: pd.DataFrame, options: StabilityConfig) -> pd.DataFrame:
+    """One row per `traffic`: vehicles that `collided` (on one lane those that came to overlap their
+    leader), `vehicle_hours` [h] and `per_vehicle_hour` [1/h].
+    """
+    hours = {
+        "rings": len(flow) * options.flow_vehicles * options.flow_seconds / 3600,
+        "queue": options.queue_vehicles * QUEUE_SECONDS / 3600,
+        "scenes with lane changes": options.scenes * SCENE_VEHICLES * SCENE_SECONDS / 3600,
+    }
+    crashed = _crashed(jax.random.split(jax.random.key(options.seed), options.scenes), case.population)
+    collided = (sum(flow["overlaps"].tolist()), sum(queue["overlaps"].tolist()), int(crashed))
+    table = pd.DataFrame({"traffic": list(hours), "collided": collided, "vehicle_hours": list(hours.values())})
+    return table.assign(per_vehicle_hour=table["collided"] / table["vehicle_hours"].replace(0.0, np.nan))
+
+
+@eqx.filter_jit
+def _crashed(keys: Key[Array, " scenarios"], population: Population) -> Int[Array, ""]:
+    """Vehicles that collide in scenes with lane changes."""
+    state, drivers = spawn(keys, SCENE, n_vehicles=SCENE_VEHICLES, dtype=population.median.dtype)
+    state, drivers = populate(state, drivers, keys, population, SCENE)
+    after, _ = rollout(state, drivers, SCENE, n_seconds=SCENE_SECONDS)
+    return after.crashed.sum()

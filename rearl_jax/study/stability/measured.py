@@ -1,0 +1,154 @@
+"""Amplification between measured vehicles and their leaders, and between simulated drivers and the same leaders.
+
+A piece is a stretch of a track behind one leader. In a band of frequencies its amplification is the root of the ratio
+of the powers of both speeds, without mean and trend and weighted by a Hann window. A follower's figure is the mean of
+the logarithms of its pieces; followers are taken as independent of each other.
+
+Two one-sided t-tests hold the mean difference of the logarithms, model less recording follower by follower, against a
+margin: both are equivalent if the 90 % interval lies within it.
+
+Source: Schuirmann, J. Pharmacokinet. Biopharm. 15 (1987) 657 (two one-sided tests).
+"""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+import pandas as pd
+from jaxtyping import Float, Int
+from scipy import signal, stats
+
+from rearl_jax.data.records import Recording
+from rearl_jax.export.platoon import STEPS_PER_SECOND, simulate, start_platoons
+from rearl_jax.study.stability.cases import Case
+
+BANDS = ((0.02, 0.05), (0.05, 0.1), (0.1, 0.2))
+"""Bands of frequencies [Hz]; own choice, around those at which traffic oscillates."""
+
+LEAST_SPEED = 2.0
+"""Mean speed of a piece [m/s], for leader and follower; own choice. Standing traffic amplifies nothing."""
+
+LEAST_FOLLOWERS = 5
+"""Followers from which a mean is tested; own choice."""
+
+MEASURED_COLUMNS = ("band_low", "band_high", "followers", "measured", "measured_low", "measured_high", "simulated")
+MEASURED_COLUMNS += ("ratio", "ratio_low", "ratio_high", "equivalent")
+
+
+@dataclass(frozen=True)
+class Pairs:
+    """Pieces of measured tracks behind one leader each.
+
+    Attributes:
+        leader: Speeds of the leaders [m/s].
+        follower: Speeds of the followers [m/s].
+        track: Number of each piece's follower.
+        overlaps: How often a follower has come to overlap its leader in the recordings.
+        hours: Time behind leaders in the recordings [h].
+    """
+
+    leader: Float[np.ndarray, "steps pieces"]
+    follower: Float[np.ndarray, "steps pieces"]
+    track: Int[np.ndarray, " pieces"]
+    overlaps: int
+    hours: float
+
+
+def read_pairs(recordings: Iterable[Recording], seconds: int) -> Pairs:
+    """All pieces of some recordings.
+
+    Args:
+        recordings: The recordings.
+        seconds: Length of the pieces [s].
+    """
+    pieces: list[tuple[np.ndarray, np.ndarray, int]] = []
+    n_tracks = overlaps = 0
+    hours = 0.0
+    for recording in recordings:
+        rate = recording.info.frame_rate
+        for _, own in _behind_leaders(recording.table).groupby(["track_id", "leader_id", "stretch"]):
+            inside = own["gap"].to_numpy() < 0
+            overlaps += int((inside[1:] & ~inside[:-1]).sum())
+            hours += len(own) / rate / 3600
+            n_tracks += 1
+            pieces += [(*piece, n_tracks) for piece in _pieces(own, rate, seconds)]
+    n_steps = seconds * STEPS_PER_SECOND + 1
+    leader, follower = (
+        np.stack([piece[k] for piece in pieces], axis=1) if pieces else np.empty((n_steps, 0)) for k in (0, 1)
+    )
+    return Pairs(leader, follower, np.array([piece[2] for piece in pieces], int), overlaps, hours)
+
+
+def _behind_leaders(table: pd.DataFrame) -> pd.DataFrame:
+    """Rows with a leader, its speed, the gap [m], and the number of the uninterrupted stretch in the track."""
+    followers = table.loc[table["leader_id"].notna(), ["track_id", "frame", "leader_id", "position", "speed", "length"]]
+    followers = followers.astype({"leader_id": "int64"})
+    columns = ["frame", "position", "speed", "length"]
+    leaders = table.loc[:, columns].assign(leader_id=table["track_id"])
+    both = followers.merge(leaders, on=["leader_id", "frame"], suffixes=("", "_leader"))
+    both = both.sort_values(["track_id", "frame"], ignore_index=True)
+    new = (both[["track_id", "leader_id"]].diff() != 0).any(axis=1) | (both["frame"].diff() != 1)
+    gap = both["position_leader"] - both["position"] - (both["length_leader"] + both["length"]) / 2
+    return both.assign(stretch=new.cumsum(), gap=gap)
+
+
+def _pieces(own: pd.DataFrame, rate: float, seconds: int) -> list[tuple[np.ndarray, np.ndarray]]:
+    """Speeds of leader and follower in consecutive pieces of one stretch, at the clock of the simulation."""
+    time = np.arange(len(own)) / rate
+    clock = np.arange(0, time[-1] + 1e-9, 1 / STEPS_PER_SECOND)
+    speeds = [np.interp(clock, time, own[name].to_numpy(float)) for name in ("speed_leader", "speed")]
+    n_steps = seconds * STEPS_PER_SECOND + 1
+    cut = [[own[k : k + n_steps] for own in speeds] for k in range(0, len(clock) - n_steps + 1, n_steps)]
+    return [(leader, follower) for leader, follower in cut if min(leader.mean(), follower.mean()) >= LEAST_SPEED]
+
+
+def log_amplification(
+    leader: Float[np.ndarray, "steps pieces"], follower: Float[np.ndarray, "steps pieces"]
+) -> Float[np.ndarray, "bands pieces"]:
+    """Logarithm of the amplification in each of BANDS."""
+    window = np.hanning(len(leader))[:, None]
+    power = [np.abs(np.fft.rfft(signal.detrend(own, axis=0) * window, axis=0)) ** 2 for own in (leader, follower)]
+    frequency = np.fft.rfftfreq(len(leader), 1 / STEPS_PER_SECOND)
+    inside = [(frequency >= low) & (frequency < high) for low, high in BANDS]
+    leaders, followers = (np.stack([own[band].sum(axis=0) for band in inside]) for own in power)
+    return np.log(followers / leaders) / 2
+
+
+def measured_table(case: Case, pairs: Pairs, margin: float, seed: int) -> pd.DataFrame:
+    """One row per band with MEASURED_COLUMNS: geometric means over the followers of the `measured` amplification (95 %
+    interval) and that of the model (`simulated`), their `ratio` (model over recording, 90 % interval) and whether both
+    are `equivalent`; empty with fewer than LEAST_FOLLOWERS.
+
+    Args:
+        case: The traffic model; its drawn drivers follow the measured leaders from the gap that they want.
+        pairs: Measured pieces.
+        margin: Largest ratio less 1, or 1 over it less 1, that counts as equivalent.
+        seed: Seed of the drivers.
+    """
+    n = len(set(pairs.track.tolist()))
+    if n < LEAST_FOLLOWERS:
+        return pd.DataFrame(columns=list(MEASURED_COLUMNS))
+    motion = simulate(start_platoons(case.population, pairs.leader, 1, seed), pairs.leader)
+    measured = _by_follower(log_amplification(pairs.leader, pairs.follower), pairs.track)
+    model = _by_follower(log_amplification(pairs.leader, motion.speed[:, 1]), pairs.track)
+    rows = []
+    for band, own, simulated in zip(BANDS, measured, model, strict=True):
+        low, high = mean_interval(own, 0.95)
+        ratio_low, ratio_high = mean_interval(simulated - own, 0.9)
+        within = -np.log1p(margin) < ratio_low and ratio_high < np.log1p(margin)
+        means = (own.mean(), low, high, simulated.mean(), (simulated - own).mean(), ratio_low, ratio_high)
+        rows.append((*band, n, *np.exp(means), bool(within)))
+    return pd.DataFrame(rows, columns=list(MEASURED_COLUMNS))
+
+
+def _by_follower(
+    values: Float[np.ndarray, "bands pieces"], track: Int[np.ndarray, " pieces"]
+) -> Float[np.ndarray, "bands followers"]:
+    """Means over the pieces of each follower."""
+    return np.stack([values[:, track == number].mean(axis=1) for number in np.unique(track)], axis=1)
+
+
+def mean_interval(values: Float[np.ndarray, " n"], confidence: float) -> tuple[float, float]:
+    """Student's interval of a mean."""
+    reach = stats.t.ppf((1 + confidence) / 2, len(values) - 1) * values.std(ddof=1) / np.sqrt(len(values))
+    return float(values.mean() - reach), float(values.mean() + reach)

@@ -1,0 +1,132 @@
+"""The task `rearl study stability`: string stability, flow and collisions of simulated traffic.
+
+The tables of each model are in `models/NAME/` and are kept if an interrupted study goes on. Writes them joined
+(`amplification.parquet`, `ring.parquet`, `flow.parquet`, `queue.parquet`, `traffic.parquet`, `measured.parquet`),
+`verdict.json`, figures, `page.html`, `config.json` and, last of all, `summary.json`.
+"""
+
+import json
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import pandas as pd
+
+from rearl_jax.config import StudyStabilityTask
+from rearl_jax.data.recordings import data_id, is_generated, iterate_recordings
+from rearl_jax.data.records import Recording
+from rearl_jax.document.document import data_sources
+from rearl_jax.document.html import page_of
+from rearl_jax.document.terminal import print_document
+from rearl_jax.evaluation.remarks import Remarks
+from rearl_jax.models.file import model_id
+from rearl_jax.progress import progress_bar
+from rearl_jax.results import Study
+from rearl_jax.study.stability.amplification import amplification_table
+from rearl_jax.study.stability.cases import Case, cases_of
+from rearl_jax.study.stability.document import TABLES, document_of, summary_of
+from rearl_jax.study.stability.figures import draw_figures
+from rearl_jax.study.stability.flow import flow_table, queue_table, traffic_table
+from rearl_jax.study.stability.measured import Pairs, measured_table, read_pairs
+from rearl_jax.study.stability.rings import ring_table
+from rearl_jax.study.stability.verdict import verdict_of
+
+TASK = "study stability"
+
+
+def run(config: StudyStabilityTask) -> dict[str, Any]:
+    """The summary, as in summary.json.
+
+    Raises:
+        MissingInputError, BadModelError: There is no such model, or it cannot be read.
+        FileNotFoundError, ValueError: There are no recordings, or they cannot be read.
+    """
+    cases, options = cases_of(config), config.stability
+    read = [] if config.model is None else [model_id(config.model)]
+    read += [data_id(config.data)] if options.measured else []
+    identity, generated = ", ".join(read) or None, options.measured and is_generated(config.data)
+    study = Study(config.results.root, config.study, config, TASK, identity, generated=generated)
+    if (stored := study.begin(resume=config.results.resume)) is not None:
+        return stored
+    recordings = list(iterate_recordings(config.data)) if options.measured else []
+    pairs = read_pairs(recordings, options.seconds)
+    found: dict[str, list[pd.DataFrame]] = {name: [] for name in TABLES}
+    with progress_bar() as bar:
+        line = bar.add_task("", total=len(cases) * len(TABLES))
+        for case in cases:
+            folder = f"{config.study}/models/{case.name}"
+            part = Study(config.results.root, folder, config, TASK, identity, generated=generated)
+            made: dict[str, pd.DataFrame] = {}
+            for name in TABLES:
+                bar.update(line, description=f"{case.name}: {name}")
+                made[name] = _table(name, case, config, made, pairs, part)
+                found[name].append(made[name])
+                bar.advance(line)
+    tables = {name: pd.concat(parts, ignore_index=True) for name, parts in found.items()}
+    verdict = [verdict_of(case.name, tables, pairs) for case in cases]
+    remarks = _remarks(cases, recordings)
+    return _publish(study, config, tables, verdict, remarks, identity)
+
+
+def _table(
+    name: str, case: Case, config: StudyStabilityTask, made: Mapping[str, pd.DataFrame], pairs: Pairs, part: Study
+) -> pd.DataFrame:
+    """A table of one model, with its name in the first column; read from disk if it was made before.
+
+    Args:
+        name: One of TABLES.
+        case: The model.
+        config: The study.
+        made: The model's tables before this one.
+        pairs: Measured followers.
+        part: Folder of the model.
+    """
+    if not part.owns(name):
+        options = config.stability
+        make: dict[str, Callable[[], pd.DataFrame]] = {
+            "amplification": lambda: amplification_table(case, options),
+            "ring": lambda: ring_table(case, options),
+            "flow": lambda: flow_table(case, options),
+            "queue": lambda: queue_table(case, options),
+            "traffic": lambda: traffic_table(case, made["flow"], made["queue"], options),
+            "measured": lambda: measured_table(case, pairs, options.margin, options.seed),
+        }
+        table = make[name]()
+        table.insert(0, "model", case.name)
+        part.write_table(name, table, seeds=f"stability.seed={options.seed}")
+    return pd.read_parquet(part.path / f"{name}.parquet")
+
+
+def _remarks(cases: Sequence[Case], recordings: Sequence[Recording]) -> Remarks:
+    """The recordings, and effects that the analysis leaves out."""
+    infos = tuple(recording.info for recording in recordings)
+    notes = tuple(
+        f"{case.name}: the analysis leaves out {', '.join(case.beyond_analysis)}, the simulation does not"
+        for case in cases
+        if case.beyond_analysis
+    )
+    data = f"{len(infos)} recordings, whose followers are compared." if infos else ""
+    return Remarks(data, notes, sources=data_sources(infos))
+
+
+def _publish(
+    study: Study,
+    config: StudyStabilityTask,
+    tables: Mapping[str, pd.DataFrame],
+    verdict: list[dict[str, Any]],
+    remarks: Remarks,
+    identity: str | None,
+) -> dict[str, Any]:
+    """The summary, with everything written."""
+    generated, options = config.stability.measured and is_generated(config.data), config.stability
+    for name, table in tables.items():
+        study.write_table(name, table, seeds=f"stability.seed={options.seed}", remarks=remarks.to_json())
+    study.write_text("verdict.json", json.dumps(verdict, indent=2, allow_nan=False) + "\n")
+    document = document_of(tables, verdict, remarks, margin=options.margin, generated=generated)
+    print_document(document)
+    figures = draw_figures(tables, generated=generated)
+    for name, content in figures.items():
+        study.write_bytes(f"{name}.png", content)
+    study.write_text("page.html", page_of(document, config, figures, data_id=identity))
+    summary = summary_of(tables, verdict)
+    study.write_summary(summary)
+    return summary

@@ -1,0 +1,55 @@
+"""The verdict of a study of stability, in `verdict.json`: a list with one object per model.
+
+`model`, `string_unstable` (waves grow along its simulated platoons), `largest_amplification` [-] of those, `collides`
+(any vehicle did in the simulated traffic), `collisions_per_vehicle_hour` [1/h]; `recording_string_unstable` (null if
+the interval of the measured amplification holds 1, or nothing was measured), `recording_collides` (null if nothing was
+measured), and `statements`: `string_unstable` or `collides` where the model is or does and the recording is not or does
+not.
+"""
+
+from collections.abc import Mapping
+from typing import Any
+
+import pandas as pd
+
+from rearl_jax.study.stability.measured import Pairs
+
+TOLERANCE = 1e-3
+"""Amplification above 1 from which a platoon counts as unstable [-]; own choice, above the simulation's accuracy."""
+
+
+def verdict_of(name: str, tables: Mapping[str, pd.DataFrame], pairs: Pairs) -> dict[str, Any]:
+    """The object of one model.
+
+    Args:
+        name: The model.
+        tables: Tables of all models, as `task` writes them.
+        pairs: Measured followers, perhaps none.
+    """
+    amplification, traffic, measured = (
+        tables[table].loc[tables[table]["model"] == name] for table in ("amplification", "traffic", "measured")
+    )
+    largest = max(amplification["simulated"].tolist(), default=None)
+    collided, hours = (sum(traffic[column].tolist()) for column in ("collided", "vehicle_hours"))
+    found = {
+        "string_unstable": largest is not None and largest > 1 + TOLERANCE,
+        "largest_amplification": largest,
+        "collides": collided > 0,
+        "collisions_per_vehicle_hour": collided / hours,
+    }
+    recording = {
+        "recording_string_unstable": _is_unstable(measured),
+        "recording_collides": None if not pairs.hours else pairs.overlaps > 0,
+    }
+    said = ("string_unstable", "collides")
+    statements = [one for one in said if found[one] and recording[f"recording_{one}"] is False]
+    return {"model": name, **found, **recording, "statements": statements}
+
+
+def _is_unstable(measured: pd.DataFrame) -> bool | None:
+    """Whether measured followers amplify their leaders' speeds in a band; None if that is open."""
+    if measured.empty:
+        return None
+    if max(measured["measured_low"].tolist()) > 1:
+        return True
+    return None if max(measured["measured_high"].tolist()) >= 1 else False
