@@ -107,7 +107,7 @@ def split_for_evaluation(scenes: SceneSet, split: SplitConfig) -> Splits:
     except InvalidInputError as error:
         if error.code not in (TOO_FEW, TOO_SMALL):
             raise
-    n_scenes, wanted = len(scenes), split.evaluation or _LEAST_SIZES["evaluation"]
+    n_scenes, wanted = len(scenes), split.evaluation or _MIN_SCENES["evaluation"]
     if split.evaluation is not None and wanted > n_scenes:
         raise out_of_range("split.evaluation", f"must be at most {n_scenes}, the number of scenes", wanted)
     label = np.full(n_scenes, Split.REST, np.int8)
@@ -210,7 +210,7 @@ def _remedy(n_scenes: int, least: int, seconds: float) -> str:
     shorter = 0 if math.isinf(seconds) else int(seconds // math.ceil(least / n_scenes))
     if shorter >= _SHORTEST:
         remedies.append(f"set scenes.seconds={shorter}")
-    if n_scenes >= len(_LEAST_SIZES):
+    if n_scenes >= len(_MIN_SCENES):
         small = f"split.evaluation={n_scenes - 2} split.threshold=1 split.tuning=1"
         remedies.append(f"set {small}")
     return ", or ".join(remedies)
