@@ -1,4 +1,4 @@
-"""Command line of the benchmarks: `python -m benchmarks core|loop|discover|readers [key=value ...]`."""
+"""Command line of the benchmarks: `python -m benchmarks core|loop|boundary|discover|readers [key=value ...]`."""
 
 import argparse
 import inspect
@@ -22,6 +22,7 @@ from rearl_jax.problems import InvalidInputError, Problem
 BENCHMARKS = {
     "core": options.CoreBenchmark,
     "loop": options.LoopBenchmark,
+    "boundary": options.BoundaryBenchmark,
     "discover": options.DiscoverBenchmark,
     "readers": options.ReadersBenchmark,
 }

@@ -166,6 +166,24 @@ class ReadersOptions:
 
 
 @dataclass(unsafe_hash=True)
+class BoundaryOptions:
+    """Traffic among replayed vehicles"""
+
+    vehicles: int = key(10, "simulated vehicles per scenario; REARL (Bi et al.)")
+    scenarios: int = key(256, "scenarios simulated at a time")
+    seconds: int = key(30, "simulated time of a rollout [s]")
+    leaders: int = key(6, "replayed vehicles of scenes.boundary=leaders: one per lane of US-101")
+    measured: int = key(23, "replayed vehicles that scenes.boundary=measured needs on US-101")
+    repetitions: int = key(9, "measurements of every program, taken in turn")
+    seed: int = key(0, "seed of the scenes and of the replayed vehicles")
+
+    def check(self) -> None:
+        """Raise InvalidInputError for a value outside its range."""
+        check_least(self, 1, "vehicles", "scenarios", "seconds", "leaders", "measured", "repetitions")
+        check_least(self, 0, "seed")
+
+
+@dataclass(unsafe_hash=True)
 class CoreBenchmark:
     """Speed of the traffic core beside highway-env, SUMO, HighJax and a C program.
 
@@ -188,6 +206,18 @@ class LoopBenchmark:
     study: str = _study("bench_loop")
     results: ResultsConfig = _group(ResultsConfig)
     loop: LoopOptions = _group(LoopOptions)
+
+
+@dataclass(unsafe_hash=True)
+class BoundaryBenchmark:
+    """CPU time of traffic among replayed vehicles, beside the same traffic on a free road.
+
+    No data are read: the replayed vehicles are made up.
+    """
+
+    study: str = _study("bench_boundary")
+    results: ResultsConfig = _group(ResultsConfig)
+    boundary: BoundaryOptions = _group(BoundaryOptions)
 
 
 @dataclass(unsafe_hash=True)

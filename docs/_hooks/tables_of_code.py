@@ -15,6 +15,7 @@ from rearl_jax.metrics import METRICS
 BENCH = {
     "core": "benchmarks.core_results",
     "loop": "benchmarks.loop_results",
+    "boundary": "benchmarks.boundary",
     "discover": "benchmarks.discover",
     "readers": "benchmarks.readers",
 }

@@ -30,13 +30,13 @@ class StabilityConfig:
     ring_lengths: tuple[float, ...] = key(
         (230.0, 300.0, 400.0, 550.0), "lengths of the rings [m]; the first as in Sugiyama et al., the others own choice"
     )
-    ring_seconds: int = key(1800, "simulated time on the rings [s]; growth rates of 0.001/s are told from zero")
+    ring_seconds: int = key(900, "simulated time on the rings [s]; growth rates of 0.002/s are told from zero")
     densities: tuple[float, ...] = key(
         (8.0, 12.0, 16.0, 20.0, 25.0, 30.0, 35.0, 40.0, 50.0, 60.0, 75.0, 90.0, 110.0),
         "densities of the fundamental diagram [vehicles/km]; those at which nobody can move are left out",
     )
     flow_vehicles: int = key(40, "vehicles on each ring of the fundamental diagram; own choice")
-    flow_seconds: int = key(900, "simulated time on them [s], the last third of which is measured; own choice")
+    flow_seconds: int = key(600, "simulated time on them [s], the last third of which is measured; own choice")
     queue_vehicles: int = key(60, "vehicles that discharge from a queue on an open road; own choice")
     scenes: int = key(32, "scenes with lane changes in which collisions are counted, 30 vehicles for 60 s each")
     measured: bool = key(True, "compare with the recordings of `data`")

@@ -11,7 +11,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from rearl_jax.core.effects.stimulus import BESIDE_RANGE, OUT_OF_SIGHT
 from rearl_jax.core.nearest import lane_bit
-from rearl_jax.core.neighbours import DerivedState, for_each_vehicle, row
+from rearl_jax.core.neighbours import DerivedState, for_each_replayed, for_each_vehicle, row
 from rearl_jax.core.order import NOBODY, take_vehicles
 from rearl_jax.core.replayed import ReplayedVehicles
 from rearl_jax.core.state import TrafficState
@@ -95,7 +95,7 @@ def find_ahead(
     def insert(other: Int[Array, ""], leaders: tuple[Neighbour, ...]) -> tuple[Neighbour, ...]:
         return _inserted(leaders, _replayed_row(state, replayed, other), row(replayed.lane, other) == lane)
 
-    return for_each_vehicle(replayed.n_places, insert, leaders)
+    return for_each_replayed(replayed.n_places, insert, leaders)
 
 
 def _find_simulated_ahead(
@@ -156,7 +156,7 @@ def find_behind(
         is_behind = (row(replayed.lane, other) == lane) & (candidate.distance > 0)
         return _where(is_behind & (candidate.distance < nearest.distance), candidate, nearest)
 
-    return for_each_vehicle(replayed.n_places, keep_nearest, follower)
+    return for_each_replayed(replayed.n_places, keep_nearest, follower)
 
 
 def _find_simulated_behind(
@@ -228,7 +228,7 @@ def traffic_beside(
         slowest = jnp.where(is_beside, jnp.minimum(slowest, row(replayed.speed, other)), slowest)
         return slowest, count + is_beside.astype(state.x.dtype)
 
-    return for_each_vehicle(replayed.n_places, add_replayed, beside)
+    return for_each_replayed(replayed.n_places, add_replayed, beside)
 
 
 def _row(state: TrafficState, vehicles: VehicleState, other: Int[Array, ""]) -> Neighbour:

@@ -1,9 +1,6 @@
 """Vehicles that drive as they were recorded: seen by all drivers, reacting to none."""
 
-from typing import NamedTuple
-
 import equinox as eqx
-import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
 NOT_RECORDED = -1_000
@@ -35,41 +32,3 @@ class ReplayedVehicles(eqx.Module):
     def n_places(self) -> int:
         """Places for vehicles in a scenario."""
         return self.x.shape[0]
-
-
-class Nearest(NamedTuple):
-    """The nearest replayed vehicle of each simulated one in some direction.
-
-    Attributes:
-        distance: Centre to centre [m]; inf for none.
-        speed: Its speed [m/s]; 0 for none.
-    """
-
-    distance: Float[Array, "*n"]
-    speed: Float[Array, "*n"]
-
-
-class ReplayedBeside(eqx.Module):
-    """The nearest replayed vehicles on the lanes beside simulated ones.
-
-    Attributes:
-        lane: Own lane of each.
-        ahead: On the left and on the right lane.
-        behind: On both, which a vehicle side by side is not.
-    """
-
-    lane: Int[Array, "vehicles *scenarios"]
-    ahead: tuple[Nearest, Nearest]
-    behind: tuple[Nearest, Nearest]
-
-    def ahead_on(self, lane: Int[Array, "vehicles *scenarios"]) -> Nearest:
-        """The nearest ahead on a lane beside that is given for each."""
-        return self._on(lane, self.ahead)
-
-    def behind_on(self, lane: Int[Array, "vehicles *scenarios"]) -> Nearest:
-        """The nearest behind on a lane beside that is given for each."""
-        return self._on(lane, self.behind)
-
-    def _on(self, lane: Array, sides: tuple[Nearest, Nearest]) -> Nearest:
-        left, right = sides
-        return Nearest(*(jnp.where(lane < self.lane, *both) for both in zip(left, right, strict=True)))

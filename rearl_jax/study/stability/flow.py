@@ -4,6 +4,8 @@ Densities of a ring are vehicles over its length, flows density times mean speed
 against traffic at the speed at which vehicles start; its outflow is that of vehicles which have passed it.
 """
 
+from dataclasses import replace
+
 import equinox as eqx
 import jax
 import numpy as np
@@ -38,7 +40,7 @@ LEADING = 10
 QUEUE_SECONDS = 400
 """Simulated time of the queue [s]."""
 
-SCENE = TrafficModel(n_lanes=4, speed_limit=None, ticks_per_second=STEPS_PER_SECOND, cooperative=True)
+SCENE = TrafficModel(n_lanes=4, speed_limit=None, ticks_per_second=STEPS_PER_SECOND)
 SCENE_VEHICLES, SCENE_SECONDS = 30, 60
 """Scenes with lane changes: those of `rearl_jax.core.spawn`, as `rearl evaluate` simulates them."""
 
@@ -135,7 +137,9 @@ def traffic_table(case: Case, flow: pd.DataFrame, queue: pd.DataFrame, options: 
 @eqx.filter_jit
 def _crashed(keys: Key[Array, " scenarios"], population: Population) -> Int[Array, ""]:
     """Vehicles that collide in scenes with lane changes."""
-    state, drivers = spawn(keys, SCENE, n_vehicles=SCENE_VEHICLES, dtype=population.median.dtype)
-    state, drivers = populate(state, drivers, keys, population, SCENE)
-    after, _ = rollout(state, drivers, SCENE, n_seconds=SCENE_SECONDS)
+    own = population.lane_changing
+    scene = replace(SCENE, cooperative=own is not None)  # politeness is only known when the program runs
+    state, drivers = spawn(keys, scene, n_vehicles=SCENE_VEHICLES, dtype=population.median.dtype)
+    state, drivers = populate(state, drivers, keys, population, scene)
+    after, _ = rollout(state, drivers, scene, n_seconds=SCENE_SECONDS)
     return after.crashed.sum()

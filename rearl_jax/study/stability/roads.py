@@ -85,11 +85,11 @@ def _drive(
     def around(state: TrafficState) -> ReplayedVehicles | None:
         return None if circumference is None else one_lap_away(state, drivers, length, circumference)
 
-    def tick(_: int, now: tuple[TrafficState, Array, Array]) -> tuple[TrafficState, Array, Array]:
+    def tick(_: Array, now: tuple[TrafficState, Array, Array]) -> tuple[TrafficState, Array, Array]:
         before, was_inside, overlaps = now
         after = step(before, drivers, ROAD, around(before))
         is_inside = gaps(after.x, length, circumference) < 0
-        return after, is_inside, overlaps + (is_inside & ~was_inside)
+        return after, is_inside, overlaps + (is_inside & ~was_inside).astype(jnp.int32)
 
     def second(now: tuple, _: None) -> tuple[tuple, tuple[Array, Array]]:
         now = lax.fori_loop(0, STEPS_PER_SECOND, tick, now)
@@ -126,7 +126,7 @@ def one_lap_away(
     is_truck = drivers.body.is_truck
     trucks = jnp.zeros(shape) if is_truck is None else jnp.broadcast_to(is_truck, state.x.shape)[index]
     return ReplayedVehicles(
-        x=state.x[index] + laps * circumference,
+        x=state.x[index] + laps * circumference[None],
         speed=state.speed[index],
         acceleration=state.acceleration[index],
         lane=jnp.zeros(shape, jnp.int32),
