@@ -281,7 +281,7 @@ class StudyFig7Task(EvaluateTask):
     def check(self) -> None:
         """Raise InvalidInputError for another method."""
         if self.method is not Method.base:
-            message = "must be base, of which thresholds are percentiles"
+            message = "must be base, because thresholds are percentiles of its errors"
             raise InvalidInputError(Problem("set-by-task", message, key="method", value=self.method.name))
 
 

@@ -19,9 +19,7 @@ _STYLES = {Emphasis.plain: None, Emphasis.strong: "bold", Emphasis.subdued: "dim
 
 
 def print_document(document: Document) -> None:
-    """Prints a document on standard output; a terminal too narrow for the intervals shows none, and the spread
-    of a value below it.
-    """
+    """Prints a document on standard output; a terminal too narrow for intervals shows spreads below the values."""
     _print(standard_output(_width(document)), document)
 
 

@@ -17,12 +17,12 @@ NAMES = {sumo.name: name for name, sumo in MODELS.items()}
 """Our car-following model by SUMO's name."""
 
 ROUNDING = 1e-6
-"""Difference between numbers of a file that is none, as a share [-]."""
+"""Relative difference [-] of two numbers below which they count as equal, because files round them."""
 
 _UNREAD = {
     "delta": "the exponent is 4 here",
     "sigma": "no dawdling here; driver.noise_sd is another noise",
-    "actionStepLength": "a step, not a delay: the effect reaction_delay of half of it is near",
+    "actionStepLength": "a time step, not a delay; the effect reaction_delay with half of it is similar",
     "emergencyDecel": "9 m/s^2 here",
     "speedFactor": "needs sumo.speed_limit",
     "speedDev": "needs sumo.speed_limit",
@@ -30,13 +30,13 @@ _UNREAD = {
 """Why attributes have no counterpart; `NEUTRAL` values need none."""
 
 NEUTRAL = {"delta": 4.0, "sigma": 0.0, "emergencyDecel": 9.0, "speedFactor": 1.0, "speedDev": 0.0}
-"""Values of attributes at which nothing is lost."""
+"""Values of attributes that have no influence, so that leaving them out loses nothing."""
 
 
 def population_of_types(
     types: Sequence[VehicleType], speed_limit: float | None
 ) -> tuple[str, dict[str, DriverClass], list[Said]]:
-    """Name of the car-following model, drivers by class, and what became of each attribute.
+    """Name of the car-following model, drivers by class, and the translation of each attribute.
 
     Args:
         types: The types, which share one car-following model.

@@ -77,8 +77,8 @@ class Prompter:
 
         Call it once for every simulated second, even if there are no questions. There is no question about a vehicle
         without admissible actions, because no answer could be followed. It is controlled by IDM and MOBIL like a
-        vehicle without a valid answer, and `decision.execution.accept` counts it among those (`n_invalid`). There are
-        as many of them as `situation.detection.mask` has vehicles more than there are questions.
+        vehicle without a valid answer, and `decision.execution.accept` counts it among those (`n_invalid`). Their
+        number is that of the vehicles in `situation.detection.mask` less that of the questions.
 
         Raises:
             ValueError: A second was left out, or the template fails.

@@ -1,7 +1,7 @@
 """Programs measured in turn.
 
 Within a repetition the programs run one after the other, in the reverse order the next time, so that other load on
-the machine meets all alike.
+the machine affects all of them equally.
 """
 
 from collections.abc import Callable, Iterator, Mapping

@@ -57,7 +57,7 @@ def read_pairs(path: Path, recording: str, run: str, policy: DataConfig) -> Reco
     """The pairs of one run.
 
     Raises:
-        BadRecordingError: A pair is not that of one follower and one leader, or a row breaks the schema.
+        BadRecordingError: A pair has several followers or leaders, or a row breaks the schema.
     """
     pairs = read_columns(path, _NUMBERS, _TEXTS, only=("recording", run))
     info = RecordingInfo(

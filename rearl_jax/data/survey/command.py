@@ -31,7 +31,7 @@ def mapping_text(given: Mapping[str, object]) -> str:
 
 
 def _quoted(text: str) -> str:
-    """A text as a value of the command line that is this text again when it is read."""
+    """A text as a value of the command line, quoted so that it is read as the same text."""
     if _PLAIN.fullmatch(text) and text.lower() not in _VALUES:
         return text
     # Dollar signs would begin a reference to another key.

@@ -72,7 +72,7 @@ def recognised(path: Path) -> tuple[str, Path] | None:
         try:
             root = None if recognises is None else recognises(path)
         except ProblemError:
-            continue  # damaged, or of another kind: whoever reads it says so
+            continue  # damaged or of another kind; the reader of its format reports it
         if root is not None:
             return kind.name, root
     return None
