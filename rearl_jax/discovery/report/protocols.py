@@ -12,9 +12,8 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from rearl_jax.discovery.observe.closed_loop import simulated_error
-from rearl_jax.discovery.observe.fit import Fit, on_others
+from rearl_jax.discovery.observe.fit import Fit, known_drivers
 from rearl_jax.discovery.observe.fit_state import FitState, copied
-from rearl_jax.discovery.observe.observer import pieces_of
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.read.training import Split, error_of_splits, halves, seen_enough
@@ -87,8 +86,7 @@ def _predicted(solver: Solver, splits: Sequence[Split], fit: Fit) -> ProtocolErr
     used = np.flatnonzero(seen_enough(splits))
     own, usual = [], []
     for split in splits:
-        (trained,) = on_others(solver, split.training, [fit])
-        tested = copied(trained, data=split.test, pieces=pieces_of(split.test, fit.noise))
+        tested = known_drivers(solver, split, fit)
         own.append(simulated_error(solver, tested))
         usual.append(_with_population_parameters(solver, tested))
     by_driver, of_usual = (
