@@ -166,7 +166,9 @@ def _discovery(config: DiscoverTask, parts: Parts, found: BestSearch, lanes: Lan
         "base": None if comparison is None else base_block(comparison, options, time_gaps),
         **({"equilibrium_time_gap": time_gaps} if comparison is None else {}),
         "population": population_block(solver, outcome.first.state),
-        "time_gap_variation": variation_block(solver, outcome.last, reported, errors, variation, over),
+        "time_gap_variation": variation_block(
+            solver, (outcome.before, parts.reported), (outcome.last, reported), variation, over
+        ),
         "adequacy": {
             "kurtosis": left.kurtosis,
             "kurtosis_before": left.kurtosis_before,

@@ -6,11 +6,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rearl_jax.discovery.observe.candidates import Candidate
-from rearl_jax.discovery.observe.fit_state import FitState, new_state
+from rearl_jax.discovery.observe.fit_state import FitState, new_state, with_changes
 from rearl_jax.discovery.observe.kalman import Noise
 from rearl_jax.discovery.observe.noise import ACCELERATIONS, noises, under_best_noise
+from rearl_jax.discovery.observe.observer import pieces_of
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.read.measured import Measured
+from rearl_jax.discovery.read.training import Split
 
 
 @dataclass(frozen=True)
@@ -43,6 +45,12 @@ def recalibrated(solver: Solver, data: Measured, fits: Sequence[Fit]) -> list[Fi
         solver.solve([state], iterations=15, tolerance=0.1)
         states.append(state)
     return states
+
+
+def known_drivers(solver: Solver, split: Split, fit: Fit) -> FitState:
+    """The test drives of drivers whose own parameters and noise levels are those of their training drives."""
+    (trained,) = recalibrated(solver, split.training, [fit])
+    return with_changes(trained, data=split.test, pieces=pieces_of(split.test, fit.noise), sums=trained.sums)
 
 
 def joint_fit(solver: Solver, fit: Fit, data: Measured) -> Fit:

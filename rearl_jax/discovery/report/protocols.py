@@ -12,9 +12,8 @@ import numpy as np
 from jaxtyping import Float, Int
 
 from rearl_jax.discovery.observe.closed_loop import simulated_error
-from rearl_jax.discovery.observe.fit import Fit, recalibrated
+from rearl_jax.discovery.observe.fit import Fit, known_drivers
 from rearl_jax.discovery.observe.fit_state import FitState, with_changes
-from rearl_jax.discovery.observe.observer import pieces_of
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.read.training import Split, error_of_splits, halves, has_enough_data
@@ -87,8 +86,7 @@ def _predicted(solver: Solver, splits: Sequence[Split], fit: Fit) -> ProtocolErr
     used = np.flatnonzero(has_enough_data(splits))
     own, population = [], []
     for split in splits:
-        (trained,) = recalibrated(solver, split.training, [fit])
-        tested = with_changes(trained, data=split.test, pieces=pieces_of(split.test, fit.noise))
+        tested = known_drivers(solver, split, fit)
         own.append(simulated_error(solver, tested))
         population.append(_with_population_parameters(solver, tested))
     by_driver, with_population = (

@@ -5,7 +5,8 @@ change, change_share}}. `sd` is the standard deviation of log T within a driver 
 `noise_share` the share of the acceleration noise that remains beside it [-], and `time_gap` the standard deviation of
 the median driver's time gap [s]. `energy_score` contains mean energy scores of the report drivers [m] as figures
 {value, low, high}: of the calibrated model (`before`) and of the final model with a `constant` and with a `varying`
-time gap. `change` is `varying` minus `before`, and `change_share` the relative change in the geometric mean over
+time gap, all of second halves of drives with the own parameters of the first; `energy_score` is null if no drive is
+long enough. `change` is `varying` minus `before`, and `change_share` the relative change in the geometric mean over
 drivers.
 """
 
@@ -15,21 +16,19 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
-from rearl_jax.discovery.observe.fit import Fit, recalibrated
+from rearl_jax.discovery.observe.fit import Fit
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.report.error_block import Resampling
-from rearl_jax.discovery.report.errors import ModelErrors
-from rearl_jax.discovery.search.headway import CONSTANT, SMALLEST, TimeGapVariation, energy_scores
+from rearl_jax.discovery.search.headway import CONSTANT, SMALLEST, TimeGapVariation, energy_scores, later_halves
 from rearl_jax.document.document import Section
 from rearl_jax.document.table import Cell, Row, Table, number, percent, sentence
 
 
 def variation_block(
     solver: Solver,
-    last: Fit,
-    reported: Measured,
-    errors: Mapping[str, ModelErrors],
+    first: tuple[Fit, Measured],
+    last: tuple[Fit, Measured],
     variation: TimeGapVariation,
     over: Resampling,
 ) -> dict[str, Any]:
@@ -37,31 +36,28 @@ def variation_block(
 
     Args:
         solver: Of the models.
-        last: The last model.
-        reported: The report drivers.
-        errors: Errors of the report drivers under the calibrated model (`before`) and the final model (`after`).
+        first: The calibrated model, and the report drivers.
+        last: The final model, and the report drivers as it takes them.
         variation: Variation estimated on the fitted drivers.
         over: Resampling of drivers; its seed is also used for the noise.
     """
-    before = errors["before"].by_driver["energy_score"]
-    constant = varying = errors["after"].by_driver["energy_score"] if "after" in errors else before
-    if variation != CONSTANT:
-        (state,) = recalibrated(solver, reported, [last])
-        varying = energy_scores(solver, state, last, over.seed, variation)
-    values = solver.layout.prior.values(last.state.z, last.state.truck)[:, solver.layout.prior.names.index("time_gap")]
-    scores = {"before": before, "constant": constant, "varying": varying}
-    return scored(variation, float(np.median(values)), scores, over)
+
+    def scores_of(one: tuple[Fit, Measured], varied: TimeGapVariation) -> Float[np.ndarray, " drivers"]:
+        state = later_halves(solver, one[1], one[0])
+        return np.empty(0) if state is None else energy_scores(solver, state, one[0], over.seed, varied)
+
+    scores = {"before": scores_of(first, CONSTANT)}
+    scores["constant"] = scores["before"] if last[0] is first[0] else scores_of(last, CONSTANT)
+    scores["varying"] = scores["constant"] if variation == CONSTANT else scores_of(last, variation)
+    state, prior = last[0].state, solver.layout.prior
+    time_gaps = prior.values(state.z, state.truck)[:, prior.names.index("time_gap")]
+    return scored(variation, float(np.median(time_gaps)), scores, over)
 
 
 def scored(
     variation: TimeGapVariation, time_gap: float, scores: Mapping[str, Float[np.ndarray, " drivers"]], over: Resampling
 ) -> dict[str, Any]:
     """Entry `time_gap_variation` from the report drivers' energy scores [m] and the median driver's time gap [s]."""
-    drawn = {name: over.drawn(values, np.mean) for name, values in scores.items()}
-    figures = {name: over.figure(values) for name, values in drawn.items()}
-    figures["change"] = over.figure(drawn["varying"] - drawn["before"])
-    ratio = np.log(np.maximum(scores["varying"], SMALLEST) / np.maximum(scores["before"], SMALLEST))
-    figures["change_share"] = over.figure(np.exp(over.drawn(ratio, np.mean)) - 1)
     # The standard deviation of a log-normal variable about its median m: m sqrt(exp(sd^2) (exp(sd^2) - 1)).
     grown = np.exp(variation.sd**2)
     return {
@@ -69,14 +65,24 @@ def scored(
         "time": variation.time,
         "noise_share": variation.noise_share,
         "time_gap": float(time_gap * np.sqrt(grown * (grown - 1))),
-        "energy_score": figures,
+        "energy_score": _figures(scores, over) if len(scores["before"]) else None,
     }
+
+
+def _figures(scores: Mapping[str, Float[np.ndarray, " drivers"]], over: Resampling) -> dict[str, dict[str, float]]:
+    """Mean energy scores [m] and their change."""
+    drawn = {name: over.drawn(values, np.mean) for name, values in scores.items()}
+    figures = {name: over.figure(values) for name, values in drawn.items()}
+    figures["change"] = over.figure(drawn["varying"] - drawn["before"])
+    ratio = np.log(np.maximum(scores["varying"], SMALLEST) / np.maximum(scores["before"], SMALLEST))
+    figures["change_share"] = over.figure(np.exp(over.drawn(ratio, np.mean)) - 1)
+    return figures
 
 
 def variation_section(verdict: Mapping[str, Any]) -> Section:
     """Section on the variation with the energy scores; empty if it was not estimated."""
     title, variation = "Time gaps that vary within a driver", verdict.get("time_gap_variation")
-    if variation is None:
+    if variation is None or variation["energy_score"] is None:
         return Section(title)
     if variation["sd"] or variation["noise_share"] < 1:
         words = (
@@ -89,7 +95,8 @@ def variation_section(verdict: Mapping[str, Any]) -> Section:
         words = "simulations with a varying time gap are not significantly closer to the fitted drivers"
     how = (
         "The energy score is the mean distance of noisy simulations from the measured drive less half their "
-        "distance from each other. It is lowest for the correct spread; lower is better."
+        "distance from each other. It is lowest for the correct spread; lower is better. Simulated are second "
+        "halves of drives, with the own parameters of the first."
     )
     names = {"before": "calibrated model", "constant": "last model", "varying": "last model, time gap varying"}
     names |= {"change": "change from the first to the last"}

@@ -3,6 +3,8 @@
 Most of the error of long predictions arises because models keep a constant time gap, while people keep a longer one for
 some time and then a shorter one. The times of these changes cannot be predicted, but a simulation can reproduce their
 size and duration. The division minimises the energy score of noisy simulations, which is lowest for the correct spread.
+Simulated is the second half of each drive, with the driver's own parameters of the first half: parameters of the whole
+drive follow its slow changes, so that a varying time gap would seem to be constant.
 
 Source: energy score and estimation by it, Gneiting & Raftery, J. Am. Stat. Assoc. 102 (2007) 359, sections 4.3 and 9.1.
 """
@@ -14,9 +16,11 @@ import numpy as np
 from jaxtyping import Float
 
 from rearl_jax.discovery.observe.closed_loop import FARTHEST
-from rearl_jax.discovery.observe.fit import Fit
+from rearl_jax.discovery.observe.fit import Fit, known_drivers
 from rearl_jax.discovery.observe.fit_state import FitState
 from rearl_jax.discovery.observe.solver import Solver
+from rearl_jax.discovery.read.measured import Measured
+from rearl_jax.discovery.read.training import halves, has_enough_data
 from rearl_jax.discovery.search.null import behind_noisy_drive, lasting
 
 REALISATIONS = 12
@@ -77,16 +81,25 @@ def energy_scores(
     return away - apart / 2
 
 
+def later_halves(solver: Solver, data: Measured, fit: Fit) -> FitState | None:
+    """Second halves of drives, with the drivers' own parameters of the first ones; None if no drive is long enough."""
+    is_long = has_enough_data([halves(data)])
+    return known_drivers(solver, halves(data.of_drivers(is_long)), fit) if is_long.any() else None
+
+
 def time_gap_variation(solver: Solver, fit: Fit, seed: int) -> TimeGapVariation:
     """The variation with the lowest geometric mean energy score of the fitted drivers (few poorly modelled drivers do
     not dominate this mean); no variation if the improvement is below two standard errors.
     """
+    state = later_halves(solver, fit.state.data, fit)
+    if state is None:
+        return CONSTANT
     scores: dict[TimeGapVariation, Float[np.ndarray, " drivers"]] = {}
 
     def best_of(tried: Iterable[TimeGapVariation]) -> TimeGapVariation:
         for candidate in tried:
             if candidate not in scores:
-                scores[candidate] = np.log(np.maximum(energy_scores(solver, fit.state, fit, seed, candidate), SMALLEST))
+                scores[candidate] = np.log(np.maximum(energy_scores(solver, state, fit, seed, candidate), SMALLEST))
         return min(scores, key=lambda candidate: float(scores[candidate].mean()))
 
     best = best_of([CONSTANT, *(TimeGapVariation(sd, noise_share=share) for sd in SIZES for share in SHARES[::2])])

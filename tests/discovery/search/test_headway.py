@@ -9,7 +9,13 @@ from rearl_jax.discovery.observe.fit import Fit
 from rearl_jax.discovery.observe.fit_state import new_state, with_changes
 from rearl_jax.discovery.report.error_block import Resampling
 from rearl_jax.discovery.report.variation import scored, variation_section
-from rearl_jax.discovery.search.headway import CONSTANT, TimeGapVariation, energy_scores, time_gap_variation
+from rearl_jax.discovery.search.headway import (
+    CONSTANT,
+    TimeGapVariation,
+    energy_scores,
+    later_halves,
+    time_gap_variation,
+)
 from rearl_jax.discovery.search.null import behind_noisy_drive, lasting
 
 QUIET = 0.05
@@ -21,7 +27,8 @@ def driven(solver, drivers, noise, varied):
     state, _ = drivers
     drives = replace(state, pieces=replace(state.pieces, varied=varied))
     y = state.data.y - behind_noisy_drive(solver, drives, noise, np.random.default_rng(5))
-    return with_changes(state, data=replace(state.data, y=y), pieces=replace(state.pieces, y=y))
+    data = replace(state.data, y=y, smooth=y, smooth_speed=np.gradient(y, state.data.dt, axis=0))
+    return with_changes(state, data=data, pieces=replace(state.pieces, y=y))
 
 
 @pytest.fixture(scope="module")
@@ -48,8 +55,9 @@ def test_a_time_gap_that_varies_is_found_and_scored_better(solver, varying):
     found = time_gap_variation(solver, varying, 0)
     assert 0.15 <= found.sd <= 0.65
     assert found.noise_share < 1
+    later = later_halves(solver, varying.state.data, varying)
     scores = {
-        name: energy_scores(solver, varying.state, varying, 1, one)
+        name: energy_scores(solver, later, varying, 1, one)
         for name, one in (("before", CONSTANT), ("constant", CONSTANT), ("varying", found))
     }
     block = scored(found, 1.3, scores, Resampling(0.95, 200, 0))
@@ -59,6 +67,9 @@ def test_a_time_gap_that_varies_is_found_and_scored_better(solver, varying):
     section = variation_section({"time_gap_variation": block})
     assert len(section.tables[0].rows) == 5
     assert not variation_section({}).tables
+    nobody = scored(found, 1.3, dict.fromkeys(scores, np.empty(0)), Resampling(0.95, 200, 0))
+    assert nobody["energy_score"] is None
+    assert not variation_section({"time_gap_variation": nobody}).tables
 
 
 @pytest.mark.thorough
