@@ -209,7 +209,9 @@ def _order(of: Mapping[str, Mapping[str, Any]], shares: Sequence[str]) -> str:
 def _rest(of: Mapping[str, Mapping[str, Any]], error: str) -> str:
     """What is left of the error, beside real against real where recordings have the error themselves."""
     if REST not in of:
-        return f"what is left, {_inline(of[LAST], error, '')}, none of the components explains; recordings have 0"
+        left = f"what is left, {_inline(of[LAST], error, '')}, none of the components explains"
+        is_alone = error in METRICS and METRICS[error].compares
+        return f"{left}; {'there is no other recorded scene to compare with' if is_alone else 'recordings have 0'}"
     last, real, rest = of[LAST], of[OF_REAL], of[REST]
     beside = f"another recorded scene in its place has {_text(real['value'], error)}"
     left = f"what is left, {_text(last['value'], error)},"

@@ -127,7 +127,7 @@ def test_a_whole_budget_and_its_repetition(tmp_path):
     assert summary["h_start"] > 0.1  # Base starts at 21 to 24 m/s, the recorded queue is slower
     folder = tmp_path / "study_budget"
     assert json.loads((folder / "summary.json").read_text())["h_whole"] == summary["h_whole"]
-    assert pd.read_parquet(folder / "rows")["row"].nunique() == len(rows_of(config.budget.components)) + 3
+    assert pd.read_parquet(folder / "errors")["row"].nunique() == len(rows_of(config.budget.components)) + 3
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(simulating, "simulated_row", None)  # nothing is simulated again
         assert task.run(config) == summary
