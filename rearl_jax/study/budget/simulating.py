@@ -119,13 +119,18 @@ def as_simulated(setting: Setting, row: Row) -> SimulatedRow:
             driver = replace(driver, **{"desired_speed": NO_LIMIT})
         config = replace(config, init=replace(config.init, source=InitialSource.scene), driver=driver)
     if BOUNDARY not in row:
-        config = replace(config, scenes=replace(config.scenes, boundary=BoundarySource.free))
+        config = free(config)
     drivers = None
     if CALIBRATED in row:
         assert setting.model is not None  # else it is no component
         drivers = drivers_of(setting.model, row, config.core)
     thresholds = setting.thresholds if REARL in row else NEVER
     return SimulatedRow(config, row_name(row), thresholds, drivers=drivers)
+
+
+def free(config: StudyBudgetTask) -> StudyBudgetTask:
+    """The configuration without recorded vehicles around."""
+    return replace(config, scenes=replace(config.scenes, boundary=BoundarySource.free))
 
 
 def _table(setting: Setting, scores: Scores, positions: Positions | None = None) -> pd.DataFrame:

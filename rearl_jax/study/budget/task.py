@@ -38,7 +38,7 @@ from rearl_jax.study.budget.components import TITLES, orders
 from rearl_jax.study.budget.document import definitions_of, document_of, findings_of
 from rearl_jax.study.budget.drivers import parts_of
 from rearl_jax.study.budget.figures import budgets
-from rearl_jax.study.budget.simulating import Setting, simulated_rows
+from rearl_jax.study.budget.simulating import Setting, free, simulated_rows
 from rearl_jax.study.budget.tables import budget_table, step_table, summary_of
 
 log = logging.getLogger(__name__)
@@ -54,7 +54,7 @@ def run(config: StudyBudgetTask) -> dict:
         FileNotFoundError, ValueError: There are no recordings, a recording is invalid, no scene can be cut from them,
             or two keys contradict each other.
     """
-    evaluation.check(replace(config, scenes=replace(config.scenes, boundary=BoundarySource.free)))
+    evaluation.check(free(config))
     set_precision(config.core.dtype)
     generated = is_generated(config.data)
     study = Study(config.results.root, config.study, config, "study budget", inputs_id(config), generated=generated)
@@ -108,7 +108,8 @@ def _prepared(config: StudyBudgetTask, study: Study, bar: Progress) -> tuple[Set
     thresholds = NEVER
     if REARL in config.budget.components and REARL not in absent:
         try:
-            thresholds = thresholds_of(replace(config, method=Method.rearl, model=None), inputs, bar)
+            alone = replace(free(config), method=Method.rearl, model=None)
+            thresholds = thresholds_of(alone, inputs, bar)
         except InvalidInputError as error:
             absent[REARL] = str(error)
     components = present(config.budget.components, absent)
