@@ -105,10 +105,11 @@ def test_rows_start_and_drive_as_their_components_say():
         assert made.thresholds == ((0.3, 0.2) if REARL in row else (np.inf, np.inf))
 
 
-def test_thresholds_are_those_of_base_on_a_free_road(monkeypatch):
+def test_thresholds_are_those_of_base_on_a_free_road(monkeypatch, tmp_path):
     from rearl_jax.config.core import CoreConfig
     from rearl_jax.evaluation.boundaries import check_boundary
     from rearl_jax.progress import silent
+    from rearl_jax.results import Study
     from rearl_jax.study.budget import task
 
     asked = []
@@ -121,7 +122,8 @@ def test_thresholds_are_those_of_base_on_a_free_road(monkeypatch):
     monkeypatch.setattr(task, "_inputs", lambda *_: Inputs(made_scenes(), Splits(np.full(6, 3, np.int8), {}, 0, 0)))
     monkeypatch.setattr(task, "thresholds_of", thresholds)
     config = StudyBudgetTask(budget=BudgetConfig(("start", "boundary", "rearl")), core=CoreConfig())
-    setting, absent, origin = task._prepared(config, None, silent())
+    study = Study(tmp_path, "budget", config, "study budget")
+    setting, absent, origin = task._prepared(config, study, silent())
     assert (setting.components, absent, origin) == (("start", "boundary", "rearl"), (), ())
     assert (setting.thresholds, asked) == ((0.3, 0.2), [Method.rearl])
     assert setting.config.core.n_vehicles == 4
