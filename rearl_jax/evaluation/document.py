@@ -133,7 +133,8 @@ def _verdict(figures: Figures, main: str) -> str:
     return (
         f"The speeds of {title_of(main)} are a Hellinger distance of {_inline(method)} from the recorded ones"
         + ("" if change.value == NONE else f", a change of {_inline(change)} to base")
-        + f"; recorded scenes are {others.value} from each other, and chance alone gives {chance.value}."
+        + ("" if others.value == NONE else f"; recorded scenes are {others.value} from each other")
+        + f"; chance alone gives {chance.value}."
     )
 
 

@@ -59,7 +59,8 @@ def errors_over_time(config: EvaluateTask, evaluation: Evaluation) -> bytes:
     error = config.mape.column
     figure, axes = drawing.panels(6.4, 7.2, rows=3, generated=evaluation.scenes.generated)
     method = evaluation.method
-    compared = [(method, _METHOD), (evaluation.row(REAL_VS_REAL), _OTHER)]
+    others = evaluation.row(REAL_VS_REAL)
+    compared = [(method, _METHOD), *([(others, _OTHER)] if len(others.scene) else [])]
     labels = {"h": "Hellinger distance [-]", error: f"{METRICS[error].title} [-]"}
     for panel, (name, label) in zip(axes, labels.items(), strict=False):
         for row, colour in compared:

@@ -17,6 +17,7 @@ from rearl_jax.console import generated_mark
 from rearl_jax.data.recordings import is_generated
 from rearl_jax.document.document import data_sources
 from rearl_jax.document.terminal import print_document
+from rearl_jax.evaluation.boundaries import check_boundary
 from rearl_jax.evaluation.inputs import read_inputs
 from rearl_jax.evaluation.rollouts import Rollouts
 from rearl_jax.evaluation.rows import Row
@@ -53,6 +54,7 @@ def run(config: SweepThresholdsTask, *, show: bool = True) -> dict:
     if config.method is not Method.rearl:
         raise out_of_range("method", "must be rearl, others have no thresholds", config.method.name)
     require_one_variant(config)
+    check_boundary(config)
     set_precision(config.core.dtype)
     generated = is_generated(config.data)
     study = Study(config.results.root, config.study, config, "sweep thresholds", inputs_id(config), generated=generated)

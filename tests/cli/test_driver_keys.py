@@ -10,6 +10,7 @@ from rearl_jax.tasks import TASKS
 
 BY_WORDS = {task.words: task for task in TASKS}
 SIMULATING = ("evaluate", "sweep thresholds", "sweep scale", "study table1", "study table3", "study fig6", "study fig7")
+SIMULATING += ("study budget",)
 
 
 def composed(words, *overrides, config_dir=None):

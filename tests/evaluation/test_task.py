@@ -214,3 +214,30 @@ def test_unknown_example_stops(done):
         example_scene(scenes, held_out, int(other))
     assert (caught.value.code, caught.value.problem.key) == ("scene-not-held-out", "eval.example")
     assert caught.value.problem.value == other
+
+
+def test_a_scene_without_another_one_is_drawn_and_told(done):
+
+    import jax
+
+    from rearl_jax.evaluation.figures import errors_over_time
+    from rearl_jax.evaluation.scores import REAL_VS_REAL
+    from rearl_jax.evaluation.task import documented
+
+    evaluation = done.evaluation
+    others = evaluation.row(REAL_VS_REAL)
+    arrays = {name: getattr(others, name)[:0] for name in ("scene", "run", "partner")}
+    nothing = replace(
+        others,
+        **arrays,
+        values={name: values[:0] for name, values in others.values.items()},
+        counts={name: counts[:0] for name, counts in others.counts.items()},
+        series=jax.tree.map(lambda leaf: leaf[..., :0], others.series),
+        realism=None,
+        pooled={},
+    )
+    alone = replace(evaluation, rows=[nothing if row is others else row for row in evaluation.rows])
+    assert errors_over_time(done.config, alone).startswith(b"\x89PNG")
+    found = {key: estimate for key, estimate in done.estimates.items() if key[0] != REAL_VS_REAL}
+    assert "from each other" in documented(evaluation, done.estimates).verdict
+    assert "from each other" not in documented(alone, found).verdict

@@ -1,15 +1,18 @@
 """`rearl sweep thresholds` on the shipped recordings: files, figures, what is said."""
 
 import json
+from dataclasses import replace
 
 import pandas as pd
 import pytest
 
 from rearl_jax.config import ResultsConfig, SweepThresholdsTask
-from rearl_jax.config.core import CoreConfig
+from rearl_jax.config.core import CoreConfig, InitConfig, InitialSource
 from rearl_jax.config.data import DataConfig
 from rearl_jax.config.evaluation import EvaluationConfig
+from rearl_jax.config.scenes import BoundarySource, ScenesConfig, SpeedConfig, SpeedNorm
 from rearl_jax.config.sweep import SweepConfig
+from rearl_jax.problems import InvalidInputError
 from rearl_jax.sweep.task import run
 
 pytestmark = pytest.mark.thorough
@@ -60,3 +63,30 @@ def test_summary_names_the_best_pair(study):
     assert (summary["best_h_pct"], summary["best_m_pct"]) == (best.h_pct, best.m_pct)
     assert summary["lead_low"] <= summary["lead"] <= summary["lead_high"]
     assert {"base_values.png", "pairs.png", "config.json"} <= {path.name for path in study.iterdir()}
+
+
+MEASURED = SweepThresholdsTask(
+    scenes=ScenesConfig(boundary=BoundarySource.measured),
+    init=InitConfig(InitialSource.scene),
+    speed=SpeedConfig(SpeedNorm.none),
+    eval=EvaluationConfig(n_runs=1, resamples=100),
+    sweep=SweepConfig(h_pct=(30.0,), m_pct=(20.0,)),
+    core=CoreConfig(n_lanes=6, collisions=False),
+)
+
+
+def test_a_boundary_without_recorded_starts_is_refused_before_anything_is_read(tmp_path):
+    with pytest.raises(InvalidInputError) as caught:
+        run(replace(MEASURED, init=InitConfig(), results=ResultsConfig(str(tmp_path))))
+    assert (caught.value.code, caught.value.problem.key) == ("out-of-range", "init.source")
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.slow
+def test_pairs_are_tried_among_recorded_vehicles(tmp_path, study):
+    run(replace(MEASURED, results=ResultsConfig(str(tmp_path))))
+    runs, free = pd.read_parquet(tmp_path / "sweep_thresholds" / "runs"), pd.read_parquet(study / "runs")
+    assert sorted(set(runs.scene_id)) == sorted(set(free.scene_id))
+    around, alone = (table[table.h_pct.isna()].groupby("scene_id")["h"].mean() for table in (runs, free))
+    assert around.notna().all()
+    assert (around != alone).all()

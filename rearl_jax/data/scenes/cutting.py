@@ -102,7 +102,7 @@ def _no_scene(seen: Mapping[str, WindowCount], scenes: ScenesConfig) -> Problem:
         message = (
             f"no recording lasts scenes.seconds = {scenes.seconds} s: the longest, {longest}, {count.duration:.1f} s"
         )
-        return Problem("recordings-too-short", message, "lower scenes.seconds")
+        return Problem("recordings-too-short", message, f"set scenes.seconds={max(int(count.duration), 2)} or less")
     best, count = max(seen.items(), key=lambda item: item[1].best_window)
     most = max(count.most_vehicles for count in seen.values())
     if count.best_window >= 2:

@@ -144,10 +144,11 @@ def findings_of(table: pd.DataFrame, mape: str, components: Sequence[str]) -> tu
         return ("No main error has a figure in all rows of the budget: there is nothing to divide.",)
     paragraphs = [_verdict(*next(iter(own.items())))]
     paragraphs += [_finding(error, _records(part)) for error, part in own.items()]
-    missing = [_name(error) for error in COLUMNS if error not in set(table["error"])]
+    known = set(table["error"])
+    missing = [_name(error) for error, column in COLUMNS.items() if error not in known and column.falls_by(components)]
     if missing:
         paragraphs.append(f"Without a figure in some row, so not divided: {', '.join(missing)}.")
-    if START in components and "position_error" not in own:
+    if _name("position_error") in missing:
         paragraphs.append(
             "Position errors need vehicles that are picked in the first snapshot and in the second, one second later: "
             "none is, so no vehicle stays long enough for one."
@@ -209,7 +210,9 @@ def _order(of: Mapping[str, Mapping[str, Any]], shares: Sequence[str]) -> str:
 def _rest(of: Mapping[str, Mapping[str, Any]], error: str) -> str:
     """What is left of the error, beside real against real where recordings have the error themselves."""
     if REST not in of:
-        return f"what is left, {_inline(of[LAST], error, '')}, none of the components explains; recordings have 0"
+        left = f"what is left, {_inline(of[LAST], error, '')}, none of the components explains"
+        is_alone = error in METRICS and METRICS[error].compares
+        return f"{left}; {'there is no other recorded scene to compare with' if is_alone else 'recordings have 0'}"
     last, real, rest = of[LAST], of[OF_REAL], of[REST]
     beside = f"another recorded scene in its place has {_text(real['value'], error)}"
     left = f"what is left, {_text(last['value'], error)},"

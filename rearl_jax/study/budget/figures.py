@@ -30,6 +30,10 @@ class Column:
     form: str = "as it is"
     first: Row = frozenset()
 
+    def falls_by(self, components: Sequence[str]) -> tuple[str, ...]:
+        """Components by which the error can fall: those beyond its first row, none if that row does not occur."""
+        return tuple(name for name in components if name not in self.first) if self.first <= set(components) else ()
+
 
 COLUMNS: Mapping[str, Column] = {
     "h": Column("H", "h"),
@@ -98,8 +102,7 @@ def budgets(table: pd.DataFrame, components: Sequence[str]) -> dict[str, ColumnB
     """The budget of every error that has a figure in some scene in all of its rows."""
     found = {}
     for name, column in COLUMNS.items():
-        added = tuple(item for item in components if item not in column.first)
-        if not added or not column.first <= set(components) or column.source not in table:
+        if not column.falls_by(components) or column.source not in table:
             continue
         errors = errors_of(table, column)
         rows: Errors = {row_of(row): values for row, values in errors.items() if is_row(row)}

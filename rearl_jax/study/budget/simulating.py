@@ -26,7 +26,7 @@ from rearl_jax.results import Study, part_name
 from rearl_jax.study.budget.components import TITLES, Row, named, row_name, rows_of
 from rearl_jax.study.budget.drivers import drivers_of
 
-ROWS = "rows"
+ERRORS = "errors"
 """Name of the table: a folder of parts, read as one Parquet table."""
 
 NO_LIMIT = 100.0
@@ -71,7 +71,7 @@ def simulated_rows(setting: Setting, study: Study, bar: Progress, metadata: Mapp
         bar: Shows the progress.
         metadata: Metadata of every part.
     """
-    rows, finished = rows_of(setting.components), study.finished_parts(ROWS)
+    rows, finished = rows_of(setting.components), study.finished_parts(ERRORS)
     line = bar.add_task("rows", total=len(rows) + 1)
     scorer = references = None
     for number, row in enumerate([None, *rows]):
@@ -83,9 +83,9 @@ def simulated_rows(setting: Setting, study: Study, bar: Progress, metadata: Mapp
             scorer = make_scorer(config, inputs.scenes, config.eval.n_runs * len(setting.held_out))
             references = reference_rows(config, inputs.scenes, setting.held_out, scorer)
         table = _references(setting, references) if row is None else _row(setting, row, scorer, references)
-        study.write_table(part_name(ROWS, number), table, **metadata)
+        study.write_table(part_name(ERRORS, number), table, **metadata)
     bar.update(line, completed=len(rows) + 1)
-    return pd.read_parquet(study.path / ROWS)
+    return pd.read_parquet(study.path / ERRORS)
 
 
 def _title(row: Row | None) -> str:
@@ -119,13 +119,18 @@ def as_simulated(setting: Setting, row: Row) -> SimulatedRow:
             driver = replace(driver, **{"desired_speed": NO_LIMIT})
         config = replace(config, init=replace(config.init, source=InitialSource.scene), driver=driver)
     if BOUNDARY not in row:
-        config = replace(config, scenes=replace(config.scenes, boundary=BoundarySource.free))
+        config = free(config)
     drivers = None
     if CALIBRATED in row:
         assert setting.model is not None  # else it is no component
         drivers = drivers_of(setting.model, row, config.core)
     thresholds = setting.thresholds if REARL in row else NEVER
     return SimulatedRow(config, row_name(row), thresholds, drivers=drivers)
+
+
+def free(config: StudyBudgetTask) -> StudyBudgetTask:
+    """The configuration without recorded vehicles around."""
+    return replace(config, scenes=replace(config.scenes, boundary=BoundarySource.free))
 
 
 def _table(setting: Setting, scores: Scores, positions: Positions | None = None) -> pd.DataFrame:

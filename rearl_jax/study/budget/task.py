@@ -1,7 +1,7 @@
 """The task `rearl study budget`: how much of the error of simulated scenes comes from what.
 
 Components are added to Base one at a time, in a stated order and in every other possible order, up to the row with all
-of them; beside them stands real against real. Writes `rows/part-*.parquet` (a row per row of the budget and scene),
+of them; beside them stands real against real. Writes `errors/part-*.parquet` (a row per row of the budget and scene),
 `steps.parquet` (a row per row of the stated order and figure), `budget.parquet` (a row per error and component),
 `waterfall.png`, `page.html`, `config.json` and, last of all, `summary.json`; `model.yaml` and `model.txt` if drivers
 are calibrated here. An interrupted study continues.
@@ -38,7 +38,7 @@ from rearl_jax.study.budget.components import TITLES, orders
 from rearl_jax.study.budget.document import definitions_of, document_of, findings_of
 from rearl_jax.study.budget.drivers import parts_of
 from rearl_jax.study.budget.figures import budgets
-from rearl_jax.study.budget.simulating import Setting, simulated_rows
+from rearl_jax.study.budget.simulating import Setting, free, simulated_rows
 from rearl_jax.study.budget.tables import budget_table, step_table, summary_of
 
 log = logging.getLogger(__name__)
@@ -54,7 +54,7 @@ def run(config: StudyBudgetTask) -> dict:
         FileNotFoundError, ValueError: There are no recordings, a recording is invalid, no scene can be cut from them,
             or two keys contradict each other.
     """
-    evaluation.check(replace(config, scenes=replace(config.scenes, boundary=BoundarySource.free)))
+    evaluation.check(free(config))
     set_precision(config.core.dtype)
     generated = is_generated(config.data)
     study = Study(config.results.root, config.study, config, "study budget", inputs_id(config), generated=generated)
@@ -108,7 +108,8 @@ def _prepared(config: StudyBudgetTask, study: Study, bar: Progress) -> tuple[Set
     thresholds = NEVER
     if REARL in config.budget.components and REARL not in absent:
         try:
-            thresholds = thresholds_of(replace(config, method=Method.rearl, model=None), inputs, bar)
+            alone = replace(free(config), method=Method.rearl, model=None)
+            thresholds = thresholds_of(alone, inputs, bar)
         except InvalidInputError as error:
             absent[REARL] = str(error)
     components = present(config.budget.components, absent)

@@ -128,6 +128,13 @@ def test_scenes_in_which_nobody_stays_have_no_position_error():
     assert any("no vehicle stays long enough" in text for text in findings_of(table, "mape_a", COMPONENTS))
 
 
+def test_where_only_the_start_is_added_position_errors_do_not_fall():
+    rows = made_rows()
+    table = budget_table(budgets(rows, ("start",)), EVAL)
+    assert "position_error" not in set(table["error"])
+    assert not any("osition error" in text for text in findings_of(table, "mape_a", ("start",)))
+
+
 def test_without_any_figure_there_is_nothing_to_divide():
     rows = made_rows()
     rows[[*METRICS, "position_error"]] = np.nan

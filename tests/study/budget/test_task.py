@@ -105,6 +105,30 @@ def test_rows_start_and_drive_as_their_components_say():
         assert made.thresholds == ((0.3, 0.2) if REARL in row else (np.inf, np.inf))
 
 
+def test_thresholds_are_those_of_base_on_a_free_road(monkeypatch, tmp_path):
+    from rearl_jax.config.core import CoreConfig
+    from rearl_jax.evaluation.boundaries import check_boundary
+    from rearl_jax.progress import silent
+    from rearl_jax.results import Study
+    from rearl_jax.study.budget import task
+
+    asked = []
+
+    def thresholds(config, inputs, bar):
+        check_boundary(config)
+        asked.append(config.method)
+        return 0.3, 0.2
+
+    monkeypatch.setattr(task, "_inputs", lambda *_: Inputs(made_scenes(), Splits(np.full(6, 3, np.int8), {}, 0, 0)))
+    monkeypatch.setattr(task, "thresholds_of", thresholds)
+    config = StudyBudgetTask(budget=BudgetConfig(("start", "boundary", "rearl")), core=CoreConfig())
+    study = Study(tmp_path, "budget", config, "study budget")
+    setting, absent, origin = task._prepared(config, study, silent())
+    assert (setting.components, absent, origin) == (("start", "boundary", "rearl"), (), ())
+    assert (setting.thresholds, asked) == ((0.3, 0.2), [Method.rearl])
+    assert setting.config.core.n_vehicles == 4
+
+
 @pytest.mark.slow
 def test_a_whole_budget_and_its_repetition(tmp_path):
     from rearl_jax.config import ResultsConfig
@@ -127,7 +151,7 @@ def test_a_whole_budget_and_its_repetition(tmp_path):
     assert summary["h_start"] > 0.1  # Base starts at 21 to 24 m/s, the recorded queue is slower
     folder = tmp_path / "study_budget"
     assert json.loads((folder / "summary.json").read_text())["h_whole"] == summary["h_whole"]
-    assert pd.read_parquet(folder / "rows")["row"].nunique() == len(rows_of(config.budget.components)) + 3
+    assert pd.read_parquet(folder / "errors")["row"].nunique() == len(rows_of(config.budget.components)) + 3
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(simulating, "simulated_row", None)  # nothing is simulated again
         assert task.run(config) == summary
