@@ -91,7 +91,7 @@ def test_single_precision_stays_near(small):
 
 
 def test_vehicles_under_decisions_keep_their_distance_by_the_same_rules():
-    model = replace(MODEL, meta_follows=True, lane_changes=False)
+    model = replace(MODEL, meta_follows=True, lane_changes=False, collisions=False)  # compiles faster
     state, drivers = traffic(N_VEHICLES, controller=Controller.META)
     drivers = replace(drivers, effects=())
     after = jax.jit(lambda state: step(begin_driving(state, drivers, model), drivers, model))(state)

@@ -32,6 +32,7 @@ def test_every_vehicle_of_every_scene_is_once_the_controlled_one(us101):
     assert (np.diff(np.take_along_axis(np.asarray(cases.x), np.asarray(cases.order), 0), axis=0) >= 0).all()
 
 
+@pytest.mark.thorough  # a program of its own
 def test_environments_begin_with_them(us101):
     _, cases = with_scenes(HighwayOptions(), us101)
     known = {(round(float(v), 3), round(float(y), 3)) for v, y in zip(cases.speed[0], cases.y[0], strict=True)}
@@ -43,8 +44,11 @@ def test_environments_begin_with_them(us101):
         drawn.add((round(info["speed"], 3), round(float(observation[0, 2]) * 4 * n_lanes, 3)))
     assert drawn <= known
     assert len(drawn) > 10
-    params = FunctionalHighway(us101).default_params
-    np.testing.assert_array_equal(params.starts.x, cases.x)
+
+
+def test_the_functional_environment_begins_with_them(us101):
+    _, cases = with_scenes(HighwayOptions(), us101)
+    np.testing.assert_array_equal(FunctionalHighway(us101).default_params.starts.x, cases.x)
 
 
 def test_a_road_with_too_few_lanes_is_refused(us101):
