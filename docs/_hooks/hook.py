@@ -27,6 +27,7 @@ GENERATED: dict[str, Callable[..., str]] = {
     "equilibria": car_following.equilibria,
     "help": config_keys.command_help,
     "keys": config_keys.keys,
+    "known-time-gaps": kept_results.known_time_gaps,
     "metrics": tables_of_code.metrics,
     "packages": tables_of_code.packages,
     "public-names": tables_of_code.public_names,

@@ -5,6 +5,8 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
+import pandas as pd
+
 from rearl_jax.blind.questions import QUESTIONS
 from rearl_jax.discovery.report.words import error_words, verdict_words
 
@@ -39,12 +41,18 @@ def verdicts() -> str:
     return "\n\n".join(blocks)
 
 
+PREDICTING = {
+    "population": "parameters of the population",
+    "first_half": "first half known",
+    "other_runs": "other runs",
+}
+"""Protocols that predict, and what readers see of them."""
+
+
 def recording_errors() -> str:
     """Verdicts and gap errors of the kept studies of recordings and of their groups, in the protocols that predict."""
-    rows = [
-        "| recording | verdict | model | drivers | parameters of the population | after | first half known | after |",
-        "|---|---|---|---|---|---|---|---|",
-    ]
+    titles = " | ".join(f"{title} | after" for title in PREDICTING.values())
+    rows = [f"| recording | verdict | model | drivers | {titles} |", "|---" * (4 + 2 * len(PREDICTING)) + "|"]
     for study, verdict in _of("discover", "verdict.json"):
         parts = [(f"{group['by']} {group['value']}", group) for group in verdict.get("groups", [])]
         for name, one in parts or [("all drivers", verdict)]:
@@ -55,11 +63,57 @@ def recording_errors() -> str:
                 chosen.replace("_", " "),
                 str(one["error"]["n_drivers"]),
             ]
-            for protocol in ("population", "first_half"):
-                mean = protocols[protocol]["gap_rmse"]["mean"]
-                cells += [metres(mean["before"]), f"{metres(mean['after'])}, {percent(mean['change_share'])}"]
+            for protocol in PREDICTING:
+                tested = protocols[protocol]
+                cells += _errors(None if tested is None else tested["gap_rmse"]["mean"])
             rows.append(f"| {' | '.join(cells)} |")
+    return "\n".join(rows + [row for folder, _ in _kept("study real") for row in _rows_of_groups(folder)])
+
+
+def _errors(mean: Mapping[str, Any] | None) -> list[str]:
+    """Cells of the error before and after under one protocol."""
+    if mean is None:
+        return ["-", "-"]
+    return [metres(mean["before"]), f"{metres(mean['after'])}, {percent(mean['change_share'])}"]
+
+
+def _rows_of_groups(folder: Path) -> Iterator[str]:
+    """Rows of the groups of a kept study of real traffic."""
+    ends = {"value": "", "low": "_low", "high": "_high"}
+    for row in pd.read_parquet(folder / "real.parquet").astype(object).to_dict("records"):
+        name = f"`{folder.name}`, {row['title']} {row['group']}"
+        cells = [name, f"`{row['verdict']}`", row["base"].replace("_", " "), str(row["population_drivers"])]
+        for protocol in PREDICTING:
+            mean = {
+                figure: {end: row[f"{protocol}_{figure}{suffix}"] for end, suffix in ends.items()}
+                for figure in ("before", "after", "change_share")
+            }
+            cells += _errors(None if pd.isna(mean["before"]["value"]) else mean)
+        yield f"| {' | '.join(cells)} |"
+
+
+def known_time_gaps() -> str:
+    """Known and calibrated time gaps by car and setting, of the kept studies of real traffic."""
+    rows = []
+    for folder, summary in _kept("study real"):
+        facts = pd.read_parquet(folder / "facts.parquet").dropna(subset=["known"])
+        settings = sorted(set(facts["setting"]), reverse=True)
+        heads = " | ".join(f"{setting}, known [s] | calibrated [s]" for setting in settings)
+        rows += [f"| `{folder.name}`: car | {heads} |", "|---" * (1 + 2 * len(settings)) + "|"]
+        for car, own in facts.groupby("car"):
+            by_setting = own.set_index("setting").astype(object).to_dict("index")
+            cells = [_time_gap(by_setting.get(setting)) for setting in settings]
+            rows.append(f"| {str(car).replace('_', ' ')} | {' | '.join(cells)} |")
+        rows += ["", f"{summary['n_within']} of {summary['n_known']} are within .15 s."]
     return "\n".join(rows)
+
+
+def _time_gap(row: Mapping[str, Any] | None) -> str:
+    """Cells of the known and of the calibrated time gap of a car."""
+    if row is None:
+        return "- | -"
+    calibrated = "-" if pd.isna(row["calibrated"]) else f"{row['calibrated']:.2f}"
+    return f"{row['known']:.2f} ± {row['known_deviation']:.2f} | {calibrated}"
 
 
 def metres(figure: Mapping[str, float]) -> str:
@@ -75,8 +129,14 @@ def percent(figure: Mapping[str, float]) -> str:
 
 def _of(task: str, file: str) -> Iterator[tuple[str, Any]]:
     """A file of every kept study of a task."""
+    for folder, _ in _kept(task):
+        yield folder.name, json.loads((folder / file).read_text(encoding="utf-8"))
+
+
+def _kept(task: str) -> Iterator[tuple[Path, Any]]:
+    """Folder and summary of every kept study of a task."""
     for folder in sorted(KEPT.iterdir()):
         summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
         # A summary that is a list of rows belongs to another task.
         if isinstance(summary, dict) and summary["task"] == task:
-            yield folder.name, json.loads((folder / file).read_text(encoding="utf-8"))
+            yield folder, summary

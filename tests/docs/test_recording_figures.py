@@ -1,10 +1,12 @@
 """Figures of discovery in measured recordings on README and pages, beside the kept verdict."""
 
 import json
+import subprocess
+import sys
 
 import pytest
 
-from tests.docs.blocks import DOCS, ROOT
+from tests.docs.blocks import DOCS, ROOT, blocks
 
 
 @pytest.fixture(scope="module")
@@ -56,6 +58,25 @@ def test_readme(verdict):
     assert f"*Measured*, {verdict['error']['n_drivers']} other drivers" in readme
     words = "parameters of the population {} m, those of the own first half {} m, the same with what was found {} m"
     assert words.format(*(f"{found[state]['value']:.2f}" for state in ("population", "before", "after"))) in readme
+
+
+@pytest.mark.slow
+def test_known_time_gaps_of_cars(page):
+    (block,) = (one for one in blocks(DOCS / "discovery" / "recordings.md") if "facts_of(" in one.text)
+    printed = subprocess.run([sys.executable, "-c", block.text], capture_output=True, text=True, check=True).stdout
+    within = printed.splitlines()[-1]
+    assert f"{within} known time gaps are within .15 s" in page
+    assert f"{within} within .15 s after calibration" in text_of(ROOT / "README.md")
+    cars = {}
+    for row in map(str.split, printed.splitlines()):
+        if len(row) == 8 and row[2] in ("S", "L"):
+            cars.setdefault(row[1], {})[row[2]] = [float(value) for value in row[3:6]]
+    assert len(cars) == 10
+    for car, gaps in cars.items():
+        cells = " | ".join("{:.2f} ± {:.2f} | {:.2f}".format(*gaps[setting]) for setting in ("S", "L"))
+        assert f"| {car.replace('_', ' ')} | {cells} |" in page
+    assert sum(gaps["S"][2] < gaps["L"][2] for gaps in cars.values()) == 10
+    assert "in 10 of 10" in text_of(ROOT / "README.md")
 
 
 def known(verdict):

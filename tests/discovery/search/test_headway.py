@@ -7,6 +7,7 @@ import pytest
 
 from rearl_jax.discovery.observe.fit import Fit
 from rearl_jax.discovery.observe.fit_state import new_state, with_changes
+from rearl_jax.discovery.read.training import halves
 from rearl_jax.discovery.report.error_block import Resampling
 from rearl_jax.discovery.report.variation import scored, variation_section
 from rearl_jax.discovery.search.headway import (
@@ -20,6 +21,13 @@ from rearl_jax.discovery.search.null import behind_noisy_drive, lasting
 
 QUIET = 0.05
 """Noise of the acceleration of drivers whose time gap varies [m/s^2]."""
+
+
+def later(solver, data, fit):
+    """Second halves of drives, which are long enough."""
+    state = later_halves(solver, data, fit)
+    assert state is not None
+    return state
 
 
 def driven(solver, drivers, noise, varied):
@@ -55,9 +63,9 @@ def test_a_time_gap_that_varies_is_found_and_scored_better(solver, varying):
     found = time_gap_variation(solver, varying, 0)
     assert 0.15 <= found.sd <= 0.65
     assert found.noise_share < 1
-    later = later_halves(solver, varying.state.data, varying)
+    halved = later(solver, varying.state.data, varying)
     scores = {
-        name: energy_scores(solver, later, varying, 1, one)
+        name: energy_scores(solver, halved, varying, 1, one)
         for name, one in (("before", CONSTANT), ("constant", CONSTANT), ("varying", found))
     }
     block = scored(found, 1.3, scores, Resampling(0.95, 200, 0))
@@ -85,3 +93,15 @@ def test_less_noise_and_no_variation_is_a_noisy_simulation_with_less_noise(solve
     halved = energy_scores(solver, state, loud, 3, TimeGapVariation(noise_share=0.5))
     np.testing.assert_allclose(halved, energy_scores(solver, state, quiet, 3), rtol=1e-5)
     assert np.abs(halved - energy_scores(solver, state, loud, 3)).max() > 1e-3
+
+
+def test_a_second_half_has_no_influence_on_own_parameters(solver, calibrated):
+    state, noise = calibrated
+    fit, data = Fit(None, state, noise), state.data
+    is_late = (data.weight > 0) & (halves(data).training.weight == 0)
+    seen, unseen = (later(solver, one, fit) for one in (data, replace(data, y=data.y + 5.0 * is_late)))
+    np.testing.assert_array_equal(seen.z, unseen.z)
+    moved = (unseen.pieces.y - seen.pieces.y)[seen.data.weight > 0]
+    np.testing.assert_allclose(moved, 5.0)
+    early = later(solver, replace(data, y=data.y + 5.0 * ~is_late), fit)
+    assert np.abs(early.z - seen.z).max() > 0.1
