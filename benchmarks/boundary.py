@@ -17,9 +17,11 @@ from benchmarks.options import BoundaryBenchmark, BoundaryOptions
 from benchmarks.terminal import print_table
 from rearl_jax import runtime
 from rearl_jax.core.boundary import Boundary, Entrants, Identity, Motion
+from rearl_jax.core.drivers import Drivers
 from rearl_jax.core.model import TrafficModel
-from rearl_jax.core.rollout import rollout
+from rearl_jax.core.rollout import Frames, rollout
 from rearl_jax.core.spawn import spawn
+from rearl_jax.core.state import TrafficState
 from rearl_jax.results import Study
 from rearl_jax.timing.measurement import spread_of
 
@@ -73,8 +75,12 @@ def program(options: BoundaryOptions, n_places: int) -> Callable[[], object]:
     keys = jax.random.split(jax.random.key(options.seed), options.scenarios)
     state, drivers = spawn(keys, MODEL, n_vehicles=options.vehicles)
     boundary = made_boundary(options, n_places) if n_places else None
-    run = jax.jit(lambda *inputs: rollout(*inputs[:2], MODEL, n_seconds=options.seconds, boundary=inputs[2])[1].x)
-    return lambda: run(state, drivers, boundary).block_until_ready()
+
+    def run(state: TrafficState, drivers: Drivers, around: Boundary | None) -> Frames:
+        return rollout(state, drivers, MODEL, n_seconds=options.seconds, boundary=around)[1]
+
+    compiled = jax.jit(run)
+    return lambda: jax.block_until_ready(compiled(state, drivers, boundary))
 
 
 def made_boundary(options: BoundaryOptions, n_places: int) -> Boundary:
