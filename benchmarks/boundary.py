@@ -19,7 +19,7 @@ from rearl_jax import runtime
 from rearl_jax.core.boundary import Boundary, Entrants, Identity, Motion
 from rearl_jax.core.drivers import Drivers
 from rearl_jax.core.model import TrafficModel
-from rearl_jax.core.rollout import rollout
+from rearl_jax.core.rollout import Frames, rollout
 from rearl_jax.core.spawn import spawn
 from rearl_jax.core.state import TrafficState
 from rearl_jax.results import Study
@@ -76,11 +76,11 @@ def program(options: BoundaryOptions, n_places: int) -> Callable[[], object]:
     state, drivers = spawn(keys, MODEL, n_vehicles=options.vehicles)
     boundary = made_boundary(options, n_places) if n_places else None
 
-    @jax.jit
-    def positions(state: TrafficState, drivers: Drivers, boundary: Boundary | None) -> jax.Array:
-        return rollout(state, drivers, MODEL, n_seconds=options.seconds, boundary=boundary)[1].x
+    def run(state: TrafficState, drivers: Drivers, around: Boundary | None) -> Frames:
+        return rollout(state, drivers, MODEL, n_seconds=options.seconds, boundary=around)[1]
 
-    return lambda: positions(state, drivers, boundary).block_until_ready()
+    compiled = jax.jit(run)
+    return lambda: jax.block_until_ready(compiled(state, drivers, boundary))
 
 
 def made_boundary(options: BoundaryOptions, n_places: int) -> Boundary:

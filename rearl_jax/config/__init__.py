@@ -12,7 +12,7 @@ from rearl_jax.config.blind import BlindConfig
 from rearl_jax.config.clustering import BoConfig, ClusterConfig, KlConfig
 from rearl_jax.config.core import CoreConfig, InitConfig
 from rearl_jax.config.critical import CriticalConfig
-from rearl_jax.config.data import DataConfig, DataFormat, OnBad
+from rearl_jax.config.data import DataConfig, DataFormat
 from rearl_jax.config.decision import AdmissibleConfig, DecisionConfig, ExecConfig, MatcherConfig, PolicyName
 from rearl_jax.config.detection import DetectionConfig, ReferenceConfig
 from rearl_jax.config.discover import DiscoverConfig
@@ -27,7 +27,6 @@ from rearl_jax.config.real import RealConfig
 from rearl_jax.config.report import FolderConfig, ReportConfig
 from rearl_jax.config.results import ResultsConfig
 from rearl_jax.config.scenes import FeaturesConfig, ScenesConfig, SpacingConfig, SpeedConfig, SplitConfig, TracksConfig
-from rearl_jax.config.stability import StabilityConfig
 from rearl_jax.config.study import StepsConfig, Table1Config, Table4Config
 from rearl_jax.config.sweep import SweepConfig
 from rearl_jax.config.validation import ValidationConfig
@@ -324,36 +323,6 @@ class StudyRealTask(DiscoverTask):
         """Raise InvalidInputError for keys that the sets set themselves."""
         super().check()
         self.real.check_discovery(self.discover)
-
-
-def _followers() -> DataConfig:
-    """Shipped recordings of platoons."""
-    return DataConfig(DataFormat.openacc, on_bad=OnBad.drop_row)
-
-
-@dataclass(unsafe_hash=True)
-class StudyStabilityTask:
-    """String stability, flow and collisions of simulated traffic."""
-
-    study: str = _study("study_stability")
-    model: str | None = key(
-        None, "repaired model, a model.yaml written by `rearl discover`; null = the drivers of `driver` or the models"
-    )
-    variant: Variant = key(Variant.repaired, _ONE_VARIANT)
-    results: ResultsConfig = _group(ResultsConfig)
-    data: DataConfig = key(_followers, "Recordings whose followers are compared")
-    driver: DriverConfig = key(
-        record_of(DEFAULT), "Car following, sizes and classes of the drivers; unless left out, the only model"
-    )
-    stability: StabilityConfig = _group(StabilityConfig)
-
-    def check(self) -> None:
-        """Raise InvalidInputError for drivers given twice, and for both variants at once."""
-        if self.variant is Variant.all:
-            raise out_of_range("variant", "must be repaired or calibrated: a study has one", self.variant.name)
-        if self.model is not None and not self.driver.is_default:
-            message = "has its own drivers: leave out the keys of driver, or leave out model"
-            raise InvalidInputError(Problem("drivers-twice", message, key=f"model={self.model}"))
 
 
 @dataclass(unsafe_hash=True)

@@ -1,5 +1,6 @@
 """Traffic with highway-env's drivers: IDM for car following, MOBIL for lane changes."""
 
+import math
 from dataclasses import replace
 from typing import TypeVar
 
@@ -74,7 +75,7 @@ def _behind_other_leader(everyone: _Followers, lane: Array, searches: Bool[Array
 
     def of_block() -> Float[Array, "n *s"]:
         own_state, own_derived, candidates = _of_block(block, state, derived)
-        own_free, own_drivers, own_lane = _gathered(block, (free, drivers, lane), state)
+        own_free, own_drivers, own_lane = _gathered(block.index, (free, drivers, lane), state)
         followers = own_state, own_derived, own_free, own_drivers
         return scatter(_behind_leader(followers, own_lane, candidates), block.index, block.is_filled, nothing)
 
@@ -84,22 +85,26 @@ def _behind_other_leader(everyone: _Followers, lane: Array, searches: Bool[Array
 def _choose_lanes(
     state: TrafficState, derived: DerivedState, free: Array, own: Array, drivers: Drivers, model: TrafficModel
 ) -> Int[Array, "vehicles *scenarios"]:
-    """Target lanes. In large traffic only drivers whose decision is due search the lanes beside, block by block.
+    """Target lanes. In large traffic, and among replayed vehicles, only drivers whose decision is due search the lanes
+    beside, block by block.
 
     No decision depends on another, so it does not matter which vehicles share a block.
     """
     due = is_due(state, derived, drivers)
-    if not _is_treated_in_blocks(derived):
+    if not _is_treated_in_blocks(derived) and not _is_small_among_replayed(derived):
         return _decided_lanes((state, derived, free, own, drivers), due, model)
     # A decision has no derivative.
     state, derived, free, own, drivers = lax.stop_gradient((state, derived, free, own, drivers))
 
+    is_large = _is_treated_in_blocks(derived)
+    of_block = _of_block if is_large else _of_block_among_replayed
+
     def decide(block: Block, target_lane: Array) -> Array:
-        own_state, own_derived, candidates = _of_block(block, state, derived)
-        deciders = own_state, own_derived, *_gathered(block, (free, own, drivers), state)
-        return scatter(
-            _decided_lanes(deciders, block.is_filled, model, candidates), block.index, block.is_filled, target_lane
-        )
+        own_state, own_derived, candidates = of_block(block, state, derived)
+        index = block.index if is_large else block.index[None]
+        deciders = own_state, own_derived, *_gathered(index, (free, own, drivers), state)
+        decided = _decided_lanes(deciders, block.is_filled.reshape(index.shape), model, candidates)
+        return scatter(decided.ravel(), block.index, block.is_filled, target_lane)
 
     return process_in_blocks(list_vehicles(due), _block_size(state), decide, state.target_lane)
 
@@ -109,13 +114,18 @@ def _is_treated_in_blocks(derived: DerivedState) -> bool:
     return derived.nearest is not None and derived.replayed is None
 
 
+def _is_small_among_replayed(derived: DerivedState) -> bool:
+    """True in small traffic with replayed vehicles, which cost more to search than to copy beside few."""
+    return derived.nearest is None and derived.replayed is not None
+
+
 def _block_size(state: TrafficState) -> int:
     return state.x.size // ONE_IN_ASKED + 2
 
 
-def _gathered(block: Block, values: Values, state: TrafficState) -> Values:
+def _gathered(index: Int[Array, "*block"], values: Values, state: TrafficState) -> Values:
     """Values of the vehicles in a block."""
-    return jax.tree.map(lambda leaf: gather(leaf, block.index, state.x.shape), values)
+    return jax.tree.map(lambda leaf: gather(leaf, index, state.x.shape), values)
 
 
 def _of_block(
@@ -125,8 +135,30 @@ def _of_block(
     assert derived.nearest is not None  # always set in large traffic
     # Drivers' memory has other axes than the gathered arrays.
     candidates = Candidates(replace(state, memory=None), replace(derived, nearest=None))
-    own = _gathered(block, candidates, state)
+    own = _gathered(block.index, candidates, state)
     return own.state, replace(own.derived, nearest=derived.nearest.of_block(block.index)), candidates
+
+
+def _of_block_among_replayed(
+    block: Block, state: TrafficState, derived: DerivedState
+) -> tuple[TrafficState, DerivedState, Candidates]:
+    """The same in small traffic with replayed vehicles: each vehicle has those of its own scenario beside it."""
+    n_scenarios = math.prod(state.x.shape[1:])
+    scenario = block.index % n_scenarios
+
+    def of_scenarios(values: Values) -> Values:
+        return jax.tree.map(lambda leaf: gather(leaf, _places(leaf, scenario, n_scenarios), leaf.shape), values)
+
+    candidates = Candidates(replace(state, memory=None), replace(derived, replayed=None))
+    own = _gathered(block.index[None], candidates, state)
+    among = of_scenarios(candidates)
+    own_derived = replace(own.derived, replayed=of_scenarios(derived.replayed))
+    return own.state, own_derived, Candidates(among.state, among.derived, block.index[None] // n_scenarios)
+
+
+def _places(leaf: Array, scenario: Int[Array, " block"], n_scenarios: int) -> Int[Array, "n block"]:
+    """Flat indices of all rows of an array in some scenarios."""
+    return lax.iota(jnp.int32, leaf.shape[0])[:, None] * n_scenarios + scenario[None]
 
 
 def _decided_lanes(

@@ -98,7 +98,7 @@ def evaluate_lanes(
         due: Vehicles whose decision is due; results for others are undefined.
         drivers: Parameters of these vehicles.
         model: Traffic model; only its road is used.
-        among: The large traffic that contains them; None if they are all vehicles.
+        among: The vehicles that they search; None if they are all vehicles.
     """
     left_lane, right_lane, nothing = derived.lane - 1, derived.lane + 1, jnp.zeros_like(state.x)
 

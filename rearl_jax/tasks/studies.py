@@ -132,7 +132,7 @@ STUDIES = (
     Task(
         words="study stability",
         run="rearl_jax.study.stability.task:run",
-        config="rearl_jax.config:StudyStabilityTask",
+        config="rearl_jax.config.stability:StudyStabilityTask",
         summary="whether simulated traffic flows, breaks down and is string-stable as theory and recordings say",
         goes_on=True,
         description=(

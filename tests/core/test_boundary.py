@@ -7,7 +7,8 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from rearl_jax.core.boundary import replayed_vehicles
+from rearl_jax.core import idm_driving
+from rearl_jax.core.boundary import Motion, replayed_vehicles
 from rearl_jax.core.car_following.idm import IDM
 from rearl_jax.core.drivers import highway_env_drivers
 from rearl_jax.core.effects import EFFECTS
@@ -89,6 +90,35 @@ def test_a_boundary_without_vehicles_is_a_free_road(kind):
     bounded = jax.jit(lambda state, around: rollout(state, drivers, MODEL, n_seconds=2, boundary=around)[1])
     for name, values in vars(bounded(state, nobody(3, 6, 2))).items():
         np.testing.assert_array_equal(values, getattr(free, name), err_msg=name)
+
+
+@pytest.mark.parametrize("dtype", ["float32", "float64"])
+def test_decisions_in_blocks_are_those_of_all(dtype, monkeypatch):
+    rng = np.random.default_rng(4)
+    n_vehicles, n_scenarios, n_places = 6, 40, 5
+    x, lane = rng.uniform(0, 200, (n_vehicles, n_scenarios)), rng.integers(0, 3, (n_vehicles, n_scenarios))
+    speed = rng.uniform(15, 25, x.shape)
+    state = make_state(x, 4.0 * lane, speed, MODEL, desired_speed=speed + 5, dtype=np.dtype(dtype).type)
+    drivers = highway_env_drivers(dtype=jnp.dtype(dtype))
+    around = nobody(4, n_vehicles, n_scenarios, n_places=n_places)
+    still = around.motion.x.astype(dtype)
+    moving = {
+        "x": still + jnp.asarray(rng.uniform(0, 300, still.shape[2:]), dtype)[None, None],
+        "speed": still + 5,
+        "acceleration": still,
+        "lane": jnp.broadcast_to(jnp.asarray(rng.integers(0, 3, still.shape[2:]), jnp.int32)[None, None], still.shape),
+    }
+    parts = jax.tree.map(lambda leaf: leaf.astype(dtype) if leaf.dtype == float else leaf, around)
+    around = replace(parts, motion=Motion(**moving))
+
+    def frames():
+        return jax.jit(lambda around: rollout(state, drivers, MODEL, n_seconds=3, boundary=around)[1])(around)
+
+    found = frames()
+    monkeypatch.setattr(idm_driving, "_is_small_among_replayed", lambda derived: False)
+    for name, values in vars(frames()).items():
+        np.testing.assert_array_equal(getattr(found, name), values, err_msg=name)
+    assert (np.asarray(found.lane[-1]) != lane).sum() > 10
 
 
 def test_what_was_not_recorded_is_refused():

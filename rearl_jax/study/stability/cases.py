@@ -6,10 +6,10 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
 
-from rearl_jax.config import StudyStabilityTask
 from rearl_jax.config.driver import DriverConfig, record_of
 from rearl_jax.config.evaluation import Variant
 from rearl_jax.config.mobil import MobilConfig
+from rearl_jax.config.stability import StudyStabilityTask
 from rearl_jax.core.car_following import CAR_FOLLOWING
 from rearl_jax.core.car_following.model import CarFollowing, Linearisation, linearise
 from rearl_jax.core.effects.perception import ReactionDelay

@@ -11,7 +11,7 @@ from typing import Any
 
 import pandas as pd
 
-from rearl_jax.config import StudyStabilityTask
+from rearl_jax.config.stability import StudyStabilityTask
 from rearl_jax.data.recordings import data_id, is_generated, iterate_recordings
 from rearl_jax.data.records import Recording
 from rearl_jax.document.document import data_sources

@@ -4,8 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from rearl_jax.config import StudyStabilityTask
-from rearl_jax.config.stability import StabilityConfig
+from rearl_jax.config.stability import StabilityConfig, StudyStabilityTask
 from rearl_jax.data.records import Recording, RecordingInfo
 from rearl_jax.export.platoon import STEPS_PER_SECOND
 from rearl_jax.study.stability.cases import cases_of

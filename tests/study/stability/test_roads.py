@@ -4,8 +4,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from rearl_jax.config import StudyStabilityTask
-from rearl_jax.config.stability import StabilityConfig
+from rearl_jax.config.stability import StabilityConfig, StudyStabilityTask
 from rearl_jax.study.stability.cases import cases_of
 from rearl_jax.study.stability.flow import wave_speeds
 from rearl_jax.study.stability.rings import growth_rate, waves_grow

@@ -7,11 +7,11 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from rearl_jax.config import ResultsConfig, StudyStabilityTask
+from rearl_jax.config import ResultsConfig
 from rearl_jax.config._schema import finished
 from rearl_jax.config.driver import record_of
 from rearl_jax.config.evaluation import Variant
-from rearl_jax.config.stability import StabilityConfig
+from rearl_jax.config.stability import StabilityConfig, StudyStabilityTask
 from rearl_jax.models.file import write_model
 from rearl_jax.report.documents import DOCUMENTS
 from rearl_jax.report.finished import read_finished
