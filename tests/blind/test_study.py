@@ -68,6 +68,7 @@ def test_each_data_set_was_asked_for_once_and_the_data_are_gone(finished):
     assert not (root / "blind" / "data").exists()
 
 
+@pytest.mark.slow
 def test_discovery_needs_no_truth(tmp_path):
     """The truth file is taken away while discovery runs; only the scorer misses it."""
     config = task(tmp_path, sets="named")

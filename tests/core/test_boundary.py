@@ -127,7 +127,7 @@ def test_what_was_not_recorded_is_refused():
         rollout(state, drivers, MODEL, n_seconds=3, boundary=nobody(3, 6, 2))
 
 
-@pytest.mark.parametrize("kind", ["highway_env", "gaps"])
+@pytest.mark.parametrize("kind", ["highway_env", pytest.param("gaps", marks=pytest.mark.thorough)])
 def test_vehicles_enter_in_the_places_of_others_and_remember_nothing(kind):
     state, drivers = traffic(6, kind)
     is_new = np.zeros((3, 6, 2), bool)

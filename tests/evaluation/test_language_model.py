@@ -154,6 +154,7 @@ class Outage(threading.Thread):
         self.stub.start()
 
 
+@pytest.mark.slow
 def test_a_server_that_is_killed_and_comes_back_during_a_run_changes_nothing(scenes, intervening, references, tmp_path):
     with Stub() as stub:
         (tmp_path / "good").mkdir()

@@ -15,6 +15,8 @@ from rearl_jax.results import read_metadata
 from rearl_jax.validation import simulation, task
 from rearl_jax.validation.workers import Variant, vector_features
 
+pytestmark = pytest.mark.slow
+
 PLAIN = "validation.control_share=0"
 PROGRESS = re.compile(r"[\d.]+ (s|min): [a-z]+(, \d+ of \d+)?")
 """A line of progress, which only a slow machine writes."""
