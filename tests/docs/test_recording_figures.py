@@ -42,8 +42,23 @@ def test_the_model_and_what_predicts_drivers(verdict, page):
     assert f"by {less['value']:.0f} % ({less['high']:.0f} to {less['low']:.0f} %)" in page
     score = verdict["error"]["all"]["energy_score"]
     ends = f"from {score['before']['value']:.2f} to {score['after']['value']:.2f} m"
-    change = {key: f"{value:.2f}".replace("0.", ".") for key, value in score["change"].items()}
-    assert f"{ends} (change {change['low']} to {change['high']})" in page
+    assert f"{ends} ({change_words(score['change'])})" in page
+
+
+def test_the_time_gap_varies_within_drivers(verdict, page):
+    varied = verdict["time_gap_variation"]
+    size = f"varies by {varied['time_gap']:.2f} s".replace("0.", ".")
+    assert f"{size} (standard deviation for the median driver) over {varied['time']:.0f} s" in page
+    score = varied["energy_score"]
+    ends = f"from {score['before']['value']:.2f} to {score['varying']['value']:.2f} m"
+    assert score["change"]["high"] < 0
+    assert f"{ends} ({change_words(score['change'])})" in page
+
+
+def change_words(change):
+    """The interval of a change, without zeros before the point."""
+    low, high = (f"{change[key]:.2f}".replace("0.", ".") for key in ("low", "high"))
+    return f"change {low} to {high}"
 
 
 def test_no_gap_error_changes_significantly(verdict, page):
