@@ -5,12 +5,13 @@ from enum import Enum
 
 from rearl_jax.config import _ONE_VARIANT, ResultsConfig, _group, _study
 from rearl_jax.config._key import key
+from rearl_jax.config._one_population import check_one_population, platoons
 from rearl_jax.config._ranges import check_least, check_positive, check_within
-from rearl_jax.config.data import DataConfig, DataFormat, OnBad
+from rearl_jax.config.data import DataConfig
 from rearl_jax.config.driver import DriverConfig, record_of
 from rearl_jax.config.evaluation import Variant
 from rearl_jax.config.mobil import MobilConfig
-from rearl_jax.problems import InvalidInputError, Problem, out_of_range
+from rearl_jax.problems import out_of_range
 
 
 class Target(Enum):
@@ -54,11 +55,6 @@ class SumoFileConfig:
         check_positive(self, "speed_limit")
 
 
-def _platoons() -> DataConfig:
-    """Shipped recordings with first vehicles, which have no vehicle ahead."""
-    return DataConfig(DataFormat.openacc, on_bad=OnBad.drop_row)
-
-
 @dataclass(unsafe_hash=True)
 class ExportTask:
     """Drivers for other programs."""
@@ -70,7 +66,7 @@ class ExportTask:
     )
     variant: Variant = key(Variant.repaired, _ONE_VARIANT)
     results: ResultsConfig = _group(ResultsConfig)
-    data: DataConfig = key(_platoons, "Recordings of the first vehicles of export.compare")
+    data: DataConfig = key(platoons, "Recordings of the first vehicles of export.compare")
     driver: DriverConfig = key(
         record_of("idm"), "Car following, sizes and classes of the drivers; driver=NAME chooses the model"
     )
@@ -79,12 +75,8 @@ class ExportTask:
 
     def check(self) -> None:
         """Raise InvalidInputError for drivers given twice, for both variants at once, and for what is not compared."""
-        if self.variant is Variant.all:
-            message = "must be repaired or calibrated: a file holds one population"
-            raise out_of_range("variant", message, self.variant.name)
-        if self.model is not None and self.driver != record_of("idm")():
-            message = "has its own drivers: leave out the keys of driver, or leave out model"
-            raise InvalidInputError(Problem("drivers-twice", message, key=f"model={self.model}"))
+        has_drivers = self.driver != record_of("idm")()
+        check_one_population(self.variant, self.model, "a file holds one population", has_drivers=has_drivers)
         if self.export.compare and self.to is not Target.sumo:
             message = "must be false: only exported drivers of to=sumo are compared"
             raise out_of_range("export.compare", message, True)

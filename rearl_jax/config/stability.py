@@ -4,11 +4,12 @@ from dataclasses import dataclass
 
 from rearl_jax.config import _ONE_VARIANT, ResultsConfig, _group, _study
 from rearl_jax.config._key import key
+from rearl_jax.config._one_population import check_one_population, platoons
 from rearl_jax.config._ranges import check_least, check_positive, check_rising, check_within
-from rearl_jax.config.data import DataConfig, DataFormat, OnBad
+from rearl_jax.config.data import DataConfig
 from rearl_jax.config.driver import DEFAULT, MODELS, DriverConfig, record_of
 from rearl_jax.config.evaluation import Variant
-from rearl_jax.problems import InvalidInputError, Problem, out_of_range
+from rearl_jax.problems import out_of_range
 
 
 @dataclass(unsafe_hash=True)
@@ -68,11 +69,6 @@ class StabilityConfig:
             raise out_of_range("frequencies", "must be within 0 and 1 Hz, and at least one", list(self.frequencies))
 
 
-def _followers() -> DataConfig:
-    """Shipped recordings of platoons."""
-    return DataConfig(DataFormat.openacc, on_bad=OnBad.drop_row)
-
-
 @dataclass(unsafe_hash=True)
 class StudyStabilityTask:
     """String stability, flow and collisions of simulated traffic."""
@@ -83,7 +79,7 @@ class StudyStabilityTask:
     )
     variant: Variant = key(Variant.repaired, _ONE_VARIANT)
     results: ResultsConfig = _group(ResultsConfig)
-    data: DataConfig = key(_followers, "Recordings whose followers are compared")
+    data: DataConfig = key(platoons, "Recordings whose followers are compared")
     driver: DriverConfig = key(
         record_of(DEFAULT), "Car following, sizes and classes of the drivers; unless left out, the only model"
     )
@@ -91,8 +87,4 @@ class StudyStabilityTask:
 
     def check(self) -> None:
         """Raise InvalidInputError for drivers given twice, and for both variants at once."""
-        if self.variant is Variant.all:
-            raise out_of_range("variant", "must be repaired or calibrated: a study has one", self.variant.name)
-        if self.model is not None and not self.driver.is_default:
-            message = "has its own drivers: leave out the keys of driver, or leave out model"
-            raise InvalidInputError(Problem("drivers-twice", message, key=f"model={self.model}"))
+        check_one_population(self.variant, self.model, "a study has one", has_drivers=not self.driver.is_default)

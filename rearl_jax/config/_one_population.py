@@ -1,0 +1,26 @@
+"""Checks of tasks that take one population of drivers, and the recordings of platoons that they are compared with."""
+
+from rearl_jax.config.data import DataConfig, DataFormat, OnBad
+from rearl_jax.config.evaluation import Variant
+from rearl_jax.problems import InvalidInputError, Problem, out_of_range
+
+
+def platoons() -> DataConfig:
+    """Shipped recordings of platoons, whose first vehicles have no vehicle ahead."""
+    return DataConfig(DataFormat.openacc, on_bad=OnBad.drop_row)
+
+
+def check_one_population(variant: Variant, model: str | None, reason: str, *, has_drivers: bool) -> None:
+    """Raise InvalidInputError for both variants at once, and for drivers given twice.
+
+    Args:
+        variant: The variant of the model.
+        model: File of the model; None without one.
+        reason: Why there can be only one variant.
+        has_drivers: Whether keys of `driver` are given too.
+    """
+    if variant is Variant.all:
+        raise out_of_range("variant", f"must be repaired or calibrated: {reason}", variant.name)
+    if model is not None and has_drivers:
+        message = "has its own drivers: leave out the keys of driver, or leave out model"
+        raise InvalidInputError(Problem("drivers-twice", message, key=f"model={model}"))
