@@ -17,6 +17,7 @@ import numpy as np
 from jaxtyping import Float
 
 from rearl_jax.discovery.observe.fit import Fit
+from rearl_jax.discovery.observe.fit_state import FitState
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.report.error_block import Resampling
@@ -42,14 +43,16 @@ def variation_block(
         over: Resampling of drivers; its seed is also used for the noise.
     """
 
-    def scores_of(one: tuple[Fit, Measured], varied: TimeGapVariation) -> Float[np.ndarray, " drivers"]:
-        state = later_halves(solver, one[1], one[0])
-        return np.empty(0) if state is None else energy_scores(solver, state, one[0], over.seed, varied)
+    def scores_of(fit: Fit, halves: FitState | None, varied: TimeGapVariation) -> Float[np.ndarray, " drivers"]:
+        return np.empty(0) if halves is None else energy_scores(solver, halves, fit, over.seed, varied)
 
-    scores = {"before": scores_of(first, CONSTANT)}
-    scores["constant"] = scores["before"] if last[0] is first[0] else scores_of(last, CONSTANT)
-    scores["varying"] = scores["constant"] if variation == CONSTANT else scores_of(last, variation)
-    state, prior = last[0].state, solver.layout.prior
+    (calibrated, reported), (final, taken) = first, last
+    halves = later_halves(solver, reported, calibrated)
+    later = halves if final is calibrated and taken is reported else later_halves(solver, taken, final)
+    scores = {"before": scores_of(calibrated, halves, CONSTANT)}
+    scores["constant"] = scores["before"] if final is calibrated else scores_of(final, later, CONSTANT)
+    scores["varying"] = scores["constant"] if variation == CONSTANT else scores_of(final, later, variation)
+    state, prior = final.state, solver.layout.prior
     time_gaps = prior.values(state.z, state.truck)[:, prior.names.index("time_gap")]
     return scored(variation, float(np.median(time_gaps)), scores, over)
 
