@@ -89,6 +89,11 @@ class Case:
         """Gaps of the typical driver at equilibrium [m]."""
         return np.asarray(self.driver.equilibrium_gap(jnp.asarray(speed, self.population.median.dtype)))
 
+    @property
+    def standing_spacing(self) -> float:
+        """Distance between the centres of vehicles that stand at equilibrium [m]."""
+        return self.length + float(self.equilibrium_gaps(np.zeros(1))[0])
+
     def speed_at(self, gap: float) -> float:
         """Speed of the typical driver at equilibrium at a gap [m/s]; at most NEAR_DESIRED of the desired speed."""
         speeds = np.linspace(0.0, NEAR_DESIRED * self.desired_speed, 4001)

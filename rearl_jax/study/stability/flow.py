@@ -52,24 +52,25 @@ def flow_table(case: Case, options: StabilityConfig) -> pd.DataFrame:
     """One row per start (`even`, `jam`) and density [vehicles/km], with FLOW_COLUMNS: `flow` [vehicles/h], `speed` and
     `speed_sd` [m/s], `wave_speed` of the largest wave (null without one) [m/s], `overlaps` of vehicles.
     """
-    n, standing = options.flow_vehicles, case.length + float(case.equilibrium_gaps(np.zeros(1))[0])
+    n, standing = options.flow_vehicles, case.standing_spacing
     density = np.array([own for own in options.densities if 1000 / own > standing])
     if not len(density):
         return pd.DataFrame(columns=list(FLOW_COLUMNS))
     spacing, order = 1000 / density, np.arange(n)[:, None]
     even = -order * spacing + np.random.default_rng(options.seed).uniform(-UNEVEN, UNEVEN, (n, 1))
     speed = np.tile([case.speed_at(own - case.length) for own in spacing], (n, 1))
+    circumference = n * np.tile(spacing, 2)
     motion = drive(
         case.population,
         np.concatenate([even, np.tile(-order * standing, len(density))], axis=1),
         np.concatenate([speed, np.zeros_like(speed)], axis=1),
         seconds=options.flow_seconds,
         seed=options.seed,
-        circumference=n * np.tile(spacing, 2),
+        circumference=circumference,
     )
     late = motion.speed[-(options.flow_seconds // 3) :]
     mean, deviation = late.mean(axis=(0, 1)), late.std(axis=1).mean(axis=0)
-    waves = wave_speeds(motion, n * np.tile(spacing, 2), len(late))
+    waves = wave_speeds(motion, circumference, len(late))
     columns = (
         np.repeat(["even", "jam"], len(density)),
         np.tile(density, 2),
@@ -97,8 +98,7 @@ def queue_table(case: Case, options: StabilityConfig) -> pd.DataFrame:
     """One row: `outflow` [vehicles/h] and `wave_speed` [m/s] of a queue that discharges, null if it has not done so in
     QUEUE_SECONDS, and `overlaps` of its vehicles.
     """
-    standing = case.length + float(case.equilibrium_gaps(np.zeros(1))[0])
-    position = -np.arange(options.queue_vehicles)[:, None] * standing
+    position = -np.arange(options.queue_vehicles)[:, None] * case.standing_spacing
     motion = drive(case.population, position, np.zeros_like(position), seconds=QUEUE_SECONDS, seed=options.seed)
     start = _first_time(motion.speed[:, :, 0], STARTED)[LEADING:]
     passed = _first_time(motion.position[:, :, 0], DETECTOR)[LEADING:]
