@@ -46,7 +46,7 @@ from rearl_jax.discovery.report.verdict import (
     verdict_of,
 )
 from rearl_jax.discovery.search.adequacy import Adequacy
-from rearl_jax.discovery.search.headway import time_gap_variation
+from rearl_jax.discovery.search.headway import CONSTANT, time_gap_variation
 from rearl_jax.discovery.search.lane_choice import lane_choice, with_lane_choice
 from rearl_jax.discovery.search.procedure import Search, in_time
 from rearl_jax.discovery.search.refit import rebased, refit
@@ -142,10 +142,10 @@ def _discovery(config: DiscoverTask, parts: Parts, found: BestSearch, lanes: Lan
     solver, outcome = found.solver, found.outcome
     reported = in_time(solver, outcome, parts.reported)
     errors = model_errors(solver, parts.reported, {"before": outcome.before}, options.seed)
-    if outcome.added or outcome.clocks is not None:
-        errors |= model_errors(solver, reported, {"after": outcome.last}, options.seed)
-    over = Resampling(options.confidence, options.draws, options.seed)
     variation = time_gap_variation(solver, outcome.last, options.seed)
+    if outcome.added or outcome.clocks is not None or variation != CONSTANT:
+        errors |= model_errors(solver, reported, {"after": outcome.last}, options.seed, variation)
+    over = Resampling(options.confidence, options.draws, options.seed)
     deviations = standard_deviations(solver, outcome.last.state).theta
     effects = _effects(deviations, outcome, left, parts.findings, options.confidence)
     without = {

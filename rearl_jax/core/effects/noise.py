@@ -1,7 +1,7 @@
 """Random effects: noise of the acceleration, of perceived distances and speeds, and of the time gap."""
 
 from dataclasses import field, replace
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -123,16 +123,37 @@ class PerceptionNoise(Effect):
         return replace(seen, gap=gap, leader_speed=leader_speed)
 
 
+LARGEST_DEPARTURE = 1.2
+"""Largest difference of log T from a driver's own that counts as a choice [-]; who is farther behind does not follow.
+"""
+
+SLOWEST_FOLLOWING = 3.0
+"""Smallest speed [m/s] by which a gap is divided for a time gap."""
+
+
+def time_gap_departure(
+    gap: Float[Any, "*#n"], speed: Float[Any, "*#n"], time_gap: Float[Any, "*#n"], jam_gap: Float[Any, "*#n"]
+) -> Float[Array, "*n"]:
+    """Logarithm of the time gap that is kept over the driver's own one [-]; 0 for those who do not follow."""
+    kept = jnp.maximum(gap - jam_gap, 0.1) / jnp.maximum(speed, SLOWEST_FOLLOWING)
+    departure = jnp.log(kept / time_gap)
+    return jnp.where(departure > LARGEST_DEPARTURE, 0.0, jnp.maximum(departure, -LARGEST_DEPARTURE))
+
+
 class TimeGapVariation(Effect):
     """Drivers keep a longer time gap for a while, and then a shorter one."""
 
     sd: Float[Array, "*#n"]
     time: Float[Array, "*#n"]
+    start_share: Float[Array, "*#n"]
     seed: Int[Array, "*#seeds"] = field(default_factory=no_seed)
 
     name: ClassVar[str] = "time_gap_variation"
     kind: ClassVar[str] = "random"
-    equation: ClassVar[str] = "T exp(sd w), w an Ornstein-Uhlenbeck process of variance 1 and correlation time `time`"
+    equation: ClassVar[str] = (
+        "T exp(sd w), w an Ornstein-Uhlenbeck process of variance 1 and correlation time `time`, which begins at "
+        "start_share log(T_start / T) / sd on average, T_start the time gap at the start"
+    )
     source: ClassVar[str] = (
         "after Wagner, Transp. Res. B 46 (2012) 1384; Tian, Treiber, Ma, Jia & Zhang, ibid. 71 (2015) 59 (time gaps "
         "that vary within a driver)"
@@ -140,11 +161,27 @@ class TimeGapVariation(Effect):
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("sd", "-", "standard deviation of log T", off=0.0, low=0.0, high=1.5, scale=0.2),
         Parameter("time", "s", "its correlation time", 20.0, 0.05, 120.0, 10.0, is_strength=False),
+        Parameter(
+            "start_share",
+            "-",
+            "share of the departure at the start that is variation",
+            0.0,
+            0.0,
+            1.0,
+            0.5,
+            False,
+        ),
     )
 
     def begin(self, seen: Stimulus, driver: CarFollowing, dt: float) -> Fluctuation:
-        """The variation at the start."""
-        return begin_fluctuation(self.seed, 3, seen.speed)
+        """The variation at the start, given the time gap that is kept there.
+
+        Source: mean and variance of one of two normal variables given their sum.
+        """
+        drawn = begin_fluctuation(self.seed, 3, seen.speed)
+        departure = seen.has_leader * time_gap_departure(seen.gap, seen.speed, driver.time_gap, driver.jam_gap)
+        mean = self.start_share * departure / jnp.maximum(self.sd, 1e-6)
+        return replace(drawn, value=mean + jnp.sqrt(1 - self.start_share) * drawn.value)
 
     def remember(self, memory: Fluctuation, seen: Stimulus, driver: CarFollowing, dt: float) -> Fluctuation:
         """The variation in this time step."""

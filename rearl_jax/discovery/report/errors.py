@@ -19,7 +19,7 @@ from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.read.training import Split, every_run
 from rearl_jax.discovery.report.protocols import IN_SAMPLE, ProtocolErrors, protocol_errors
-from rearl_jax.discovery.search.headway import energy_scores
+from rearl_jax.discovery.search.headway import CONSTANT, TimeGapVariation, energy_scores
 from rearl_jax.discovery.search.null import behind_noisy_drive, position_errors
 
 FLOOR_RUNS = 4
@@ -64,7 +64,9 @@ class ModelErrors:
     responses: Responses | None
 
 
-def model_errors(solver: Solver, data: Measured, fits: Mapping[str, Fit], seed: int) -> dict[str, ModelErrors]:
+def model_errors(
+    solver: Solver, data: Measured, fits: Mapping[str, Fit], seed: int, variation: TimeGapVariation = CONSTANT
+) -> dict[str, ModelErrors]:
     """Errors of fitted models on other drivers, with the same noise for all.
 
     Args:
@@ -72,19 +74,23 @@ def model_errors(solver: Solver, data: Measured, fits: Mapping[str, Fit], seed: 
         data: The other drivers.
         fits: The models by name.
         seed: Seed of the noise.
+        variation: Variation of the time gap in predictions, see `protocol_errors`.
     """
     runs = every_run(data)
     states = recalibrated(solver, data, list(fits.values()))
     return {
-        name: _errors(solver, state, fit, seed, runs) for (name, fit), state in zip(fits.items(), states, strict=True)
+        name: _errors(solver, state, fit, seed, runs, variation)
+        for (name, fit), state in zip(fits.items(), states, strict=True)
     }
 
 
-def _errors(solver: Solver, state: FitState, fit: Fit, seed: int, runs: Sequence[Split]) -> ModelErrors:
+def _errors(
+    solver: Solver, state: FitState, fit: Fit, seed: int, runs: Sequence[Split], variation: TimeGapVariation
+) -> ModelErrors:
     data = state.data
     calibrated = calibrated_to_gap(solver, state)
     deviation, uncalibrated = (simulated_error(solver, model_state) for model_state in (calibrated, state))
-    protocols = protocol_errors(solver, state, fit, deviation, runs)
+    protocols = protocol_errors(solver, state, fit, deviation, runs, variation)
     in_sample = protocols[IN_SAMPLE]
     assert in_sample is not None
     (innovation,) = solver.innovations([state])

@@ -6,7 +6,7 @@ not a prediction.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -17,6 +17,7 @@ from rearl_jax.discovery.observe.fit_state import FitState, with_changes
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.read.training import Split, error_of_splits, halves, has_enough_data
+from rearl_jax.discovery.search.headway import CONSTANT, TimeGapVariation
 
 IN_SAMPLE = "in_sample"
 
@@ -57,7 +58,12 @@ Deviation = Float[np.ndarray, "steps pieces"]
 
 
 def protocol_errors(
-    solver: Solver, state: FitState, fit: Fit, in_sample: Deviation, runs: Sequence[Split] = ()
+    solver: Solver,
+    state: FitState,
+    fit: Fit,
+    in_sample: Deviation,
+    runs: Sequence[Split] = (),
+    variation: TimeGapVariation = CONSTANT,
 ) -> dict[str, ProtocolErrors | None]:
     """Errors under every protocol, by name; None if no driver can be tested.
 
@@ -67,19 +73,23 @@ def protocol_errors(
         fit: The fitted model.
         in_sample: Deviations with parameters calibrated to each drive.
         runs: Splits of drivers with several runs, see `left_out_runs`.
+        variation: Variation of the time gap, of which predictions take what the gap at the start tells.
     """
     data = state.data
     whole, all_drivers = [Split(data, data)], np.arange(data.n_drivers)
-    population = measures_of(whole, [_with_population_parameters(solver, state)])
+    unknown = with_changes(state, z=state.mean[state.truck])
+    population = measures_of(whole, [simulated_error(solver, unknown)])
+    started = _varied(unknown, variation.expected_of_unknown(unknown, solver.layout.prior))
+    predicted = population if started is unknown else measures_of(whole, [simulated_error(solver, started)])
     return {
-        "population": ProtocolErrors(all_drivers, population, population, 0),
-        "first_half": _predicted(solver, [halves(data)], fit),
-        "other_runs": _predicted(solver, runs, fit),
+        "population": ProtocolErrors(all_drivers, predicted, population, 0),
+        "first_half": _predicted(solver, [halves(data)], fit, variation),
+        "other_runs": _predicted(solver, runs, fit, variation),
         IN_SAMPLE: ProtocolErrors(all_drivers, measures_of(whole, [in_sample]), population, 0),
     }
 
 
-def _predicted(solver: Solver, splits: Sequence[Split], fit: Fit) -> ProtocolErrors | None:
+def _predicted(solver: Solver, splits: Sequence[Split], fit: Fit, variation: TimeGapVariation) -> ProtocolErrors | None:
     """Errors in the tests with parameters estimated from the training drives and the population."""
     if not splits or not has_enough_data(splits).any():
         return None
@@ -87,8 +97,8 @@ def _predicted(solver: Solver, splits: Sequence[Split], fit: Fit) -> ProtocolErr
     own, population = [], []
     for split in splits:
         tested = known_drivers(solver, split, fit)
-        own.append(simulated_error(solver, tested))
-        population.append(_with_population_parameters(solver, tested))
+        own.append(simulated_error(solver, _varied(tested, variation.expected(tested, solver.layout.prior))))
+        population.append(simulated_error(solver, with_changes(tested, z=tested.mean[tested.truck])))
     by_driver, with_population = (
         {name: values[used] for name, values in measures_of(splits, deviations).items()}
         for deviations in (own, population)
@@ -96,9 +106,9 @@ def _predicted(solver: Solver, splits: Sequence[Split], fit: Fit) -> ProtocolErr
     return ProtocolErrors(used, by_driver, with_population, splits[0].test.n_drivers - len(used))
 
 
-def _with_population_parameters(solver: Solver, state: FitState) -> Deviation:
-    """Deviations if every driver has the population parameters."""
-    return simulated_error(solver, with_changes(state, z=state.mean[state.truck]))
+def _varied(state: FitState, varied: Float[np.ndarray, "steps pieces"] | None) -> FitState:
+    """The drivers with a time gap that varies so; the same ones if it does not."""
+    return state if varied is None else with_changes(state, pieces=replace(state.pieces, varied=varied))
 
 
 def measures_of(splits: Sequence[Split], deviations: Sequence[Deviation]) -> dict[str, Float[np.ndarray, " drivers"]]:

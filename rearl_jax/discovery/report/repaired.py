@@ -56,7 +56,8 @@ def repaired_model(
     claims = () if lanes is None else lanes.effects
     effects += [lane_effect_values(effect) for effect in claims if effect.name in EFFECTS]
     if variation.sd:
-        effects.append(EffectValues("time_gap_variation", {"sd": variation.sd, "time": variation.time}))
+        values = {"sd": variation.sd, "time": variation.time, "start_share": variation.start_share}
+        effects.append(EffectValues("time_gap_variation", values))
     noise = replace(last.noise, acceleration=variation.noise_share * last.noise.acceleration)
     return RepairedModel(
         source=Source(data_id, study, __version__),

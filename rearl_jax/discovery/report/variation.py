@@ -1,8 +1,9 @@
 """Variation of the time gap within a driver, and the energy score of simulations with and without it.
 
-Entry `time_gap_variation` of the verdict: {sd, time, noise_share, time_gap, energy_score: {before, constant, varying,
-change, change_share}}. `sd` is the standard deviation of log T within a driver [-], `time` its correlation time [s],
-`noise_share` the share of the acceleration noise that remains beside it [-], and `time_gap` the standard deviation of
+Entry `time_gap_variation` of the verdict: {sd, time, noise_share, start_share, time_gap, energy_score: {before,
+constant, varying, change, change_share}}. `sd` is the standard deviation of log T within a driver [-], `time` its
+correlation time [s], `noise_share` the share of the acceleration noise that remains beside it [-], `start_share` the
+share of the departure from T at the start of a drive that is variation [-], and `time_gap` the standard deviation of
 the median driver's time gap [s]. `energy_score` contains mean energy scores of the report drivers [m] as figures
 {value, low, high}: of the calibrated model (`before`) and of the final model with a `constant` and with a `varying`
 time gap, all of second halves of drives with the own parameters of the first; `energy_score` is null if no drive is
@@ -67,6 +68,7 @@ def scored(
         "sd": variation.sd,
         "time": variation.time,
         "noise_share": variation.noise_share,
+        "start_share": variation.start_share,
         "time_gap": float(time_gap * np.sqrt(grown * (grown - 1))),
         "energy_score": _figures(scores, over) if len(scores["before"]) else None,
     }

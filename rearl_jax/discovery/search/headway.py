@@ -4,7 +4,8 @@ Most of the error of long predictions arises because models keep a constant time
 some time and then a shorter one. The times of these changes cannot be predicted, but a simulation can reproduce their
 size and duration. The division minimises the energy score of noisy simulations, which is lowest for the correct spread.
 Simulated is the second half of each drive, with the driver's own parameters of the first half: parameters of the whole
-drive follow its slow changes, so that a varying time gap would seem to be constant.
+drive follow its slow changes, so that a varying time gap would seem to be constant. The time gap that is kept at the
+start of a simulated drive tells where the variation begins.
 
 Source: energy score and estimation by it, Gneiting & Raftery, J. Am. Stat. Assoc. 102 (2007) 359, sections 4.3 and 9.1.
 """
@@ -15,7 +16,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 
+from rearl_jax.core.effects.noise import time_gap_departure
 from rearl_jax.discovery.observe.closed_loop import FARTHEST
+from rearl_jax.discovery.observe.drivers import Prior
 from rearl_jax.discovery.observe.fit import Fit, known_drivers
 from rearl_jax.discovery.observe.fit_state import FitState
 from rearl_jax.discovery.observe.solver import Solver
@@ -32,6 +35,9 @@ SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)
 SIZES, TIMES = (0.0, 0.15, 0.3, 0.45, 0.65), (5.0, 15.0, 45.0)
 """Tested standard deviations of log T [-] and correlation times [s]."""
 
+START_SHARES = (0.0, 0.4, 0.7, 0.9)
+"""Tested shares of the departure at the start that are variation [-]."""
+
 SMALLEST = 1e-3
 """Smallest energy score that is distinguished [m]."""
 
@@ -44,14 +50,61 @@ class TimeGapVariation:
         sd: Standard deviation [-]; 0 for a constant time gap.
         time: Correlation time [s].
         noise_share: Share of the acceleration noise that remains in addition [-].
+        start_share: Share of the departure from a driver's time gap at the start of a drive that is variation [-]. The
+            rest is chance: at that moment the driver is not in equilibrium.
     """
 
     sd: float = 0.0
     time: float = 15.0
     noise_share: float = 1.0
+    start_share: float = 0.0
+
+    def expected(self, state: FitState, prior: Prior) -> Float[np.ndarray, "steps pieces"] | None:
+        """Expected logarithm of the time gap over the driver's own, given the time gap at the start of each piece [-];
+        None for a time gap that is constant or of which the start tells nothing.
+        """
+        if not self.sd * self.start_share:
+            return None
+        return self.start_share * departures(state, prior) * self._remaining(state.data)
+
+    def expected_of_unknown(self, state: FitState, prior: Prior) -> Float[np.ndarray, "steps pieces"] | None:
+        """The same for drivers of whom only the population is known: then the start also tells of their own time gap.
+
+        Source: mean of each of several normal variables given their sum.
+        """
+        if not self.sd * self.start_share:
+            return None
+        place = prior.names.index("time_gap")
+        between = (prior.spread[place] * state.spread[place]) ** 2
+        within = self.sd**2
+        share = (between + within * self._remaining(state.data)) / (between + within / self.start_share)
+        return share * departures(state, prior)
+
+    def drawn(
+        self, state: FitState, prior: Prior, rng: np.random.Generator
+    ) -> Float[np.ndarray, "steps pieces"] | None:
+        """A realisation of the same, given the time gap at the start of each piece [-]; None for a constant one."""
+        if not self.sd:
+            return None
+        path = lasting(self.sd, self.time, state.data.y.shape, state.data.dt, rng)
+        begin = self.start_share * departures(state, prior) + np.sqrt(1 - self.start_share) * path[0]
+        return path + (begin - path[0]) * self._remaining(state.data)
+
+    def _remaining(self, data: Measured) -> Float[np.ndarray, "steps 1"]:
+        """Share of the variation at the start that remains after each time step [-]."""
+        return np.exp(-np.arange(len(data.y))[:, None] * data.dt / self.time)
 
 
 CONSTANT = TimeGapVariation()
+
+
+def departures(state: FitState, prior: Prior) -> Float[np.ndarray, " pieces"]:
+    """Logarithm of the time gap at the start of each piece over the driver's own one [-]."""
+    data, values = state.data, prior.values(state.z, state.truck)[state.data.driver]
+    time_gap, jam_gap = (values[:, prior.names.index(name)] for name in ("time_gap", "jam_gap"))
+    front, speed = state.pieces.start[0] + data.length / 2, state.pieces.start[1]
+    departure = time_gap_departure(data.around.leader_rear[0] - front, speed, time_gap, jam_gap)
+    return np.asarray(data.around.has_leader[0] * departure)
 
 
 def energy_scores(
@@ -71,7 +124,7 @@ def energy_scores(
     noise = replace(fit.noise, acceleration=variation.noise_share * fit.noise.acceleration)
     drawn = []
     for _ in range(REALISATIONS):
-        varied = lasting(variation.sd, variation.time, data.y.shape, data.dt, variations) if variation.sd else None
+        varied = variation.drawn(state, solver.layout.prior, variations)
         drives = replace(state, pieces=replace(state.pieces, varied=varied))
         drawn.append(np.clip(behind_noisy_drive(solver, drives, noise, rng), -FARTHEST, FARTHEST))
     mean = data.driver_mean
@@ -106,6 +159,9 @@ def time_gap_variation(solver: Solver, fit: Fit, seed: int) -> TimeGapVariation:
     best = best_of(replace(best, time=time) for time in TIMES)
     best = best_of(replace(best, noise_share=share) for share in SHARES)
     best = best_of(replace(best, sd=sd) for sd in SIZES)
+    if best.sd:
+        best = best_of(replace(best, start_share=share, time=time) for share in START_SHARES for time in TIMES)
+        best = best_of(replace(best, sd=sd) for sd in SIZES[1:])
     gained = scores[CONSTANT] - scores[best]
     is_sure = len(gained) > 1 and gained.mean() > 2 * gained.std(ddof=1) / np.sqrt(len(gained))
     return best if is_sure else CONSTANT
