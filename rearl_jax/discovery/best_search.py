@@ -6,7 +6,7 @@ compared again with what was found, and where what was found has no name, others
 
 import logging
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 from rich.progress import Progress
@@ -14,6 +14,7 @@ from rich.progress import Progress
 from rearl_jax.config import DiscoverTask
 from rearl_jax.discovery.comparison.comparison import Comparison, comparison_of
 from rearl_jax.discovery.comparison.dependence import MOST_OTHERS, Beside, better_model, found_beside, without_bounds
+from rearl_jax.discovery.comparison.predictions import best_predicting
 from rearl_jax.discovery.observe.base import Base
 from rearl_jax.discovery.observe.candidates import LENS
 from rearl_jax.discovery.observe.clocks import CLOCK_OFFSET
@@ -55,6 +56,22 @@ class BestSearch:
 
 
 def best_search(
+    config: DiscoverTask, study: Study | None, priors: Sequence[Prior], parts: Parts, bar: Progress, whose: str
+) -> BestSearch:
+    """Search beside the model that fits best, and what was found in others. What was found that does not explain the
+    drivers stays only as far as it predicts the checked ones.
+    """
+    best = _beside_best_model(config, study, priors, parts, bar, whose)
+    if is_explained(best.outcome, best.left):
+        return best
+    outcome = best_predicting(best.solver, best.outcome)
+    if outcome is best.outcome:
+        return best
+    log.info("predictions are best with %s of %s effects", len(outcome.added), len(best.outcome.added))
+    return replace(best, outcome=outcome, left=adequacy(best.solver, outcome, config.discover.seed))
+
+
+def _beside_best_model(
     config: DiscoverTask, study: Study | None, priors: Sequence[Prior], parts: Parts, bar: Progress, whose: str
 ) -> BestSearch:
     """Search beside the model that fits best, and what was found in others; where another model fits significantly

@@ -54,7 +54,7 @@ def choice_of(
     best = np.bincount(drawn.argmax(axis=0), minlength=len(gains)) / DRAWS
     vetoed = frozenset().union(*(_probably_worse([one.get(name) for one in errors], seed) for name in VETOING))
     # Where simulations speak against the first one too, one that does better in the mean of protocols may follow it.
-    is_first_denied, means = 0 in vetoed, [_mean_error(one) for one in errors]
+    is_first_denied, means = 0 in vetoed, [mean_prediction_error(one) for one in errors]
     denied = {number for number in vetoed if not is_first_denied or means[number] >= means[0]}
     able = [
         number
@@ -75,7 +75,7 @@ def is_beaten(one: Float[np.ndarray, " drivers"], gains: Sequence[Float[np.ndarr
     return bool((drawn > 0).mean() >= THRESHOLDS.base_confidence and gain.sum() > THRESHOLDS.least_base_gain)
 
 
-def _mean_error(errors: Mapping[str, Float[np.ndarray, " _"]]) -> float:
+def mean_prediction_error(errors: Mapping[str, Float[np.ndarray, " _"]]) -> float:
     """Mean gap error [m], in the geometric mean of the protocols that predict."""
     means = [errors[name].mean() for name in VETOING if name in errors]
     return float(np.exp(np.mean(np.log(means)))) if means else np.inf

@@ -91,7 +91,7 @@ def compared_models(
     found, gains = [], gains_of(likely, checked)
     for number, (solver, fit, state) in enumerate(zip(solvers, fits, states, strict=True)):
         is_asked = number == 0 or not is_beaten(gains[number], gains, seed)
-        errors = _errors(solver, fit, state) if is_asked else {}
+        errors = errors_by_protocol(solver, fit, state) if is_asked else {}
         found.append(Compared(solver.layout.prior.name, likely[number], errors))
     return found, base
 
@@ -113,7 +113,7 @@ def calibrated_alike(solver: Solver, data: Measured, like: Fit) -> Fit:
     return Fit(None, *under_best_time(solver, state, noises(like.noise, ACCELERATIONS)))
 
 
-def _errors(solver: Solver, fit: Fit, state: FitState) -> dict[str, dict[str, Float[np.ndarray, " _"]]]:
+def errors_by_protocol(solver: Solver, fit: Fit, state: FitState) -> dict[str, dict[str, Float[np.ndarray, " _"]]]:
     """Errors under every protocol in which somebody can be tested."""
     in_sample = simulated_error(solver, calibrated_to_gap(solver, state))
     found = protocol_errors(solver, state, fit, in_sample, every_run(state.data))

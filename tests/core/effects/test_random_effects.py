@@ -1,16 +1,18 @@
 """What is random in drivers: its size, its memory, its place in the simulation, and what it may not depend on."""
 
 import math
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from rearl_jax.core.car_following.idm import IDM
 from rearl_jax.core.effects.action_points import SITUATION
-from rearl_jax.core.effects.noise import begin_fluctuation, fluctuate
+from rearl_jax.core.effects.noise import TimeGapVariation, begin_fluctuation, fluctuate, time_gap_departure
 from rearl_jax.core.effects.randomness import standard_normal
+from rearl_jax.core.effects.stimulus import Stimulus
 from tests.core.effects import traffic
 from tests.core.effects.traffic import DT, N_CARS, N_TICKS, NAMES, ON, Seen, T, idm
 
@@ -93,6 +95,28 @@ def test_the_time_gap_varies_by_a_factor(states):
     rows = moments(states, scenario)
     wanted = [[idm(seen, time_gap=T * factor[now, me]) for me, seen in enumerate(row)] for now, row in enumerate(rows)]
     np.testing.assert_allclose(found[counts], np.clip(wanted, -9.0, 6.0)[counts], rtol=1e-9, atol=1e-9)
+
+
+def test_the_variation_begins_at_the_time_gap_that_is_kept():
+    """4,000 drivers of T = 1.2 s, every second one of whom follows, at 2 s."""
+    many = jnp.ones((4000, 1))
+    values = {"speed": 10.0 * many, "gap": 22.0 * many, "has_leader": jnp.arange(4000.0)[:, None] % 2}
+    seen = Stimulus(**{one.name: values.get(one.name, 0.0 * many) for one in fields(Stimulus)})
+    usual = {"time_gap": 1.2 * many, "jam_gap": 2.0 * many}
+    driver = IDM(**{one.name: usual.get(one.name, many) for one in fields(IDM)})
+    effect = TimeGapVariation(*(jnp.float64(value) for value in (0.4, 15.0, 0.75)), seed=jnp.int32(5))
+    begun = 0.4 * np.asarray(effect.begin(seen, driver, DT).value)[:, 0]
+    alone, following = begun[::2], begun[1::2]
+    assert following.mean() == pytest.approx(0.75 * math.log(2.0 / 1.2), abs=0.03)
+    assert abs(alone.mean()) < 0.03
+    for drawn in (alone, following):
+        assert drawn.std() == pytest.approx(0.4 * math.sqrt(0.25), rel=0.06)
+
+
+def test_who_does_not_follow_has_chosen_no_time_gap():
+    gap = np.array([12.0, 62.0, 2.0, 0.0])
+    found = np.asarray(time_gap_departure(gap, np.full(4, 10.0), np.ones(4), np.full(4, 2.0)))
+    np.testing.assert_allclose(found, [0.0, 0.0, -1.2, -1.2], atol=1e-12)
 
 
 def test_between_action_points_the_acceleration_is_held(states):

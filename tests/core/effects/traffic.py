@@ -65,7 +65,7 @@ ON = {
     "time_gap_dependence": {"values": (0.5, -0.3, 0.4)},
     "acceleration_noise": {"sd": 0.3, "time": 1.0},
     "perception_noise": {"gap_error": 0.1, "rate_error": 0.02, "time": 5.0},
-    "time_gap_variation": {"sd": 0.4, "time": 5.0},
+    "time_gap_variation": {"sd": 0.4, "time": 5.0, "start_share": 0.5},
     "action_points": {"mean_time": 0.5, "threshold": 0.3},
 }
 """One value of each parameter at which the effect acts."""

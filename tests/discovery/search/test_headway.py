@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from rearl_jax.discovery.observe.closed_loop import simulated_error
 from rearl_jax.discovery.observe.fit import Fit
 from rearl_jax.discovery.observe.fit_state import new_state, with_changes
 from rearl_jax.discovery.read.training import halves
@@ -13,6 +14,7 @@ from rearl_jax.discovery.report.variation import scored, variation_section
 from rearl_jax.discovery.search.headway import (
     CONSTANT,
     TimeGapVariation,
+    departures,
     energy_scores,
     later_halves,
     time_gap_variation,
@@ -78,6 +80,53 @@ def test_a_time_gap_that_varies_is_found_and_scored_better(solver, varying):
     nobody = scored(found, 1.3, dict.fromkeys(scores, np.empty(0)), Resampling(0.95, 200, 0))
     assert nobody["energy_score"] is None
     assert not variation_section({"time_gap_variation": nobody}).tables
+
+
+@pytest.fixture
+def slowly_varying(solver, many):
+    """Drivers whose time gap varies by a third over a quarter of a minute, with hardly any noise beside it, and who
+    keep it when their drives begin.
+    """
+    state, noise = many
+    data, prior = state.data, solver.layout.prior
+    varied = lasting(0.35, 15.0, data.y.shape, data.dt, np.random.default_rng(6))
+    values = prior.values(state.z, state.truck)[data.driver]
+    time_gap, jam_gap = (values[:, prior.names.index(name)] for name in ("time_gap", "jam_gap"))
+    speed = state.pieces.start[1]
+    front = data.around.leader_rear[0] - jam_gap - speed * time_gap * np.exp(varied[0])
+    start = np.stack([np.where(data.around.has_leader[0] > 0, front - data.length / 2, state.pieces.start[0]), speed])
+    begun = with_changes(state, pieces=replace(state.pieces, start=start))
+    quiet = replace(noise, acceleration=QUIET)
+    return Fit(None, driven(solver, (begun, noise), quiet, varied), quiet)
+
+
+def test_the_gap_at_the_start_tells_where_the_variation_begins(solver, slowly_varying):
+    state, prior = slowly_varying.state, solver.layout.prior
+    told = TimeGapVariation(0.35, 15.0, start_share=0.9)
+
+    def error(drivers, varied):
+        drives = with_changes(drivers, pieces=replace(drivers.pieces, varied=varied))
+        return np.sqrt(drivers.data.driver_mean(simulated_error(solver, drives) ** 2))
+
+    known, blind = error(state, told.expected(state, prior)), error(state, None)
+    assert np.abs(departures(state, prior)).max() > 0.2
+    assert known.mean() < 0.9 * blind.mean()
+    unknown = with_changes(state, z=state.mean[state.truck])
+    assert error(unknown, told.expected_of_unknown(unknown, prior)).mean() < 0.9 * error(unknown, None).mean()
+    assert replace(told, start_share=0.0).expected(state, prior) is None
+    assert CONSTANT.expected_of_unknown(unknown, prior) is None
+
+
+def test_realisations_begin_near_the_gap_at_the_start_and_forget_it(solver, slowly_varying):
+    state, prior, rng = slowly_varying.state, solver.layout.prior, np.random.default_rng(0)
+    told = TimeGapVariation(0.35, 3.0, start_share=0.75)
+    drawn = np.stack([told.drawn(state, prior, rng) for _ in range(400)])
+    expected = told.expected(state, prior)
+    assert np.abs(expected[0]).max() > 0.2
+    standard_error = 0.35 / np.sqrt(len(drawn))
+    np.testing.assert_allclose(drawn.mean(axis=0)[[0, 20, -1]], expected[[0, 20, -1]], atol=5 * standard_error)
+    np.testing.assert_allclose(drawn[:, 0].std(axis=0), 0.35 * np.sqrt(1 - 0.75), rtol=0.25)
+    np.testing.assert_allclose(drawn[:, -1].std(axis=0), 0.35, rtol=0.25)
 
 
 @pytest.mark.thorough

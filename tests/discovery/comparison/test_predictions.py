@@ -1,0 +1,38 @@
+"""What was found stays only as far as it predicts other drivers."""
+
+import numpy as np
+import pytest
+
+from rearl_jax.discovery.comparison import predictions
+from rearl_jax.discovery.comparison.predictions import best_predicting
+from tests.discovery.search.searches import search_that_added
+
+ADDED = (("reaction_delay", [0.7, 0.0]), ("approach_rate_gain", [0.5]), ("grade", [1.0]))
+
+
+@pytest.mark.parametrize(
+    ("errors", "kept"), [((2.0, 1.8, 1.9, 1.7), 3), ((2.0, 1.8, 1.9, 1.85), 1), ((2.0, 2.1, 2.2, 2.01), 0)]
+)
+def test_as_many_additions_stay_as_predict_best(solver, calibrated, monkeypatch, errors, kept):
+    found = search_that_added(solver, calibrated, *ADDED)
+    assert len(found.added) == 3
+    told = iter(errors)
+    monkeypatch.setattr(predictions, "recalibrated", lambda solver, data, fits: fits)
+
+    def predicted(*_):
+        return {"population": {"gap_rmse": np.full(4, next(told))}, "in_sample": {"gap_rmse": np.full(4, 0.1)}}
+
+    monkeypatch.setattr(predictions, "errors_by_protocol", predicted)
+    left = best_predicting(solver, found)
+    assert [trial.candidate for trial in left.added] == [trial.candidate for trial in found.added[:kept]]
+    assert [trial.candidate for trial in left.rejected] == [trial.candidate for trial in found.added[kept:]]
+    assert left.is_contradicted == (kept < 3)
+
+
+@pytest.mark.slow
+def test_a_delay_that_nobody_has_predicts_worse(solver, calibrated):
+    found = search_that_added(solver, calibrated, ("reaction_delay", [1.2, 1.2]))
+    left = best_predicting(solver, found)
+    assert not left.added
+    assert len(left.rejected) == 1
+    assert best_predicting(solver, left) is left
