@@ -42,14 +42,14 @@ class BestSearch:
     Attributes:
         solver: Of that model.
         outcome: What was found.
-        left: What it leaves.
+        adequacy: Whether its residuals are noise.
         comparison: Of the models; None if there is only one.
         beside: What was found, in other models.
     """
 
     solver: Solver
     outcome: Search
-    left: Adequacy
+    adequacy: Adequacy
     comparison: Comparison | None = None
     beside: Sequence[Beside] = ()
 
@@ -78,7 +78,7 @@ def best_search(
         outcome = _search(config, None, solver, parts, None, bar, whose)  # simulated nulls are of the first model
         beside = found_beside(solver, outcome, comparison.others, parts.fitted)
     first = BestSearch(solver, outcome, adequacy(solver, outcome, seed), comparison, beside)
-    if is_explained(outcome, first.left):
+    if is_explained(outcome, first.adequacy):
         return first
     before = prediction_of(solver, outcome)
     for prior in comparison.next_best[:MOST_OTHERS]:
@@ -87,15 +87,15 @@ def best_search(
         if not glimpse.added or not predicts_better(before, prediction_of(other, glimpse), seed):
             continue
         named = _search(config, None, other, parts, None, bar, words)
-        left = adequacy(other, named, seed)
-        if names_more(before, named, left, prediction_of(other, named), seed):
+        named_adequacy = adequacy(other, named, seed)
+        if names_more(before, named, named_adequacy, prediction_of(other, named), seed):
             log.info(
                 "with %s, the effects found have names, and the check drivers are predicted at least as well",
                 prior.name,
             )
             comparison = comparison.going_on_with(prior)
             beside = found_beside(other, named, comparison.others, parts.fitted)
-            return BestSearch(other, named, left, comparison, beside)
+            return BestSearch(other, named, named_adequacy, comparison, beside)
     return first
 
 

@@ -138,7 +138,7 @@ def discovery_of(
 
 def _discovery(config: DiscoverTask, parts: Parts, found: BestSearch, lanes: LaneChangeFindings) -> Discovery:
     """The verdict, with the tables and the model."""
-    options, comparison, left = config.discover, found.comparison, found.left
+    options, comparison, adequacy = config.discover, found.comparison, found.adequacy
     solver, outcome = found.solver, found.outcome
     reported = in_time(solver, outcome, parts.reported)
     errors = model_errors(solver, parts.reported, {"before": outcome.before}, options.seed)
@@ -147,7 +147,7 @@ def _discovery(config: DiscoverTask, parts: Parts, found: BestSearch, lanes: Lan
     over = Resampling(options.confidence, options.draws, options.seed)
     variation = time_gap_variation(solver, outcome.last, options.seed)
     deviations = standard_deviations(solver, outcome.last.state).theta
-    effects = _effects(deviations, outcome, left, parts.findings, options.confidence)
+    effects = _effects(deviations, outcome, adequacy, parts.findings, options.confidence)
     without = {
         (term.effect, outcome.layout.candidates[term].variables): names
         for term, names in dependent_effects(outcome, found.beside).items()
@@ -157,7 +157,7 @@ def _discovery(config: DiscoverTask, parts: Parts, found: BestSearch, lanes: Lan
     change = error["change"]
     time_gaps = equilibrium_time_gaps(solver, outcome.first.state, options)
     following = {
-        "verdict": verdict_of(outcome, effects, left, is_lower=change is not None and change["high"] < 0),
+        "verdict": verdict_of(outcome, effects, adequacy, is_lower=change is not None and change["high"] < 0),
         "effects": [effect.plain() for effect in effects],
         "candidates": candidate_rows(outcome),
         "lane_changes": lane_changes_block(outcome, deviations, options.confidence),
@@ -170,30 +170,30 @@ def _discovery(config: DiscoverTask, parts: Parts, found: BestSearch, lanes: Lan
             solver, (outcome.before, parts.reported), (outcome.last, reported), variation, over
         ),
         "adequacy": {
-            "kurtosis": left.kurtosis,
-            "kurtosis_before": left.kurtosis_before,
-            "autocorrelation": left.autocorrelation,
-            "unequal_noise": left.unequal_noise,
-            "misjudgement": left.misjudgement,
-            "staleness": left.staleness,
-            "remaining": {"name": str(left.remaining[0]), "surprise": left.remaining[1]},
+            "kurtosis": adequacy.kurtosis,
+            "kurtosis_before": adequacy.kurtosis_before,
+            "autocorrelation": adequacy.autocorrelation,
+            "unequal_noise": adequacy.unequal_noise,
+            "misjudgement": adequacy.misjudgement,
+            "staleness": adequacy.staleness,
+            "remaining": {"name": str(adequacy.remaining[0]), "surprise": adequacy.remaining[1]},
         },
-        "data": _described(parts, solver, (*parts.notes, *_doubts(outcome, left))),
+        "data": _described(parts, solver, (*parts.notes, *_doubts(outcome, adequacy))),
         "thresholds": THRESHOLDS.plain(),
     }
     verdict = with_lane_choice(following, lanes)
     verdict["lane_choice"]["prediction"] = prediction_block(lanes.prediction, over)
     model = repaired_model(
-        outcome.first,
-        outcome.last,
-        [trial for trial in outcome.lane_changes if trial.holds],
-        outcome.added,
-        lanes,
-        variation,
-        parts.fitted,
-        solver.layout,
-        parts.id,
-        config.study,
+        calibrated=outcome.first,
+        repaired=outcome.last,
+        lane_changes=[trial for trial in outcome.lane_changes if trial.holds],
+        added=outcome.added,
+        lane_choice=lanes,
+        variation=variation,
+        data=parts.fitted,
+        layout=solver.layout,
+        data_id=parts.id,
+        study=config.study,
     )
     written = {
         "candidates": pd.DataFrame(tables.candidate_table(verdict)),
@@ -208,23 +208,23 @@ def _discovery(config: DiscoverTask, parts: Parts, found: BestSearch, lanes: Lan
     return Discovery(config, parts.id, verdict, written, model, Behind(solver, outcome, parts, reported, errors))
 
 
-def _doubts(outcome: Search, left: Adequacy) -> list[str]:
+def _doubts(outcome: Search, adequacy: Adequacy) -> list[str]:
     """Notes on what speaks against the final model."""
     of_bounds = [OF_BOUNDS.format(spoken(str(term))) for term in outcome.of_bounds]
-    return of_bounds + [MISJUDGED] * left.misjudges
+    return of_bounds + [MISJUDGED] * adequacy.misjudges
 
 
 def _effects(
-    deviations: np.ndarray, outcome: Search, left: Adequacy, findings: Sequence[Finding], confidence: float
+    deviations: np.ndarray, outcome: Search, adequacy: Adequacy, findings: Sequence[Finding], confidence: float
 ) -> list[Claim]:
     """Claims: artefacts that the columns show, then what was added, with the numbers of the final model and their
     standard deviations.
     """
     effects = [found_in_columns(finding, confidence) for finding in findings if finding.is_artefact]
     most, doubtful = THRESHOLDS.most_confidence, THRESHOLDS.doubtful_confidence
-    highest = most if left.is_enough and not outcome.leaves_shifts else doubtful
+    highest = most if adequacy.is_enough and not outcome.leaves_shifts else doubtful
     if outcome.clocks is not None:
-        effects.append(differing_clocks(outcome.clocks, most if left.is_of_clocks else doubtful))
+        effects.append(differing_clocks(outcome.clocks, most if adequacy.is_of_clocks else doubtful))
     theta = outcome.last.state.theta
     for trial, rivals, own in outcome.fitted_trials(deviations):
         if not outcome.is_stated(trial) or not is_on(trial, theta, own, outcome.layout, confidence):

@@ -17,7 +17,7 @@ from rearl_jax.discovery.observe.base import Base, base_of
 from rearl_jax.discovery.observe.closed_loop import calibrated_to_gap, simulated_error
 from rearl_jax.discovery.observe.fit import Fit, recalibrated
 from rearl_jax.discovery.observe.fit_state import FitState, new_state
-from rearl_jax.discovery.observe.noise import ACCELERATIONS, noises, under_best_time
+from rearl_jax.discovery.observe.noise import ACCELERATIONS, noise_levels, under_best_time
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.read.training import every_run
@@ -110,7 +110,8 @@ def calibrated_alike(solver: Solver, data: Measured, like: Fit) -> Fit:
     state = new_state(data, solver.layout, like.noise)
     state.theta, state.active = like.state.theta.copy(), like.state.active
     solver.solve([state], iterations=10, tolerance=1.0)
-    return Fit(None, *under_best_time(solver, state, noises(like.noise, ACCELERATIONS)))
+    state, noise = under_best_time(solver, state, noise_levels(like.noise, ACCELERATIONS))
+    return Fit(candidate=None, state=state, noise=noise)
 
 
 def _errors(solver: Solver, fit: Fit, state: FitState) -> dict[str, dict[str, Float[np.ndarray, " _"]]]:

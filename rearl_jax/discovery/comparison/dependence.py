@@ -16,8 +16,8 @@ from rearl_jax.discovery.comparison.compared import calibrated_alike
 from rearl_jax.discovery.observe.candidates import Term
 from rearl_jax.discovery.observe.drivers import Prior
 from rearl_jax.discovery.observe.fit import Fit, recalibrated
-from rearl_jax.discovery.observe.fit_state import FitState, with_changes
-from rearl_jax.discovery.observe.noise import no_larger, noises, under_best_noise
+from rearl_jax.discovery.observe.fit_state import FitState, replaced
+from rearl_jax.discovery.observe.noise import levels_up_to, noise_levels, under_best_noise
 from rearl_jax.discovery.observe.solver import Solver, solver_of
 from rearl_jax.discovery.observe.uncertainty import shares_at_bound
 from rearl_jax.discovery.read.measured import Measured
@@ -104,7 +104,7 @@ def _found_again(solver: Solver, outcome: Search) -> tuple[dict[Term, bool], Fit
     holds, other = {}, None
     for trial in outcome.added:
         term = trial.candidate.term
-        fits = {term: _with(solver, fit, trial)}
+        fits = {term: _with_effect(solver, fit, trial)}
         fit = rebased(solver, fit, fits)
         after = nested(solver, fit, fits)[term]
         before, other = recalibrated(solver, outcome.checked, [fit, after])
@@ -114,10 +114,11 @@ def _found_again(solver: Solver, outcome: Search) -> tuple[dict[Term, bool], Fit
     return holds, other
 
 
-def _with(solver: Solver, fit: Fit, trial: Trial) -> Fit:
+def _with_effect(solver: Solver, fit: Fit, trial: Trial) -> Fit:
     """A model with the addition of another one, which begins at what was found there."""
     places, theta = list(trial.candidate.free), fit.state.theta.copy()
     theta[places] = trial.fit.state.theta[places]
-    state = with_changes(fit.state, theta=theta, active=(*fit.state.active, trial.candidate.term))
+    state = replaced(fit.state, theta=theta, active=(*fit.state.active, trial.candidate.term))
     solver.solve([state], iterations=15, tolerance=0.3)
-    return Fit(trial.candidate, *under_best_noise(solver, state, noises(fit.noise, no_larger(fit.noise))))
+    state, noise = under_best_noise(solver, state, noise_levels(fit.noise, levels_up_to(fit.noise)))
+    return Fit(trial.candidate, state, noise)

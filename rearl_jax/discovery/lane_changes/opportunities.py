@@ -136,9 +136,9 @@ def _of_recording(
     streets = np.stack([rows["direction"].to_numpy(np.int64), rows["lane"].to_numpy(np.int64)])
     if np.bincount(np.unique(streets, axis=1)[0]).max(initial=0) < 2:
         return _empty(), "there is one lane per direction"
-    around = next_on_lanes(rows)
-    scene = _Scene(rows, drivers, offset, number, around[0])
-    joined = _joined([scene.side(side, around[0], around[side]) for side in (-1, 1)])
+    neighbours = next_on_lanes(rows)
+    scene = _Scene(rows, drivers, offset, number, neighbours[0])
+    joined = _joined([scene.side(side, neighbours[0], neighbours[side]) for side in (-1, 1)])
     word = "" if len(joined.side) else "no driver has leaders on the own and on an adjacent lane, and room to change"
     return joined, word
 
@@ -146,7 +146,9 @@ def _of_recording(
 class _Scene:
     """The rows of one recording in the frames of opportunities."""
 
-    def __init__(self, rows: pd.DataFrame, drivers: KnownDrivers, offset: int, recording: int, around: Pair) -> None:
+    def __init__(
+        self, rows: pd.DataFrame, drivers: KnownDrivers, offset: int, recording: int, on_own_lane: Pair
+    ) -> None:
         self.vehicle, self.recording = rows["track_id"].to_numpy().astype(np.int64) + offset, recording
         self.is_truck = (rows["vehicle_class"] == "truck").to_numpy()
         names = ("position", "speed", "acceleration", "length", "since_change", "to_change", "next_step")
@@ -158,8 +160,8 @@ class _Scene:
         self.ramp_side = side_of_ramp(self.vehicle, self.direction, self.lane, self.whole)
         self.goes_on = _goes_on(rows)
         self.model = drivers.prior.name
-        self.own = self._parameters(drivers, around.leader)
-        self.braking = self._earlier_braking(around.leader)
+        self.own = self._parameters(drivers, on_own_lane.leader)
+        self.braking = self._earlier_braking(on_own_lane.leader)
 
     def _parameters(self, drivers: KnownDrivers, leader: np.ndarray) -> np.ndarray:
         """Parameters of every row's driver: calibrated ones, else those of `likely_parameters`."""

@@ -21,7 +21,7 @@ from jaxtyping import Bool, Float, Int
 from rearl_jax.core.effects.stimulus import Stimulus
 from rearl_jax.core.following import begin_effects, follow
 from rearl_jax.discovery.observe.candidates import LENS, Term, effects_at, lens_at
-from rearl_jax.discovery.observe.fit_state import FitState, with_changes
+from rearl_jax.discovery.observe.fit_state import FitState, replaced
 from rearl_jax.discovery.observe.observer import stimulus, straightened, straightened_start
 from rearl_jax.discovery.observe.solver import Solver
 
@@ -116,7 +116,7 @@ def responses(solver: Solver, state: FitState) -> Responses:
     places = list(layout.candidates[DELAY].free)
     theta = state.theta.copy()
     theta[places] = np.minimum(late, layout.high[places])
-    delayed = with_changes(state, theta=theta, active=(*state.active, DELAY))
+    delayed = replaced(state, theta=theta, active=(*state.active, DELAY))
     solver.solve([delayed], iterations=15, tolerance=0.1)
     return Responses(undelayed, covariances(solver, delayed), float(theta[places[0]]))
 
@@ -125,7 +125,7 @@ def covariances(solver: Solver, state: FitState) -> Covariances:
     """Covariances of a state; the mean of each piece is subtracted from accelerations."""
     data = state.data
     counts = _between_looks(data.weight > 0, data.stride)
-    leader = data.around.leader_acceleration
+    leader = data.surroundings.leader_acceleration
     made, asked, before = (
         (values - (values * counts).sum(axis=0) / np.maximum(counts.sum(axis=0), 1)) * counts
         for values in (np.gradient(data.smooth_speed, data.dt, axis=0), asked_acceleration(solver, state), leader)
@@ -170,11 +170,11 @@ def asked_acceleration(solver: Solver, state: FitState) -> Float[np.ndarray, "st
     numbers = layout.by_name(jnp.repeat(jnp.asarray(state.theta)[:, None], len(data.driver), axis=1))
     knots = jax.tree.map(jnp.asarray, layout.knots)
     effects = effects_at(numbers, knots, state.active)
-    x, v, around = jax.tree.map(jnp.asarray, (data.smooth, data.smooth_speed, data.around))
+    x, v, surroundings = jax.tree.map(jnp.asarray, (data.smooth, data.smooth_speed, data.surroundings))
     if LENS in state.active:
         lens = lens_at(layout.by_name(jnp.asarray(state.theta)[:, None, None]), knots)
-        around, (x, v) = straightened(around, lens), straightened_start(jnp.stack([x, v]), lens)
-    seen = jax.vmap(stimulus, in_axes=(0, 0, None, None, 0))(x, v, jnp.asarray(data.length), is_truck, around)
+        surroundings, (x, v) = straightened(surroundings, lens), straightened_start(jnp.stack([x, v]), lens)
+    seen = jax.vmap(stimulus, in_axes=(0, 0, None, None, 0))(x, v, jnp.asarray(data.length), is_truck, surroundings)
 
     def step(carry: tuple, now: Stimulus) -> tuple[tuple, Array]:
         memory, last = carry

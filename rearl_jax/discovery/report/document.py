@@ -24,7 +24,7 @@ from rearl_jax.discovery.report.words import (
     share_words,
     verdict_words,
 )
-from rearl_jax.discovery.search.reactions import title_of
+from rearl_jax.discovery.search.variables import title_of
 from rearl_jax.discovery.thresholds import THRESHOLDS, meanings
 from rearl_jax.document.document import DataSource, Document, Section
 from rearl_jax.document.table import NONE, Cell, Row, Table, interval, number, percent, sentence, spoken

@@ -13,7 +13,7 @@ from jaxtyping import Float
 
 from rearl_jax.discovery.observe.closed_loop import FARTHEST, calibrated_to_gap, simulated_error
 from rearl_jax.discovery.observe.fit import Fit, recalibrated
-from rearl_jax.discovery.observe.fit_state import FitState, with_changes
+from rearl_jax.discovery.observe.fit_state import FitState, replaced
 from rearl_jax.discovery.observe.response_time import Responses, responses
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.read.measured import Measured
@@ -112,7 +112,7 @@ def _floor(solver: Solver, state: FitState, calibrated: FitState, fit: Fit, seed
         behind = behind_noisy_drive(solver, driving, fit.noise, rng)
         driven = data.y - np.clip(behind, -FARTHEST, FARTHEST)
         driven = driven + position_errors(fit.noise, driven.shape, data.dt, rng)
-        again = with_changes(calibrated, pieces=replace(calibrated.pieces, y=driven))
+        again = replaced(calibrated, pieces=replace(calibrated.pieces, y=driven))
         solver.solve([again], iterations=20, tolerance=0.1)
         squares.append(data.driver_mean(simulated_error(solver, again) ** 2))
     return np.sqrt(np.minimum(squares, MOST_SQUARE * np.median(squares, axis=0)).mean(axis=0))

@@ -13,7 +13,7 @@ from jaxtyping import Float, Int
 
 from rearl_jax.discovery.observe.closed_loop import simulated_error
 from rearl_jax.discovery.observe.fit import Fit, known_drivers
-from rearl_jax.discovery.observe.fit_state import FitState, with_changes
+from rearl_jax.discovery.observe.fit_state import FitState, replaced
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.read.training import Split, error_of_splits, halves, has_enough_data
@@ -98,7 +98,7 @@ def _predicted(solver: Solver, splits: Sequence[Split], fit: Fit) -> ProtocolErr
 
 def _with_population_parameters(solver: Solver, state: FitState) -> Deviation:
     """Deviations if every driver has the population parameters."""
-    return simulated_error(solver, with_changes(state, z=state.mean[state.truck]))
+    return simulated_error(solver, replaced(state, z=state.mean[state.truck]))
 
 
 def measures_of(splits: Sequence[Split], deviations: Sequence[Deviation]) -> dict[str, Float[np.ndarray, " drivers"]]:
@@ -111,7 +111,7 @@ def measures_of(splits: Sequence[Split], deviations: Sequence[Deviation]) -> dic
 
 def gap_of(data: Measured) -> Float[np.ndarray, "steps pieces"]:
     """Measured gaps [m]."""
-    return data.around.leader_rear - (data.smooth + data.length / 2)
+    return data.surroundings.leader_rear - (data.smooth + data.length / 2)
 
 
 def speed_deviation(deviation: Deviation, data: Measured) -> Float[np.ndarray, "steps pieces"]:

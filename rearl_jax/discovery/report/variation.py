@@ -21,7 +21,13 @@ from rearl_jax.discovery.observe.fit_state import FitState
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.report.error_block import Resampling
-from rearl_jax.discovery.search.headway import CONSTANT, SMALLEST, TimeGapVariation, energy_scores, later_halves
+from rearl_jax.discovery.search.headway import (
+    CONSTANT_TIME_GAP,
+    SMALLEST,
+    TimeGapVariation,
+    energy_scores,
+    later_halves,
+)
 from rearl_jax.document.document import Section
 from rearl_jax.document.table import Cell, Row, Table, number, percent, sentence
 
@@ -49,9 +55,9 @@ def variation_block(
     (calibrated, reported), (final, taken) = first, last
     halves = later_halves(solver, reported, calibrated)
     later = halves if final is calibrated and taken is reported else later_halves(solver, taken, final)
-    scores = {"before": scores_of(calibrated, halves, CONSTANT)}
-    scores["constant"] = scores["before"] if final is calibrated else scores_of(final, later, CONSTANT)
-    scores["varying"] = scores["constant"] if variation == CONSTANT else scores_of(final, later, variation)
+    scores = {"before": scores_of(calibrated, halves, CONSTANT_TIME_GAP)}
+    scores["constant"] = scores["before"] if final is calibrated else scores_of(final, later, CONSTANT_TIME_GAP)
+    scores["varying"] = scores["constant"] if variation == CONSTANT_TIME_GAP else scores_of(final, later, variation)
     state, prior = final.state, solver.layout.prior
     time_gaps = prior.values(state.z, state.truck)[:, prior.names.index("time_gap")]
     return scored(variation, float(np.median(time_gaps)), scores, over)

@@ -29,8 +29,8 @@ from rearl_jax.discovery.search.maps import (
     fitted,
     plane_of,
 )
-from rearl_jax.discovery.search.reactions import Reaction, reactions
 from rearl_jax.discovery.search.shapes import shape_of, shape_words
+from rearl_jax.discovery.search.variables import Variable, variables_of
 
 PLANES = (("gap", "approach_rate"), ("position", "time"))
 """Pairs of variables of the planes: horizontal, vertical."""
@@ -60,7 +60,7 @@ class Chart:
             for (basis, acts_on), end in zip(curves, ends, strict=True)
         ]
 
-    def weights(self, variables: Mapping[str, Reaction]) -> Float[np.ndarray, "columns steps pieces"]:
+    def weights(self, variables: Mapping[str, Variable]) -> Float[np.ndarray, "columns steps pieces"]:
         """Weights of the knots of all curves, concatenated."""
         return np.concatenate([basis.columns(variables[basis.variable.name].values) for basis in self.bases])
 
@@ -99,25 +99,25 @@ class Atlas:
     shapes: dict[str, str]
 
 
-def chart_of(left: Residuals) -> Chart:
+def chart_of(residuals: Residuals) -> Chart:
     """Knots and edges at the quantiles of one part of the data."""
-    weight, variables = left.state.data.weight, reactions(left)
+    weight, variables = residuals.state.data.weight, variables_of(residuals)
     bases = [basis_of(variable, weight) for variable in variables.values()]
     edges = {name: edges_of(variables[name], weight) for pair in PLANES for name in pair}
     return Chart(tuple(basis for basis in bases if basis is not None), edges)
 
 
-def part_scores(left: Residuals, chart: Chart) -> PartScores:
+def part_scores(residuals: Residuals, chart: Chart) -> PartScores:
     """Scores of the drivers of one part of the data."""
-    variables, answer, data = reactions(left), answers(left), left.state.data
+    variables, answer, data = variables_of(residuals), answers(residuals), residuals.state.data
     pushed = chart.weights(variables)
     planes, shares = {}, {}
     used = data.weight > 0
     for pair in PLANES:
         inside = fields([variables[name].values for name in pair], [chart.edges[name] for name in pair])
-        planes[pair], shares[pair] = driver_scores(inside, left, answer), inside[:, used].mean(axis=1)
-    both = np.concatenate([pushed, pushed * answer.own[left.prior.names.index("time_gap")]])
-    return PartScores(*scores_and_seen(both, left, answer), planes, shares)
+        planes[pair], shares[pair] = driver_scores(inside, residuals, answer), inside[:, used].mean(axis=1)
+    both = np.concatenate([pushed, pushed * answer.own[residuals.prior.names.index("time_gap")]])
+    return PartScores(*scores_and_seen(both, residuals, answer), planes, shares)
 
 
 def joined(parts: Sequence[DriverScores]) -> DriverScores:
@@ -153,14 +153,14 @@ def atlas_of(
     return Atlas(maps, planes, stability_selection(looked_at, groups, seed), shapes)
 
 
-def added_curves(solver: Solver, left: Residuals, chart: Chart) -> dict[str, np.ndarray]:
+def added_curves(solver: Solver, residuals: Residuals, chart: Chart) -> dict[str, np.ndarray]:
     """The acceleration of the added effects [m/s^2] as a curve over every variable, at its knots, for comparison with
     the maps before. Empty if no added effect changes the acceleration.
     """
-    added = added_acceleration(solver, left)
+    added = added_acceleration(solver, residuals)
     if np.abs(added).max(initial=0.0) < 1e-6:
         return {}
-    scores = plain_scores(added, chart.weights(reactions(left)), left, answers(left))
+    scores = plain_scores(added, chart.weights(variables_of(residuals)), residuals, answers(residuals))
     return {
         basis.variable.name: centred(fitted(scores.of(group.columns)), basis)
         for basis, group in zip(chart.bases, chart.groups(), strict=False)

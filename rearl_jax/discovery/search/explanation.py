@@ -38,7 +38,7 @@ def prediction_of(solver: Solver, outcome: Search) -> Prediction:
     return Prediction(state.marginal(), error, outcome.checked)
 
 
-def is_explained(outcome: Search, left: Adequacy) -> bool:
+def is_explained(outcome: Search, adequacy: Adequacy) -> bool:
     """True if every effect found has a name without a doubt, and only noise is left; also if no effect was found."""
     if outcome.rejected or outcome.is_contradicted or outcome.leaves_shifts:
         return False
@@ -46,7 +46,7 @@ def is_explained(outcome: Search, left: Adequacy) -> bool:
         return False
     if any(is_free(trial) or outcome.is_doubtful(trial) for trial in outcome.added):
         return False
-    return left.is_enough
+    return adequacy.is_enough
 
 
 def predicts_better(before: Prediction, after: Prediction, seed: int) -> bool:
@@ -59,6 +59,6 @@ def predicts_better(before: Prediction, after: Prediction, seed: int) -> bool:
     return float(gains.sum() + of_simulations.sum()) > 0 and worse < THRESHOLDS.rejection_share
 
 
-def names_more(before: Prediction, named: Search, left: Adequacy, after: Prediction, seed: int) -> bool:
+def names_more(before: Prediction, named: Search, adequacy: Adequacy, after: Prediction, seed: int) -> bool:
     """True if a search beside another model explains the drivers by names, of which it has one, and predicts better."""
-    return bool(named.added) and is_explained(named, left) and predicts_better(before, after, seed)
+    return bool(named.added) and is_explained(named, adequacy) and predicts_better(before, after, seed)

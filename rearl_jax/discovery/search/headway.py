@@ -51,11 +51,12 @@ class TimeGapVariation:
     noise_share: float = 1.0
 
 
-CONSTANT = TimeGapVariation()
+CONSTANT_TIME_GAP = TimeGapVariation()
+"""Time gap of each driver constant, all of the acceleration noise kept."""
 
 
 def energy_scores(
-    solver: Solver, state: FitState, fit: Fit, seed: int, variation: TimeGapVariation = CONSTANT
+    solver: Solver, state: FitState, fit: Fit, seed: int, variation: TimeGapVariation = CONSTANT_TIME_GAP
 ) -> Float[np.ndarray, " drivers"]:
     """Energy score of noisy simulations of each driver [m]: mean distance to the measurement minus half the mean
     distance between simulations.
@@ -93,7 +94,7 @@ def time_gap_variation(solver: Solver, fit: Fit, seed: int) -> TimeGapVariation:
     """
     state = later_halves(solver, fit.state.data, fit)
     if state is None:
-        return CONSTANT
+        return CONSTANT_TIME_GAP
     scores: dict[TimeGapVariation, Float[np.ndarray, " drivers"]] = {}
 
     def best_of(tried: Iterable[TimeGapVariation]) -> TimeGapVariation:
@@ -102,10 +103,12 @@ def time_gap_variation(solver: Solver, fit: Fit, seed: int) -> TimeGapVariation:
                 scores[candidate] = np.log(np.maximum(energy_scores(solver, state, fit, seed, candidate), SMALLEST))
         return min(scores, key=lambda candidate: float(scores[candidate].mean()))
 
-    best = best_of([CONSTANT, *(TimeGapVariation(sd, noise_share=share) for sd in SIZES for share in SHARES[::2])])
+    best = best_of(
+        [CONSTANT_TIME_GAP, *(TimeGapVariation(sd, noise_share=share) for sd in SIZES for share in SHARES[::2])]
+    )
     best = best_of(replace(best, time=time) for time in TIMES)
     best = best_of(replace(best, noise_share=share) for share in SHARES)
     best = best_of(replace(best, sd=sd) for sd in SIZES)
-    gained = scores[CONSTANT] - scores[best]
+    gained = scores[CONSTANT_TIME_GAP] - scores[best]
     is_sure = len(gained) > 1 and gained.mean() > 2 * gained.std(ddof=1) / np.sqrt(len(gained))
-    return best if is_sure else CONSTANT
+    return best if is_sure else CONSTANT_TIME_GAP

@@ -300,9 +300,9 @@ def _round(
 
 def lane_change_trials(solver: Solver, base: Base, checked: Measured) -> list[Trial]:
     """Gains of each thing that changes of lane bring with them, against the model with those before it."""
-    if not base.steps:
+    if not base.extended:
         return []
-    fits = [base.bare, *base.steps]
+    fits = [base.bare, *base.extended]
     others = recalibrated(solver, checked, fits)
     return [
         trial_of(solver, after, before.state, other, other_before, 0.0)

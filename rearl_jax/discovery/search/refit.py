@@ -7,8 +7,8 @@ import numpy as np
 
 from rearl_jax.discovery.observe.candidates import Candidate, Layout, Term
 from rearl_jax.discovery.observe.fit import Fit
-from rearl_jax.discovery.observe.fit_state import FitState, with_changes, with_noise
-from rearl_jax.discovery.observe.noise import no_larger, noises, under_best_noise
+from rearl_jax.discovery.observe.fit_state import FitState, replaced, with_noise
+from rearl_jax.discovery.observe.noise import levels_up_to, noise_levels, under_best_noise
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.search.screen import Score
 
@@ -16,7 +16,7 @@ TRIED = 7
 """Number of noise levels tested with a candidate."""
 
 DELAYS = ((0.25, 0.25), (0.8, 0.8), (0.5, 0.0))
-"""Reaction delays to the vehicle ahead and to the own speed that the search starts from [s]."""
+"""Variable delays to the vehicle ahead and to the own speed that the search starts from [s]."""
 
 LIMITS = (0.6, 0.75, 0.88)
 """Speed limits the search starts from, as shares of the mean desired speed [-]."""
@@ -120,12 +120,12 @@ def refit(
     for number, candidate in enumerate(candidates):
         active = (*base.state.active, candidate.term)
         states = [
-            with_changes(base.state, theta=theta, active=active)
+            replaced(base.state, theta=theta, active=active)
             for theta in starts(candidate, seen[candidate.term], base.state, solver.layout)
         ]
         solver.solve(states, iterations=15, tolerance=0.3)
         best = min(states, key=lambda state: state.objective)
-        again, noise = under_best_noise(solver, best, noises(base.noise, no_larger(base.noise)[-TRIED:]))
+        again, noise = under_best_noise(solver, best, noise_levels(base.noise, levels_up_to(base.noise)[-TRIED:]))
         # The best growth and share at the old noise level need not be the best at the new level.
         alternatives = (Fit(candidate, best, base.noise), Fit(candidate, again, noise))
         fits[candidate.term] = min(alternatives, key=lambda fit: fit.state.objective)
@@ -142,7 +142,7 @@ def nested(solver: Solver, base: Fit, fits: dict[Term, Fit]) -> dict[Term, Fit]:
     better = {}
     for term, fit in fits.items():
         if fit.state.objective > base.state.objective:
-            again = with_changes(base.state, active=fit.state.active)
+            again = replaced(base.state, active=fit.state.active)
             solver.solve([again], iterations=20, tolerance=0.05)
             fit = min(fit, replace(fit, state=again, noise=base.noise), key=lambda candidate: candidate.state.objective)
         better[term] = fit

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from rearl_jax.discovery.observe.fit import Fit
-from rearl_jax.discovery.observe.fit_state import new_state, with_changes
+from rearl_jax.discovery.observe.fit_state import new_state, replaced
 from rearl_jax.discovery.read.training import halves
 from rearl_jax.discovery.report.error_block import Resampling
 from rearl_jax.discovery.report.variation import scored, variation_section
 from rearl_jax.discovery.search.headway import (
-    CONSTANT,
+    CONSTANT_TIME_GAP,
     TimeGapVariation,
     energy_scores,
     later_halves,
@@ -36,7 +36,7 @@ def driven(solver, drivers, noise, varied):
     drives = replace(state, pieces=replace(state.pieces, varied=varied))
     y = state.data.y - behind_noisy_drive(solver, drives, noise, np.random.default_rng(5))
     data = replace(state.data, y=y, smooth=y, smooth_speed=np.gradient(y, state.data.dt, axis=0))
-    return with_changes(state, data=data, pieces=replace(state.pieces, y=y))
+    return replaced(state, data=data, pieces=replace(state.pieces, y=y))
 
 
 @pytest.fixture(scope="module")
@@ -47,7 +47,7 @@ def many(solver, calibrated):
     for _ in range(3):
         data, z = data.beside(data), np.concatenate([z, z])
     more = new_state(data, solver.layout, noise)
-    return with_changes(more, z=z, mean=state.mean, spread=state.spread, theta=state.theta, active=state.active), noise
+    return replaced(more, z=z, mean=state.mean, spread=state.spread, theta=state.theta, active=state.active), noise
 
 
 @pytest.fixture
@@ -66,7 +66,7 @@ def test_a_time_gap_that_varies_is_found_and_scored_better(solver, varying):
     halved = later(solver, varying.state.data, varying)
     scores = {
         name: energy_scores(solver, halved, varying, 1, one)
-        for name, one in (("before", CONSTANT), ("constant", CONSTANT), ("varying", found))
+        for name, one in (("before", CONSTANT_TIME_GAP), ("constant", CONSTANT_TIME_GAP), ("varying", found))
     }
     block = scored(found, 1.3, scores, Resampling(0.95, 200, 0))
     change = block["energy_score"]["change_share"]
