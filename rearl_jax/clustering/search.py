@@ -89,7 +89,7 @@ def search(
 
     Args:
         curves: All training curves.
-        kl: Everything that is not searched.
+        kl: Keys of the clustering; the search replaces `k`, `l` and `iterations`.
         bo: The grid and the budget.
         study: Folder in which the trace is stored after every evaluation and from which the search is resumed; None
             keeps the trace in memory only.

@@ -142,7 +142,9 @@ def _of_block(
 def _of_block_among_replayed(
     block: Block, state: TrafficState, derived: DerivedState
 ) -> tuple[TrafficState, DerivedState, Candidates]:
-    """The same in small traffic with replayed vehicles: each vehicle has those of its own scenario beside it."""
+    """Vehicles of a block and their candidates in small traffic with replayed vehicles: the candidates of each vehicle
+    are those of its own scenario.
+    """
     n_scenarios = math.prod(state.x.shape[1:])
     scenario = block.index % n_scenarios
 

@@ -72,7 +72,7 @@ class Course(NamedTuple):
 
 
 def wrap_to_pi(angle: Float[Array, "*n"]) -> Float[Array, "*n"]:
-    """The same direction within [-pi, pi) [rad]. Source: highway-env 1.12.1, `utils.wrap_to_pi`."""
+    """Direction within [-pi, pi) [rad]. Source: highway-env 1.12.1, `utils.wrap_to_pi`."""
     turned = angle + np.pi
     return (turned - 2 * np.pi * jnp.floor(turned / (2 * np.pi))) - np.pi
 
@@ -92,7 +92,7 @@ def course(state: TrafficState, derived: DerivedState, sine_of_slip: Float[Array
 
 
 def _course_by_angles(heading: Float[Array, "*n"], sine_of_slip: Float[Array, "*n"]) -> Course:
-    """The same through the steering angle, with the rounding of highway-env."""
+    """Course computed through the steering angle, with the rounding of highway-env."""
     steering = arctangent(2 * jnp.tan(arcsine(sine_of_slip)))
     slip = arctangent(jnp.tan(jnp.clip(steering, -MAX_STEERING, MAX_STEERING)) / 2)
     return Course(cosine(heading + slip), sine(heading + slip), sine(slip))

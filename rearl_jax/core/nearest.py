@@ -160,7 +160,7 @@ class NearestOnLanes(eqx.Module):
         return values.ravel().at[place].get(mode="promise_in_bounds")
 
     def of_block(self, index: Int[Array, " block"]) -> "NearestOnLanes":
-        """The same for some vehicles of whichever scenarios, given by flat indices; only these may then search."""
+        """Tables of some vehicles of whichever scenarios, given by flat indices; only these may then search."""
         ahead, behind = (_gather_words(words, index) for words in (self.ahead, self.behind))
         return replace(self, ahead=ahead, behind=behind, scenario=index % self.n_scenarios)
 

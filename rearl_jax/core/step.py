@@ -30,7 +30,7 @@ def step(
 def step_in_order(
     state: TrafficState, drivers: Drivers, model: TrafficModel, replayed: ReplayedVehicles | None = None
 ) -> TrafficState:
-    """The same from a state whose order along the road is up to date, as it is in every state that comes out."""
+    """State one time step later, from a state whose order along the road is up to date, as it is in every result."""
     derived = derive_state(state, model, replayed)
     drive = drive_by_gaps if drivers.see_gaps else drive_by_idm
     state, own, target_lane, on_lane = drive(state, derived, drivers, model)

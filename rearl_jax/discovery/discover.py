@@ -1,4 +1,4 @@
-"""What the traffic model lacks in measured trajectories: recordings in, a record of everything found out."""
+"""The discovery of missing effects: from the drivers of recordings to a verdict, its tables and the repaired model."""
 
 import time
 from collections.abc import Mapping, Sequence
@@ -60,14 +60,14 @@ from rearl_jax.results import Study
 
 @dataclass(frozen=True)
 class Behind:
-    """What figures and page are drawn from.
+    """Data of the figures and the page.
 
     Attributes:
-        solver: Solves for drivers and effects.
-        search: What was searched and found.
-        parts: The drivers.
-        reported: Those reported on, in time with their leaders.
-        errors: Errors of the models before and after, by name.
+        solver: Solver of the car-following model.
+        search: Result of the search.
+        parts: The drivers as measured.
+        reported: The reported drivers, with corrected clocks if those of the fitted drivers were corrected.
+        errors: Errors of the models without (`before`) and with (`after`) the effects found.
     """
 
     solver: Solver
@@ -79,16 +79,16 @@ class Behind:
 
 @dataclass(frozen=True)
 class Discovery:
-    """What the traffic model lacks in measured trajectories.
+    """Result of a discovery: the effects that the traffic model lacks in measured trajectories.
 
     Attributes:
         config: The task.
         data_id: Identity of the data.
-        verdict: As in verdict.json, see `discovery.verdict`.
-        tables: Parquet tables by name; empty where `discover.oracle` says what is missing.
-        model: The repaired model; None for the same reason.
-        behind: What figures and page are drawn from; None for the same reason, and for a group that was written.
-        groups: Discoveries of groups of drivers by the name of each; empty where drivers are not told apart.
+        verdict: Content of verdict.json, see `discovery.verdict`.
+        tables: Parquet tables by name; empty if `discover.oracle` is set.
+        model: The repaired model; None if `discover.oracle` is set, and for groups whose results were written.
+        behind: Data of the figures and the page; None where `model` is None.
+        groups: Discoveries of groups of drivers by name; empty if drivers are not divided into groups.
         infos: Descriptions of the recordings of groups.
     """
 
@@ -110,26 +110,25 @@ def discovery_of(
     study: Study | None = None,
     name: str = "",
 ) -> Discovery:
-    """What the traffic model lacks in some drivers; nothing is printed.
+    """Discovery of the effects that the traffic model lacks for some drivers.
 
     Args:
         config: The task.
         parts: The drivers.
-        recordings: Where they are from.
-        bar: Shows how far it is.
-        study: Keeps the simulated nulls, the longest part, for a run that goes on after it was killed; None to keep
-            nothing.
-        name: Name of the group of drivers, which the bar shows.
+        recordings: The recordings of these drivers.
+        bar: Progress bar.
+        study: Stores intermediate results, so that an interrupted run can continue; None to store nothing.
+        name: Name of the group of drivers, shown in the bar.
 
     Raises:
         ValueError: `discover.oracle` names no candidate.
     """
     begin = time.perf_counter()
-    priors, whose = [prior_of(driver) for driver in config.compared], f"{name}: " if name else ""
+    priors, label = [prior_of(driver) for driver in config.compared], f"{name}: " if name else ""
     if config.discover.oracle is not None:
         discovery = Discovery(config, parts.id, _oracle(config, solver_of(parts.fitted, priors[0]), parts))
     else:
-        found = best_search(config, study, priors, parts, bar, whose)
+        found = best_search(config, study, priors, parts, bar, label)
         lanes = lane_choice(found.solver, found.outcome, parts, recordings, config.discover)
         discovery = _discovery(config, parts, found, lanes)
     discovery.verdict["seconds"] = time.perf_counter() - begin
@@ -137,7 +136,7 @@ def discovery_of(
 
 
 def _discovery(config: DiscoverTask, parts: Parts, found: BestSearch, lanes: LaneChangeFindings) -> Discovery:
-    """The verdict, with the tables and the model."""
+    """The result of a search and of the analysis of lane choice, with verdict, tables and repaired model."""
     options, comparison, adequacy = config.discover, found.comparison, found.adequacy
     solver, outcome = found.solver, found.outcome
     reported = in_time(solver, outcome, parts.reported)

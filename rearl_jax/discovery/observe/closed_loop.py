@@ -40,7 +40,7 @@ def simulated_error(solver: Solver, state: FitState) -> Float[np.ndarray, "steps
 
 
 def calibrated_to_gap(solver: Solver, state: FitState) -> FitState:
-    """The same drivers with the parameters that minimise the simulated gap error."""
+    """State of the drivers with the own parameters that minimise the simulated gap error."""
     start = replaced(state, pieces=replace_gain(state.pieces, CLOSED_LOOP), variance=TYPICAL_ERROR**2, freedom=np.inf)
     solver.solve([start], iterations=20, tolerance=0.1)
     return start

@@ -43,7 +43,7 @@ def sensitivity_sums(
     Args:
         z: Standardised parameters of the drivers.
         theta: Parameters of the added candidates.
-        pieces: What was measured.
+        pieces: The measured pieces of drives.
         layout: Layout of theta.
         knots: Knots of the curves.
         places: Indices of theta whose directions are tested, those already added first.

@@ -42,7 +42,7 @@ def variation_block(
     """`time_gap_variation` of the verdict.
 
     Args:
-        solver: Of the models.
+        solver: Solver of the models.
         first: The calibrated model, and the report drivers.
         last: The final model, and the report drivers as it takes them.
         variation: Variation estimated on the fitted drivers.

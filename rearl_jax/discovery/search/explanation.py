@@ -18,12 +18,12 @@ from rearl_jax.discovery.thresholds import THRESHOLDS
 
 @dataclass(frozen=True)
 class Prediction:
-    """How a search predicts the check drivers.
+    """Predictions of the final model of a search for the checked drivers.
 
     Attributes:
-        log_likelihood: Of each driver one time step ahead, its own parameters integrated out [nats].
-        gap_error: Of each driver in simulation, its own parameters calibrated to the gap [m].
-        data: The drivers.
+        log_likelihood: Log-likelihood of each driver's next time steps, its own parameters integrated out [nats].
+        gap_error: Gap error of each driver in simulation, its own parameters calibrated to the gap [m].
+        data: The checked drivers.
     """
 
     log_likelihood: Float[np.ndarray, " drivers"]
@@ -32,7 +32,7 @@ class Prediction:
 
 
 def prediction_of(solver: Solver, outcome: Search) -> Prediction:
-    """How the final model of a search predicts the check drivers."""
+    """Predictions of the final model of a search for the checked drivers."""
     (state,) = recalibrated(solver, outcome.checked, [outcome.last])
     (error,) = gap_errors(solver, [state])
     return Prediction(state.marginal(), error, outcome.checked)

@@ -16,7 +16,7 @@ TRIED = 7
 """Number of noise levels tested with a candidate."""
 
 DELAYS = ((0.25, 0.25), (0.8, 0.8), (0.5, 0.0))
-"""Variable delays to the vehicle ahead and to the own speed that the search starts from [s]."""
+"""Reaction delays to the vehicle ahead and to the own speed that the search starts from [s]."""
 
 LIMITS = (0.6, 0.75, 0.88)
 """Speed limits the search starts from, as shares of the mean desired speed [-]."""
@@ -139,32 +139,32 @@ def nested(solver: Solver, base: Fit, fits: dict[Term, Fit]) -> dict[Term, Fit]:
 
     The models are nested, so a worse fit shows that the search stopped too early.
     """
-    better = {}
+    repeated = {}
     for term, fit in fits.items():
         if fit.state.objective > base.state.objective:
             again = replaced(base.state, active=fit.state.active)
             solver.solve([again], iterations=20, tolerance=0.05)
             fit = min(fit, replace(fit, state=again, noise=base.noise), key=lambda candidate: candidate.state.objective)
-        better[term] = fit
-    return better
+        repeated[term] = fit
+    return repeated
 
 
 def rebased(solver: Solver, base: Fit, fits: dict[Term, Fit]) -> Fit:
     """The base model fitted again from the driver parameters and noise of each candidate's fit, because a base model in
     a local optimum would give every candidate the same false gain.
     """
-    places, kept = np.arange(solver.layout.size), solver.free(base.state)
-    starts, noises_of = [], []
+    places, base_places = np.arange(solver.layout.size), solver.free(base.state)
+    starts, noises = [], []
     for fit in fits.values():
-        theta = np.where(np.isin(places, kept), fit.state.theta, solver.layout.reference)
+        theta = np.where(np.isin(places, base_places), fit.state.theta, solver.layout.reference)
         for noise in dict.fromkeys((base.noise, fit.noise)):
             start = with_noise(base.state, noise)
             start.theta, start.z, start.mean = theta, fit.state.z.copy(), fit.state.mean.copy()
             starts.append(start)
-            noises_of.append(noise)
+            noises.append(noise)
     if starts:
         solver.solve(starts, iterations=15, tolerance=0.05)
     best, noise = min(
-        zip([base.state, *starts], [base.noise, *noises_of], strict=True), key=lambda pair: pair[0].objective
+        zip([base.state, *starts], [base.noise, *noises], strict=True), key=lambda pair: pair[0].objective
     )
     return replace(base, state=best, noise=noise)
