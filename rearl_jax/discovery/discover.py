@@ -143,7 +143,7 @@ def _discovery(config: DiscoverTask, parts: Parts, found: BestSearch, lanes: Lan
     errors = model_errors(solver, parts.reported, {"before": outcome.before}, options.seed)
     if outcome.added or outcome.clocks is not None:
         errors |= model_errors(solver, reported, {"after": outcome.last}, options.seed)
-    over = Resampling(options.confidence, options.draws, options.seed)
+    resampling = Resampling(options.confidence, options.draws, options.seed)
     variation = time_gap_variation(solver, outcome.last, options.seed)
     deviations = standard_deviations(solver, outcome.last.state).theta
     effects = _effects(deviations, outcome, adequacy, parts.findings, options.confidence)
@@ -166,7 +166,7 @@ def _discovery(config: DiscoverTask, parts: Parts, found: BestSearch, lanes: Lan
         **({"equilibrium_time_gap": time_gaps} if comparison is None else {}),
         "population": population_block(solver, outcome.first.state),
         "time_gap_variation": variation_block(
-            solver, (outcome.before, parts.reported), (outcome.last, reported), variation, over
+            solver, (outcome.before, parts.reported), (outcome.last, reported), variation, resampling
         ),
         "adequacy": {
             "kurtosis": adequacy.kurtosis,
@@ -181,7 +181,7 @@ def _discovery(config: DiscoverTask, parts: Parts, found: BestSearch, lanes: Lan
         "thresholds": THRESHOLDS.plain(),
     }
     verdict = with_lane_choice(following, lanes)
-    verdict["lane_choice"]["prediction"] = prediction_block(lanes.prediction, over)
+    verdict["lane_choice"]["prediction"] = prediction_block(lanes.prediction, resampling)
     model = repaired_model(
         calibrated=outcome.first,
         repaired=outcome.last,

@@ -57,16 +57,16 @@ def choice_of(
     vetoed = frozenset().union(*(_probably_worse([one.get(name) for one in errors], seed) for name in VETOING))
     # If the first model is vetoed as well, a vetoed model with a smaller mean error may replace it.
     is_first_denied, means = 0 in vetoed, [_mean_error(one) for one in errors]
-    denied = {number for number in vetoed if not is_first_denied or means[number] >= means[0]}
+    denied = {index for index in vetoed if not is_first_denied or means[index] >= means[0]}
     able = [
-        number
-        for number, share in enumerate(better)
+        index
+        for index, share in enumerate(better)
         if share >= THRESHOLDS.base_confidence
-        and gains[number].sum() > THRESHOLDS.least_base_gain
-        and number not in denied
-        and (errors[number] or not any(errors))  # a model without simulations is not chosen if others have some
+        and gains[index].sum() > THRESHOLDS.least_base_gain
+        and index not in denied
+        and (errors[index] or not any(errors))  # a model without simulations is not chosen if others have some
     ]
-    chosen = max(able, key=lambda number: float(gains[number].sum()), default=0)
+    chosen = max(able, key=lambda index: float(gains[index].sum()), default=0)
     return Choice(chosen, better, best.tolist(), vetoed)
 
 
@@ -85,14 +85,14 @@ def _mean_error(errors: Mapping[str, Float[np.ndarray, " _"]]) -> float:
 
 def _probably_worse(errors: Sequence[Float[np.ndarray, " tested"] | None], seed: int) -> frozenset[int]:
     """Models whose mean error probably exceeds the smallest one by more than the tolerated share."""
-    tested = {number: one for number, one in enumerate(errors) if one is not None}
+    tested = {index: one for index, one in enumerate(errors) if one is not None}
     if not tested:
         return frozenset()
     best = min(tested.values(), key=lambda one: float(one.mean()))
     drawn = resamples(len(best), seed)
     tolerated = (1 + THRESHOLDS.base_error_share) * best[drawn].mean(axis=1)
     return frozenset(
-        number
-        for number, one in tested.items()
+        index
+        for index, one in tested.items()
         if (one[drawn].mean(axis=1) > tolerated).mean() > THRESHOLDS.base_veto_share
     )

@@ -82,18 +82,18 @@ def compared_models(
     progress(0, len(solvers))
     base = base_of(solvers[0], fitted, lane_changes=lane_changes)
     fits, states, likely = [], [], []
-    for number, solver in enumerate(solvers):
-        fit = base.fit if number == 0 else calibrated_alike(solver, fitted, base.fit)
+    for index, solver in enumerate(solvers):
+        fit = base.fit if index == 0 else calibrated_alike(solver, fitted, base.fit)
         (state,) = recalibrated(solver, checked, [fit])
         fits.append(fit)
         states.append(state)
         likely.append(state.marginal())
-        progress(number + 1, len(solvers))
+        progress(index + 1, len(solvers))
     found, gains = [], gains_of(likely, checked)
-    for number, (solver, fit, state) in enumerate(zip(solvers, fits, states, strict=True)):
-        is_asked = number == 0 or not is_beaten(gains[number], gains, seed)
+    for index, (solver, fit, state) in enumerate(zip(solvers, fits, states, strict=True)):
+        is_asked = index == 0 or not is_beaten(gains[index], gains, seed)
         errors = _errors(solver, fit, state) if is_asked else {}
-        found.append(Compared(solver.layout.prior.name, likely[number], errors))
+        found.append(Compared(solver.layout.prior.name, likely[index], errors))
     return found, base
 
 

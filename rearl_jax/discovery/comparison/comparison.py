@@ -70,7 +70,7 @@ class Comparison:
     def next_best(self) -> list[Prior]:
         """All models that were not chosen, the most likely first."""
         chosen = self.gains[self.choice.chosen]
-        others = [number for number in range(len(self.priors)) if number != self.choice.chosen]
+        others = [index for index in range(len(self.priors)) if index != self.choice.chosen]
         return [self.priors[k] for k in sorted(others, key=lambda k: -float((self.gains[k] - chosen).sum()))]
 
     def going_on_with(self, prior: Prior) -> "Comparison":
@@ -112,12 +112,12 @@ def comparison_of(
     choice = choice_of(gains, errors, options.seed)
     if choice.chosen != 0 or fitted is not parts.fitted:
         base = None
-    order = sorted(range(len(found)), key=lambda number: -float(gains[number].sum()))
-    others = [number for number in order if number != choice.chosen]
+    order = sorted(range(len(found)), key=lambda index: -float(gains[index].sum()))
+    others = [index for index in order if index != choice.chosen]
     equal = [
-        number for number in others if not is_beaten(gains[number], [gains[number], gains[choice.chosen]], options.seed)
+        index for index in others if not is_beaten(gains[index], [gains[index], gains[choice.chosen]], options.seed)
     ]
-    rivals = tuple(found[number].name for number in equal or others[:1])
+    rivals = tuple(found[index].name for index in equal or others[:1])
     return Comparison(priors, found, gains, choice, fitted.n_drivers, base, rivals)
 
 
@@ -129,14 +129,14 @@ def base_block(comparison: Comparison, options: DiscoverConfig, time_gaps: dict[
         options: Keys of discovery.
         time_gaps: Equilibrium time gaps under the chosen model, as in the verdict.
     """
-    over, choice = Resampling(options.confidence, options.draws, options.seed), comparison.choice
+    resampling, choice = Resampling(options.confidence, options.draws, options.seed), comparison.choice
     rows = []
-    for number, one in enumerate(comparison.found):
+    for index, one in enumerate(comparison.found):
         protocols: dict[str, Any] = dict.fromkeys(PROTOCOLS)
         for name, by_driver in one.errors.items():
             figures = {
                 measure: {
-                    statistic: over.figure(over.drawn(by_driver[measure], pool))
+                    statistic: resampling.figure(resampling.drawn(by_driver[measure], pool))
                     for statistic, pool in STATISTICS.items()
                 }
                 for measure in PROTOCOL_MEASURES
@@ -145,12 +145,12 @@ def base_block(comparison: Comparison, options: DiscoverConfig, time_gaps: dict[
         rows.append(
             {
                 "name": one.name,
-                "n_parameters": comparison.priors[number].size,
-                "log_likelihood": over.figure(over.drawn(one.log_likelihood, np.sum)),
-                "gain": over.figure(over.drawn(comparison.gains[number], np.sum)),
-                "better_share": choice.better_share[number],
-                "best_share": choice.best_share[number],
-                "is_vetoed": number in choice.vetoed,
+                "n_parameters": comparison.priors[index].size,
+                "log_likelihood": resampling.figure(resampling.drawn(one.log_likelihood, np.sum)),
+                "gain": resampling.figure(resampling.drawn(comparison.gains[index], np.sum)),
+                "better_share": choice.better_share[index],
+                "best_share": choice.best_share[index],
+                "is_vetoed": index in choice.vetoed,
                 "protocols": protocols,
             }
         )

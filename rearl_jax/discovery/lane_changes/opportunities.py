@@ -181,18 +181,18 @@ class _Scene:
         same = (everyone >= back) & (breaks[everyone + 1] == breaks[before + 1])
         return np.where(same, less[before], 0.0)
 
-    def side(self, side: int, here: Pair, there: Pair) -> Opportunities:
+    def side(self, side: int, own_lane: Pair, target_lane: Pair) -> Opportunities:
         """Opportunities to change to one side, from the neighbours on the own lane and on the target lane."""
-        leader, follower, ahead, rear = here.leader, here.rear, there.leader, there.rear
-        chosen = np.flatnonzero(self._may_change(side) & (leader != NOBODY) & (ahead != NOBODY))
+        leader, follower, side_leader, rear = own_lane.leader, own_lane.rear, target_lane.leader, target_lane.rear
+        chosen = np.flatnonzero(self._may_change(side) & (leader != NOBODY) & (side_leader != NOBODY))
         near_edge = self.x[chosen] - self.upstream[chosen] < SEEN_BEHIND
         chosen = chosen[~near_edge | ((rear[chosen] != NOBODY) & (follower[chosen] != NOBODY))]
-        leader, follower, ahead, rear = (rows[chosen] for rows in (leader, follower, ahead, rear))
+        leader, follower, side_leader, rear = (rows[chosen] for rows in (leader, follower, side_leader, rear))
         v = self.v[chosen]
-        gap, side_gap = self._gap(chosen, leader), self._gap(chosen, ahead)
+        gap, side_gap = self._gap(chosen, leader), self._gap(chosen, side_leader)
         rear_gap, follower_gap = self._gap(rear, chosen), self._gap(follower, chosen)
-        stays, changed = self._behind(chosen, leader), self._behind(chosen, ahead)
-        rear_after, rear_before = self._behind(rear, chosen), self._behind(rear, ahead)
+        stays, changed = self._behind(chosen, leader), self._behind(chosen, side_leader)
+        rear_after, rear_before = self._behind(rear, chosen), self._behind(rear, side_leader)
         fits = (side_gap > LEAST_GAP) & (rear_gap > LEAST_GAP) & (changed > -HARDEST) & (rear_after > -HARDEST)
         options = Opportunities(
             vehicle=self.vehicle[chosen],
@@ -209,8 +209,8 @@ class _Scene:
             leader_speed=self.v[leader],
             leader_is_truck=self.is_truck[leader],
             side_gap=side_gap,
-            side_leader_speed=self.v[ahead],
-            side_leader_is_truck=self.is_truck[ahead],
+            side_leader_speed=self.v[side_leader],
+            side_leader_is_truck=self.is_truck[side_leader],
             rear_gap=rear_gap,
             rear_braking=np.where(rear == NOBODY, 0.0, self.braking[rear]),
             follower_gap=follower_gap,
@@ -233,11 +233,11 @@ class _Scene:
         gap = self.x[front] - self.x[behind] - (self.length[front] + self.length[behind]) / 2
         return np.where((behind == NOBODY) | (front == NOBODY), OUT_OF_SIGHT, gap)
 
-    def _behind(self, who: np.ndarray, front: np.ndarray) -> np.ndarray:
+    def _behind(self, vehicles: np.ndarray, front: np.ndarray) -> np.ndarray:
         """Model acceleration of vehicles behind given leaders [m/s^2]; 0 without a vehicle."""
-        gap, is_led = self._gap(who, front), front != NOBODY
-        value = acceleration(self.model, self.own[:, who], self.v[who], gap, self.v[front], is_led)
-        return np.where(who == NOBODY, 0.0, value)
+        gap, is_led = self._gap(vehicles, front), front != NOBODY
+        value = acceleration(self.model, self.own[:, vehicles], self.v[vehicles], gap, self.v[front], is_led)
+        return np.where(vehicles == NOBODY, 0.0, value)
 
 
 def _goes_on(rows: pd.DataFrame) -> Bool[np.ndarray, " rows"]:

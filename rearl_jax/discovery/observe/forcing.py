@@ -91,9 +91,9 @@ def answers(residuals: Residuals) -> Answers:
         moved = replace(seen, gap=seen.gap - (x - seen.position), speed=v)
         return follow(moved, driver, (), (), jnp.zeros_like(v), data.dt)[0]
 
-    at = (jnp.asarray(residuals.x), jnp.asarray(residuals.v), jnp.zeros((residuals.prior.size, *residuals.x.shape)))
-    _, back = jax.vjp(wanted, *at)
-    x, v, own = back(jnp.ones(residuals.x.shape, at[0].dtype))
+    point = (jnp.asarray(residuals.x), jnp.asarray(residuals.v), jnp.zeros((residuals.prior.size, *residuals.x.shape)))
+    _, pullback = jax.vjp(wanted, *point)
+    x, v, own = pullback(jnp.ones(residuals.x.shape, point[0].dtype))
     return Answers(np.asarray(x, float), np.asarray(v, float), np.asarray(own, float))
 
 
@@ -225,8 +225,8 @@ def _products(
     """Products of the other rows with each other and with the target, and of the target with itself; own rows projected
     out.
     """
-    own, rest = rows[:n_own], rows[n_own:]
-    size = jnp.sqrt(jnp.mean(own**2, axis=1, keepdims=True)) + 1e-12
-    basis = jnp.linalg.qr((own / size).T)[0]
-    rest, target = rest - (rest @ basis) @ basis.T, target - basis @ (basis.T @ target)
-    return rest @ rest.T, rest @ target, target @ target
+    own_rows, other_rows = rows[:n_own], rows[n_own:]
+    size = jnp.sqrt(jnp.mean(own_rows**2, axis=1, keepdims=True)) + 1e-12
+    basis = jnp.linalg.qr((own_rows / size).T)[0]
+    other_rows, target = other_rows - (other_rows @ basis) @ basis.T, target - basis @ (basis.T @ target)
+    return other_rows @ other_rows.T, other_rows @ target, target @ target

@@ -54,10 +54,10 @@ class Chart:
     def groups(self) -> list[Group]:
         """The curves as groups of columns for the finder: accelerations, then time gaps."""
         curves = [(basis, acts_on) for acts_on in CURVE_SCALE for basis in self.bases]
-        ends = np.cumsum([len(basis.knots) for basis, _ in curves])
+        stops = np.cumsum([len(basis.knots) for basis, _ in curves])
         return [
-            Group(basis.variable.name, acts_on, np.arange(end - len(basis.knots), end), CURVE_SCALE[acts_on])
-            for (basis, acts_on), end in zip(curves, ends, strict=True)
+            Group(basis.variable.name, acts_on, np.arange(stop - len(basis.knots), stop), CURVE_SCALE[acts_on])
+            for (basis, acts_on), stop in zip(curves, stops, strict=True)
         ]
 
     def weights(self, variables: Mapping[str, Variable]) -> Float[np.ndarray, "columns steps pieces"]:
@@ -114,10 +114,10 @@ def part_scores(residuals: Residuals, chart: Chart) -> PartScores:
     planes, shares = {}, {}
     used = data.weight > 0
     for pair in PLANES:
-        inside = fields([variables[name].values for name in pair], [chart.edges[name] for name in pair])
-        planes[pair], shares[pair] = driver_scores(inside, residuals, answer), inside[:, used].mean(axis=1)
-    both = np.concatenate([pushed, pushed * answer.own[residuals.prior.names.index("time_gap")]])
-    return PartScores(*scores_and_seen(both, residuals, answer), planes, shares)
+        indicators = fields([variables[name].values for name in pair], [chart.edges[name] for name in pair])
+        planes[pair], shares[pair] = driver_scores(indicators, residuals, answer), indicators[:, used].mean(axis=1)
+    columns = np.concatenate([pushed, pushed * answer.own[residuals.prior.names.index("time_gap")]])
+    return PartScores(*scores_and_seen(columns, residuals, answer), planes, shares)
 
 
 def joined(parts: Sequence[DriverScores]) -> DriverScores:
@@ -137,8 +137,8 @@ def atlas_of(
     groups = chart.groups()
     maps, shapes = {}, {}
     for basis in chart.bases:
-        name, own = basis.variable.name, [group for group in groups if group.variable == basis.variable.name]
-        pairs = {group.acts_on: (curves.of(group.columns), seen.of(group.columns)) for group in own}
+        name, of_variable = basis.variable.name, [group for group in groups if group.variable == basis.variable.name]
+        pairs = {group.acts_on: (curves.of(group.columns), seen.of(group.columns)) for group in of_variable}
         maps[name] = curve_of(basis, pairs, confidence, draws, seed)
         shapes[name] = shape_words(maps[name], shape_of(maps[name], pairs["acceleration"][0]))
     variables = {basis.variable.name: basis.variable for basis in chart.bases}
@@ -146,9 +146,9 @@ def atlas_of(
     for pair in PLANES:
         if all(name in variables for name in pair):
             share = np.mean([part.shares[pair] for part in parts], axis=0)
-            both = joined([part.planes[pair] for part in parts])
+            plane_scores = joined([part.planes[pair] for part in parts])
             edges = [chart.edges[name] for name in pair]
-            planes[pair] = plane_of([variables[name] for name in pair], edges, share, both)
+            planes[pair] = plane_of([variables[name] for name in pair], edges, share, plane_scores)
     looked_at = joined([part.curves for part in parts[:n_chosen_from]])
     return Atlas(maps, planes, stability_selection(looked_at, groups, seed), shapes)
 

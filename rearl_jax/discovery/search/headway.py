@@ -77,9 +77,9 @@ def energy_scores(
         drawn.append(np.clip(behind_noisy_drive(solver, drives, noise, rng), -FARTHEST, FARTHEST))
     mean = data.driver_mean
     pairs = [(i, j) for i in range(REALISATIONS) for j in range(i)]
-    apart = np.mean([np.sqrt(mean((drawn[i] - drawn[j]) ** 2)) for i, j in pairs], axis=0)
-    away = np.mean([np.sqrt(mean(deviation**2)) for deviation in drawn], axis=0)
-    return away - apart / 2
+    mutual_distance = np.mean([np.sqrt(mean((drawn[i] - drawn[j]) ** 2)) for i, j in pairs], axis=0)
+    measured_distance = np.mean([np.sqrt(mean(deviation**2)) for deviation in drawn], axis=0)
+    return measured_distance - mutual_distance / 2
 
 
 def later_halves(solver: Solver, data: Measured, fit: Fit) -> FitState | None:

@@ -121,14 +121,14 @@ def curve_of(
 ) -> Curve:
     """The map of one variable, from scores of its columns on innovations and on the acceleration residual."""
     rng = np.random.default_rng(seed)
-    own = scores["acceleration"][0]
-    n = len(own.score)
+    on_innovations = scores["acceleration"][0]
+    n = len(on_innovations.score)
     counts = rng.multinomial(n, np.full(n, 1 / n), draws)
-    drawn = centred(np.stack([fitted(own, row) for row in counts.astype(float)]), basis)
+    drawn = centred(np.stack([fitted(on_innovations, row) for row in counts.astype(float)]), basis)
     low, high = np.quantile(drawn, [(1 - confidence) / 2, (1 + confidence) / 2], axis=0)
     carried = {acts_on: on_other_halves(*pair, np.random.default_rng(seed)) for acts_on, pair in scores.items()}
     acts_on = max(carried, key=lambda key: carried[key][1])
-    return Curve(basis, centred(fitted(own), basis), low, high, acts_on, *carried[acts_on])
+    return Curve(basis, centred(fitted(on_innovations), basis), low, high, acts_on, *carried[acts_on])
 
 
 def centred(values: Float[np.ndarray, "*draws knots"], basis: Basis) -> Float[np.ndarray, "*draws knots"]:

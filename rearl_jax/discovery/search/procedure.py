@@ -178,8 +178,8 @@ class Search:
         """True if the name of an effect is in doubt.
 
         There are five reasons: it does not hold if drivers' parameters may leave their bounds; simulations contradict a
-        trial; a trial that was not added is better; a free curve was added earlier, whose remainder it may
-        be; or a free curve over one of its variables was needed in addition, so that the dependence on this variable is another one.
+        trial; a trial that was not added is better; a free curve was added earlier, whose remainder it may be; or a
+        free curve over one of its variables was needed in addition, so that the dependence on it is another one.
         """
         if trial.candidate.term in self.of_bounds:
             return True
@@ -266,8 +266,12 @@ def _round(
     """The next round, from a model and its scores."""
     layout, null, added = solver.layout, outcome.null, outcome.added
     report(f"looking for effects, round {len(added) + 1}", 0, 1)
-    left = {CLOCK_OFFSET, *layout.candidates} - {EARLY_LEADER, *base.state.active, *outcome.excluded - {CLOCK_OFFSET}}
-    evidence = {term: value for term, value in evidences(everybody, seen, layout).items() if term in left}
+    remaining = {CLOCK_OFFSET, *layout.candidates} - {
+        EARLY_LEADER,
+        *base.state.active,
+        *outcome.excluded - {CLOCK_OFFSET},
+    }
+    evidence = {term: value for term, value in evidences(everybody, seen, layout).items() if term in remaining}
     exceeds = {term for term, z_score in null.z_scores(evidence).items() if z_score > THRESHOLDS.candidate_z_score}
     clock_z_score = null.z_scores({CLOCK_OFFSET: evidence.pop(CLOCK_OFFSET)})[CLOCK_OFFSET]
     excess, z_score, known = null.excess(evidence), null.z_scores(evidence), set(evidence)

@@ -54,11 +54,11 @@ def _sections(name: str, score: Score, state: FitState, layout: Layout) -> list[
     sections = []
     for first in range(n):
         for last in range(first, min(first + LONGEST_SECTION, n)):
-            inside = np.zeros(n)
-            inside[first : last + 1] = 1.0
-            width = inside @ score.information @ inside
+            indicator = np.zeros(n)
+            indicator[first : last + 1] = 1.0
+            width = indicator @ score.information @ indicator
             if width > 0:
-                gain = inside @ score.score
+                gain = indicator @ score.score
                 sections.append((gain**2 / width, first, last, gain / width))
     sections.sort(reverse=True)
     chosen: list[tuple] = []
