@@ -66,18 +66,18 @@ def best_search(
     seed = config.discover.seed
     if len(priors) == 1:
         solver = solver_of(parts.fitted, priors[0])
-        outcome = _search(config, study, solver, parts, None, bar, label)
+        outcome = _search(config, study, solver, parts, bar, label)
         return BestSearch(solver, outcome, adequacy(solver, outcome, seed))
     say = shown(bar, f"{label}comparing car-following models")
     comparison = comparison_of(priors, parts, config.discover, say, study)
     solver = solver_of(parts.fitted, comparison.prior)
-    outcome = _search(config, study, solver, parts, comparison.base, bar, label)
+    outcome = _search(config, study, solver, parts, bar, label, calibrated=comparison.base)
     beside = found_beside(solver, outcome, comparison.others, parts.fitted)
     better = better_model(beside, seed)
     if better is not None:
         log.info("with the effects found, %s fits significantly better: the search is repeated with it", better.name)
         comparison, solver = comparison.going_on_with(better), solver_of(parts.fitted, better)
-        outcome = _search(config, None, solver, parts, None, bar, label)  # simulated nulls are of the first model
+        outcome = _search(config, None, solver, parts, bar, label)  # stored nulls are of the first model
         beside = found_beside(solver, outcome, comparison.others, parts.fitted)
     first = BestSearch(solver, outcome, adequacy(solver, outcome, seed), comparison, beside)
     if is_explained(outcome, first.adequacy):
@@ -88,7 +88,7 @@ def best_search(
         glimpse = _with_one_name(config, outcome, other, parts, bar, words)
         if not glimpse.added or not predicts_better(before, prediction_of(other, glimpse), seed):
             continue
-        named = _search(config, None, other, parts, None, bar, words)
+        named = _search(config, None, other, parts, bar, words)
         named_adequacy = adequacy(other, named, seed)
         if names_more(before, named, named_adequacy, prediction_of(other, named), seed):
             log.info(
@@ -133,9 +133,10 @@ def _search(
     study: Study | None,
     solver: Solver,
     parts: Parts,
-    calibrated: Base | None,
     bar: Progress,
     label: str,
+    *,
+    calibrated: Base | None = None,
 ) -> Search:
     """Search for effects of car following with one car-following model; None for `calibrated` calibrates it. The lines
     of the bar begin with `label`.
@@ -145,7 +146,7 @@ def _search(
     replicates = shown(bar, f"{label}simulated nulls")
 
     def null_for(base: Fit) -> Null:
-        if study is not None and study.owns(NULL_TABLE):  # of a run that was killed
+        if study is not None and study.owns(NULL_TABLE):  # stored by an interrupted run
             return tables.read_null(study.path / f"{NULL_TABLE}.parquet")
         null = null_of(solver, base.state, base.noise, options.replicates, options.seed, replicates)
         if study is not None:

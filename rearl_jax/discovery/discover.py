@@ -208,7 +208,7 @@ def _discovery(config: DiscoverTask, parts: Parts, found: BestSearch, lanes: Lan
 
 
 def _doubts(outcome: Search, adequacy: Adequacy) -> list[str]:
-    """Notes on what speaks against the final model."""
+    """Notes on effects and drivers that the final model may describe wrongly."""
     of_bounds = [OF_BOUNDS.format(spoken(str(term))) for term in outcome.of_bounds]
     return of_bounds + [MISJUDGED] * adequacy.misjudges
 
@@ -216,8 +216,8 @@ def _doubts(outcome: Search, adequacy: Adequacy) -> list[str]:
 def _effects(
     deviations: np.ndarray, outcome: Search, adequacy: Adequacy, findings: Sequence[Finding], confidence: float
 ) -> list[Claim]:
-    """Claims: artefacts that the columns show, then what was added, with the numbers of the final model and their
-    standard deviations.
+    """Claims: artefacts that the data check found, then clock offsets and added effects with their parameters in the
+    final model and the standard deviations of these.
     """
     effects = [found_in_columns(finding, confidence) for finding in findings if finding.is_artefact]
     most, doubtful = THRESHOLDS.most_confidence, THRESHOLDS.doubtful_confidence
@@ -234,7 +234,7 @@ def _effects(
 
 
 def _oracle(config: DiscoverTask, solver: Solver, parts: Parts) -> dict[str, Any]:
-    """Error of the model that was told the effect; nothing else is looked for."""
+    """Verdict with the error of the model with the effect that `discover.oracle` names; no other effect is searched."""
     assert config.discover.oracle is not None
     term, candidates = Term.read(config.discover.oracle), solver.layout.candidates
     if term not in candidates:

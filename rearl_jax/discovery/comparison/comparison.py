@@ -98,7 +98,7 @@ def comparison_of(
     """
     fitted = some_of(parts.fitted, MOST_FITTED, options.seed)
     checked, base = some_of(parts.checked, MOST_CHECKED, options.seed), None
-    if study is not None and study.owns(BASE_TABLE):  # of a run that was killed
+    if study is not None and study.owns(BASE_TABLE):  # stored by an interrupted run
         found = read_compared(study.path / f"{BASE_TABLE}.parquet")
     else:
         solvers = [solver_of(parts.fitted, prior) for prior in priors]

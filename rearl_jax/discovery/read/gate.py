@@ -52,25 +52,25 @@ def gate(tables: Sequence[Thinned]) -> list[Finding]:
         delayed, other = ("speed", "position") if lag[0] > 0 else ("position", "speed")
         findings.append(
             Finding(
-                f"{delayed}_lag",
-                True,
-                "lag",
-                "s",
-                abs(lag[0]),
-                lag[1],
-                f"the {delayed} column is {abs(lag[0]):.2f} s late against the {other} column",
+                name=f"{delayed}_lag",
+                is_artefact=True,
+                parameter="lag",
+                unit="s",
+                value=abs(lag[0]),
+                deviation=lag[1],
+                words=f"the {delayed} column is {abs(lag[0]):.2f} s late against the {other} column",
             )
         )
     if scale is not None and abs(scale[0]) > max(THRESHOLDS.least_scale_error, THRESHOLDS.columns_z_score * scale[1]):
         findings.append(
             Finding(
-                "speed_scale",
-                True,
-                "factor",
-                "-",
-                1 + scale[0],
-                scale[1],
-                f"the speed column is {1 + scale[0]:.3f} times the derivative of the position column",
+                name="speed_scale",
+                is_artefact=True,
+                parameter="factor",
+                unit="-",
+                value=1 + scale[0],
+                deviation=scale[1],
+                words=f"the speed column is {1 + scale[0]:.3f} times the derivative of the position column",
             )
         )
     typical = float(np.median(noise))

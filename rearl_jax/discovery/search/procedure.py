@@ -276,7 +276,16 @@ def _round(
     clock_z_score = null.z_scores({CLOCK_OFFSET: evidence.pop(CLOCK_OFFSET)})[CLOCK_OFFSET]
     excess, z_score, known = null.excess(evidence), null.z_scores(evidence), set(evidence)
     if len(added) == THRESHOLDS.most_effects or not exceeds:
-        return Round(base, evidence, excess, z_score, frozenset(exceeds & known), [], [], clock_z_score)
+        return Round(
+            base,
+            evidence,
+            excess,
+            z_score,
+            exceeding=frozenset(exceeds & known),
+            trials=[],
+            accepted=[],
+            clock_z_score=clock_z_score,
+        )
     order = sorted(evidence, key=lambda term: -excess[term])
     exceeding = with_families(exceeds, known) & known
     tried = {term for term in order[: THRESHOLDS.leading_fitted] if excess[term] > THRESHOLDS.fitting_excess}
@@ -305,7 +314,15 @@ def _round(
         if tried <= fits.keys():
             z_score |= {trial.candidate.term: 0.0 for trial in trials if _is_of_numerics(trial)}
             return Round(
-                base, evidence, excess, z_score, frozenset(exceeding), trials, accepted, clock_z_score, contradicted
+                base,
+                evidence,
+                excess,
+                z_score,
+                exceeding=frozenset(exceeding),
+                trials=trials,
+                accepted=accepted,
+                clock_z_score=clock_z_score,
+                contradicted=contradicted,
             )
 
 
