@@ -4,6 +4,7 @@ them on other drivers, add the best one.
 
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
+from functools import partial
 from itertools import takewhile
 
 import numpy as np
@@ -266,26 +267,15 @@ def _round(
     """The next round, from a model and its scores."""
     layout, null, added = solver.layout, outcome.null, outcome.added
     report(f"looking for effects, round {len(added) + 1}", 0, 1)
-    remaining = {CLOCK_OFFSET, *layout.candidates} - {
-        EARLY_LEADER,
-        *base.state.active,
-        *outcome.excluded - {CLOCK_OFFSET},
-    }
+    excluded = {EARLY_LEADER, *base.state.active, *outcome.excluded - {CLOCK_OFFSET}}
+    remaining = {CLOCK_OFFSET, *layout.candidates} - excluded
     evidence = {term: value for term, value in evidences(everybody, seen, layout).items() if term in remaining}
     exceeds = {term for term, z_score in null.z_scores(evidence).items() if z_score > THRESHOLDS.candidate_z_score}
     clock_z_score = null.z_scores({CLOCK_OFFSET: evidence.pop(CLOCK_OFFSET)})[CLOCK_OFFSET]
     excess, z_score, known = null.excess(evidence), null.z_scores(evidence), set(evidence)
+    screened = partial(Round, evidence=evidence, excess=excess, z_score=z_score, clock_z_score=clock_z_score)
     if len(added) == THRESHOLDS.most_effects or not exceeds:
-        return Round(
-            base,
-            evidence,
-            excess,
-            z_score,
-            exceeding=frozenset(exceeds & known),
-            trials=[],
-            accepted=[],
-            clock_z_score=clock_z_score,
-        )
+        return screened(base=base, exceeding=frozenset(exceeds & known), trials=[], accepted=[])
     order = sorted(evidence, key=lambda term: -excess[term])
     exceeding = with_families(exceeds, known) & known
     tried = {term for term in order[: THRESHOLDS.leading_fitted] if excess[term] > THRESHOLDS.fitting_excess}
@@ -313,17 +303,8 @@ def _round(
         tried = with_families({trial.candidate.term for trial in accepted[:1]}, known)
         if tried <= fits.keys():
             z_score |= {trial.candidate.term: 0.0 for trial in trials if _is_of_numerics(trial)}
-            return Round(
-                base,
-                evidence,
-                excess,
-                z_score,
-                exceeding=frozenset(exceeding),
-                trials=trials,
-                accepted=accepted,
-                clock_z_score=clock_z_score,
-                contradicted=contradicted,
-            )
+            results = {"trials": trials, "accepted": accepted, "contradicted": contradicted}
+            return screened(base=base, exceeding=frozenset(exceeding), **results)
 
 
 def lane_change_trials(solver: Solver, base: Base, checked: Measured) -> list[Trial]:
