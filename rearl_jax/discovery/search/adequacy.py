@@ -232,7 +232,7 @@ def _beyond_chance(energy: Energy, parts: Parts, chance: Sequence[Parts]) -> flo
     def grows(parts: Parts) -> float:
         return _surely(np.concatenate([_energy_scores(energy(residuals), residuals) for residuals in parts]))
 
-    return grows(parts) - max(float(np.mean([grows(parts) for parts in chance])), 0.0)
+    return grows(parts) - max(float(np.mean([grows(replicate) for replicate in chance])), 0.0)
 
 
 def _energy_scores(square: Float[np.ndarray, "steps pieces"], residuals: Residuals) -> Float[np.ndarray, " drivers"]:
