@@ -19,7 +19,18 @@ TEXTS = [
     *MODULES,
     *TESTS,
     *sorted((ROOT / "conf").rglob("*.yaml")),
-    *(ROOT / name for name in ("README.md", "CHANGELOG.md", "CITATION.cff", "LICENSE", "Makefile", "pyproject.toml", "constraints.txt")),
+    *(
+        ROOT / name
+        for name in (
+            "README.md",
+            "CHANGELOG.md",
+            "CITATION.cff",
+            "LICENSE",
+            "Makefile",
+            "pyproject.toml",
+            "constraints.txt",
+        )
+    ),
     ROOT / ".ci" / "run",
 ]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))

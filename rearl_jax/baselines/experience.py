@@ -65,10 +65,10 @@ def collect(
     # As in `core.rollout.rollout`: XLA must not propagate constants of the initial state into the loop.
     state, drivers = lax.optimization_barrier((state, drivers))
 
-    def second(driven: Driven, number: Int[Array, ""]) -> tuple[Driven, tuple[PolicyInput, tuple[Array, ...]]]:
+    def second(driven: Driven, second_number: Int[Array, ""]) -> tuple[Driven, tuple[PolicyInput, tuple[Array, ...]]]:
         given = policy_input(driven[0], drivers, model, options)
         logits = network.actor(given.observation)
-        action = drawn_actions(jax.random.fold_in(key, number), logits, given.admissible)
+        action = drawn_actions(jax.random.fold_in(key, second_number), logits, given.admissible)
         log_share = share_of_action(log_probabilities(logits, given.admissible), action)
         after = drive(driven, action, given, drivers, model, options)
         end = after[0]
@@ -86,7 +86,7 @@ def collect(
 def share_of_action(shares: Float[Array, "actions *batch"], action: Int[Array, "*batch"]) -> Float[Array, "*batch"]:
     """The entry of each action; 0 for NO_ACTION."""
     return sum(
-        (jnp.where(action == number, shares[number], 0.0) for number in range(N_ACTIONS)),
+        (jnp.where(action == index, shares[index], 0.0) for index in range(N_ACTIONS)),
         start=jnp.zeros(action.shape, shares.dtype),
     )
 

@@ -124,8 +124,8 @@ def loss(network: ActorCritic, decisions: Decisions, ppo: PpoConfig) -> tuple[Sc
     shares = log_probabilities(network.actor(decisions.observation), decisions.admissible)
     change = share_of_action(shares, decisions.action) - decisions.log_share
     ratio = jnp.exp(change)
-    held = jnp.clip(ratio, 1 - ppo.clip, 1 + ppo.clip)
-    policy = -mean(jnp.minimum(ratio * advantage, held * advantage))
+    clipped = jnp.clip(ratio, 1 - ppo.clip, 1 + ppo.clip)
+    policy = -mean(jnp.minimum(ratio * advantage, clipped * advantage))
     value = mean((network.critic(decisions.observation)[0] - decisions.target) ** 2)
     surprise = jnp.where(decisions.admissible, jnp.exp(shares) * shares, 0.0)
     entropy = -mean(jnp.sum(surprise, axis=0))

@@ -103,7 +103,7 @@ def training_keys(
     numbers.
     """
     run_key = jax.random.fold_in(jax.random.key(seed), jnp.uint32(FIRST_RUN) + update.astype(jnp.uint32))
-    keys = jax.vmap(lambda number: jax.random.fold_in(run_key, number))(jnp.arange(n_scenarios, dtype=jnp.uint32))
+    keys = jax.vmap(lambda scenario: jax.random.fold_in(run_key, scenario))(jnp.arange(n_scenarios, dtype=jnp.uint32))
     return keys, jax.random.fold_in(run_key, ACTION_STREAM)
 
 
@@ -120,8 +120,8 @@ def make_update(ppo: PpoConfig, admissible: AdmissibleConfig, core: CoreConfig) 
     options = DrivingOptions(admissible, ppo.longitudinal)
     optimiser = _optimiser(ppo, core)
 
-    def update(learner: Learner, seed: Int[Array, ""], number: Int[Array, ""]) -> tuple[Learner, Point]:
-        keys, noise = training_keys(seed, number, ppo.scenarios)
+    def update(learner: Learner, seed: Int[Array, ""], update_number: Int[Array, ""]) -> tuple[Learner, Point]:
+        keys, noise = training_keys(seed, update_number, ppo.scenarios)
         action_key, order_key = jax.random.split(noise)
         dtype = jnp.dtype(core.dtype.name)
         state, drivers = spawn(keys, model, n_vehicles=core.n_vehicles, density=core.density, dtype=dtype)
@@ -163,7 +163,7 @@ def point_of(seen: Drive, losses: Losses) -> Point:
     """Figures of the rollouts of one update."""
     drives, decides = seen.drives, seen.decides
     n_decisions = jnp.maximum(jnp.sum(decides, dtype=jnp.int32), 1).astype(jnp.float32)
-    shares = [jnp.sum(decides & (seen.action == number), dtype=jnp.int32) for number in range(len(ACTION_NAMES))]
+    shares = [jnp.sum(decides & (seen.action == action), dtype=jnp.int32) for action in range(len(ACTION_NAMES))]
     n_drives = jnp.sum(drives, dtype=jnp.int32).astype(jnp.float32)
     return Point(
         gain=jnp.mean(jnp.sum(jnp.where(drives, seen.reward, 0.0), axis=0)),
@@ -188,15 +188,15 @@ def train(
     learner, curve, n_before = _restored(config, study, learner, curve)
     progress(n_before, n_updates)
     begin = time.perf_counter()
-    for number in range(n_before, n_updates):
-        learner, point = program.update(learner, seed, jnp.int32(number))
+    for update_number in range(n_before, n_updates):
+        learner, point = program.update(learner, seed, jnp.int32(update_number))
         if not np.isfinite(point.losses.total):
-            message = f"must be lower: the training has diverged in update {number + 1} of {n_updates}"
+            message = f"must be lower: the training has diverged in update {update_number + 1} of {n_updates}"
             problem = Problem("diverged", message, key="ppo.learning_rate", value=f"{config.ppo.learning_rate:g}")
             raise InvalidInputError(problem)
         for values, value in zip(jax.tree.leaves(curve), jax.tree.leaves(point), strict=True):
-            values[number] = value
-        done = number + 1
+            values[update_number] = value
+        done = update_number + 1
         if done % config.ppo.checkpoint_every == 0 or done == n_updates:
             study.write_bytes(CHECKPOINT, _checkpoint(config, learner, curve, done))
         progress(done, n_updates)
@@ -238,15 +238,15 @@ def curve_table(training: Training, batch: int) -> pd.DataFrame:
     `left`, `keep`, `right`, `faster`, `slower`, and `loss`, `policy_loss`, `value_loss`, `entropy`, `divergence`,
     `clipped_share`.
     """
-    curve, number = training.curve, np.arange(1, len(training.curve.gain) + 1)
+    curve, update_number = training.curve, np.arange(1, len(training.curve.gain) + 1)
     losses = curve.losses
     columns = {
-        "update": number.astype(np.int32),
-        "car_steps": number * batch,
+        "update": update_number.astype(np.int32),
+        "car_steps": update_number * batch,
         "return": curve.gain,
         "crashed": curve.crashed,
         "speed": curve.speed,
-        **{name: curve.actions[:, at] for at, name in enumerate(ACTION_NAMES)},
+        **{name: curve.actions[:, action] for action, name in enumerate(ACTION_NAMES)},
         "loss": losses.total,
         "policy_loss": losses.policy,
         "value_loss": losses.value,

@@ -27,8 +27,8 @@ def continuous_distances(
 def _to_centre(
     curves: Float[np.ndarray, "features points curves"], centre: Float[np.ndarray, "features vertices 1"]
 ) -> Float[np.ndarray, " curves"]:
-    ends = [np.sqrt(((curves[:, at] - centre[:, at]) ** 2).sum(axis=0)) for at in (0, -1)]
-    low = np.maximum(*ends)
+    end_distances = [np.sqrt(((curves[:, end] - centre[:, end]) ** 2).sum(axis=0)) for end in (0, -1)]
+    low = np.maximum(*end_distances)
     # Any monotone coupling of vertices is a path in the free space: the discrete distance is an upper bound.
     high = coupled_distances(np.sqrt(((curves[:, :, None] - centre[:, None]) ** 2).sum(axis=0)))[-1, -1]
     easy = _is_within(curves, centre, low)
@@ -54,10 +54,10 @@ def _is_within(
     at_end = ((curves[:, -1] - centre[:, -1]) ** 2).sum(axis=0) <= slack**2
     free_below = _free(curves[:, 0, None], centre[:, :-1], centre[:, 1:], slack)
     bottom = _from_start(free_below, at_start)
-    free_beside = _free(centre[:, :1], curves[:, :-1], curves[:, 1:], slack)
-    beside = _from_start(free_beside, at_start)
+    free_left = _free(centre[:, :1], curves[:, :-1], curves[:, 1:], slack)
+    left_border = _from_start(free_left, at_start)
     for i in range(n_edges):
-        left = beside[0][i], beside[1][i]
+        left = left_border[0][i], left_border[1][i]
         free_top = _free(curves[:, i + 1, None], centre[:, :-1], centre[:, 1:], slack)
         top_low, top_high = np.empty_like(free_top[0]), np.empty_like(free_top[1])
         for j in range(n_sides):

@@ -75,8 +75,8 @@ def scene_figure(
     held_out = np.zeros(len(coordinates), dtype=bool)
     held_out[np.concatenate([splits.evaluation, splits.tuning])] = True
     for chosen, marker in ((~held_out, "o"), (held_out, "x")):
-        at = chosen & (scene_clusters.labels >= 0)
-        axes.scatter(*coordinates[at].T, c=colours[at], marker=marker, s=18, linewidths=1.0)
+        shown = chosen & (scene_clusters.labels >= 0)
+        axes.scatter(*coordinates[shown].T, c=colours[shown], marker=marker, s=18, linewidths=1.0)
     chosen = scene_clusters.representatives
     axes.scatter(*coordinates[chosen].T, c=colours[chosen], marker="*", s=150, edgecolors="black", linewidths=0.9)
     for reference, scene in enumerate(chosen):
@@ -101,8 +101,8 @@ def search_figure(config: ClusterTask, trace: pd.DataFrame, *, generated: bool) 
     drawing.set_title(left, f"best: k = {best['k']}, l = {best['l']}, iterations = {best['iterations']}")
     table = np.full((len(config.bo.l), len(config.bo.k)), np.nan)
     for k, l, value in zip(trace["k"], trace["l"], objective, strict=True):  # noqa: E741 - the name in the field
-        at = config.bo.l.index(l), config.bo.k.index(k)
-        table[at] = np.fmax(table[at], value)
+        cell = config.bo.l.index(l), config.bo.k.index(k)
+        table[cell] = np.fmax(table[cell], value)
     image = right.imshow(table, origin="lower", aspect="auto", cmap="viridis")
     right.set(xlabel="k", ylabel="l")
     right.set_xticks(range(len(config.bo.k)), [str(k) for k in config.bo.k])

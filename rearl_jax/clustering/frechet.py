@@ -58,10 +58,10 @@ def _to_centre(
 
     def squared(diagonal: Int[Array, ""]) -> Float[Array, "vertices curves"]:
         difference = lax.dynamic_slice_in_dim(backwards, last - diagonal, n_vertices, axis=1) - centre
-        total = difference[0] * difference[0]
+        squared_sum = difference[0] * difference[0]
         for feature in range(1, difference.shape[0]):
-            total = total + difference[feature] * difference[feature]
-        return total
+            squared_sum = squared_sum + difference[feature] * difference[feature]
+        return squared_sum
 
     def step(before, diagonal):
         one, two = before  # the last anti-diagonal and the one before, below a row at infinity

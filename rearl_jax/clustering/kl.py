@@ -161,8 +161,8 @@ def moved(
         members = np.flatnonzero(labels == label)
         if not len(members):
             continue
-        most = kl.sample if kl.update is KlUpdate.medoid else kl.members
-        members = np.sort(rng.choice(members, min(most, len(members)), replace=False))
+        n_most = kl.sample if kl.update is KlUpdate.medoid else kl.members
+        members = np.sort(rng.choice(members, min(n_most, len(members)), replace=False))
         chosen = np.ascontiguousarray(curves.curves[:, :, members])
         if kl.update is KlUpdate.medoid:
             candidates = simplified(chosen, shortcut_errors(chosen), result.shape[2])
@@ -179,7 +179,7 @@ def _centred(
     members = members.astype(np.float64)
     middle = enclosing_ball if kl.update is KlUpdate.fsa else _mean
     coupled = aligned(members, centre)
-    return np.stack([middle(members[:, at], kl.ball_steps) for at in coupled], axis=1)
+    return np.stack([middle(members[:, aligned_points], kl.ball_steps) for aligned_points in coupled], axis=1)
 
 
 def enclosing_ball(points: Float[np.ndarray, "features points"], steps: int) -> Float[np.ndarray, " features"]:

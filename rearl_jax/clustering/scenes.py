@@ -151,17 +151,19 @@ def references_of(scenes: SceneSet, clusters: SceneClusters, config: ClusterConf
     of equally frequent ones. Each reference represents the fitted scenes of its cluster.
     """
     members = [clusters.members(cluster) for cluster in range(len(clusters.centres))]
-    sizes = np.array([len(at) for at in members])
+    sizes = np.array([len(of_cluster) for of_cluster in members])
     if config.representative is Representative.medoid:
         chosen = clusters.representatives
         speed, spacing = scenes.scaled_speed[chosen], scenes.spacing[chosen]
         mean_spacing, action = scenes.mean_spacing[chosen], scenes.action[chosen]
     else:
         speed, spacing, mean_spacing = (
-            np.stack([values[at].mean(axis=0) for at in members])
+            np.stack([values[of_cluster].mean(axis=0) for of_cluster in members])
             for values in (scenes.scaled_speed, scenes.spacing, scenes.mean_spacing)
         )
-        votes = np.stack([[(scenes.action[at] == a).sum(axis=0) for a in range(_N_ACTIONS)] for at in members])
+        votes = np.stack(
+            [[(scenes.action[of_cluster] == a).sum(axis=0) for a in range(_N_ACTIONS)] for of_cluster in members]
+        )
         action = votes.argmax(axis=1)
     return References(
         speed=jnp.asarray(speed, jnp.float32),

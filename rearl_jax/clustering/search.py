@@ -89,7 +89,7 @@ def search(
 
     Args:
         curves: All training curves.
-        kl: Everything that is not searched.
+        kl: Keys of the clustering; the search replaces `k`, `l` and `iterations`.
         bo: The grid and the budget.
         study: Folder in which the trace is stored after every evaluation and from which the search is resumed; None
             keeps the trace in memory only.
@@ -141,8 +141,8 @@ class Objective:
 
 def simplified_silhouette(distances: Float32[np.ndarray, "centres curves"]) -> float:
     """mean((b - a) / max(a, b)); 0 for a curve equally near to two centres."""
-    own, other = np.sort(distances.astype(np.float64), axis=0)[:2]
-    return float(np.mean(np.where(other > 0, (other - own) / np.where(other > 0, other, 1), 0)))
+    nearest, second = np.sort(distances.astype(np.float64), axis=0)[:2]
+    return float(np.mean(np.where(second > 0, (second - nearest) / np.where(second > 0, second, 1), 0)))
 
 
 def with_cell(kl: KlConfig, cell: tuple[int, int, int]) -> KlConfig:
@@ -189,15 +189,15 @@ def _proposed(
         # The last proposal of each acquisition is judged by the model that includes the last outcome.
         gains = gains + mean[[last.ei, last.pi, last.lcb]]
     mean, deviation = mean[unseen], deviation[unseen]
-    ahead = mean - best - _MARGIN
-    z = ahead / deviation
-    scores = (ahead * norm.cdf(z) + deviation * norm.pdf(z), norm.cdf(z), mean + _KAPPA * deviation)
+    improvement = mean - best - _MARGIN
+    z = improvement / deviation
+    scores = (improvement * norm.cdf(z) + deviation * norm.pdf(z), norm.cdf(z), mean + _KAPPA * deviation)
     proposals = [int(unseen[np.argmax(score)]) for score in scores]
     weight = np.exp(_ETA * (gains - gains.max()))
     choice = int(rng.choice(len(ACQUISITIONS), p=weight / weight.sum()))
-    kept: dict[str, Any] = dict(zip(ACQUISITIONS, proposals, strict=True))
-    kept |= {f"gain_{name}": float(gain) for name, gain in zip(ACQUISITIONS, gains, strict=True)}
-    return proposals[choice], {"chosen_by": ACQUISITIONS[choice], **kept}
+    record: dict[str, Any] = dict(zip(ACQUISITIONS, proposals, strict=True))
+    record |= {f"gain_{name}": float(gain) for name, gain in zip(ACQUISITIONS, gains, strict=True)}
+    return proposals[choice], {"chosen_by": ACQUISITIONS[choice], **record}
 
 
 def _posterior(

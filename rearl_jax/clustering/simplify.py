@@ -67,33 +67,45 @@ def _from_point(points: Float[np.ndarray, "curves features rest"]) -> Float[np.n
     between = np.tri(points.shape[2] - 1, k=-1, dtype=bool)
     square = (offset**2).sum(axis=1)[:, None, :]
     # |o - s e|^2 for the share s of the edge e.
-    beside = np.maximum(square - along**2 * a[:, :, None], 0.0)
+    squared_distance = np.maximum(square - along**2 * a[:, :, None], 0.0)
 
     def apart(share: np.ndarray) -> np.ndarray:
-        distance = np.sqrt(beside + (share - along) ** 2 * a[:, :, None])
+        distance = np.sqrt(squared_distance + (share - along) ** 2 * a[:, :, None])
         return np.where(between, distance, 0.0).max(axis=2)
 
-    at = np.clip(along, 0.0, 1.0)
-    low = apart(at)
-    high = apart(np.maximum.accumulate(np.where(between, at, 0.0), axis=2))
+    nearest_share = np.clip(along, 0.0, 1.0)
+    low = apart(nearest_share)
+    high = apart(np.maximum.accumulate(np.where(between, nearest_share, 0.0), axis=2))
     curve, end = np.nonzero(high - low > 1e-12)
     if len(curve):
         high[curve, end] = _bisected(
-            low[curve, end], high[curve, end], along[curve, end], beside[curve, end], a[curve, end], between[end]
+            low[curve, end],
+            high[curve, end],
+            along[curve, end],
+            squared_distance[curve, end],
+            a[curve, end],
+            between[end],
         )
     return high
 
 
 def _bisected(
-    low: np.ndarray, high: np.ndarray, along: np.ndarray, beside: np.ndarray, a: np.ndarray, between: np.ndarray
+    low: np.ndarray,
+    high: np.ndarray,
+    along: np.ndarray,
+    squared_distance: np.ndarray,
+    a: np.ndarray,
+    between: np.ndarray,
 ) -> Float[np.ndarray, " shortcuts"]:
     """Errors of segments whose points step back when projected."""
     for _ in range(_STEPS):
         middle = 0.5 * (low + high)
-        half = np.sqrt(np.maximum(middle[:, None] ** 2 - beside, 0.0) / np.where(a > 0.0, a, 1.0)[:, None])
+        half = np.sqrt(np.maximum(middle[:, None] ** 2 - squared_distance, 0.0) / np.where(a > 0.0, a, 1.0)[:, None])
         first = np.maximum.accumulate(np.where(between, along - half, 0.0), axis=1)
         # Within the radius, and the earliest point in order is not beyond the last one allowed.
-        within = (~between | ((middle[:, None] ** 2 >= beside) & (np.maximum(first, 0.0) <= along + half))).all(axis=1)
+        within = (
+            ~between | ((middle[:, None] ** 2 >= squared_distance) & (np.maximum(first, 0.0) <= along + half))
+        ).all(axis=1)
         within &= (~between | (along - half <= 1.0)).all(axis=1)
         low, high = np.where(within, low, middle), np.where(within, middle, high)
     return high

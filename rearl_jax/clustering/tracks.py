@@ -90,9 +90,9 @@ class FeatureScale:
 
 def seen_in(tracks: TrackSet, scenes: SceneSet, indices: Int[np.ndarray, " scenes"]) -> Bool[np.ndarray, " tracks"]:
     """Mask of tracks that are picked in any snapshot of some scenes."""
-    at = track_index(tracks, scenes, indices)
+    index = track_index(tracks, scenes, indices)
     is_seen = np.zeros(len(tracks), dtype=bool)
-    is_seen[at[at >= 0]] = True
+    is_seen[index[index >= 0]] = True
     return is_seen
 
 
@@ -106,9 +106,9 @@ def track_index(
         start, stop = bounds.get(str(scenes.recording[scene]), (0, 0))
         known = tracks.track_id[start:stop]  # rising in a recording
         wanted = scenes.track_id[scene]
-        at = np.minimum(np.searchsorted(known, wanted), max(len(known) - 1, 0))
+        found = np.minimum(np.searchsorted(known, wanted), max(len(known) - 1, 0))
         if len(known):
-            result[place] = np.where(known[at] == wanted, start + at, -1)
+            result[place] = np.where(known[found] == wanted, start + found, -1)
     return result
 
 

@@ -13,11 +13,13 @@ class Proposer(Enum):
     """Source of the shares of aggressive and defensive drivers and of trucks."""
 
     stats = "stats"
-    """The recordings: the shares among the vehicles of the threshold scenes."""
+    """The recordings: the shares among the vehicles of the threshold scenes, the part of the scenes that thresholds of
+    detection are computed from.
+    """
     llm = "llm"
     """A language model that receives the results of earlier rounds; decision.server names its server."""
     search = "search"
-    """No proposer: all points of a grid are simulated, the best is selected."""
+    """A grid: all its points are simulated, and the best one is selected."""
 
 
 @dataclass(unsafe_hash=True)
@@ -27,15 +29,20 @@ class CriticalConfig:
     proposer: Proposer = key(
         Proposer.stats, "stats: as in the recordings (own choice); llm: a language model (CRITICAL); search: a grid"
     )
-    rounds: int = key(5, "rounds of proposer=llm, each a simulation and a new proposal of shares; own choice")
-    rollouts: int = key(16, "rollouts per round or grid point, from initial states that no evaluation uses; own choice")
-    attempts: int = key(5, "invalid answers of a language model per round before the shares stay as they are; CRITICAL")
-    history: int = key(5, "past rounds shown to the language model; CRITICAL")
+    rounds: int = key(5, "rounds of proposer=llm, each a new proposal of shares and its simulation (own choice)")
+    rollouts: int = key(
+        16, "rollouts per round or grid point, from initial states that no evaluation uses (own choice)"
+    )
+    attempts: int = key(
+        5, "invalid answers of a language model per round before the shares stay as they are (CRITICAL)"
+    )
+    history: int = key(5, "past rounds shown to the language model (CRITICAL)")
     max_tokens: int = key(
-        256, "longest answer of the language model [tokens], if llm.max_tokens is not larger; own choice"
+        256, "limit of an answer's length [tokens]; the larger of this and llm.max_tokens applies (own choice)"
     )
     ratios: tuple[float, float, float] | None = key(
-        None, "fixed shares [aggressive, defensive, truck], the rest is regular; null = chosen by the proposer"
+        None,
+        "fixed shares [aggressive, defensive, truck], the rest is regular; null = chosen by the proposer",
     )
 
     def check(self) -> None:

@@ -21,7 +21,7 @@ from rearl_jax.core.state import Controller, TrafficState
 
 
 class Motion(eqx.Module):
-    """Where replayed vehicles are, as in `ReplayedVehicles`, at one time or several."""
+    """Motion of replayed vehicles at one time or several; fields as in `ReplayedVehicles`."""
 
     x: Float[Array, "*times replayed scenes"]
     speed: Float[Array, "*times replayed scenes"]
@@ -58,13 +58,13 @@ class Entrants(eqx.Module):
 
 
 class BoundarySecond(eqx.Module):
-    """What was recorded around the traffic in one second.
+    """Recorded traffic around the simulated vehicles in one second.
 
     Attributes:
         motion: Replayed vehicles at the beginning of each step.
-        identity: Which they are.
+        identity: Identity of the replayed vehicles.
         entrants: Vehicles that enter at the end of the second.
-        after: Replayed vehicles at its end, when those have entered.
+        after: Replayed vehicles at the end of the second, after the entrants have entered.
     """
 
     motion: Motion
@@ -74,11 +74,12 @@ class BoundarySecond(eqx.Module):
 
 
 class Boundary(eqx.Module):
-    """What was recorded around the simulated vehicles of some scenes.
+    """Recorded traffic around the simulated vehicles of some scenes.
 
     Attributes:
         motion: Replayed vehicles at the beginning of each step of each second, `[seconds, steps, replayed, scenes]`.
-        identity: Which they are, `[seconds, replayed, scenes]`; a place may hold another one in the next second.
+        identity: Identity of the replayed vehicles, `[seconds, replayed, scenes]`; a place may hold
+            another one in the next second.
         entrants: Vehicles that enter at the end of each second, `[seconds, vehicles, scenes]`.
         scene: Scene of each scenario.
     """
@@ -139,13 +140,13 @@ def cut_desired_speed(
     return speed if own is None else jnp.minimum(jnp.broadcast_to(own, highest.shape), highest)
 
 
-def enter(state: TrafficState, around: BoundarySecond, drivers: Drivers, model: TrafficModel) -> TrafficState:
+def enter(state: TrafficState, boundary_second: BoundarySecond, drivers: Drivers, model: TrafficModel) -> TrafficState:
     """State in which vehicles have taken the places of others at the end of a second.
 
     They are in the middle of their lane, as fast as recorded, driven by the drivers of their places, who remember
     nothing.
     """
-    new = around.entrants
+    new = boundary_second.entrants
     zeros, nobody = jnp.zeros_like(state.x), jnp.zeros_like(state.crashed)
     period = drivers.mobil.decision_period
     entered = replace(
@@ -174,7 +175,7 @@ def enter(state: TrafficState, around: BoundarySecond, drivers: Drivers, model: 
         return jnp.where(new.is_new, first, second) if second.shape[-len(shape) :] == shape else second
 
     state = jax.tree.map(chosen, entered, replace(state, memory=None))
-    fresh = begin_driving(state, drivers, model, around.after)
+    fresh = begin_driving(state, drivers, model, boundary_second.after)
     return replace(state, memory=jax.tree.map(chosen, fresh.memory, memory))
 
 

@@ -58,7 +58,7 @@ def apply_where(
     Args:
         is_affected: Scenarios to treat.
         function: From arrays `[n_vehicles, *n_scenarios]` to such arrays, without mixing scenarios.
-        operands: Its argument; leaves may have a scenario axis of length 1.
+        operands: Argument of the function; leaves may have a scenario axis of length 1.
         otherwise: Result of the scenarios not affected.
     """
     if is_affected.ndim == 0:

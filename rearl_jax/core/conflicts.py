@@ -51,14 +51,14 @@ def abort_conflicts(
     # replayed vehicle is changing to.
     without_others = replace(derived, nearest=None, replayed=None)
     known = replace(state, memory=None), without_others, drivers.car_following, drivers.body.length
-    state, derived, own, length = lax.stop_gradient(known)
+    state, derived, car_following, length = lax.stop_gradient(known)
     changing = decides(state, drivers) & (derived.lane != state.target_lane)
 
     def among_all() -> Int[Array, "vehicles *scenarios"]:
-        return _solve_where_needed((decided_lane, changing, state, derived, own, length))
+        return _solve_where_needed((decided_lane, changing, state, derived, car_following, length))
 
     def among(subset: Subset) -> Int[Array, "vehicles *scenarios"]:
-        own_state, *others = jax.tree.map(subset.gather, (state, derived, own, length))
+        own_state, *others = jax.tree.map(subset.gather, (state, derived, car_following, length))
 
         def if_there(lane: Array) -> Array:
             return jnp.where(subset.is_filled, lane, NOWHERE)
@@ -102,13 +102,13 @@ def _solve_where_needed(conflict: _Conflict) -> Int[Array, "n *s"]:
 
 def _solve(conflict: _Conflict) -> Int[Array, "n *s"]:
     """Target lanes, the fixed point of `_is_blocked`."""
-    decided_lane, changing, state, derived, own, length = conflict
+    decided_lane, changing, state, derived, car_following, length = conflict
     n_filled = state.x.shape[0]
     if is_large(n_filled):
         n_filled = jnp.max(jnp.sum(state.target_lane != NOWHERE, axis=0))  # the first places of a subset are filled
 
     def iterate(lanes: Int[Array, "n *s"]) -> Int[Array, "n *s"]:
-        is_blocked = _is_blocked(lanes, state, derived, own, length, n_filled)
+        is_blocked = _is_blocked(lanes, state, derived, car_following, length, n_filled)
         return jnp.where(changing & is_blocked, derived.lane, decided_lane)
 
     def has_changed(rounds: tuple[Array, Array]) -> Array:
@@ -122,7 +122,7 @@ def _is_blocked(
     lanes: Int[Array, "vehicles *scenarios"],
     state: TrafficState,
     derived: DerivedState,
-    own: CarFollowing,
+    car_following: CarFollowing,
     length: Float[Array, "#vehicles *#scenarios"],
     n_filled: int | Array,
 ) -> Bool[Array, "vehicles *scenarios"]:
@@ -134,7 +134,7 @@ def _is_blocked(
     def compare(other: Int[Array, ""], blocked: Array) -> Array:
         ahead_by = row(state.x, other) - state.x
         dv = approach_rate(derived, Leader(ahead_by, row(derived.speed_x, other), row(derived.speed_y, other)))
-        wanted = own.desired_spacing(length, state.speed, dv)
+        wanted = car_following.desired_spacing(length, state.speed, dv)
         other_target = jnp.where(other < index, row(lanes, other), row(state.target_lane, other))
         same_target = (other_target == state.target_lane) & (row(derived.lane, other) != state.target_lane)
         return blocked | (same_target & (ahead_by > 0) & (ahead_by < wanted))

@@ -93,12 +93,12 @@ def drive_by_gaps(state: TrafficState, derived: DerivedState, drivers: Drivers, 
 
     def on_target_lane() -> Float[Array, "vehicles *scenarios"]:
         (ahead,) = find_ahead(state, derived, vehicles, state.target_lane, 1)
-        there = replace(seen, **in_front(ahead, vehicles), has_second=jnp.zeros_like(state.x))
-        return respond(there, adjust_setpoints(there, driver, effects, effect_memory), effects, effect_memory)
+        seen_there = replace(seen, **in_front(ahead, vehicles), has_second=jnp.zeros_like(state.x))
+        return respond(seen_there, adjust_setpoints(seen_there, driver, effects, effect_memory), effects, effect_memory)
 
     is_changing = (state.controller != Controller.ABSENT) & (derived.lane != state.target_lane)
     nothing = jnp.zeros_like(state.x)
-    own = jnp.maximum(respond(perceived, present, effects, effect_memory), stopping)
+    own_acceleration = jnp.maximum(respond(perceived, present, effects, effect_memory), stopping)
     target = jnp.maximum(if_any(is_changing, on_target_lane, nothing), stopping)
     left = right = nothing
     target_lane, side = state.target_lane, memory.desired_side
@@ -116,7 +116,7 @@ def drive_by_gaps(state: TrafficState, derived: DerivedState, drivers: Drivers, 
         return jnp.where(lane == state.target_lane, target, beside)
 
     memory = DriverMemory(memory.n_ticks + 1, history, effect_memory, side)
-    return Driving(replace(state, memory=memory), own, target_lane, on_lane)
+    return Driving(replace(state, memory=memory), own_acceleration, target_lane, on_lane)
 
 
 def _own_driver(state: TrafficState, drivers: Drivers, model: TrafficModel) -> CarFollowing:

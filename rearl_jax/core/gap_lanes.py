@@ -101,12 +101,12 @@ def compare_lanes(
         sides.append(side_lane(direction, leader, follower, others, vehicles))
         leaders.append(options.acceleration_behind(leader))
         followers.append(options.follower_behind_self(follower))
-    own = options.acceleration_behind(options.leader)
-    accelerations = LaneAccelerations(own, *leaders, *followers, *(side.gain_of_others for side in sides))
+    own_acceleration = options.acceleration_behind(options.leader)
+    accelerations = LaneAccelerations(own_acceleration, *leaders, *followers, *(side.gain_of_others for side in sides))
     gains = list(lane_gains(accelerations, drivers, model))
-    for number, side in enumerate(sides):
+    for index, side in enumerate(sides):
         for effect, memory in zip(drivers.effects, options.memory, strict=True):
-            gains[number] = effect.incentive(gains[number], side, options.seen, memory)
+            gains[index] = effect.incentive(gains[index], side, options.seen, memory)
     return accelerations, (gains[0], gains[1])
 
 

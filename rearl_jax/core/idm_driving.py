@@ -43,15 +43,15 @@ def drive_by_idm(state: TrafficState, derived: DerivedState, drivers: Drivers, m
     free = drivers.car_following.free_acceleration_at(speed_ratio=derived.speed_ratio)
 
     everyone = state, derived, free, drivers
-    own = if_any(follows, lambda: _behind_leader(everyone, derived.lane), jnp.zeros_like(state.x))
+    own_acceleration = if_any(follows, lambda: _behind_leader(everyone, derived.lane), jnp.zeros_like(state.x))
 
     def on_lane(lane: Int[Array, "vehicles *scenarios"]) -> Float[Array, "vehicles *scenarios"]:
         return _behind_other_leader(everyone, lane, follows & (lane != derived.lane))
 
     target_lane = state.target_lane
     if model.lane_changes:
-        target_lane = _choose_lanes(state, derived, free, own, drivers, model)
-    return Driving(state, own, target_lane, on_lane)
+        target_lane = _choose_lanes(state, derived, free, own_acceleration, drivers, model)
+    return Driving(state, own_acceleration, target_lane, on_lane)
 
 
 def _behind_leader(followers: _Followers, lane: Array, among: Candidates | None = None) -> Float[Array, "n *s"]:
@@ -83,7 +83,12 @@ def _behind_other_leader(everyone: _Followers, lane: Array, searches: Bool[Array
 
 
 def _choose_lanes(
-    state: TrafficState, derived: DerivedState, free: Array, own: Array, drivers: Drivers, model: TrafficModel
+    state: TrafficState,
+    derived: DerivedState,
+    free: Array,
+    own_acceleration: Array,
+    drivers: Drivers,
+    model: TrafficModel,
 ) -> Int[Array, "vehicles *scenarios"]:
     """Target lanes. In large traffic, and among replayed vehicles, only drivers whose decision is due search the lanes
     beside, block by block.
@@ -92,9 +97,11 @@ def _choose_lanes(
     """
     due = is_due(state, derived, drivers)
     if not _is_treated_in_blocks(derived) and not _is_small_among_replayed(derived):
-        return _decided_lanes((state, derived, free, own, drivers), due, model)
+        return _decided_lanes((state, derived, free, own_acceleration, drivers), due, model)
     # A decision has no derivative.
-    state, derived, free, own, drivers = lax.stop_gradient((state, derived, free, own, drivers))
+    state, derived, free, own_acceleration, drivers = lax.stop_gradient(
+        (state, derived, free, own_acceleration, drivers)
+    )
 
     is_large = _is_treated_in_blocks(derived)
     of_block = _of_block if is_large else _of_block_among_replayed
@@ -102,7 +109,7 @@ def _choose_lanes(
     def decide(block: Block, target_lane: Array) -> Array:
         own_state, own_derived, candidates = of_block(block, state, derived)
         index = block.index if is_large else block.index[None]
-        deciders = own_state, own_derived, *_gathered(index, (free, own, drivers), state)
+        deciders = own_state, own_derived, *_gathered(index, (free, own_acceleration, drivers), state)
         decided = _decided_lanes(deciders, block.is_filled.reshape(index.shape), model, candidates)
         return scatter(decided.ravel(), block.index, block.is_filled, target_lane)
 
@@ -135,14 +142,16 @@ def _of_block(
     assert derived.nearest is not None  # always set in large traffic
     # Drivers' memory has other axes than the gathered arrays.
     candidates = Candidates(replace(state, memory=None), replace(derived, nearest=None))
-    own = _gathered(block.index, candidates, state)
-    return own.state, replace(own.derived, nearest=derived.nearest.of_block(block.index)), candidates
+    gathered = _gathered(block.index, candidates, state)
+    return gathered.state, replace(gathered.derived, nearest=derived.nearest.of_block(block.index)), candidates
 
 
 def _of_block_among_replayed(
     block: Block, state: TrafficState, derived: DerivedState
 ) -> tuple[TrafficState, DerivedState, Candidates]:
-    """The same in small traffic with replayed vehicles: each vehicle has those of its own scenario beside it."""
+    """Vehicles of a block and their candidates in small traffic with replayed vehicles: the candidates of each vehicle
+    are those of its own scenario.
+    """
     n_scenarios = math.prod(state.x.shape[1:])
     scenario = block.index % n_scenarios
 
@@ -150,10 +159,10 @@ def _of_block_among_replayed(
         return jax.tree.map(lambda leaf: gather(leaf, _places(leaf, scenario, n_scenarios), leaf.shape), values)
 
     candidates = Candidates(replace(state, memory=None), replace(derived, replayed=None))
-    own = _gathered(block.index[None], candidates, state)
+    gathered = _gathered(block.index[None], candidates, state)
     among = of_scenarios(candidates)
-    own_derived = replace(own.derived, replayed=of_scenarios(derived.replayed))
-    return own.state, own_derived, Candidates(among.state, among.derived, block.index[None] // n_scenarios)
+    own_derived = replace(gathered.derived, replayed=of_scenarios(derived.replayed))
+    return gathered.state, own_derived, Candidates(among.state, among.derived, block.index[None] // n_scenarios)
 
 
 def _places(leaf: Array, scenario: Int[Array, " block"], n_scenarios: int) -> Int[Array, "n block"]:
@@ -165,6 +174,6 @@ def _decided_lanes(
     deciders: _Deciders, due: Bool[Array, "n *s"], model: TrafficModel, among: Candidates | None = None
 ) -> Int[Array, "n *s"]:
     """Target lanes of the deciders, all of the traffic or some `among` it."""
-    state, derived, free, own, drivers = deciders
-    accelerations = evaluate_lanes(state, derived, free, own, due, drivers, model, among)
+    state, derived, free, own_acceleration, drivers = deciders
+    accelerations = evaluate_lanes(state, derived, free, own_acceleration, due, drivers, model, among)
     return decide_lanes(state, derived, due, accelerations, lane_gains(accelerations, drivers, model), drivers, model)

@@ -72,7 +72,7 @@ class Course(NamedTuple):
 
 
 def wrap_to_pi(angle: Float[Array, "*n"]) -> Float[Array, "*n"]:
-    """The same direction within [-pi, pi) [rad]. Source: highway-env 1.12.1, `utils.wrap_to_pi`."""
+    """Direction within [-pi, pi) [rad]. Source: highway-env 1.12.1, `utils.wrap_to_pi`."""
     turned = angle + np.pi
     return (turned - 2 * np.pi * jnp.floor(turned / (2 * np.pi))) - np.pi
 
@@ -92,7 +92,7 @@ def course(state: TrafficState, derived: DerivedState, sine_of_slip: Float[Array
 
 
 def _course_by_angles(heading: Float[Array, "*n"], sine_of_slip: Float[Array, "*n"]) -> Course:
-    """The same through the steering angle, with the rounding of highway-env."""
+    """Course computed through the steering angle, with the rounding of highway-env."""
     steering = arctangent(2 * jnp.tan(arcsine(sine_of_slip)))
     slip = arctangent(jnp.tan(jnp.clip(steering, -MAX_STEERING, MAX_STEERING)) / 2)
     return Course(cosine(heading + slip), sine(heading + slip), sine(slip))
@@ -119,8 +119,8 @@ def control(
     state: TrafficState,
     derived: DerivedState,
     target_lane: Int[Array, "vehicles *scenarios"],
-    own: Float[Array, "vehicles *scenarios"],
-    on_target: Float[Array, "vehicles *scenarios"],
+    own_acceleration: Float[Array, "vehicles *scenarios"],
+    target_acceleration: Float[Array, "vehicles *scenarios"],
     drivers: Drivers,
     model: TrafficModel,
 ) -> Command:
@@ -132,14 +132,16 @@ def control(
         state: The traffic.
         derived: Derived quantities of the traffic.
         target_lane: Target lanes of the vehicles.
-        own: Car-following accelerations on the own lane [m/s^2].
-        on_target: Car-following accelerations on the target lane, if it differs [m/s^2].
+        own_acceleration: Car-following accelerations on the own lane [m/s^2].
+        target_acceleration: Car-following accelerations on the target lane, if it differs [m/s^2].
         drivers: Parameters of all vehicles.
         model: The road and its clock.
 
     Source: highway-env 1.12.1, `IDMVehicle.act`, `ControlledVehicle.act`, `Vehicle.clip_actions`.
     """
-    following = jnp.where(target_lane == derived.lane, own, jnp.minimum(own, on_target))
+    following = jnp.where(
+        target_lane == derived.lane, own_acceleration, jnp.minimum(own_acceleration, target_acceleration)
+    )
     if drivers.effects:
         following = actuate(following, state.acceleration, drivers.effects, model.dt)
         following = jnp.maximum(following, -jnp.maximum(state.speed, 0.0) / model.dt)  # crashed vehicles brake to rest
@@ -161,17 +163,17 @@ def control(
 
 
 def add_compensated(
-    total: Float[Array, "*n"], step: Float[Array, "*n"], lost: Float[Array, "*n"]
+    sum_so_far: Float[Array, "*n"], step: Float[Array, "*n"], lost: Float[Array, "*n"]
 ) -> tuple[Float[Array, "*n"], Float[Array, "*n"]]:
     """Sum and its accumulated rounding error (Kahan), so that 900 small steps do not drift in float32.
 
     In float64 the plain sum, whose rounding highway-env shares.
     """
-    if total.dtype == jnp.float64:
-        return total + step, lost
+    if sum_so_far.dtype == jnp.float64:
+        return sum_so_far + step, lost
     step = step - lost
-    new = total + step
-    return new, (new - total) - step
+    new_sum = sum_so_far + step
+    return new_sum, (new_sum - sum_so_far) - step
 
 
 def move(

@@ -105,7 +105,7 @@ def _find_simulated_ahead(
     lane: Int[Array, "vehicles *scenarios"],
     n_leaders: int,
 ) -> tuple[Neighbour, ...]:
-    """The same among the simulated vehicles."""
+    """The nearest vehicles ahead on a lane among the simulated ones."""
     own_index = lax.broadcasted_iota(jnp.int32, state.x.shape, 0)
     none = no_neighbour(vehicles)
     if derived.nearest is not None:
@@ -162,7 +162,7 @@ def find_behind(
 def _find_simulated_behind(
     state: TrafficState, derived: DerivedState, vehicles: VehicleState, lane: Int[Array, "vehicles *scenarios"]
 ) -> Neighbour:
-    """The same among the simulated vehicles."""
+    """The nearest vehicle behind on a lane among the simulated ones."""
     none = no_neighbour(vehicles)
     if derived.nearest is not None:
         index = derived.nearest.behind_on(lane)

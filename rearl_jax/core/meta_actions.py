@@ -52,6 +52,6 @@ def apply_meta_actions(
 def _level_speed(level: Int[Array, "*n"], like: Float[Array, "*n"], model: TrafficModel) -> Float[Array, "*n"]:
     """Speed of a level [m/s], exactly as configured."""
     speed = jnp.full_like(like, model.speed_levels[0])
-    for number, value in enumerate(model.speed_levels):
-        speed = jnp.where(level == number, value, speed)
+    for index, value in enumerate(model.speed_levels):
+        speed = jnp.where(level == index, value, speed)
     return speed

@@ -79,7 +79,7 @@ def evaluate_lanes(
     state: TrafficState,
     derived: DerivedState,
     free: Float[Array, "vehicles *scenarios"],
-    own: Float[Array, "vehicles *scenarios"],
+    own_acceleration: Float[Array, "vehicles *scenarios"],
     due: Bool[Array, "vehicles *scenarios"],
     drivers: Drivers,
     model: TrafficModel,
@@ -94,7 +94,7 @@ def evaluate_lanes(
         state: The vehicles that decide.
         derived: Derived quantities of these vehicles.
         free: Acceleration of these vehicles on a free road [m/s^2].
-        own: Acceleration of these vehicles on their own lane [m/s^2].
+        own_acceleration: Acceleration of these vehicles on their own lane [m/s^2].
         due: Vehicles whose decision is due; results for others are undefined.
         drivers: Parameters of these vehicles.
         model: Traffic model; only its road is used.
@@ -112,8 +112,8 @@ def evaluate_lanes(
     def follower_gain(lane: Array) -> Float[Array, "vehicles *scenarios"]:
         leader = find_leader(state, derived, lane, among)
         follower = find_follower(state, derived, lane, among)
-        without = _follower_acceleration(follower, follower.distance + leader.distance, leader, drivers)
-        return _follower_acceleration(follower, follower.distance, derived, drivers) - without
+        before_change = _follower_acceleration(follower, follower.distance + leader.distance, leader, drivers)
+        return _follower_acceleration(follower, follower.distance, derived, drivers) - before_change
 
     def where_due(evaluate: Callable[[Array], Array], lane: Array) -> Array:
         return if_any(due, lambda: evaluate(lane), nothing)
@@ -124,7 +124,7 @@ def evaluate_lanes(
         left_others = where_due(follower_gain, left_lane) - freed
         right_others = where_due(follower_gain, right_lane) - freed
     return LaneAccelerations(
-        own=own,
+        own=own_acceleration,
         left=where_due(behind_leader, left_lane),
         right=where_due(behind_leader, right_lane),
         left_follower=where_due(new_follower, left_lane),
@@ -150,9 +150,9 @@ def lane_gains(
 ) -> tuple[Float[Array, "vehicles *scenarios"], Float[Array, "vehicles *scenarios"]]:
     """Gains of a change to the left and to the right [m/s^2]: own acceleration and, weighted, that of the followers."""
 
-    def gain(there: Array, others: Array) -> Float[Array, "vehicles *scenarios"]:
-        own = there - accelerations.own
-        return own + drivers.mobil.politeness * others if model.cooperative else own
+    def gain(acceleration: Array, others: Array) -> Float[Array, "vehicles *scenarios"]:
+        own_gain = acceleration - accelerations.own
+        return own_gain + drivers.mobil.politeness * others if model.cooperative else own_gain
 
     return gain(accelerations.left, accelerations.left_others), gain(accelerations.right, accelerations.right_others)
 

@@ -160,7 +160,7 @@ class NearestOnLanes(eqx.Module):
         return values.ravel().at[place].get(mode="promise_in_bounds")
 
     def of_block(self, index: Int[Array, " block"]) -> "NearestOnLanes":
-        """The same for some vehicles of whichever scenarios, given by flat indices; only these may then search."""
+        """Tables of some vehicles of whichever scenarios, given by flat indices; only these may then search."""
         ahead, behind = (_gather_words(words, index) for words in (self.ahead, self.behind))
         return replace(self, ahead=ahead, behind=behind, scenario=index % self.n_scenarios)
 
@@ -182,14 +182,16 @@ def scan_along_road(
     fields, n_scenarios = LaneFields(order.shape[0], n_lanes), math.prod(order.shape[1:])
     step = _to_stretches(flat_index(order), filling=order.size)
     on = on_lanes.ravel().at[step].get(mode="fill", fill_value=0)
-    own = fields.insert(step // n_scenarios, on)
-    later, earlier = (_to_vehicles(_last_passed(own, fields, reverse), step, order.shape) for reverse in (True, False))
+    own_fields = fields.insert(step // n_scenarios, on)
+    later, earlier = (
+        _to_vehicles(_last_passed(own_fields, fields, reverse), step, order.shape) for reverse in (True, False)
+    )
     ahead, behind = _correct_abreast(order, x, on_lanes, later, earlier, fields)
     scenario = lax.iota(jnp.int32, n_scenarios).reshape(1, *order.shape[1:])
     return NearestOnLanes(ahead, behind, later, scenario, n_scenarios, fields)
 
 
-def _last_passed(own: Words, fields: LaneFields, reverse: bool) -> Words:
+def _last_passed(own_fields: Words, fields: LaneFields, reverse: bool) -> Words:
     """The last vehicle passed on each lane before every place, scanning along the order or, reversed, against it.
 
     Stretches of the order are scanned in parallel (`_to_stretches`). The last vehicle of a stretch on each lane is then
@@ -199,8 +201,8 @@ def _last_passed(own: Words, fields: LaneFields, reverse: bool) -> Words:
     def pass_by(passed: Words, vehicle: Words) -> tuple[Words, Words]:
         return fields.nearer_of(vehicle, passed), passed
 
-    nobody = jax.tree.map(lambda word: jnp.zeros_like(word[0]), own)
-    last, passed = lax.scan(pass_by, nobody, own, reverse=reverse)
+    nobody = jax.tree.map(lambda word: jnp.zeros_like(word[0]), own_fields)
+    last, passed = lax.scan(pass_by, nobody, own_fields, reverse=reverse)
     nobody = jax.tree.map(jnp.zeros_like, last)
     has_any = functools.reduce(jnp.bitwise_or, last) != 0
     carried = if_any(has_any, lambda: _carried_in(last, fields, reverse), nobody)
@@ -217,9 +219,9 @@ def _carried_in(last: Words, fields: LaneFields, reverse: bool) -> Words:
     n_stretches = last[0].shape[0]
 
     def shifted(words: Words, by: int) -> Words:
-        ends = (0, by) if reverse else (by, 0)
+        padding = (0, by) if reverse else (by, 0)
         kept = slice(by, None) if reverse else slice(0, n_stretches)
-        return jax.tree.map(lambda word: jnp.pad(word, [ends] + [(0, 0)] * (word.ndim - 1))[kept], words)
+        return jax.tree.map(lambda word: jnp.pad(word, [padding] + [(0, 0)] * (word.ndim - 1))[kept], words)
 
     known, reach = shifted(last, 1), 1
     while reach < n_stretches - 1:
@@ -269,8 +271,8 @@ def _correct_abreast(
 
     Arguments as in `scan_along_road`, and the next vehicles later and earlier in the order.
     """
-    along, shape, n_scenarios = take_vehicles(x, order), order.shape, math.prod(order.shape[1:])
-    is_abreast = jnp.pad(along[1:] == along[:-1], [(1, 0)] + [(0, 0)] * (along.ndim - 1))
+    sorted_x, shape, n_scenarios = take_vehicles(x, order), order.shape, math.prod(order.shape[1:])
+    is_abreast = jnp.pad(sorted_x[1:] == sorted_x[:-1], [(1, 0)] + [(0, 0)] * (sorted_x.ndim - 1))
     flat_abreast, vehicle = is_abreast.ravel(), flat_index(order).ravel()
 
     def step_back(place: Array) -> Array:
@@ -278,13 +280,13 @@ def _correct_abreast(
 
     def correct(block: Block, neighbours: tuple[Words, Words]) -> tuple[Words, Words]:
         first_place = lax.while_loop(lambda place: jnp.any(flat_abreast[place]), step_back, block.index)
-        own, first = vehicle[block.index], vehicle[first_place]
+        vehicles, first_vehicles = vehicle[block.index], vehicle[first_place]
 
-        first_fields = fields.insert(first // n_scenarios, gather(on_lanes, first, shape))
-        ahead = fields.nearer_of(first_fields, _gather_words(later, first))
-        ahead = _without_self(own // n_scenarios, ahead, _gather_words(later, own), fields)
-        corrected = ahead, _gather_words(earlier, first)
-        return jax.tree.map(lambda new, old: scatter(new, own, block.is_filled, old), corrected, neighbours)
+        first_fields = fields.insert(first_vehicles // n_scenarios, gather(on_lanes, first_vehicles, shape))
+        ahead = fields.nearer_of(first_fields, _gather_words(later, first_vehicles))
+        ahead = _without_self(vehicles // n_scenarios, ahead, _gather_words(later, vehicles), fields)
+        corrected = ahead, _gather_words(earlier, first_vehicles)
+        return jax.tree.map(lambda new, old: scatter(new, vehicles, block.is_filled, old), corrected, neighbours)
 
     return process_in_blocks(list_vehicles(is_abreast), order.size // 256 + 2, correct, (later, earlier))
 
@@ -295,10 +297,10 @@ def _without_self(index: Int[Array, "vehicles *scenarios"], ahead: Words, later:
     for word, after, lanes in zip(ahead, later, fields.lanes_by_word, strict=True):
         for place in range(len(lanes)):
             field = jnp.uint32(((1 << fields.width) - 1) << (fields.width * place))
-            own = (index.astype(jnp.uint32) | fields.flag) << (fields.width * place)
+            own_field = (index.astype(jnp.uint32) | fields.flag) << (fields.width * place)
             # The field is replaced by adding a difference. The plain form, (word & ~field) | (after & field), chained
             # over four lanes or more, is miscompiled for CPUs with AVX-512 by jaxlib 0.10.2: in random words nearly all
             # results are wrong, and none with --xla_cpu_max_isa=AVX2 or --xla_backend_optimization_level=0.
-            word = jnp.where((word & field) == own, word + ((after & field) - own), word)
+            word = jnp.where((word & field) == own_field, word + ((after & field) - own_field), word)
         chosen.append(word)
     return tuple(chosen)

@@ -100,9 +100,10 @@ class Follower(eqx.Module):
     Attributes:
         distance: Along the road, centre to centre, positive [m].
         speed: Speed [m/s].
-        cos_heading: Cosine of its heading [-].
-        sin_heading: Sine of its heading [-].
-        speed_ratio: Its `DerivedState.speed_ratio` [-]; 1 without a follower, which makes its free acceleration zero.
+        cos_heading: Cosine of the follower's heading [-].
+        sin_heading: Sine of the follower's heading [-].
+        speed_ratio: The follower's `DerivedState.speed_ratio` [-]; 1 without a follower, which makes its free
+            acceleration zero.
     """
 
     distance: Float[Array, "#vehicles *#scenarios"]
@@ -113,12 +114,12 @@ class Follower(eqx.Module):
 
     @property
     def speed_x(self) -> Float[Array, "vehicles *scenarios"]:
-        """Its speed along the road [m/s]."""
+        """Speed along the road [m/s]."""
         return rounded(self.speed * self.cos_heading)
 
     @property
     def speed_y(self) -> Float[Array, "vehicles *scenarios"]:
-        """Its speed across the road [m/s]."""
+        """Speed across the road [m/s]."""
         return rounded(self.speed * self.sin_heading)
 
 
@@ -198,7 +199,7 @@ def find_leader(
 def _find_simulated_leader(
     state: TrafficState, derived: DerivedState, lane: Int[Array, "vehicles *scenarios"], among: Candidates | None
 ) -> Leader:
-    """The same among the simulated vehicles."""
+    """The leader on a lane among the simulated vehicles."""
     if derived.nearest is not None:
         candidates, index = among or Candidates(state, derived), derived.nearest.ahead_on(lane)
         columns = candidates.state.x, candidates.derived.speed_x, candidates.derived.speed_y
@@ -245,7 +246,7 @@ def find_follower(
 def _find_simulated_follower(
     state: TrafficState, derived: DerivedState, lane: Int[Array, "vehicles *scenarios"], among: Candidates | None
 ) -> Follower:
-    """The same among the simulated vehicles."""
+    """The follower on a lane among the simulated vehicles."""
     candidates = among or Candidates(state, derived)
     motion = candidates.derived
     columns = (candidates.state.speed, motion.cos_heading, motion.sin_heading, motion.speed_ratio)

@@ -93,7 +93,7 @@ def _project_corners(first: Rectangle, second: Rectangle) -> Iterator[_Projectio
 
 
 def _project_sizes(first: Rectangle, second: Rectangle) -> Iterator[_Projections]:
-    """The same, counted from the centre of `first`; edges in the order of `_corners`: rear, left, front, right."""
+    """Projections counted from the centre of `first`; edges in the order of `_corners`: rear, left, front, right."""
     between = first.x - second.x, first.y - second.y
     cos = jnp.abs(first.cos * second.cos + first.sin * second.sin)
     sin = jnp.abs(first.sin * second.cos - first.cos * second.sin)

@@ -53,7 +53,7 @@ def frame_of(state: TrafficState, model: TrafficModel) -> Frames:
 
 
 def simulate_second(
-    state: TrafficState, drivers: Drivers, model: TrafficModel, around: BoundarySecond | None = None
+    state: TrafficState, drivers: Drivers, model: TrafficModel, boundary_second: BoundarySecond | None = None
 ) -> TrafficState:
     """State one decision second later.
 
@@ -61,17 +61,17 @@ def simulate_second(
         state: The traffic.
         drivers: Parameters of all vehicles.
         model: Road, clock and stages.
-        around: What was recorded around the traffic in this second; None for a free road. Vehicles that enter at its
-            end are in the state.
+        boundary_second: Recorded traffic around the vehicles in this second; None for a free road. Vehicles that
+            enter at its end are in the state.
     """
     state = sort_if_large(state)
-    if around is not None:
+    if boundary_second is not None:
 
         def step(before: TrafficState, motion: Motion) -> tuple[TrafficState, None]:
-            replayed = replayed_vehicles(motion, around.identity)
+            replayed = replayed_vehicles(motion, boundary_second.identity)
             return step_in_order(before, drivers, model, replayed), None
 
-        return enter(lax.scan(step, state, around.motion)[0], around, drivers, model)
+        return enter(lax.scan(step, state, boundary_second.motion)[0], boundary_second, drivers, model)
     return lax.fori_loop(0, model.ticks_per_second, lambda _, before: step_in_order(before, drivers, model), state)
 
 
@@ -92,7 +92,7 @@ def rollout(
         model: Road, clock and stages.
         n_seconds: Decision seconds to simulate [s].
         actions: Meta-actions at the start of each second, for META vehicles; None for none.
-        boundary: What was recorded around the traffic; None for a free road.
+        boundary: Recorded traffic around the vehicles; None for a free road.
 
     Raises:
         ValueError: The boundary is shorter than the rollout.
@@ -103,13 +103,13 @@ def rollout(
 
     @jax.checkpoint  # a gradient recomputes each second instead of keeping every time step of the rollout
     def second(before: TrafficState, inputs: Any) -> tuple[TrafficState, Frames]:
-        action, around = inputs, None
+        action, boundary_second = inputs, None
         if boundary is not None:
             action, number = inputs
-            around = boundary.second(number)
+            boundary_second = boundary.second(number)
         if action is not None:
             before = apply_meta_actions(before, action, model)
-        after = simulate_second(before, drivers, model, around)
+        after = simulate_second(before, drivers, model, boundary_second)
         return after, frame_of(after, model)
 
     inputs = actions

@@ -30,15 +30,15 @@ def step(
 def step_in_order(
     state: TrafficState, drivers: Drivers, model: TrafficModel, replayed: ReplayedVehicles | None = None
 ) -> TrafficState:
-    """The same from a state whose order along the road is up to date, as it is in every state that comes out."""
+    """State one time step later, from a state whose order along the road is up to date, as it is in every result."""
     derived = derive_state(state, model, replayed)
     drive = drive_by_gaps if drivers.see_gaps else drive_by_idm
-    state, own, target_lane, on_lane = drive(state, derived, drivers, model)
+    state, own_acceleration, target_lane, on_lane = drive(state, derived, drivers, model)
     countdown = state.ticks_to_decision
     if model.lane_changes:
         countdown = restart_countdown(state, derived, drivers)
         target_lane = abort_conflicts(target_lane, state, derived, drivers)
-    command = control(state, derived, target_lane, own, on_lane(target_lane), drivers, model)
+    command = control(state, derived, target_lane, own_acceleration, on_lane(target_lane), drivers, model)
     state = sort_if_large(move(state, derived, target_lane, countdown, command, drivers, model))
     if model.collisions:
         state = collide(state, drivers.body, model)

@@ -92,7 +92,11 @@ def has_room_beside(
     bits = (lane_bit(lane - 1), lane_bit(lane + 1))
 
     def compared(
-        both: tuple[_Gaps, _Gaps], distance: Array, other_length: Array, speed: Array, are_there: tuple[Array, Array]
+        side_gaps: tuple[_Gaps, _Gaps],
+        distance: Array,
+        other_length: Array,
+        speed: Array,
+        are_there: tuple[Array, Array],
     ) -> tuple[_Gaps, _Gaps]:
         gap = jnp.abs(distance) - (length + other_length) / 2
         is_ahead = distance >= 0
@@ -105,23 +109,23 @@ def has_room_beside(
                 rear_speed=jnp.where(is_next, speed, gaps.rear_speed),
             )
 
-        return nearer(both[0], are_there[0]), nearer(both[1], are_there[1])
+        return nearer(side_gaps[0], are_there[0]), nearer(side_gaps[1], are_there[1])
 
-    def keep_nearest(other: Int[Array, ""], both: tuple[_Gaps, _Gaps]) -> tuple[_Gaps, _Gaps]:
+    def keep_nearest(other: Int[Array, ""], side_gaps: tuple[_Gaps, _Gaps]) -> tuple[_Gaps, _Gaps]:
         on_left, on_right = (((row(on_lanes, other) & bit) != 0) & (index != other) for bit in bits)
         distance = row(state.x, other) - state.x
-        return compared(both, distance, row(length, other), row(state.speed, other), (on_left, on_right))
+        return compared(side_gaps, distance, row(length, other), row(state.speed, other), (on_left, on_right))
 
     nobody = jnp.full_like(state.x, jnp.inf)
     nothing = _Gaps(nobody, nobody, jnp.zeros_like(state.x))
     left, right = for_each_vehicle(state.x.shape[0], keep_nearest, (nothing, nothing))
     if replayed is not None:
 
-        def keep_nearest_replayed(other: Int[Array, ""], both: tuple[_Gaps, _Gaps]) -> tuple[_Gaps, _Gaps]:
+        def keep_nearest_replayed(other: Int[Array, ""], side_gaps: tuple[_Gaps, _Gaps]) -> tuple[_Gaps, _Gaps]:
             on_left, on_right = (row(replayed.lane, other) == lane + side for side in (-1, +1))
             distance = row(replayed.x, other) - state.x
             own_length, speed = row(replayed.length, other), row(replayed.speed, other)
-            return compared(both, distance, own_length, speed, (on_left, on_right))
+            return compared(side_gaps, distance, own_length, speed, (on_left, on_right))
 
         left, right = for_each_vehicle(replayed.n_places, keep_nearest_replayed, (left, right))
 

@@ -88,19 +88,19 @@ def rollout_in_lockstep(
     n_scenarios = state.x.shape[-1]
     size = -(-n_scenarios // 2)
     halves = []
-    for number, policy in enumerate(policies):
+    for half_number, policy in enumerate(policies):
         # For an odd number the second half is padded with the last scenario, so that one program serves both.
-        columns = np.minimum(np.arange(number * size, (number + 1) * size), n_scenarios - 1)
+        columns = np.minimum(np.arange(half_number * size, (half_number + 1) * size), n_scenarios - 1)
         half_state, half_drivers = select_scenarios((state, drivers), columns, n_scenarios, least_ndim=2)
         limits = select_scenarios(thresholds, columns, n_scenarios)
-        n_real = min(size, n_scenarios - number * size)
+        n_real = min(size, n_scenarios - half_number * size)
         halves.append(_Half(half_state, half_drivers, limits, keys[columns], table, policy, model, options, n_real))
     for second in range(n_seconds):
-        for number, half in enumerate(halves):
+        for half_number, half in enumerate(halves):
             half.advance()
             if second < n_seconds - 1 and half.n_real:
                 half.ask()
-            progress(2 * second + number + 1, 2 * n_seconds)
+            progress(2 * second + half_number + 1, 2 * n_seconds)
     return _joined([half.frames for half in halves]), _joined([half.decisions for half in halves])
 
 

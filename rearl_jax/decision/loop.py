@@ -116,17 +116,17 @@ def advance(
     drivers: Drivers,
     model: TrafficModel,
     options: LoopOptions,
-    around: BoundarySecond | None = None,
+    boundary_second: BoundarySecond | None = None,
 ) -> LoopState:
     """State of the loop after the orders were executed and one second was simulated: the step after a decision.
 
     Arguments as in `simulate_second`; nobody has decided about vehicles that have entered.
     """
     state, memory = execute(loop.state, loop.memory, orders, model, options.execution)
-    state = simulate_second(state, drivers, model, around)
+    state = simulate_second(state, drivers, model, boundary_second)
     memory = record_lane_changes(memory, state, model)
-    if around is not None:
-        memory = forget(memory, around.entrants.is_new, state, model)
+    if boundary_second is not None:
+        memory = forget(memory, boundary_second.entrants.is_new, state, model)
     return LoopState(state, loop.detector, memory)
 
 
@@ -137,11 +137,11 @@ def assess(
     thresholds: Thresholds,
     model: TrafficModel,
     options: LoopOptions,
-    around: BoundarySecond | None = None,
+    boundary_second: BoundarySecond | None = None,
 ) -> tuple[LoopState, Situation]:
     """State of the loop after the detection, and the situation for a policy: the step before a decision.
 
-    Call it once for every simulated second. Vehicles that are replayed `around` the traffic bound which actions are
+    Call it once for every simulated second. Vehicles that are replayed around the traffic bound which actions are
     admissible; the detection does not see them.
     """
     state, frame = loop.state, frame_of(loop.state, model)
@@ -152,7 +152,7 @@ def assess(
         target_lane=state.target_lane,
         detection=detection,
         admissible=admissible_actions(
-            state, drivers, model, options.admissible, None if around is None else around.after
+            state, drivers, model, options.admissible, None if boundary_second is None else boundary_second.after
         ),
         since_lane_change=loop.memory.since_lane_change,
         last_action=loop.memory.last_action,
@@ -219,9 +219,9 @@ def rollout_with_policy(
 
     def simulate_and_decide(carry: _Carry, second: Int[Array, ""]) -> tuple[_Carry, tuple[Frames, Decisions]]:
         loop, orders = carry
-        around = None if boundary is None else boundary.second(second)
-        loop = advance(loop, orders, drivers, model, options, around)
-        loop, situation = assess(loop, drivers, table, thresholds, model, options, around)
+        boundary_second = None if boundary is None else boundary.second(second)
+        loop = advance(loop, orders, drivers, model, options, boundary_second)
+        loop, situation = assess(loop, drivers, table, thresholds, model, options, boundary_second)
         second_keys = jax.vmap(lambda key: jax.random.fold_in(key, second))(keys)
         answers = policy(situation, table, second_keys)
         next_orders = accept(answers, situation.is_asked, situation.admissible)

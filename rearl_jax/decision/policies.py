@@ -98,18 +98,18 @@ def imitate(
     least_cost = jnp.full_like(speed, jnp.inf)
     wanted_speed, wanted_action = jnp.zeros_like(speed), jnp.zeros(speed.shape, jnp.int32)
     for slot in range(reference.speed.shape[0]):
-        here = slice(slot, slot + 1)
-        cost = jnp.abs(speed - reference.speed[here]) / speed_range
-        cost = cost + jnp.abs(spacing - reference.spacing[here]) * distance_weight[here]
+        slot_row = slice(slot, slot + 1)
+        cost = jnp.abs(speed - reference.speed[slot_row]) / speed_range
+        cost = cost + jnp.abs(spacing - reference.spacing[slot_row]) * distance_weight[slot_row]
         if is_rank:
-            rank_cost = jnp.abs(speed_rank - reference.speed_rank[here]) + jnp.abs(
-                spacing_rank - reference.spacing_rank[here]
+            rank_cost = jnp.abs(speed_rank - reference.speed_rank[slot_row]) + jnp.abs(
+                spacing_rank - reference.spacing_rank[slot_row]
             )
             cost = rank_cost + options.value_weight * cost
         is_nearer = cost < least_cost
         least_cost = jnp.where(is_nearer, cost, least_cost)
-        wanted_speed = jnp.where(is_nearer, reference.speed[here], wanted_speed)
-        wanted_action = jnp.where(is_nearer, reference.action[here], wanted_action)
+        wanted_speed = jnp.where(is_nearer, reference.speed[slot_row], wanted_speed)
+        wanted_action = jnp.where(is_nearer, reference.action[slot_row], wanted_action)
 
     difference = wanted_speed - speed
     action = jnp.where(

@@ -274,6 +274,6 @@ def is_in_crowded_bin(
     # Shares n / N and m / M compared as n M > m N: exact.
     is_crowded = counts * unrolled_sum(reference, 0)[None] > reference * unrolled_sum(counts, 0)[None]
     in_crowded = jnp.broadcast_to(is_crowded[0], speed.shape)
-    for number, edge in enumerate(speed_edges(hist)[1:-1], 1):
-        in_crowded = jnp.where(speed >= edge, is_crowded[number], in_crowded)
+    for bin_number, edge in enumerate(speed_edges(hist)[1:-1], 1):
+        in_crowded = jnp.where(speed >= edge, is_crowded[bin_number], in_crowded)
     return in_crowded

@@ -1,7 +1,8 @@
-"""The search for what is missing, beside the car-following model that fits best with what is found.
+"""The search for missing effects with the car-following model that predicts best once the effects found are added.
 
-Bare models are compared first, and what is missing pulls that comparison towards models that imitate it. So models are
-compared again with what was found, and where what was found has no name, others are searched beside for one that has.
+Models without effects are compared first. A missing effect favours models that imitate it in this comparison, so the
+models are compared again with the effects found. If these have no names, the search is repeated with other models,
+where they may have names.
 """
 
 import logging
@@ -38,90 +39,91 @@ NULL_TABLE = "null"
 
 @dataclass(frozen=True)
 class BestSearch:
-    """A search beside the car-following model that fits best with what was found.
+    """Result of the search with the chosen car-following model.
 
     Attributes:
-        solver: Of that model.
-        outcome: What was found.
-        left: What it leaves.
-        comparison: Of the models; None if there is only one.
-        beside: What was found, in other models.
+        solver: Solver of the chosen model.
+        outcome: Result of the search.
+        adequacy: Measures of what the final model leaves unexplained.
+        comparison: Comparison of the car-following models; None if there is only one.
+        beside: The effects found, tested in other car-following models.
     """
 
     solver: Solver
     outcome: Search
-    left: Adequacy
+    adequacy: Adequacy
     comparison: Comparison | None = None
     beside: Sequence[Beside] = ()
 
 
 def best_search(
-    config: DiscoverTask, study: Study | None, priors: Sequence[Prior], parts: Parts, bar: Progress, whose: str
+    config: DiscoverTask, study: Study | None, priors: Sequence[Prior], parts: Parts, bar: Progress, label: str
 ) -> BestSearch:
-    """Search beside the model that fits best, and what was found in others. What was found that does not explain the
-    drivers stays only as far as it predicts the checked ones.
+    """Search with the car-following model that fits best, and a test of the effects found in other models. Effects
+    that do not explain the drivers are kept only as far as they predict the check drivers.
     """
-    best = _beside_best_model(config, study, priors, parts, bar, whose)
-    if is_explained(best.outcome, best.left):
+    best = _beside_best_model(config, study, priors, parts, bar, label)
+    if is_explained(best.outcome, best.adequacy):
         return best
     outcome = best_predicting(best.solver, best.outcome)
     if outcome is best.outcome:
         return best
     log.info("predictions are best with %s of %s effects", len(outcome.added), len(best.outcome.added))
-    return replace(best, outcome=outcome, left=adequacy(best.solver, outcome, config.discover.seed))
+    return replace(best, outcome=outcome, adequacy=adequacy(best.solver, outcome, config.discover.seed))
 
 
 def _beside_best_model(
-    config: DiscoverTask, study: Study | None, priors: Sequence[Prior], parts: Parts, bar: Progress, whose: str
+    config: DiscoverTask, study: Study | None, priors: Sequence[Prior], parts: Parts, bar: Progress, label: str
 ) -> BestSearch:
-    """Search beside the model that fits best, and what was found in others; where another model fits significantly
-    better with what was found, or explains the drivers by names where this one leaves a curve or a doubt, the search
-    goes on beside that one.
+    """Search with the car-following model that fits best, and a test of the effects found in other models.
+
+    The search is repeated with another model in two cases: that model fits significantly better with the effects found,
+    or it explains the drivers by named effects where this one leaves a free curve or a doubtful name.
     """
     seed = config.discover.seed
     if len(priors) == 1:
         solver = solver_of(parts.fitted, priors[0])
-        outcome = _search(config, study, solver, parts, None, bar, whose)
+        outcome = _search(config, study, solver, parts, bar, label)
         return BestSearch(solver, outcome, adequacy(solver, outcome, seed))
-    say = shown(bar, f"{whose}comparing car-following models")
+    say = shown(bar, f"{label}comparing car-following models")
     comparison = comparison_of(priors, parts, config.discover, say, study)
     solver = solver_of(parts.fitted, comparison.prior)
-    outcome = _search(config, study, solver, parts, comparison.base, bar, whose)
+    outcome = _search(config, study, solver, parts, bar, label, calibrated=comparison.base)
     beside = found_beside(solver, outcome, comparison.others, parts.fitted)
     better = better_model(beside, seed)
     if better is not None:
         log.info("with the effects found, %s fits significantly better: the search is repeated with it", better.name)
         comparison, solver = comparison.going_on_with(better), solver_of(parts.fitted, better)
-        outcome = _search(config, None, solver, parts, None, bar, whose)  # simulated nulls are of the first model
+        outcome = _search(config, None, solver, parts, bar, label)  # stored nulls are of the first model
         beside = found_beside(solver, outcome, comparison.others, parts.fitted)
     first = BestSearch(solver, outcome, adequacy(solver, outcome, seed), comparison, beside)
-    if is_explained(outcome, first.left):
+    if is_explained(outcome, first.adequacy):
         return first
     before = prediction_of(solver, outcome)
     for prior in comparison.next_best[:MOST_OTHERS]:
-        other, words = solver_of(parts.fitted, prior), f"{whose}beside {prior.name}, "
+        other, words = solver_of(parts.fitted, prior), f"{label}beside {prior.name}, "
         glimpse = _with_one_name(config, outcome, other, parts, bar, words)
         if not glimpse.added or not predicts_better(before, prediction_of(other, glimpse), seed):
             continue
-        named = _search(config, None, other, parts, None, bar, words)
-        left = adequacy(other, named, seed)
-        if names_more(before, named, left, prediction_of(other, named), seed):
+        named = _search(config, None, other, parts, bar, words)
+        named_adequacy = adequacy(other, named, seed)
+        if names_more(before, named, named_adequacy, prediction_of(other, named), seed):
             log.info(
                 "with %s, the effects found have names, and the check drivers are predicted at least as well",
                 prior.name,
             )
             comparison = comparison.going_on_with(prior)
             beside = found_beside(other, named, comparison.others, parts.fitted)
-            return BestSearch(other, named, left, comparison, beside)
+            return BestSearch(other, named, named_adequacy, comparison, beside)
     return first
 
 
 def _with_one_name(
     config: DiscoverTask, outcome: Search, other: Solver, parts: Parts, bar: Progress, words: str
 ) -> Search:
-    """The first round beside another model, for named effects only.
+    """The first round of a search with another car-following model, for named effects only.
 
-    This takes a small part of the time of a search, because neither nulls are simulated nor curves fitted.
+    It takes a small part of the time of a whole search, because no nulls are simulated and no curves are fitted.
     """
     kinds, known = other.layout.candidates, outcome.null.mean
     excluded = {term for term in kinds if term not in known or kinds[term].kind not in ("driver", "road")}
@@ -137,10 +139,10 @@ def _with_one_name(
     )
 
 
-def _reported(bar: Progress, whose: str) -> Report:
-    """A line of the bar for what a search does; `whose` begins it."""
-    line = bar.add_task(f"{whose}calibrating drivers", total=None)
-    return lambda words, done, total: bar.update(line, description=f"{whose}{words}", completed=done, total=total)
+def _reported(bar: Progress, label: str) -> Report:
+    """Function that shows the present step of a search in a line of the bar, which begins with `label`."""
+    line = bar.add_task(f"{label}calibrating drivers", total=None)
+    return lambda words, done, total: bar.update(line, description=f"{label}{words}", completed=done, total=total)
 
 
 def _search(
@@ -148,17 +150,20 @@ def _search(
     study: Study | None,
     solver: Solver,
     parts: Parts,
-    calibrated: Base | None,
     bar: Progress,
-    whose: str,
+    label: str,
+    *,
+    calibrated: Base | None = None,
 ) -> Search:
-    """Search for effects of car following beside a model, which may be calibrated; `whose` begins what the bar says."""
+    """Search for effects of car following with one car-following model; None for `calibrated` calibrates it. The lines
+    of the bar begin with `label`.
+    """
     options = config.discover
-    report = _reported(bar, whose)
-    replicates = shown(bar, f"{whose}simulated nulls")
+    report = _reported(bar, label)
+    replicates = shown(bar, f"{label}simulated nulls")
 
     def null_for(base: Fit) -> Null:
-        if study is not None and study.owns(NULL_TABLE):  # of a run that was killed
+        if study is not None and study.owns(NULL_TABLE):  # stored by an interrupted run
             return tables.read_null(study.path / f"{NULL_TABLE}.parquet")
         null = null_of(solver, base.state, base.noise, options.replicates, options.seed, replicates)
         if study is not None:

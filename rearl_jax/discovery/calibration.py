@@ -15,7 +15,7 @@ from rearl_jax.discovery.observe.parts import measured_drivers
 from rearl_jax.discovery.observe.solver import solver_of
 from rearl_jax.discovery.report.repaired import repaired_model
 from rearl_jax.discovery.report.tables import fit_table
-from rearl_jax.discovery.search.headway import CONSTANT
+from rearl_jax.discovery.search.headway import CONSTANT_TIME_GAP
 from rearl_jax.models.file import write_model
 from rearl_jax.models.record import RepairedModel
 
@@ -26,13 +26,15 @@ class Calibration:
 
     Attributes:
         drivers: One row per driver: parameters, standard deviations of their logarithms, one-step prediction error [m].
-        model: Traffic model with the population of these drivers, without effects.
-        findings: Measurement faults visible in the columns; they can imitate driver behaviour.
+        model: Traffic model with the population of these drivers. It has no effects: those of lane changes are fitted
+            together with the drivers if `discover.lane_changes` is true, but are not part of this model.
+        data_findings: Faults and properties of the measurement that the data check found in the recordings. Faults can
+            imitate driver behaviour.
     """
 
     drivers: pd.DataFrame
     model: RepairedModel
-    findings: tuple[str, ...]
+    data_findings: tuple[str, ...]
 
     def save(self, path: str | Path) -> None:
         """Writes the model to a file that other tasks load with `model=`."""
@@ -55,5 +57,16 @@ def calibration(config: DiscoverTask, recordings: Iterable[Recording] | None = N
     findings, data = measured_drivers(list(recordings), config.discover, prior)
     solver = solver_of(data, prior)
     fit = base_of(solver, data, lane_changes=config.discover.lane_changes).fit
-    model = repaired_model(fit, fit, (), (), None, CONSTANT, data, solver.layout, data_id(config.data), config.study)
+    model = repaired_model(
+        calibrated=fit,
+        repaired=fit,
+        lane_changes=(),
+        added=(),
+        lane_choice=None,
+        variation=CONSTANT_TIME_GAP,
+        data=data,
+        layout=solver.layout,
+        data_id=data_id(config.data),
+        study=config.study,
+    )
     return Calibration(fit_table(solver, fit), model, tuple(finding.words for finding in findings))

@@ -1,4 +1,4 @@
-"""What the traffic model lacks in measured trajectories: recordings in, a record of everything found out."""
+"""The discovery of missing effects: from the drivers of recordings to a verdict, its tables and the repaired model."""
 
 import time
 from collections.abc import Mapping, Sequence
@@ -46,7 +46,7 @@ from rearl_jax.discovery.report.verdict import (
     verdict_of,
 )
 from rearl_jax.discovery.search.adequacy import Adequacy
-from rearl_jax.discovery.search.headway import CONSTANT, time_gap_variation
+from rearl_jax.discovery.search.headway import CONSTANT_TIME_GAP, time_gap_variation
 from rearl_jax.discovery.search.lane_choice import lane_choice, with_lane_choice
 from rearl_jax.discovery.search.procedure import Search, in_time
 from rearl_jax.discovery.search.refit import rebased, refit
@@ -60,14 +60,14 @@ from rearl_jax.results import Study
 
 @dataclass(frozen=True)
 class Behind:
-    """What figures and page are drawn from.
+    """Data of the figures and the page.
 
     Attributes:
-        solver: Solves for drivers and effects.
-        search: What was searched and found.
-        parts: The drivers.
-        reported: Those reported on, in time with their leaders.
-        errors: Errors of the models before and after, by name.
+        solver: Solver of the car-following model.
+        search: Result of the search.
+        parts: The drivers as measured.
+        reported: The reported drivers, with corrected clocks if those of the fitted drivers were corrected.
+        errors: Errors of the models without (`before`) and with (`after`) the effects found.
     """
 
     solver: Solver
@@ -79,16 +79,16 @@ class Behind:
 
 @dataclass(frozen=True)
 class Discovery:
-    """What the traffic model lacks in measured trajectories.
+    """Result of a discovery: the effects that the traffic model lacks in measured trajectories.
 
     Attributes:
         config: The task.
         data_id: Identity of the data.
-        verdict: As in verdict.json, see `discovery.verdict`.
-        tables: Parquet tables by name; empty where `discover.oracle` says what is missing.
-        model: The repaired model; None for the same reason.
-        behind: What figures and page are drawn from; None for the same reason, and for a group that was written.
-        groups: Discoveries of groups of drivers by the name of each; empty where drivers are not told apart.
+        verdict: Content of verdict.json, see `discovery.verdict`.
+        tables: Parquet tables by name; empty if `discover.oracle` is set.
+        model: The repaired model; None if `discover.oracle` is set, and for groups whose results were written.
+        behind: Data of the figures and the page; None where `model` is None.
+        groups: Discoveries of groups of drivers by name; empty if drivers are not divided into groups.
         infos: Descriptions of the recordings of groups.
     """
 
@@ -110,26 +110,25 @@ def discovery_of(
     study: Study | None = None,
     name: str = "",
 ) -> Discovery:
-    """What the traffic model lacks in some drivers; nothing is printed.
+    """Discovery of the effects that the traffic model lacks for some drivers.
 
     Args:
         config: The task.
         parts: The drivers.
-        recordings: Where they are from.
-        bar: Shows how far it is.
-        study: Keeps the simulated nulls, the longest part, for a run that goes on after it was killed; None to keep
-            nothing.
-        name: Name of the group of drivers, which the bar shows.
+        recordings: The recordings of these drivers.
+        bar: Progress bar.
+        study: Stores intermediate results, so that an interrupted run can continue; None to store nothing.
+        name: Name of the group of drivers, shown in the bar.
 
     Raises:
         ValueError: `discover.oracle` names no candidate.
     """
     begin = time.perf_counter()
-    priors, whose = [prior_of(driver) for driver in config.compared], f"{name}: " if name else ""
+    priors, label = [prior_of(driver) for driver in config.compared], f"{name}: " if name else ""
     if config.discover.oracle is not None:
         discovery = Discovery(config, parts.id, _oracle(config, solver_of(parts.fitted, priors[0]), parts))
     else:
-        found = best_search(config, study, priors, parts, bar, whose)
+        found = best_search(config, study, priors, parts, bar, label)
         lanes = lane_choice(found.solver, found.outcome, parts, recordings, config.discover)
         discovery = _discovery(config, parts, found, lanes)
     discovery.verdict["seconds"] = time.perf_counter() - begin
@@ -137,17 +136,17 @@ def discovery_of(
 
 
 def _discovery(config: DiscoverTask, parts: Parts, found: BestSearch, lanes: LaneChangeFindings) -> Discovery:
-    """The verdict, with the tables and the model."""
-    options, comparison, left = config.discover, found.comparison, found.left
+    """The result of a search and of the analysis of lane choice, with verdict, tables and repaired model."""
+    options, comparison, adequacy = config.discover, found.comparison, found.adequacy
     solver, outcome = found.solver, found.outcome
     reported = in_time(solver, outcome, parts.reported)
     errors = model_errors(solver, parts.reported, {"before": outcome.before}, options.seed)
     variation = time_gap_variation(solver, outcome.last, options.seed)
-    if outcome.added or outcome.clocks is not None or variation != CONSTANT:
+    if outcome.added or outcome.clocks is not None or variation != CONSTANT_TIME_GAP:
         errors |= model_errors(solver, reported, {"after": outcome.last}, options.seed, variation)
-    over = Resampling(options.confidence, options.draws, options.seed)
+    resampling = Resampling(options.confidence, options.draws, options.seed)
     deviations = standard_deviations(solver, outcome.last.state).theta
-    effects = _effects(deviations, outcome, left, parts.findings, options.confidence)
+    effects = _effects(deviations, outcome, adequacy, parts.findings, options.confidence)
     without = {
         (term.effect, outcome.layout.candidates[term].variables): names
         for term, names in dependent_effects(outcome, found.beside).items()
@@ -157,7 +156,7 @@ def _discovery(config: DiscoverTask, parts: Parts, found: BestSearch, lanes: Lan
     change = error["change"]
     time_gaps = equilibrium_time_gaps(solver, outcome.first.state, options)
     following = {
-        "verdict": verdict_of(outcome, effects, left, is_lower=change is not None and change["high"] < 0),
+        "verdict": verdict_of(outcome, effects, adequacy, is_lower=change is not None and change["high"] < 0),
         "effects": [effect.plain() for effect in effects],
         "candidates": candidate_rows(outcome),
         "lane_changes": lane_changes_block(outcome, deviations, options.confidence),
@@ -167,33 +166,33 @@ def _discovery(config: DiscoverTask, parts: Parts, found: BestSearch, lanes: Lan
         **({"equilibrium_time_gap": time_gaps} if comparison is None else {}),
         "population": population_block(solver, outcome.first.state),
         "time_gap_variation": variation_block(
-            solver, (outcome.before, parts.reported), (outcome.last, reported), variation, over
+            solver, (outcome.before, parts.reported), (outcome.last, reported), variation, resampling
         ),
         "adequacy": {
-            "kurtosis": left.kurtosis,
-            "kurtosis_before": left.kurtosis_before,
-            "autocorrelation": left.autocorrelation,
-            "unequal_noise": left.unequal_noise,
-            "misjudgement": left.misjudgement,
-            "staleness": left.staleness,
-            "remaining": {"name": str(left.remaining[0]), "surprise": left.remaining[1]},
+            "kurtosis": adequacy.kurtosis,
+            "kurtosis_before": adequacy.kurtosis_before,
+            "autocorrelation": adequacy.autocorrelation,
+            "unequal_noise": adequacy.unequal_noise,
+            "misjudgement": adequacy.misjudgement,
+            "staleness": adequacy.staleness,
+            "remaining": {"name": str(adequacy.remaining[0]), "surprise": adequacy.remaining[1]},
         },
-        "data": _described(parts, solver, (*parts.notes, *_doubts(outcome, left))),
+        "data": _described(parts, solver, (*parts.notes, *_doubts(outcome, adequacy))),
         "thresholds": THRESHOLDS.plain(),
     }
     verdict = with_lane_choice(following, lanes)
-    verdict["lane_choice"]["prediction"] = prediction_block(lanes.prediction, over)
+    verdict["lane_choice"]["prediction"] = prediction_block(lanes.prediction, resampling)
     model = repaired_model(
-        outcome.first,
-        outcome.last,
-        [trial for trial in outcome.lane_changes if trial.holds],
-        outcome.added,
-        lanes,
-        variation,
-        parts.fitted,
-        solver.layout,
-        parts.id,
-        config.study,
+        calibrated=outcome.first,
+        repaired=outcome.last,
+        lane_changes=[trial for trial in outcome.lane_changes if trial.holds],
+        added=outcome.added,
+        lane_choice=lanes,
+        variation=variation,
+        data=parts.fitted,
+        layout=solver.layout,
+        data_id=parts.id,
+        study=config.study,
     )
     written = {
         "candidates": pd.DataFrame(tables.candidate_table(verdict)),
@@ -208,23 +207,23 @@ def _discovery(config: DiscoverTask, parts: Parts, found: BestSearch, lanes: Lan
     return Discovery(config, parts.id, verdict, written, model, Behind(solver, outcome, parts, reported, errors))
 
 
-def _doubts(outcome: Search, left: Adequacy) -> list[str]:
-    """Notes on what speaks against the final model."""
+def _doubts(outcome: Search, adequacy: Adequacy) -> list[str]:
+    """Notes on effects and drivers that the final model may describe wrongly."""
     of_bounds = [OF_BOUNDS.format(spoken(str(term))) for term in outcome.of_bounds]
-    return of_bounds + [MISJUDGED] * left.misjudges
+    return of_bounds + [MISJUDGED] * adequacy.misjudges
 
 
 def _effects(
-    deviations: np.ndarray, outcome: Search, left: Adequacy, findings: Sequence[Finding], confidence: float
+    deviations: np.ndarray, outcome: Search, adequacy: Adequacy, findings: Sequence[Finding], confidence: float
 ) -> list[Claim]:
-    """Claims: artefacts that the columns show, then what was added, with the numbers of the final model and their
-    standard deviations.
+    """Claims: artefacts that the data check found, then clock offsets and added effects with their parameters in the
+    final model and the standard deviations of these.
     """
     effects = [found_in_columns(finding, confidence) for finding in findings if finding.is_artefact]
     most, doubtful = THRESHOLDS.most_confidence, THRESHOLDS.doubtful_confidence
-    highest = most if left.is_enough and not outcome.leaves_shifts else doubtful
+    highest = most if adequacy.is_enough and not outcome.leaves_shifts else doubtful
     if outcome.clocks is not None:
-        effects.append(differing_clocks(outcome.clocks, most if left.is_of_clocks else doubtful))
+        effects.append(differing_clocks(outcome.clocks, most if adequacy.is_of_clocks else doubtful))
     theta = outcome.last.state.theta
     for trial, rivals, own in outcome.fitted_trials(deviations):
         if not outcome.is_stated(trial) or not is_on(trial, theta, own, outcome.layout, confidence):
@@ -235,7 +234,7 @@ def _effects(
 
 
 def _oracle(config: DiscoverTask, solver: Solver, parts: Parts) -> dict[str, Any]:
-    """Error of the model that was told the effect; nothing else is looked for."""
+    """Verdict with the error of the model with the effect that `discover.oracle` names; no other effect is searched."""
     assert config.discover.oracle is not None
     term, candidates = Term.read(config.discover.oracle), solver.layout.candidates
     if term not in candidates:

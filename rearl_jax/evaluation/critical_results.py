@@ -49,7 +49,7 @@ def rounds_table(adaptation: Adaptation) -> pd.DataFrame:
             "proposer": adaptation.proposer,
             "attempts": trial.attempts,
             "cause": trial.cause,
-            "is_kept": number == adaptation.kept,
+            "is_kept": number == adaptation.selected,
         }
         for number, trial in enumerate(adaptation.trials)
     ]
@@ -60,7 +60,7 @@ def _origin(config: EvaluateTask, adaptation: Adaptation, n_scenes: int) -> str:
     """Origin of the shares, and their errors on the threshold scenes."""
     if not adaptation.trials:
         return "set by critical.ratios"
-    kept = adaptation.trials[adaptation.kept].assessment
+    kept = adaptation.trials[adaptation.selected].assessment
     came_to = (
         f"{config.critical.rollouts} rollouts against {n_scenes} threshold scenes: H {kept.h:.3f}, "
         f"MAPE {config.mape.definition.name} {kept.mape:.3f}"

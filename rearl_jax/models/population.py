@@ -90,12 +90,12 @@ def population_of_model(
     classes = model.population if with_effects else model.baseline
     chosen = list(model.effects) if with_effects else []
     if lane_changing is None and model.lane_changing is not None:
-        own, names = model.lane_changing, {effect.name for effect in chosen}
-        politeness = 0.0 if Politeness.name in names else own.politeness
-        mobil = MobilConfig(politeness, own.gain_threshold, own.safe_decel, own.delay)
+        calibrated, names = model.lane_changing, {effect.name for effect in chosen}
+        politeness = 0.0 if Politeness.name in names else calibrated.politeness
+        mobil = MobilConfig(politeness, calibrated.gain_threshold, calibrated.safe_decel, calibrated.delay)
         lane_changing = lane_changing_of(mobil, dtype, ticks_per_second)
-        if own.bias and KeepRight.name not in names:
-            chosen.append(EffectValues(KeepRight.name, {"bias": own.bias}))
+        if calibrated.bias and KeepRight.name not in names:
+            chosen.append(EffectValues(KeepRight.name, {"bias": calibrated.bias}))
     effects = tuple(effect_of(values, dtype) for values in chosen)
     ordered = {name: classes[name] for name in (CAR, TRUCK) if name in classes}
     medians = [[math.exp(drivers.log_mean[name]) for name in model.parameters] for drivers in ordered.values()]
@@ -118,8 +118,8 @@ def population_of_keys(
     others = {
         name: _class(driver, name, float(keys_of_class["share"])) for name, keys_of_class in driver.classes.items()
     }
-    rest = max(1.0 - sum(drivers.share for drivers in others.values()), 0.0)
-    classes = {CAR if CAR not in others else "": _class(driver, None, rest), **others}
+    car_share = max(1.0 - sum(drivers.share for drivers in others.values()), 0.0)
+    classes = {CAR if CAR not in others else "": _class(driver, None, car_share), **others}
     medians = [_medians(driver, name) for name in (None, *others)]
     lane_changing = lane_changing_of(mobil, dtype, ticks_per_second)
     return _population(classes, medians, driver.model, dtype, (), lane_changing)

@@ -115,21 +115,23 @@ def draw_drivers(
 
     def draw(key: Key[Array, ""]) -> tuple[Array, Array, Array]:
         class_key, own_key, length_key = jax.random.split(jax.random.fold_in(key, POPULATION_STREAM), 3)
-        own = jax.random.normal(own_key, (len(names), n_vehicles), dtype)
+        deviates = jax.random.normal(own_key, (len(names), n_vehicles), dtype)
         place = jax.random.uniform(class_key, (n_vehicles,), dtype)
-        return place, own, jax.random.normal(length_key, (n_vehicles,), dtype)
+        return place, deviates, jax.random.normal(length_key, (n_vehicles,), dtype)
 
-    place, own, length_deviates = jax.vmap(draw, out_axes=-1)(keys)
-    number = class_numbers(place, jnp.asarray(population.shares))
-    own, length_deviates = (jnp.clip(deviates, -TRUNCATION, TRUNCATION) for deviates in (own, length_deviates))
+    place, own_deviates, length_deviates = jax.vmap(draw, out_axes=-1)(keys)
+    driver_class = class_numbers(place, jnp.asarray(population.shares))
+    own_deviates, length_deviates = (
+        jnp.clip(deviates, -TRUNCATION, TRUNCATION) for deviates in (own_deviates, length_deviates)
+    )
     tables = jax.tree.map(jnp.asarray, (population.median, population.factor, population.noise, population.length))
-    median, factor, noise, length = (jnp.moveaxis(table[number], (0, 1), (-2, -1)) for table in tables)
-    values = dict(zip(names, median * jnp.exp(jnp.sum(factor * own[None], axis=1)), strict=True))
+    median, factor, noise, length = (jnp.moveaxis(table[driver_class], (0, 1), (-2, -1)) for table in tables)
+    values = dict(zip(names, median * jnp.exp(jnp.sum(factor * own_deviates[None], axis=1)), strict=True))
     return DrawnDrivers(
         values=_within_bounds(values, population),
         noise=noise,
         length=jnp.maximum(length[0] + length[1] * length_deviates, 1.0),
-        is_truck=jnp.asarray(population.is_truck)[number],
+        is_truck=jnp.asarray(population.is_truck)[driver_class],
     )
 
 
@@ -159,16 +161,16 @@ def class_numbers(
 
 
 def _with_lane_changing(
-    state: TrafficState, drivers: Drivers, own: LaneChanging, model: TrafficModel
+    state: TrafficState, drivers: Drivers, lane_changing: LaneChanging, model: TrafficModel
 ) -> tuple[TrafficState, Drivers]:
     """Traffic whose drivers change lanes by parameters of their own."""
-    numbers = {name: getattr(own, name) for name in ("politeness", "gain_threshold", "safe_decel")}
+    numbers = {name: getattr(lane_changing, name) for name in ("politeness", "gain_threshold", "safe_decel")}
     mobil = replace(
         drivers.mobil,
         **{name: jnp.broadcast_to(value, drivers.mobil.politeness.shape) for name, value in numbers.items()},
-        decision_period=jnp.broadcast_to(own.period, drivers.mobil.decision_period.shape),
+        decision_period=jnp.broadcast_to(lane_changing.period, drivers.mobil.decision_period.shape),
     )
-    delay, period = (jnp.broadcast_to(value, state.x.shape) for value in (own.delay, own.period))
+    delay, period = (jnp.broadcast_to(value, state.x.shape) for value in (lane_changing.delay, lane_changing.period))
     ticks = ticks_to_first_decision(state.x, state.y, delay, period, model.ticks_per_second)
     return replace(state, ticks_to_decision=ticks), replace(drivers, mobil=mobil)
 
@@ -204,10 +206,12 @@ def make_room(
 
     def place(fronts: tuple[Array, ...], vehicle: tuple[Array, Array, Array]) -> tuple[tuple[Array, ...], Array]:
         x, own_length, own_lane = vehicle
-        for number, front in enumerate(fronts):
-            x = jnp.where(own_lane == number, jnp.maximum(x, front + MIN_GAP + own_length / 2), x)
-        ends = x + own_length / 2
-        return tuple(jnp.where(own_lane == number, ends, front) for number, front in enumerate(fronts)), x
+        for lane_number, front in enumerate(fronts):
+            x = jnp.where(own_lane == lane_number, jnp.maximum(x, front + MIN_GAP + own_length / 2), x)
+        own_front = x + own_length / 2
+        return tuple(
+            jnp.where(own_lane == lane_number, own_front, front) for lane_number, front in enumerate(fronts)
+        ), x
 
     nobody = jnp.full(state.x.shape[1:], -jnp.inf, state.x.dtype)
     vehicles = take_vehicles(state.x, order), take_vehicles(length, order), take_vehicles(lane, order)

@@ -49,7 +49,7 @@ class Trial:
     """A mixture that was simulated.
 
     Attributes:
-        number: Round, from 0; all points of a grid are one round.
+        number: Number of the round, from 0; all points of a grid are one round.
         mixture: Shares of the classes.
         assessment: Assessment of the mixture.
         attempts: Answers that were requested until one contained the mixture.
@@ -66,19 +66,19 @@ class Trial:
 
 @dataclass(frozen=True)
 class Adaptation:
-    """Search that gave the mixture of an evaluation.
+    """The trials of mixtures, and the mixture that was selected for an evaluation.
 
     Attributes:
         proposer: Origin of the proposals: stats, search, llm, or `GIVEN`.
         mixture: The selected mixture.
         trials: All mixtures that were simulated; none if the user gave the mixture.
-        kept: Index of the trial of the selected mixture.
+        selected: Index of the trial of the selected mixture.
     """
 
     proposer: str
     mixture: Mixture
     trials: tuple[Trial, ...] = ()
-    kept: int = 0
+    selected: int = 0
 
     @property
     def n_rounds(self) -> int:
@@ -110,13 +110,13 @@ Propose: TypeAlias = Callable[[int, Sequence[Trial]], Proposal]
 
 
 def best_of(candidates: Sequence[Mixture], assess: Assess, proposer: str) -> Adaptation:
-    """The best of the candidates by the sum of both errors; of equally good mixtures the first."""
+    """The candidate with the smallest sum of the two errors in `Assessment`; of equally good ones the first."""
     trials = tuple(
         Trial(0, mixture, assessment, 0, KNOWN)
         for mixture, assessment in zip(candidates, assess(candidates), strict=True)
     )
     best = int(np.argmin([trial.assessment.score for trial in trials]))
-    return Adaptation(proposer, trials[best].mixture, trials, best)
+    return Adaptation(proposer, trials[best].mixture, trials, selected=best)
 
 
 def adapt_by_rounds(
@@ -138,9 +138,9 @@ def adapt_by_rounds(
     trials = [Trial(0, start, assess([start])[0], 0, START)]
     for number in range(1, n_rounds + 1):
         progress(number - 1, n_rounds)
-        proposal, now = propose(number, trials), trials[-1]
-        mixture = now.mixture if proposal.mixture is None else proposal.mixture
-        assessment = now.assessment if mixture == now.mixture else assess([mixture])[0]
+        proposal, present = propose(number, trials), trials[-1]
+        mixture = present.mixture if proposal.mixture is None else proposal.mixture
+        assessment = present.assessment if mixture == present.mixture else assess([mixture])[0]
         trials.append(Trial(number, mixture, assessment, proposal.attempts, proposal.cause))
     progress(n_rounds, n_rounds)
-    return Adaptation(proposer, trials[-1].mixture, tuple(trials), n_rounds)
+    return Adaptation(proposer, trials[-1].mixture, tuple(trials), selected=n_rounds)

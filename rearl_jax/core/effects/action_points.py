@@ -62,11 +62,11 @@ class ActionPoints(Effect):
         count = memory.count + 1
         # With mean_time = 0 every time step is a decision, because draws are below 1.
         chance = 1 - jnp.exp(-dt / jnp.maximum(self.mean_time, 1e-6))
-        now, change = _situation(seen), _answer(seen, driver) - _answer(_restored(seen, memory), driver)
+        situation, change = _situation(seen), _answer(seen, driver) - _answer(_restored(seen, memory), driver)
         is_new_leader = seen.has_leader != memory.situation[SITUATION.index("has_leader")]
-        looks = standard_uniform(self.seed, 3, count, now[0]) < chance
+        looks = standard_uniform(self.seed, 3, count, situation[0]) < chance
         looks = looks | (jnp.abs(change) > self.threshold) | is_new_leader
-        return InMind(count, jnp.where(looks, now, memory.situation))
+        return InMind(count, jnp.where(looks, situation, memory.situation))
 
     def perceive(self, seen: Stimulus, memory: InMind) -> Stimulus:
         """The stimulus of the last decision."""
@@ -83,5 +83,5 @@ def _restored(seen: Stimulus, memory: InMind) -> Stimulus:
 
 def _answer(seen: Stimulus, driver: CarFollowing) -> Float[Array, "*n"]:
     """Acceleration of the bare model [m/s^2]."""
-    behind = driver.interaction(seen.gap, seen.speed, seen.speed - seen.leader_speed)
-    return driver.free_acceleration(seen.speed) - seen.has_leader * behind
+    interaction = driver.interaction(seen.gap, seen.speed, seen.speed - seen.leader_speed)
+    return driver.free_acceleration(seen.speed) - seen.has_leader * interaction

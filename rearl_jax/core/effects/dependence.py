@@ -79,7 +79,7 @@ class TimeGapDependence(Dependence):
 
 
 def curve_at(
-    values: Float[Array, "knots *#n"], knots: Float[Array, " knots"], at: Float[Array, "*n"]
+    values: Float[Array, "knots *#n"], knots: Float[Array, " knots"], value: Float[Array, "*n"]
 ) -> Float[Array, "*n"]:
     """A piecewise linear curve, constant beyond its outer knots."""
-    return jnp.sum(values * hat_weights(at, knots), axis=0)
+    return jnp.sum(values * hat_weights(value, knots), axis=0)

@@ -138,8 +138,8 @@ class RearPressure(Effect):
 
     def time_gap(self, value: Float[Array, "*n"], seen: Stimulus, memory: None) -> Float[Array, "*n"]:
         """Time gap, shorter under pressure."""
-        behind = jnp.maximum(seen.follower_gap, 0.5) / (jnp.maximum(seen.follower_speed, 0.0) + 2.0)
-        pressure = jax.nn.sigmoid((self.pressing_time_gap - behind) / 0.25)
+        follower_time_gap = jnp.maximum(seen.follower_gap, 0.5) / (jnp.maximum(seen.follower_speed, 0.0) + 2.0)
+        pressure = jax.nn.sigmoid((self.pressing_time_gap - follower_time_gap) / 0.25)
         return value * jnp.exp(-self.gain * seen.has_follower * pressure)
 
 

@@ -1,1 +1,1 @@
-"""Car-following models compared: the first step of a discovery, which goes on with the best."""
+"""Comparison of car-following models: the first step of a discovery, which uses the best one."""

@@ -1,4 +1,6 @@
-"""The choice of a car-following model: that of `driver` stays unless another surely predicts other drivers better."""
+"""The choice of a car-following model: that of the key `driver`, unless another one predicts other drivers
+significantly better.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -12,18 +14,18 @@ DRAWS = 2000
 """Resamples of drivers."""
 
 VETOING = ("population", "first_half")
-"""Protocols under which a model that surely is worse than the best is not chosen: both predict."""
+"""Protocols that predict; a model that is worse than the best one in one of them is not chosen."""
 
 
 @dataclass(frozen=True)
 class Choice:
-    """The model that a discovery goes on with.
+    """The model chosen for a discovery; models are given by their index.
 
     Attributes:
-        chosen: Its number.
-        better_share: Share of resamples of drivers in which each is more likely than the first [-].
-        best_share: Share of resamples in which each is the most likely [-].
-        vetoed: Those that simulations speak against.
+        chosen: Index of the chosen model.
+        better_share: Share of resamples of drivers in which each model is more likely than the first one [-].
+        best_share: Share of resamples in which each model is the most likely one [-].
+        vetoed: Models whose simulations are worse than the best one's.
     """
 
     chosen: int
@@ -33,64 +35,64 @@ class Choice:
 
 
 def resamples(n: int, seed: int) -> Int[np.ndarray, "draws drivers"]:
-    """Drivers drawn anew."""
+    """Indices of drivers drawn with replacement."""
     return np.random.default_rng(seed).integers(0, n, (DRAWS, n))
 
 
 def choice_of(
     gains: Sequence[Float[np.ndarray, " drivers"]], errors: Sequence[Mapping[str, Float[np.ndarray, " _"]]], seed: int
 ) -> Choice:
-    """The first model, or the most likely of those that surely are more likely and that simulations do not deny.
+    """The first model, or the most likely of those that are significantly more likely and not rejected by simulations.
 
     Args:
-        gains: Log-likelihood of each driver under each model beyond that under the model of `driver` [nats], that one
-            first.
-        errors: Gap error [m] of each driver who could be tested, by protocol, of each model; none where no protocol was
-            asked.
-        seed: Of the resamples.
+        gains: Log-likelihood of each driver under each model less that under the first model, which is that of the key
+            `driver` [nats].
+        errors: For each model, gap errors of the drivers who could be tested [m], by protocol; empty for a model that
+            was not simulated.
+        seed: Seed of the resamples.
     """
     drawn = np.stack([one[resamples(len(one), seed)].sum(axis=1) for one in gains])
     better = (drawn > drawn[0]).mean(axis=1).tolist()
     best = np.bincount(drawn.argmax(axis=0), minlength=len(gains)) / DRAWS
     vetoed = frozenset().union(*(_probably_worse([one.get(name) for one in errors], seed) for name in VETOING))
-    # Where simulations speak against the first one too, one that does better in the mean of protocols may follow it.
+    # If the first model is vetoed as well, a vetoed model with a smaller mean error may replace it.
     is_first_denied, means = 0 in vetoed, [mean_prediction_error(one) for one in errors]
-    denied = {number for number in vetoed if not is_first_denied or means[number] >= means[0]}
+    denied = {index for index in vetoed if not is_first_denied or means[index] >= means[0]}
     able = [
-        number
-        for number, share in enumerate(better)
+        index
+        for index, share in enumerate(better)
         if share >= THRESHOLDS.base_confidence
-        and gains[number].sum() > THRESHOLDS.least_base_gain
-        and number not in denied
-        and (errors[number] or not any(errors))  # nobody is chosen unseen where others were simulated
+        and gains[index].sum() > THRESHOLDS.least_base_gain
+        and index not in denied
+        and (errors[index] or not any(errors))  # a model without simulations is not chosen if others have some
     ]
-    chosen = max(able, key=lambda number: float(gains[number].sum()), default=0)
+    chosen = max(able, key=lambda index: float(gains[index].sum()), default=0)
     return Choice(chosen, better, best.tolist(), vetoed)
 
 
 def is_beaten(one: Float[np.ndarray, " drivers"], gains: Sequence[Float[np.ndarray, " drivers"]], seed: int) -> bool:
-    """True if the gains of a model surely are less than the largest ones."""
+    """True if a model with the gains `one` is significantly less likely than the most likely model."""
     gain = max(gains, key=lambda other: float(other.sum())) - one
     drawn = gain[resamples(len(gain), seed)].sum(axis=1)
     return bool((drawn > 0).mean() >= THRESHOLDS.base_confidence and gain.sum() > THRESHOLDS.least_base_gain)
 
 
 def mean_prediction_error(errors: Mapping[str, Float[np.ndarray, " _"]]) -> float:
-    """Mean gap error [m], in the geometric mean of the protocols that predict."""
+    """Geometric mean over the protocols that predict of the mean gap error [m]; inf without any."""
     means = [errors[name].mean() for name in VETOING if name in errors]
     return float(np.exp(np.mean(np.log(means)))) if means else np.inf
 
 
 def _probably_worse(errors: Sequence[Float[np.ndarray, " tested"] | None], seed: int) -> frozenset[int]:
-    """Models whose mean error more likely than not exceeds the least one by more than is borne."""
-    tested = {number: one for number, one in enumerate(errors) if one is not None}
+    """Models whose mean error probably exceeds the smallest one by more than the tolerated share."""
+    tested = {index: one for index, one in enumerate(errors) if one is not None}
     if not tested:
         return frozenset()
     best = min(tested.values(), key=lambda one: float(one.mean()))
     drawn = resamples(len(best), seed)
-    borne = (1 + THRESHOLDS.base_error_share) * best[drawn].mean(axis=1)
+    tolerated = (1 + THRESHOLDS.base_error_share) * best[drawn].mean(axis=1)
     return frozenset(
-        number
-        for number, one in tested.items()
-        if (one[drawn].mean(axis=1) > borne).mean() > THRESHOLDS.base_veto_share
+        index
+        for index, one in tested.items()
+        if (one[drawn].mean(axis=1) > tolerated).mean() > THRESHOLDS.base_veto_share
     )

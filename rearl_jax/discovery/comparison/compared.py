@@ -1,7 +1,8 @@
-"""What car-following models, calibrated to the same drivers, predict of the same others.
+"""Predictions of car-following models that are calibrated to the same drivers, for the same other drivers.
 
-Every model is calibrated with its own drivers, population and noise. How much the innovations count is the same for
-all, as the model of `driver` leaves it, for log-likelihoods compare only where they weigh the same data alike.
+Parameters of drivers, population and noise are estimated for every model separately. The weights of the innovations are
+estimated for the model of the key `driver` and used for all models, because log-likelihoods can be compared only if
+they weight the data equally.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -17,7 +18,7 @@ from rearl_jax.discovery.observe.base import Base, base_of
 from rearl_jax.discovery.observe.closed_loop import calibrated_to_gap, simulated_error
 from rearl_jax.discovery.observe.fit import Fit, recalibrated
 from rearl_jax.discovery.observe.fit_state import FitState, new_state
-from rearl_jax.discovery.observe.noise import ACCELERATIONS, noises, under_best_time
+from rearl_jax.discovery.observe.noise import ACCELERATIONS, noise_levels, under_best_time
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.read.training import every_run
@@ -25,25 +26,25 @@ from rearl_jax.discovery.report.protocols import PROTOCOL_MEASURES, protocol_err
 from rearl_jax.discovery.search.decision import bounded_gains
 
 MOST_FITTED, MOST_CHECKED = 40, 120
-"""Drivers that models are calibrated to, and compared on, at most; drawn at random where there are more. Calibration
-takes most of the time, while every further driver that is only asked makes the comparison surer.
+"""Largest numbers of drivers that models are calibrated to, and compared on; of more drivers, a random sample is used.
+The second is larger because calibration takes most of the time, and further checked drivers make the comparison surer.
 """
 
 ONE_STEP = "one_step"
-"""Where the table holds log-likelihoods: one time step ahead, not under one of the protocols."""
+"""Value of the column `protocol` in rows with log-likelihoods, which predict one time step."""
 
 LOG_LIKELIHOOD = "log_likelihood"
 
 
 @dataclass(frozen=True)
 class Compared:
-    """What one model predicts of the checked drivers.
+    """Predictions of one model for the checked drivers.
 
     Attributes:
-        name: Of the car-following model.
-        log_likelihood: Of each driver, its own parameters integrated out [nats].
-        errors: Each of PROTOCOL_MEASURES of each driver who could be tested, by protocol; without those in which
-            nobody could, and empty where the log-likelihood says enough.
+        name: Name of the car-following model.
+        log_likelihood: Log-likelihood of each driver with its own parameters integrated out [nats].
+        errors: Measures of PROTOCOL_MEASURES by protocol, each an array over the drivers who could be tested. Protocols
+            in which no driver could be tested are missing; empty if the model is significantly less likely than others.
     """
 
     name: str
@@ -52,7 +53,7 @@ class Compared:
 
 
 def some_of(data: Measured, most: int, seed: int) -> Measured:
-    """At most so many of the drivers."""
+    """A random sample of at most `most` drivers."""
     if data.n_drivers <= most:
         return data
     kept = np.random.default_rng(seed).choice(data.n_drivers, most, replace=False)
@@ -68,53 +69,55 @@ def compared_models(
     *,
     lane_changes: bool,
 ) -> tuple[list[Compared], Base]:
-    """What every model predicts of the checked drivers, and the first one as it was calibrated.
+    """Predictions of every model for the checked drivers, and the calibrated first model.
 
     Args:
-        solvers: One of each model, that of `driver` first.
-        fitted: Drivers they are calibrated to.
-        checked: Drivers they are compared on.
-        seed: Of the resamples of drivers.
-        progress: Called with the models done and wanted.
-        lane_changes: Whether what changes of lane bring with them is part of the calibrated models.
+        solvers: Solver of each model; the model of the key `driver` is first.
+        fitted: Drivers that the models are calibrated to.
+        checked: Drivers that the models are compared on.
+        seed: Seed of the resamples of drivers.
+        progress: Called with the number of models done and of all models.
+        lane_changes: Whether the calibrated models contain the effects of lane changes.
     """
     progress(0, len(solvers))
     base = base_of(solvers[0], fitted, lane_changes=lane_changes)
     fits, states, likely = [], [], []
-    for number, solver in enumerate(solvers):
-        fit = base.fit if number == 0 else calibrated_alike(solver, fitted, base.fit)
+    for index, solver in enumerate(solvers):
+        fit = base.fit if index == 0 else calibrated_alike(solver, fitted, base.fit)
         (state,) = recalibrated(solver, checked, [fit])
         fits.append(fit)
         states.append(state)
         likely.append(state.marginal())
-        progress(number + 1, len(solvers))
+        progress(index + 1, len(solvers))
     found, gains = [], gains_of(likely, checked)
-    for number, (solver, fit, state) in enumerate(zip(solvers, fits, states, strict=True)):
-        is_asked = number == 0 or not is_beaten(gains[number], gains, seed)
+    for index, (solver, fit, state) in enumerate(zip(solvers, fits, states, strict=True)):
+        is_asked = index == 0 or not is_beaten(gains[index], gains, seed)
         errors = errors_by_protocol(solver, fit, state) if is_asked else {}
-        found.append(Compared(solver.layout.prior.name, likely[number], errors))
+        found.append(Compared(solver.layout.prior.name, likely[index], errors))
     return found, base
 
 
 def gains_of(likely: Sequence[Float[np.ndarray, " drivers"]], data: Measured) -> list[Float[np.ndarray, " drivers"]]:
-    """Log-likelihood of each driver beyond that under the first model, within the bounds of what one can contribute
+    """Log-likelihood of each driver under each model, less that under the first model, bounded as in `bounded_gains`
     [nats].
     """
     return [bounded_gains(one - likely[0], data) for one in likely]
 
 
-def calibrated_alike(solver: Solver, data: Measured, like: Fit) -> Fit:
-    """Another model calibrated to the drivers of a fit: the measurement and what innovations count are as they were
-    found there, everything else is found anew; what changes of lane bring with them begins where it was.
+def calibrated_alike(solver: Solver, data: Measured, fit: Fit) -> Fit:
+    """Another car-following model, calibrated with the measurement noise and the weights of innovations of a given fit.
+
+    All other parameters are estimated again; those of the effects of lane changes start at the values of that fit.
     """
-    state = new_state(data, solver.layout, like.noise)
-    state.theta, state.active = like.state.theta.copy(), like.state.active
+    state = new_state(data, solver.layout, fit.noise)
+    state.theta, state.active = fit.state.theta.copy(), fit.state.active
     solver.solve([state], iterations=10, tolerance=1.0)
-    return Fit(None, *under_best_time(solver, state, noises(like.noise, ACCELERATIONS)))
+    state, noise = under_best_time(solver, state, noise_levels(fit.noise, ACCELERATIONS))
+    return Fit(candidate=None, state=state, noise=noise)
 
 
 def errors_by_protocol(solver: Solver, fit: Fit, state: FitState) -> dict[str, dict[str, Float[np.ndarray, " _"]]]:
-    """Errors under every protocol in which somebody can be tested."""
+    """Errors of drivers in every protocol in which at least one driver can be tested."""
     in_sample = simulated_error(solver, calibrated_to_gap(solver, state))
     found = protocol_errors(solver, state, fit, in_sample, every_run(state.data))
     return {name: dict(one.by_driver) for name, one in found.items() if one is not None}
@@ -135,7 +138,7 @@ def compared_table(found: Sequence[Compared]) -> pd.DataFrame:
 
 
 def read_compared(path: Path) -> list[Compared]:
-    """The comparison of a run that was killed."""
+    """Predictions stored by an interrupted run."""
     found = []
     for name, rows in pd.read_parquet(path).groupby("model", sort=False):
         by_protocol = {str(protocol): part for protocol, part in rows.groupby("protocol", sort=False)}

@@ -1,4 +1,4 @@
-"""The comparison of car-following models as a step of a discovery: done once per data set, kept, and reported."""
+"""The comparison of car-following models as a step of a discovery: computed once per data set, stored and reported."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -32,18 +32,19 @@ BASE_TABLE = "base"
 
 @dataclass(frozen=True)
 class Comparison:
-    """Car-following models on the checked drivers, and the one that the discovery goes on with.
+    """Car-following models compared on the checked drivers, and the model chosen for the discovery.
 
     Attributes:
-        priors: The models, that of `driver` first.
-        found: What each predicts.
-        gains: Its log-likelihood beyond that of the first, by checked driver, see `gains_of`.
-        choice: The model that was chosen.
-        n_fitted: Drivers that they were calibrated to.
-        base: The model of `driver` as it was calibrated; None unless it was chosen and all fitted drivers took part.
-        rivals: Names of the models that are not surely less likely than the chosen one, or else of the next best, the
-            most likely first.
-        before: Name of the model that was chosen before effects were found; None where it stayed.
+        priors: Priors of the models; the model of the key `driver` is first.
+        found: Predictions of each model.
+        gains: Log-likelihood of each checked driver under each model, less that under the first model, see `gains_of`.
+        choice: The choice of a model.
+        n_fitted: Number of drivers that the models were calibrated to.
+        base: The calibrated model of the key `driver`; None if another model was chosen, or if it was calibrated to a
+            sample of the fitted drivers.
+        rivals: Names of the models that are not significantly less likely than the chosen one, the most likely first;
+            without any, the name of the second most likely model.
+        before: Name of the model that was chosen before effects were found; None if the choice has not changed.
     """
 
     priors: Sequence[Prior]
@@ -67,13 +68,13 @@ class Comparison:
 
     @property
     def next_best(self) -> list[Prior]:
-        """The models that were not chosen, the most likely first, surely less likely ones too."""
+        """All models that were not chosen, the most likely first."""
         chosen = self.gains[self.choice.chosen]
-        others = [number for number in range(len(self.priors)) if number != self.choice.chosen]
+        others = [index for index in range(len(self.priors)) if index != self.choice.chosen]
         return [self.priors[k] for k in sorted(others, key=lambda k: -float((self.gains[k] - chosen).sum()))]
 
     def going_on_with(self, prior: Prior) -> "Comparison":
-        """The same, but another model was chosen, beside which the chosen one is the first rival."""
+        """The comparison with another choice; the model chosen before becomes the first rival."""
         others = tuple(name for name in self.rivals if name != prior.name)
         choice = replace(self.choice, chosen=[one.name for one in self.priors].index(prior.name))
         return replace(self, choice=choice, base=None, rivals=(self.prior.name, *others), before=self.prior.name)
@@ -86,18 +87,18 @@ def comparison_of(
     progress: Callable[[int, int], None],
     study: Study | None = None,
 ) -> Comparison:
-    """The comparison of some models on the checked drivers, that of `driver` first.
+    """Comparison of car-following models on the checked drivers.
 
     Args:
-        priors: The models.
+        priors: Priors of the models; the model of the key `driver` is first.
         parts: The drivers.
         options: Keys of discovery.
-        progress: Called with the models done and wanted.
-        study: Keeps what was found for a run that goes on after it was killed; None to keep nothing.
+        progress: Called with the number of models done and of all models.
+        study: Stores the predictions, so that an interrupted run can continue; None to store nothing.
     """
     fitted = some_of(parts.fitted, MOST_FITTED, options.seed)
     checked, base = some_of(parts.checked, MOST_CHECKED, options.seed), None
-    if study is not None and study.owns(BASE_TABLE):  # of a run that was killed
+    if study is not None and study.owns(BASE_TABLE):  # stored by an interrupted run
         found = read_compared(study.path / f"{BASE_TABLE}.parquet")
     else:
         solvers = [solver_of(parts.fitted, prior) for prior in priors]
@@ -111,25 +112,31 @@ def comparison_of(
     choice = choice_of(gains, errors, options.seed)
     if choice.chosen != 0 or fitted is not parts.fitted:
         base = None
-    order = sorted(range(len(found)), key=lambda number: -float(gains[number].sum()))
-    others = [number for number in order if number != choice.chosen]
+    order = sorted(range(len(found)), key=lambda index: -float(gains[index].sum()))
+    others = [index for index in order if index != choice.chosen]
     equal = [
-        number for number in others if not is_beaten(gains[number], [gains[number], gains[choice.chosen]], options.seed)
+        index for index in others if not is_beaten(gains[index], [gains[index], gains[choice.chosen]], options.seed)
     ]
-    rivals = tuple(found[number].name for number in equal or others[:1])
+    rivals = tuple(found[index].name for index in equal or others[:1])
     return Comparison(priors, found, gains, choice, fitted.n_drivers, base, rivals)
 
 
 def base_block(comparison: Comparison, options: DiscoverConfig, time_gaps: dict[str, Any]) -> dict[str, Any]:
-    """`base` of the verdict; `time_gaps` are those at equilibrium under the chosen model."""
-    over, choice = Resampling(options.confidence, options.draws, options.seed), comparison.choice
+    """The entry `base` of the verdict.
+
+    Args:
+        comparison: The comparison.
+        options: Keys of discovery.
+        time_gaps: Equilibrium time gaps under the chosen model, as in the verdict.
+    """
+    resampling, choice = Resampling(options.confidence, options.draws, options.seed), comparison.choice
     rows = []
-    for number, one in enumerate(comparison.found):
+    for index, one in enumerate(comparison.found):
         protocols: dict[str, Any] = dict.fromkeys(PROTOCOLS)
         for name, by_driver in one.errors.items():
             figures = {
                 measure: {
-                    statistic: over.figure(over.drawn(by_driver[measure], pool))
+                    statistic: resampling.figure(resampling.drawn(by_driver[measure], pool))
                     for statistic, pool in STATISTICS.items()
                 }
                 for measure in PROTOCOL_MEASURES
@@ -138,12 +145,12 @@ def base_block(comparison: Comparison, options: DiscoverConfig, time_gaps: dict[
         rows.append(
             {
                 "name": one.name,
-                "n_parameters": comparison.priors[number].size,
-                "log_likelihood": over.figure(over.drawn(one.log_likelihood, np.sum)),
-                "gain": over.figure(over.drawn(comparison.gains[number], np.sum)),
-                "better_share": choice.better_share[number],
-                "best_share": choice.best_share[number],
-                "is_vetoed": number in choice.vetoed,
+                "n_parameters": comparison.priors[index].size,
+                "log_likelihood": resampling.figure(resampling.drawn(one.log_likelihood, np.sum)),
+                "gain": resampling.figure(resampling.drawn(comparison.gains[index], np.sum)),
+                "better_share": choice.better_share[index],
+                "best_share": choice.best_share[index],
+                "is_vetoed": index in choice.vetoed,
                 "protocols": protocols,
             }
         )

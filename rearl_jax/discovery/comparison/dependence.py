@@ -1,8 +1,8 @@
-"""What was found under one car-following model, beside others: does it need that model, or the bounds of its
-parameters, and is another one better now?
+"""Tests of the effects found under one car-following model: whether they hold in other models and without the bounds of
+drivers' parameters, and whether another model fits better once they are added.
 
-An effect that is missing pulls the comparison of bare models towards those that imitate it. With what was found in them
-they compare anew.
+In a comparison of models without effects, a missing effect favours models that imitate it. So the models are compared
+again with the effects found.
 """
 
 from collections.abc import Mapping, Sequence
@@ -16,8 +16,8 @@ from rearl_jax.discovery.comparison.compared import calibrated_alike
 from rearl_jax.discovery.observe.candidates import Term
 from rearl_jax.discovery.observe.drivers import Prior
 from rearl_jax.discovery.observe.fit import Fit, recalibrated
-from rearl_jax.discovery.observe.fit_state import FitState, with_changes
-from rearl_jax.discovery.observe.noise import no_larger, noises, under_best_noise
+from rearl_jax.discovery.observe.fit_state import FitState, replaced
+from rearl_jax.discovery.observe.noise import levels_up_to, noise_levels, under_best_noise
 from rearl_jax.discovery.observe.solver import Solver, solver_of
 from rearl_jax.discovery.observe.uncertainty import shares_at_bound
 from rearl_jax.discovery.read.measured import Measured
@@ -27,18 +27,18 @@ from rearl_jax.discovery.search.refit import nested, rebased
 from rearl_jax.discovery.thresholds import THRESHOLDS
 
 MOST_OTHERS = 2
-"""Other models under which effects are looked for at most."""
+"""Largest number of other models in which the effects are tested."""
 
 
 @dataclass(frozen=True)
 class Beside:
-    """Everything that was found, in another car-following model.
+    """The effects found, tested in another car-following model.
 
     Attributes:
-        prior: That model.
-        holds: Whether each addition holds there beside those before it.
-        gains: Log-likelihood of each check driver beyond that under the chosen model, both with everything that was
-            found, own parameters integrated out [nats], within the bounds of what one can contribute.
+        prior: Prior of the other model.
+        holds: Whether each effect holds in that model if the effects before it are part of the model.
+        gains: Log-likelihood of each checked driver less that under the chosen model [nats], both with all effects
+            found and with own parameters integrated out, bounded as in `bounded_gains`.
     """
 
     prior: Prior
@@ -47,13 +47,13 @@ class Beside:
 
 
 def found_beside(solver: Solver, outcome: Search, priors: Sequence[Prior], fitted: Measured) -> list[Beside]:
-    """What was found under the chosen model, in others; empty where no effect with a name was.
+    """Tests of the effects found in other models; empty if no named effect was found.
 
     Args:
-        solver: Of the chosen model.
-        outcome: What was found under it.
-        priors: The other models, the most likely first.
-        fitted: The fitted drivers as they were measured, which curves and sections are laid out for.
+        solver: Solver of the chosen model.
+        outcome: Result of the search with the chosen model.
+        priors: Priors of the other models, the most likely first.
+        fitted: The fitted drivers as measured; they determine the knots of curves and the road sections.
     """
     if not _named(outcome):
         return []
@@ -62,15 +62,15 @@ def found_beside(solver: Solver, outcome: Search, priors: Sequence[Prior], fitte
 
 
 def dependent_effects(outcome: Search, others: Sequence[Beside]) -> dict[Term, tuple[str, ...]]:
-    """Names of the other models in which an effect does not hold, by effect; only effects with a name."""
+    """Names of the other models in which a named effect does not hold, by effect."""
     return {term: tuple(one.prior.name for one in others if not one.holds[term]) for term in _named(outcome)}
 
 
 def without_bounds(solver: Solver, outcome: Search, fitted: Measured) -> Search:
-    """The search with the effects noted that do not hold once drivers' parameters may leave their bounds. A driver at a
-    bound cannot be described by the model, and an effect may take in what is missing there.
+    """The search with `of_bounds` set: named effects that do not hold if drivers' parameters may leave their bounds.
+    The model cannot describe a driver at a bound, and an effect may imitate the difference.
 
-    Nothing is fitted where few drivers are at a bound, or where no effect with a name was found.
+    Nothing is fitted if few drivers are at a bound, or if no named effect was found.
     """
     prior, named = solver.layout.prior, _named(outcome)
     states = (outcome.first.state, outcome.last.state)
@@ -81,7 +81,9 @@ def without_bounds(solver: Solver, outcome: Search, fitted: Measured) -> Search:
 
 
 def better_model(others: Sequence[Beside], seed: int) -> Prior | None:
-    """The most likely of the other models if the chosen one surely is less likely, with what was found in both."""
+    """The most likely other model if the chosen one is significantly less likely, both with the effects found; else
+    None.
+    """
     if not others:
         return None
     best = max(others, key=lambda one: float(one.gains.sum()))
@@ -89,7 +91,7 @@ def better_model(others: Sequence[Beside], seed: int) -> Prior | None:
 
 
 def _named(outcome: Search) -> list[Term]:
-    """The added effects with a name."""
+    """Terms of the added effects that have a name."""
     return [trial.candidate.term for trial in outcome.added if trial.candidate.kind in ("driver", "road")]
 
 
@@ -99,12 +101,14 @@ def _beside(solver: Solver, prior: Prior, outcome: Search, chosen: FitState) -> 
 
 
 def _found_again(solver: Solver, outcome: Search) -> tuple[dict[Term, bool], FitState]:
-    """Whether each addition holds in another model beside those before it, and the check drivers with all of them."""
+    """Whether each added effect holds in another model that contains the effects before it, and the state of the
+    checked drivers with all of them.
+    """
     fit = calibrated_alike(solver, outcome.first.state.data, outcome.first)
     holds, other = {}, None
     for trial in outcome.added:
         term = trial.candidate.term
-        fits = {term: _with(solver, fit, trial)}
+        fits = {term: _with_effect(solver, fit, trial)}
         fit = rebased(solver, fit, fits)
         after = nested(solver, fit, fits)[term]
         before, other = recalibrated(solver, outcome.checked, [fit, after])
@@ -114,10 +118,11 @@ def _found_again(solver: Solver, outcome: Search) -> tuple[dict[Term, bool], Fit
     return holds, other
 
 
-def _with(solver: Solver, fit: Fit, trial: Trial) -> Fit:
-    """A model with the addition of another one, which begins at what was found there."""
+def _with_effect(solver: Solver, fit: Fit, trial: Trial) -> Fit:
+    """The model with the effect of a trial under another model, fitted from the parameters found there."""
     places, theta = list(trial.candidate.free), fit.state.theta.copy()
     theta[places] = trial.fit.state.theta[places]
-    state = with_changes(fit.state, theta=theta, active=(*fit.state.active, trial.candidate.term))
+    state = replaced(fit.state, theta=theta, active=(*fit.state.active, trial.candidate.term))
     solver.solve([state], iterations=15, tolerance=0.3)
-    return Fit(trial.candidate, *under_best_noise(solver, state, noises(fit.noise, no_larger(fit.noise))))
+    state, noise = under_best_noise(solver, state, noise_levels(fit.noise, levels_up_to(fit.noise)))
+    return Fit(trial.candidate, state, noise)

@@ -89,8 +89,8 @@ class Mixture:
         return least
 
     def _log_density(self, numbers: Float[np.ndarray, "drawn numbers"]) -> Float[np.ndarray, "drawn groups"]:
-        away = numbers[:, None] - self.mean
-        distance = np.einsum("nki,kij,nkj->nk", away, np.linalg.inv(self.covariance), away)
+        deviation = numbers[:, None] - self.mean
+        distance = np.einsum("nki,kij,nkj->nk", deviation, np.linalg.inv(self.covariance), deviation)
         return np.log(self.share) - 0.5 * distance - 0.5 * np.linalg.slogdet(self.covariance)[1]
 
 
@@ -112,18 +112,20 @@ def split_further(likelihoods: DriverLikelihoods, mixture: Mixture) -> Mixture:
         weights = mixture.member[:, k]
         for place in numbers:
             values = mixture.expected[k][:, place]
-            above = (values > np.average(values, weights=weights)).astype(float)
-            member = np.column_stack([np.delete(mixture.member, k, axis=1), weights * above, weights * (1 - above)])
+            is_above = (values > np.average(values, weights=weights)).astype(float)
+            member = np.column_stack(
+                [np.delete(mixture.member, k, axis=1), weights * is_above, weights * (1 - is_above)]
+            )
             if member.sum(axis=0).min() >= 1.0:
                 few.append(_climbed(likelihoods, member, {*mixture.differing, place}, pooled))
                 all_of_them.append(_climbed(likelihoods, member, numbers, pooled))
     if not few:
         return mixture
-    ends = (
+    results = (
         _improved(likelihoods, max(starts, key=lambda candidate: candidate.evidence), pooled)
         for starts in (few, all_of_them)
     )
-    return max(ends, key=lambda candidate: candidate.evidence)
+    return max(results, key=lambda candidate: candidate.evidence)
 
 
 def _improved(likelihoods: DriverLikelihoods, mixture: Mixture, pooled: np.ndarray) -> Mixture:
@@ -131,10 +133,10 @@ def _improved(likelihoods: DriverLikelihoods, mixture: Mixture, pooled: np.ndarr
     while True:
         others = [{*mixture.differing} ^ {place} for place in range(len(pooled))]
         tried = [_climbed(likelihoods, mixture.member, places, pooled, NEARBY) for places in others if places]
-        better = max(tried, key=lambda candidate: candidate.evidence, default=mixture)
-        if better.evidence <= mixture.evidence:
+        best = max(tried, key=lambda candidate: candidate.evidence, default=mixture)
+        if best.evidence <= mixture.evidence:
             return mixture
-        mixture = better
+        mixture = best
 
 
 def drawn_from(likelihoods: DriverLikelihoods, mixture: Mixture, rng: np.random.Generator) -> DriverLikelihoods:

@@ -72,9 +72,9 @@ def fit(
     size = columns.shape[1]
     beta = np.zeros(size) if start is None else start
 
-    def value(at: np.ndarray) -> float:
-        odds = columns @ at
-        return float((taken * odds - np.logaddexp(0.0, odds)).sum() - 0.5 * RIDGE * at @ at)
+    def value(coefficients: np.ndarray) -> float:
+        odds = columns @ coefficients
+        return float((taken * odds - np.logaddexp(0.0, odds)).sum() - 0.5 * RIDGE * coefficients @ coefficients)
 
     best = value(beta)
     for _ in range(NEWTON_STEPS):
@@ -107,10 +107,10 @@ def score_test(
     weight = chance * (1.0 - chance)
     weighted = columns * weight[:, None]
     shared = np.linalg.solve(columns.T @ weighted + RIDGE * np.eye(columns.shape[1]), weighted.T @ extra)
-    own = extra - columns @ shared
-    scores = _by_driver((own * (taken - chance))[:, None], driver)[:, 0]
+    unexplained = extra - columns @ shared
+    scores = _by_driver((unexplained * (taken - chance))[:, None], driver)[:, 0]
     spread = float(np.sqrt((scores**2).sum()))
-    information = float((weight * own * extra).sum())
+    information = float((weight * unexplained * extra).sum())
     if spread <= 0.0 or information <= OWN_SHARE * float((weight * extra**2).sum()):
         return 0.0  # the column is a combination of the model's columns, or there were no opportunities
     return float(scores.sum()) / spread

@@ -117,7 +117,7 @@ def likely_parameters(
     speed: Float[np.ndarray, " rows"],
     gap: Float[np.ndarray, " rows"],
     leader_speed: Float[np.ndarray, " rows"],
-    measured: Float[np.ndarray, " rows"],
+    measured_acceleration: Float[np.ndarray, " rows"],
     is_led: Bool[np.ndarray, " rows"],
     period: float,
     prior: Prior,
@@ -132,7 +132,7 @@ def likely_parameters(
         population: Population parameters for each row's driver.
         driver: Driver of each row, numbered from 0.
         speed, gap, leader_speed: Own speed [m/s], gap to the leader [m], its speed [m/s].
-        measured: Acceleration [m/s^2].
+        measured_acceleration: Acceleration [m/s^2].
         is_led: True if there is a leader; other rows are not used.
         period: Time between two rows of a driver [s].
         prior: Car-following model and prior distribution of its parameters.
@@ -141,32 +141,37 @@ def likely_parameters(
     in `drivers.Prior`.
     """
     n = int(driver.max()) + 1 if len(driver) else 0
-    used = np.flatnonzero(is_led & (gap > 0.0) & (np.abs(measured) < HARD))
+    used = np.flatnonzero(is_led & (gap > 0.0) & (np.abs(measured_acceleration) < HARD))
     if not len(used):
         return population
     rows = [values[used] for values in (speed, gap, leader_speed)]
-    led, base, who, wanted = np.ones(len(used), bool), population[:, used], driver[used], measured[used]
+    led, base, driver_used, wanted = (
+        np.ones(len(used), bool),
+        population[:, used],
+        driver[used],
+        measured_acceleration[used],
+    )
     n_own, spread = prior.size, prior.spread
     z = np.zeros((n, n_own))
 
-    def predicted(at: np.ndarray) -> np.ndarray:
-        params = base * np.exp(spread[:, None] * at[who].T)
+    def predicted(numbers: np.ndarray) -> np.ndarray:
+        params = base * np.exp(spread[:, None] * numbers[driver_used].T)
         return np.clip(acceleration(prior.name, params, rows[0], rows[1], rows[2], led), -HARD, HARD)
 
     for _ in range(ROUNDS):
-        now = predicted(z)
-        error = wanted - now
+        prediction = predicted(z)
+        error = wanted - prediction
         # 0.455: median of the square of a standard normal number
         variance = max(float(np.median(error**2)) / 0.455, 1e-4) * MEMORY / period
-        slopes = np.stack([(predicted(z + STEP * np.eye(n_own)[k]) - now) / STEP for k in range(n_own)])
+        slopes = np.stack([(predicted(z + STEP * np.eye(n_own)[k]) - prediction) / STEP for k in range(n_own)])
         gram = np.empty((n, n_own, n_own))
         gradient = np.empty((n, n_own))
         for i in range(n_own):
-            gradient[:, i] = np.bincount(who, slopes[i] * error, n) / variance - z[:, i]
+            gradient[:, i] = np.bincount(driver_used, slopes[i] * error, n) / variance - z[:, i]
             for j in range(i + 1):
-                gram[:, i, j] = gram[:, j, i] = np.bincount(who, slopes[i] * slopes[j], n) / variance
+                gram[:, i, j] = gram[:, j, i] = np.bincount(driver_used, slopes[i] * slopes[j], n) / variance
         step = np.linalg.solve(gram + np.eye(n_own), gradient[..., None])[..., 0]
         z = np.clip(z + np.clip(step, -1.0, 1.0), -FURTHEST, FURTHEST)
-    z[:, RESPONSE:] -= z[np.unique(who)][:, RESPONSE:].mean(axis=0)
-    z[np.bincount(who, minlength=n) == 0] = 0.0
+    z[:, RESPONSE:] -= z[np.unique(driver_used)][:, RESPONSE:].mean(axis=0)
+    z[np.bincount(driver_used, minlength=n) == 0] = 0.0
     return population * np.exp(spread[:, None] * z[driver].T)

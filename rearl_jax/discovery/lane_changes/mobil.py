@@ -119,9 +119,9 @@ def calibrated_mobil(table: Opportunities, confidence: float) -> CalibratedMobil
                 posterior[i, j, k] = _likelihood(reached, taken)
     axes = dict(zip(("politeness", "bias", "safe_decel", "gain_threshold"), _grids(), strict=True))
     prior_mean = MobilRule()
-    for number, (name, values) in enumerate(axes.items()):
+    for axis_number, (name, values) in enumerate(axes.items()):
         prior = -0.5 * ((values - getattr(prior_mean, name)) / SPREAD[name]) ** 2
-        posterior += prior.reshape([-1 if axis == number else 1 for axis in range(len(axes))])
+        posterior += prior.reshape([-1 if axis == axis_number else 1 for axis in range(len(axes))])
     if not np.isfinite(posterior).any():
         rule = prior_mean.with_rates(table)
         return CalibratedMobil(rule, {name: Estimate(getattr(rule, name), None, None, UNITS[name]) for name in UNITS})
@@ -130,8 +130,8 @@ def calibrated_mobil(table: Opportunities, confidence: float) -> CalibratedMobil
     rule = replace(prior_mean, **values).with_rates(table)
     weight = np.exp(posterior - posterior.max())
     estimates = {}
-    for number, (name, grid) in enumerate(axes.items()):
-        own = weight.sum(axis=tuple(axis for axis in range(len(axes)) if axis != number))
+    for axis_number, (name, grid) in enumerate(axes.items()):
+        own = weight.sum(axis=tuple(axis for axis in range(len(axes)) if axis != axis_number))
         share = np.cumsum(own) / own.sum()
         cells = np.concatenate([grid[:1], (grid[1:] + grid[:-1]) / 2, grid[-1:]])  # no interval is finer than the grid
         first, last = (min(int(np.searchsorted(share, (1 + sign * confidence) / 2)), len(grid) - 1) for sign in (-1, 1))

@@ -136,9 +136,9 @@ def _of_recording(
     streets = np.stack([rows["direction"].to_numpy(np.int64), rows["lane"].to_numpy(np.int64)])
     if np.bincount(np.unique(streets, axis=1)[0]).max(initial=0) < 2:
         return _empty(), "there is one lane per direction"
-    around = next_on_lanes(rows)
-    scene = _Scene(rows, drivers, offset, number, around[0])
-    joined = _joined([scene.side(side, around[0], around[side]) for side in (-1, 1)])
+    neighbours = next_on_lanes(rows)
+    scene = _Scene(rows, drivers, offset, number, neighbours[0])
+    joined = _joined([scene.side(side, neighbours[0], neighbours[side]) for side in (-1, 1)])
     word = "" if len(joined.side) else "no driver has leaders on the own and on an adjacent lane, and room to change"
     return joined, word
 
@@ -146,7 +146,9 @@ def _of_recording(
 class _Scene:
     """The rows of one recording in the frames of opportunities."""
 
-    def __init__(self, rows: pd.DataFrame, drivers: KnownDrivers, offset: int, recording: int, around: Pair) -> None:
+    def __init__(
+        self, rows: pd.DataFrame, drivers: KnownDrivers, offset: int, recording: int, on_own_lane: Pair
+    ) -> None:
         self.vehicle, self.recording = rows["track_id"].to_numpy().astype(np.int64) + offset, recording
         self.is_truck = (rows["vehicle_class"] == "truck").to_numpy()
         names = ("position", "speed", "acceleration", "length", "since_change", "to_change", "next_step")
@@ -158,8 +160,8 @@ class _Scene:
         self.ramp_side = side_of_ramp(self.vehicle, self.direction, self.lane, self.whole)
         self.goes_on = _goes_on(rows)
         self.model = drivers.prior.name
-        self.own = self._parameters(drivers, around.leader)
-        self.braking = self._earlier_braking(around.leader)
+        self.own = self._parameters(drivers, on_own_lane.leader)
+        self.braking = self._earlier_braking(on_own_lane.leader)
 
     def _parameters(self, drivers: KnownDrivers, leader: np.ndarray) -> np.ndarray:
         """Parameters of every row's driver: calibrated ones, else those of `likely_parameters`."""
@@ -179,18 +181,18 @@ class _Scene:
         same = (everyone >= back) & (breaks[everyone + 1] == breaks[before + 1])
         return np.where(same, less[before], 0.0)
 
-    def side(self, side: int, here: Pair, there: Pair) -> Opportunities:
+    def side(self, side: int, own_lane: Pair, target_lane: Pair) -> Opportunities:
         """Opportunities to change to one side, from the neighbours on the own lane and on the target lane."""
-        leader, follower, ahead, rear = here.leader, here.rear, there.leader, there.rear
-        chosen = np.flatnonzero(self._may_change(side) & (leader != NOBODY) & (ahead != NOBODY))
+        leader, follower, side_leader, rear = own_lane.leader, own_lane.rear, target_lane.leader, target_lane.rear
+        chosen = np.flatnonzero(self._may_change(side) & (leader != NOBODY) & (side_leader != NOBODY))
         near_edge = self.x[chosen] - self.upstream[chosen] < SEEN_BEHIND
         chosen = chosen[~near_edge | ((rear[chosen] != NOBODY) & (follower[chosen] != NOBODY))]
-        leader, follower, ahead, rear = (rows[chosen] for rows in (leader, follower, ahead, rear))
+        leader, follower, side_leader, rear = (rows[chosen] for rows in (leader, follower, side_leader, rear))
         v = self.v[chosen]
-        gap, side_gap = self._gap(chosen, leader), self._gap(chosen, ahead)
+        gap, side_gap = self._gap(chosen, leader), self._gap(chosen, side_leader)
         rear_gap, follower_gap = self._gap(rear, chosen), self._gap(follower, chosen)
-        stays, changed = self._behind(chosen, leader), self._behind(chosen, ahead)
-        rear_after, rear_before = self._behind(rear, chosen), self._behind(rear, ahead)
+        stays, changed = self._behind(chosen, leader), self._behind(chosen, side_leader)
+        rear_after, rear_before = self._behind(rear, chosen), self._behind(rear, side_leader)
         fits = (side_gap > LEAST_GAP) & (rear_gap > LEAST_GAP) & (changed > -HARDEST) & (rear_after > -HARDEST)
         options = Opportunities(
             vehicle=self.vehicle[chosen],
@@ -207,8 +209,8 @@ class _Scene:
             leader_speed=self.v[leader],
             leader_is_truck=self.is_truck[leader],
             side_gap=side_gap,
-            side_leader_speed=self.v[ahead],
-            side_leader_is_truck=self.is_truck[ahead],
+            side_leader_speed=self.v[side_leader],
+            side_leader_is_truck=self.is_truck[side_leader],
             rear_gap=rear_gap,
             rear_braking=np.where(rear == NOBODY, 0.0, self.braking[rear]),
             follower_gap=follower_gap,
@@ -231,11 +233,11 @@ class _Scene:
         gap = self.x[front] - self.x[behind] - (self.length[front] + self.length[behind]) / 2
         return np.where((behind == NOBODY) | (front == NOBODY), OUT_OF_SIGHT, gap)
 
-    def _behind(self, who: np.ndarray, front: np.ndarray) -> np.ndarray:
+    def _behind(self, vehicles: np.ndarray, front: np.ndarray) -> np.ndarray:
         """Model acceleration of vehicles behind given leaders [m/s^2]; 0 without a vehicle."""
-        gap, is_led = self._gap(who, front), front != NOBODY
-        value = acceleration(self.model, self.own[:, who], self.v[who], gap, self.v[front], is_led)
-        return np.where(who == NOBODY, 0.0, value)
+        gap, is_led = self._gap(vehicles, front), front != NOBODY
+        value = acceleration(self.model, self.own[:, vehicles], self.v[vehicles], gap, self.v[front], is_led)
+        return np.where(vehicles == NOBODY, 0.0, value)
 
 
 def _goes_on(rows: pd.DataFrame) -> Bool[np.ndarray, " rows"]:

@@ -113,28 +113,28 @@ def prediction(
         confidence: Confidence of the intervals of MOBIL's parameters.
         n_recorded, n_ramp: As in `Prediction`.
     """
-    fitted, held = table.take(part < 2), table.take(part == 2)
-    if min(fitted.changes.sum(), held.changes.sum()) < LEAST_IN_PART:
+    fitted, held_out = table.take(part < 2), table.take(part == 2)
+    if min(fitted.changes.sum(), held_out.changes.sum()) < LEAST_IN_PART:
         return None
     sides = [fitted.changes[fitted.side == side] for side in (-1, 1)]
-    left, right = (rate(float(taken.sum()), float(len(taken))) for taken in sides)
-    constant = np.where(held.side < 0, left, right)
+    left_rate, right_rate = (rate(float(taken.sum()), float(len(taken))) for taken in sides)
+    constant = np.where(held_out.side < 0, left_rate, right_rate)
     mobil, uncalibrated = calibrated_mobil(fitted, confidence), MobilRule()
     chance = {
         BASE_RATE: constant,
-        AS_IT_WAS: uncalibrated.with_refused(fitted).chance(held),
-        USUAL_RULE: uncalibrated.with_rates(fitted).chance(held),
-        CALIBRATED: mobil.rule.chance(held),
+        AS_IT_WAS: uncalibrated.with_refused(fitted).chance(held_out),
+        USUAL_RULE: uncalibrated.with_rates(fitted).chance(held_out),
+        CALIBRATED: mobil.rule.chance(held_out),
         HAZARD: np.clip(hazard[part == 2], SUREST, 1.0 - SUREST),
     }
     return Prediction(
-        table=held,
+        table=held_out,
         chance=chance,
         is_predicted={
             BASE_RATE: np.zeros(len(constant), bool),
-            AS_IT_WAS: uncalibrated.accepts(held),
-            USUAL_RULE: uncalibrated.accepts(held),
-            CALIBRATED: mobil.rule.accepts(held),
+            AS_IT_WAS: uncalibrated.accepts(held_out),
+            USUAL_RULE: uncalibrated.accepts(held_out),
+            CALIBRATED: mobil.rule.accepts(held_out),
             HAZARD: chance[HAZARD] > constant,
         },
         mobil=mobil,

@@ -19,9 +19,9 @@ def whole_lanes(
 ) -> Lanes:
     """Directions and lanes that cover most of the road; positions in m."""
     spans = {}
-    for way, number in np.unique(np.stack([direction, lane]), axis=1).T.tolist():
-        spans[way, number] = np.ptp(position[(direction == way) & (lane == number)])
-    road = {way: max(span for (own, _), span in spans.items() if own == way) for way, _ in spans}
+    for way, lane_number in np.unique(np.stack([direction, lane]), axis=1).T.tolist():
+        spans[way, lane_number] = np.ptp(position[(direction == way) & (lane == lane_number)])
+    road = {way: max(span for (of_way, _), span in spans.items() if of_way == way) for way, _ in spans}
     return {key for key, span in spans.items() if span >= WHOLE_LANE * road[key[0]]}
 
 
@@ -48,20 +48,20 @@ def side_of_ramp(
 
 def count_ramp_changes(recordings: Sequence[Recording]) -> int:
     """Number of recorded lane changes from or to a ramp lane."""
-    total = 0
+    n_changes = 0
     for recording in recordings:
         table = recording.table.loc[recording.table["lane"].notna()]
         lane, direction = table["lane"].to_numpy(np.int64), table["direction"].to_numpy(np.int64)
         on_ramp = ~_are_in(direction, lane, whole_lanes(direction, lane, table["position"].to_numpy()))
         track = table["track_id"].to_numpy()
         changed = (track[1:] == track[:-1]) & (lane[1:] != lane[:-1])
-        total += int((changed & (on_ramp[1:] | on_ramp[:-1])).sum())
-    return total
+        n_changes += int((changed & (on_ramp[1:] | on_ramp[:-1])).sum())
+    return n_changes
 
 
 def _are_in(direction: np.ndarray, lane: np.ndarray, whole: Lanes) -> np.ndarray:
     """True if the lane is a through lane."""
     known = np.zeros(len(lane), bool)
-    for way, number in whole:
-        known |= (direction == way) & (lane == number)
+    for way, lane_number in whole:
+        known |= (direction == way) & (lane == lane_number)
     return known

@@ -92,7 +92,7 @@ def _why_nothing_is_named(columns: CandidateColumns, n_recorded: int) -> str:
         return _too_few(n_recorded)
     if taken.sum() < least:
         return f"{UNSEEN}, too few lane changes by choice: {int(taken.sum())}, {_NEEDED}"
-    fewest = min(int(taken[columns.part == number].sum()) for number in range(N_PARTS))
+    fewest = min(int(taken[columns.part == part].sum()) for part in range(N_PARTS))
     if fewest < THRESHOLDS.least_lane_changes_in_part:
         return f"{UNSEEN}, {_too_few_in_part(fewest)}"
     if not _gain_counts(columns):
@@ -137,15 +137,15 @@ def part_of_rows(
     home = {}
     if split is None and len(recordings) >= N_PARTS:
         # Whole recordings, in decreasing order of changes, each to the part with the fewest changes so far.
-        changes = {int(number): int(table.changes[table.recording == number].sum()) for number in recordings}
+        changes = {int(name): int(table.changes[table.recording == name].sum()) for name in recordings}
         filled = [0] * N_PARTS
         for recording in sorted(changes, key=lambda key: (-changes[key], key)):
             home[recording] = int(np.argmin(filled))
             filled[home[recording]] += changes[recording] + 1
     vehicles, first, row = np.unique(table.vehicle, return_index=True, return_inverse=True)
     known = np.full(len(vehicles), -1)
-    for number, members in enumerate(split or ()):
-        known[np.isin(vehicles, members)] = number
+    for part_number, members in enumerate(split or ()):
+        known[np.isin(vehicles, members)] = part_number
     of_recording = table.recording[first]
     for recording in recordings:
         parts = np.unique(known[(of_recording == recording) & (known >= 0)])
@@ -184,9 +184,9 @@ def _effects(
     model = columns.fitted(columns.effects(added), 0, 1)
     reach = float(norm.ppf(0.5 + confidence / 2))
     claims = []
-    for number, (trial, trials) in enumerate(zip(added, rounds, strict=False)):
-        candidate, value = trial.candidate, float(model.strengths[number])
-        half = reach * float(np.sqrt(model.covariance[number, number]))
+    for position, (trial, trials) in enumerate(zip(added, rounds, strict=False)):
+        candidate, value = trial.candidate, float(model.strengths[position])
+        half = reach * float(np.sqrt(model.covariance[position, position]))
         value, low, high = np.clip([value, value - half, value + half], candidate.low, candidate.high).tolist()
         name, unit = candidate.strength
         parameters = {name: Estimate(value, low, high, unit)}

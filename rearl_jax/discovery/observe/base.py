@@ -11,8 +11,8 @@ import numpy as np
 
 from rearl_jax.discovery.observe.candidates import LANE_CHANGES, Term
 from rearl_jax.discovery.observe.fit import Fit
-from rearl_jax.discovery.observe.fit_state import with_changes
-from rearl_jax.discovery.observe.noise import ACCELERATIONS, calibrate, noises, under_best_noise
+from rearl_jax.discovery.observe.fit_state import replaced
+from rearl_jax.discovery.observe.noise import ACCELERATIONS, calibrate, noise_levels, under_best_noise
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.thresholds import THRESHOLDS
@@ -33,44 +33,46 @@ class Base:
     """A calibrated model.
 
     Attributes:
-        bare: The model without effects of lane changes.
-        steps: The model with early responses to the next leader, then also with relaxation; empty if too few leaders
-            change.
+        bare: The driver model without effects of lane changes.
+        extended: The same with early responses to the next leader, and with these and relaxation; empty if too few
+            leaders change.
     """
 
     bare: Fit
-    steps: tuple[Fit, ...] = ()
+    extended: tuple[Fit, ...] = ()
 
     @property
     def fit(self) -> Fit:
         """The model with all its effects of lane changes."""
-        return self.steps[-1] if self.steps else self.bare
+        return self.extended[-1] if self.extended else self.bare
 
 
 def leader_changes(data: Measured) -> int:
     """Number of changes of leader in the pieces of drives."""
-    return int((np.diff(data.around.time_since_change, axis=0) < 0).sum())
+    return int((np.diff(data.surroundings.time_since_change, axis=0) < 0).sum())
 
 
 def base_of(solver: Solver, data: Measured, *, lane_changes: bool = True) -> Base:
     """Calibrated drivers, with the effects of lane changes if these are requested and there are enough of them."""
-    bare = Fit(None, *calibrate(solver, data))
+    state, noise = calibrate(solver, data)
+    bare = Fit(candidate=None, state=state, noise=noise)
     if not lane_changes or leader_changes(data) < THRESHOLDS.least_leader_changes:
         return Base(bare)
-    steps, fit = [], bare
+    extended, fit = [], bare
     for term in LANE_CHANGES:
-        fit = _with(solver, fit, term)
-        steps.append(fit)
-    return Base(bare, tuple(steps))
+        fit = _with_effect(solver, fit, term)
+        extended.append(fit)
+    return Base(bare, tuple(extended))
 
 
-def _with(solver: Solver, fit: Fit, term: Term) -> Fit:
+def _with_effect(solver: Solver, fit: Fit, term: Term) -> Fit:
     """The model with one effect of lane changes, fitted."""
     active = (*fit.state.active, term)
     states = [
-        with_changes(fit.state, theta=solver.layout.with_values(fit.state.theta, start), active=active)
+        replaced(fit.state, theta=solver.layout.with_values(fit.state.theta, start), active=active)
         for start in STARTS[term.effect]
     ]
     solver.solve(states, iterations=20, tolerance=0.1)
     best = min(states, key=lambda state: state.objective)
-    return Fit(solver.layout.candidates[term], *under_best_noise(solver, best, noises(fit.noise, ACCELERATIONS)))
+    state, noise = under_best_noise(solver, best, noise_levels(fit.noise, ACCELERATIONS))
+    return Fit(solver.layout.candidates[term], state, noise)

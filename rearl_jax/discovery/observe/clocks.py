@@ -1,6 +1,6 @@
 """Clock offsets between vehicles: an artefact of data loggers, with one offset per vehicle.
 
-If the leader's clock is ahead by d, the data show the leader where it will be after d. In a platoon the offset of one
+If the leader's clock is ahead by d, the data show the leader where it was d earlier. In a platoon the offset of one
 vehicle acts twice: on its follower, and with the opposite sign on its own response to its leader. Other faults, such as
 a wrong length of the leader, shift each leader-follower pair independently.
 """
@@ -20,7 +20,7 @@ CLOCK_OFFSET = Term("clock_offset")
 """Clock offsets between vehicles."""
 
 MOST_LEADERS = 4
-"""Largest number of leaders of one driver with a shift of their own; further leaders are not shifted."""
+"""Largest number of main leaders of one driver; shifts are estimated from the time behind them alone."""
 
 VARIANCES = (0.01, 0.04, 0.1)
 """Tested variances of offsets [s^2]; the best one is used."""
@@ -49,7 +49,7 @@ class Estimate:
     """Time shifts of leaders.
 
     Attributes:
-        values: Shifts [s].
+        values: Shifts by group [s]; the groups are those of the model of shifts.
         cost: Complexity penalty of the shifts: prior and Occam factor [nats].
     """
 
@@ -58,26 +58,27 @@ class Estimate:
 
 
 class Shifts(ABC):
-    """A model of how leaders are shifted in time; shifts of different groups are independent.
+    """A model of how leaders are shifted in time. Shifts that the same drivers' data determine form a group, which is
+    estimated by itself.
 
     Attributes:
-        values_per_shift: Prior variance of a shift as a multiple of that of a clock offset [-].
-        data: As measured.
+        relative_variance: Prior variance of a shift as a multiple of that of a clock offset [-].
+        data: Data as measured.
         values: Shifts of zero, the start value.
     """
 
-    values_per_shift: float
+    relative_variance: float
     data: Measured
     values: Float[np.ndarray, "groups numbers"]
 
     @abstractmethod
-    def normal(
+    def normal_equations(
         self, score: Float[np.ndarray, "drivers leaders"], information: Float[np.ndarray, "drivers leaders leaders"]
     ) -> tuple[Float[np.ndarray, "groups numbers"], Float[np.ndarray, "groups numbers numbers"]]:
-        """Score and information of the shifts.
+        """Right-hand side and matrix of the normal equations for the shifts: their score and information.
 
         Args:
-            score: Score of each driver with respect to the time by which each main leader is ahead.
+            score: Score of each driver with respect to the time by which each main leader's clock is ahead of its own.
             information: Information matrix with respect to the same times.
         """
 
@@ -88,9 +89,11 @@ class Shifts(ABC):
     def evidence(
         self, score: Float[np.ndarray, "drivers leaders"], information: Float[np.ndarray, "drivers leaders leaders"]
     ) -> float:
-        """Evidence for shifts against no shifts, from the score at zero shift [nats]; arguments as of `normal`."""
-        side, total = self.normal(score, information)
-        return max(self._fitted(self.values, side, total, variance)[1] for variance in VARIANCES)
+        """Evidence for shifts against no shifts, from the score at zero shift [nats]; arguments as of
+        `normal_equations`.
+        """
+        score, information = self.normal_equations(score, information)
+        return max(self._updated(self.values, score, information, variance)[1] for variance in VARIANCES)
 
     def estimate(
         self,
@@ -98,21 +101,25 @@ class Shifts(ABC):
         score: Float[np.ndarray, "drivers leaders"],
         information: Float[np.ndarray, "drivers leaders leaders"],
     ) -> Estimate:
-        """Improved shifts, from the score at the present shifts; other arguments as of `normal`."""
-        side, total = self.normal(score, information)
-        fits = [self._fitted(values, side, total, variance) for variance in VARIANCES]
-        return max(fits, key=lambda fit: fit[1])[0]
+        """Improved shifts, from the score at the present shifts; other arguments as of
+        `normal_equations`."""
+        score, information = self.normal_equations(score, information)
+        updates = [self._updated(values, score, information, variance) for variance in VARIANCES]
+        estimate, _ = max(updates, key=lambda update: update[1])
+        return estimate
 
-    def _fitted(
-        self, values: np.ndarray, side: np.ndarray, total: np.ndarray, variance: float
+    def _updated(
+        self, values: np.ndarray, score: np.ndarray, information: np.ndarray, variance: float
     ) -> tuple[Estimate, float]:
-        """Most likely shifts and their log-likelihood, to second order."""
-        variance *= self.values_per_shift
-        inner = np.eye(values.shape[1]) + variance * total
-        step = np.linalg.solve(inner, (variance * side - values)[:, :, None])[:, :, 0]
+        """Most likely shifts, and the evidence for them against the present shifts [nats]: their gain of
+        log-likelihood, to second order, less their complexity penalty.
+        """
+        variance *= self.relative_variance
+        inner = np.eye(values.shape[1]) + variance * information
+        step = np.linalg.solve(inner, (variance * score - values)[:, :, None])[:, :, 0]
         better = values + step
         cost = 0.5 * float((better**2).sum()) / variance + 0.5 * float(np.linalg.slogdet(inner)[1].sum())
-        gain = float((side * step).sum() - 0.5 * np.einsum("gi,gij,gj->", step, total, step))
+        gain = float((score * step).sum() - 0.5 * np.einsum("gi,gij,gj->", step, information, step))
         return Estimate(better, cost), gain - cost
 
 
@@ -123,33 +130,35 @@ class Clocks(Shifts):
         vehicle: Numbers of the vehicles.
     """
 
-    values_per_shift = 1.0
+    relative_variance = 1.0
 
     def __init__(self, data: Measured) -> None:
         leaders = main_leaders(data)
-        own = np.zeros(data.n_drivers, int)
-        own[data.driver] = data.vehicle
-        self.data, self.vehicle = data, np.unique(np.concatenate([own, leaders[leaders >= 0]]))
+        vehicle_of = np.zeros(data.n_drivers, int)
+        vehicle_of[data.driver] = data.vehicle
+        self.data, self.vehicle = data, np.unique(np.concatenate([vehicle_of, leaders[leaders >= 0]]))
         self.values = np.zeros((1, len(self.vehicle)))
-        # Time by which each main leader is ahead of each driver, per offset.
-        self._ahead = np.zeros((*leaders.shape, len(self.vehicle)))
+        # Derivative of the time by which each main leader's clock is ahead of the driver's, by each vehicle's offset.
+        self._derivative = np.zeros((*leaders.shape, len(self.vehicle)))
         driver, k = np.nonzero(leaders >= 0)
-        self._ahead[driver, k, np.searchsorted(self.vehicle, leaders[driver, k])] += 1.0
-        self._ahead[driver, k, np.searchsorted(self.vehicle, own[driver])] -= 1.0
+        self._derivative[driver, k, np.searchsorted(self.vehicle, leaders[driver, k])] += 1.0
+        self._derivative[driver, k, np.searchsorted(self.vehicle, vehicle_of[driver])] -= 1.0
 
-    def normal(self, score: np.ndarray, information: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Score and information summed over all drivers."""
-        total = np.zeros((len(self.vehicle), len(self.vehicle)))
-        for ahead, own in zip(self._ahead, information, strict=True):
-            total += ahead.T @ own @ ahead
-        return np.einsum("dkn,dk->n", self._ahead, score)[None], total[None]
+    def normal_equations(self, score: np.ndarray, information: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Score and information of the offsets, summed over all drivers."""
+        matrix = np.zeros((len(self.vehicle), len(self.vehicle)))
+        for derivative, of_driver in zip(self._derivative, information, strict=True):
+            matrix += derivative.T @ of_driver @ derivative
+        return np.einsum("dkn,dk->n", self._derivative, score)[None], matrix[None]
 
     def corrected(self, values: np.ndarray) -> Measured:
-        """The data with all leaders corrected, main leaders and others."""
+        """The data with the clocks of all leaders corrected that have an offset: main leaders of any driver, and the
+        drivers themselves.
+        """
 
         def offset(vehicle: np.ndarray) -> np.ndarray:
-            where = np.minimum(np.searchsorted(self.vehicle, vehicle), len(self.vehicle) - 1)
-            return np.where(self.vehicle[where] == vehicle, values[0, where], 0.0)
+            place = np.minimum(np.searchsorted(self.vehicle, vehicle), len(self.vehicle) - 1)
+            return np.where(self.vehicle[place] == vehicle, values[0, place], 0.0)
 
         leader = self.data.leader
         return _moved(self.data, np.where(leader >= 0, offset(leader) - offset(self.data.vehicle)[None], 0.0))
@@ -158,22 +167,22 @@ class Clocks(Shifts):
 class Pairs(Shifts):
     """One shift for every driver and main leader; each driver is a group."""
 
-    values_per_shift = 2.0
+    relative_variance = 2.0
 
     def __init__(self, data: Measured) -> None:
         self.data, self.values = data, np.zeros((data.n_drivers, MOST_LEADERS))
 
-    def normal(self, score: np.ndarray, information: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def normal_equations(self, score: np.ndarray, information: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Score and information of each driver, unchanged."""
         return score, information
 
     def corrected(self, values: np.ndarray) -> Measured:
-        """The data with main leaders corrected."""
+        """The data with the main leaders of each driver corrected; its other leaders stay as measured."""
         return _moved(self.data, np.einsum("ksp,pk->sp", following(self.data), values[self.data.driver]))
 
 
-def _moved(data: Measured, ahead: Float[np.ndarray, "steps pieces"]) -> Measured:
-    """Leader positions moved back by the time they are ahead [s]."""
-    around = synchronised(data.around, jnp.asarray(ahead))
-    moved = {name: np.asarray(getattr(around, name)) for name in ("leader_rear", "leader_speed")}
-    return replace(data, around=replace(data.around, **moved))
+def _moved(data: Measured, shift: Float[np.ndarray, "steps pieces"]) -> Measured:
+    """The data with the leaders moved to where they are after the time by which their clocks are ahead [s]."""
+    surroundings = synchronised(data.surroundings, jnp.asarray(shift))
+    moved = {name: np.asarray(getattr(surroundings, name)) for name in ("leader_rear", "leader_speed")}
+    return replace(data, surroundings=replace(data.surroundings, **moved))

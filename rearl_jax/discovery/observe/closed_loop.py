@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from jaxtyping import Float
 
-from rearl_jax.discovery.observe.fit_state import FitState, replace_gain, with_changes
+from rearl_jax.discovery.observe.fit_state import FitState, replace_gain, replaced
 from rearl_jax.discovery.observe.kalman import CLOSED_LOOP
 from rearl_jax.discovery.observe.solver import Solver
 
@@ -40,9 +40,7 @@ def simulated_error(solver: Solver, state: FitState) -> Float[np.ndarray, "steps
 
 
 def calibrated_to_gap(solver: Solver, state: FitState) -> FitState:
-    """The same drivers with the parameters that minimise the simulated gap error."""
-    start = with_changes(
-        state, pieces=replace_gain(state.pieces, CLOSED_LOOP), variance=TYPICAL_ERROR**2, freedom=np.inf
-    )
+    """State of the drivers with the own parameters that minimise the simulated gap error."""
+    start = replaced(state, pieces=replace_gain(state.pieces, CLOSED_LOOP), variance=TYPICAL_ERROR**2, freedom=np.inf)
     solver.solve([start], iterations=20, tolerance=0.1)
     return start

@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from rearl_jax.discovery.observe.candidates import Candidate
-from rearl_jax.discovery.observe.fit_state import FitState, new_state, with_changes
+from rearl_jax.discovery.observe.fit_state import FitState, new_state, replaced
 from rearl_jax.discovery.observe.kalman import Noise
-from rearl_jax.discovery.observe.noise import ACCELERATIONS, noises, under_best_noise
+from rearl_jax.discovery.observe.noise import ACCELERATIONS, noise_levels, under_best_noise
 from rearl_jax.discovery.observe.observer import pieces_of
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.read.measured import Measured
@@ -50,7 +50,7 @@ def recalibrated(solver: Solver, data: Measured, fits: Sequence[Fit]) -> list[Fi
 def known_drivers(solver: Solver, split: Split, fit: Fit) -> FitState:
     """The test drives of drivers whose own parameters and noise levels are those of their training drives."""
     (trained,) = recalibrated(solver, split.training, [fit])
-    return with_changes(trained, data=split.test, pieces=pieces_of(split.test, fit.noise), sums=trained.sums)
+    return replaced(trained, data=split.test, pieces=pieces_of(split.test, fit.noise), sums=trained.sums)
 
 
 def joint_fit(solver: Solver, fit: Fit, data: Measured) -> Fit:
@@ -64,5 +64,5 @@ def joint_fit(solver: Solver, fit: Fit, data: Measured) -> Fit:
     both.spread = state.spread
     both.z = np.concatenate([state.z, both.mean[both.truck[state.data.n_drivers :]]])
     solver.solve([both], iterations=15, tolerance=0.3)
-    both, noise = under_best_noise(solver, both, noises(fit.noise, ACCELERATIONS), iterations=15)
+    both, noise = under_best_noise(solver, both, noise_levels(fit.noise, ACCELERATIONS), iterations=15)
     return replace(fit, state=both, noise=noise)

@@ -145,10 +145,10 @@ def with_noise(state: FitState, noise: Noise) -> FitState:
     """The same state under the observer of another noise; S_usual starts at that observer's variance."""
     gain = noise.gain(state.data.dt, state.data.stride)
     pieces = replace(replace_gain(state.pieces, gain), weight=weights(state.data, noise))
-    return with_changes(state, pieces=pieces, variance=float(gain.variance))
+    return replaced(state, pieces=pieces, variance=float(gain.variance))
 
 
-def with_changes(state: FitState, **changes: object) -> FitState:
+def replaced(state: FitState, **changes: object) -> FitState:
     """A copy of a state with changes, not evaluated yet."""
     own = {"z": state.z.copy(), "mean": state.mean.copy(), "sums": None, "objective": np.inf}
     return replace(state, **(own | changes))

@@ -70,35 +70,39 @@ class Answers:
     own: Float[np.ndarray, "own steps pieces"]
 
 
-def drivers_of(left: Residuals) -> CarFollowing:
+def drivers_of(residuals: Residuals) -> CarFollowing:
     """Car following of the drivers in every time step."""
-    data = left.state.data
-    return left.prior.drivers(jnp.asarray(left.state.z[data.driver].T), data.is_truck.astype(float)).full(left.x.shape)
+    data = residuals.state.data
+    return residuals.prior.drivers(jnp.asarray(residuals.state.z[data.driver].T), data.is_truck.astype(float)).full(
+        residuals.x.shape
+    )
 
 
-def answers(left: Residuals) -> Answers:
+def answers(residuals: Residuals) -> Answers:
     """Derivatives of the car-following model along the observer's states; added effects change them little and are
     ignored.
     """
-    data, seen, calibrated = left.state.data, left.stimulus(), drivers_of(left)
+    data, seen, calibrated = residuals.state.data, residuals.stimulus(), drivers_of(residuals)
 
     def wanted(x: Array, v: Array, logs: Array) -> Array:
-        driver = left.prior.model(*(value * jnp.exp(log) for value, log in zip(calibrated.rows(), logs, strict=True)))
+        driver = residuals.prior.model(
+            *(value * jnp.exp(log) for value, log in zip(calibrated.rows(), logs, strict=True))
+        )
         moved = replace(seen, gap=seen.gap - (x - seen.position), speed=v)
         return follow(moved, driver, (), (), jnp.zeros_like(v), data.dt)[0]
 
-    at = (jnp.asarray(left.x), jnp.asarray(left.v), jnp.zeros((left.prior.size, *left.x.shape)))
-    _, back = jax.vjp(wanted, *at)
-    x, v, own = back(jnp.ones(left.x.shape, at[0].dtype))
+    point = (jnp.asarray(residuals.x), jnp.asarray(residuals.v), jnp.zeros((residuals.prior.size, *residuals.x.shape)))
+    _, pullback = jax.vjp(wanted, *point)
+    x, v, own = pullback(jnp.ones(residuals.x.shape, point[0].dtype))
     return Answers(np.asarray(x, float), np.asarray(v, float), np.asarray(own, float))
 
 
 def felt(
-    pushed: Float[np.ndarray, "columns steps pieces"], left: Residuals, answer: Answers
+    pushed: Float[np.ndarray, "columns steps pieces"], residuals: Residuals, answer: Answers
 ) -> Float[np.ndarray, "columns steps pieces"]:
     """Change of the innovations [m] by accelerations of 1 m/s^2 times `pushed`."""
-    data = left.state.data
-    gain = left.noise.gain(data.dt, data.stride)
+    data = residuals.state.data
+    gain = residuals.noise.gain(data.dt, data.stride)
     parts = [
         _felt(pushed[first : first + AT_ONCE], answer.x, answer.v, data.looks(), gain, data.dt)
         for first in range(0, len(pushed), AT_ONCE)
@@ -132,30 +136,34 @@ def _felt(
     return jnp.moveaxis(lax.scan(step, begin, (rows, by_x[:, None], by_v[:, None], looks))[1], 0, 1)
 
 
-def driver_scores(pushed: Float[np.ndarray, "columns steps pieces"], left: Residuals, answer: Answers) -> DriverScores:
+def driver_scores(
+    pushed: Float[np.ndarray, "columns steps pieces"], residuals: Residuals, answer: Answers
+) -> DriverScores:
     """Scores of all drivers on accelerations; +1 of a column is 1 m/s^2 times `pushed`."""
-    columns, n_own = _left_behind(pushed, left, answer)
-    return _scored(columns, left.innovation, n_own, left)
+    columns, n_own = _left_behind(pushed, residuals, answer)
+    return _scored(columns, residuals.innovation, n_own, residuals)
 
 
 def scores_and_seen(
-    pushed: Float[np.ndarray, "columns steps pieces"], left: Residuals, answer: Answers
+    pushed: Float[np.ndarray, "columns steps pieces"], residuals: Residuals, answer: Answers
 ) -> tuple[DriverScores, DriverScores]:
     """Scores on the innovations, and scores on the acceleration residual for readable shares of its variance."""
-    columns, n_own = _left_behind(pushed, left, answer)
-    data, seen = left.state.data, np.empty_like(columns)
+    columns, n_own = _left_behind(pushed, residuals, answer)
+    data, seen = residuals.state.data, np.empty_like(columns)
     for first in range(0, len(columns), AT_ONCE):
         part = np.moveaxis(columns[first : first + AT_ONCE], 1, 0)  # [steps, columns, pieces]
         weight = np.broadcast_to(data.weight[:, None], part.shape).reshape(len(part), -1)
-        smooth = smoothed_acceleration(part.reshape(len(part), -1), weight, left.noise, data.dt, data.stride)
+        smooth = smoothed_acceleration(part.reshape(len(part), -1), weight, residuals.noise, data.dt, data.stride)
         seen[first : first + AT_ONCE] = np.moveaxis(smooth.reshape(part.shape), 0, 1)
-    return _scored(columns, left.innovation, n_own, left), _scored(_flushed(seen), left.acceleration, n_own, left)
+    return _scored(columns, residuals.innovation, n_own, residuals), _scored(
+        _flushed(seen), residuals.acceleration, n_own, residuals
+    )
 
 
-def _left_behind(pushed: np.ndarray, left: Residuals, answer: Answers) -> tuple[np.ndarray, int]:
+def _left_behind(pushed: np.ndarray, residuals: Residuals, answer: Answers) -> tuple[np.ndarray, int]:
     """Changes of the innovations by accelerations outside the model, drivers' own first; the number of own ones."""
-    own = np.concatenate([np.ones((1, *left.x.shape)), answer.own])
-    return -np.concatenate([felt(own, left, answer), felt(pushed, left, answer)]), len(own)
+    own = np.concatenate([np.ones((1, *residuals.x.shape)), answer.own])
+    return -np.concatenate([felt(own, residuals, answer), felt(pushed, residuals, answer)]), len(own)
 
 
 def _flushed(values: np.ndarray) -> np.ndarray:
@@ -166,29 +174,29 @@ def _flushed(values: np.ndarray) -> np.ndarray:
 def plain_scores(
     target: Float[np.ndarray, "steps pieces"],
     pushed: Float[np.ndarray, "columns steps pieces"],
-    left: Residuals,
+    residuals: Residuals,
     answer: Answers,
 ) -> DriverScores:
     """Scores of a regression of one acceleration on others, time step by time step [m/s^2]."""
-    own = np.concatenate([np.ones((1, *left.x.shape)), answer.own])
-    return _scored(np.concatenate([own, pushed]).astype(np.float32), target, len(own), left)
+    own = np.concatenate([np.ones((1, *residuals.x.shape)), answer.own])
+    return _scored(np.concatenate([own, pushed]).astype(np.float32), target, len(own), residuals)
 
 
-def added_acceleration(solver: Solver, left: Residuals) -> Float[np.ndarray, "steps pieces"]:
+def added_acceleration(solver: Solver, residuals: Residuals) -> Float[np.ndarray, "steps pieces"]:
     """Change of the model's acceleration by the added candidates in every time step [m/s^2]."""
-    data, layout = left.state.data, solver.layout
-    driver = left.prior.drivers(jnp.asarray(left.state.z[data.driver].T), data.is_truck.astype(float))
-    theta = jnp.repeat(jnp.asarray(left.state.theta)[:, None], len(data.driver), axis=1)
-    effects = effects_at(layout.by_name(theta), jax.tree.map(jnp.asarray, layout.knots), left.state.active)
+    data, layout = residuals.state.data, solver.layout
+    driver = residuals.prior.drivers(jnp.asarray(residuals.state.z[data.driver].T), data.is_truck.astype(float))
+    theta = jnp.repeat(jnp.asarray(residuals.state.theta)[:, None], len(data.driver), axis=1)
+    effects = effects_at(layout.by_name(theta), jax.tree.map(jnp.asarray, layout.knots), residuals.state.active)
 
     def step(carry: tuple, now: Stimulus) -> tuple[tuple, Array]:
         memory, last = carry
         with_it, memory = follow(now, driver, effects, memory, last, data.dt)
         return (memory, with_it), with_it - follow(now, driver, (), (), last, data.dt)[0]
 
-    seen = left.stimulus()
+    seen = residuals.stimulus()
     memory = begin_effects(effects, jax.tree.map(lambda values: values[0], seen), driver, data.dt)
-    first = memory, jnp.zeros(left.x.shape[1:])
+    first = memory, jnp.zeros(residuals.x.shape[1:])
     return np.asarray(jax.jit(lambda carry, rows: lax.scan(step, carry, rows)[1])(first, seen), float)
 
 
@@ -196,10 +204,10 @@ def _scored(
     columns: Float[np.ndarray, "columns steps pieces"],
     target: Float[np.ndarray, "steps pieces"],
     n_own: int,
-    left: Residuals,
+    residuals: Residuals,
 ) -> DriverScores:
     """Products of columns driver by driver, with the first `n_own` columns projected out."""
-    data = left.state.data
+    data = residuals.state.data
     counts, target = (data.weight > 0).astype(np.float32), target.astype(np.float32)
     products = []
     for driver in range(data.n_drivers):
@@ -217,8 +225,8 @@ def _products(
     """Products of the other rows with each other and with the target, and of the target with itself; own rows projected
     out.
     """
-    own, rest = rows[:n_own], rows[n_own:]
-    size = jnp.sqrt(jnp.mean(own**2, axis=1, keepdims=True)) + 1e-12
-    basis = jnp.linalg.qr((own / size).T)[0]
-    rest, target = rest - (rest @ basis) @ basis.T, target - basis @ (basis.T @ target)
-    return rest @ rest.T, rest @ target, target @ target
+    own_rows, other_rows = rows[:n_own], rows[n_own:]
+    size = jnp.sqrt(jnp.mean(own_rows**2, axis=1, keepdims=True)) + 1e-12
+    basis = jnp.linalg.qr((own_rows / size).T)[0]
+    other_rows, target = other_rows - (other_rows @ basis) @ basis.T, target - basis @ (basis.T @ target)
+    return other_rows @ other_rows.T, other_rows @ target, target @ target

@@ -33,7 +33,7 @@ from rearl_jax.discovery.read.measured import Measured
 def layout_of(data: Measured, prior: Prior = IDM_PRIOR) -> Layout:
     """Layout of theta for these data; its curves span the positions, times and values that occur."""
     used = data.weight > 0
-    positions, times = data.y[used], data.around.time[used]
+    positions, times = data.y[used], data.surroundings.time[used]
     position_knots = np.linspace(positions.min(), positions.max(), POSITION_KNOTS)
     margin = (positions.max() - positions.min()) / (LENS_KNOTS - 3)
     lens_knots = np.linspace(positions.min() - margin, positions.max() + margin, LENS_KNOTS)
@@ -137,6 +137,6 @@ _STEPS = {"m": 50.0, "s": 5.0, "m/s": 3.0, "m/s^2": 1.0}
 
 def curve_values(data: Measured, variable: str) -> Float[np.ndarray, "steps pieces"]:
     """Measured values of a variable in every time step."""
-    seen = stimulus(data.smooth, data.smooth_speed, data.length, data.is_truck.astype(float), data.around)
+    seen = stimulus(data.smooth, data.smooth_speed, data.length, data.is_truck.astype(float), data.surroundings)
     values = np.asarray(VARIABLES[variable][1](seen), float)
     return np.broadcast_to(values, data.y.shape)

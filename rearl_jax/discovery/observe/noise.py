@@ -7,7 +7,7 @@ import numpy as np
 from jaxtyping import Float
 
 from rearl_jax.discovery.observe.autocorrelation import autocorrelation
-from rearl_jax.discovery.observe.fit_state import FitState, new_state, with_changes, with_noise
+from rearl_jax.discovery.observe.fit_state import FitState, new_state, replaced, with_noise
 from rearl_jax.discovery.observe.kalman import Noise
 from rearl_jax.discovery.observe.observer import squared_leader_acceleration
 from rearl_jax.discovery.observe.solver import Solver
@@ -100,12 +100,12 @@ def is_exact(solver: Solver, data: Measured) -> bool:
     return noise.acceleration <= EXACT
 
 
-def noises(like: Noise, accelerations: Sequence[float]) -> list[Noise]:
-    """Noise with each of several acceleration levels; measurement noise as given."""
-    return [replace(like, acceleration=sd, time=time) for sd in accelerations for time in TIMES]
+def noise_levels(noise: Noise, accelerations: Sequence[float]) -> list[Noise]:
+    """Noise with each of the accelerations [m/s^2] at every correlation time of TIMES; other values as given."""
+    return [replace(noise, acceleration=sd, time=time) for sd in accelerations for time in TIMES]
 
 
-def no_larger(noise: Noise) -> list[float]:
+def levels_up_to(noise: Noise) -> list[float]:
     """Tested noise levels of drivers up to the present one [m/s^2], because an added effect can only reduce noise."""
     return [sd for sd in ACCELERATIONS if sd <= noise.acceleration] or [ACCELERATIONS[0]]
 
@@ -115,7 +115,7 @@ def calibrate(solver: Solver, data: Measured) -> tuple[FitState, Noise]:
     start = replace(USUAL, position=data.noise)
     state = new_state(data, solver.layout, start)
     solver.solve([state], iterations=8, tolerance=1.0)
-    noise, likely = best_noise(solver, state, noises(start, ACCELERATIONS))
+    noise, likely = best_noise(solver, state, noise_levels(start, ACCELERATIONS))
     lasting = [
         replace(noise, acceleration=sd, position=lasting_noise(data.noise, time, data.dt), position_time=time)
         for time in LASTING
@@ -124,9 +124,9 @@ def calibrate(solver: Solver, data: Measured) -> tuple[FitState, Noise]:
     other, with_lasting = best_noise(solver, state, lasting)
     if with_lasting > likely + THRESHOLDS.lasting_noise_gain:
         noise = other
-    state, noise = under_best_time(solver, state, noises(noise, ACCELERATIONS))
+    state, noise = under_best_time(solver, state, noise_levels(noise, ACCELERATIONS))
     for _ in range(SPREAD_ITERATIONS):
-        state = with_changes(state, spread=spread_of(state))
+        state = replaced(state, spread=spread_of(state))
         solver.solve([state], iterations=5, tolerance=0.3)
     noise = _with_growth_and_independence(solver, state, noise)
     state = with_noise(state, noise)

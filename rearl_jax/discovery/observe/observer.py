@@ -85,12 +85,12 @@ def innovations(
         return stimulus(x, v, length, pieces.is_truck, now if lens is None else straightened(now, lens))
 
     def step(carry: tuple, now: tuple[Array, Array, Surroundings, Array, Array | None]) -> tuple[tuple, Array]:
-        (state, last, memory), (y, looks, around, extra, varied) = carry, now
+        (state, last, memory), (y, looks, surroundings, extra, varied) = carry, now
         x = state.x
         innovation = y - state.w - (x if lens is None else x + lens.bend(x))
         state = correct(state, looks * innovation, gain)
         middle_x, middle_v = halfway(state, last, dt)
-        stimuli = seen(middle_x, jnp.maximum(middle_v, 0.0), around)
+        stimuli = seen(middle_x, jnp.maximum(middle_v, 0.0), surroundings)
         wanted, memory = follow(stimuli, with_time_gap(driver, varied), effects, memory, last, dt)
         acceleration = wanted + state.o + extra
         speed = jnp.maximum(state.v + acceleration * dt, 0.0)
@@ -139,13 +139,15 @@ def stimulus(
 _AS_MEASURED = sorted(RecordedStimulus.__dataclass_fields__.keys() & Surroundings.__dataclass_fields__.keys())
 
 
-def straightened(around: Surroundings, lens: Lens) -> Surroundings:
+def straightened(surroundings: Surroundings, lens: Lens) -> Surroundings:
     """Surroundings with the camera distortion removed from leaders' positions."""
     # The distortion is a function of the true position, which two fixed-point iterations find.
-    place = around.leader_centre - lens.bend(around.leader_centre - lens.bend(around.leader_centre))
-    bent = around.has_leader * (around.leader_centre - place)
-    slope = around.has_leader * lens.slope(place)
-    return replace(around, leader_rear=around.leader_rear - bent, leader_speed=around.leader_speed / (1 + slope))
+    place = surroundings.leader_centre - lens.bend(surroundings.leader_centre - lens.bend(surroundings.leader_centre))
+    bent = surroundings.has_leader * (surroundings.leader_centre - place)
+    slope = surroundings.has_leader * lens.slope(place)
+    return replace(
+        surroundings, leader_rear=surroundings.leader_rear - bent, leader_speed=surroundings.leader_speed / (1 + slope)
+    )
 
 
 def straightened_start(start: Float[Array, "two pieces"], lens: Lens) -> tuple[Array, Array]:
@@ -155,13 +157,13 @@ def straightened_start(start: Float[Array, "two pieces"], lens: Lens) -> tuple[A
     return x, v / (1 + lens.slope(x))
 
 
-def synchronised(around: Surroundings, shift: Float[Array, "*n"]) -> Surroundings:
+def synchronised(surroundings: Surroundings, shift: Float[Array, "*n"]) -> Surroundings:
     """Surroundings with leaders moved to the own time; their clock is ahead by `shift` [s]."""
-    ahead = around.has_leader * shift
+    leader_shift = surroundings.has_leader * shift
     return replace(
-        around,
-        leader_rear=around.leader_rear + ahead * around.leader_speed,
-        leader_speed=around.leader_speed + ahead * around.leader_acceleration,
+        surroundings,
+        leader_rear=surroundings.leader_rear + leader_shift * surroundings.leader_speed,
+        leader_speed=surroundings.leader_speed + leader_shift * surroundings.leader_acceleration,
     )
 
 
@@ -189,7 +191,7 @@ def weights(data: Measured, noise: Noise) -> Float[np.ndarray, "steps pieces"]:
 
 def squared_leader_acceleration(data: Measured) -> Float[np.ndarray, "steps pieces"]:
     """Squared acceleration of the leader [m^2/s^4], bounded. The driver's own would depend on its noise."""
-    return np.minimum(data.around.leader_acceleration**2, MOST_UNREST)
+    return np.minimum(data.surroundings.leader_acceleration**2, MOST_UNREST)
 
 
 def repeated(gain: Gain, n: int) -> Gain:

@@ -128,8 +128,8 @@ def smoothed_acceleration(
         dt: Time step [s].
         stride: Time steps from one correction to the next.
     """
-    steady = steady_state(noise, dt, stride)
-    gain = steady.gain
+    observer = steady_state(noise, dt, stride)
+    gain = observer.gain
     ended = np.cumsum(weight[::-1] > 0, axis=0)[::-1] == 0
     looks = is_new(len(innovation), stride)
     known = np.where(ended | ~looks[:, None], 0.0, innovation)
@@ -137,9 +137,9 @@ def smoothed_acceleration(
     for t in range(len(known)):
         before[t] = o
         o = gain.kept_o * (o + gain.o * known[t])
-    ahead, out = np.zeros((4, known.shape[1])), np.empty_like(known)
+    later_information, out = np.zeros((4, known.shape[1])), np.empty_like(known)
     for t in range(len(known) - 1, -1, -1):
-        ahead = (steady.corrected if looks[t] else steady.step).T @ ahead
-        ahead += MEASURED[:, None] * known[t] / gain.variance
-        out[t] = before[t] + steady.covariance[t % stride][2] @ ahead
+        later_information = (observer.corrected if looks[t] else observer.step).T @ later_information
+        later_information += MEASURED[:, None] * known[t] / gain.variance
+        out[t] = before[t] + observer.covariance[t % stride][2] @ later_information
     return np.where(ended, 0.0, out)

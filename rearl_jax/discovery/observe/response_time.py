@@ -21,7 +21,7 @@ from jaxtyping import Bool, Float, Int
 from rearl_jax.core.effects.stimulus import Stimulus
 from rearl_jax.core.following import begin_effects, follow
 from rearl_jax.discovery.observe.candidates import LENS, Term, effects_at, lens_at
-from rearl_jax.discovery.observe.fit_state import FitState, with_changes
+from rearl_jax.discovery.observe.fit_state import FitState, replaced
 from rearl_jax.discovery.observe.observer import stimulus, straightened, straightened_start
 from rearl_jax.discovery.observe.solver import Solver
 
@@ -48,23 +48,23 @@ class Covariances:
     Attributes:
         dt: Time step [s].
         measured: Covariances of the measured acceleration, from lag 0 to LONGEST_AFTER.
-        asked: Covariances of the model acceleration, from lag -LATEST to LONGEST_AFTER - EARLIEST.
+        modelled: Covariances of the model acceleration, from lag -LATEST to LONGEST_AFTER - EARLIEST.
     """
 
     dt: float
     measured: Float[np.ndarray, "drivers lags"]
-    asked: Float[np.ndarray, "drivers more"]
+    modelled: Float[np.ndarray, "drivers more"]
 
     def delay(self, drivers: Int[np.ndarray, " some"]) -> float:
         """Shift [s] at which the model's covariances fit the measured ones of the given drivers best."""
-        measured, asked = self.measured[drivers].sum(axis=0), self.asked[drivers].sum(axis=0)
-        shifted = np.lib.stride_tricks.sliding_window_view(asked, len(measured))[::-1]  # from EARLIEST to LATEST
-        alike = shifted @ measured / np.maximum(np.linalg.norm(shifted, axis=1), 1e-12)
-        best, earliest = int(np.argmax(alike)), round(EARLIEST / self.dt)
-        if not 0 < best < len(alike) - 1:
+        of_measured, of_model = self.measured[drivers].sum(axis=0), self.modelled[drivers].sum(axis=0)
+        shifted = np.lib.stride_tricks.sliding_window_view(of_model, len(of_measured))[::-1]  # from EARLIEST to LATEST
+        similarity = shifted @ of_measured / np.maximum(np.linalg.norm(shifted, axis=1), 1e-12)
+        best, earliest = int(np.argmax(similarity)), round(EARLIEST / self.dt)
+        if not 0 < best < len(similarity) - 1:
             return (best + earliest) * self.dt
-        before, at, after = alike[best - 1 : best + 2]
-        return float(best + earliest + 0.5 * (before - after) / (before - 2 * at + after)) * self.dt
+        before, middle, after = similarity[best - 1 : best + 2]
+        return float(best + earliest + 0.5 * (before - after) / (before - 2 * middle + after)) * self.dt
 
 
 @dataclass(frozen=True)
@@ -116,7 +116,7 @@ def responses(solver: Solver, state: FitState) -> Responses:
     places = list(layout.candidates[DELAY].free)
     theta = state.theta.copy()
     theta[places] = np.minimum(late, layout.high[places])
-    delayed = with_changes(state, theta=theta, active=(*state.active, DELAY))
+    delayed = replaced(state, theta=theta, active=(*state.active, DELAY))
     solver.solve([delayed], iterations=15, tolerance=0.1)
     return Responses(undelayed, covariances(solver, delayed), float(theta[places[0]]))
 
@@ -125,22 +125,22 @@ def covariances(solver: Solver, state: FitState) -> Covariances:
     """Covariances of a state; the mean of each piece is subtracted from accelerations."""
     data = state.data
     counts = _between_looks(data.weight > 0, data.stride)
-    leader = data.around.leader_acceleration
-    made, asked, before = (
+    leader = data.surroundings.leader_acceleration
+    driven, modelled, leader_change = (
         (values - (values * counts).sum(axis=0) / np.maximum(counts.sum(axis=0), 1)) * counts
-        for values in (np.gradient(data.smooth_speed, data.dt, axis=0), asked_acceleration(solver, state), leader)
+        for values in (np.gradient(data.smooth_speed, data.dt, axis=0), model_acceleration(solver, state), leader)
     )
 
     def lagged(values: np.ndarray, first: float, last: float) -> np.ndarray:
         rows = [
-            _lagged(values, before, data.leader, lag)
+            _lagged(values, leader_change, data.leader, lag)
             for lag in range(round(first / data.dt), round(last / data.dt) + 1)
         ]
-        total = np.zeros((data.n_drivers, len(rows)))
-        np.add.at(total, data.driver, np.array(rows).T)
-        return total
+        sums = np.zeros((data.n_drivers, len(rows)))
+        np.add.at(sums, data.driver, np.array(rows).T)
+        return sums
 
-    return Covariances(data.dt, lagged(made, 0.0, LONGEST_AFTER), lagged(asked, -LATEST, LONGEST_AFTER - EARLIEST))
+    return Covariances(data.dt, lagged(driven, 0.0, LONGEST_AFTER), lagged(modelled, -LATEST, LONGEST_AFTER - EARLIEST))
 
 
 def _between_looks(counts: Bool[np.ndarray, "steps pieces"], stride: int) -> Bool[np.ndarray, "steps pieces"]:
@@ -162,7 +162,7 @@ def _lagged(
     return (values[late] * before[early] * (leader[late] == leader[early])).sum(axis=0)
 
 
-def asked_acceleration(solver: Solver, state: FitState) -> Float[np.ndarray, "steps pieces"]:
+def model_acceleration(solver: Solver, state: FitState) -> Float[np.ndarray, "steps pieces"]:
     """Model acceleration [m/s^2] of each driver at the measured position and speed."""
     data, layout = state.data, solver.layout
     is_truck = data.is_truck.astype(float)
@@ -170,16 +170,16 @@ def asked_acceleration(solver: Solver, state: FitState) -> Float[np.ndarray, "st
     numbers = layout.by_name(jnp.repeat(jnp.asarray(state.theta)[:, None], len(data.driver), axis=1))
     knots = jax.tree.map(jnp.asarray, layout.knots)
     effects = effects_at(numbers, knots, state.active)
-    x, v, around = jax.tree.map(jnp.asarray, (data.smooth, data.smooth_speed, data.around))
+    x, v, surroundings = jax.tree.map(jnp.asarray, (data.smooth, data.smooth_speed, data.surroundings))
     if LENS in state.active:
         lens = lens_at(layout.by_name(jnp.asarray(state.theta)[:, None, None]), knots)
-        around, (x, v) = straightened(around, lens), straightened_start(jnp.stack([x, v]), lens)
-    seen = jax.vmap(stimulus, in_axes=(0, 0, None, None, 0))(x, v, jnp.asarray(data.length), is_truck, around)
+        surroundings, (x, v) = straightened(surroundings, lens), straightened_start(jnp.stack([x, v]), lens)
+    seen = jax.vmap(stimulus, in_axes=(0, 0, None, None, 0))(x, v, jnp.asarray(data.length), is_truck, surroundings)
 
     def step(carry: tuple, now: Stimulus) -> tuple[tuple, Array]:
         memory, last = carry
-        asked, memory = follow(now, driver, effects, memory, last, data.dt)
-        return (memory, asked), asked
+        wanted, memory = follow(now, driver, effects, memory, last, data.dt)
+        return (memory, wanted), wanted
 
     memory = begin_effects(effects, jax.tree.map(lambda values: values[0], seen), driver, data.dt)
     first = memory, jnp.zeros(x.shape[1:])

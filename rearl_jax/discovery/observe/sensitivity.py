@@ -43,7 +43,7 @@ def sensitivity_sums(
     Args:
         z: Standardised parameters of the drivers.
         theta: Parameters of the added candidates.
-        pieces: What was measured.
+        pieces: The measured pieces of drives.
         layout: Layout of theta.
         knots: Knots of the curves.
         places: Indices of theta whose directions are tested, those already added first.
@@ -71,9 +71,9 @@ def sensitivity_sums(
 
     def wanted(point: tuple, memory: tuple, now: Surroundings) -> tuple[Array, tuple]:
         x, v, own, added, shift, last = point
-        around = now if lens is None else straightened(now, lens_at(added, knots))
-        around = synchronised(around, shift) if n_clocks else around
-        seen = stimulus(x, v, pieces.length, pieces.is_truck, around)
+        surroundings = now if lens is None else straightened(now, lens_at(added, knots))
+        surroundings = synchronised(surroundings, shift) if n_clocks else surroundings
+        seen = stimulus(x, v, pieces.length, pieces.is_truck, surroundings)
         effects = effects_at(added, knots, active)
         acceleration, memory = follow(seen, prior.drivers(own, pieces.is_truck), effects, memory, last, dt)
         return jnp.sum(acceleration), (acceleration, memory)
@@ -81,30 +81,30 @@ def sensitivity_sums(
     answer = jax.grad(wanted, has_aux=True)
 
     def step(carry: tuple, now: tuple) -> tuple[tuple, None]:
-        (state, last, memory), (d, d_last), total = carry
+        (state, last, memory), (d, d_last), sums = carry
         x, w = state.x, state.w
-        y, weight, looks, around, extra, follows = now
+        y, weight, looks, surroundings, extra, follows = now
         if lens is None:
             innovation, slope = y - x - w, -d.x - d.w
         else:
             innovation, slope = y - x - lens.bend(x) - w, -(1 + lens.slope(x))[None] * d.x - d.w
             slope = slope.at[lens_rows].add(-lens.weights(x)[lens_knots])
         weighted = (weight * kept_share(innovation, pieces.deviation))[None] * slope
-        total = {
-            "square": total["square"] + weight * robust_square(innovation, pieces.deviation),
-            "count": total["count"] + weight,
-            "gradient": total["gradient"] + weighted * innovation[None],
-            "nuisance": total["nuisance"] + weighted[:n_nuisance, None] * slope[None],
+        sums = {
+            "square": sums["square"] + weight * robust_square(innovation, pieces.deviation),
+            "count": sums["count"] + weight,
+            "gradient": sums["gradient"] + weighted * innovation[None],
+            "nuisance": sums["nuisance"] + weighted[:n_nuisance, None] * slope[None],
             "blocks": tuple(
                 block + weighted[part][:, None] * slope[part][None]
-                for block, part in zip(total["blocks"], parts, strict=True)
+                for block, part in zip(sums["blocks"], parts, strict=True)
             ),
         }
         gain, along = pieces.gain, jax.tree.map(lambda values: values[None], pieces.gain)
         state, d = correct(state, looks * innovation, gain), correct(d, looks[None] * slope, along)
         (middle_x, middle_v), (d_middle_x, d_middle_v) = halfway(state, last, dt), halfway(d, d_last, dt)
         middle = (middle_x, jnp.maximum(middle_v, 0.0))
-        by, (acceleration, memory) = answer((*middle, z, numbers, jnp.zeros_like(x), last), memory, around)
+        by, (acceleration, memory) = answer((*middle, z, numbers, jnp.zeros_like(x), last), memory, surroundings)
         # In a branch, because XLA would otherwise recompute it for every direction.
         is_vehicle, nothing = pieces.length > 0, jnp.zeros_like(x)
         by_x, by_v = if_any(is_vehicle, lambda: (by[0], jnp.where(middle_v > 0, by[1], 0.0)), (nothing, nothing))
@@ -116,7 +116,7 @@ def sensitivity_sums(
         free = state.v + acceleration * dt
         speed, d_speed = jnp.maximum(free, 0.0), jnp.where((free > 0)[None], d.v + d_acceleration * dt, 0.0)
         state, d = predict(state, speed, gain, dt), predict(d, d_speed, along, dt)
-        return ((state, acceleration, memory), (d, d_acceleration), total), None
+        return ((state, acceleration, memory), (d, d_acceleration), sums), None
 
     groups = [*groups, range(len(places), len(places) + n_clocks)]
     parts = [jnp.asarray([n_own + k for k in group], int) for group in groups]

@@ -49,28 +49,28 @@ def gate(tables: Sequence[Thinned]) -> list[Finding]:
     lag, scale = _speed_against_position(tables, noise)
     findings = []
     if lag is not None and abs(lag[0]) > max(THRESHOLDS.least_lag, THRESHOLDS.columns_z_score * lag[1]):
-        late, other = ("speed", "position") if lag[0] > 0 else ("position", "speed")
+        delayed, other = ("speed", "position") if lag[0] > 0 else ("position", "speed")
         findings.append(
             Finding(
-                f"{late}_lag",
-                True,
-                "lag",
-                "s",
-                abs(lag[0]),
-                lag[1],
-                f"the {late} column is {abs(lag[0]):.2f} s late against the {other} column",
+                name=f"{delayed}_lag",
+                is_artefact=True,
+                parameter="lag",
+                unit="s",
+                value=abs(lag[0]),
+                deviation=lag[1],
+                words=f"the {delayed} column is {abs(lag[0]):.2f} s late against the {other} column",
             )
         )
     if scale is not None and abs(scale[0]) > max(THRESHOLDS.least_scale_error, THRESHOLDS.columns_z_score * scale[1]):
         findings.append(
             Finding(
-                "speed_scale",
-                True,
-                "factor",
-                "-",
-                1 + scale[0],
-                scale[1],
-                f"the speed column is {1 + scale[0]:.3f} times the derivative of the position column",
+                name="speed_scale",
+                is_artefact=True,
+                parameter="factor",
+                unit="-",
+                value=1 + scale[0],
+                deviation=scale[1],
+                words=f"the speed column is {1 + scale[0]:.3f} times the derivative of the position column",
             )
         )
     typical = float(np.median(noise))
@@ -91,7 +91,7 @@ def _speed_against_position(
     tables: Sequence[Thinned], noise: Sequence[float]
 ) -> tuple[tuple[float, float] | None, tuple[float, float] | None]:
     """Lag of the speed column [s] and its relative size [-] against the derivative of the position, with deviations."""
-    grams, sides = [], []
+    grams, products = [], []
     for (table, dt), scatter in zip(tables, noise, strict=True):
         position, speed = table["position"].to_numpy(), table["speed"].to_numpy()
         frequency = min(cut_off(scatter, dt), LOWEST_FREQUENCY)
@@ -105,12 +105,12 @@ def _speed_against_position(
             inner = slice(int(1.5 / dt), -int(1.5 / dt))
             basis = np.stack([v[inner], -a[inner]], axis=1)
             grams.append(basis.T @ basis)
-            sides.append(basis.T @ (column - v)[inner])
+            products.append(basis.T @ (column - v)[inner])
     if len(grams) < 3:
         return None, None
-    gram, side = np.array(grams), np.array(sides)
-    fitted = np.linalg.solve(gram.sum(axis=0) + 1e-9 * np.eye(2), side.sum(axis=0))
-    scores = side - gram @ fitted
+    gram, product = np.array(grams), np.array(products)
+    fitted = np.linalg.solve(gram.sum(axis=0) + 1e-9 * np.eye(2), product.sum(axis=0))
+    scores = product - gram @ fitted
     inverse = np.linalg.inv(gram.sum(axis=0) + 1e-9 * np.eye(2))
     deviation = np.sqrt(np.diag(inverse @ (scores.T @ scores) @ inverse))
     return (float(fitted[1]), float(deviation[1])), (float(fitted[0]), float(deviation[0]))

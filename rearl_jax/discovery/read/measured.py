@@ -104,7 +104,7 @@ class Measured:
         y: Measured position of the own centre [m].
         weight: 1 if the time step counts, 0 if it is excluded or padding.
         smooth, smooth_speed: Smoothed own position [m] and speed [m/s].
-        around: Surroundings.
+        surroundings: Surrounding vehicles, and the time, in every time step.
         length: Own length [m].
         is_truck: Whether the own vehicle is a truck.
         driver: Index of the driver of each piece, 0 to n_drivers - 1.
@@ -124,7 +124,7 @@ class Measured:
     weight: Float[np.ndarray, "steps pieces"]
     smooth: Float[np.ndarray, "steps pieces"]
     smooth_speed: Float[np.ndarray, "steps pieces"]
-    around: Surroundings
+    surroundings: Surroundings
     length: Float[np.ndarray, " pieces"]
     is_truck: Bool[np.ndarray, " pieces"]
     driver: Int[np.ndarray, " pieces"]
@@ -185,21 +185,21 @@ class Measured:
 
     def halfway(self) -> Surroundings:
         """Surroundings halfway between each time step and the next; those of the former if a value jumps."""
-        around = self.around
+        surroundings = self.surroundings
         last = np.zeros_like(self.y[:1])
         same = self.leader[1:] == self.leader[:-1]
 
         def middle(name: str) -> np.ndarray:
-            values = getattr(around, name)
+            values = getattr(surroundings, name)
             step = values[1:] - values[:-1]
             drift, half = step, step / 2
             if name in _SPEED_OF:
-                speed = getattr(around, _SPEED_OF[name])
+                speed = getattr(surroundings, _SPEED_OF[name])
                 drift = step - (speed[1:] + speed[:-1]) * (self.dt / 2)
                 half = half - (speed[1:] - speed[:-1]) * (self.dt / 8)  # assumes constant acceleration
             smooth = same
             if name in _OF_SECOND:
-                smooth = same & (around.has_second[1:] == around.has_second[:-1])
+                smooth = same & (surroundings.has_second[1:] == surroundings.has_second[:-1])
             if name in (*_OF_FOLLOWER, *_OF_LEFT, *_OF_NEXT):
                 smooth = np.ones_like(same)
             if name in (*_OF_SECOND, *_OF_FOLLOWER, *_OF_LEFT, *_OF_NEXT):
@@ -207,13 +207,13 @@ class Measured:
             return values + np.concatenate([np.where(smooth, half, 0.0), last])
 
         changed = {name: middle(name) for name in (*_OF_LEADER, *_OF_SECOND, *_OF_FOLLOWER, *_OF_LEFT, *_OF_NEXT)}
-        return dataclasses.replace(around, **changed)
+        return dataclasses.replace(surroundings, **changed)
 
     def select(self, pieces: np.ndarray) -> "Measured":
         """The selected pieces; drivers are renumbered in their order."""
         return dataclasses.replace(
             self,
-            around=jax.tree.map(lambda values: values[:, pieces], self.around),
+            surroundings=jax.tree.map(lambda values: values[:, pieces], self.surroundings),
             driver=np.unique(self.driver[pieces], return_inverse=True)[1],
             labels={name: values[pieces] for name, values in self.labels.items()},
             **{name: getattr(self, name)[..., pieces] for name in BY_PIECE},
@@ -231,7 +231,7 @@ BY_PIECE = ("y", "weight", "smooth", "smooth_speed", "length", "is_truck", "vehi
 
 def joined(parts: Sequence[Measured]) -> dict[str, Any]:
     """Concatenated arrays of several parts, by the names of `Measured`; drivers keep their numbers."""
-    around = jax.tree.map(lambda *values: np.concatenate(values, axis=-1), *(part.around for part in parts))
+    surroundings = jax.tree.map(lambda *values: np.concatenate(values, axis=-1), *(part.surroundings for part in parts))
     arrays = {name: np.concatenate([getattr(part, name) for part in parts], axis=-1) for name in (*BY_PIECE, "driver")}
     labels = {name: np.concatenate([part.labels[name] for part in parts]) for name in parts[0].labels}
-    return arrays | {"around": around, "labels": labels}
+    return arrays | {"surroundings": surroundings, "labels": labels}

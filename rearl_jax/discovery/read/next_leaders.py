@@ -80,8 +80,8 @@ def handovers(
 
 def handed_over(
     values: Float[np.ndarray, " rows"],
-    of: Float[np.ndarray, " rows"],
-    near: Handovers,
+    own_values: Float[np.ndarray, " rows"],
+    changes: Handovers,
     smoothing: float,
     dt: float,
 ) -> Float[np.ndarray, " rows"]:
@@ -92,17 +92,17 @@ def handed_over(
 
     Args:
         values: The quantity of the present leader.
-        of: The quantity of every row's own vehicle.
-        near: Changes of leader.
+        own_values: The quantity of every row's own vehicle.
+        changes: Changes of leader.
         smoothing: Standard deviation of the kernel [s]; 0 for none.
         dt: Time step [s].
     """
     if not smoothing:
         return values
-    later = np.where(near.following != NOBODY, of[near.following] - values, 0.0)
-    earlier = np.where(near.preceding != NOBODY, of[near.preceding] - values, 0.0)
+    later = np.where(changes.following != NOBODY, own_values[changes.following] - values, 0.0)
+    earlier = np.where(changes.preceding != NOBODY, own_values[changes.preceding] - values, 0.0)
     return (
         values
-        + later * norm.cdf(-(near.time_to - dt / 2) / smoothing)
-        + earlier * norm.cdf(-(near.time_since + dt / 2) / smoothing)
+        + later * norm.cdf(-(changes.time_to - dt / 2) / smoothing)
+        + earlier * norm.cdf(-(changes.time_since + dt / 2) / smoothing)
     )

@@ -184,7 +184,7 @@ class _Rows:
             weight=weight[index] * real * settled * is_new(n_steps, stride)[:, None],
             smooth=x[index],
             smooth_speed=v[index],
-            around=Surroundings(**values),
+            surroundings=Surroundings(**values),
             length=length[index[0]],
             is_truck=is_truck[index[0]],
             driver=track + offset,
@@ -202,7 +202,7 @@ class _Rows:
     ) -> tuple[dict[str, np.ndarray], np.ndarray, np.ndarray]:
         """Surroundings of every row, the leader's track, and its row."""
         table = self.table
-        around = look_around(table, v)
+        neighbours = look_around(table, v)
         length = table["length"].to_numpy()
         is_truck = (table["vehicle_class"] == "truck").to_numpy()
         track = table["track_id"].to_numpy().astype(np.int64)
@@ -212,7 +212,7 @@ class _Rows:
         def of(row: np.ndarray, values: np.ndarray, otherwise: np.ndarray | float | int) -> np.ndarray:
             return np.where(row != NOBODY, values[row], otherwise)
 
-        first, rear = around.leader, x - length / 2  # rows of the first, second and third leader
+        first, rear = neighbours.leader, x - length / 2  # rows of the first, second and third leader
         two = of(first, first, NOBODY).astype(int)
         three = np.where(two != NOBODY, first[two], NOBODY)
         front = x + length / 2
@@ -245,14 +245,14 @@ class _Rows:
             "second_speed": second_speed,
             "has_third": (three != NOBODY).astype(float),
             "third_speed": of(three, v, second_speed),
-            "has_follower": (around.follower != NOBODY).astype(float),
-            "follower_front": of(around.follower, front, rear - OUT_OF_SIGHT),
-            "follower_speed": of(around.follower, v, v),
-            "has_left": (around.left != NOBODY).astype(float),
-            "left_rear": of(around.left, rear, front + OUT_OF_SIGHT),
-            "left_speed": of(around.left, v, v),
-            "beside_speed": np.minimum(around.beside_speed, OUT_OF_SIGHT),
-            "n_beside": around.n_beside,
+            "has_follower": (neighbours.follower != NOBODY).astype(float),
+            "follower_front": of(neighbours.follower, front, rear - OUT_OF_SIGHT),
+            "follower_speed": of(neighbours.follower, v, v),
+            "has_left": (neighbours.left != NOBODY).astype(float),
+            "left_rear": of(neighbours.left, rear, front + OUT_OF_SIGHT),
+            "left_speed": of(neighbours.left, v, v),
+            "beside_speed": np.minimum(neighbours.beside_speed, OUT_OF_SIGHT),
+            "n_beside": neighbours.n_beside,
             "time_since_change": since,
             "gap_lost": lost,
             "time_gap_at_change": headway,

@@ -57,8 +57,8 @@ def has_speed_sensor(tables: Sequence[Thinned]) -> bool:
     rows, target = np.concatenate(of_position), np.concatenate(of_speed)
     if target.std() > THRESHOLDS.sensor_roughness * rows[:, reach].std():
         return False
-    left = target - rows @ np.linalg.lstsq(rows, target, rcond=None)[0]
-    return bool(left.var() > THRESHOLDS.sensor_own_share * target.var())
+    remainder = target - rows @ np.linalg.lstsq(rows, target, rcond=None)[0]
+    return bool(remainder.var() > THRESHOLDS.sensor_own_share * target.var())
 
 
 def with_fast_speeds(table: Thinned) -> Thinned:
@@ -75,5 +75,8 @@ def _tracks(
     for table, dt in tables:
         position, speed = table["position"].to_numpy(), table["speed"].to_numpy()
         for start, stop in zip(*track_bounds(table), strict=True):
-            own = speed[start:stop]
-            yield position[start:stop], np.concatenate([[0.0], np.cumsum((own[1:] + own[:-1]) / 2) * dt])
+            track_speed = speed[start:stop]
+            yield (
+                position[start:stop],
+                np.concatenate([[0.0], np.cumsum((track_speed[1:] + track_speed[:-1]) / 2) * dt]),
+            )

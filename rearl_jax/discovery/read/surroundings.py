@@ -46,21 +46,21 @@ def look_around(table: pd.DataFrame, speed: np.ndarray) -> Around:
     lane = table["lane"].to_numpy(dtype=np.float64, na_value=-1.0).astype(np.int64)
     street = (frame - frame.min()) * 64 + table["direction"].to_numpy(np.int64) * 16 + lane + 1
     order = np.lexsort((position, street))
-    ahead = np.full(len(table), NOBODY)
+    leader = np.full(len(table), NOBODY)
     same = (street[order][1:] == street[order][:-1]) & (lane[order][1:] >= 0)
-    ahead[order[:-1][same]] = order[1:][same]
+    leader[order[:-1][same]] = order[1:][same]
     stated = VehicleRows(table).leaders(table)
-    if states_all_leaders(ahead, stated):
-        ahead = stated
+    if states_all_leaders(leader, stated):
+        leader = stated
     else:
-        ahead = np.where(stated == NOBODY, ahead, stated)
+        leader = np.where(stated == NOBODY, leader, stated)
     follower = np.full(len(table), NOBODY)
-    followed = ahead != NOBODY
-    follower[ahead[followed]] = np.flatnonzero(followed)
+    followed = leader != NOBODY
+    follower[leader[followed]] = np.flatnonzero(followed)
     lines = _Lines(street, position, order)
     left = lines.ahead_on_left(lane)
-    slowest, number = lines.beside(speed, lane)
-    return Around(ahead, follower, left, slowest, number)
+    slowest, n_beside = lines.beside(speed, lane)
+    return Around(leader, follower, left, slowest, n_beside)
 
 
 class _Lines:
@@ -85,15 +85,15 @@ class _Lines:
 
     def beside(self, speed: np.ndarray, lane: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Slowest speed and number of vehicles beside each row's vehicle."""
-        slowest, number = np.full(len(lane), np.inf), np.zeros(len(lane))
+        slowest, n_beside = np.full(len(lane), np.inf), np.zeros(len(lane))
         for side in (-1, 1):
-            here = self.places(side)
-            first = np.searchsorted(self.sorted, here - BESIDE_RANGE, side="left")
-            last = np.searchsorted(self.sorted, here + BESIDE_RANGE, side="right")
+            places = self.places(side)
+            first = np.searchsorted(self.sorted, places - BESIDE_RANGE, side="left")
+            last = np.searchsorted(self.sorted, places + BESIDE_RANGE, side="right")
             known = (lane >= 0) & (lane + side >= 0)
             for k in range(MOST_BESIDE):
                 row = self.order[np.minimum(first + k, len(lane) - 1)]
-                there = known & (first + k < last) & (self.street[row] == self.street + side)
-                slowest = np.where(there, np.minimum(slowest, speed[row]), slowest)
-                number += there
-        return slowest, number
+                is_beside = known & (first + k < last) & (self.street[row] == self.street + side)
+                slowest = np.where(is_beside, np.minimum(slowest, speed[row]), slowest)
+                n_beside += is_beside
+        return slowest, n_beside

@@ -50,7 +50,7 @@ def halves(data: Measured) -> Split:
 
     A piece that contains the middle begins there in the test, at the measured position and speed.
     """
-    order = np.lexsort((data.around.time[0], data.recording, data.driver))
+    order = np.lexsort((data.surroundings.time[0], data.recording, data.driver))
     n_steps, counts = len(data.y), (data.weight > 0)[:, order].T.ravel()
     driver = np.repeat(data.driver[order], n_steps)
     total = np.bincount(driver, counts, data.n_drivers)
@@ -76,7 +76,7 @@ def begun_later(data: Measured, first: Int[np.ndarray, " pieces"]) -> Measured:
 
     of_steps = {name: moved(getattr(data, name)) for name in BY_PIECE if getattr(data, name).ndim == 2}
     of_steps["weight"] = of_steps["weight"] * (later < len(data.y))
-    return replace(data, around=jax.tree.map(moved, data.around), **of_steps)
+    return replace(data, surroundings=jax.tree.map(moved, data.surroundings), **of_steps)
 
 
 def left_out_runs(
@@ -119,7 +119,7 @@ def every_run(data: Measured) -> list[Split]:
 def _folds(data: Measured, same: Int[np.ndarray, " drivers"], several: np.ndarray) -> Int[np.ndarray, " drivers"]:
     """Fold of each run: the runs of one driver, in order of time, in at most MOST_FOLDS parts of similar size."""
     begin = np.full(data.n_drivers, np.inf)
-    np.minimum.at(begin, data.driver, data.around.time[0])
+    np.minimum.at(begin, data.driver, data.surroundings.time[0])
     recording = np.zeros(data.n_drivers, int)
     recording[data.driver] = data.recording
     fold = np.zeros(data.n_drivers, int)

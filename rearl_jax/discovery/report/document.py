@@ -24,7 +24,7 @@ from rearl_jax.discovery.report.words import (
     share_words,
     verdict_words,
 )
-from rearl_jax.discovery.search.reactions import title_of
+from rearl_jax.discovery.search.variables import title_of
 from rearl_jax.discovery.thresholds import THRESHOLDS, meanings
 from rearl_jax.document.document import DataSource, Document, Section
 from rearl_jax.document.table import NONE, Cell, Row, Table, interval, number, percent, sentence, spoken
@@ -143,15 +143,15 @@ def _section(title: str, words: str, table: Table, *, is_folded: bool = False) -
 
 
 def _error_section(error: Mapping[str, Any]) -> Section:
-    ends = ("before", "after", "change")
+    states = ("before", "after", "change")
     rows = [
-        Row(title, tuple(_cell(error["all"][name][end], "+" if end == "change" else "") for end in ends))
+        Row(title, tuple(_cell(error["all"][name][when], "+" if when == "change" else "") for when in states))
         for name, title in _MEASURES.items()
     ]
     rows.append(Row("gap error by the drivers' own noise alone [m]", (Cell(""), _cell(error["floor"]), Cell(""))))
     times = error.get("response_time", {})
     if any(times.values()):
-        cells = (Cell(NONE) if times[end] is None else _cell(times[end], "+") for end in ("before", "after"))
+        cells = (Cell(NONE) if times[when] is None else _cell(times[when], "+") for when in ("before", "after"))
         rows.append(Row("response time beyond the model's [s]", (*cells, Cell(""))))
     words = sentence(error_words(error)) + share_words(error) + response_words(error)
     table = Table("Errors on drivers nothing was fitted to", _headings(error), tuple(rows))
@@ -257,13 +257,13 @@ def _left_section(verdict: Mapping[str, Any], maps: pd.DataFrame | None) -> Sect
     """Section of what the final model does not explain: measures of its innovations, and sparse regression over all
     variables.
     """
-    words, tables, left = [], [], verdict["adequacy"]
-    if left is not None:
-        name = spoken(left["remaining"]["name"]).replace(".", " on ")
-        words.append(
-            f"Innovations one time step apart correlate by {left['autocorrelation']:+.3f}, their excess kurtosis is "
-            f"{left['kurtosis']:+.2f} (both 0 for a right model); the strongest candidate left is {name} at "
-            f"{left['remaining']['surprise']:.1f} σ."
+    sentences, tables, adequacy = [], [], verdict["adequacy"]
+    if adequacy is not None:
+        name = spoken(adequacy["remaining"]["name"]).replace(".", " on ")
+        sentences.append(
+            f"Innovations one time step apart correlate by {adequacy['autocorrelation']:+.3f}, their excess kurtosis "
+            f"is {adequacy['kurtosis']:+.2f} (both 0 for a right model); the strongest candidate left is {name} at "
+            f"{adequacy['remaining']['surprise']:.1f} σ."
         )
     if maps is not None:
         variables = maps.drop_duplicates(["model", "variable"]).sort_values(["selected", "gain"], ascending=False)
@@ -273,7 +273,7 @@ def _left_section(verdict: Mapping[str, Any], maps: pd.DataFrame | None) -> Sect
         if "after" in by_model:
             text += f" After the repair it {_depends_on(last)}."
         best = last.loc[last["gain"].idxmax()]
-        words += [
+        sentences += [
             text,
             f"Any single variable still "
             f"predicts at most {percent(max(best['share'], 0.0))} of the remaining acceleration residual, on "
@@ -282,7 +282,7 @@ def _left_section(verdict: Mapping[str, Any], maps: pd.DataFrame | None) -> Sect
         rows = tuple(_variable(row) for row in before.head(MOST_VARIABLES).to_dict("records"))
         headings = ("selected", "share", "what the acceleration left does")
         tables = [Table("Acceleration that the calibrated model leaves, by variable", headings, rows)]
-    return Section("What the model leaves", tuple(words), tuple(tables), is_folded=True)
+    return Section("What the model leaves", tuple(sentences), tuple(tables), is_folded=True)
 
 
 def _depends_on(variables: pd.DataFrame) -> str:

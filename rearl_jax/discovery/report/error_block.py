@@ -69,12 +69,12 @@ class Resampling:
 def error_block(errors: Mapping[str, ModelErrors], confidence: float, draws: int, seed: int) -> dict[str, Any]:
     """`error` of the verdict: every measure before and after, and the floor, with intervals over drivers."""
     last = "after" if "after" in errors else "oracle" if "oracle" in errors else "before"
-    first, final, over = errors["before"], errors[last], Resampling(confidence, draws, seed)
+    first, final, resampling = errors["before"], errors[last], Resampling(confidence, draws, seed)
     figures = {
-        name: over.change(first.by_driver[name], final.by_driver[name], POOLS.get(name, root_mean_square))
+        name: resampling.change(first.by_driver[name], final.by_driver[name], POOLS.get(name, root_mean_square))
         for name in MEASURES
     }
-    main, pooled = figures[MAIN_MEASURE], partial(over.drawn, pool=root_mean_square)
+    main, pooled = figures[MAIN_MEASURE], partial(resampling.drawn, pool=root_mean_square)
     before, after = (pooled(errors_of_model.by_driver[MAIN_MEASURE]) for errors_of_model in (first, final))
     noise = pooled(final.floor)
     return {
@@ -84,12 +84,12 @@ def error_block(errors: Mapping[str, ModelErrors], confidence: float, draws: int
         "before": main["before"],
         "after": main["after"] if last != "oracle" else None,
         "change": main["change"],
-        "floor": over.figure(np.minimum(noise, after)),
-        "noise_alone": over.figure(noise),
+        "floor": resampling.figure(np.minimum(noise, after)),
+        "noise_alone": resampling.figure(noise),
         "oracle": main["after"] if last == "oracle" else None,
         "explained_share": explained_share(before, after, noise, confidence),
         "all": figures,
-        "protocols": {name: _protocol(first.protocols[name], final.protocols[name], over) for name in PROTOCOLS},
+        "protocols": {name: _protocol(first.protocols[name], final.protocols[name], resampling) for name in PROTOCOLS},
         "response_time": {
             name: None if model.responses is None else model.responses.figure(confidence, draws, seed)
             for name, model in (("before", first), ("after", final))
@@ -122,14 +122,16 @@ def explained_share(
     return float(np.clip((before[0] ** 2 - after[0] ** 2) / above, 0.0, 1.0))
 
 
-def _protocol(first: ProtocolErrors | None, final: ProtocolErrors | None, over: Resampling) -> dict[str, Any] | None:
+def _protocol(
+    first: ProtocolErrors | None, final: ProtocolErrors | None, resampling: Resampling
+) -> dict[str, Any] | None:
     """Figures under one protocol; None if no driver could be tested."""
     if first is None or final is None:
         return None
     return {"n_drivers": len(final.driver), "left_out": final.left_out} | {
         measure: {
             statistic: _compared(
-                first.population[measure], first.by_driver[measure], final.by_driver[measure], pool, over
+                first.population[measure], first.by_driver[measure], final.by_driver[measure], pool, resampling
             )
             for statistic, pool in STATISTICS.items()
         }
@@ -138,12 +140,12 @@ def _protocol(first: ProtocolErrors | None, final: ProtocolErrors | None, over: 
 
 
 def _compared(
-    population: np.ndarray, before: np.ndarray, after: np.ndarray, pool: Pool, over: Resampling
+    population: np.ndarray, before: np.ndarray, after: np.ndarray, pool: Pool, resampling: Resampling
 ) -> dict[str, dict[str, float]]:
     """Figures before and after, their absolute and relative change, and the error with population parameters."""
-    with_population, first, last = (over.drawn(values, pool) for values in (population, before, after))
-    return over.change(before, after, pool) | {
-        "change_share": over.figure(last / first - 1),
-        "population": over.figure(with_population),
-        "population_share": over.figure(last / with_population - 1),
+    with_population, first, last = (resampling.drawn(values, pool) for values in (population, before, after))
+    return resampling.change(before, after, pool) | {
+        "change_share": resampling.figure(last / first - 1),
+        "population": resampling.figure(with_population),
+        "population_share": resampling.figure(last / with_population - 1),
     }

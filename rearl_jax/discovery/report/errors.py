@@ -13,13 +13,13 @@ from jaxtyping import Float
 
 from rearl_jax.discovery.observe.closed_loop import FARTHEST, calibrated_to_gap, simulated_error
 from rearl_jax.discovery.observe.fit import Fit, recalibrated
-from rearl_jax.discovery.observe.fit_state import FitState, with_changes
+from rearl_jax.discovery.observe.fit_state import FitState, replaced
 from rearl_jax.discovery.observe.response_time import Responses, responses
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.read.training import Split, every_run
 from rearl_jax.discovery.report.protocols import IN_SAMPLE, ProtocolErrors, protocol_errors
-from rearl_jax.discovery.search.headway import CONSTANT, TimeGapVariation, energy_scores
+from rearl_jax.discovery.search.headway import CONSTANT_TIME_GAP, TimeGapVariation, energy_scores
 from rearl_jax.discovery.search.null import behind_noisy_drive, position_errors
 
 FLOOR_RUNS = 4
@@ -65,7 +65,7 @@ class ModelErrors:
 
 
 def model_errors(
-    solver: Solver, data: Measured, fits: Mapping[str, Fit], seed: int, variation: TimeGapVariation = CONSTANT
+    solver: Solver, data: Measured, fits: Mapping[str, Fit], seed: int, variation: TimeGapVariation = CONSTANT_TIME_GAP
 ) -> dict[str, ModelErrors]:
     """Errors of fitted models on other drivers, with the same noise for all.
 
@@ -118,7 +118,7 @@ def _floor(solver: Solver, state: FitState, calibrated: FitState, fit: Fit, seed
         behind = behind_noisy_drive(solver, driving, fit.noise, rng)
         driven = data.y - np.clip(behind, -FARTHEST, FARTHEST)
         driven = driven + position_errors(fit.noise, driven.shape, data.dt, rng)
-        again = with_changes(calibrated, pieces=replace(calibrated.pieces, y=driven))
+        again = replaced(calibrated, pieces=replace(calibrated.pieces, y=driven))
         solver.solve([again], iterations=20, tolerance=0.1)
         squares.append(data.driver_mean(simulated_error(solver, again) ** 2))
     return np.sqrt(np.minimum(squares, MOST_SQUARE * np.median(squares, axis=0)).mean(axis=0))

@@ -84,13 +84,13 @@ def draw_errors(errors: Mapping[str, ModelErrors], *, generated: bool) -> bytes:
     return png(figure)
 
 
-def draw_innovations(left: Mapping[str, Residuals], *, generated: bool) -> bytes:
+def draw_innovations(residuals: Mapping[str, Residuals], *, generated: bool) -> bytes:
     """PNG of autocorrelation and distribution of the innovations."""
     figure, (lags, spread) = panels(7.2, 3.0, columns=2, generated=generated)
-    for model, residuals in left.items():
-        data = residuals.state.data
-        lags.plot(*residuals.autocorrelation(), color=COLOURS[model], linewidth=1.4, label=model)
-        used = residuals.innovation[data.weight > 0]
+    for model, of_model in residuals.items():
+        data = of_model.state.data
+        lags.plot(*of_model.autocorrelation(), color=COLOURS[model], linewidth=1.4, label=model)
+        used = of_model.innovation[data.weight > 0]
         edges = np.linspace(-FARTHEST_SIGMA, FARTHEST_SIGMA, 41)
         density = np.histogram(used / used.std(), edges, density=True)[0]
         spread.stairs(np.maximum(density, 1e-6), edges, color=COLOURS[model], linewidth=1.4, label=model)
@@ -128,28 +128,28 @@ def draw_parameters(table: pd.DataFrame, prior: Prior, *, generated: bool) -> by
     return png(figure)
 
 
-def draw_example(left: Mapping[str, Residuals], errors: Mapping[str, ModelErrors], *, generated: bool) -> bytes:
+def draw_example(residuals: Mapping[str, Residuals], errors: Mapping[str, ModelErrors], *, generated: bool) -> bytes:
     """PNG of one report driver: measured gap, simulated gap before and after, and acceleration residual."""
-    piece = example_piece(left["before"], errors)
+    piece = example_piece(residuals["before"], errors)
     figure, (above, below) = panels(7.2, 4.2, rows=2, generated=generated)
-    data = left["before"].state.data
+    data = residuals["before"].state.data
     rows, begins = stretches(data.weight[:, piece] > 0, data.stride)
-    time, leader = data.around.time[rows, piece], data.leader[rows, piece]
-    gap = (data.around.leader_rear - data.smooth - data.length / 2)[rows, piece]
+    time, leader = data.surroundings.time[rows, piece], data.leader[rows, piece]
+    gap = (data.surroundings.leader_rear - data.smooth - data.length / 2)[rows, piece]
     # A gap in the line at changes of leader.
     seen = np.where(begins | np.r_[False, leader[1:] != leader[:-1]], np.nan, gap)
     above.plot(time, seen, color=DARK_GREY, linewidth=2.0, label="measured")
-    for model, residuals in left.items():
+    for model, of_model in residuals.items():
         # The simulated gap itself has no measurement noise.
-        noise = residuals.state.data.y[rows, piece] - residuals.state.data.smooth[rows, piece]
+        noise = of_model.state.data.y[rows, piece] - of_model.state.data.smooth[rows, piece]
         above.plot(
             time,
-            seen + residuals.gap[rows, piece] - noise,
+            seen + of_model.gap[rows, piece] - noise,
             color=COLOURS[model],
             linewidth=1.3,
             label=f"simulated {model}",
         )
-        acceleration = np.where(begins, np.nan, residuals.acceleration[rows, piece])
+        acceleration = np.where(begins, np.nan, of_model.acceleration[rows, piece])
         below.plot(time, acceleration, color=COLOURS[model], linewidth=1.2)
     below.axhline(0.0, color=GREY, linewidth=0.8)
     above.set_ylabel("gap [m]")
@@ -173,10 +173,10 @@ def stretches(
     return rows, np.diff(rows, prepend=rows[:1]) > stride
 
 
-def example_piece(left: Residuals, errors: Mapping[str, ModelErrors]) -> int:
+def example_piece(residuals: Residuals, errors: Mapping[str, ModelErrors]) -> int:
     """The longest piece of the report driver with the median change of the error, or with the median error."""
     before = errors["before"].by_driver["gap_rmse"]
     change = before - errors["after"].by_driver["gap_rmse"] if "after" in errors else before
     driver = int(np.argsort(change)[len(change) // 2])
-    pieces = np.flatnonzero(left.state.data.driver == driver)
-    return int(pieces[left.state.data.weight[:, pieces].sum(axis=0).argmax()])
+    pieces = np.flatnonzero(residuals.state.data.driver == driver)
+    return int(pieces[residuals.state.data.weight[:, pieces].sum(axis=0).argmax()])

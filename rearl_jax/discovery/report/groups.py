@@ -43,7 +43,7 @@ def verdict_of_groups(
     Args:
         options: Keys of discovery.
         groups: Verdict and table of errors of each group.
-        parts: Its drivers.
+        parts: Drivers of the group.
         left_out: Number of drivers outside all groups, by value of the label.
     """
     rows = [_row(options, name, discovery.verdict, parts[name]) for name, discovery in groups.items()]

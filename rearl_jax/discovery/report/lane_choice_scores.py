@@ -24,12 +24,12 @@ from rearl_jax.discovery.report.error_block import Resampling
 LANE_CHANGE_TABLE = "lane_changes"
 
 
-def prediction_block(prediction: Prediction | None, over: Resampling) -> dict[str, Any] | None:
+def prediction_block(prediction: Prediction | None, resampling: Resampling) -> dict[str, Any] | None:
     """Entry `lane_choice.prediction` of the verdict; None without a prediction."""
     if prediction is None:
         return None
     every = {"all": np.ones(len(prediction.table.side), bool)} | prediction.strata()
-    strata = {name: _stratum(prediction, rows, over) for name, rows in every.items()}
+    strata = {name: _stratum(prediction, rows, resampling) for name, rows in every.items()}
     fitted = {"drivers": prediction.n_fitted_drivers, "changes": prediction.n_fitted_changes}
     return {
         "recorded": prediction.n_recorded,
@@ -65,7 +65,7 @@ def prediction_table(prediction: Prediction) -> pd.DataFrame:
     return table
 
 
-def _stratum(prediction: Prediction, rows: Bool[np.ndarray, " rows"], over: Resampling) -> dict[str, Any]:
+def _stratum(prediction: Prediction, rows: Bool[np.ndarray, " rows"], resampling: Resampling) -> dict[str, Any]:
     """Scores of the given opportunities; drivers are resampled from all held-out drivers."""
     table = prediction.table.take(rows)
     driver, n = (
@@ -74,7 +74,7 @@ def _stratum(prediction: Prediction, rows: Bool[np.ndarray, " rows"], over: Resa
     )
 
     def drawn(values: np.ndarray) -> Float[np.ndarray, " figures"]:
-        return over.drawn(_sums(driver, values, n), np.sum)
+        return resampling.drawn(_sums(driver, values, n), np.sum)
 
     seconds = seconds_at_risk(table)
     time, scores = drawn(seconds), {}
@@ -84,9 +84,9 @@ def _stratum(prediction: Prediction, rows: Bool[np.ndarray, " rows"], over: Resa
         loss, said = drawn(log_loss(chance, table.changes)), prediction.is_predicted[name][rows]
         with np.errstate(invalid="ignore", divide="ignore"):
             scores[name] = {
-                "log_loss": _figure(loss / time, over),
-                "less_base_rate": _figure((loss - constant) / time, over),
-                "balanced_accuracy": _figure(_balanced(*map(drawn, _outcomes(table.changes, said))), over),
+                "log_loss": _figure(loss / time, resampling),
+                "less_base_rate": _figure((loss - constant) / time, resampling),
+                "balanced_accuracy": _figure(_balanced(*map(drawn, _outcomes(table.changes, said))), resampling),
                 "expected": float(chance.sum()),
             }
     return {
@@ -112,8 +112,8 @@ def _sums(driver: np.ndarray, values: np.ndarray, n: int = 0) -> Float[np.ndarra
     return np.bincount(driver, values, n).astype(float)  # the sum of an empty list is an integer
 
 
-def _figure(drawn: Float[np.ndarray, " figures"], over: Resampling) -> dict[str, float] | None:
+def _figure(drawn: Float[np.ndarray, " figures"], resampling: Resampling) -> dict[str, float] | None:
     """A figure with its interval, from resamples in which it is defined; None if the figure is undefined."""
     if not np.isfinite(drawn[0]):
         return None
-    return over.figure(drawn[np.isfinite(drawn)])
+    return resampling.figure(drawn[np.isfinite(drawn)])

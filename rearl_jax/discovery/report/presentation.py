@@ -40,29 +40,29 @@ def present(study: Study, discovery: Discovery) -> None:
     behind, verdict, options = discovery.behind, discovery.verdict, discovery.config.discover
     assert behind is not None
     solver, search, generated = behind.solver, behind.search, verdict["data"]["generated"]
-    left = all_residuals(behind)
-    chart = chart_of(left["before"][0])
+    residuals = all_residuals(behind)
+    chart = chart_of(residuals["before"][0])
     atlases = {
         model: atlas_of(
             chart,
-            [part_scores(part, chart) for part in residuals],
+            [part_scores(part, chart) for part in of_parts],
             CHOSEN_FROM,
             options.confidence,
             DRAWS,
             options.seed,
         )
-        for model, residuals in left.items()
+        for model, of_parts in residuals.items()
     }
-    added = added_curves(solver, left["after"][0], chart) if search.added else {}
+    added = added_curves(solver, residuals["after"][0], chart) if search.added else {}
     # Only an effect that depends on one variable can be drawn as a curve over it.
     known = {trial.candidate.variables for trial in search.added}
     added = {name: values for name, values in added.items() if (name,) in known}
     maps = map_table(atlases, added)
-    for name, table in (("residuals", residual_table(left)), ("maps", maps), ("planes", plane_table(atlases))):
+    for name, table in (("residuals", residual_table(residuals)), ("maps", maps), ("planes", plane_table(atlases))):
         study.write_table(name, table, seeds=f"discover.seed={options.seed}")
 
     candidates = [row for row in verdict["candidates"] if not is_lane_choice(row)]
-    of_fitted, of_reported = ({model: residuals[part] for model, residuals in left.items()} for part in (0, -1))
+    of_fitted, of_reported = ({model: of_parts[part] for model, of_parts in residuals.items()} for part in (0, -1))
     drawn = {
         "maps": map_figures.draw_maps(atlases, added, generated=generated),
         "evidence": figures.draw_evidence(candidates, search.null, generated=generated),
@@ -84,18 +84,18 @@ def all_residuals(behind: Behind) -> dict[str, list[Residuals]]:
     models = {"before": (search.before, (parts.checked, parts.reported))}
     if search.added or search.clocks is not None:
         models["after"] = search.last, (search.checked, behind.reported)
-    left = {}
+    residuals = {}
     for model, (fit, others) in models.items():
         states = [fit.state, *(recalibrated(solver, part, [fit])[0] for part in others)]
-        left[model] = [residuals_of(solver, [state], [fit])[0] for state in states]
-    return left
+        residuals[model] = [residuals_of(solver, [state], [fit])[0] for state in states]
+    return residuals
 
 
-def residual_table(left: Mapping[str, Sequence[Residuals]]) -> pd.DataFrame:
+def residual_table(residuals: Mapping[str, Sequence[Residuals]]) -> pd.DataFrame:
     """Residuals in time steps that count, about KEPT_EVERY apart, driver by driver, before and after."""
     tables = []
     for number, part in enumerate(PARTS):
-        data = left["before"][number].state.data
+        data = residuals["before"][number].state.data
         step = data.stride * max(1, round(KEPT_EVERY / (data.stride * data.dt)))
         kept = np.argwhere(data.weight[::step].T > 0)
         piece, t = kept[:, 0], kept[:, 1] * step
@@ -104,11 +104,11 @@ def residual_table(left: Mapping[str, Sequence[Residuals]]) -> pd.DataFrame:
             "driver": data.driver[piece].astype(np.int32),
             "vehicle": data.vehicle[piece].astype(np.int32),
             "recording": data.recording[piece].astype(np.int32),
-            "time": data.around.time[t, piece].astype(np.float32),
+            "time": data.surroundings.time[t, piece].astype(np.float32),
         }
-        for model, residuals in left.items():
+        for model, of_model in residuals.items():
             for name in ("innovation", "acceleration", "gap"):
-                table[f"{name}_{model}"] = getattr(residuals[number], name)[t, piece].astype(np.float32)
+                table[f"{name}_{model}"] = getattr(of_model[number], name)[t, piece].astype(np.float32)
         tables.append(pd.DataFrame(table))
     return pd.concat(tables, ignore_index=True)
 

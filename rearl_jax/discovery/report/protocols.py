@@ -13,11 +13,11 @@ from jaxtyping import Float, Int
 
 from rearl_jax.discovery.observe.closed_loop import simulated_error
 from rearl_jax.discovery.observe.fit import Fit, known_drivers
-from rearl_jax.discovery.observe.fit_state import FitState, with_changes
+from rearl_jax.discovery.observe.fit_state import FitState, replaced
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.read.training import Split, error_of_splits, halves, has_enough_data
-from rearl_jax.discovery.search.headway import CONSTANT, TimeGapVariation
+from rearl_jax.discovery.search.headway import CONSTANT_TIME_GAP, TimeGapVariation
 
 IN_SAMPLE = "in_sample"
 
@@ -63,7 +63,7 @@ def protocol_errors(
     fit: Fit,
     in_sample: Deviation,
     runs: Sequence[Split] = (),
-    variation: TimeGapVariation = CONSTANT,
+    variation: TimeGapVariation = CONSTANT_TIME_GAP,
 ) -> dict[str, ProtocolErrors | None]:
     """Errors under every protocol, by name; None if no driver can be tested.
 
@@ -77,7 +77,7 @@ def protocol_errors(
     """
     data = state.data
     whole, all_drivers = [Split(data, data)], np.arange(data.n_drivers)
-    unknown = with_changes(state, z=state.mean[state.truck])
+    unknown = replaced(state, z=state.mean[state.truck])
     population = measures_of(whole, [simulated_error(solver, unknown)])
     started = _varied(unknown, variation.expected_of_unknown(unknown, solver.layout.prior))
     predicted = population if started is unknown else measures_of(whole, [simulated_error(solver, started)])
@@ -98,7 +98,7 @@ def _predicted(solver: Solver, splits: Sequence[Split], fit: Fit, variation: Tim
     for split in splits:
         tested = known_drivers(solver, split, fit)
         own.append(simulated_error(solver, _varied(tested, variation.expected(tested, solver.layout.prior))))
-        population.append(simulated_error(solver, with_changes(tested, z=tested.mean[tested.truck])))
+        population.append(simulated_error(solver, replaced(tested, z=tested.mean[tested.truck])))
     by_driver, with_population = (
         {name: values[used] for name, values in measures_of(splits, deviations).items()}
         for deviations in (own, population)
@@ -108,7 +108,7 @@ def _predicted(solver: Solver, splits: Sequence[Split], fit: Fit, variation: Tim
 
 def _varied(state: FitState, varied: Float[np.ndarray, "steps pieces"] | None) -> FitState:
     """The drivers with a time gap that varies so; the same ones if it does not."""
-    return state if varied is None else with_changes(state, pieces=replace(state.pieces, varied=varied))
+    return state if varied is None else replaced(state, pieces=replace(state.pieces, varied=varied))
 
 
 def measures_of(splits: Sequence[Split], deviations: Sequence[Deviation]) -> dict[str, Float[np.ndarray, " drivers"]]:
@@ -121,7 +121,7 @@ def measures_of(splits: Sequence[Split], deviations: Sequence[Deviation]) -> dic
 
 def gap_of(data: Measured) -> Float[np.ndarray, "steps pieces"]:
     """Measured gaps [m]."""
-    return data.around.leader_rear - (data.smooth + data.length / 2)
+    return data.surroundings.leader_rear - (data.smooth + data.length / 2)
 
 
 def speed_deviation(deviation: Deviation, data: Measured) -> Float[np.ndarray, "steps pieces"]:

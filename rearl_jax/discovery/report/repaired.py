@@ -30,42 +30,44 @@ from rearl_jax.models.record import (
 
 
 def repaired_model(
-    first: Fit,
-    last: Fit,
+    *,
+    calibrated: Fit,
+    repaired: Fit,
     lane_changes: Sequence[Trial],
     added: Sequence[Trial],
-    lanes: LaneChangeFindings | None,
+    lane_choice: LaneChangeFindings | None,
     variation: TimeGapVariation,
     data: Measured,
     layout: Layout,
     data_id: str,
     study: str,
 ) -> RepairedModel:
-    """The calibrated model without (`first`) and with (`last`) the identified effects.
+    """The driver model without (`calibrated`) and with (`repaired`) the identified effects (`added`).
 
-    The calibrated model also contains the confirmed effects of lane changes (`lane_changes`) and MOBIL if it was
-    calibrated (`lanes`; None if lane choice was not analysed). Artefacts and lane-choice dependences without a library
+    The model also contains the confirmed effects of lane changes (`lane_changes`) and MOBIL if it was calibrated
+    (`lane_choice`; None if lane choice was not analysed). Artefacts and lane-choice dependences without a library
     effect are not part of a model. The acceleration residual is divided into noise and time-gap variation according to
     `variation`.
     """
     effects = [
-        effect_values(trial.candidate, last.state.theta, layout)
+        effect_values(trial.candidate, repaired.state.theta, layout)
         for trial in (*lane_changes, *added)
         if trial.candidate.kind != "artefact"
     ]
-    claims = () if lanes is None else lanes.effects
+    prediction = None if lane_choice is None else lane_choice.prediction
+    claims = () if lane_choice is None else lane_choice.effects
     effects += [lane_effect_values(effect) for effect in claims if effect.name in EFFECTS]
     if variation.sd:
         values = {"sd": variation.sd, "time": variation.time, "start_share": variation.start_share}
         effects.append(EffectValues("time_gap_variation", values))
-    noise = replace(last.noise, acceleration=variation.noise_share * last.noise.acceleration)
+    noise = replace(repaired.noise, acceleration=variation.noise_share * repaired.noise.acceleration)
     return RepairedModel(
         source=Source(data_id, study, __version__),
-        population=population(replace(last, noise=noise), data, layout.prior),
-        baseline=population(first, data, layout.prior),
+        population=population(replace(repaired, noise=noise), data, layout.prior),
+        baseline=population(calibrated, data, layout.prior),
         effects=tuple(effects),
         car_following=layout.prior.name,
-        lane_changing=None if lanes is None or lanes.prediction is None else lane_change_values(lanes.prediction),
+        lane_changing=None if prediction is None else lane_change_values(prediction),
     )
 
 
@@ -103,8 +105,8 @@ def _unknown(fit: Fit, members: np.ndarray) -> np.ndarray:
     assert fit.state.sums is not None
     n_own = fit.state.z.shape[1]
     gram = fit.state.sums.gram[members][:, :n_own, :n_own] / fit.state.variances[members, None, None]
-    left = np.einsum("dii->di", np.linalg.inv(gram + fit.state.precision)) / fit.state.spread**2
-    return np.clip(left.mean(axis=0), 0.0, 1.0)
+    remaining = np.einsum("dii->di", np.linalg.inv(gram + fit.state.precision)) / fit.state.spread**2
+    return np.clip(remaining.mean(axis=0), 0.0, 1.0)
 
 
 def effect_values(candidate: Candidate, theta: np.ndarray, layout: Layout) -> EffectValues:

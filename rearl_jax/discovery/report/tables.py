@@ -71,12 +71,12 @@ def read_errors(table: pd.DataFrame, error: Mapping[str, Any]) -> dict[str, Mode
 def _read_model(rows: pd.DataFrame, error: Mapping[str, Any]) -> ModelErrors:
     found: dict[str, ProtocolErrors | None] = dict.fromkeys(PROTOCOLS)
     for name, part in rows.groupby("protocol", sort=False):
-        own, usual = (
+        of_model, of_population = (
             {measure: part[f"{prefix}{measure}"].to_numpy(float) for measure in PROTOCOL_MEASURES}
             for prefix in ("", "population_")
         )
         left_out = error["protocols"][name]["left_out"]
-        found[str(name)] = ProtocolErrors(part["driver"].to_numpy(), own, usual, left_out)
+        found[str(name)] = ProtocolErrors(part["driver"].to_numpy(), of_model, of_population, left_out)
     whole = rows.loc[rows["protocol"] == IN_SAMPLE, ["floor", *MEASURES]].astype(float)
     by_driver = {name: np.asarray(whole[name]) for name in MEASURES}
     return ModelErrors(by_driver, np.asarray(whole["floor"]), found, None)

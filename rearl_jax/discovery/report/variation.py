@@ -22,7 +22,13 @@ from rearl_jax.discovery.observe.fit_state import FitState
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.report.error_block import Resampling
-from rearl_jax.discovery.search.headway import CONSTANT, SMALLEST, TimeGapVariation, energy_scores, later_halves
+from rearl_jax.discovery.search.headway import (
+    CONSTANT_TIME_GAP,
+    SMALLEST,
+    TimeGapVariation,
+    energy_scores,
+    later_halves,
+)
 from rearl_jax.document.document import Section
 from rearl_jax.document.table import Cell, Row, Table, number, percent, sentence
 
@@ -32,34 +38,37 @@ def variation_block(
     first: tuple[Fit, Measured],
     last: tuple[Fit, Measured],
     variation: TimeGapVariation,
-    over: Resampling,
+    resampling: Resampling,
 ) -> dict[str, Any]:
     """`time_gap_variation` of the verdict.
 
     Args:
-        solver: Of the models.
+        solver: Solver of the models.
         first: The calibrated model, and the report drivers.
         last: The final model, and the report drivers as it takes them.
         variation: Variation estimated on the fitted drivers.
-        over: Resampling of drivers; its seed is also used for the noise.
+        resampling: Resampling of drivers; its seed is also used for the noise.
     """
 
     def scores_of(fit: Fit, halves: FitState | None, varied: TimeGapVariation) -> Float[np.ndarray, " drivers"]:
-        return np.empty(0) if halves is None else energy_scores(solver, halves, fit, over.seed, varied)
+        return np.empty(0) if halves is None else energy_scores(solver, halves, fit, resampling.seed, varied)
 
     (calibrated, reported), (final, taken) = first, last
     halves = later_halves(solver, reported, calibrated)
     later = halves if final is calibrated and taken is reported else later_halves(solver, taken, final)
-    scores = {"before": scores_of(calibrated, halves, CONSTANT)}
-    scores["constant"] = scores["before"] if final is calibrated else scores_of(final, later, CONSTANT)
-    scores["varying"] = scores["constant"] if variation == CONSTANT else scores_of(final, later, variation)
+    scores = {"before": scores_of(calibrated, halves, CONSTANT_TIME_GAP)}
+    scores["constant"] = scores["before"] if final is calibrated else scores_of(final, later, CONSTANT_TIME_GAP)
+    scores["varying"] = scores["constant"] if variation == CONSTANT_TIME_GAP else scores_of(final, later, variation)
     state, prior = final.state, solver.layout.prior
     time_gaps = prior.values(state.z, state.truck)[:, prior.names.index("time_gap")]
-    return scored(variation, float(np.median(time_gaps)), scores, over)
+    return scored(variation, float(np.median(time_gaps)), scores, resampling)
 
 
 def scored(
-    variation: TimeGapVariation, time_gap: float, scores: Mapping[str, Float[np.ndarray, " drivers"]], over: Resampling
+    variation: TimeGapVariation,
+    time_gap: float,
+    scores: Mapping[str, Float[np.ndarray, " drivers"]],
+    resampling: Resampling,
 ) -> dict[str, Any]:
     """Entry `time_gap_variation` from the report drivers' energy scores [m] and the median driver's time gap [s]."""
     # The standard deviation of a log-normal variable about its median m: m sqrt(exp(sd^2) (exp(sd^2) - 1)).
@@ -70,17 +79,19 @@ def scored(
         "noise_share": variation.noise_share,
         "start_share": variation.start_share,
         "time_gap": float(time_gap * np.sqrt(grown * (grown - 1))),
-        "energy_score": _figures(scores, over) if len(scores["before"]) else None,
+        "energy_score": _figures(scores, resampling) if len(scores["before"]) else None,
     }
 
 
-def _figures(scores: Mapping[str, Float[np.ndarray, " drivers"]], over: Resampling) -> dict[str, dict[str, float]]:
+def _figures(
+    scores: Mapping[str, Float[np.ndarray, " drivers"]], resampling: Resampling
+) -> dict[str, dict[str, float]]:
     """Mean energy scores [m] and their change."""
-    drawn = {name: over.drawn(values, np.mean) for name, values in scores.items()}
-    figures = {name: over.figure(values) for name, values in drawn.items()}
-    figures["change"] = over.figure(drawn["varying"] - drawn["before"])
+    drawn = {name: resampling.drawn(values, np.mean) for name, values in scores.items()}
+    figures = {name: resampling.figure(values) for name, values in drawn.items()}
+    figures["change"] = resampling.figure(drawn["varying"] - drawn["before"])
     ratio = np.log(np.maximum(scores["varying"], SMALLEST) / np.maximum(scores["before"], SMALLEST))
-    figures["change_share"] = over.figure(np.exp(over.drawn(ratio, np.mean)) - 1)
+    figures["change_share"] = resampling.figure(np.exp(resampling.drawn(ratio, np.mean)) - 1)
     return figures
 
 

@@ -140,9 +140,9 @@ def is_on(trial: Trial, theta: np.ndarray, deviations: np.ndarray, layout: Layou
 def lane_changes_block(search: Search, deviations: np.ndarray, confidence: float) -> list[dict[str, Any]]:
     """Entry `lane_changes` of the verdict; `deviations` are standard deviations of all searched elements of theta."""
     theta, layout, rows = search.last.state.theta, search.layout, []
-    for trial, rivals, own in search.fitted_trials(deviations)[: len(search.lane_changes)]:
-        claim = named_trial(trial, rivals, theta, own, layout, confidence, THRESHOLDS.most_confidence)
-        is_sure = trial.holds and is_on(trial, theta, own, layout, confidence)
+    for trial, rivals, own_deviations in search.fitted_trials(deviations)[: len(search.lane_changes)]:
+        claim = named_trial(trial, rivals, theta, own_deviations, layout, confidence, THRESHOLDS.most_confidence)
+        is_sure = trial.holds and is_on(trial, theta, own_deviations, layout, confidence)
         row = {"name": claim.name, "parameters": claim.plain()["parameters"], "gain": trial.gain, "check": trial.check}
         rows.append(row | {"is_sure": is_sure})
     return rows
@@ -151,8 +151,8 @@ def lane_changes_block(search: Search, deviations: np.ndarray, confidence: float
 def found_in_columns(finding: Finding, confidence: float) -> Claim:
     """A measurement artefact as an effect of the verdict; nothing was fitted, so there is no evidence."""
     low, high = interval(finding.value, finding.deviation, confidence)
-    number = Estimate(finding.value, low, high, finding.unit)
-    return Claim(finding.name, "artefact", {finding.parameter: number}, (), THRESHOLDS.most_confidence, None)
+    estimate = Estimate(finding.value, low, high, finding.unit)
+    return Claim(finding.name, "artefact", {finding.parameter: estimate}, (), THRESHOLDS.most_confidence, None)
 
 
 def differing_clocks(check: ClockCheck, reliability: float) -> Claim:

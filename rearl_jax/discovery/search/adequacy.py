@@ -118,11 +118,11 @@ def adequacy(solver: Solver, search: Search, seed: int) -> Adequacy:
     state, last = search.last.state, search.rounds[-1]
     (before,) = solver.innovations([search.first.state])
     states = [state, *recalibrated(solver, search.checked, [search.last])]
-    residuals = residuals_of(solver, states, [search.last, search.last])
+    of_parts = residuals_of(solver, states, [search.last, search.last])
     chance = by_noise_alone(solver, states, search.last, seed)
-    left = residuals[0]
+    fitted = of_parts[0]
     weight = state.data.weight
-    innovation, before = standardised(left.innovation, state.data), standardised(before, state.data)
+    innovation, before = standardised(fitted.innovation, state.data), standardised(before, state.data)
     lag = state.data.stride
     pair = weight[lag:] * weight[:-lag]
     neighbours = (innovation[lag:] * innovation[:-lag] * pair).sum() / pair.sum()
@@ -132,9 +132,9 @@ def adequacy(solver: Solver, search: Search, seed: int) -> Adequacy:
         kurtosis_deviation=float(np.sqrt(24.0 / weight.sum())),
         kurtosis_before=kurtosis(before, weight),
         autocorrelation=float(neighbours),
-        unequal_noise=unequal_noise(left.innovation, state.data),
-        misjudgement=misjudgement(residuals, chance),
-        staleness=staleness(residuals, chance),
+        unequal_noise=unequal_noise(fitted.innovation, state.data),
+        misjudgement=misjudgement(of_parts, chance),
+        staleness=staleness(of_parts, chance),
         remaining=(term, float(last.z_score[term])),
         driver_minutes=sum(solved.data.seconds for solved in states) / 60,
     )
@@ -169,12 +169,12 @@ def kurtosis(innovation: Float[np.ndarray, "steps pieces"], weight: Float[np.nda
 
 def unequal_noise(innovation: Float[np.ndarray, "steps pieces"], data: Measured) -> dict[str, float]:
     """Dependence of the size of innovations [m] on the situation; standard normal values without one."""
-    around = data.around
-    gap = np.maximum(around.leader_rear - (data.smooth + data.length / 2), 1.0)
+    surroundings = data.surroundings
+    gap = np.maximum(surroundings.leader_rear - (data.smooth + data.length / 2), 1.0)
     situations = {
         "gap": np.log(gap),
         "speed": data.smooth_speed,
-        "approach_rate": np.abs(data.smooth_speed - around.leader_speed),
+        "approach_rate": np.abs(data.smooth_speed - surroundings.leader_speed),
     }
 
     relative = innovation**2 / data.driver_mean(innovation**2)[data.driver]
@@ -189,8 +189,8 @@ def misjudgement(parts: Parts, chance: Sequence[Parts]) -> float:
     are residuals of drives simulated with the final model and noise alone.
     """
 
-    def by_misjudging(left: Residuals) -> np.ndarray:
-        gap, answer = np.asarray(left.stimulus().gap), answers(left).x
+    def by_misjudging(residuals: Residuals) -> np.ndarray:
+        gap, answer = np.asarray(residuals.stimulus().gap), answers(residuals).x
         return (answer * gap) ** 2
 
     return _beyond_chance(by_misjudging, parts, chance)
@@ -205,10 +205,10 @@ def staleness(parts: Parts, chance: Sequence[Parts]) -> float:
     behind leaders of steady speed. Arguments as of `misjudgement`.
     """
 
-    def by_being_late(left: Residuals) -> np.ndarray:
-        data = left.state.data
-        still = jnp.zeros(left.x.shape)
-        wanted = np.asarray(follow(left.stimulus(), drivers_of(left), (), (), still, data.dt)[0], float)
+    def by_being_late(residuals: Residuals) -> np.ndarray:
+        data = residuals.state.data
+        still = jnp.zeros(residuals.x.shape)
+        wanted = np.asarray(follow(residuals.stimulus(), drivers_of(residuals), (), (), still, data.dt)[0], float)
         wanted = wanted.clip(*REASONABLE)
         ago = max(1, round(OF_LATE / data.dt))
         change = np.zeros_like(wanted)
@@ -229,21 +229,21 @@ def _beyond_chance(energy: Energy, parts: Parts, chance: Sequence[Parts]) -> flo
     noise.
     """
 
-    def grows(these: Parts) -> float:
-        return _surely(np.concatenate([_energy_scores(energy(left), left) for left in these]))
+    def grows(parts: Parts) -> float:
+        return _surely(np.concatenate([_energy_scores(energy(residuals), residuals) for residuals in parts]))
 
-    return grows(parts) - max(float(np.mean([grows(these) for these in chance])), 0.0)
+    return grows(parts) - max(float(np.mean([grows(replicate) for replicate in chance])), 0.0)
 
 
-def _energy_scores(square: Float[np.ndarray, "steps pieces"], left: Residuals) -> Float[np.ndarray, " drivers"]:
+def _energy_scores(square: Float[np.ndarray, "steps pieces"], residuals: Residuals) -> Float[np.ndarray, " drivers"]:
     """Growth of each driver's squared acceleration residual with a squared cause; 0 if no time step counts."""
-    data = left.state.data
+    data = residuals.state.data
     counts = data.weight > 0
     if not counts.any():
         return np.zeros(data.n_drivers)
     large, most = np.quantile(square[counts], [0.9, 0.98])
     stake = np.minimum(square, most) / max(float(large), 1e-12)
-    energy = left.acceleration**2
+    energy = residuals.acceleration**2
     energy = np.minimum(energy / np.maximum(data.driver_mean(energy), 1e-12)[data.driver], MOST_ENERGY)
     return _driver_scores(energy, stake, data)
 

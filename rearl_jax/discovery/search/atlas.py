@@ -29,8 +29,8 @@ from rearl_jax.discovery.search.maps import (
     fitted,
     plane_of,
 )
-from rearl_jax.discovery.search.reactions import Reaction, reactions
 from rearl_jax.discovery.search.shapes import shape_of, shape_words
+from rearl_jax.discovery.search.variables import Variable, variables_of
 
 PLANES = (("gap", "approach_rate"), ("position", "time"))
 """Pairs of variables of the planes: horizontal, vertical."""
@@ -54,13 +54,13 @@ class Chart:
     def groups(self) -> list[Group]:
         """The curves as groups of columns for the finder: accelerations, then time gaps."""
         curves = [(basis, acts_on) for acts_on in CURVE_SCALE for basis in self.bases]
-        ends = np.cumsum([len(basis.knots) for basis, _ in curves])
+        stops = np.cumsum([len(basis.knots) for basis, _ in curves])
         return [
-            Group(basis.variable.name, acts_on, np.arange(end - len(basis.knots), end), CURVE_SCALE[acts_on])
-            for (basis, acts_on), end in zip(curves, ends, strict=True)
+            Group(basis.variable.name, acts_on, np.arange(stop - len(basis.knots), stop), CURVE_SCALE[acts_on])
+            for (basis, acts_on), stop in zip(curves, stops, strict=True)
         ]
 
-    def weights(self, variables: Mapping[str, Reaction]) -> Float[np.ndarray, "columns steps pieces"]:
+    def weights(self, variables: Mapping[str, Variable]) -> Float[np.ndarray, "columns steps pieces"]:
         """Weights of the knots of all curves, concatenated."""
         return np.concatenate([basis.columns(variables[basis.variable.name].values) for basis in self.bases])
 
@@ -99,25 +99,25 @@ class Atlas:
     shapes: dict[str, str]
 
 
-def chart_of(left: Residuals) -> Chart:
+def chart_of(residuals: Residuals) -> Chart:
     """Knots and edges at the quantiles of one part of the data."""
-    weight, variables = left.state.data.weight, reactions(left)
+    weight, variables = residuals.state.data.weight, variables_of(residuals)
     bases = [basis_of(variable, weight) for variable in variables.values()]
     edges = {name: edges_of(variables[name], weight) for pair in PLANES for name in pair}
     return Chart(tuple(basis for basis in bases if basis is not None), edges)
 
 
-def part_scores(left: Residuals, chart: Chart) -> PartScores:
+def part_scores(residuals: Residuals, chart: Chart) -> PartScores:
     """Scores of the drivers of one part of the data."""
-    variables, answer, data = reactions(left), answers(left), left.state.data
+    variables, answer, data = variables_of(residuals), answers(residuals), residuals.state.data
     pushed = chart.weights(variables)
     planes, shares = {}, {}
     used = data.weight > 0
     for pair in PLANES:
-        inside = fields([variables[name].values for name in pair], [chart.edges[name] for name in pair])
-        planes[pair], shares[pair] = driver_scores(inside, left, answer), inside[:, used].mean(axis=1)
-    both = np.concatenate([pushed, pushed * answer.own[left.prior.names.index("time_gap")]])
-    return PartScores(*scores_and_seen(both, left, answer), planes, shares)
+        indicators = fields([variables[name].values for name in pair], [chart.edges[name] for name in pair])
+        planes[pair], shares[pair] = driver_scores(indicators, residuals, answer), indicators[:, used].mean(axis=1)
+    columns = np.concatenate([pushed, pushed * answer.own[residuals.prior.names.index("time_gap")]])
+    return PartScores(*scores_and_seen(columns, residuals, answer), planes, shares)
 
 
 def joined(parts: Sequence[DriverScores]) -> DriverScores:
@@ -137,8 +137,8 @@ def atlas_of(
     groups = chart.groups()
     maps, shapes = {}, {}
     for basis in chart.bases:
-        name, own = basis.variable.name, [group for group in groups if group.variable == basis.variable.name]
-        pairs = {group.acts_on: (curves.of(group.columns), seen.of(group.columns)) for group in own}
+        name, of_variable = basis.variable.name, [group for group in groups if group.variable == basis.variable.name]
+        pairs = {group.acts_on: (curves.of(group.columns), seen.of(group.columns)) for group in of_variable}
         maps[name] = curve_of(basis, pairs, confidence, draws, seed)
         shapes[name] = shape_words(maps[name], shape_of(maps[name], pairs["acceleration"][0]))
     variables = {basis.variable.name: basis.variable for basis in chart.bases}
@@ -146,21 +146,21 @@ def atlas_of(
     for pair in PLANES:
         if all(name in variables for name in pair):
             share = np.mean([part.shares[pair] for part in parts], axis=0)
-            both = joined([part.planes[pair] for part in parts])
+            plane_scores = joined([part.planes[pair] for part in parts])
             edges = [chart.edges[name] for name in pair]
-            planes[pair] = plane_of([variables[name] for name in pair], edges, share, both)
+            planes[pair] = plane_of([variables[name] for name in pair], edges, share, plane_scores)
     looked_at = joined([part.curves for part in parts[:n_chosen_from]])
     return Atlas(maps, planes, stability_selection(looked_at, groups, seed), shapes)
 
 
-def added_curves(solver: Solver, left: Residuals, chart: Chart) -> dict[str, np.ndarray]:
+def added_curves(solver: Solver, residuals: Residuals, chart: Chart) -> dict[str, np.ndarray]:
     """The acceleration of the added effects [m/s^2] as a curve over every variable, at its knots, for comparison with
     the maps before. Empty if no added effect changes the acceleration.
     """
-    added = added_acceleration(solver, left)
+    added = added_acceleration(solver, residuals)
     if np.abs(added).max(initial=0.0) < 1e-6:
         return {}
-    scores = plain_scores(added, chart.weights(reactions(left)), left, answers(left))
+    scores = plain_scores(added, chart.weights(variables_of(residuals)), residuals, answers(residuals))
     return {
         basis.variable.name: centred(fitted(scores.of(group.columns)), basis)
         for basis, group in zip(chart.bases, chart.groups(), strict=False)

@@ -18,12 +18,12 @@ from rearl_jax.discovery.thresholds import THRESHOLDS
 
 @dataclass(frozen=True)
 class Prediction:
-    """How a search predicts the check drivers.
+    """Predictions of the final model of a search for the checked drivers.
 
     Attributes:
-        log_likelihood: Of each driver one time step ahead, its own parameters integrated out [nats].
-        gap_error: Of each driver in simulation, its own parameters calibrated to the gap [m].
-        data: The drivers.
+        log_likelihood: Log-likelihood of each driver's next time steps, its own parameters integrated out [nats].
+        gap_error: Gap error of each driver in simulation, its own parameters calibrated to the gap [m].
+        data: The checked drivers.
     """
 
     log_likelihood: Float[np.ndarray, " drivers"]
@@ -32,13 +32,13 @@ class Prediction:
 
 
 def prediction_of(solver: Solver, outcome: Search) -> Prediction:
-    """How the final model of a search predicts the check drivers."""
+    """Predictions of the final model of a search for the checked drivers."""
     (state,) = recalibrated(solver, outcome.checked, [outcome.last])
     (error,) = gap_errors(solver, [state])
     return Prediction(state.marginal(), error, outcome.checked)
 
 
-def is_explained(outcome: Search, left: Adequacy) -> bool:
+def is_explained(outcome: Search, adequacy: Adequacy) -> bool:
     """True if every effect found has a name without a doubt, and only noise is left; also if no effect was found."""
     if outcome.rejected or outcome.is_contradicted or outcome.leaves_shifts:
         return False
@@ -46,7 +46,7 @@ def is_explained(outcome: Search, left: Adequacy) -> bool:
         return False
     if any(is_free(trial) or outcome.is_doubtful(trial) for trial in outcome.added):
         return False
-    return left.is_enough
+    return adequacy.is_enough
 
 
 def predicts_better(before: Prediction, after: Prediction, seed: int) -> bool:
@@ -59,6 +59,6 @@ def predicts_better(before: Prediction, after: Prediction, seed: int) -> bool:
     return float(gains.sum() + of_simulations.sum()) > 0 and worse < THRESHOLDS.rejection_share
 
 
-def names_more(before: Prediction, named: Search, left: Adequacy, after: Prediction, seed: int) -> bool:
+def names_more(before: Prediction, named: Search, adequacy: Adequacy, after: Prediction, seed: int) -> bool:
     """True if a search beside another model explains the drivers by names, of which it has one, and predicts better."""
-    return bool(named.added) and is_explained(named, left) and predicts_better(before, after, seed)
+    return bool(named.added) and is_explained(named, adequacy) and predicts_better(before, after, seed)

@@ -89,14 +89,14 @@ def forward_selection(scores: DriverScores, drivers: Int[np.ndarray, " some"], g
     gram, score = scores.gram[drivers].sum(axis=0), scores.score[drivers].sum(axis=0)
     for group in groups:
         gram[group.columns, group.columns] += scores.variance / group.scale**2
-    left, selected = list(groups), []
+    unselected, selected = list(groups), []
     bound = np.log(len(groups)) + THRESHOLDS.finder_evidence
-    while left and len(selected) < MOST:
-        evidence = [_evidence(gram, score, group, scores.variance) for group in left]
+    while unselected and len(selected) < MOST:
+        evidence = [_evidence(gram, score, group, scores.variance) for group in unselected]
         best = int(np.argmax(evidence))
         if evidence[best] < bound:
             break
-        group = left.pop(best)
+        group = unselected.pop(best)
         selected.append(group)
         # Scores after the group's contribution is removed.
         across = np.linalg.solve(gram[np.ix_(group.columns, group.columns)], gram[group.columns])
@@ -109,6 +109,6 @@ def _evidence(
     gram: Float[np.ndarray, "columns columns"], score: Float[np.ndarray, " columns"], group: Group, variance: float
 ) -> float:
     """Laplace evidence for a group [nats]; its prior is in the diagonal of `gram`."""
-    block, own = gram[np.ix_(group.columns, group.columns)], score[group.columns]
+    block, group_score = gram[np.ix_(group.columns, group.columns)], score[group.columns]
     width = np.linalg.slogdet(block * (group.scale**2 / variance))[1]
-    return float(0.5 * own @ np.linalg.solve(block, own) / variance - 0.5 * width)
+    return float(0.5 * group_score @ np.linalg.solve(block, group_score) / variance - 0.5 * width)

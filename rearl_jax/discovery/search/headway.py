@@ -95,7 +95,8 @@ class TimeGapVariation:
         return np.exp(-np.arange(len(data.y))[:, None] * data.dt / self.time)
 
 
-CONSTANT = TimeGapVariation()
+CONSTANT_TIME_GAP = TimeGapVariation()
+"""Time gap of each driver constant, all of the acceleration noise kept."""
 
 
 def departures(state: FitState, prior: Prior) -> Float[np.ndarray, " pieces"]:
@@ -103,12 +104,12 @@ def departures(state: FitState, prior: Prior) -> Float[np.ndarray, " pieces"]:
     data, values = state.data, prior.values(state.z, state.truck)[state.data.driver]
     time_gap, jam_gap = (values[:, prior.names.index(name)] for name in ("time_gap", "jam_gap"))
     front, speed = state.pieces.start[0] + data.length / 2, state.pieces.start[1]
-    departure = time_gap_departure(data.around.leader_rear[0] - front, speed, time_gap, jam_gap)
-    return np.asarray(data.around.has_leader[0] * departure)
+    departure = time_gap_departure(data.surroundings.leader_rear[0] - front, speed, time_gap, jam_gap)
+    return np.asarray(data.surroundings.has_leader[0] * departure)
 
 
 def energy_scores(
-    solver: Solver, state: FitState, fit: Fit, seed: int, variation: TimeGapVariation = CONSTANT
+    solver: Solver, state: FitState, fit: Fit, seed: int, variation: TimeGapVariation = CONSTANT_TIME_GAP
 ) -> Float[np.ndarray, " drivers"]:
     """Energy score of noisy simulations of each driver [m]: mean distance to the measurement minus half the mean
     distance between simulations.
@@ -129,9 +130,9 @@ def energy_scores(
         drawn.append(np.clip(behind_noisy_drive(solver, drives, noise, rng), -FARTHEST, FARTHEST))
     mean = data.driver_mean
     pairs = [(i, j) for i in range(REALISATIONS) for j in range(i)]
-    apart = np.mean([np.sqrt(mean((drawn[i] - drawn[j]) ** 2)) for i, j in pairs], axis=0)
-    away = np.mean([np.sqrt(mean(deviation**2)) for deviation in drawn], axis=0)
-    return away - apart / 2
+    mutual_distance = np.mean([np.sqrt(mean((drawn[i] - drawn[j]) ** 2)) for i, j in pairs], axis=0)
+    measured_distance = np.mean([np.sqrt(mean(deviation**2)) for deviation in drawn], axis=0)
+    return measured_distance - mutual_distance / 2
 
 
 def later_halves(solver: Solver, data: Measured, fit: Fit) -> FitState | None:
@@ -146,7 +147,7 @@ def time_gap_variation(solver: Solver, fit: Fit, seed: int) -> TimeGapVariation:
     """
     state = later_halves(solver, fit.state.data, fit)
     if state is None:
-        return CONSTANT
+        return CONSTANT_TIME_GAP
     scores: dict[TimeGapVariation, Float[np.ndarray, " drivers"]] = {}
 
     def best_of(tried: Iterable[TimeGapVariation]) -> TimeGapVariation:
@@ -155,13 +156,15 @@ def time_gap_variation(solver: Solver, fit: Fit, seed: int) -> TimeGapVariation:
                 scores[candidate] = np.log(np.maximum(energy_scores(solver, state, fit, seed, candidate), SMALLEST))
         return min(scores, key=lambda candidate: float(scores[candidate].mean()))
 
-    best = best_of([CONSTANT, *(TimeGapVariation(sd, noise_share=share) for sd in SIZES for share in SHARES[::2])])
+    best = best_of(
+        [CONSTANT_TIME_GAP, *(TimeGapVariation(sd, noise_share=share) for sd in SIZES for share in SHARES[::2])]
+    )
     best = best_of(replace(best, time=time) for time in TIMES)
     best = best_of(replace(best, noise_share=share) for share in SHARES)
     best = best_of(replace(best, sd=sd) for sd in SIZES)
     if best.sd:
         best = best_of(replace(best, start_share=share, time=time) for share in START_SHARES for time in TIMES)
         best = best_of(replace(best, sd=sd) for sd in SIZES[1:])
-    gained = scores[CONSTANT] - scores[best]
+    gained = scores[CONSTANT_TIME_GAP] - scores[best]
     is_sure = len(gained) > 1 and gained.mean() > 2 * gained.std(ddof=1) / np.sqrt(len(gained))
-    return best if is_sure else CONSTANT
+    return best if is_sure else CONSTANT_TIME_GAP

@@ -13,7 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 from rearl_jax.discovery.observe.forcing import DriverScores
-from rearl_jax.discovery.search.reactions import Reaction
+from rearl_jax.discovery.search.variables import Variable
 
 KNOTS = 7
 """Knots of a curve."""
@@ -22,7 +22,7 @@ OUTER = 0.02
 """Share of the time steps beyond each of the outer knots [-]."""
 
 LEAST_SHARE = 0.005
-"""Share of the time steps that a value of a counted variable, or a field of a plane, must have to be shown [-]."""
+"""Share of the time steps that a value of a discrete variable, or a field of a plane, must have to be shown [-]."""
 
 USUAL = 1.0
 """Prior standard deviation of a curve's values [m/s^2]; it only restricts values that the data do not determine."""
@@ -42,18 +42,18 @@ class Basis:
     """Knots of the curve over one variable.
 
     Attributes:
-        variable: Name as in `reactions`.
+        variable: The variable.
         knots: Knots in the unit of the variable; for a discrete variable, its values.
         share: Mean weight of each knot over all time steps [-].
     """
 
-    variable: Reaction
+    variable: Variable
     knots: Float[np.ndarray, " knots"]
     share: Float[np.ndarray, " knots"]
 
     def columns(self, values: Float[np.ndarray, "steps pieces"]) -> Float[np.ndarray, "knots steps pieces"]:
         """Weight of each knot [-], by linear interpolation, or 1 at the nearest value of a discrete variable."""
-        if self.variable.is_counted:
+        if self.variable.is_discrete:
             nearest = np.abs(values[None] - self.knots[:, None, None]).argmin(axis=0)
             return (nearest[None] == np.arange(len(self.knots))[:, None, None]).astype(float)
         unit = np.eye(len(self.knots))
@@ -86,10 +86,10 @@ class Curve:
         return float(np.ptp(self.value))
 
 
-def basis_of(variable: Reaction, weight: Float[np.ndarray, "steps pieces"]) -> Basis | None:
+def basis_of(variable: Variable, weight: Float[np.ndarray, "steps pieces"]) -> Basis | None:
     """Knots at quantiles of a variable; None for a variable that hardly changes."""
     used = variable.values[weight > 0]
-    if variable.is_counted:
+    if variable.is_discrete:
         values, counts = np.unique(np.round(used), return_counts=True)
         knots = values[counts > LEAST_SHARE * len(used)]
     else:
@@ -121,14 +121,14 @@ def curve_of(
 ) -> Curve:
     """The map of one variable, from scores of its columns on innovations and on the acceleration residual."""
     rng = np.random.default_rng(seed)
-    own = scores["acceleration"][0]
-    n = len(own.score)
+    on_innovations = scores["acceleration"][0]
+    n = len(on_innovations.score)
     counts = rng.multinomial(n, np.full(n, 1 / n), draws)
-    drawn = centred(np.stack([fitted(own, row) for row in counts.astype(float)]), basis)
+    drawn = centred(np.stack([fitted(on_innovations, row) for row in counts.astype(float)]), basis)
     low, high = np.quantile(drawn, [(1 - confidence) / 2, (1 + confidence) / 2], axis=0)
     carried = {acts_on: on_other_halves(*pair, np.random.default_rng(seed)) for acts_on, pair in scores.items()}
     acts_on = max(carried, key=lambda key: carried[key][1])
-    return Curve(basis, centred(fitted(own), basis), low, high, acts_on, *carried[acts_on])
+    return Curve(basis, centred(fitted(on_innovations), basis), low, high, acts_on, *carried[acts_on])
 
 
 def centred(values: Float[np.ndarray, "*draws knots"], basis: Basis) -> Float[np.ndarray, "*draws knots"]:
@@ -165,14 +165,14 @@ class Plane:
         value: Mean acceleration residual [m/s^2]; NaN in fields with too few time steps.
     """
 
-    across: Reaction
-    up: Reaction
+    across: Variable
+    up: Variable
     across_edges: Float[np.ndarray, " across_edges"]
     up_edges: Float[np.ndarray, " up_edges"]
     value: Float[np.ndarray, "up across"]
 
 
-def edges_of(variable: Reaction, weight: Float[np.ndarray, "steps pieces"]) -> Float[np.ndarray, " edges"]:
+def edges_of(variable: Variable, weight: Float[np.ndarray, "steps pieces"]) -> Float[np.ndarray, " edges"]:
     """Edges of fields with equally many time steps, outliers excluded."""
     edges = np.quantile(variable.values[weight > 0], np.linspace(OUTER / 2, 1 - OUTER / 2, FIELDS + 1))
     return edges + np.arange(FIELDS + 1) * 1e-9
@@ -187,7 +187,7 @@ def fields(
 
 
 def plane_of(
-    variables: Sequence[Reaction],
+    variables: Sequence[Variable],
     edges: Sequence[np.ndarray],
     share: Float[np.ndarray, " fields"],
     scores: DriverScores,

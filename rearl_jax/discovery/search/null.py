@@ -9,7 +9,7 @@ from scipy.ndimage import gaussian_filter1d
 from scipy.signal import lfilter
 
 from rearl_jax.discovery.observe.candidates import Term
-from rearl_jax.discovery.observe.fit_state import FitState, with_changes
+from rearl_jax.discovery.observe.fit_state import FitState, replaced
 from rearl_jax.discovery.observe.kalman import CLOSED_LOOP, Noise
 from rearl_jax.discovery.observe.observer import squared_leader_acceleration
 from rearl_jax.discovery.observe.solver import Solver
@@ -109,7 +109,7 @@ def simulate_again(solver: Solver, state: FitState, noise: Noise, rng: np.random
     for piece in range(y.shape[1]):
         x[:, piece], v[:, piece], _ = smoothed(y[:, piece], data.dt, frequency)
     pieces = replace(state.pieces, y=y, start=np.stack([x[0], v[0]]))
-    return with_changes(state, data=replace(data, y=y, smooth=x, smooth_speed=v), pieces=pieces)
+    return replaced(state, data=replace(data, y=y, smooth=x, smooth_speed=v), pieces=pieces)
 
 
 def noise_alone(solver: Solver, state: FitState, noise: Noise, replicates: int, seed: int) -> Iterator[list[FitState]]:

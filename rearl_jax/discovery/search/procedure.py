@@ -1,7 +1,10 @@
-"""From measured drivers to what the model lacks: calibrate, screen, fit, check on other drivers, and again."""
+"""The search for missing effects, in rounds: calibrate the model, screen all candidates, fit the likely ones, check
+them on other drivers, add the best one.
+"""
 
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
+from functools import partial
 from itertools import takewhile
 
 import numpy as np
@@ -24,8 +27,8 @@ from rearl_jax.discovery.search.simulation import simulated
 from rearl_jax.discovery.thresholds import THRESHOLDS
 
 UNDERSTATED = frozenset({Term("reaction_delay")})
-"""Candidates that are fitted wherever they exceed chance: drivers who were calibrated without a delay have taken most
-of it in, and the score, which looks at delays close to none, sees little.
+"""Candidates that are fitted whenever their evidence exceeds chance. Drivers who are calibrated without a delay imitate
+most of it, so the score at a delay of zero understates it.
 """
 
 Report = Callable[[str, int, int], None]
@@ -33,18 +36,18 @@ Report = Callable[[str, int, int], None]
 
 @dataclass(frozen=True)
 class Round:
-    """One turn of the loop.
+    """One round of the search: the candidates are screened, and the best one that is accepted is added to the model.
 
     Attributes:
-        base: The model at its beginning.
-        evidence: Evidence of every candidate [nats].
-        excess: Above the null's mean [nats].
-        z_score: The same in standard deviations of the null [-].
+        base: The model at the beginning of the round.
+        evidence: Evidence for every candidate [nats].
+        excess: Evidence for every candidate above the null's mean [nats].
+        z_score: The excess in standard deviations of the null [-].
         exceeding: Candidates whose evidence exceeds chance, with their families.
-        trials: All that were fitted.
-        accepted: Trials that are accepted, the best first.
-        clock_z_score: As `z_score`, of clocks that differ.
-        contradicted: Trials that evidence asks for and simulations contradict.
+        trials: All candidates that were fitted.
+        accepted: Accepted trials, the best first.
+        clock_z_score: As `z_score`, for clock offsets.
+        contradicted: Trials that the innovations support and simulations contradict.
     """
 
     base: Fit
@@ -59,18 +62,18 @@ class Round:
 
     @property
     def chosen(self) -> Trial | None:
-        """The trial that is added."""
+        """The trial whose candidate is added; None if no trial is accepted."""
         return self.accepted[0] if self.accepted else None
 
     @property
     def possible(self) -> list[Trial]:
-        """All that were fitted and that simulations do not contradict."""
+        """All trials that simulations do not contradict."""
         denied = {trial.candidate.term for trial in self.contradicted}
         return [trial for trial in self.trials if trial.candidate.term not in denied]
 
     @property
     def is_beaten(self) -> bool:
-        """True if something possible that is not believed fares better than what is added."""
+        """True if a significant trial that was not added is better than the added one."""
         chosen = self.chosen
         return chosen is not None and any(
             trial.beats(chosen) and _is_significant(trial, self.exceeding) for trial in self.possible
@@ -78,25 +81,25 @@ class Round:
 
     @property
     def alternatives(self) -> list[Trial]:
-        """Trials that cannot be told apart from it."""
+        """Trials that the data cannot distinguish from the added one."""
         return not_told_apart(self.accepted)[1:] if self.accepted else []
 
 
 @dataclass
 class Search:
-    """Everything that was found, round by round.
+    """Result of a search, round by round.
 
     Attributes:
-        layout: What was looked for.
-        null: Evidence where nothing is missing.
-        first_scores: Scores of the calibrated model.
-        checked: The other drivers as the final model takes them, see `in_time`.
-        clocks: Differences between clocks, where the data were corrected for them.
-        rounds: One per effect that was added, and the last one, which added none.
-        lane_changes: What changes of lane bring with them, against the model without it.
-        rejected: What had been added, and made the simulation of other drivers worse.
-        excluded: Candidates, or clocks, that are not looked for.
-        of_bounds: Added effects that do not hold once drivers' parameters may leave their bounds.
+        layout: The candidates and their parameters.
+        null: Distribution of the evidence if no effect is missing.
+        first_scores: Scores of all candidates under the calibrated model.
+        checked: The checked drivers, with corrected clocks if those of the fitted drivers were corrected.
+        clocks: Clock offsets that the data were corrected for; None without a correction.
+        rounds: One round per added effect, and usually a last one in which none was added.
+        lane_changes: Trials of the effects of lane changes, each against the model without it.
+        rejected: Trials that were added and then removed, because they made the simulation of other drivers worse.
+        excluded: Candidates, possibly clock offsets, that are not searched for.
+        of_bounds: Added effects that do not hold if drivers' parameters may leave their bounds.
     """
 
     layout: Layout
@@ -112,42 +115,43 @@ class Search:
 
     @property
     def before(self) -> Fit:
-        """The calibrated model on the data as they were."""
+        """The calibrated model on the data as measured, without corrected clocks."""
         return self.first if self.clocks is None else self.clocks.base
 
     @property
     def first(self) -> Fit:
-        """The calibrated model without additions."""
+        """The calibrated model without added effects, on the data that were searched."""
         return self.rounds[0].base
 
     @property
     def last(self) -> Fit:
-        """The model with all that was added."""
+        """The model with all added effects."""
         chosen = self.rounds[-1].chosen
         return chosen.fit if chosen is not None else self.rounds[-1].base
 
     @property
     def added(self) -> list[Trial]:
-        """Trials that were added, in order."""
+        """Added trials, in their order."""
         return [turn.chosen for turn in self.rounds if turn.chosen is not None]
 
     def fitted_trials(
         self, deviations: Float[np.ndarray, " free"]
     ) -> list[tuple[Trial, list[Trial], Float[np.ndarray, " own"]]]:
-        """What the final model has beside its drivers, first what changes of lane bring with them.
+        """Effects of the final model, those of lane changes first: the trial of each, the trials it competed with, and
+        the standard deviations of its parameters.
 
-        Each trial with the possible ones it competed with, and its part of the standard deviations of all numbers that
-        were searched.
+        Args:
+            deviations: Standard deviations of the parameters of all effects, concatenated.
         """
         trials = [(trial, [trial]) for trial in self.lane_changes]
         trials += [(turn.chosen, turn.possible) for turn in self.rounds if turn.chosen is not None]
-        ends = np.cumsum([len(trial.candidate.free) for trial, _ in trials], dtype=int)
-        parts = np.split(deviations, ends)[:-1]
-        return [(trial, rivals, own) for (trial, rivals), own in zip(trials, parts, strict=True)]
+        stops = np.cumsum([len(trial.candidate.free) for trial, _ in trials], dtype=int)
+        parts = np.split(deviations, stops)[:-1]
+        return [(trial, rivals, part) for (trial, rivals), part in zip(trials, parts, strict=True)]
 
     def is_stated(self, trial: Trial) -> bool:
-        """True if a trial may be stated as an effect: what changes of lane bring with them only where it is sure, and
-        early answers never, for when a lane column flips is of the recording.
+        """True if a trial may be reported as an effect of drivers. An effect of lane changes may be if it holds, but
+        not the early response to the next leader, because the recording decides when its lane column changes.
         """
         if not any(trial is other for other in self.lane_changes):
             return True
@@ -155,24 +159,28 @@ class Search:
 
     @property
     def is_contradicted(self) -> bool:
-        """True if an effect or artefact that the drivers' innovations ask for makes their simulation worse."""
+        """True if an effect or artefact that the innovations support makes the simulation of drivers worse."""
         denied = self.rounds[-1].contradicted if not self.added else []
         return any(not is_free(trial) for trial in (*self.rejected, *denied))
 
     @property
     def leaves_shifts(self) -> bool:
-        """True if something is left that shifts pairs of vehicles in time, and is neither clocks nor what was added."""
+        """True if time shifts between vehicles remain that neither clock offsets nor added effects explain."""
         return self.clocks is None and self.rounds[-1].clock_z_score > THRESHOLDS.unexplained_z_score
 
     @property
     def leaves_more(self) -> bool:
-        """True if something is left that the other drivers do not confirm in any form, and that is not chance."""
+        """True if the evidence for some candidate still exceeds chance although no candidate is confirmed by the other
+        drivers.
+        """
         return any(z_score > THRESHOLDS.unexplained_z_score for z_score in self.rounds[-1].z_score.values())
 
     def is_doubtful(self, trial: Trial) -> bool:
-        """True if a named effect is beaten by what is not believed, comes before what simulations contradict or after a
-        free curve, whose remainder it may be, does not hold without bounds of the drivers' parameters, or leaves a
-        dependence on what it acts by, which then is another one than it says.
+        """True if the name of an effect is in doubt.
+
+        There are five reasons: it does not hold if drivers' parameters may leave their bounds; simulations contradict a
+        trial; a trial that was not added is better; a free curve was added earlier, whose remainder it may be; or a
+        free curve over one of its variables was needed in addition, so that the dependence on it is another one.
         """
         if trial.candidate.term in self.of_bounds:
             return True
@@ -188,7 +196,7 @@ class Search:
 
 
 def is_free(trial: Trial) -> bool:
-    """True if it is a free curve, which approximates whatever there is, and fits what any other form has left."""
+    """True if the trial is of a free curve, which can imitate any effect and the remainder of any effect."""
     return trial.candidate.kind == "generic"
 
 
@@ -204,18 +212,18 @@ def search(
     excluded: frozenset[Term] = frozenset(),
     rounds: int | None = None,
 ) -> Search:
-    """The loop: until nothing exceeds chance any more, or nothing that does is accepted.
+    """Rounds until no candidate exceeds chance, or none of those that do is accepted.
 
     Args:
-        solver: Fits.
-        fitted: Drivers everything is fitted to.
+        solver: Solver of the car-following model.
+        fitted: Drivers that all models are fitted to.
         checked: Other drivers, for the check.
-        null_for: The null of the calibrated model.
-        report: Called with what is being done, and how far it is.
-        lane_changes: Whether what changes of lane bring with them is part of the calibrated model.
-        calibrated: The calibrated model where it is known; None to calibrate.
-        excluded: Candidates, or clocks, that are not looked for.
-        rounds: Rounds after which the loop ends; None for as many as there are effects to add.
+        null_for: Function from the calibrated model to its null distribution.
+        report: Called with a description of the present step, the number of its parts done, and that of all parts.
+        lane_changes: Whether the calibrated model contains the effects of lane changes.
+        calibrated: The calibrated model if it is known; None to calibrate it.
+        excluded: Candidates, possibly clock offsets, that are not searched for.
+        rounds: Largest number of rounds; None for no limit.
     """
     report("calibrating drivers", 0, 1)
     of_lanes = calibrated or base_of(solver, fitted, lane_changes=lane_changes)
@@ -233,7 +241,7 @@ def search(
     while len(outcome.added) <= THRESHOLDS.most_effects:
         turn = _round(solver, base, everybody.state, seen, outcome, report)
         if clocks is not None and not outcome.rounds and (turn.chosen is None or clocks.total > turn.chosen.total):
-            # The clocks are corrected in the data, and the loop begins again.
+            # The data are replaced by those with corrected clocks, and the first round is repeated.
             outcome.clocks, outcome.checked = clocks, clocks.checked
             of_lanes, clocks = base_of(solver, clocks.fitted, lane_changes=lane_changes), None
             base = of_lanes.fit
@@ -249,23 +257,25 @@ def search(
 
 
 def in_time(solver: Solver, outcome: Search, data: Measured) -> Measured:
-    """Drivers as the final model takes them: with their clocks corrected where the fitted ones' were."""
+    """Other drivers with corrected clocks if those of the fitted drivers were corrected."""
     return data if outcome.clocks is None else correct_shifts(solver, Clocks(data), outcome.clocks.base).data
 
 
 def _round(
     solver: Solver, base: Fit, everybody: FitState, seen: dict[Term, Score], outcome: Search, report: Report
 ) -> Round:
-    """The next turn from a model and its scores."""
+    """The next round, from a model and its scores."""
     layout, null, added = solver.layout, outcome.null, outcome.added
     report(f"looking for effects, round {len(added) + 1}", 0, 1)
-    left = {CLOCK_OFFSET, *layout.candidates} - {EARLY_LEADER, *base.state.active, *outcome.excluded - {CLOCK_OFFSET}}
-    evidence = {term: value for term, value in evidences(everybody, seen, layout).items() if term in left}
+    excluded = {EARLY_LEADER, *base.state.active, *outcome.excluded - {CLOCK_OFFSET}}
+    remaining = {CLOCK_OFFSET, *layout.candidates} - excluded
+    evidence = {term: value for term, value in evidences(everybody, seen, layout).items() if term in remaining}
     exceeds = {term for term, z_score in null.z_scores(evidence).items() if z_score > THRESHOLDS.candidate_z_score}
     clock_z_score = null.z_scores({CLOCK_OFFSET: evidence.pop(CLOCK_OFFSET)})[CLOCK_OFFSET]
     excess, z_score, known = null.excess(evidence), null.z_scores(evidence), set(evidence)
+    screened = partial(Round, evidence=evidence, excess=excess, z_score=z_score, clock_z_score=clock_z_score)
     if len(added) == THRESHOLDS.most_effects or not exceeds:
-        return Round(base, evidence, excess, z_score, frozenset(exceeds & known), [], [], clock_z_score)
+        return screened(base=base, exceeding=frozenset(exceeds & known), trials=[], accepted=[])
     order = sorted(evidence, key=lambda term: -excess[term])
     exceeding = with_families(exceeds, known) & known
     tried = {term for term in order[: THRESHOLDS.leading_fitted] if excess[term] > THRESHOLDS.fitting_excess}
@@ -286,23 +296,27 @@ def _round(
         accepted = believed(
             [trial for trial in trials if _is_significant(trial, exceeding) and _is_additional(trial, added)]
         )
-        # Nothing is added before all that it is easily taken for have been tried as well.
+        # A candidate is added only after all candidates that it is easily confused with have been tried.
         accepted, contradicted = simulated(solver, other_base, accepted)
         asked = {trial.candidate.term: trial for trial in (*accepted, *contradicted)}
         trials = [asked.get(trial.candidate.term, trial) for trial in trials]
         tried = with_families({trial.candidate.term for trial in accepted[:1]}, known)
         if tried <= fits.keys():
             z_score |= {trial.candidate.term: 0.0 for trial in trials if _is_of_numerics(trial)}
-            return Round(
-                base, evidence, excess, z_score, frozenset(exceeding), trials, accepted, clock_z_score, contradicted
+            return screened(
+                base=base,
+                exceeding=frozenset(exceeding),
+                trials=trials,
+                accepted=accepted,
+                contradicted=contradicted,
             )
 
 
 def lane_change_trials(solver: Solver, base: Base, checked: Measured) -> list[Trial]:
-    """Gains of each thing that changes of lane bring with them, against the model with those before it."""
-    if not base.steps:
+    """Trials of the effects of lane changes, each against the model with those before it."""
+    if not base.extended:
         return []
-    fits = [base.bare, *base.steps]
+    fits = [base.bare, *base.extended]
     others = recalibrated(solver, checked, fits)
     return [
         trial_of(solver, after, before.state, other, other_before, 0.0)
@@ -311,16 +325,16 @@ def lane_change_trials(solver: Solver, base: Base, checked: Measured) -> list[Tr
 
 
 def _is_significant(trial: Trial, exceeding: Collection[Term]) -> bool:
-    """True if a candidate exceeds chance in the screen, or gains so much when it is fitted that it needs not."""
+    """True if a candidate exceeds chance in the screen, or if its total gain after the fit is large enough without."""
     return not _is_of_numerics(trial) and (
         trial.candidate.term in exceeding or trial.total > THRESHOLDS.total_below_z_score
     )
 
 
 def _is_of_numerics(trial: Trial) -> bool:
-    """True if it is a reaction delay of less than two time steps, or than the kernel that positions were smoothed with.
+    """True if the trial is a reaction delay shorter than two time steps or than the kernel that smoothed the positions.
 
-    Whoever decides once in a time step, and has it carried out in the next one, is as late as that without any delay.
+    A driver without a delay whose decision is carried out one time step later responds just as late.
     """
     if trial.candidate.term != Term("reaction_delay"):
         return False
@@ -329,7 +343,7 @@ def _is_of_numerics(trial: Trial) -> bool:
 
 
 def _is_additional(trial: Trial, added: list[Trial]) -> bool:
-    """True if an effect is more than what another form of an earlier one would have taken in."""
+    """True if an effect gains more than the remainder of an earlier effect of another form would."""
     if added and trial.total < THRESHOLDS.later_share * max(other.total for other in added):
         return False
 

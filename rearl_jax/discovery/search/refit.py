@@ -7,8 +7,8 @@ import numpy as np
 
 from rearl_jax.discovery.observe.candidates import Candidate, Layout, Term
 from rearl_jax.discovery.observe.fit import Fit
-from rearl_jax.discovery.observe.fit_state import FitState, with_changes, with_noise
-from rearl_jax.discovery.observe.noise import no_larger, noises, under_best_noise
+from rearl_jax.discovery.observe.fit_state import FitState, replaced, with_noise
+from rearl_jax.discovery.observe.noise import levels_up_to, noise_levels, under_best_noise
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.search.screen import Score
 
@@ -54,11 +54,11 @@ def _sections(name: str, score: Score, state: FitState, layout: Layout) -> list[
     sections = []
     for first in range(n):
         for last in range(first, min(first + LONGEST_SECTION, n)):
-            inside = np.zeros(n)
-            inside[first : last + 1] = 1.0
-            width = inside @ score.information @ inside
+            indicator = np.zeros(n)
+            indicator[first : last + 1] = 1.0
+            width = indicator @ score.information @ indicator
             if width > 0:
-                gain = inside @ score.score
+                gain = indicator @ score.score
                 sections.append((gain**2 / width, first, last, gain / width))
     sections.sort(reverse=True)
     chosen: list[tuple] = []
@@ -120,12 +120,12 @@ def refit(
     for number, candidate in enumerate(candidates):
         active = (*base.state.active, candidate.term)
         states = [
-            with_changes(base.state, theta=theta, active=active)
+            replaced(base.state, theta=theta, active=active)
             for theta in starts(candidate, seen[candidate.term], base.state, solver.layout)
         ]
         solver.solve(states, iterations=15, tolerance=0.3)
         best = min(states, key=lambda state: state.objective)
-        again, noise = under_best_noise(solver, best, noises(base.noise, no_larger(base.noise)[-TRIED:]))
+        again, noise = under_best_noise(solver, best, noise_levels(base.noise, levels_up_to(base.noise)[-TRIED:]))
         # The best growth and share at the old noise level need not be the best at the new level.
         alternatives = (Fit(candidate, best, base.noise), Fit(candidate, again, noise))
         fits[candidate.term] = min(alternatives, key=lambda fit: fit.state.objective)
@@ -139,32 +139,32 @@ def nested(solver: Solver, base: Fit, fits: dict[Term, Fit]) -> dict[Term, Fit]:
 
     The models are nested, so a worse fit shows that the search stopped too early.
     """
-    better = {}
+    repeated = {}
     for term, fit in fits.items():
         if fit.state.objective > base.state.objective:
-            again = with_changes(base.state, active=fit.state.active)
+            again = replaced(base.state, active=fit.state.active)
             solver.solve([again], iterations=20, tolerance=0.05)
             fit = min(fit, replace(fit, state=again, noise=base.noise), key=lambda candidate: candidate.state.objective)
-        better[term] = fit
-    return better
+        repeated[term] = fit
+    return repeated
 
 
 def rebased(solver: Solver, base: Fit, fits: dict[Term, Fit]) -> Fit:
     """The base model fitted again from the driver parameters and noise of each candidate's fit, because a base model in
     a local optimum would give every candidate the same false gain.
     """
-    places, kept = np.arange(solver.layout.size), solver.free(base.state)
-    starts, noises_of = [], []
+    places, base_places = np.arange(solver.layout.size), solver.free(base.state)
+    starts, noises = [], []
     for fit in fits.values():
-        theta = np.where(np.isin(places, kept), fit.state.theta, solver.layout.reference)
+        theta = np.where(np.isin(places, base_places), fit.state.theta, solver.layout.reference)
         for noise in dict.fromkeys((base.noise, fit.noise)):
             start = with_noise(base.state, noise)
             start.theta, start.z, start.mean = theta, fit.state.z.copy(), fit.state.mean.copy()
             starts.append(start)
-            noises_of.append(noise)
+            noises.append(noise)
     if starts:
         solver.solve(starts, iterations=15, tolerance=0.05)
     best, noise = min(
-        zip([base.state, *starts], [base.noise, *noises_of], strict=True), key=lambda pair: pair[0].objective
+        zip([base.state, *starts], [base.noise, *noises], strict=True), key=lambda pair: pair[0].objective
     )
     return replace(base, state=best, noise=noise)

@@ -50,8 +50,10 @@ def scores(solver: Solver, states: Sequence[FitState]) -> list[dict[Term, Score]
     kept = tuple(solver.free(states[0]).tolist())
     looked = sorted({place for candidate in layout.candidates.values() for place in candidate.look} - set(kept))
     places = (*kept, *looked)
-    where = {place: k for k, place in enumerate(places)}
-    of_term = {term: tuple(where[place] for place in candidate.look) for term, candidate in layout.candidates.items()}
+    index_of = {place: k for k, place in enumerate(places)}
+    of_term = {
+        term: tuple(index_of[place] for place in candidate.look) for term, candidate in layout.candidates.items()
+    }
     groups = tuple(sorted(set(of_term.values())))
     numbered = {term: (groups.index(group), group) for term, group in of_term.items()}
     numbered[clocks.CLOCK_OFFSET] = len(groups), tuple(range(len(places), len(places) + clocks.MOST_LEADERS))
@@ -104,12 +106,12 @@ def _scores(
     scores = {}
     for term, (number, group) in groups.items():
         index = np.array(group)
-        own = sums[f"block_{number}"] / variances[:, None, None]
-        own = own - np.einsum("dij,dik->djk", coupling[:, :, index], response[:, :, index])
-        information = own.sum(axis=0) - across[index] @ kept[:, index]
+        block_of_driver = sums[f"block_{number}"] / variances[:, None, None]
+        block_of_driver = block_of_driver - np.einsum("dij,dik->djk", coupling[:, :, index], response[:, :, index])
+        information = block_of_driver.sum(axis=0) - across[index] @ kept[:, index]
         for coupled, answer in by_class:
             information = information - coupled[:, index].T @ answer[:, index]
-        scores[term] = Score(score[index], (information + information.T) / 2, driver_score[:, index], own)
+        scores[term] = Score(score[index], (information + information.T) / 2, driver_score[:, index], block_of_driver)
     return scores
 
 
@@ -126,9 +128,9 @@ def evidences(state: FitState, scores: dict[Term, Score], layout: Layout) -> dic
         score, scale = scores[term], layout.scale[list(candidate.look)]
         value = float(_evidence(score.score[None], score.information[None], scale)[0])
         if value > 0 and len(score.driver_score) > 1:
-            without = score.score - score.driver_score
-            rest = score.information - score.driver_information
-            value = float(min(value, _evidence(without, rest, scale).min()))
+            score_without = score.score - score.driver_score
+            information_without = score.information - score.driver_information
+            value = float(min(value, _evidence(score_without, information_without, scale).min()))
         evidence[term] = value
     return evidence
 

@@ -39,8 +39,8 @@ def shape_of(curve: Curve, scores: DriverScores) -> Shape:
     tried.append((gain - PRICE, Shape("line", slope, *ends)))
     for k in range(1, n):
         size, gain = _scaled((np.arange(n) >= k).astype(float), scores)
-        at = float(middle[k - 1])
-        tried.append((gain - 2 * PRICE, Shape("step", size, at, at)))
+        edge = float(middle[k - 1])
+        tried.append((gain - 2 * PRICE, Shape("step", size, edge, edge)))
         for last in range(k + 1, n):
             size, gain = _scaled(((np.arange(n) >= k) & (np.arange(n) < last)).astype(float), scores)
             tried.append((gain - 3 * PRICE, Shape("bump", size, float(middle[k - 1]), float(middle[last - 1]))))
@@ -70,8 +70,8 @@ def shape_words(curve: Curve, shape: Shape) -> str:
     if shape.kind == "step":
         return f"steps {'up' if direction else 'down'} by {size} at about {shape.start:.3g}{unit}"
     if shape.kind == "bump":
-        inside = "higher" if direction else "lower"
-        return f"is {inside} by {size} between about {shape.start:.3g} and {shape.end:.3g}{unit}"
+        level = "higher" if direction else "lower"
+        return f"is {level} by {size} between about {shape.start:.3g} and {shape.end:.3g}{unit}"
     knots, value = curve.basis.knots, curve.value
     return (
         f"varies by {size}, lowest at about {knots[value.argmin()]:.3g}{unit}, "

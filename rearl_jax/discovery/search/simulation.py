@@ -31,15 +31,15 @@ def simulated(solver: Solver, base: FitState, accepted: Sequence[Trial]) -> tupl
     if not leading:
         return [], []
     before, *errors = gap_errors(solver, [base, *(trial.other for trial in leading)])
-    asked = [
+    simulated_trials = [
         replace(trial, simulated=simulated_gains(before, after, base.data))
         for trial, after in zip(leading, errors, strict=True)
     ]
-    borne = simulated_gains(before, before * np.sqrt(1 + THRESHOLDS.borne_growth), base.data)
+    tolerated = simulated_gains(before, before * np.sqrt(1 + THRESHOLDS.borne_growth), base.data)
     agreed, contradicted = [], []
-    for trial in asked:
+    for trial in simulated_trials:
         assert trial.simulated is not None
-        (contradicted if is_contradicted(trial.simulated, borne) else agreed).append(trial)
+        (contradicted if is_contradicted(trial.simulated, tolerated) else agreed).append(trial)
     return sorted(agreed, key=lambda trial: -trial.overall), contradicted
 
 

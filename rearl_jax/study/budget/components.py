@@ -1,4 +1,5 @@
-"""Components of the budget: their titles, the orders in which they can be added, and the rows of these orders.
+"""Components of the budget: their titles, the orders in which they can be added, and the sets of components that occur
+in these orders, the rows of the budget.
 
 A component that needs another one is added after it in every order (Faigle & Kern, Int. J. Game Theory 21 (1992) 249:
 Shapley values under precedence constraints).
@@ -26,7 +27,7 @@ TITLES: Mapping[str, str] = {
     FOUND: "what discovery found",
     LANE_CHANGES: "calibrated lane changes",
     VARIATION: "variation within drivers",
-    REARL: "REARL",
+    REARL: "REARL's matcher",
 }
 """Titles of the components in tables and figures."""
 
@@ -34,7 +35,7 @@ BASE = "base"
 """Name of the row without components."""
 
 Row = frozenset[str]
-"""A row of the budget: the components in it."""
+"""A row of the budget: a set of components."""
 
 
 def orders(components: Iterable[str]) -> list[tuple[str, ...]]:
@@ -43,11 +44,12 @@ def orders(components: Iterable[str]) -> list[tuple[str, ...]]:
 
 
 def _is_possible(order: Sequence[str]) -> bool:
-    return all(NEEDS.get(name) in (None, *order[:number]) for number, name in enumerate(order))
+    """True if every component needs none, or one at an earlier position."""
+    return all(NEEDS.get(name) in (None, *order[:position]) for position, name in enumerate(order))
 
 
 def rows_of(components: Sequence[str]) -> list[Row]:
-    """All rows that occur in some order, small ones first."""
+    """All sets of components that occur in some order, small ones first."""
     found = {frozenset(order[:size]) for order in orders(components) for size in range(len(components) + 1)}
     return sorted(found, key=lambda row: (len(row), [COMPONENTS.index(name) for name in named(row)]))
 

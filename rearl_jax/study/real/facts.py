@@ -36,7 +36,7 @@ def near_equilibrium(data: Measured) -> Bool[np.ndarray, "steps pieces"]:
     """True for time steps that count in which drivers neither accelerate nor approach their leaders."""
     speed = data.smooth_speed
     acceleration = np.gradient(speed, data.dt, axis=0)
-    approach = speed - data.around.leader_speed
+    approach = speed - data.surroundings.leader_speed
     is_steady = (np.abs(acceleration) < MOST_ACCELERATION) & (np.abs(approach) < MOST_APPROACH)
     return is_steady & (speed > LEAST_SPEED) & (data.weight > 0)
 

@@ -12,13 +12,15 @@ from rearl_jax.study.stability.analysis import amplification
 from rearl_jax.study.stability.cases import NEAR_DESIRED, Case
 
 N_FOLLOWERS = 3
-"""Followers of each first vehicle; the third is compared with the second, whose motion is integrated like its own."""
+"""Followers of each first vehicle. The amplitudes of the third and the second are compared, because both are simulated;
+the first vehicle's motion is prescribed.
+"""
 
 TRANSIENT = 300.0
 """Time until the followers oscillate steadily [s]; own choice."""
 
-PERIODS, LEAST_TIME = 4, 60.0
-"""Measured afterwards: this many periods of the slowest oscillation, and at least this time [s]."""
+EVALUATED_PERIODS, LEAST_EVALUATED_TIME = 4, 60.0
+"""Periods of the slowest oscillation that are evaluated after the transient [-], and the least time that is [s]."""
 
 AMPLIFICATION_COLUMNS = ("speed", "frequency", "analysis", "simulated", "difference")
 
@@ -31,8 +33,8 @@ def amplification_table(case: Case, options: StabilityConfig) -> pd.DataFrame:
     if not speeds:
         return pd.DataFrame(columns=list(AMPLIFICATION_COLUMNS))
     speed, frequency = (axis.ravel() for axis in np.meshgrid(speeds, options.frequencies, indexing="ij"))
-    measured = max(PERIODS / frequency.min(), LEAST_TIME)
-    time = np.arange(round((TRANSIENT + measured) * STEPS_PER_SECOND) + 1)[:, None] / STEPS_PER_SECOND
+    duration = max(EVALUATED_PERIODS / frequency.min(), LEAST_EVALUATED_TIME)
+    time = np.arange(round((TRANSIENT + duration) * STEPS_PER_SECOND) + 1)[:, None] / STEPS_PER_SECOND
     first = speed + options.amplitude * np.sin(2 * np.pi * frequency * time)
     motion = simulate(start_platoons(case.typical, first, N_FOLLOWERS, options.seed), first)
     late = time[:, 0] >= TRANSIENT
@@ -48,11 +50,11 @@ def amplitudes(
     frequency: Float[np.ndarray, " platoons"],
     time: Float[np.ndarray, "steps one"],
 ) -> Float[np.ndarray, " platoons"]:
-    """Amplitudes of the oscillations at a frequency in each series [m/s], by least squares with a mean and a trend."""
+    """Amplitude of each platoon's oscillation at its frequency [m/s], by least squares with a mean and a trend."""
     found = []
-    for own, at in zip(speed.T, frequency, strict=True):
-        angle = 2 * np.pi * at * time[:, 0]
+    for series, series_frequency in zip(speed.T, frequency, strict=True):
+        angle = 2 * np.pi * series_frequency * time[:, 0]
         basis = np.stack([np.sin(angle), np.cos(angle), np.ones_like(angle), angle], axis=1)
-        sine, cosine, *_ = np.linalg.lstsq(basis, own, rcond=None)[0]
+        sine, cosine, *_ = np.linalg.lstsq(basis, series, rcond=None)[0]
         found.append(np.hypot(sine, cosine))
     return np.array(found)

@@ -23,9 +23,9 @@ def test_the_best_point_of_a_grid_is_kept_in_one_call():
     calls = []
     found = best_of(grid(), assessing(calls), "search")
     assert [len(call) for call in calls] == [56]
-    assert found.mixture == found.trials[found.kept].mixture == Mixture(0.0, 0.0, 1.0)
+    assert found.mixture == found.trials[found.selected].mixture == Mixture(0.0, 0.0, 1.0)
     assert found.n_rounds == 1
-    assert found.trials[found.kept].assessment.crashed_share == pytest.approx(3 / 160)
+    assert found.trials[found.selected].assessment.crashed_share == pytest.approx(3 / 160)
 
 
 def test_the_last_valid_proposal_is_kept_whatever_it_came_to():

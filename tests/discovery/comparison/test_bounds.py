@@ -9,7 +9,7 @@ from rearl_jax.discovery.comparison import dependence
 from rearl_jax.discovery.comparison.dependence import without_bounds
 from rearl_jax.discovery.observe.candidates import Term
 from rearl_jax.discovery.observe.drivers import IDM_PRIOR
-from rearl_jax.discovery.observe.fit_state import with_changes
+from rearl_jax.discovery.observe.fit_state import replaced
 from rearl_jax.discovery.observe.noise import calibrate
 from rearl_jax.discovery.observe.solver import solver_of
 from rearl_jax.discovery.search.null import Null
@@ -21,7 +21,7 @@ DELAY = Term("reaction_delay")
 
 def search_beside_bounds(solver, calibrated, share):
     """A search that has added a delay to drivers of whom a share is at the bound of the largest acceleration."""
-    state, noise = with_changes(calibrated[0]), calibrated[1]
+    state, noise = replaced(calibrated[0]), calibrated[1]
     place = solver.layout.prior.names.index("max_accel")
     state.z[: int(np.ceil(share * len(state.z))), place] = solver.layout.prior.bounds[1][0, place]
     solver.sums([state])

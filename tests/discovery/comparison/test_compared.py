@@ -17,7 +17,7 @@ from rearl_jax.discovery.observe.base import base_of
 from rearl_jax.discovery.observe.candidates import Term
 from rearl_jax.discovery.observe.drivers import prior_of
 from rearl_jax.discovery.observe.fit import Fit
-from rearl_jax.discovery.observe.fit_state import new_state, with_changes
+from rearl_jax.discovery.observe.fit_state import new_state, replaced
 from rearl_jax.discovery.observe.noise import USUAL
 from rearl_jax.discovery.observe.parts import Parts
 from rearl_jax.discovery.observe.solver import solver_of
@@ -134,7 +134,7 @@ def _found_under_idm(parts, *terms):
     solver = solver_of(parts.fitted, PRIORS[0])
     fit, rounds = base_of(solver, parts.fitted).fit, []
     for term in terms:
-        state = with_changes(fit.state, active=(*fit.state.active, term))
+        state = replaced(fit.state, active=(*fit.state.active, term))
         solver.solve([state], iterations=15, tolerance=0.1)
         candidate = solver.layout.candidates[term]
         after = Fit(candidate, state, fit.noise)

@@ -7,7 +7,7 @@ import pytest
 
 from rearl_jax.discovery.groups import kinds
 from rearl_jax.discovery.observe.base import base_of
-from rearl_jax.discovery.observe.fit_state import with_changes
+from rearl_jax.discovery.observe.fit_state import replaced
 from rearl_jax.discovery.observe.solver import solver_of
 from rearl_jax.discovery.search.null import simulate_again
 
@@ -33,10 +33,10 @@ def test_controllers_are_told_from_people(calibrated_many):
     solver, fit = calibrated_many
     is_machine = np.arange(45) % 3 == 0
     place = solver.layout.prior.names.index("time_gap")
-    state = with_changes(fit.state, z=fit.state.z.copy())
+    state = replaced(fit.state, z=fit.state.z.copy())
     state.z[is_machine, place] += np.log(2.0) / solver.layout.prior.spread[place]
     solver.sums([state])
-    machines = with_changes(state, data=state.data)
+    machines = replaced(state, data=state.data)
     quiet = replace(fit.noise, acceleration=fit.noise.acceleration / 4)
     drives = [
         simulate_again(solver, one, noise, np.random.default_rng(k))

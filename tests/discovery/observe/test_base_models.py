@@ -20,7 +20,7 @@ from rearl_jax.discovery.observe.noise import USUAL, calibrate
 from rearl_jax.discovery.observe.solver import solver_of
 from rearl_jax.discovery.report.repaired import repaired_model
 from rearl_jax.discovery.report.tables import fit_table
-from rearl_jax.discovery.search.headway import CONSTANT
+from rearl_jax.discovery.search.headway import CONSTANT_TIME_GAP
 from rearl_jax.models.file import read_model, write_model
 from rearl_jax.models.population import population_of_model
 from rearl_jax.models.traffic import populate
@@ -75,7 +75,18 @@ def test_time_gaps_are_found_again(calibrated_by):
 def model(calibrated_by):
     """The model file of what was found."""
     _, _, solver, _, data, fit = calibrated_by
-    return repaired_model(fit, fit, (), (), None, CONSTANT, data, solver.layout, "generated-0", "here")
+    return repaired_model(
+        calibrated=fit,
+        repaired=fit,
+        lane_changes=(),
+        added=(),
+        lane_choice=None,
+        variation=CONSTANT_TIME_GAP,
+        data=data,
+        layout=solver.layout,
+        data_id="generated-0",
+        study="here",
+    )
 
 
 def test_what_is_found_is_written(calibrated_by, model, tmp_path):

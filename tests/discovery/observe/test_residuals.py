@@ -26,8 +26,8 @@ from rearl_jax.discovery.search.atlas import chart_of, part_scores
 from rearl_jax.discovery.search.finder import Group, stability_selection
 from rearl_jax.discovery.search.maps import curve_of
 from rearl_jax.discovery.search.null import driver_noise
-from rearl_jax.discovery.search.reactions import reactions
 from rearl_jax.discovery.search.shapes import shape_of, shape_words
+from rearl_jax.discovery.search.variables import variables_of
 
 NOISE = Noise(0.1, 1.5, 0.05)
 SLOPE = 0.6
@@ -59,7 +59,7 @@ def planted(solver_and_world):
     """Residuals of drives with drivers' noise and an acceleration that follows the offset in the lane."""
     solver, state = solver_and_world
     noise = driver_noise(NOISE, state.data.y.shape, state.data.dt, np.random.default_rng(2))
-    made = driven(solver, state, noise + SLOPE * state.data.around.lateral_offset)
+    made = driven(solver, state, noise + SLOPE * state.data.surroundings.lateral_offset)
     return solver, residuals_of(solver, [made], [Fit(None, made, NOISE)])[0]
 
 
@@ -104,8 +104,8 @@ def test_nothing_that_drivers_react_to_knows_their_future(planted):
     later = replace(data, y=data.y + 5.0 * (np.arange(len(data.y)) > cut)[:, None])
     state = replace(left.state, data=later, pieces=replace(left.state.pieces, y=later.y))
     moved = residuals_of(solver, [state], [Fit(None, state, NOISE)])[0]
-    after = reactions(moved)
-    for name, before in reactions(left).items():
+    after = variables_of(moved)
+    for name, before in variables_of(left).items():
         # The step that ends with the first moved time step has been predicted before it.
         change = np.abs(before.values - after[name].values)[:cut]
         assert change.max() < 0.05 + 0.02 * np.abs(before.values).max(), name

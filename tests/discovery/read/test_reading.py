@@ -73,9 +73,9 @@ def test_every_driver_with_a_leader_is_measured(recordings_of, measured_of):
     assert data.noise == pytest.approx(0.1, rel=0.2)
     # The moments that count are those with a leader, and none of padding.
     assert data.weight[: int(reading.SETTLING / data.dt)].sum() == 0
-    assert (data.around.has_leader[data.weight > 0] == 1).all()
+    assert (data.surroundings.has_leader[data.weight > 0] == 1).all()
     assert data.seconds < 12 * 40.0
-    gap = data.around.leader_rear - (data.smooth + data.length / 2)
+    gap = data.surroundings.leader_rear - (data.smooth + data.length / 2)
     assert gap[data.weight > 0].min() > 0
     vehicle = recording.table[recording.table["track_id"] == data.vehicle[0]]
     np.testing.assert_array_equal(data.y[: len(vehicle), 0], vehicle["position"])
@@ -83,19 +83,19 @@ def test_every_driver_with_a_leader_is_measured(recordings_of, measured_of):
 
 def test_a_cut_in_is_remembered(measured_of):
     data = measured_of()
-    since, lost = data.around.time_since_change, data.around.gap_lost
+    since, lost = data.surroundings.time_since_change, data.surroundings.gap_lost
     assert (lost > 1.0).any(), "nobody cut in"
     step, piece = np.argwhere((since[1:] == 0) & (lost[1:] > 1.0))[0] + (1, 0)
-    gap = data.around.leader_rear - (data.smooth + data.length / 2)
+    gap = data.surroundings.leader_rear - (data.smooth + data.length / 2)
     assert lost[step, piece] == pytest.approx(min(gap[step - 1, piece] - gap[step, piece], 60.0))
     assert since[step + 5, piece] == pytest.approx(5 * data.dt)
     assert data.leader[step, piece] != data.leader[step - 1, piece]
     halfway = data.halfway()
     # Nothing is averaged over the moment in which somebody else is ahead.
-    assert halfway.leader_rear[step - 1, piece] == data.around.leader_rear[step - 1, piece]
+    assert halfway.leader_rear[step - 1, piece] == data.surroundings.leader_rear[step - 1, piece]
     smooth = data.leader[step, piece] == data.leader[step + 1, piece]
     assert smooth
-    expected = (data.around.leader_rear[step, piece] + data.around.leader_rear[step + 1, piece]) / 2
+    expected = (data.surroundings.leader_rear[step, piece] + data.surroundings.leader_rear[step + 1, piece]) / 2
     assert halfway.leader_rear[step, piece] == pytest.approx(expected)
 
 
@@ -117,7 +117,7 @@ def test_parts_side_by_side_are_the_whole(tables_of):
     assert both.n_drivers == expected.n_drivers > whole.select(first).n_drivers > 5
     for name in ("y", "weight", "smooth", "smooth_speed", "length", "is_truck", "vehicle", "leader", "recording"):
         np.testing.assert_array_equal(getattr(both, name), getattr(expected, name))
-    np.testing.assert_array_equal(both.around.leader_rear, expected.around.leader_rear)
+    np.testing.assert_array_equal(both.surroundings.leader_rear, expected.surroundings.leader_rear)
     # Numbered in their order within each part, and nobody twice.
     assert len(set(zip(both.driver, expected.driver, strict=True))) == both.n_drivers
     assert both.driver.max() + 1 == both.n_drivers
@@ -129,7 +129,7 @@ def test_the_rightmost_lane_is_that_of_the_direction(tables_of):
     data = reading.measure([(pd.concat([table, wider], ignore_index=True), dt)])
     used, first = data.weight > 0, data.vehicle <= 100
     for part, lane in ((first, 2), (~first, 3)):
-        rightmost = data.around.lane[:, part][used[:, part] & (data.around.is_rightmost[:, part] == 1)]
+        rightmost = data.surroundings.lane[:, part][used[:, part] & (data.surroundings.is_rightmost[:, part] == 1)]
         assert len(rightmost) > 100
         assert set(rightmost) == {lane}
 
@@ -204,12 +204,14 @@ def test_nothing_counts_where_the_driver_or_the_leader_has_jumped(tables_of):
     assert jumped.jumps > 0
     np.testing.assert_array_equal(jumped.vehicle, data.vehicle)
     concerned = (data.leader == leader) | (data.vehicle == leader)
-    around = (data.around.time > 19.6) & (data.around.time < 21.3)
+    around = (data.surroundings.time > 19.6) & (data.surroundings.time < 21.3)
     assert data.weight[concerned & around].sum() > 10
     assert jumped.weight[concerned & around].sum() == 0
     np.testing.assert_array_equal(jumped.weight[~concerned], data.weight[~concerned])
     np.testing.assert_array_equal(
-        jumped.weight[data.around.time < 19.0], data.weight[data.around.time < 19.0], "before the jump all is as it was"
+        jumped.weight[data.surroundings.time < 19.0],
+        data.weight[data.surroundings.time < 19.0],
+        "before the jump all is as it was",
     )
 
 

@@ -21,8 +21,10 @@ def in_two_pieces(data):
     """The same drives, each as two pieces of one driver, the later piece first."""
     middle = len(data.y) // 2
     late = (np.arange(len(data.y)) >= middle)[:, None]
-    second = data.around.time[middle]
-    later = replace(data, weight=data.weight * late, around=replace(data.around, time=data.around.time + second))
+    second = data.surroundings.time[middle]
+    later = replace(
+        data, weight=data.weight * late, surroundings=replace(data.surroundings, time=data.surroundings.time + second)
+    )
     return later.beside(replace(data, weight=data.weight * ~late)), data.n_drivers
 
 
@@ -39,8 +41,8 @@ def test_a_half_is_tested_from_where_it_begins_and_nothing_counts_twice(data):
         for name in ("y", "smooth", "smooth_speed", "leader"):
             values = getattr(data, name)[first:, piece]
             np.testing.assert_array_equal(getattr(split.test, name)[: len(values), piece], values)
-        values = data.around.leader_rear[first:, piece]
-        np.testing.assert_array_equal(split.test.around.leader_rear[: len(values), piece], values)
+        values = data.surroundings.leader_rear[first:, piece]
+        np.testing.assert_array_equal(split.test.surroundings.leader_rear[: len(values), piece], values)
         assert not split.test.weight[len(values) :, piece].any()
 
 

@@ -17,7 +17,7 @@ from rearl_jax.discovery.search.atlas import Atlas
 from rearl_jax.discovery.search.finder import Selected
 from rearl_jax.discovery.search.maps import Basis, Curve
 from rearl_jax.discovery.search.null import Null
-from rearl_jax.discovery.search.reactions import Reaction
+from rearl_jax.discovery.search.variables import Variable
 from rearl_jax.document.html import page_of
 from rearl_jax.document.terminal import text_of
 from tests.discovery.made_verdict import FIGURE, KEEP_RIGHT, LANE_SCORES, LOSS, VERDICT
@@ -29,7 +29,7 @@ REAR_GAP = {"name": "lane_choice_dependence", "kind": "generic", "variables": ["
 
 
 def atlas() -> Atlas:
-    basis = Basis(Reaction("gap", np.zeros((2, 1))), np.array([1.0, 2.0, 3.0]), np.full(3, 1 / 3))
+    basis = Basis(Variable("gap", np.zeros((2, 1))), np.array([1.0, 2.0, 3.0]), np.full(3, 1 / 3))
     value = np.array([-0.1, 0.0, 0.1])
     curve = Curve(basis, value, value - 0.05, value + 0.05, "acceleration", 0.3, 12.0)
     return Atlas({"gap": curve}, {}, [Selected("gap", "acceleration", 1.0, 1.0)], {"gap": "rises by 0.20 m/s^2"})

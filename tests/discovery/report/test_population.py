@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rearl_jax.discovery.observe.fit_state import with_changes
+from rearl_jax.discovery.observe.fit_state import replaced
 from rearl_jax.discovery.report.population import population_block, population_section
 
 
 @pytest.fixture
 def drivers(solver, calibrated):
     """A calibrated state with its sums."""
-    state = with_changes(calibrated[0])
+    state = replaced(calibrated[0])
     solver.sums([state])
     return state
 
@@ -33,7 +33,7 @@ def test_the_middle_driver_and_the_spread_are_told(solver, drivers):
 
 
 def test_a_parameter_at_its_bound_is_said_to_be_there(solver, drivers):
-    prior, stuck = solver.layout.prior, with_changes(drivers)
+    prior, stuck = solver.layout.prior, replaced(drivers)
     place = prior.names.index("max_accel")
     stuck.z[: len(stuck.z) // 2, place] = prior.bounds[1][0, place]
     solver.sums([stuck])

@@ -2,7 +2,7 @@
 
 from rearl_jax.discovery.observe.candidates import Term
 from rearl_jax.discovery.observe.fit import Fit
-from rearl_jax.discovery.observe.fit_state import with_changes
+from rearl_jax.discovery.observe.fit_state import replaced
 from rearl_jax.discovery.search.decision import Trial
 from rearl_jax.discovery.search.null import Null
 from rearl_jax.discovery.search.procedure import Round, Search
@@ -17,7 +17,7 @@ def search_that_added(solver, calibrated, *added):
         candidate = solver.layout.candidates[Term.read(name)]
         theta = fit.state.theta.copy()
         theta[list(candidate.free)] = values
-        changed = with_changes(state, theta=theta, active=(*fit.state.active, candidate.term))
+        changed = replaced(state, theta=theta, active=(*fit.state.active, candidate.term))
         trial = Trial(candidate, Fit(candidate, changed, noise), gains, gains, changed, 0.0)
         rounds.append(Round(fit, {}, {}, {}, frozenset(), [trial], [trial]))
         fit = trial.fit

@@ -73,7 +73,7 @@ def test_clocks_that_make_simulations_worse_are_not_believed(solver, calibrated)
     data = calibrated[0].data
     check = ClockCheck(Fit(None, *calibrated), 9.0, 9.0, 0.3, data, data)
     found = replace(search_with(solver, calibrated, 0.0), clocks=check)
-    late = replace(data, around=replace(data.around, leader_rear=data.around.leader_rear + 8.0))
+    late = replace(data, surroundings=replace(data.surroundings, leader_rear=data.surroundings.leader_rear + 8.0))
     assert not clocks_confirmed(solver, replace(found, checked=late), data, 0)
     assert clocks_confirmed(solver, found, data, 0)  # no worse
     assert clocks_confirmed(solver, replace(found, clocks=None), data, 0)

@@ -7,12 +7,12 @@ import pytest
 
 from rearl_jax.discovery.observe.closed_loop import simulated_error
 from rearl_jax.discovery.observe.fit import Fit
-from rearl_jax.discovery.observe.fit_state import new_state, with_changes
+from rearl_jax.discovery.observe.fit_state import new_state, replaced
 from rearl_jax.discovery.read.training import halves
 from rearl_jax.discovery.report.error_block import Resampling
 from rearl_jax.discovery.report.variation import scored, variation_section
 from rearl_jax.discovery.search.headway import (
-    CONSTANT,
+    CONSTANT_TIME_GAP,
     TimeGapVariation,
     departures,
     energy_scores,
@@ -38,7 +38,7 @@ def driven(solver, drivers, noise, varied):
     drives = replace(state, pieces=replace(state.pieces, varied=varied))
     y = state.data.y - behind_noisy_drive(solver, drives, noise, np.random.default_rng(5))
     data = replace(state.data, y=y, smooth=y, smooth_speed=np.gradient(y, state.data.dt, axis=0))
-    return with_changes(state, data=data, pieces=replace(state.pieces, y=y))
+    return replaced(state, data=data, pieces=replace(state.pieces, y=y))
 
 
 @pytest.fixture(scope="module")
@@ -49,7 +49,7 @@ def many(solver, calibrated):
     for _ in range(3):
         data, z = data.beside(data), np.concatenate([z, z])
     more = new_state(data, solver.layout, noise)
-    return with_changes(more, z=z, mean=state.mean, spread=state.spread, theta=state.theta, active=state.active), noise
+    return replaced(more, z=z, mean=state.mean, spread=state.spread, theta=state.theta, active=state.active), noise
 
 
 @pytest.fixture
@@ -68,7 +68,7 @@ def test_a_time_gap_that_varies_is_found_and_scored_better(solver, varying):
     halved = later(solver, varying.state.data, varying)
     scores = {
         name: energy_scores(solver, halved, varying, 1, one)
-        for name, one in (("before", CONSTANT), ("constant", CONSTANT), ("varying", found))
+        for name, one in (("before", CONSTANT_TIME_GAP), ("constant", CONSTANT_TIME_GAP), ("varying", found))
     }
     block = scored(found, 1.3, scores, Resampling(0.95, 200, 0))
     change = block["energy_score"]["change_share"]
@@ -93,9 +93,10 @@ def slowly_varying(solver, many):
     values = prior.values(state.z, state.truck)[data.driver]
     time_gap, jam_gap = (values[:, prior.names.index(name)] for name in ("time_gap", "jam_gap"))
     speed = state.pieces.start[1]
-    front = data.around.leader_rear[0] - jam_gap - speed * time_gap * np.exp(varied[0])
-    start = np.stack([np.where(data.around.has_leader[0] > 0, front - data.length / 2, state.pieces.start[0]), speed])
-    begun = with_changes(state, pieces=replace(state.pieces, start=start))
+    front = data.surroundings.leader_rear[0] - jam_gap - speed * time_gap * np.exp(varied[0])
+    follows = data.surroundings.has_leader[0] > 0
+    start = np.stack([np.where(follows, front - data.length / 2, state.pieces.start[0]), speed])
+    begun = replaced(state, pieces=replace(state.pieces, start=start))
     quiet = replace(noise, acceleration=QUIET)
     return Fit(None, driven(solver, (begun, noise), quiet, varied), quiet)
 
@@ -105,23 +106,24 @@ def test_the_gap_at_the_start_tells_where_the_variation_begins(solver, slowly_va
     told = TimeGapVariation(0.35, 15.0, start_share=0.9)
 
     def error(drivers, varied):
-        drives = with_changes(drivers, pieces=replace(drivers.pieces, varied=varied))
+        drives = replaced(drivers, pieces=replace(drivers.pieces, varied=varied))
         return np.sqrt(drivers.data.driver_mean(simulated_error(solver, drives) ** 2))
 
     known, blind = error(state, told.expected(state, prior)), error(state, None)
     assert np.abs(departures(state, prior)).max() > 0.2
     assert known.mean() < 0.9 * blind.mean()
-    unknown = with_changes(state, z=state.mean[state.truck])
+    unknown = replaced(state, z=state.mean[state.truck])
     assert error(unknown, told.expected_of_unknown(unknown, prior)).mean() < 0.9 * error(unknown, None).mean()
     assert replace(told, start_share=0.0).expected(state, prior) is None
-    assert CONSTANT.expected_of_unknown(unknown, prior) is None
+    assert CONSTANT_TIME_GAP.expected_of_unknown(unknown, prior) is None
 
 
 def test_realisations_begin_near_the_gap_at_the_start_and_forget_it(solver, slowly_varying):
     state, prior, rng = slowly_varying.state, solver.layout.prior, np.random.default_rng(0)
     told = TimeGapVariation(0.35, 3.0, start_share=0.75)
-    drawn = np.stack([told.drawn(state, prior, rng) for _ in range(400)])
+    drawn = np.stack([one for _ in range(400) if (one := told.drawn(state, prior, rng)) is not None])
     expected = told.expected(state, prior)
+    assert expected is not None
     assert np.abs(expected[0]).max() > 0.2
     standard_error = 0.35 / np.sqrt(len(drawn))
     np.testing.assert_allclose(drawn.mean(axis=0)[[0, 20, -1]], expected[[0, 20, -1]], atol=5 * standard_error)

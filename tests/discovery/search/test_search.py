@@ -10,7 +10,7 @@ from rearl_jax.discovery.observe import clocks
 from rearl_jax.discovery.observe.candidates import Candidate, Term
 from rearl_jax.discovery.observe.drivers import IDM_PRIOR
 from rearl_jax.discovery.observe.fit import Fit, joint_fit
-from rearl_jax.discovery.observe.fit_state import with_changes
+from rearl_jax.discovery.observe.fit_state import replaced
 from rearl_jax.discovery.observe.kalman import Noise
 from rearl_jax.discovery.observe.noise import calibrate
 from rearl_jax.discovery.observe.uncertainty import interval, price, standard_deviations
@@ -79,7 +79,7 @@ def test_candidates_on_top_of_what_was_added_are_scored_without_it(solver, calib
     """Once an effect is in the model, its own direction has nothing left to say."""
     state, _ = calibrated
     term = Term("speed_dependent_time_gap")
-    added = with_changes(state, active=(term,))
+    added = replaced(state, active=(term,))
     solver.solve([added], iterations=15)
     (found,) = scores(solver, [added])
     assert abs(found[term].score[0]) < 1e-2 * np.sqrt(found[Term("asymmetry")].information[0, 0]) + 1.0
@@ -195,7 +195,7 @@ def test_a_delay_of_less_than_a_time_step_is_of_the_numerics(trial, calibrated, 
     state, noise = calibrated
     theta = state.theta.copy()
     theta[list(delay.candidate.free)] = steps * state.data.dt
-    delay = replace(delay, fit=Fit(delay.candidate, with_changes(state, theta=theta), noise))
+    delay = replace(delay, fit=Fit(delay.candidate, replaced(state, theta=theta), noise))
     exceeding = frozenset({Term("holds"), Term("reaction_delay")})
     assert Round(Fit(None, state, noise), {}, {}, {}, exceeding, [holds, delay], [holds]).is_beaten == counts
 
@@ -279,11 +279,11 @@ def test_a_curve_without_a_name_improves_a_model_if_the_error_is_surely_lower(
 def test_a_model_is_never_worse_than_the_one_it_contains(solver, calibrated):
     state, noise = calibrated
     candidate = solver.layout.candidates[Term("leader_acceleration")]
-    base = Fit(None, with_changes(state), noise)
+    base = Fit(None, replaced(state), noise)
     solver.solve([base.state], iterations=3)
     theta = state.theta.copy()
     theta[list(candidate.free)] = 1.5
-    stuck = with_changes(base.state, theta=theta, active=(candidate.term,))
+    stuck = replaced(base.state, theta=theta, active=(candidate.term,))
     stuck.objective = base.state.objective + 190.0
     (fit,) = nested(solver, base, {candidate.term: Fit(candidate, stuck, noise)}).values()
     assert fit.state.objective <= base.state.objective + 0.1
@@ -371,8 +371,8 @@ def test_clocks_are_told_from_shifts_that_are_no_clocks(measured_of):
     moved = by_clock.corrected(found)
     step, piece = np.argwhere(data.leader >= 0)[0]
     shift = away[int(data.leader[step, piece])] - away[int(data.vehicle[piece])]
-    change = moved.around.leader_rear[step, piece] - data.around.leader_rear[step, piece]
-    assert change == pytest.approx(shift * data.around.leader_speed[step, piece])
+    change = moved.surroundings.leader_rear[step, piece] - data.surroundings.leader_rear[step, piece]
+    assert change == pytest.approx(shift * data.surroundings.leader_speed[step, piece])
     assert abs(change) > 0
 
 

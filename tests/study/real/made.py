@@ -21,16 +21,16 @@ def platoon(cars):
     dt = 0.1
     place = np.repeat(SPEED * dt * np.arange(STEPS)[:, None], n, axis=1)
     speed = np.full((STEPS, n), SPEED)
-    around = {item.name: np.zeros((STEPS, n)) for item in dataclasses.fields(Surroundings)}
-    around |= {"has_leader": np.ones((STEPS, n)), "leader_speed": speed.copy()}
-    around["leader_rear"] = place + LENGTH / 2 + gaps * SPEED
+    surroundings = {item.name: np.zeros((STEPS, n)) for item in dataclasses.fields(Surroundings)}
+    surroundings |= {"has_leader": np.ones((STEPS, n)), "leader_speed": speed.copy()}
+    surroundings["leader_rear"] = place + LENGTH / 2 + gaps * SPEED
     whole = np.arange(n)
     return Measured(
         y=place,
         weight=np.ones((STEPS, n)),
         smooth=place,
         smooth_speed=speed,
-        around=Surroundings(**around),
+        surroundings=Surroundings(**surroundings),
         length=np.full(n, LENGTH),
         is_truck=np.zeros(n, bool),
         driver=whole,

@@ -1,4 +1,6 @@
-"""Variables that the acceleration could depend on, with or without a library effect, in every time step."""
+"""Variables of the maps: properties of a driver's situation that its acceleration could depend on, whether or not an
+effect of the library describes this.
+"""
 
 from dataclasses import dataclass
 
@@ -9,20 +11,20 @@ from rearl_jax.core.effects.dependence import VARIABLES
 from rearl_jax.core.effects.stimulus import Stimulus
 from rearl_jax.discovery.observe.residuals import Residuals
 
-REACTION = 1.0
+REACTION_DELAY = 1.0
 """Delay of the variables that describe an earlier observation [s]."""
 
 MEMORY = 10.0
 """Time over which a driver may remember its own speed [s]."""
 
 LONGEST_TIME_GAP = 6.0
-"""Time gap above which a driver does not count as following [s]."""
+"""Upper bound of the time gap; larger ones are set to it [s]."""
 
 FASTEST_APPROACH = 10.0
-"""Bound of approach rates to others than the leader [m/s]."""
+"""Bound of the approach rates of the second leader and the follower; faster ones are set to it [m/s]."""
 
-COUNTED = ("lane", "leader_class", "vehicles_beside")
-"""Discrete variables, with few values."""
+DISCRETE = ("lane", "leader_class", "vehicles_beside")
+"""Variables with few values."""
 
 UNITS = {name: unit for name, (unit, _) in VARIABLES.items() if name != "length"} | {
     "time_gap": "s",
@@ -40,8 +42,8 @@ parameters take up their influence.
 
 
 @dataclass(frozen=True)
-class Reaction:
-    """Values of a variable in every time step.
+class Variable:
+    """A variable with its values in every time step.
 
     Attributes:
         name: A key of UNITS.
@@ -57,9 +59,9 @@ class Reaction:
         return UNITS[self.name]
 
     @property
-    def is_counted(self) -> bool:
+    def is_discrete(self) -> bool:
         """True if the variable is discrete."""
-        return self.name in COUNTED
+        return self.name in DISCRETE
 
     @property
     def title(self) -> str:
@@ -73,16 +75,16 @@ def title_of(name: str) -> str:
 
 
 _TITLES = {
-    "approach_rate_before": f"approach rate {REACTION:g} s ago",
-    "leader_acceleration_before": f"leader's accel. {REACTION:g} s ago",
+    "approach_rate_before": f"approach rate {REACTION_DELAY:g} s ago",
+    "leader_acceleration_before": f"leader's accel. {REACTION_DELAY:g} s ago",
     "leader_acceleration": "leader's acceleration",
     "leader_length": "leader's length",
     "second_gap": "gap to the second leader",
     "second_approach_rate": "approach to the second leader",
     "follower_gap": "follower's gap",
     "follower_approach_rate": "follower's approach",
-    "speed_beside": "speed above slowest beside",
-    "speeds_ahead": "unequal speeds ahead",
+    "speed_beside": "own speed less the slowest beside",
+    "speeds_ahead": "variation of the speeds ahead",
     "past_speed": f"own speed, mean of {MEMORY:g} s",
     "lateral_offset": "offset in the lane, right positive",
     "leader_class": "leader's class, 1 truck",
@@ -91,17 +93,18 @@ _TITLES = {
 }
 
 
-def reactions(left: Residuals) -> dict[str, Reaction]:
-    """The variables by name, halfway between each time step and the next; the own motion is predicted from the past.
+def variables_of(residuals: Residuals) -> dict[str, Variable]:
+    """The variables by name, halfway between each time step and the next, where the observer evaluates the model.
 
-    A variable that used the driver's future would be correlated with the driver's noise and look like a cause.
+    The own position and speed there are predicted from earlier measurements: later ones contain the driver's noise, so
+    a variable that used them would be correlated with the noise and look like a cause.
     """
-    data = left.state.data
-    seen = left.stimulus()
-    ago = max(1, round(REACTION / data.dt))
+    data = residuals.state.data
+    seen = residuals.stimulus()
+    delay = max(1, round(REACTION_DELAY / data.dt))
 
     def before(values: np.ndarray) -> np.ndarray:
-        return np.concatenate([np.repeat(values[:1], ago, axis=0), values[:-ago]])
+        return np.concatenate([np.repeat(values[:1], delay, axis=0), values[:-delay]])
 
     values = {name: np.asarray(VARIABLES[name][1](seen), float) for name in VARIABLES if name in UNITS}
     gap, speed = np.asarray(seen.gap), np.asarray(seen.speed)
@@ -112,28 +115,30 @@ def reactions(left: Residuals) -> dict[str, Reaction]:
         "leader_acceleration_before": before(values["leader_acceleration"]),
         "second_approach_rate": has_second * _bounded(speed - np.asarray(seen.second_speed)),
         "follower_approach_rate": has_follower * _bounded(np.asarray(seen.follower_speed) - speed),
-        "speeds_ahead": _unequal(seen),
+        "speeds_ahead": _variation_ahead(seen),
         "past_speed": _mean_of_past(speed, max(1, round(MEMORY / data.dt))),
         "lateral_offset": np.asarray(seen.lateral_offset),  # signed, because a curve need not be symmetric
         "leader_class": np.asarray(seen.leader_is_truck),
     }
-    return {name: Reaction(name, np.broadcast_to(values[name], data.y.shape)) for name in UNITS}
+    return {name: Variable(name, np.broadcast_to(values[name], data.y.shape)) for name in UNITS}
 
 
 def _bounded(speed: np.ndarray) -> np.ndarray:
     return np.clip(speed, -FASTEST_APPROACH, FASTEST_APPROACH)
 
 
-def _unequal(seen: Stimulus) -> np.ndarray:
-    """Coefficient of variation of the speeds of the three vehicles ahead [-]; 0 where fewer are seen."""
+def _variation_ahead(seen: Stimulus) -> np.ndarray:
+    """Coefficient of variation of the speeds of the three vehicles ahead [-], at most 1; 0 where fewer than two are
+    seen. Without a third vehicle, the speed of the second counts twice.
+    """
     speeds = np.stack([seen.leader_speed, seen.second_speed, seen.third_speed])
-    varied = speeds.std(axis=0) / np.maximum(speeds.mean(axis=0), 1.0)
-    return np.minimum(varied, 1.0) * np.asarray(seen.has_leader) * np.asarray(seen.has_second)
+    variation = speeds.std(axis=0) / np.maximum(speeds.mean(axis=0), 1.0)
+    return np.minimum(variation, 1.0) * np.asarray(seen.has_leader) * np.asarray(seen.has_second)
 
 
 def _mean_of_past(values: np.ndarray, n: int) -> np.ndarray:
     """Mean over the last n time steps, or over as many as there are."""
-    total = np.concatenate([np.zeros_like(values[:1]), np.cumsum(values, axis=0)])
+    sums = np.concatenate([np.zeros_like(values[:1]), np.cumsum(values, axis=0)])
     last = np.arange(1, len(values) + 1)
     first = np.maximum(last - n, 0)
-    return (total[last] - total[first]) / (last - first)[:, None]
+    return (sums[last] - sums[first]) / (last - first)[:, None]
