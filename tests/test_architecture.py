@@ -19,18 +19,8 @@ TEXTS = [
     *MODULES,
     *TESTS,
     *sorted((ROOT / "conf").rglob("*.yaml")),
-    *(
-        ROOT / name
-        for name in (
-            "README.md",
-            "CHANGELOG.md",
-            "CITATION.cff",
-            "LICENSE",
-            "Makefile",
-            "pyproject.toml",
-            "constraints.txt",
-        )
-    ),
+    *(ROOT / f"{name}.md" for name in ("README", "CHANGELOG")),
+    *(ROOT / name for name in ("CITATION.cff", "LICENSE", "Makefile", "pyproject.toml", "constraints.txt")),
     ROOT / ".ci" / "run",
 ]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))

@@ -277,7 +277,7 @@ def _round(
     if len(added) == THRESHOLDS.most_effects or not exceeds:
         return screened(base=base, exceeding=frozenset(exceeds & known), trials=[], accepted=[])
     order = sorted(evidence, key=lambda term: -excess[term])
-    exceeding = with_families(exceeds, known) & known
+    exceeding = frozenset(with_families(exceeds, known) & known)
     tried = {term for term in order[: THRESHOLDS.leading_fitted] if excess[term] > THRESHOLDS.fitting_excess}
     tried |= with_families({term for term in order[:2] if term in tried} | exceeds & {CLOCK_OFFSET}, known) & known
     tried |= exceeds & UNDERSTATED & known
@@ -303,13 +303,7 @@ def _round(
         tried = with_families({trial.candidate.term for trial in accepted[:1]}, known)
         if tried <= fits.keys():
             z_score |= {trial.candidate.term: 0.0 for trial in trials if _is_of_numerics(trial)}
-            return screened(
-                base=base,
-                exceeding=frozenset(exceeding),
-                trials=trials,
-                accepted=accepted,
-                contradicted=contradicted,
-            )
+            return screened(base=base, exceeding=exceeding, trials=trials, accepted=accepted, contradicted=contradicted)
 
 
 def lane_change_trials(solver: Solver, base: Base, checked: Measured) -> list[Trial]:
