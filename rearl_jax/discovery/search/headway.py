@@ -6,7 +6,7 @@ size and duration. The division minimises the energy score of noisy simulations,
 Simulated is the second half of each drive, with the driver's own parameters of the first half: parameters of the whole
 drive follow its slow changes, so that a varying time gap would seem to be constant.
 
-Source: energy score and estimation by it, Gneiting & Raftery, J. Am. Stat. Assoc. 102 (2007) 359, sections 4.3 and 9.1.
+Source: estimation by the energy score, Gneiting & Raftery, J. Am. Stat. Assoc. 102 (2007) 359, section 9.1.
 """
 
 from collections.abc import Iterable
@@ -22,6 +22,7 @@ from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.read.training import halves, has_enough_data
 from rearl_jax.discovery.search.null import behind_noisy_drive, lasting
+from rearl_jax.metrics.energy import energy_score
 
 REALISATIONS = 12
 """Simulations of each driver per energy score."""
@@ -57,8 +58,7 @@ CONSTANT = TimeGapVariation()
 def energy_scores(
     solver: Solver, state: FitState, fit: Fit, seed: int, variation: TimeGapVariation = CONSTANT
 ) -> Float[np.ndarray, " drivers"]:
-    """Energy score of noisy simulations of each driver [m]: mean distance to the measurement minus half the mean
-    distance between simulations.
+    """Energy score of noisy simulations of each driver [m]; distances are root mean squares over a drive.
 
     Args:
         solver: Solver of the model.
@@ -74,11 +74,8 @@ def energy_scores(
         varied = lasting(variation.sd, variation.time, data.y.shape, data.dt, variations) if variation.sd else None
         drives = replace(state, pieces=replace(state.pieces, varied=varied))
         drawn.append(np.clip(behind_noisy_drive(solver, drives, noise, rng), -FARTHEST, FARTHEST))
-    mean = data.driver_mean
-    pairs = [(i, j) for i in range(REALISATIONS) for j in range(i)]
-    apart = np.mean([np.sqrt(mean((drawn[i] - drawn[j]) ** 2)) for i, j in pairs], axis=0)
-    away = np.mean([np.sqrt(mean(deviation**2)) for deviation in drawn], axis=0)
-    return away - apart / 2
+    measured = np.zeros_like(drawn[0])  # deviations from the measurement are drawn
+    return energy_score(drawn, measured, lambda one, other: np.sqrt(data.driver_mean((one - other) ** 2)))
 
 
 def later_halves(solver: Solver, data: Measured, fit: Fit) -> FitState | None:
