@@ -136,8 +136,8 @@ class RealismConfig:
     )
     headway: FeatureConfig = key(
         lambda: FeatureConfig(low=0.0, high=10.0, n_bins=20, weight=0.0),
-        "time headway [s] of the pairs of thw; bins as wide as those of the time to collision, own choice; without weight, "
-        "as the challenge does not have it",
+        "time headway [s] of the pairs of thw; bins as wide as those of the time to collision, own choice; without "
+        "weight, as the challenge does not have it",
     )
     collision_weight: float = key(0.25, "weight of the collision indicator; Waymo Sim Agents challenge 2024")
     pseudocount: float = key(0.1, "additive smoothing per bin; Waymo Sim Agents challenge 2024")

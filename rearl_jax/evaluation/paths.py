@@ -6,7 +6,7 @@ from functools import cache
 
 import jax
 import numpy as np
-from jaxtyping import Bool, Float, Int, Num
+from jaxtyping import Bool, Float, Int, Shaped
 
 from rearl_jax.config import EvaluateTask
 from rearl_jax.config.core import InitialSource
@@ -27,8 +27,8 @@ _CHUNK = 64
 
 
 def of_first_vehicles(
-    scenes: SceneSet, index: np.ndarray, values: Num[np.ndarray, "scenes frames slots"]
-) -> tuple[Num[np.ndarray, "chosen later vehicles"], Bool[np.ndarray, "chosen later vehicles"]]:
+    scenes: SceneSet, index: np.ndarray, values: Shaped[np.ndarray, "scenes frames slots"]
+) -> tuple[Shaped[np.ndarray, "chosen later vehicles"], Bool[np.ndarray, "chosen later vehicles"]]:
     """Values of the vehicles of the first snapshot in all later ones, and whether they are picked there.
 
     Args:
@@ -70,7 +70,8 @@ def simulated_paths(simulated: Simulated, rollouts: Rollouts, scenes: SceneSet) 
     if boundary is None:
         return _ordered(x[:-1], lane[:-1], known, first, config)  # frame k is at second k + 1
     known = np.moveaxis(boundary.is_new[rollouts.column].cumsum(axis=1)[:, 1:] == 0, 0, -1)
-    return _ordered(x[1:], lane[1:], known, first, config)
+    origin = boundary.x[rollouts.column, 0].min(axis=1)  # vehicles may enter behind it
+    return _ordered(x[1:] - origin, lane[1:], known, first, config)
 
 
 def _ordered(
