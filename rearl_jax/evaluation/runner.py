@@ -301,8 +301,9 @@ def reference_rows(config: EvaluateTask, scenes: SceneSet, held_out: np.ndarray,
     once = np.zeros(len(held_out), np.int64)
     real = scores_of(REAL, held_out, once, metrics[0], partner=held_out, seconds=scored - begin)
     others = scores_of(REAL_VS_REAL, scene, run, metrics[1], partner=partner, seconds=scored - begin)
-    paths, observed = (recorded_paths(scenes, index, config) for index in (partner, held_out))
-    others = with_paths(others, paths, np.arange(len(partner)), observed, held_out)
+    chosen, column = np.unique(partner, return_inverse=True)
+    paths, observed = (recorded_paths(scenes, index, config) for index in (chosen, held_out))
+    others = with_paths(others, paths, column, observed, held_out)
     floor = noise_floor_scores(scenes, held_out, config.hist, config.eval)
     return [of_recordings(others, scenes), floor, of_recordings(real, scenes)]
 

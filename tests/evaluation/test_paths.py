@@ -15,6 +15,7 @@ from rearl_jax.evaluation.simulators import Simulated
 from tests.evaluation.test_boundary import MEASURED, Listed, boundary_of, frames_at
 
 CONFIG = EvaluateTask()
+ALL = np.array(True)
 FREE = replace(MEASURED, scenes=ScenesConfig())
 EVERY = np.arange(6)
 
@@ -85,7 +86,7 @@ def row_of(scene, run):
     return Scores("base", np.asarray(scene), np.asarray(run), {}, {})
 
 
-def apart(one, other, column, at, known=True):
+def apart(one, other, column, at, known=ALL):
     """Mean distance of two scenes, vehicle by vehicle and second by second."""
     both = one.known[..., column] & other.known[..., at] & known
     distances = [
@@ -114,7 +115,8 @@ def test_figures_of_a_row_are_those_of_its_runs(scenes):
         assert found.counts["frechet"][pair] == 4
     for place, own in enumerate(([0, 2, 4], [1, 3])):
         away = np.mean([apart(paths, observed, pair, place)[0] for pair in own])
-        spread = np.mean([apart(paths, paths, i, j, observed.known[..., place])[0] for i, j in combinations(own, 2)])
+        known = np.asarray(observed.known[..., place])
+        spread = np.mean([apart(paths, paths, i, j, known)[0] for i, j in combinations(own, 2)])
         assert found.pooled["energy_score"][place] == pytest.approx(away - spread / 2, rel=1e-5)
 
 
