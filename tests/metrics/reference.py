@@ -212,7 +212,7 @@ def log_likelihoods(simulated, real, low, high, n_bins, pseudocount):
 
 
 def realism(simulated_runs, real, metrics):
-    """Likelihoods by feature and `meta`; values of all runs are pooled."""
+    """Likelihoods by feature, 0 without simulated values, and `meta`; values of all runs are pooled."""
     runs = [realism_values(run, metrics) for run in simulated_runs]
     truth, config = realism_values(real, metrics), metrics.realism
     scores, weights = {}, {}
@@ -226,6 +226,6 @@ def realism(simulated_runs, real, metrics):
                 (feature.low, feature.high, feature.n_bins, config.pseudocount),
                 feature.weight,
             )
-        scores[name] = math.exp(np.mean(log_likelihoods(pooled, truth[name], *bins)))
+        scores[name] = math.exp(np.mean(log_likelihoods(pooled, truth[name], *bins))) if pooled else 0.0
     scores["meta"] = sum(weights[k] * scores[k] for k in weights) / sum(weights.values())
     return scores
