@@ -1,17 +1,13 @@
-"""Discrete Frechet distance of many curves to a few centres, and the alignment behind it.
-
-The distance runs over anti-diagonals of the table of couplings: all cells of one are independent, so every step is one
-pass over `[points, curves]` with the curves contiguous.
-"""
+"""Discrete Frechet distance of many curves to a few centres, and the alignment behind it."""
 
 from functools import cache
 
-import jax.numpy as jnp
 import numpy as np
 from jax import lax
-from jaxtyping import Array, Bool, Float, Float32, Int
+from jaxtyping import Array, Bool, Float, Float32
 
 from rearl_jax.core.batch import ScenarioMap
+from rearl_jax.metrics.frechet import frechet_distances, reversed_between_infinities
 
 _CHUNK = 512
 """Curves a device takes at a time; measured equally fast from 64 to 1024, so the state stays within 1 MiB."""
@@ -20,12 +16,7 @@ _CHUNK = 512
 def discrete_distances(
     curves: Float32[np.ndarray, "features points curves"], centres: Float[np.ndarray, "centres features vertices"]
 ) -> Float32[np.ndarray, "centres curves"]:
-    """Discrete Frechet distance of every curve to every centre.
-
-    min over couplings of the two point sequences, both run through monotonously, of the largest distance coupled.
-
-    Source: Eiter & Mannila, Computing discrete Frechet distance, TU Wien report CD-TR 94/64 (1994).
-    """
+    """Discrete Frechet distance of every curve to every centre."""
     return _map()((centres.astype(np.float32)[..., None], curves))
 
 
@@ -39,40 +30,8 @@ def _to_centres(
 ) -> Float[Array, "centres curves"]:
     """One centre after the other, so that a chunk of curves stays in the cache."""
     centres, curves = arguments
-    outside = jnp.full((curves.shape[0], centres.shape[2] - 1, curves.shape[2]), jnp.inf, curves.dtype)
-    # Backwards between points at infinity: every anti-diagonal is then one contiguous slice.
-    backwards = jnp.concatenate([outside, curves[:, ::-1], outside], axis=1)
-    return lax.map(lambda centre: _to_centre(centre, backwards), centres)
-
-
-def _to_centre(
-    centre: Float[Array, "features vertices 1"], backwards: Float[Array, "features padded curves"]
-) -> Float[Array, " curves"]:
-    """Discrete Frechet distance of every curve to one centre.
-
-    y[i, j] = max(d[i, j], min(y[i-1, j], y[i, j-1], y[i-1, j-1])), along i + j = 0, 1, ...
-    """
-    n_vertices = centre.shape[1]
-    last = backwards.shape[1] - n_vertices
-    n_curves = backwards.shape[2]
-
-    def squared(diagonal: Int[Array, ""]) -> Float[Array, "vertices curves"]:
-        difference = lax.dynamic_slice_in_dim(backwards, last - diagonal, n_vertices, axis=1) - centre
-        squared_sum = difference[0] * difference[0]
-        for feature in range(1, difference.shape[0]):
-            squared_sum = squared_sum + difference[feature] * difference[feature]
-        return squared_sum
-
-    def step(before, diagonal):
-        one, two = before  # the last anti-diagonal and the one before, below a row at infinity
-        best = jnp.minimum(jnp.minimum(one[1:], one[:-1]), two[:-1])
-        reached = jnp.maximum(squared(diagonal), best)
-        return (lax.dynamic_update_slice(two, reached, (1, 0)), one), None
-
-    nothing = jnp.full((n_vertices + 1, n_curves), jnp.inf, backwards.dtype)
-    first = nothing.at[1:2].set(squared(jnp.asarray(0))[:1])
-    (final, _), _ = lax.scan(step, (first, nothing), jnp.arange(1, last + 1))
-    return jnp.sqrt(final[-1])
+    backwards = reversed_between_infinities(curves, centres.shape[2])
+    return lax.map(lambda centre: frechet_distances(centre, backwards), centres)
 
 
 def coupled_distances(distance: np.ndarray) -> np.ndarray:

@@ -134,6 +134,11 @@ class RealismConfig:
         lambda: FeatureConfig(low=0.0, high=5.0, n_bins=10, weight=0.1),
         "time to collision [s], capped at the upper edge; Waymo Sim Agents challenge 2024",
     )
+    headway: FeatureConfig = key(
+        lambda: FeatureConfig(low=0.0, high=10.0, n_bins=20, weight=0.0),
+        "time headway [s] of the pairs of thw; bins as wide as those of the time to collision, own choice; without "
+        "weight, as the challenge does not have it",
+    )
     collision_weight: float = key(0.25, "weight of the collision indicator; Waymo Sim Agents challenge 2024")
     pseudocount: float = key(0.1, "additive smoothing per bin; Waymo Sim Agents challenge 2024")
     collision_pseudocount: float = key(0.001, "additive smoothing of the collision indicator; same source")
@@ -144,9 +149,9 @@ class RealismConfig:
             if not getattr(self, name) > 0:
                 raise out_of_range(name, "must be > 0 (an empty bin needs a probability)", getattr(self, name))
         check_least(self, 0, "collision_weight")
-        features = (self.speed, self.acceleration, self.distance, self.ttc)
+        features = (self.speed, self.acceleration, self.distance, self.ttc, self.headway)
         if not self.collision_weight + sum(feature.weight for feature in features) > 0:
-            message = "must be > 0 if the weights of the four features are all 0"
+            message = "must be > 0 if the weights of the features are all 0"
             raise out_of_range("collision_weight", message, self.collision_weight)
 
 

@@ -142,7 +142,11 @@ def _notes(
     config: EvaluateTask, figures: Figures, rows: Iterable[str], counts: Mapping[str, Any], remarks: Remarks
 ) -> tuple[str, ...]:
     n_runs = config.eval.n_runs
-    spread = f"± standard deviation over {n_runs} runs" if n_runs > 1 else "one run, so no spread over runs"
+    spread = (
+        f"± standard deviation over {n_runs} runs"
+        if n_runs > 1
+        else "one run, so no spread over runs and no energy score"
+    )
     changes = {
         row: ", ".join(
             f"{HEADINGS[name]} {_inline(_cell(figures.get((row, name)), name, 'less_base'))}"

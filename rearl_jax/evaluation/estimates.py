@@ -124,7 +124,9 @@ def scene_means(row: Scores, name: str, held_out: np.ndarray) -> np.ndarray:
 
 
 def spread_over_runs(row: Scores, name: str) -> float | None:
-    """Standard deviation over runs of the mean over scenes; None with fewer than two runs."""
+    """Standard deviation over runs of the mean over scenes; None with fewer than two runs, or without single ones."""
+    if name not in row.values:
+        return None
     means = grouped_mean(row.values[name], row.run, int(row.run.max(initial=0)) + 1)
     means = means[np.isfinite(means)]
     return float(np.std(means, ddof=1)) if len(means) > 1 else None

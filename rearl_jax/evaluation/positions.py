@@ -12,6 +12,7 @@ from rearl_jax.data.scenes.boundary import SceneBoundary
 from rearl_jax.data.scenes.scene_set import SceneSet
 from rearl_jax.evaluation.estimates import grouped_mean
 from rearl_jax.evaluation.extras import Extra, Figures
+from rearl_jax.evaluation.paths import of_first_vehicles
 from rearl_jax.evaluation.rollouts import Rollouts
 from rearl_jax.evaluation.scores import title_of
 from rearl_jax.evaluation.simulators import Simulated
@@ -52,7 +53,8 @@ def positions_of(simulated: Simulated, rollouts: Rollouts, scenes: SceneSet) -> 
     x, index, boundary = np.moveaxis(np.asarray(simulated.frames.x), -1, 0), rollouts.scene, rollouts.boundary
     overlap = np.zeros(len(index))
     if boundary is None:
-        recorded, is_known = _first_vehicles(scenes, index)
+        recorded, is_known = of_first_vehicles(scenes, index, scenes.position)
+        recorded = recorded - scenes.position[index, :1].min(axis=2, keepdims=True)
         x, is_first = x[:, : recorded.shape[1]], True  # frame k is at second k + 1
     else:
         is_new = boundary.is_new[rollouts.column]
@@ -89,14 +91,6 @@ def overlaps(
     half = np.asarray(simulated.length).T[:, None, :, None] / 2 + boundary.replayed_length[column][:, :, None] / 2
     other_x, other_lane = boundary.replayed_x[column][:, :, 0], boundary.replayed_lane[column][:, :, 0]
     return ((np.abs(x - other_x[:, :, None]) < half) & (lane == other_lane[:, :, None])).any(axis=-1)
-
-
-def _first_vehicles(scenes: SceneSet, index: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Recorded positions [m] of the vehicles of the first snapshot in all others, and where they are known."""
-    track, position = scenes.track_id[index], scenes.position[index]
-    is_same = track[:, 1:, :, None] == track[:, :1, None, :]  # [scenes, frames, slots, vehicles]
-    recorded = np.where(is_same, position[:, 1:, :, None], 0.0).sum(axis=2)
-    return recorded - position[:, :1].min(axis=2, keepdims=True), is_same.any(axis=2)
 
 
 def join_positions(parts: Sequence[Positions]) -> Positions:

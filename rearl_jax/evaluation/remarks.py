@@ -109,7 +109,8 @@ def _definitions(config: EvaluateTask, scenes: SceneSet) -> tuple[str, ...]:
         "distribution.",
         "real: the held-out scenes themselves. Their lane-change rate, and that of real against real, counts "
         "every vehicle of a snapshot over the second after it.",
-        "realism pools the runs of a scene before it is scored; the ± is of single runs.",
+        "realism and the likelihoods pool the runs of a scene before it is scored; the ± is of single runs. The energy "
+        "score is one of all runs of a scene, at least two.",
         f"Intervals: {100 * config.eval.confidence:g} % percentile bootstrap, {config.eval.resamples} resamples of the "
         "scenes, the same for every figure. Differences are taken scene by scene: to `real` where the real scenes have "
         "the metric themselves, else to real against real.",

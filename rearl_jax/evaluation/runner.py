@@ -4,7 +4,7 @@ import math
 import time
 from collections.abc import Callable, Collection, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import jax
 import numpy as np
@@ -22,6 +22,7 @@ from rearl_jax.evaluation.driven import count_actions, driving_extra
 from rearl_jax.evaluation.extras import Extra, Figures
 from rearl_jax.evaluation.host_policy import MakePolicy
 from rearl_jax.evaluation.interventions import DecisionLog, intervention_extra, intervention_rates, variants_extra
+from rearl_jax.evaluation.paths import join_paths, recorded_paths, simulated_paths, with_paths
 from rearl_jax.evaluation.positions import Positions, join_positions, position_extra, position_figures, positions_of
 from rearl_jax.evaluation.rollouts import Rollouts
 from rearl_jax.evaluation.rows import rows_of
@@ -181,11 +182,15 @@ def simulated_row(
     edges = speed_histogram_edges(rollouts.config.hist)
     speed_counts = np.zeros(len(edges) - 1, np.int64)
     chunks, decided, action_counts, example_frames, positions, done = [], [], [], None, [], 0
+    paths, columns = [], []
     for simulated, chunk in scored_chunks(rollouts, scorer, held_out, progress):
         frames = simulated.frames
         chunks.append(chunk)
         n = frames.x.shape[-1]
-        positions.append(positions_of(simulated, rollouts[done : done + n], scenes))
+        part = rollouts[done : done + n]
+        positions.append(positions_of(simulated, part, scenes))
+        paths.append(simulated_paths(simulated, part, scenes))
+        columns.append(done + chunk.rollout)
         done += n
         decided.append(simulated.decisions)
         if simulated.actions is not None:
@@ -194,7 +199,9 @@ def simulated_row(
         if example_frames is None and example in chunk.scene:
             column = chunk.rollout[np.flatnonzero(chunk.scene == example)[0]]
             example_frames = jax.tree.map(lambda leaf, at=column: np.array(leaf[..., at]), (frames, simulated.length))
-    scores = _joined(name, chunks, len(rollouts), time.perf_counter() - begin)
+    scores, observed = _joined(name, chunks, len(rollouts)), recorded_paths(scenes, held_out, rollouts.config)
+    scores = with_paths(scores, join_paths(paths), np.concatenate(columns), observed, held_out)
+    scores = replace(scores, seconds=time.perf_counter() - begin)
     assert example_frames is not None  # the example is one of the held-out scenes
     log = None
     if decided[0] is not None:
@@ -222,7 +229,8 @@ def scored_rollouts(
     n_pairs = eval.n_runs * len(held_out) if eval.seed_scope is SeedScope.run else len(rollouts)
     scorer = make_scorer(rollouts.config, scenes, n_pairs)
     chunks = [chunk for _, chunk in scored_chunks(rollouts, scorer, held_out, progress)]
-    return _joined(rollouts.config.method.name, chunks, len(rollouts), time.perf_counter() - begin)
+    scores = _joined(rollouts.config.method.name, chunks, len(rollouts))
+    return replace(scores, seconds=time.perf_counter() - begin)
 
 
 def make_scorer(config: EvaluateTask, scenes: SceneSet, n_pairs: int) -> Scorer:
@@ -274,10 +282,10 @@ def scored_chunks(
             progress(done, len(rollouts))
 
 
-def _joined(name: str, chunks: list[ScoredChunk], n_rollouts: int, seconds: float) -> Scores:
+def _joined(name: str, chunks: list[ScoredChunk], n_rollouts: int) -> Scores:
     scene, run = (np.concatenate([getattr(chunk, index) for chunk in chunks]) for index in ("scene", "run"))
     metrics = join([chunk.metrics for chunk in chunks])
-    return scores_of(name, scene, run, metrics, n_rollouts=n_rollouts, seconds=seconds)
+    return scores_of(name, scene, run, metrics, n_rollouts=n_rollouts, seconds=0.0)
 
 
 def reference_rows(config: EvaluateTask, scenes: SceneSet, held_out: np.ndarray, scorer: Scorer) -> list[Scores]:
@@ -293,6 +301,9 @@ def reference_rows(config: EvaluateTask, scenes: SceneSet, held_out: np.ndarray,
     once = np.zeros(len(held_out), np.int64)
     real = scores_of(REAL, held_out, once, metrics[0], partner=held_out, seconds=scored - begin)
     others = scores_of(REAL_VS_REAL, scene, run, metrics[1], partner=partner, seconds=scored - begin)
+    chosen, column = np.unique(partner, return_inverse=True)
+    paths, observed = (recorded_paths(scenes, index, config) for index in (chosen, held_out))
+    others = with_paths(others, paths, column, observed, held_out)
     floor = noise_floor_scores(scenes, held_out, config.hist, config.eval)
     return [of_recordings(others, scenes), floor, of_recordings(real, scenes)]
 

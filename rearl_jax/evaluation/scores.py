@@ -11,7 +11,7 @@ from jaxtyping import Array, Float, Int
 from rearl_jax.config.evaluation import EvaluationConfig
 from rearl_jax.config.metrics import HistConfig, OutOfBounds, RealismConfig
 from rearl_jax.data.scenes.scene_set import SceneSet, real_lane_change_rate
-from rearl_jax.metrics import METRICS
+from rearl_jax.metrics import MEASURED, METRICS
 from rearl_jax.metrics.histograms import legacy_scale, noise_floor, speed_edges
 from rearl_jax.metrics.realism import Realism, RealismCounts, realism_scores
 from rearl_jax.metrics.scene import SceneMetrics, SceneSeries
@@ -26,8 +26,8 @@ TITLES = {REAL: "real", REAL_VS_REAL: "real against real", NOISE_FLOOR: "noise f
 WITH_EFFECT = "_effect"
 """Ends the names of rows on the traffic of a repaired model with its effects, beside those without."""
 
-MEASURED = tuple(name for name in METRICS if name != "realism")
-"""Metrics that have a figure for every scored pair by itself."""
+LIKELIHOODS = {"realism": "meta", "ttc_likelihood": "ttc", "thw_likelihood": "headway"}
+"""Metrics of which the runs of a scene are pooled before they are scored, and their fields of `Realism`."""
 
 COMPARING = tuple(name for name, metric in METRICS.items() if metric.compares)
 """Metrics that compare two scenes: a scene compared with itself says nothing."""
@@ -83,7 +83,8 @@ class Scores:
         """The same without some metrics."""
         kept = {name: values for name, values in self.values.items() if name not in names}
         counts = {name: count for name, count in self.counts.items() if name not in names}
-        return replace(self, values=kept, counts=counts)
+        pooled = {name: values for name, values in self.pooled.items() if name not in names}
+        return replace(self, values=kept, counts=counts, pooled=pooled)
 
 
 def scores_of(
@@ -189,7 +190,7 @@ def _realism_program(realism: RealismConfig) -> Callable[..., Realism]:
 
 
 def with_realism(rows: list[Scores], real: Scores, realism: RealismConfig) -> list[Scores]:
-    """The rows with the likelihood of the real scenes under them, if they have counts.
+    """The rows with the likelihoods of the real scenes under them, if they have counts.
 
     A pair's figure is of that rollout alone; the row's figure pools the runs of a scene, as the measure is
     defined. One compiled call serves all rows.
@@ -211,17 +212,21 @@ def with_realism(rows: list[Scores], real: Scores, realism: RealismConfig) -> li
         which += [at, np.arange(n_scenes)]
     counts = jax.tree.map(lambda *leaves: np.concatenate(leaves, axis=-1), *simulated)
     wanted = jax.tree.map(lambda leaf: leaf[..., np.concatenate(which)], real.realism)
-    found = _realism_program(realism)(counts, wanted).meta
-    figures = np.where(np.asarray(found.count) > 0, np.asarray(found.value, np.float64), np.nan)
-    parts = iter(np.split(figures, np.cumsum([len(at) for at in which])[:-1]))
-    complete = {}
-    for row, single, pooled in zip(done, parts, parts, strict=True):
-        complete[row.row] = replace(
-            row,
-            values=row.values | {"realism": single},
-            counts=row.counts | {"realism": np.ones(len(single), np.int64)},
-            pooled={"realism": pooled},
-        )
+    found = _realism_program(realism)(counts, wanted)
+    ends = np.cumsum([len(at) for at in which])[:-1]
+    complete = {row.row: row for row in done}
+    for name, feature in LIKELIHOODS.items():
+        measure = getattr(found, feature)
+        figures = np.where(np.asarray(measure.count) > 0, np.asarray(measure.value, np.float64), np.nan)
+        parts = zip(np.split(figures, ends), np.split(np.asarray(measure.count), ends), strict=True)
+        for row, (single, n_single), (pooled, _) in zip(done, parts, parts, strict=True):
+            own = complete[row.row]
+            complete[row.row] = replace(
+                own,
+                values=own.values | {name: single},
+                counts=own.counts | {name: n_single},
+                pooled=own.pooled | {name: pooled},
+            )
     return [complete.get(row.row, row) for row in rows]
 
 

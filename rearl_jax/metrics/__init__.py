@@ -1,8 +1,9 @@
 """The metric table: definition, unit and direction of improvement of each metric.
 
-The names are the columns of the result tables and the keys of their summaries. Those of the table below are fields of
-`rearl_jax.metrics.scene.SceneMetrics`; `realism` comes from `rearl_jax.metrics.realism.realism_scores`, which pools the
-runs of a scene. `rearl_jax.metrics.further` contains further metrics, one per file.
+The names are the columns of the result tables and the keys of their summaries. Those in `MEASURED` are measured in one
+scene: fields of `rearl_jax.metrics.scene.SceneMetrics`, and further metrics, one per file of
+`rearl_jax.metrics.further`. The others need the runs of a scene together, or the trajectories: likelihoods come from
+`rearl_jax.metrics.realism.realism_scores`, distances from `rearl_jax.metrics.paths` and `rearl_jax.metrics.energy`.
 """
 
 from collections.abc import Iterable
@@ -10,13 +11,13 @@ from collections.abc import Iterable
 from rearl_jax.metrics.further import FURTHER
 from rearl_jax.metrics.metric import Direction, Metric
 
-__all__ = ["METRICS", "Direction", "Metric"]
+__all__ = ["MEASURED", "METRICS", "Direction", "Metric"]
 
 _REARL = "REARL (Bi et al.)"
 _WAYMO = "Montali et al., NeurIPS 2023; challenge_2024_config of waymo-open-dataset"
 _LOWER, _HIGHER, _NONE = Direction.lower, Direction.higher, Direction.none
 
-_TABLE = (
+_OF_A_SCENE = (
     Metric(
         "h",
         "Hellinger distance",
@@ -177,6 +178,9 @@ _TABLE = (
         needs_lanes=True,
         digits=4,
     ),
+)
+
+_OF_SCENES = (
     Metric(
         "realism",
         "realism",
@@ -187,6 +191,62 @@ _TABLE = (
         _WAYMO,
         compares=True,
         needs_lanes=True,
+    ),
+    Metric(
+        "ttc_likelihood",
+        "likelihood of times to collision",
+        "1",
+        _HIGHER,
+        "likelihood of the real scene's times to collision (at most 5 s, all vehicles and frames) under the histogram "
+        "of the simulated ones: exp of the mean log share, runs pooled",
+        _WAYMO,
+        compares=True,
+        needs_lanes=True,
+    ),
+    Metric(
+        "thw_likelihood",
+        "likelihood of time headways",
+        "1",
+        _HIGHER,
+        "the same for the time headways of the pairs of thw",
+        f"estimator: {_WAYMO}; bins (realism.headway): own choice",
+        compares=True,
+        needs_lanes=True,
+    ),
+    Metric(
+        "displacement",
+        "displacement",
+        "m",
+        _LOWER,
+        "mean distance of a vehicle from its partner in the real scene, over vehicles and seconds; paired in the order "
+        "along the road in the first snapshot, of which only the vehicles count, while they are picked",
+        "average displacement error of Montali et al., NeurIPS 2023; pairs: own choice",
+        compares=True,
+        needs_lanes=True,
+        digits=1,
+    ),
+    Metric(
+        "frechet",
+        "Frechet distance of trajectories",
+        "m",
+        _LOWER,
+        "mean over the same pairs of vehicles of the discrete Frechet distance of their trajectories; when they are "
+        "where does not matter",
+        "Eiter & Mannila, TU Wien report CD-TR 94/64 (1994)",
+        compares=True,
+        needs_lanes=True,
+        digits=1,
+    ),
+    Metric(
+        "energy_score",
+        "energy score",
+        "m",
+        _LOWER,
+        "mean displacement of the runs of a scene less half their mean displacement from each other; needs two runs",
+        "Gneiting & Raftery, J. Am. Stat. Assoc. 102 (2007) 359",
+        compares=True,
+        needs_lanes=True,
+        digits=1,
     ),
 )
 
@@ -199,5 +259,8 @@ def _by_name(metrics: Iterable[Metric]) -> dict[str, Metric]:
     return named
 
 
-METRICS = _by_name((*_TABLE, *FURTHER))
+METRICS = _by_name((*_OF_A_SCENE, *_OF_SCENES, *FURTHER))
 """Every metric by its name."""
+
+MEASURED = tuple(metric.name for metric in (*_OF_A_SCENE, *FURTHER))
+"""Names of the metrics that are measured in one scene, and of every single run."""

@@ -6,6 +6,8 @@ vehicle's values in 32 simulations; the meta-metric is the weighted mean of the 
 
 - Features: linear speed, linear acceleration, distance to the nearest object, time to collision, collision. The two
 angular features, the two map features and the traffic-light feature carry no information on a straight carriageway.
+- One more feature, the time headway of the pairs of the metric `thw`, is scored in the same way. It is not among
+  Waymo's, so its weight in the mean is 0.
 - Our simulations share no vehicles with the recording, so a scene's simulated values are pooled over
   vehicles, frames and runs, and all its real values are scored under this one histogram. Waymo's
   scenario-generation challenge pools in the same way (`aggregate_objects: true`, with `independent_timesteps:
@@ -28,21 +30,22 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int
 
-from rearl_jax.config.metrics import FeatureConfig, RealismConfig
+from rearl_jax.config.metrics import FeatureConfig, MetricsConfig, RealismConfig, SpeedValues
 from rearl_jax.metrics.following import Followers
 from rearl_jax.metrics.histograms import cumulative_counts, equal_edges
 from rearl_jax.metrics.measure import Measure, fold_vehicles, unrolled_sum
 from rearl_jax.metrics.motion import Rates
-from rearl_jax.metrics.safety import time_to_collision
+from rearl_jax.metrics.safety import pair_headways, time_to_collision
 
 
 class RealismCounts(eqx.Module):
-    """Bin counts of the five features of a scene; runs add. Collision: vehicles never and ever crashed."""
+    """Bin counts of the features of a scene; runs add. Collision: vehicles never and ever crashed."""
 
     speed: Int[Array, " speed_bins *scenarios"]
     acceleration: Int[Array, " acceleration_bins *scenarios"]
     distance: Int[Array, " distance_bins *scenarios"]
     ttc: Int[Array, " ttc_bins *scenarios"]
+    headway: Int[Array, " headway_bins *scenarios"]
     collision: Int[Array, " 2 *scenarios"]
 
 
@@ -54,6 +57,7 @@ class Realism(eqx.Module):
     acceleration: Measure
     distance: Measure
     ttc: Measure
+    headway: Measure
     collision: Measure
 
 
@@ -105,28 +109,35 @@ def feature_counts(
 
 def realism_counts(
     speed: Float[Array, "steps vehicles *scenarios"],
+    scaled_speed: Float[Array, "steps vehicles *scenarios"],
     acceleration: Rates,
     distance: Float[Array, "steps vehicles *scenarios"],
     followers: Followers,
     crashed: Bool[Array, "steps vehicles *scenarios"],
-    realism: RealismConfig,
+    config: MetricsConfig,
 ) -> RealismCounts:
-    """Bin counts of the five features of one scene; crashed vehicles count, as in Waymo's measures.
+    """Bin counts of the features of one scene; crashed vehicles count, as in Waymo's measures, but
+    for headways.
 
     Args:
-        speed: Speed to compare [m/s].
+        speed: Speed of the vehicles [m/s].
+        scaled_speed: Speed rescaled to the simulator's range [m/s].
         acceleration: `rate_of_change` of the unscaled speed [m/s^2].
         distance: Result of `distance_to_nearest` [m].
         followers: Result of `find_leaders`.
         crashed: Whether the vehicle has crashed.
-        realism: Bins of the features.
+        config: Bins of the features, and valid pairs of headways.
     """
+    realism = config.realism
+    compared = speed if realism.speed_values is SpeedValues.raw else scaled_speed
+    headway, is_pair = pair_headways(followers, speed, crashed, config.thw)
     n_ever_crashed = jnp.sum(jnp.any(crashed, axis=0), axis=0, dtype=jnp.int32)
     return RealismCounts(
-        speed=feature_counts(speed, realism.speed),
+        speed=feature_counts(compared, realism.speed),
         acceleration=feature_counts(acceleration.value, realism.acceleration, acceleration.valid),
         distance=feature_counts(distance, realism.distance),
         ttc=feature_counts(time_to_collision(followers, cap=realism.ttc.high), realism.ttc),
+        headway=feature_counts(headway, realism.headway, is_pair),
         collision=jnp.stack([crashed.shape[1] - n_ever_crashed, n_ever_crashed]),
     )
 
@@ -168,7 +179,7 @@ def realism_scores(simulated: RealismCounts, real: RealismCounts, realism: Reali
         realism: Pseudocounts and weights.
         dtype: Floating-point type of the result.
     """
-    names = ("speed", "acceleration", "distance", "ttc")
+    names = ("speed", "acceleration", "distance", "ttc", "headway")
     weights = {name: getattr(realism, name).weight for name in names} | {"collision": realism.collision_weight}
     smoothing = {name: realism.pseudocount for name in names} | {"collision": realism.collision_pseudocount}
     scores = {

@@ -33,13 +33,13 @@ class Collisions(eqx.Module):
     any: Measure
 
 
-def time_headways(
+def pair_headways(
     followers: Followers,
     speed: Float[Array, "steps vehicles *scenarios"],
     crashed: Bool[Array, "steps vehicles *scenarios"],
     thw: ThwConfig,
-) -> Headways:
-    """Time headways gap / v of same-lane leader-follower pairs, pooled over all frames.
+) -> tuple[Float[Array, "steps vehicles *scenarios"], Bool[Array, "steps vehicles *scenarios"]]:
+    """Time headways gap / v of same-lane leader-follower pairs [s], by follower, and whether each pair is valid.
 
     A pair is valid if the follower drives at least `thw.v_min`, neither vehicle has crashed and the gap is
     positive.
@@ -55,7 +55,17 @@ def time_headways(
     gap = followers.gap if thw.gap is Gap.bumper else followers.centre_distance
     moving = (speed >= thw.v_min) & ~crashed & ~followers.leader_crashed
     valid = followers.has_leader & moving & (gap > 0)
-    headway = jnp.where(valid, gap, 0) / jnp.where(valid, speed, 1)
+    return jnp.where(valid, gap, 0) / jnp.where(valid, speed, 1), valid
+
+
+def time_headways(
+    followers: Followers,
+    speed: Float[Array, "steps vehicles *scenarios"],
+    crashed: Bool[Array, "steps vehicles *scenarios"],
+    thw: ThwConfig,
+) -> Headways:
+    """Time headways of same-lane leader-follower pairs, pooled over all frames; arguments as in `pair_headways`."""
+    headway, valid = pair_headways(followers, speed, crashed, thw)
     return Headways(
         mean=scene_mean(headway, valid),
         median=scene_median(headway, valid),

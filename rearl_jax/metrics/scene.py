@@ -8,7 +8,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float
 
-from rearl_jax.config.metrics import HistConfig, MetricsConfig, SpeedValues
+from rearl_jax.config.metrics import HistConfig, MetricsConfig
 from rearl_jax.metrics.following import find_leaders
 from rearl_jax.metrics.further import KERNELS
 from rearl_jax.metrics.histograms import cumulative_speed_counts, legacy_scale, window_distances
@@ -98,7 +98,6 @@ def scene_metrics(scene: Trajectories, reference: SceneReference, config: Metric
     jerk = jerk_statistics(acceleration, scene.crashed, scene.track_id, dt, config.safety.jerk)
     changes = lane_changes(scene.lane, scene.crashed, scene.track_id, dtype)
     crashes = collisions(scene.crashed, dtype)
-    is_raw = config.realism.speed_values is SpeedValues.raw
     return SceneMetrics(
         h=h,
         h_legacy=Measure(h.value * legacy_scale(config.hist), h.count),
@@ -121,12 +120,13 @@ def scene_metrics(scene: Trajectories, reference: SceneReference, config: Metric
         drac_share=pairs.drac_share,
         critical_share=pairs.critical_share,
         realism=realism_counts(
-            scene.speed if is_raw else scene.scaled_speed,
+            scene.speed,
+            scene.scaled_speed,
             acceleration,
             distance_to_nearest(scene.x, scene.y, scene.length, scene.width),
             followers,
             scene.crashed,
-            config.realism,
+            config,
         ),
         series=SceneSeries(distances.value, distances.valid, errors.a, errors.b, errors.c, errors.valid, spacing),
         further={name: measure(scene, reference, config) for name, measure in KERNELS.items()},

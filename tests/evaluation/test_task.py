@@ -34,7 +34,9 @@ def test_summary_is_one_flat_object_per_row_with_the_documented_keys(done):
     assert all(base[name] is not None for name in documented)
     assert (base["n_scenes"], base["n_rollouts"]) == (5, 5)
     assert base["seconds"] > 0
-    assert base["h_sd"] is None  # one run has no spread
+    assert base["h_sd"] is base["energy_score"] is None  # one run has no spread
+    assert base["frechet"] > base["displacement"] > 50.0 < others["displacement"]  # no vehicle is the recorded one
+    assert 0 < base["thw_likelihood"] < base["ttc_likelihood"] <= 1
     assert base["h_low"] < base["h"] < base["h_high"]
     # Chance alone, then other traffic, then the model: each is further away than the one before.
     assert 0 < floor["h"] < others["h"] < base["h"] < 1

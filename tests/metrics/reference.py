@@ -181,9 +181,9 @@ def nearest(scene, t, i):
     return best
 
 
-def realism_values(scene, realism, dt):
-    """All values of the five features."""
-    grid = list(np.ndindex(scene["x"].shape))
+def realism_values(scene, config):
+    """All values of the features."""
+    realism, grid = config.realism, list(np.ndindex(scene["x"].shape))
     cap = realism.ttc.high
     ttc = dict.fromkeys(grid, cap)
     for row in pairs(scene):
@@ -192,9 +192,10 @@ def realism_values(scene, realism, dt):
     speed = scene["speed" if realism.speed_values.name == "raw" else "scaled_speed"]
     return {
         "speed": [float(speed[slot]) for slot in grid],
-        "acceleration": accelerations(scene, dt),
+        "acceleration": accelerations(scene, config.frame_interval),
         "distance": [nearest(scene, *slot) for slot in grid],
         "ttc": list(ttc.values()),
+        "headway": headways(scene, config.thw)[0],
         "collision": [float(any(scene["crashed"][:, j])) for j in range(scene["x"].shape[1])],
     }
 
@@ -210,12 +211,12 @@ def log_likelihoods(simulated, real, low, high, n_bins, pseudocount):
     return [math.log(p[int(np.argmax(feature_histogram([value], low, high, n_bins)))]) for value in real]
 
 
-def realism(simulated_runs, real, config, dt):
-    """Likelihoods by feature and `meta`; values of all runs are pooled."""
-    runs = [realism_values(run, config, dt) for run in simulated_runs]
-    truth = realism_values(real, config, dt)
+def realism(simulated_runs, real, metrics):
+    """Likelihoods by feature, 0 without simulated values, and `meta`; values of all runs are pooled."""
+    runs = [realism_values(run, metrics) for run in simulated_runs]
+    truth, config = realism_values(real, metrics), metrics.realism
     scores, weights = {}, {}
-    for name in ("speed", "acceleration", "distance", "ttc", "collision"):
+    for name in ("speed", "acceleration", "distance", "ttc", "headway", "collision"):
         pooled = [value for run in runs for value in run[name]]
         if name == "collision":
             bins, weights[name] = (-0.5, 1.5, 2, config.collision_pseudocount), config.collision_weight
@@ -225,6 +226,6 @@ def realism(simulated_runs, real, config, dt):
                 (feature.low, feature.high, feature.n_bins, config.pseudocount),
                 feature.weight,
             )
-        scores[name] = math.exp(np.mean(log_likelihoods(pooled, truth[name], *bins)))
+        scores[name] = math.exp(np.mean(log_likelihoods(pooled, truth[name], *bins))) if pooled else 0.0
     scores["meta"] = sum(weights[k] * scores[k] for k in weights) / sum(weights.values())
     return scores

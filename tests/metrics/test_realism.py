@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from rearl_jax.config.metrics import FeatureConfig, RealismConfig, SpeedValues
+from rearl_jax.config.metrics import FeatureConfig, MetricsConfig, RealismConfig, SpeedValues
 from rearl_jax.metrics.following import find_leaders
 from rearl_jax.metrics.motion import rate_of_change
 from rearl_jax.metrics.realism import (
@@ -25,13 +25,14 @@ from tests.metrics.conftest import DEGENERATE, HASTE, cast, make_scene
 
 KINDS = pytest.mark.parametrize("kind", ["random", *DEGENERATE])
 F32 = np.dtype("float32")
-FEATURES = ("speed", "acceleration", "distance", "ttc", "collision")
+FEATURES = ("speed", "acceleration", "distance", "ttc", "headway", "collision")
 #: Narrow bins, so that the scenes of a test fill most of them.
 CONFIG = RealismConfig(
+    headway=FeatureConfig(low=0.0, high=3.0, n_bins=6, weight=0.0),
     acceleration=FeatureConfig(low=-20.0, high=20.0, n_bins=9, weight=0.2),
     distance=FeatureConfig(low=-4.0, high=30.0, n_bins=8, weight=0.1),
 )
-
+METRICS = MetricsConfig(realism=CONFIG)
 
 SCORES = jax.jit(realism_scores, static_argnums=(2, 3))
 
@@ -42,8 +43,8 @@ def counted(scene):
     distance = distance_to_nearest(scene["x"], scene["y"], scene["length"], scene["width"])
     names = ("position", "speed", "lane", "length", "crashed")
     followers = find_leaders(*(scene[name] for name in names), scene.get("direction"))
-    args = (scene["scaled_speed"], acceleration, distance, followers, scene["crashed"])
-    return realism_counts(*args, CONFIG)
+    args = (scene["speed"], scene["scaled_speed"], acceleration, distance, followers, scene["crashed"])
+    return realism_counts(*args, METRICS)
 
 
 def counts_of(scene) -> RealismCounts:
@@ -57,7 +58,7 @@ def added(counts):
 @KINDS
 def test_counts_equal_the_reference(kind):
     scene = cast(make_scene(30, kind, recorded=kind == "random"), F32)
-    found, values = counts_of(scene), reference.realism_values(scene, CONFIG, 1.0)
+    found, values = counts_of(scene), reference.realism_values(scene, METRICS)
     for name in FEATURES[:-1]:
         f = getattr(CONFIG, name)
         expected = reference.feature_histogram(values[name], f.low, f.high, f.n_bins)
@@ -70,7 +71,7 @@ def test_counts_equal_the_reference(kind):
 def test_scores_equal_the_reference(kind):
     runs = [cast(make_scene(seed, kind), F32) for seed in (31, 32, 33)]
     real = cast(make_scene(34, recorded=True), F32)
-    expected = reference.realism(runs, real, CONFIG, 1.0)
+    expected = reference.realism(runs, real, METRICS)
     found = SCORES(added([counts_of(run) for run in runs]), counts_of(real), CONFIG, F32)
     assert found.meta.value.dtype == F32
     assert int(found.meta.count) == 5
@@ -83,7 +84,7 @@ def test_scores_equal_the_reference(kind):
 def test_a_recording_scored_as_simulated_is_closer_to_itself_than_to_another():
     one, other = (counts_of(cast(make_scene(seed, recorded=True), F32)) for seed in (35, 36))
     itself, apart = SCORES(one, one, CONFIG, F32), SCORES(other, one, CONFIG, F32)
-    for name in ("speed", "acceleration", "distance", "ttc", "meta"):
+    for name in ("speed", "acceleration", "distance", "ttc", "headway", "meta"):
         assert float(getattr(itself, name).value) > float(getattr(apart, name).value)
     assert float(itself.collision.value) == pytest.approx(1.0, abs=1e-3)
 
@@ -100,7 +101,8 @@ def test_default_weights_are_those_of_the_subset():
     weights = [config.speed.weight, config.acceleration.weight, config.distance.weight, config.ttc.weight]
     assert [*weights, config.collision_weight] == [0.05, 0.05, 0.1, 0.1, 0.25]
     assert config.speed_values is SpeedValues.scaled
-    bins = [jnp.ones(f.n_bins, jnp.int32) for f in (config.speed, config.acceleration, config.distance, config.ttc)]
+    features = (config.speed, config.acceleration, config.distance, config.ttc, config.headway)
+    bins = [jnp.ones(f.n_bins, jnp.int32) for f in features]
     simulated = RealismCounts(*bins, collision=jnp.asarray([10, 0]))
     scores = realism_scores(simulated, simulated, config, jnp.dtype("float64"))
     mean = (0.05 / 10 + 0.05 / 11 + 0.1 / 10 + 0.1 / 10 + 0.25 * (10.001 / 10.002)) / 0.55
@@ -110,7 +112,7 @@ def test_default_weights_are_those_of_the_subset():
 def test_a_feature_without_values_is_left_out_of_the_mean():
     real = counts_of(cast(make_scene(37, recorded=True), F32))
     empty = jnp.zeros_like(real.acceleration)
-    without = RealismCounts(real.speed, empty, real.distance, real.ttc, real.collision)
+    without = replace(real, acceleration=empty)
     for simulated, truth in ((real, without), (without, real)):
         scores = realism_scores(simulated, truth, CONFIG, jnp.dtype("float64"))
         assert (int(scores.acceleration.count), float(scores.acceleration.value)) == (0, 0)

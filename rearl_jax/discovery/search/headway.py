@@ -7,7 +7,7 @@ Simulated is the second half of each drive, with the driver's own parameters of 
 drive follow its slow changes, so that a varying time gap would seem to be constant. The time gap that is kept at the
 start of a simulated drive tells where the variation begins.
 
-Source: energy score and estimation by it, Gneiting & Raftery, J. Am. Stat. Assoc. 102 (2007) 359, sections 4.3 and 9.1.
+Source: estimation by the energy score, Gneiting & Raftery, J. Am. Stat. Assoc. 102 (2007) 359, section 9.1.
 """
 
 from collections.abc import Iterable
@@ -25,6 +25,7 @@ from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.read.training import halves, has_enough_data
 from rearl_jax.discovery.search.null import behind_noisy_drive, lasting
+from rearl_jax.metrics.energy import energy_score
 
 REALISATIONS = 12
 """Simulations of each driver per energy score."""
@@ -111,8 +112,7 @@ def departures(state: FitState, prior: Prior) -> Float[np.ndarray, " pieces"]:
 def energy_scores(
     solver: Solver, state: FitState, fit: Fit, seed: int, variation: TimeGapVariation = CONSTANT_TIME_GAP
 ) -> Float[np.ndarray, " drivers"]:
-    """Energy score of noisy simulations of each driver [m]: mean distance to the measurement minus half the mean
-    distance between simulations.
+    """Energy score of noisy simulations of each driver [m]; distances are root mean squares over a drive.
 
     Args:
         solver: Solver of the model.
@@ -128,11 +128,8 @@ def energy_scores(
         varied = variation.drawn(state, solver.layout.prior, variations)
         drives = replace(state, pieces=replace(state.pieces, varied=varied))
         drawn.append(np.clip(behind_noisy_drive(solver, drives, noise, rng), -FARTHEST, FARTHEST))
-    mean = data.driver_mean
-    pairs = [(i, j) for i in range(REALISATIONS) for j in range(i)]
-    mutual_distance = np.mean([np.sqrt(mean((drawn[i] - drawn[j]) ** 2)) for i, j in pairs], axis=0)
-    measured_distance = np.mean([np.sqrt(mean(deviation**2)) for deviation in drawn], axis=0)
-    return measured_distance - mutual_distance / 2
+    measured = np.zeros_like(drawn[0])  # deviations from the measurement are drawn
+    return energy_score(drawn, measured, lambda one, other: np.sqrt(data.driver_mean((one - other) ** 2)))
 
 
 def later_halves(solver: Solver, data: Measured, fit: Fit) -> FitState | None:

@@ -44,11 +44,15 @@ COLUMNS: Mapping[str, Column] = {
     "lcr_error": Column("LCR error", "lcr", "less real"),
     "realism": Column("realism", "realism", "up"),
     "position_error": Column("position error, m", "position_error", first=frozenset({START})),
+    "energy_score": Column("energy score, m", "energy_score"),
+    "frechet": Column("Frechet distance, m", "frechet"),
+    "ttc_likelihood": Column("TTC likelihood", "ttc_likelihood", "up"),
+    "thw_likelihood": Column("THW likelihood", "thw_likelihood", "up"),
     "collisions": Column("crashed", "collisions"),
 }
 """Errors of the budget by name."""
 
-DIGITS: Mapping[str, int] = {"thw_error": 2, "lcr_error": 4, "position_error": 1}
+DIGITS: Mapping[str, int] = {"thw_error": 2, "lcr_error": 4, "position_error": 1, "energy_score": 1, "frechet": 1}
 """Digits after the decimal point; 3 where none are stated."""
 
 Figure = tuple[float, float | None, float | None]

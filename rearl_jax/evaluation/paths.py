@@ -1,0 +1,168 @@
+"""Distances between the trajectories of simulated and recorded vehicles, and between those of two recorded scenes."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from functools import cache
+
+import jax
+import numpy as np
+from jaxtyping import Bool, Float, Int, Shaped
+
+from rearl_jax.config import EvaluateTask
+from rearl_jax.config.core import InitialSource
+from rearl_jax.core.batch import ScenarioMap
+from rearl_jax.core.road import traffic_model
+from rearl_jax.data.scenes.boundary import lanes_side_by_side
+from rearl_jax.data.scenes.scene_set import SceneSet
+from rearl_jax.data.scenes.scene_windows import UNKNOWN_LANE
+from rearl_jax.evaluation.rollouts import Rollouts
+from rearl_jax.evaluation.scores import Scores
+from rearl_jax.evaluation.simulators import Simulated
+from rearl_jax.metrics.energy import energy_score
+from rearl_jax.metrics.measure import Measure
+from rearl_jax.metrics.paths import Paths, displacement, frechet
+
+_CHUNK = 64
+"""Pairs of scenes a device compares at a time: some hundred vehicles, whose couplings fit the cache."""
+
+
+def of_first_vehicles(
+    scenes: SceneSet, index: np.ndarray, values: Shaped[np.ndarray, "scenes frames slots"]
+) -> tuple[Shaped[np.ndarray, "chosen later vehicles"], Bool[np.ndarray, "chosen later vehicles"]]:
+    """Values of the vehicles of the first snapshot in all later ones, and whether they are picked there.
+
+    Args:
+        scenes: All scenes.
+        index: Indices of the chosen scenes.
+        values: Values by slot, of all scenes.
+    """
+    track = scenes.track_id[index]
+    is_same = track[:, 1:, :, None] == track[:, :1, None, :]  # [scenes, frames, slots, vehicles]
+    return np.where(is_same, values[index][:, 1:, :, None], 0).sum(axis=2), is_same.any(axis=2)
+
+
+def recorded_paths(scenes: SceneSet, index: Int[np.ndarray, " scenes"], config: EvaluateTask) -> Paths:
+    """Paths of the vehicles of the first snapshot of some scenes, from the most upstream of their places there."""
+    lane = lanes_side_by_side(scenes, scenes.lane.astype(np.int64), scenes.direction)
+    along, known = of_first_vehicles(scenes, index, scenes.position)
+    lane, _ = of_first_vehicles(scenes, index, lane)
+    has_lane, _ = of_first_vehicles(scenes, index, scenes.lane != UNKNOWN_LANE)
+    first = scenes.position[index, 0]
+    along, known = along - first.min(axis=1)[:, None, None], known & (has_lane > 0)
+    along, lane, known = (np.moveaxis(values, 0, -1) for values in (along, lane, known))
+    return _ordered(along, lane, known, first.T, config)
+
+
+def simulated_paths(simulated: Simulated, rollouts: Rollouts, scenes: SceneSet) -> Paths:
+    """Paths of the vehicles that rollouts start with; a drawn start is their first frame, as for all metrics.
+
+    Args:
+        simulated: The rollouts.
+        rollouts: The same, as they are listed.
+        scenes: All scenes.
+    """
+    config, boundary = rollouts.config, rollouts.boundary
+    x, lane = (np.asarray(values) for values in (simulated.frames.x, simulated.frames.lane))
+    known = np.ones(x[1:].shape, bool)
+    if config.init.source is not InitialSource.scene:
+        return _ordered(x[1:] - x[0].min(axis=0), lane[1:], known, x[0], config)
+    first = scenes.position[rollouts.scene, 0].T
+    if boundary is None:
+        return _ordered(x[:-1], lane[:-1], known, first, config)  # frame k is at second k + 1
+    known = np.moveaxis(boundary.is_new[rollouts.column].cumsum(axis=1)[:, 1:] == 0, 0, -1)
+    origin = boundary.x[rollouts.column, 0].min(axis=1)  # vehicles may enter behind it
+    return _ordered(x[1:] - origin, lane[1:], known, first, config)
+
+
+def _ordered(
+    along: Float[np.ndarray, "seconds vehicles scenarios"],
+    lane: Int[np.ndarray, "seconds vehicles scenarios"],
+    known: Bool[np.ndarray, "seconds vehicles scenarios"],
+    first: Float[np.ndarray, "vehicles scenarios"],
+    config: EvaluateTask,
+) -> Paths:
+    """Paths in the order of the first places along the road."""
+    order = np.argsort(first, axis=0, kind="stable")[None]
+    dtype, width = np.dtype(config.core.dtype.name), traffic_model(config.core).lane_width
+    along, across, known = (np.take_along_axis(values, order, axis=1) for values in (along, lane * width, known))
+    return Paths(along.astype(dtype), across.astype(dtype), known)
+
+
+def join_paths(parts: Sequence[Paths]) -> Paths:
+    """One record of several."""
+    return jax.tree.map(lambda *leaves: np.concatenate(leaves, axis=-1), *parts)
+
+
+def with_paths(
+    scores: Scores,
+    paths: Paths,
+    column: Int[np.ndarray, " pairs"],
+    observed: Paths,
+    held_out: Int[np.ndarray, " scenes"],
+) -> Scores:
+    """The row with displacement and Frechet distance of every pair, and the energy score of every held-out scene.
+
+    The energy score is over the vehicles and seconds that are known in the recorded scene. If the scenes have different
+    numbers of vehicles, the most upstream ones of both are compared.
+
+    Args:
+        scores: The row.
+        paths: Paths of the rollouts, or of the recorded scenes in their place.
+        column: Those of each pair.
+        observed: Paths of the held-out scenes.
+        held_out: Indices of these scenes, rising.
+    """
+    if len(column) == 0:
+        return scores
+    n_vehicles = min(paths.along.shape[1], observed.along.shape[1])
+    paths, observed = (jax.tree.map(lambda leaf: leaf[:, :n_vehicles], each) for each in (paths, observed))
+    at = np.searchsorted(held_out, scores.scene)
+    away, farthest = _compared()((_taken(paths, column), _taken(observed, at)))
+
+    def of_run(run: int) -> Paths:
+        """The paths of that run, scene by scene; unknown where a scene has fewer runs."""
+        (own,) = np.nonzero(scores.run == run)
+        chosen, is_there = np.zeros(len(held_out), np.int64), np.zeros(len(held_out), bool)
+        chosen[at[own]], is_there[at[own]] = column[own], True
+        sample = _taken(paths, chosen)
+        return Paths(sample.along, sample.across, sample.known & observed.known & is_there)
+
+    samples = [of_run(run) for run in np.unique(scores.run).tolist()]
+    energy = energy_score(samples, observed, lambda one, other: _known(_displaced()((one, other))))
+    pairs = {"displacement": away, "frechet": farthest}
+    return replace(
+        scores,
+        values=scores.values | {name: _known(measure) for name, measure in pairs.items()},
+        counts=scores.counts | {name: np.asarray(measure.count) for name, measure in pairs.items()},
+        pooled=scores.pooled | {"energy_score": energy},
+    )
+
+
+def _taken(paths: Paths, columns: np.ndarray) -> Paths:
+    """The paths of some columns."""
+    return jax.tree.map(lambda leaf: leaf[..., columns], paths)
+
+
+def _known(measure: Measure) -> Float[np.ndarray, " scenarios"]:
+    """Its values; NaN without samples."""
+    return np.where(measure.count > 0, np.asarray(measure.value, np.float64), np.nan)
+
+
+@cache
+def _compared() -> ScenarioMap:
+    """Compiled once for all studies of a process."""
+    return ScenarioMap(_both_distances, chunk=_CHUNK)
+
+
+def _both_distances(pair: tuple[Paths, Paths]) -> tuple[Measure, Measure]:
+    return displacement(*pair), frechet(*pair)
+
+
+@cache
+def _displaced() -> ScenarioMap:
+    """Compiled once for all studies of a process."""
+    return ScenarioMap(_one_distance, chunk=_CHUNK)
+
+
+def _one_distance(pair: tuple[Paths, Paths]) -> Measure:
+    return displacement(*pair)

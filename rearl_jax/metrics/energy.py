@@ -1,0 +1,41 @@
+"""Energy score of a sample of simulations."""
+
+from collections.abc import Callable, Sequence
+from itertools import combinations
+from typing import TypeVar
+
+import numpy as np
+from jaxtyping import Float
+
+Sample = TypeVar("Sample")
+
+
+def energy_score(
+    samples: Sequence[Sample],
+    observed: Sample,
+    distance: Callable[[Sample, Sample], Float[np.ndarray, " cases"]],
+) -> Float[np.ndarray, " cases"]:
+    """Energy score E d(X, y) - E d(X, X') / 2 of simulations X, X' of the observation y, in the unit of the distance.
+
+    Both expectations are means over the samples, the second over pairs of different ones, so that the estimate is
+    unbiased for any number of them. A score of one distribution is lowest on average if the observation comes from it.
+    NaN with fewer than two samples. Distances that are NaN do not count.
+
+    Args:
+        samples: Simulations, each of all cases.
+        observed: What was observed.
+        distance: Distance of two of them, case by case; of negative type, as a mean of Euclidean distances is.
+
+    Source: Gneiting & Raftery, J. Am. Stat. Assoc. 102 (2007) 359, section 4.3.
+    """
+    away = _mean([distance(sample, observed) for sample in samples])
+    apart = [distance(one, other) for one, other in combinations(samples, 2)]
+    return away - _mean(apart) / 2 if apart else np.full_like(away, np.nan)
+
+
+def _mean(distances: Sequence[Float[np.ndarray, " cases"]]) -> Float[np.ndarray, " cases"]:
+    """Mean of the distances that are numbers; NaN without any."""
+    values = np.stack(distances)
+    is_known = np.isfinite(values)
+    count = is_known.sum(axis=0)
+    return np.where(count > 0, np.where(is_known, values, 0.0).sum(axis=0) / np.maximum(count, 1), np.nan)
