@@ -21,7 +21,7 @@ from rearl_jax.study.parts import begin
 from rearl_jax.study.published import N_EVALUATION_SCENES
 from rearl_jax.study.row_results import Results, evaluate_rows
 from rearl_jax.study.table1_tables import long_rows, sections, summary_of, verdict
-from rearl_jax.study.traffic.rows import check_traffic, rows_on_traffic
+from rearl_jax.study.traffic.rows import DEFINITION, check_traffic, rows_on_traffic
 
 _CAPTION = (
     "Every row with its interval. Diamonds are the paper's figures of the same row: H on the scale they likely have, "
@@ -63,7 +63,7 @@ def run(config: StudyTable1Task) -> dict:
         inputs.scenes,
         table,
         summary,
-        remarks_on_rows(config, results, inputs, notes),
+        remarks_on_rows(config, results, inputs, notes, *([] if traffic is None else [DEFINITION])),
         partial(_draw, config, results, generated=generated),
         seeds=config.seeds,
     )

@@ -13,54 +13,71 @@ from rearl_jax.study.traffic.tables import PREFIX, TITLES_OF_KINDS, TITLES_OF_PO
 
 
 def findings_of(rows: pd.DataFrame, eval: EvaluationConfig, mape: str) -> list[str]:
-    """One paragraph per error: what REARL changes on every kind of traffic, and what choosing actions adds to keeping
-    speed and lane.
+    """A paragraph for each of the two main errors, and the matcher's interventions on the first and the last traffic.
 
     Args:
         rows: Scene by scene, see `rows`.
         eval: Resamples, confidence and seed of the intervals.
         mape: The spacing error that decides.
     """
-    return [_paragraph(rows, figure, eval) for figure in ("h", mape)]
+    found = [_paragraph(scene_figures(rows, figure), HEADINGS[figure], eval) for figure in ("h", mape)]
+    asked, changed = scene_figures(rows, "interventions"), scene_figures(rows, "changes")
+    kinds = [kind for kind in TITLES_OF_KINDS if name_of(kind, PolicyName.matcher) in asked]
+    if kinds:
+        parts = (
+            f"{np.nanmean(asked[name]):.1f} ({TITLES_OF_KINDS[kind]}), {np.nanmean(changed[name]):.1f} of them changing "
+            "speed or lane"
+            for kind in dict.fromkeys((kinds[0], kinds[-1]))
+            for name in [name_of(kind, PolicyName.matcher)]
+        )
+        found.append(f"Interventions of the matcher per vehicle and minute: {'; '.join(parts)}.")
+    return found
 
 
-def _paragraph(rows: pd.DataFrame, figure: str, eval: EvaluationConfig) -> str:
-    of_rows, asked, changed = (scene_figures(rows, name) for name in (figure, "interventions", "changes"))
-    sentences, best = [], None
+def _paragraph(of_rows: dict[str, np.ndarray], heading: str, eval: EvaluationConfig) -> str:
+    """What REARL changes on every kind of traffic, and what is left on the last one."""
+    parts, last = [], None
     for kind, title in TITLES_OF_KINDS.items():
         alone = of_rows.get(name_of(kind, None))
         if alone is None:
             continue
-        policies = [policy for policy in TITLES_OF_POLICIES if policy is not None and name_of(kind, policy) in of_rows]
-        parts = []
-        for policy in policies:
-            name = name_of(kind, policy)
-            change = _difference(of_rows[name], alone, eval)
-            rates = f"{np.nanmean(asked[name]):.1f} interventions per vehicle and minute"
-            if policy is not PolicyName.idle:
-                rates += f", {np.nanmean(changed[name]):.1f} of them changing speed or lane"
-            parts.append(f"{TITLES_OF_POLICIES[policy]} {change} ({rates})")
-        sentences.append(f"{title} {np.nanmean(alone):.3f}" + (f", {'; '.join(parts)}" if parts else ""))
-        best = (kind, title, policies)
-    text = f"{HEADINGS[figure]} without REARL and its changes: {'. '.join(sentences)}."
+        changes = {
+            policy: _difference(of_rows[name_of(kind, policy)], alone, eval)
+            for policy in TITLES_OF_POLICIES
+            if policy is not None and name_of(kind, policy) in of_rows
+        }
+        told = "; ".join(f"{TITLES_OF_POLICIES[policy]} {change}" for policy, change in changes.items())
+        parts.append(f"{title} {np.nanmean(alone):.3f}" + (f" ({told})" if told else ""))
+        last = kind, changes.get(PolicyName.matcher)
+    text = f"{heading} without REARL, and how REARL changes it: {'; '.join(parts)}."
     real = of_rows.get(PREFIX + REAL_VS_REAL)
     if real is not None and np.isfinite(real).any():
         text += f" Between two recorded scenes it is {np.nanmean(real):.3f}."
-    if best is None or not {PolicyName.idle, PolicyName.matcher} <= set(best[2]):
+    if last is None or last[1] is None:
         return text
-    return f"{text} {_left(of_rows, best[0], best[1], eval)}"
+    kind, change = last
+    choices = _difference(of_rows[name_of(kind, PolicyName.matcher)], of_rows[name_of(kind, PolicyName.idle)], eval)
+    return f"{text} On the last traffic, {TITLES_OF_KINDS[kind]}, {_left(change, choices)}."
 
 
-def _left(of_rows: dict[str, np.ndarray], kind: str, title: str, eval: EvaluationConfig) -> str:
-    """What choices add to keeping speed and lane on the best traffic."""
-    gain = _difference(of_rows[name_of(kind, PolicyName.matcher)], of_rows[name_of(kind, PolicyName.idle)], eval)
-    if gain.sign < 0:
-        end = "so choices still gain there"
-    elif gain.sign > 0:
-        end = "so choices do worse there than keeping speed and lane"
-    else:
-        end = "which cannot be distinguished from nothing: no choice is shown to be left there"
-    return f"On the last of these ({title}) the matcher differs from idle by {gain}, {end}."
+def _left(change: Difference, choices: Difference) -> str:
+    """What is left for decisions.
+
+    Args:
+        change: The matcher less traffic without REARL.
+        choices: The matcher less idle.
+    """
+    beside = {
+        -1: "its choices are closer than",
+        0: "its choices are not distinguished from",
+        1: "its choices are farther than",
+    }
+    idle = f"{beside[choices.sign]} keeping speed and lane ({choices})"
+    if change.sign > 0:
+        return f"the matcher takes traffic away from the recording, so these decisions have nothing left to do; {idle}"
+    if change.sign == 0:
+        return f"the matcher is not distinguished from traffic without REARL, so nothing is shown to be left; {idle}"
+    return f"the matcher still brings traffic closer to the recording; {idle}"
 
 
 def _difference(first: np.ndarray, second: np.ndarray, eval: EvaluationConfig) -> Difference:

@@ -62,9 +62,10 @@ def named_rows(names: set[str]) -> list[tuple[str, str, PolicyName | None]]:
     return [row for row in every if row[0] in names]
 
 
-def is_on_traffic(table: pd.DataFrame) -> "pd.Series[bool]":
-    """Which rows of the long table are of `table1.traffic`."""
-    return table["row"].str.startswith(PREFIX)
+def parted(table: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """The rows of the long table that are not of `table1.traffic`, and those that are."""
+    is_own = table["row"].str.startswith(PREFIX).to_numpy(bool)
+    return table.iloc[np.flatnonzero(~is_own)], table.iloc[np.flatnonzero(is_own)]
 
 
 def scene_figures(rows: pd.DataFrame, figure: str) -> dict[str, np.ndarray]:
@@ -123,14 +124,13 @@ def long_rows_on_traffic(figures: Figures, n_scenes: int, *, has_found: bool) ->
     return long_table(records)
 
 
-def sections_on_traffic(table: pd.DataFrame, intervals: str) -> tuple[Section, ...]:
+def sections_on_traffic(own: pd.DataFrame, intervals: str) -> tuple[Section, ...]:
     """The section of these rows; none without them.
 
     Args:
-        table: The long table of Table 1.
+        own: These rows of the long table.
         intervals: Name of the intervals.
     """
-    own = table[is_on_traffic(table)]
     if own.empty:
         return ()
     title = f"Started as recorded, speeds not rescaled, the same thresholds in all rows; {intervals}"
