@@ -23,13 +23,12 @@ def findings_of(rows: pd.DataFrame, eval: EvaluationConfig, mape: str) -> list[s
     found = [_paragraph(scene_figures(rows, figure), HEADINGS[figure], eval) for figure in ("h", mape)]
     asked, changed = scene_figures(rows, "interventions"), scene_figures(rows, "changes")
     kinds = [kind for kind in TITLES_OF_KINDS if name_of(kind, PolicyName.matcher) in asked]
-    if kinds:
-        parts = (
-            f"{np.nanmean(asked[name]):.1f} ({TITLES_OF_KINDS[kind]}), {np.nanmean(changed[name]):.1f} of them changing "
-            "speed or lane"
-            for kind in dict.fromkeys((kinds[0], kinds[-1]))
-            for name in [name_of(kind, PolicyName.matcher)]
-        )
+    parts = []
+    for kind in dict.fromkeys((*kinds[:1], *kinds[-1:])):
+        name = name_of(kind, PolicyName.matcher)
+        rates = f"{np.nanmean(asked[name]):.1f}", f"{np.nanmean(changed[name]):.1f}"
+        parts.append(f"{rates[0]} ({TITLES_OF_KINDS[kind]}), {rates[1]} of them changing speed or lane")
+    if parts:
         found.append(f"Interventions of the matcher per vehicle and minute: {'; '.join(parts)}.")
     return found
 
