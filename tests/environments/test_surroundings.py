@@ -115,20 +115,18 @@ def test_pictures_show_recorded_vehicles(episodes, measured):
     assert (picture == np.array(rendering._REPLAYED, np.uint8)).all(axis=-1).any()
 
 
-def test_the_functional_environment_is_the_same_traffic(scenes, table, measured, episodes):
+def test_the_functional_environment_is_the_same_traffic(scenes, table, cached):
     env = FunctionalHighway(scenes, "measured", table, **OPTIONS)
-    state, keys = episodes[0][1][0], jax.random.split(jax.random.key(1), 2)
     params = env.default_params.replace(max_steps_in_episode=50)
-    assert int(params.duration) == SECONDS - 1
-    each = jax.tree.map(lambda leaf: jnp.moveaxis(leaf, -1, 0) if leaf.shape[-1:] == (2,) else leaf, state)
-    step = jax.vmap(partial(env.step_env, params=params), in_axes=(0, jax.tree.map(_axis, state), 0))
-    observation, *_ = step(keys, each, jnp.array([MetaAction.IDLE, MetaAction.FASTER]))
-    wanted = highway.observe(episodes[0][1][1], env.options)
-    np.testing.assert_allclose(np.moveaxis(observation, 0, -1), wanted, atol=1e-6)
-
-
-def _axis(leaf):
-    return 0 if leaf.shape[-1:] == (2,) else None
+    assert int(params.duration) == SECONDS - 1  # more was not recorded
+    keys, actions = jax.random.split(jax.random.key(1), 3), jnp.arange(1, 4, dtype=jnp.int32)
+    first, state = jax.vmap(env.reset)(keys)
+    assert (np.asarray(first)[:, 1:, 0].sum(axis=1) > 0).any()
+    observation, *_ = jax.jit(jax.vmap(partial(env.step_env, params=params)))(keys, state, actions)
+    last = jax.tree.map(lambda leaf: jnp.moveaxis(leaf, 0, -1), state)
+    advance = jax.jit(partial(highway.advance, options=env.options))
+    after = advance(last, actions, around=highway.surroundings_now(last, params.around))
+    np.testing.assert_allclose(observation, np.moveaxis(highway.observe(after, env.options), -1, 0), atol=1e-6)
 
 
 @pytest.mark.thorough  # programs of their own
