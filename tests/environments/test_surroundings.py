@@ -164,7 +164,8 @@ def test_what_does_not_fit_is_refused(scenes, table, cached, changes, code, key)
 
 
 def test_rescaled_speeds_and_other_recordings_are_refused(scenes, table, cached):
-    rescaled = cut_scenes(table, scenes={"seconds": SECONDS, "slots": 2, "min_vehicles": 2})
+    faster = table.assign(speed=table["speed"] * (1 + 0.01 * table["track_id"]))
+    rescaled = cut_scenes(faster, scenes={"seconds": SECONDS, "slots": 2, "min_vehicles": 2})
     with pytest.raises(InvalidInputError) as caught:
         make_env(scenes=rescaled, boundary="measured", data=table, **OPTIONS)
     assert (caught.value.code, caught.value.problem.key) == ("out-of-range", "speed.norm")
