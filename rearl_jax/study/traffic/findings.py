@@ -52,9 +52,9 @@ def _paragraph(of_rows: dict[str, np.ndarray], heading: str, eval: EvaluationCon
     real = of_rows.get(PREFIX + REAL_VS_REAL)
     if real is not None and np.isfinite(real).any():
         text += f" Between two recorded scenes it is {np.nanmean(real):.3f}."
-    if last is None or last[1] is None:
+    kind, change = ("", None) if last is None else last
+    if change is None:
         return text
-    kind, change = last
     choices = _difference(of_rows[name_of(kind, PolicyName.matcher)], of_rows[name_of(kind, PolicyName.idle)], eval)
     return f"{text} On the last traffic, {TITLES_OF_KINDS[kind]}, {_left(change, choices)}."
 
