@@ -17,6 +17,11 @@ class Table1Config:
     llm: bool = key(False, "add the rows with a language model, see decision.server")
     llm_interval: int = key(10, "time between two detections with a language model [s]; own choice for a CPU")
     llm_runs: int = key(1, "runs of these rows, each one rollout that is scored on all scenes; own choice for a CPU")
+    traffic: bool = key(
+        False,
+        "add REARL on better traffic that starts as recorded: Base, recorded vehicles around, calibrated drivers "
+        "(those of model=FILE, or as in `rearl study budget`), both; each without REARL, idle and with the matcher",
+    )
     kept_in: str | None = key(
         None,
         "study whose finished rows are reused if their configuration is the same, e.g. study_table1; null = this study",

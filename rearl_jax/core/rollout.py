@@ -1,5 +1,6 @@
 """Rollouts: simulation of many scenarios in lockstep, in seconds between decisions."""
 
+from collections.abc import Callable
 from typing import Any
 
 import equinox as eqx
@@ -13,6 +14,7 @@ from rearl_jax.core.drivers import Drivers
 from rearl_jax.core.meta_actions import apply_meta_actions
 from rearl_jax.core.model import TrafficModel
 from rearl_jax.core.neighbours import sort_if_large
+from rearl_jax.core.replayed import ReplayedVehicles
 from rearl_jax.core.state import TrafficState, nearest_lane
 from rearl_jax.core.step import step_in_order
 
@@ -64,15 +66,35 @@ def simulate_second(
         boundary_second: Recorded traffic around the vehicles in this second; None for a free road. Vehicles that
             enter at its end are in the state.
     """
-    state = sort_if_large(state)
     if boundary_second is not None:
-
-        def step(before: TrafficState, motion: Motion) -> tuple[TrafficState, None]:
-            replayed = replayed_vehicles(motion, boundary_second.identity)
-            return step_in_order(before, drivers, model, replayed), None
-
-        return enter(lax.scan(step, state, boundary_second.motion)[0], boundary_second, drivers, model)
+        return simulate_watched_second(state, drivers, model, boundary_second, lambda before, replayed: None)[0]
+    state = sort_if_large(state)
     return lax.fori_loop(0, model.ticks_per_second, lambda _, before: step_in_order(before, drivers, model), state)
+
+
+def simulate_watched_second(
+    state: TrafficState,
+    drivers: Drivers,
+    model: TrafficModel,
+    boundary_second: BoundarySecond,
+    watch: Callable[[TrafficState, ReplayedVehicles], Any],
+) -> tuple[TrafficState, Any]:
+    """State one decision second later, and what was seen at the beginning of each of its steps, first axis over steps.
+
+    Args:
+        state: The traffic.
+        drivers: Parameters of all vehicles.
+        model: Road, clock and stages.
+        boundary_second: What was recorded around the traffic in this second.
+        watch: Function of the traffic and the replayed vehicles at the beginning of a step.
+    """
+
+    def step(before: TrafficState, motion: Motion) -> tuple[TrafficState, Any]:
+        replayed = replayed_vehicles(motion, boundary_second.identity)
+        return step_in_order(before, drivers, model, replayed), watch(before, replayed)
+
+    after, seen = lax.scan(step, sort_if_large(state), boundary_second.motion)
+    return enter(after, boundary_second, drivers, model), seen
 
 
 def rollout(

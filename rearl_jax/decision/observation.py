@@ -12,7 +12,8 @@ from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
 from rearl_jax.core.elementary import cosine, sine
-from rearl_jax.core.neighbours import for_each_vehicle, row
+from rearl_jax.core.neighbours import for_each_replayed, for_each_vehicle, row
+from rearl_jax.core.replayed import NOT_RECORDED, ReplayedVehicles
 from rearl_jax.core.state import Controller, TrafficState
 
 COLUMNS = ("presence", "x", "y", "vx", "vy")
@@ -87,7 +88,10 @@ class _ObservedVehicle(eqx.Module):
 
 
 def observe_neighbours(
-    state: TrafficState, spec: ObservationSpec, observers: slice = slice(None)
+    state: TrafficState,
+    spec: ObservationSpec,
+    observers: slice = slice(None),
+    replayed: ReplayedVehicles | None = None,
 ) -> Float[Array, "features observers scenarios"]:
     """Observations, float32: `spec.n_rows` rows of `COLUMNS`, one after the other.
 
@@ -98,19 +102,22 @@ def observe_neighbours(
         state: The traffic.
         spec: Layout and ranges.
         observers: Vehicles that observe; by default all.
+        replayed: Recorded vehicles around the traffic, on lanes of `LANE_WIDTH`; seen like all others.
     """
     is_there = state.controller != Controller.ABSENT
     vx, vy = state.speed * cosine(state.heading), state.speed * sine(state.heading)
     index = lax.broadcasted_iota(jnp.int32, state.x.shape, 0)[observers]
     own_x, own_y, own_vx, own_vy = (values[observers] for values in (state.x, state.y, vx, vy))
 
-    def insert(other: Int[Array, ""], nearest: tuple[_ObservedVehicle, ...]) -> tuple[_ObservedVehicle, ...]:
-        x, y = row(state.x, other) - own_x, row(state.y, other) - own_y
-        is_seen = row(is_there, other) & (index != other) & (x * x + y * y < PERCEPTION_DISTANCE**2)
+    def insert(
+        place: tuple[Array, Array], speed: tuple[Array, Array], is_other: Array, nearest: tuple[_ObservedVehicle, ...]
+    ) -> tuple[_ObservedVehicle, ...]:
+        x, y = place[0] - own_x, place[1] - own_y
+        is_seen = is_other & (x * x + y * y < PERCEPTION_DISTANCE**2)
         if not spec.see_behind:
             is_seen = is_seen & (x > -REAR_DISTANCE)
         distance = jnp.where(is_seen, jnp.abs(x), jnp.inf)
-        candidate = _ObservedVehicle(distance, x, y, row(vx, other) - own_vx, row(vy, other) - own_vy)
+        candidate = _ObservedVehicle(distance, x, y, speed[0] - own_vx, speed[1] - own_vy)
         ranked = []
         for known in nearest:
             is_nearer = candidate.distance < known.distance
@@ -118,9 +125,21 @@ def observe_neighbours(
             candidate = _where(is_nearer, known, candidate)
         return tuple(ranked)
 
+    def insert_simulated(other: Int[Array, ""], nearest: tuple[_ObservedVehicle, ...]) -> tuple[_ObservedVehicle, ...]:
+        place, speed = (row(state.x, other), row(state.y, other)), (row(vx, other), row(vy, other))
+        return insert(place, speed, row(is_there, other) & (index != other), nearest)
+
     zeros = jnp.zeros_like(own_x)
     nobody = _ObservedVehicle(jnp.full_like(own_x, jnp.inf), zeros, zeros, zeros, zeros)
-    others = for_each_vehicle(state.x.shape[0], insert, (nobody,) * (spec.n_rows - 1))
+    others = for_each_vehicle(state.x.shape[0], insert_simulated, (nobody,) * (spec.n_rows - 1))
+    if replayed is not None:
+
+        def insert_replayed(at: Int[Array, ""], nearest: tuple[_ObservedVehicle, ...]) -> tuple[_ObservedVehicle, ...]:
+            lane, speed = row(replayed.lane, at), row(replayed.speed, at)
+            place = row(replayed.x, at), lane.astype(state.y.dtype) * LANE_WIDTH
+            return insert(place, (speed, jnp.zeros_like(speed)), lane != NOT_RECORDED, nearest)
+
+        others = for_each_replayed(replayed.n_places, insert_replayed, others)
     own = _ObservedVehicle(zeros, own_x if spec.is_placed else zeros, own_y, own_vx, own_vy)
     return jnp.stack([column for vehicle in (own, *others) for column in vehicle.columns(spec)]).astype(jnp.float32)
 

@@ -16,14 +16,15 @@ import jax.numpy as jnp
 from jaxtyping import Array, Bool, Float, Int, Key, UInt32
 
 from rearl_jax._typing import PRNGKey
+from rearl_jax.core.boundary import BoundarySecond
 from rearl_jax.core.compaction import if_any
-from rearl_jax.core.state import TrafficState
 from rearl_jax.data.scenes.scene_set import SceneSet
 from rearl_jax.decision.situation import N_ACTIONS
 from rearl_jax.environments import highway
 from rearl_jax.environments.batching import in_lockstep
-from rearl_jax.environments.highway import HighwayOptions, HighwayState, Outcome
-from rearl_jax.environments.starts import with_scenes
+from rearl_jax.environments.highway import HighwayOptions, HighwayState, Outcome, Start, Starts
+from rearl_jax.environments.starts import Recorded, with_scenes
+from rearl_jax.environments.surroundings import Surroundings
 
 AnyKey: TypeAlias = PRNGKey | UInt32[Array, "2"]
 """A random key of either kind."""
@@ -33,12 +34,24 @@ class HighwayParams(eqx.Module):
     """Parameters that may change between calls without a new compilation.
 
     Attributes:
-        max_steps_in_episode: Seconds until an episode is truncated [s].
+        max_steps_in_episode: Seconds until an episode is truncated [s]; among recorded vehicles at most as many as were
+            recorded.
         starts: Measured vehicles to begin with, one case drawn for each episode; None to draw the traffic.
     """
 
     max_steps_in_episode: Int[Array, ""] | int = 40
-    starts: TrafficState | None = None
+    starts: Starts | None = None
+
+    @property
+    def duration(self) -> Int[Array, ""]:
+        """Seconds until an episode is truncated [s]."""
+        duration = jnp.asarray(self.max_steps_in_episode, jnp.int32)
+        return duration if self.around is None else jnp.minimum(duration, self.around.n_seconds)
+
+    @property
+    def around(self) -> Surroundings | None:
+        """What was recorded around the cases; None for a free road."""
+        return None if self.starts is None else self.starts.around
 
     def replace(self, **changes: Any) -> "HighwayParams":
         """A copy with other values."""
@@ -60,18 +73,23 @@ class FunctionalHighway:
     `info["final_observation"]` the last of the old one.
     """
 
-    def __init__(self, scenes: SceneSet | None = None, **options: Any) -> None:
+    def __init__(
+        self, scenes: SceneSet | None = None, boundary: str = "free", data: Recorded = None, **options: Any
+    ) -> None:
         """Prepares the environment; nothing is compiled before the first call.
 
         Args:
             scenes: Measured scenes to begin with, each vehicle of each in the place of the controlled one; None to draw
                 the traffic.
+            boundary: Recorded vehicles replayed around the simulated ones, as in `with_scenes`.
+            data: Recordings of the scenes, as in `with_scenes`.
             **options: Fields of `HighwayOptions`.
 
         Raises:
-            TypeError, ValueError: An option is unknown or outside its range, or the scenes do not fit the road.
+            TypeError, ValueError: An option is unknown or outside its range, or the scenes do not fit the road or the
+                boundary.
         """
-        self.options, self._starts = with_scenes(HighwayOptions(**options), scenes)
+        self.options, self._starts = with_scenes(HighwayOptions(**options), scenes, boundary, data)
 
     @property
     def name(self) -> str:
@@ -128,7 +146,7 @@ class FunctionalHighway:
     def reset_env(self, key: AnyKey, params: HighwayParams) -> tuple[Float[Array, "rows columns"], HighwayState]:
         """Same as `reset`, without `jax.jit`."""
 
-        def start(key: Array, measured: TrafficState | None) -> tuple[Array, HighwayState]:
+        def start(key: Array, measured: Start | None) -> tuple[Array, HighwayState]:
             state = highway.begin(key, self.options, measured)
             return highway.observe(state, self.options), state
 
@@ -160,7 +178,7 @@ class FunctionalHighway:
 
     def is_truncated(self, state: HighwayState, params: HighwayParams) -> Bool[Array, ""]:
         """True if the episode has lasted its full duration."""
-        return state.time >= params.max_steps_in_episode
+        return state.time >= params.duration
 
     def action_space(self, params: HighwayParams | None = None) -> Any:
         """gymnax's space of the actions."""
@@ -175,12 +193,14 @@ class FunctionalHighway:
     ) -> tuple[HighwayState, Outcome]:
         """The state a second later, and the outcome of the action."""
 
-        def second(state: HighwayState, action: Array, duration: Array) -> tuple[HighwayState, Outcome]:
-            after = highway.advance(state, action, self.options)
+        def second(
+            state: HighwayState, action: Array, duration: Array, around: BoundarySecond | None
+        ) -> tuple[HighwayState, Outcome]:
+            after = highway.advance(state, action, self.options, around)
             return after, highway.outcome_of(after, self.options, duration)
 
-        duration = jnp.asarray(params.max_steps_in_episode, jnp.int32)
-        return in_lockstep(second)(state, jnp.asarray(action, jnp.int32), duration)
+        around = highway.surroundings_now(state, params.around)
+        return in_lockstep(second)(state, jnp.asarray(action, jnp.int32), params.duration, around)
 
     def _renewed(
         self,
@@ -188,7 +208,7 @@ class FunctionalHighway:
         keys: Key[Array, " scenarios"],
         state: HighwayState,
         observation: Float[Array, "rows columns scenarios"],
-        measured: TrafficState | None,
+        measured: Start | None,
     ) -> tuple[Float[Array, "rows columns scenarios"], HighwayState]:
         """Observation and state of the next episode if one has ended."""
 
@@ -199,12 +219,11 @@ class FunctionalHighway:
         return if_any(ended, begun, (observation, state))
 
 
-def _drawn_start(key: PRNGKey, params: HighwayParams) -> TrafficState | None:
+def _drawn_start(key: PRNGKey, params: HighwayParams) -> Start | None:
     """One of the measured cases; None if there are none."""
     if params.starts is None:
         return None
-    case = jax.random.randint(key, (), 0, params.starts.x.shape[-1])
-    return jax.tree.map(lambda leaf: leaf[..., case], params.starts)
+    return params.starts.start(jax.random.randint(key, (), 0, params.starts.n_cases))
 
 
 def _spaces() -> Any:

@@ -17,14 +17,17 @@ import numpy as np
 from jax import lax
 from jaxtyping import Array, Bool, Float, Int, Key
 
+from rearl_jax.core.boundary import BoundarySecond
 from rearl_jax.core.drivers import Drivers, highway_env_drivers
 from rearl_jax.core.meta_actions import MetaAction, apply_meta_actions
 from rearl_jax.core.model import TrafficModel
-from rearl_jax.core.rollout import simulate_second
+from rearl_jax.core.replayed import ReplayedVehicles
+from rearl_jax.core.rollout import simulate_second, simulate_watched_second
 from rearl_jax.core.spawn import EXPONENT_RANGE, spawn
 from rearl_jax.core.state import Controller, TrafficState, nearest_level
 from rearl_jax.decision.observation import COLUMNS, N_ROWS, ObservationSpec, highway_env_observation, observe_neighbours
 from rearl_jax.decision.reward import reward
+from rearl_jax.environments.surroundings import Surroundings, touches
 from rearl_jax.problems import out_of_range
 
 EGO = 0
@@ -98,6 +101,42 @@ class HighwayOptions:
         return self.n_rows, len(COLUMNS)
 
 
+class Start(eqx.Module):
+    """Measured vehicles that episodes begin with.
+
+    Attributes:
+        traffic: The vehicles, the controlled one first.
+        case: Case of each scenario in the surroundings; None without.
+        replayed: Recorded vehicles around; None without.
+    """
+
+    traffic: TrafficState
+    case: Int[Array, "*scenarios"] | None = None
+    replayed: ReplayedVehicles | None = None
+
+
+class Starts(eqx.Module):
+    """Measured vehicles to begin with, of all cases.
+
+    Attributes:
+        state: The vehicles of each case, the controlled one first, the last axis over cases.
+        around: What was recorded around them; None for a free road.
+    """
+
+    state: TrafficState
+    around: Surroundings | None = None
+
+    @property
+    def n_cases(self) -> int:
+        """Number of cases."""
+        return self.state.x.shape[-1]
+
+    def start(self, case: Int[Array, "*scenarios"]) -> Start:
+        """The cases with these numbers."""
+        traffic = jax.tree.map(lambda leaf: leaf[..., case], self.state)
+        return Start(traffic) if self.around is None else Start(traffic, case, self.around.at_start(case))
+
+
 class HighwayState(eqx.Module):
     """Scenarios between two decisions.
 
@@ -105,11 +144,15 @@ class HighwayState(eqx.Module):
         traffic: The vehicles, the controlled one first.
         drivers: Parameters of the others.
         time: Seconds since the episode began [s].
+        case: Case of each scenario in the surroundings; None on a free road.
+        replayed: Recorded vehicles around at this moment; None on a free road.
     """
 
     traffic: TrafficState
     drivers: Drivers
     time: Int[Array, "*scenarios"]
+    case: Int[Array, "*scenarios"] | None = None
+    replayed: ReplayedVehicles | None = None
 
 
 class Outcome(eqx.Module):
@@ -130,9 +173,7 @@ class Outcome(eqx.Module):
     speed: Float[Array, "*scenarios"]
 
 
-def begin(
-    keys: Key[Array, " scenarios"], options: HighwayOptions, measured: TrafficState | None = None
-) -> HighwayState:
+def begin(keys: Key[Array, " scenarios"], options: HighwayOptions, measured: Start | None = None) -> HighwayState:
     """The first state of an episode for each key.
 
     Traffic is drawn as `core.spawn` places it and the controlled vehicle, the rearmost, begins at `EGO_SPEED`. That is
@@ -141,7 +182,7 @@ def begin(
     Args:
         keys: Random keys.
         options: The environment.
-        measured: Vehicles to begin with instead of drawn ones, the controlled one first; the keys draw their drivers.
+        measured: Vehicles to begin with instead of drawn ones; the keys draw their drivers.
     """
     dtype = jnp.dtype(options.dtype)
     if measured is None:
@@ -155,24 +196,54 @@ def begin(
             desired_speed=traffic.desired_speed.at[EGO].set(options.speed_levels[level]),
             controller=traffic.controller.at[EGO].set(int(Controller.META)),
         )
+        measured = Start(traffic)
     else:
-        n_vehicles = measured.x.shape[0]
+        traffic, n_vehicles = measured.traffic, measured.traffic.x.shape[0]
         draw = jax.vmap(lambda key: jax.random.uniform(key, (n_vehicles,), dtype, *EXPONENT_RANGE), out_axes=-1)
-        traffic, drivers = measured, highway_env_drivers(draw(keys), ticks_per_second=options.ticks_per_second)
-    return HighwayState(traffic, drivers, jnp.zeros(keys.shape, jnp.int32))
+        drivers = highway_env_drivers(draw(keys), ticks_per_second=options.ticks_per_second)
+    return HighwayState(traffic, drivers, jnp.zeros(keys.shape, jnp.int32), measured.case, measured.replayed)
 
 
-def advance(state: HighwayState, action: Int[Array, " scenarios"], options: HighwayOptions) -> HighwayState:
-    """The state one second later, in which the controlled vehicle has followed an action, see `MetaAction`."""
+def advance(
+    state: HighwayState,
+    action: Int[Array, " scenarios"],
+    options: HighwayOptions,
+    around: BoundarySecond | None = None,
+) -> HighwayState:
+    """The state one second later, in which the controlled vehicle has followed an action, see `MetaAction`.
+
+    Among recorded vehicles it has crashed if it touched one at the beginning of a step or at the end of the second.
+
+    Args:
+        state: The scenarios.
+        action: Action of the controlled vehicle.
+        options: The environment.
+        around: What was recorded around the traffic in this second; None on a free road.
+    """
     is_ego = lax.broadcasted_iota(jnp.int32, state.traffic.x.shape, 0) == EGO
     actions = jnp.where(is_ego, action.astype(jnp.int32)[None], int(MetaAction.IDLE))
     traffic = apply_meta_actions(state.traffic, actions, options.model)
-    return HighwayState(simulate_second(traffic, state.drivers, options.model), state.drivers, state.time + 1)
+    drivers, time = state.drivers, state.time + 1
+    if around is None:
+        return HighwayState(simulate_second(traffic, drivers, options.model), drivers, time)
+
+    def is_hit(traffic: TrafficState, replayed: ReplayedVehicles) -> Bool[Array, " scenarios"]:
+        return touches(traffic, EGO, drivers.body, replayed, options.model)
+
+    traffic, hits = simulate_watched_second(traffic, drivers, options.model, around, is_hit)
+    has_crashed = traffic.crashed[EGO] | hits.any(axis=0) | is_hit(traffic, around.after)
+    traffic = replace(traffic, crashed=traffic.crashed.at[EGO].set(has_crashed))
+    return HighwayState(traffic, drivers, time, state.case, around.after)
+
+
+def surroundings_now(state: HighwayState, around: Surroundings | None) -> BoundarySecond | None:
+    """What was recorded around the traffic in the second that begins; None on a free road."""
+    return None if around is None or state.case is None else around.second(state.case, state.time)
 
 
 def observe(state: HighwayState, options: HighwayOptions) -> Float[Array, "rows columns scenarios"]:
     """Observation of the controlled vehicle."""
-    features = observe_neighbours(state.traffic, options.observation, slice(EGO, EGO + 1))
+    features = observe_neighbours(state.traffic, options.observation, slice(EGO, EGO + 1), state.replayed)
     return features.reshape(*options.observation_shape, -1)
 
 

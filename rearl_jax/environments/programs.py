@@ -14,9 +14,9 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Bool, Float, Int, Key
 
-from rearl_jax.core.state import TrafficState
 from rearl_jax.environments import highway
-from rearl_jax.environments.highway import HighwayOptions, HighwayState, Outcome
+from rearl_jax.environments.highway import HighwayOptions, HighwayState, Outcome, Starts
+from rearl_jax.environments.surroundings import Surroundings
 
 
 class Scenarios(eqx.Module):
@@ -50,48 +50,48 @@ def keys_of(seeds: Sequence[int]) -> Key[Array, " scenarios"]:
 
 @cache
 def start_program(options: HighwayOptions) -> Callable[..., tuple[Scenarios, FirstObservation]]:
-    """Function from keys and measured cases to the first episodes; compiled once for all environments of a process."""
+    """Function from keys and measured starts to the first episodes; compiled once for all environments of a process."""
     return jax.jit(partial(_start, options=options))
 
 
 @cache
 def restart_program(options: HighwayOptions) -> Callable[..., tuple[Scenarios, FirstObservation]]:
-    """Function from scenarios, measured cases and a mask of restarting scenarios to the scenarios with new episodes."""
+    """Function from scenarios, starts and a mask of restarting scenarios to the scenarios with new episodes."""
     return jax.jit(partial(_restart, options=options))
 
 
 @cache
 def step_program(options: HighwayOptions) -> Callable[..., tuple[Scenarios, Outcome]]:
-    """Function from scenarios and actions to the scenarios a second later and their outcome."""
+    """Function from scenarios, their surroundings and actions to the scenarios a second later and their outcome."""
     return jax.jit(partial(_step, options=options))
 
 
 def _start(
-    keys: Key[Array, " scenarios"], cases: TrafficState | None, options: HighwayOptions
+    keys: Key[Array, " scenarios"], starts: Starts | None, options: HighwayOptions
 ) -> tuple[Scenarios, FirstObservation]:
     later, case_keys, own_keys = jax.vmap(partial(jax.random.split, num=3), out_axes=1)(keys)
     measured = None
-    if cases is not None:
-        draw = partial(jax.random.randint, shape=(), minval=0, maxval=cases.x.shape[-1])
-        number = jax.vmap(draw)(case_keys)
-        measured = jax.tree.map(lambda leaf: leaf[..., number], cases)
+    if starts is not None:
+        draw = partial(jax.random.randint, shape=(), minval=0, maxval=starts.n_cases)
+        measured = starts.start(jax.vmap(draw)(case_keys))
     scenarios = Scenarios(later, highway.begin(own_keys, options, measured))
     return scenarios, _first_observation(scenarios, options)
 
 
 def _restart(
-    scenarios: Scenarios, cases: TrafficState | None, begins: Bool[Array, " scenarios"], options: HighwayOptions
+    scenarios: Scenarios, starts: Starts | None, begins: Bool[Array, " scenarios"], options: HighwayOptions
 ) -> tuple[Scenarios, FirstObservation]:
-    new = _start(scenarios.keys, cases, options)[0]
+    new = _start(scenarios.keys, starts, options)[0]
     keys = jnp.where(begins, new.keys, scenarios.keys)
     scenarios = Scenarios(keys, highway.select(begins, new.state, scenarios.state))
     return scenarios, _first_observation(scenarios, options)
 
 
 def _step(
-    scenarios: Scenarios, actions: Int[Array, " scenarios"], options: HighwayOptions
+    scenarios: Scenarios, around: Surroundings | None, actions: Int[Array, " scenarios"], options: HighwayOptions
 ) -> tuple[Scenarios, Outcome]:
-    state = highway.advance(scenarios.state, actions, options)
+    now = highway.surroundings_now(scenarios.state, around)
+    state = highway.advance(scenarios.state, actions, options, now)
     return Scenarios(scenarios.keys, state), highway.outcome_of(state, options, options.duration)
 
 

@@ -36,11 +36,14 @@ def make_env(num_envs: int | None = None, **options: Any) -> gymnasium.Env | gym
 
     Args:
         num_envs: Scenarios that run in lockstep in a vector environment; None for a single environment.
-        **options: `scenes` (measured ones to begin with), `render_mode` (`rgb_array` or None), the fields of
-            `environments.highway.HighwayOptions`, and those of `gymnasium.make` or `gymnasium.make_vec`.
+        **options: `scenes` (measured ones to begin with), `boundary` (`free`, `leaders` or `measured`: the recorded
+            vehicles replayed around them) with `data` (recordings of the scenes, as given to `cut_scenes`),
+            `render_mode` (`rgb_array` or None), the fields of `environments.highway.HighwayOptions`, and those of
+            `gymnasium.make` or `gymnasium.make_vec`.
 
     Raises:
-        TypeError, ValueError: An option is unknown or outside its range, or the scenes do not fit the road.
+        TypeError, ValueError: An option is unknown or outside its range, or the scenes do not fit the road or the
+            boundary.
     """
     if num_envs is None:
         return gymnasium.make(ENV_ID, **options)

@@ -1,14 +1,15 @@
 """Pictures of the road around the controlled vehicle, as arrays, in the colours of the replay on the pages of results.
 
 Vehicles are rectangles along the road with a mark at the front; the controlled one has a colour of its own, those that
-have crashed a frame. Drawn with NumPy alone: a picture takes less than a millisecond.
+have crashed a frame, replayed ones are grey. Drawn with NumPy alone: a picture takes less than a millisecond.
 """
 
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from jaxtyping import UInt8
 
+from rearl_jax.core.replayed import NOT_RECORDED
 from rearl_jax.core.state import Controller
 from rearl_jax.environments.highway import EGO, HighwayOptions, HighwayState
 from rearl_jax.problems import out_of_range
@@ -18,6 +19,9 @@ RENDER_MODES = ("rgb_array",)
 
 FRAMES_PER_SECOND = 1
 """Pictures in a second of the traffic: one after every action."""
+
+Colour: TypeAlias = tuple[int, int, int]
+"""Red, green and blue, 0 to 255."""
 
 _SCALE = 5
 """Pixels per metre."""
@@ -36,6 +40,7 @@ _EDGE, _FRAME = 0.4, 1.6
 
 _BACKGROUND, _ROAD, _LINE = (255, 255, 255), (0xE9, 0xEC, 0xEF), (0xAA, 0xB2, 0xBB)
 _CAR, _CAR_EDGE = (0x2F, 0x6F, 0xB0), (0x16, 0x32, 0x4F)
+_REPLAYED, _REPLAYED_EDGE = (0xC4, 0xCB, 0xD2), (0x5B, 0x63, 0x6D)
 _EGO, _EGO_EDGE = (0xF0, 0x8A, 0x00), (0x1F, 0x23, 0x28)
 _CRASHED = (0xC2, 0x18, 0x3D)
 
@@ -67,11 +72,13 @@ def pictures(state: HighwayState, options: HighwayOptions) -> list[UInt8[np.ndar
     for number in range(x.shape[-1]):
         left = float(x[EGO, number]) - _SHOWN_LENGTH / 2
         picture = _with_lines(road.copy(), model.n_lanes, model.lane_width, left)
+        _draw_replayed(picture, state, number, left, model.lane_width)
         # The controlled vehicle last, so that none hides it.
         for vehicle in np.flatnonzero(controller[:, number] != int(Controller.ABSENT))[::-1]:
             at = (float(x[vehicle, number]) - left, float(y[vehicle, number]) + model.lane_width / 2)
             size = (float(length[vehicle, number]), float(width[vehicle, number]))
-            _draw_vehicle(picture, at, size, is_ego=bool(vehicle == EGO), is_crashed=bool(crashed[vehicle, number]))
+            colours = (_EGO, _EGO_EDGE) if vehicle == EGO else (_CAR, _CAR_EDGE)
+            _draw_vehicle(picture, at, size, colours, is_crashed=bool(crashed[vehicle, number]))
         drawn.append(picture)
     return drawn
 
@@ -92,12 +99,29 @@ def _with_lines(picture: np.ndarray, n_lanes: int, lane_width: float, left: floa
     return picture
 
 
+def _draw_replayed(picture: np.ndarray, state: HighwayState, number: int, left: float, lane_width: float) -> None:
+    """Draws the recorded vehicles around a scenario, in the middle of their lanes."""
+    if state.replayed is None:
+        return
+    x, lane, length = (
+        np.asarray(values)[:, number] for values in (state.replayed.x, state.replayed.lane, state.replayed.length)
+    )
+    width = float(np.asarray(state.drivers.body.width).flat[0])
+    for place in np.flatnonzero(lane != NOT_RECORDED):
+        at = (float(x[place]) - left, (float(lane[place]) + 0.5) * lane_width)
+        _draw_vehicle(picture, at, (float(length[place]), width), (_REPLAYED, _REPLAYED_EDGE), is_crashed=False)
+
+
 def _draw_vehicle(
-    picture: np.ndarray, at: tuple[float, float], size: tuple[float, float], *, is_ego: bool, is_crashed: bool
+    picture: np.ndarray,
+    at: tuple[float, float],
+    size: tuple[float, float],
+    colours: tuple[Colour, Colour],
+    *,
+    is_crashed: bool,
 ) -> None:
-    """Draws a vehicle around a point of the picture [m], of some length and width [m]."""
-    (x, y), (length, width) = at, size
-    body, edge = (_EGO, _EGO_EDGE) if is_ego else (_CAR, _CAR_EDGE)
+    """Draws a vehicle around a point of the picture [m], of some length and width [m], in colours of body and edge."""
+    (x, y), (length, width), (body, edge) = at, size, colours
     if is_crashed:
         _fill(picture, x, y, length + _FRAME, width + _FRAME, _CRASHED)
     _fill(picture, x, y, length, width, edge)
@@ -105,7 +129,7 @@ def _draw_vehicle(
     _fill(picture, x + length / 2 - 1.7 + _MARK_LENGTH / 2, y, _MARK_LENGTH, 0.8 * width, edge)
 
 
-def _fill(picture: np.ndarray, x: float, y: float, length: float, width: float, colour: tuple[int, int, int]) -> None:
+def _fill(picture: np.ndarray, x: float, y: float, length: float, width: float, colour: Colour) -> None:
     """Fills a rectangle around a point of the road [m], as far as it is in the picture."""
     first_column, last_column = (max(round((x + side * length / 2) * _SCALE), 0) for side in (-1, 1))
     first_row, last_row = (max(round((y + side * width / 2) * _SCALE) + _MARGIN, 0) for side in (-1, 1))

@@ -11,7 +11,7 @@ from rearl_jax.decision.situation import N_ACTIONS
 from rearl_jax.environments import rendering
 from rearl_jax.environments.highway import HighwayOptions
 from rearl_jax.environments.programs import Scenarios, keys_of, restart_program, start_program, step_program
-from rearl_jax.environments.starts import with_scenes
+from rearl_jax.environments.starts import Recorded, with_scenes
 
 
 class HighwayEnv(gymnasium.Env[np.ndarray, np.int64]):
@@ -28,20 +28,31 @@ class HighwayEnv(gymnasium.Env[np.ndarray, np.int64]):
 
     metadata = rendering.metadata()
 
-    def __init__(self, scenes: SceneSet | None = None, render_mode: str | None = None, **options: Any) -> None:
+    def __init__(
+        self,
+        scenes: SceneSet | None = None,
+        render_mode: str | None = None,
+        boundary: str = "free",
+        data: Recorded = None,
+        **options: Any,
+    ) -> None:
         """Prepares the environment; nothing is compiled before the first reset.
 
         Args:
             scenes: Measured scenes as initial states, each once with every vehicle as the controlled one; None for
                 random traffic.
             render_mode: `rgb_array` for pictures, None for none.
+            boundary: Recorded vehicles replayed around the simulated ones, as in `with_scenes`.
+            data: Recordings of the scenes, as in `with_scenes`.
             **options: Fields of `HighwayOptions`.
 
         Raises:
-            TypeError, ValueError: An option is unknown or outside its range, or the scenes do not fit the road.
+            TypeError, ValueError: An option is unknown or outside its range, or the scenes do not fit the road or the
+                boundary.
         """
         self.render_mode = rendering.check_render_mode(render_mode)
-        self.options, self._cases = with_scenes(HighwayOptions(**options), scenes)
+        self.options, self._starts = with_scenes(HighwayOptions(**options), scenes, boundary, data)
+        self._around = None if self._starts is None else self._starts.around
         self.observation_space, self.action_space = spaces(self.options)
         self._scenarios: Scenarios | None = None
 
@@ -57,10 +68,10 @@ class HighwayEnv(gymnasium.Env[np.ndarray, np.int64]):
         super().reset(seed=seed)
         if seed is None and self._scenarios is not None:
             program = restart_program(self.options)
-            self._scenarios, start = program(self._scenarios, self._cases, np.ones(1, bool))
+            self._scenarios, start = program(self._scenarios, self._starts, np.ones(1, bool))
         else:
             own_seed = int(self.np_random.integers(2**31)) if seed is None else seed
-            self._scenarios, start = start_program(self.options)(keys_of([own_seed]), self._cases)
+            self._scenarios, start = start_program(self.options)(keys_of([own_seed]), self._starts)
         info = {"speed": float(start.speed[0]), "crashed": False}
         return np.array(start.observation)[..., 0], info
 
@@ -79,7 +90,9 @@ class HighwayEnv(gymnasium.Env[np.ndarray, np.int64]):
         number = np.asarray(action)
         if number.size != 1 or not self.action_space.contains(number.reshape(())):
             raise ValueError(f"action {action!r} is none of 0 to {N_ACTIONS - 1}: see rearl_jax.MetaAction")
-        self._scenarios, outcome = step_program(self.options)(self._scenarios, number.reshape(1).astype(np.int32))
+        self._scenarios, outcome = step_program(self.options)(
+            self._scenarios, self._around, number.reshape(1).astype(np.int32)
+        )
         terminated = bool(outcome.terminated[0])
         info = {"speed": float(outcome.speed[0]), "crashed": terminated}
         observation = np.array(outcome.observation)[..., 0]

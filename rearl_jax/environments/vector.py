@@ -23,7 +23,7 @@ from rearl_jax.environments.programs import (
     step_program,
 )
 from rearl_jax.environments.single import spaces
-from rearl_jax.environments.starts import with_scenes
+from rearl_jax.environments.starts import Recorded, with_scenes
 from rearl_jax.problems import out_of_range
 
 
@@ -44,6 +44,8 @@ class HighwayVectorEnv(gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, np.nda
         scenes: SceneSet | None = None,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
         render_mode: str | None = None,
+        boundary: str = "free",
+        data: Recorded = None,
         **options: Any,
     ) -> None:
         """Prepares the environment; nothing is compiled before the first reset.
@@ -54,15 +56,19 @@ class HighwayVectorEnv(gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, np.nda
                 random traffic.
             autoreset_mode: Treatment of finished episodes.
             render_mode: `rgb_array` for pictures, None for none.
+            boundary: Recorded vehicles replayed around the simulated ones, as in `with_scenes`.
+            data: Recordings of the scenes, as in `with_scenes`.
             **options: Fields of `HighwayOptions`.
 
         Raises:
-            TypeError, ValueError: An option is unknown or outside its range, or the scenes do not fit the road.
+            TypeError, ValueError: An option is unknown or outside its range, or the scenes do not fit the road or the
+                boundary.
         """
         if num_envs < 1:
             raise out_of_range("num_envs", "must be at least 1", num_envs)
         self.num_envs = num_envs
-        self.options, self._cases = with_scenes(HighwayOptions(**options), scenes)
+        self.options, self._starts = with_scenes(HighwayOptions(**options), scenes, boundary, data)
+        self._around = None if self._starts is None else self._starts.around
         self._mode = AutoresetMode(autoreset_mode)
         self.render_mode = rendering.check_render_mode(render_mode)
         self.metadata = rendering.metadata(autoreset_mode=self._mode)
@@ -94,7 +100,7 @@ class HighwayVectorEnv(gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, np.nda
         if self._scenarios is None:
             drawn = self.np_random.integers(2**31, size=self.num_envs)
             keys = keys_of([int(new) if given is None else given for new, given in zip(drawn, seeds, strict=True)])
-            self._scenarios, start = start_program(self.options)(keys, self._cases)
+            self._scenarios, start = start_program(self.options)(keys, self._starts)
         else:
             is_given = np.array([given is not None for given in seeds]) & begins
             if is_given.any():
@@ -135,7 +141,7 @@ class HighwayVectorEnv(gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, np.nda
             raise RuntimeError(
                 f"{ended_before.sum()} episodes have ended: call reset with options={{'reset_mask': their mask}}"
             )
-        self._scenarios, outcome = step_program(self.options)(self._scenarios, actions.astype(np.int32))
+        self._scenarios, outcome = step_program(self.options)(self._scenarios, self._around, actions.astype(np.int32))
         observation, speed = _scenarios_first(outcome.observation), np.asarray(outcome.speed)
         reward = np.asarray(outcome.reward, np.float64)
         terminated, truncated = np.array(outcome.terminated), np.array(outcome.truncated)
@@ -168,7 +174,7 @@ class HighwayVectorEnv(gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, np.nda
 
     def _restart(self, begins: Bool[np.ndarray, " scenarios"]) -> FirstObservation:
         """Observations after new episodes have begun."""
-        self._scenarios, start = restart_program(self.options)(self._scenarios, self._cases, begins)
+        self._scenarios, start = restart_program(self.options)(self._scenarios, self._starts, begins)
         return start
 
     def _seeds(self, seed: int | Sequence[int | None] | None) -> Sequence[int | None]:

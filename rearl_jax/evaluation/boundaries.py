@@ -1,22 +1,16 @@
-"""What was recorded around simulated scenes; read once per machine, data set and choice of scenes."""
-
-from dataclasses import fields
+"""What was recorded around simulated scenes, and the keys that it fits."""
 
 import numpy as np
 
-from rearl_jax.cache import kept_path, read_arrays, write_arrays
 from rearl_jax.config import EvaluateTask
 from rearl_jax.config.core import InitialSource
 from rearl_jax.config.evaluation import SeedScope
 from rearl_jax.config.scenes import BoundarySource, SpeedNorm
-from rearl_jax.data.recordings import data_id, file_stamps, iterate_recordings
-from rearl_jax.data.scenes.boundary import BoundaryOptions, SceneBoundary, cut_boundary
+from rearl_jax.data.scenes.boundary import BoundaryOptions, SceneBoundary
+from rearl_jax.data.scenes.boundary_cache import kept_boundary
 from rearl_jax.data.scenes.scene_set import SceneSet
 from rearl_jax.evaluation.traffic import WITH_MODEL
 from rearl_jax.problems import InvalidInputError, Problem, out_of_range
-
-_SOURCES = ("config", "data")
-"""Parts of the package whose code decides what is read."""
 
 
 def check_boundary(config: EvaluateTask, *, has_own_scenes: bool = False) -> None:
@@ -65,19 +59,5 @@ def recorded_boundary(config: EvaluateTask, scenes: SceneSet, subset: np.ndarray
     source = config.scenes.boundary
     if source is BoundarySource.free:
         return None
-    keys = {
-        "data": data_id(config.data),
-        "files": [list(stamp) for stamp in file_stamps(config.data)],
-        "scenes": scenes.data_id,
-        "subset": np.asarray(subset).tolist(),
-        "source": source.name,
-        "steps": config.core.ticks_per_second,
-    }
-    path = kept_path("boundaries", keys, _SOURCES, ".npz")
-    arrays = read_arrays(path)
-    if arrays is not None:
-        return SceneBoundary(**arrays)
     options = BoundaryOptions(source, config.core.ticks_per_second, scenes.is_one_way)
-    boundary = cut_boundary(iterate_recordings(config.data), scenes, subset, options)
-    write_arrays(path, {item.name: getattr(boundary, item.name) for item in fields(boundary)})
-    return boundary
+    return kept_boundary(config.data, scenes, subset, options)

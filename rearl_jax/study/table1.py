@@ -1,10 +1,13 @@
 """The task `rearl study table1`: comparison of the methods with each other and with the paper's Table 1.
 
-Every row is evaluated by `rearl evaluate` in `rows/NAME`. Writes `table1.parquet` (one row per row of the table and
-metric), `table1.png`, `page.html`, `config.json` and, last of all, `summary.json`.
+Every row is evaluated by `rearl evaluate` in `rows/NAME`, those of `table1.traffic` in `traffic/`. Writes
+`table1.parquet` (one row per row of the table and metric), `table1.png`, `page.html`, `config.json` and, last of all,
+`summary.json`.
 """
 
 from functools import partial
+
+import pandas as pd
 
 from rearl_jax.config import StudyTable1Task
 from rearl_jax.evaluation.inputs import Inputs, read_inputs
@@ -18,6 +21,7 @@ from rearl_jax.study.parts import begin
 from rearl_jax.study.published import N_EVALUATION_SCENES
 from rearl_jax.study.row_results import Results, evaluate_rows
 from rearl_jax.study.table1_tables import long_rows, sections, summary_of, verdict
+from rearl_jax.study.traffic.rows import DEFINITION, check_traffic, rows_on_traffic
 
 _CAPTION = (
     "Every row with its interval. Diamonds are the paper's figures of the same row: H on the scale they likely have, "
@@ -35,13 +39,23 @@ def run(config: StudyTable1Task) -> dict:
         FileNotFoundError, ValueError: There are no recordings, a recording is invalid, too few scenes can be cut from
             them, two keys contradict each other, or there is no row of a name.
     """
+    if config.table1.traffic:
+        check_traffic(config)
     study = begin("study table1", config, inputs_id(config))
     results = evaluate_rows(config)
+    traffic = None
     with progress_bar() as bar:
         inputs = read_inputs(config, study, bar, with_references=results.has_references)
+        if config.table1.traffic:
+            traffic = rows_on_traffic(config, study, bar)
     compared, confidence, generated = results.differences(config), config.eval.confidence, inputs.scenes.generated
     sentences = findings(compared, n_scenes=results.n_scenes, confidence=confidence, generated=generated)
     table, summary = long_rows(results), summary_of(config, results, sentences)
+    notes = [verdict(table), *sentences]
+    if traffic is not None:
+        table = pd.concat([table, traffic.table], ignore_index=True)
+        summary |= traffic.figures
+        notes += traffic.notes
     publish(
         study,
         FORM,
@@ -49,7 +63,7 @@ def run(config: StudyTable1Task) -> dict:
         inputs.scenes,
         table,
         summary,
-        remarks_on_rows(config, results, inputs, [verdict(table), *sentences]),
+        remarks_on_rows(config, results, inputs, notes, *([] if traffic is None else [DEFINITION])),
         partial(_draw, config, results, generated=generated),
         seeds=config.seeds,
     )

@@ -15,6 +15,7 @@ from rearl_jax.metrics import METRICS
 from rearl_jax.study.document import beside_paper, cell, long_table, records_of
 from rearl_jax.study.published import TABLE1, PublishedRow
 from rearl_jax.study.row_results import REFERENCES, Evaluated, Results
+from rearl_jax.study.traffic.tables import parted, sections_on_traffic
 
 TITLES_OF_METRICS = {
     "h": HEADINGS["h"],
@@ -41,6 +42,7 @@ def paper_figure(row: PublishedRow | None, metric: str) -> float | None:
 def sections(config: StudyTable1Task, table: pd.DataFrame, summary: Mapping[str, Any]) -> tuple[Section, ...]:
     """Sections: own and published figures, differences from base, and all metrics."""
     intervals = f"{100 * config.eval.confidence:g} % intervals"
+    table, on_traffic = parted(table)
     ours = beside_paper(
         f"Table 1, ours beside the paper's; {summary['n_scenes']} held-out scenes, {intervals}",
         table,
@@ -67,6 +69,7 @@ def sections(config: StudyTable1Task, table: pd.DataFrame, summary: Mapping[str,
     }
     return (
         Section("Ours beside the paper's", tables=(ours, less_base)),
+        *sections_on_traffic(on_traffic, intervals),
         Section("All metrics", tables=(beside_paper("Every metric", table, every),), is_folded=True),
     )
 

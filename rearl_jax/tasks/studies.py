@@ -12,12 +12,14 @@ STUDIES = (
         description=(
             "Evaluates every row (base, PPO, CRITICAL, the closed loop with its controls, with table1.llm=true a "
             "language model) as `rearl evaluate` does, each in a folder of its own below rows/, and puts them beside "
-            "the figures of the paper, with a list of differences. An interrupted study continues. "
+            "the figures of the paper, with a list of differences. table1.traffic=true adds REARL on better traffic: "
+            "recorded vehicles around, calibrated drivers, both. An interrupted study continues. "
             "Prints the table and conclusions, writes Parquet, a figure and one HTML page."
         ),
         examples=(
             "rearl study table1",
             "rearl study table1 table1.rows=[base,matcher_rank,idle] study=three",
+            "rearl study table1 table1.rows=[base] table1.traffic=true study=better",
             "rearl study table1 data=highd data.root=/data/highD study=highd_table1",
             "rearl study table1 table1.llm=true decision.server=http://HOST:8000/v1 table1.llm_interval=1",
         ),

@@ -13,7 +13,8 @@ from rearl_jax.problems import InvalidInputError
 
 
 def test_every_vehicle_of_every_scene_is_once_the_controlled_one(us101):
-    options, cases = with_scenes(HighwayOptions(), us101)
+    options, starts = with_scenes(HighwayOptions(), us101)
+    cases = starts.state
     n_slots = us101.n_slots
     assert cases.x.shape == (n_slots, len(us101) * n_slots)
     assert options.model.n_lanes == us101.lane[:, 0].max() + 1
@@ -34,7 +35,7 @@ def test_every_vehicle_of_every_scene_is_once_the_controlled_one(us101):
 
 @pytest.mark.thorough  # a program of its own
 def test_environments_begin_with_them(us101):
-    _, cases = with_scenes(HighwayOptions(), us101)
+    cases = with_scenes(HighwayOptions(), us101)[1].state
     known = {(round(float(v), 3), round(float(y), 3)) for v, y in zip(cases.speed[0], cases.y[0], strict=True)}
     env = make_env(scenes=us101)
     n_lanes = env.unwrapped.options.n_lanes
@@ -47,8 +48,8 @@ def test_environments_begin_with_them(us101):
 
 
 def test_the_functional_environment_begins_with_them(us101):
-    _, cases = with_scenes(HighwayOptions(), us101)
-    np.testing.assert_array_equal(FunctionalHighway(us101).default_params.starts.x, cases.x)
+    cases = with_scenes(HighwayOptions(), us101)[1].state
+    np.testing.assert_array_equal(FunctionalHighway(us101).default_params.starts.state.x, cases.x)
 
 
 def test_a_road_with_too_few_lanes_is_refused(us101):

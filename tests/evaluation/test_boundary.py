@@ -60,13 +60,13 @@ def test_given_scenes_have_no_surroundings():
 
 
 def test_surroundings_are_read_once(monkeypatch, tmp_path):
-    from rearl_jax.evaluation import boundaries
+    from rearl_jax.data.scenes import boundary_cache
     from rearl_jax.workflows import cut_scenes
 
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     scenes, subset = cut_scenes(speed={"norm": "none"}), np.array([2, 5])
     first = recorded_boundary(MEASURED, scenes, subset)
-    monkeypatch.setattr(boundaries, "cut_boundary", None)
+    monkeypatch.setattr(boundary_cache, "cut_boundary", None)
     again = recorded_boundary(MEASURED, scenes, subset)
     for name, values in vars(first).items():
         np.testing.assert_array_equal(values, getattr(again, name), err_msg=name)

@@ -81,11 +81,13 @@ class BoundaryOptions:
         source: All others, or those ahead of the foremost.
         steps_per_second: Steps of the simulation [1/s].
         is_one_way: Whether a scene holds one carriageway only.
+        keeps_first: Whether the vehicle of the first place is simulated to the end, also after it was recorded.
     """
 
     source: BoundarySource
     steps_per_second: int
     is_one_way: bool
+    keeps_first: bool = False
 
 
 def cut_boundary(
@@ -106,11 +108,14 @@ def cut_boundary(
     """
     chosen = scenes.select(subset)
     simulated = _simulated(chosen)
+    if options.keeps_first:
+        simulated = _kept(simulated)
     replayed: dict[int, dict[str, np.ndarray]] = {}
     for recording in recordings:
         own = np.flatnonzero(chosen.recording == recording.info.id)
         if len(own):
             rows = VehicleRows(recording.table)
+            _require_same(recording, rows, chosen.select(own))
             for scene in own:
                 replayed[int(scene)] = _replayed(recording, rows, chosen, simulated, int(scene), options)
     missing = sorted(set(range(len(chosen))) - set(replayed))
@@ -118,6 +123,16 @@ def cut_boundary(
         message = "holds the vehicles around a scene, but is not among the recordings"
         raise InvalidInputError(Problem("recording-missing", message, file=f"recording {chosen.recording[missing[0]]}"))
     return SceneBoundary(**simulated, **_joined([replayed[scene] for scene in range(len(chosen))]))
+
+
+def _require_same(recording: Recording, rows: VehicleRows, scenes: SceneSet) -> None:
+    """Raise InvalidInputError if scenes were cut from another recording of the same name."""
+    track, frame = scenes.track_id[:, 0], scenes.start_frame[:, None]
+    row = rows.rows(track.ravel(), np.broadcast_to(frame, track.shape).ravel())
+    position = recording.table["position"].to_numpy(np.float64)[row]
+    if (row == ABSENT).any() or not np.allclose(position, scenes.position[:, 0].ravel(), atol=0.01):
+        message = "is not the recording that the scenes were cut from"
+        raise InvalidInputError(Problem("recording-missing", message, file=f"recording {recording.info.id}"))
 
 
 def lanes_side_by_side(scenes: SceneSet, lane: np.ndarray, direction: np.ndarray) -> np.ndarray:
@@ -155,6 +170,16 @@ def _simulated(scenes: SceneSet) -> dict[str, np.ndarray]:
         top = np.where(is_own, found["speed"], -np.inf).max(axis=1, keepdims=True)
         highest = np.where(is_own, top, highest)
     return found | {"highest_speed": highest}
+
+
+def _kept(simulated: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+    """The fields of `_simulated`, of traffic in which nobody takes the first place from its first vehicle."""
+    track, lane, is_new = simulated["track_id"].copy(), simulated["lane"].copy(), simulated["is_new"]
+    own = track[:, :1, :1].copy()
+    has_left = np.logical_or.accumulate(track[:, :, :1] != own, axis=1)
+    lane[:, :, :1] = np.where(has_left, NOT_RECORDED, lane[:, :, :1])
+    track[:, :, :1] = own
+    return simulated | {"track_id": track, "lane": lane, "is_new": is_new & (track != own)}
 
 
 def _places(track_id: Int[np.ndarray, "frames slots"]) -> Int[np.ndarray, "frames places"]:

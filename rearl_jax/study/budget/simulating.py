@@ -13,12 +13,15 @@ from rearl_jax.config.evaluation import Method
 from rearl_jax.config.scenes import BoundarySource
 from rearl_jax.detection.references import References
 from rearl_jax.evaluation.estimates import grouped_mean, scene_means
+from rearl_jax.evaluation.host_policy import MakePolicy
 from rearl_jax.evaluation.inputs import Inputs
+from rearl_jax.evaluation.interventions import DecisionLog
 from rearl_jax.evaluation.positions import Positions
 from rearl_jax.evaluation.rollouts import Rollouts
 from rearl_jax.evaluation.rows import Row as SimulatedRow
 from rearl_jax.evaluation.runner import example_scene, make_scorer, reference_rows, simulated_row
 from rearl_jax.evaluation.scores import REAL, Scores, with_realism
+from rearl_jax.evaluation.scoring import Scorer
 from rearl_jax.evaluation.simulators import NEVER
 from rearl_jax.metrics import METRICS
 from rearl_jax.models.record import RepairedModel
@@ -82,7 +85,10 @@ def simulated_rows(setting: Setting, study: Study, bar: Progress, metadata: Mapp
             config, inputs = setting.config, setting.inputs
             scorer = make_scorer(config, inputs.scenes, config.eval.n_runs * len(setting.held_out))
             references = reference_rows(config, inputs.scenes, setting.held_out, scorer)
-        table = _references(setting, references) if row is None else _row(setting, row, scorer, references)
+        if row is None:
+            table = reference_table(setting, references)
+        else:
+            table, _ = simulated_table(setting, row, scorer, references)
         study.write_table(part_name(ERRORS, number), table, **metadata)
     bar.update(line, completed=len(rows) + 1)
     return pd.read_parquet(study.path / ERRORS)
@@ -92,22 +98,38 @@ def _title(row: Row | None) -> str:
     return "references" if row is None else ", ".join(TITLES[name] for name in named(row)) or "base"
 
 
-def _references(setting: Setting, references: Sequence[Scores]) -> pd.DataFrame:
-    """Rows of the references."""
+def reference_table(setting: Setting, references: Sequence[Scores]) -> pd.DataFrame:
+    """Figures of the reference rows, scene by scene."""
     real = next(row for row in references if row.row == REAL)
     complete = with_realism(list(references), real, setting.config.realism)
     return pd.concat([_table(setting, row) for row in complete], ignore_index=True)
 
 
-def _row(setting: Setting, row: Row, scorer, references: Sequence[Scores]) -> pd.DataFrame:
-    """A row, simulated and scored."""
+def simulated_table(
+    setting: Setting,
+    row: Row,
+    scorer: Scorer,
+    references: Sequence[Scores],
+    host_policy: MakePolicy | None = None,
+) -> tuple[pd.DataFrame, DecisionLog | None]:
+    """Figures of a row scene by scene, simulated and scored, and what was decided in it; None without REARL.
+
+    Args:
+        setting: What all rows have in common.
+        row: Components of the row.
+        scorer: Scorer of the judged scenes.
+        references: Scores of the reference rows.
+        host_policy: Makes the policies that decide outside the compiled program, where one does.
+    """
     scenes, held_out, name = setting.inputs.scenes, setting.held_out, row_name(row)
-    rollouts = Rollouts([as_simulated(setting, row)], scenes, held_out, setting.references)
+    rollouts = Rollouts([as_simulated(setting, row)], scenes, held_out, setting.references, host_policy)
     example = example_scene(scenes, held_out, None)
-    scores, _, _, positions = simulated_row(name, rollouts, scorer, scenes, held_out, example, lambda done, total: None)
+    scores, _, log, positions = simulated_row(
+        name, rollouts, scorer, scenes, held_out, example, lambda done, total: None
+    )
     real = next(reference for reference in references if reference.row == REAL)
     (complete,) = with_realism([scores], real, setting.config.realism)
-    return _table(setting, complete, positions)
+    return _table(setting, complete, positions), log
 
 
 def as_simulated(setting: Setting, row: Row) -> SimulatedRow:

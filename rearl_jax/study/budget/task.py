@@ -61,7 +61,7 @@ def run(config: StudyBudgetTask) -> dict:
     if (stored := study.begin(resume=config.results.resume)) is not None:
         return stored
     with progress_bar() as bar:
-        setting, absent, origin = _prepared(config, study, bar)
+        setting, absent, origin = prepared(config, study, bar)
         scenes = setting.inputs.scenes
         metadata = {"seeds": config.seeds, "scenes_id": scenes.data_id}
         rows = simulated_rows(setting, study, bar, metadata)
@@ -90,7 +90,7 @@ def run(config: StudyBudgetTask) -> dict:
     return summary
 
 
-def _prepared(config: StudyBudgetTask, study: Study, bar: Progress) -> tuple[Setting, tuple[str, ...], tuple[str, ...]]:
+def prepared(config: StudyBudgetTask, study: Study, bar: Progress) -> tuple[Setting, tuple[str, ...], tuple[str, ...]]:
     """What the rows have in common, a note on every absent component, and a note on the calibrated drivers."""
     absent: dict[str, str] = {}
     inputs = _inputs(config, study, bar, absent)

@@ -85,6 +85,16 @@ def test_vehicles_keep_their_places_and_others_enter_where_they_were_recorded(me
     np.testing.assert_allclose(measured.highest_speed[0, :, 0], [20.5, 20.5, 21 + 1.5, 21 + 1.5])
 
 
+def test_a_vehicle_that_stays_is_simulated_to_the_end_and_nobody_takes_its_place(recordings, scenes):
+    options = BoundaryOptions(BoundarySource.measured, STEPS, False, keeps_first=True)
+    kept = cut_boundary(recordings, scenes, np.arange(len(scenes)), options)
+    np.testing.assert_array_equal(kept.track_id[0], [[1, 2]] * SECONDS)
+    assert not kept.is_new[0].any()
+    assert 1 not in kept.replayed_id[0]  # nor is it replayed beside itself
+    assert (kept.replayed_id[0, 2:] == 3).any(axis=1).all()  # whom nobody simulates now
+    assert kept.lane[0, 2:, 0].tolist() == [NOT_RECORDED] * 2
+
+
 def test_replayed_vehicles_are_exactly_where_they_were_recorded(measured, scenes):
     table = rows()
     seen = set()

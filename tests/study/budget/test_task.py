@@ -123,7 +123,7 @@ def test_thresholds_are_those_of_base_on_a_free_road(monkeypatch, tmp_path):
     monkeypatch.setattr(task, "thresholds_of", thresholds)
     config = StudyBudgetTask(budget=BudgetConfig(("start", "boundary", "rearl")), core=CoreConfig())
     study = Study(tmp_path, "budget", config, "study budget")
-    setting, absent, origin = task._prepared(config, study, silent())
+    setting, absent, origin = task.prepared(config, study, silent())
     assert (setting.components, absent, origin) == (("start", "boundary", "rearl"), (), ())
     assert (setting.thresholds, asked) == ((0.3, 0.2), [Method.rearl])
     assert setting.config.core.n_vehicles == 4

@@ -1,0 +1,85 @@
+"""What is left for decisions on better traffic, as sentences computed from the figures alone."""
+
+import numpy as np
+import pandas as pd
+
+from rearl_jax.config.decision import PolicyName
+from rearl_jax.config.evaluation import EvaluationConfig
+from rearl_jax.evaluation.scores import REAL_VS_REAL
+from rearl_jax.evaluation.tables import HEADINGS
+from rearl_jax.study.budget.figures import figures_of
+from rearl_jax.study.findings import Difference
+from rearl_jax.study.traffic.tables import PREFIX, TITLES_OF_KINDS, TITLES_OF_POLICIES, name_of, scene_figures
+
+
+def findings_of(rows: pd.DataFrame, eval: EvaluationConfig, mape: str) -> list[str]:
+    """A paragraph for each of the two main errors, and the matcher's interventions on the first and the last traffic.
+
+    Args:
+        rows: Scene by scene, see `rows`.
+        eval: Resamples, confidence and seed of the intervals.
+        mape: The spacing error that decides.
+    """
+    found = [_paragraph(scene_figures(rows, figure), HEADINGS[figure], eval) for figure in ("h", mape)]
+    asked, changed = scene_figures(rows, "interventions"), scene_figures(rows, "changes")
+    kinds = [kind for kind in TITLES_OF_KINDS if name_of(kind, PolicyName.matcher) in asked]
+    parts = []
+    for kind in dict.fromkeys((*kinds[:1], *kinds[-1:])):
+        name = name_of(kind, PolicyName.matcher)
+        rates = f"{np.nanmean(asked[name]):.1f}", f"{np.nanmean(changed[name]):.1f}"
+        parts.append(f"{rates[0]} ({TITLES_OF_KINDS[kind]}), {rates[1]} of them changing speed or lane")
+    if parts:
+        found.append(f"Interventions of the matcher per vehicle and minute: {'; '.join(parts)}.")
+    return found
+
+
+def _paragraph(of_rows: dict[str, np.ndarray], heading: str, eval: EvaluationConfig) -> str:
+    """What REARL changes on every kind of traffic, and what is left on the last one."""
+    parts, last = [], None
+    for kind, title in TITLES_OF_KINDS.items():
+        alone = of_rows.get(name_of(kind, None))
+        if alone is None:
+            continue
+        changes = {
+            policy: _difference(of_rows[name_of(kind, policy)], alone, eval)
+            for policy in TITLES_OF_POLICIES
+            if policy is not None and name_of(kind, policy) in of_rows
+        }
+        told = "; ".join(f"{TITLES_OF_POLICIES[policy]} {change}" for policy, change in changes.items())
+        parts.append(f"{title} {np.nanmean(alone):.3f}" + (f" ({told})" if told else ""))
+        last = kind, changes.get(PolicyName.matcher)
+    text = f"{heading} without REARL, and how REARL changes it: {'; '.join(parts)}."
+    real = of_rows.get(PREFIX + REAL_VS_REAL)
+    if real is not None and np.isfinite(real).any():
+        text += f" Between two recorded scenes it is {np.nanmean(real):.3f}."
+    kind, change = ("", None) if last is None else last
+    if change is None:
+        return text
+    choices = _difference(of_rows[name_of(kind, PolicyName.matcher)], of_rows[name_of(kind, PolicyName.idle)], eval)
+    return f"{text} On the last traffic, {TITLES_OF_KINDS[kind]}, {_left(change, choices)}."
+
+
+def _left(change: Difference, choices: Difference) -> str:
+    """What is left for decisions.
+
+    Args:
+        change: The matcher less traffic without REARL.
+        choices: The matcher less idle.
+    """
+    beside = {
+        -1: "its choices are closer than",
+        0: "its choices are not distinguished from",
+        1: "its choices are farther than",
+    }
+    idle = f"{beside[choices.sign]} keeping speed and lane ({choices})"
+    if change.sign > 0:
+        return f"the matcher takes traffic away from the recording, so these decisions have nothing left to do; {idle}"
+    if change.sign == 0:
+        return f"the matcher is not distinguished from traffic without REARL, so nothing is shown to be left; {idle}"
+    return f"the matcher still brings traffic closer to the recording; {idle}"
+
+
+def _difference(first: np.ndarray, second: np.ndarray, eval: EvaluationConfig) -> Difference:
+    """Mean difference over scenes, with its interval."""
+    ((value, low, high),) = figures_of([first - second], eval)
+    return Difference(value, low, high)

@@ -1,0 +1,214 @@
+"""Rows of `table1.traffic`: four kinds of traffic, each without REARL and with it under every policy.
+
+The traffic is made of components of the error budget, with its scenes, starts, drivers and thresholds; all rows of a
+kind begin alike and have the same random numbers. Finished rows are not simulated again.
+"""
+
+from collections.abc import Mapping
+from contextlib import ExitStack
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pandas as pd
+from rich.progress import Progress
+
+from rearl_jax.config import StudyTable1Task
+from rearl_jax.config._schema import finished
+from rearl_jax.config.budget import (
+    BOUNDARY,
+    CALIBRATED,
+    FOUND,
+    LANE_CHANGES,
+    REARL,
+    START,
+    VARIATION,
+    StudyBudgetTask,
+)
+from rearl_jax.config.decision import PolicyName
+from rearl_jax.config.evaluation import Method
+from rearl_jax.config.scenes import BoundarySource, Direction, SpeedConfig, SpeedNorm
+from rearl_jax.core.meta_actions import MetaAction
+from rearl_jax.evaluation import task as evaluation
+from rearl_jax.evaluation.estimates import grouped_mean
+from rearl_jax.evaluation.interventions import DecisionLog
+from rearl_jax.evaluation.runner import make_scorer, reference_rows
+from rearl_jax.problems import InvalidInputError, Problem
+from rearl_jax.results import Study, part_name
+from rearl_jax.study.budget.simulating import Setting, free, reference_table, simulated_table
+from rearl_jax.study.budget.task import prepared
+from rearl_jax.study.parts import part_record
+from rearl_jax.study.traffic.findings import findings_of
+from rearl_jax.study.traffic.tables import figures_of_rows, long_rows_on_traffic, name_of
+
+DRIVERS = (CALIBRATED, FOUND, LANE_CHANGES, VARIATION)
+"""Components that are drivers."""
+
+TRAFFIC: Mapping[str, tuple[str, ...]] = {
+    "base": (START,),
+    "boundary": (START, BOUNDARY),
+    "calibrated": (START, *DRIVERS),
+    "both": (START, BOUNDARY, *DRIVERS),
+}
+"""Kinds of traffic, and their components as far as the recordings and the model have them."""
+
+PARTS = "traffic"
+"""Name of the table of all rows scene by scene: a folder of parts."""
+
+DEFINITION = (
+    "REARL on better traffic: each carriageway makes its own scenes, which start as recorded with speeds that are not "
+    "rescaled; every driver wants at most the highest recorded speed of its vehicle; the thresholds of all these rows "
+    "are percentiles of base from highway-env's start; components of the traffic as in `rearl study budget`"
+)
+"""How these rows differ from those of the paper."""
+
+_SECONDS_PER_MINUTE = 60
+
+
+@dataclass(frozen=True)
+class OnTraffic:
+    """The rows with their figures.
+
+    Attributes:
+        table: Rows of the long table of Table 1.
+        figures: Keys of summary.json.
+        notes: What follows from the figures, whose drivers there are, and what is absent.
+    """
+
+    table: pd.DataFrame
+    figures: dict[str, float | None]
+    notes: tuple[str, ...]
+
+
+def budget_task(config: StudyTable1Task) -> StudyBudgetTask:
+    """The task whose components the traffic is made of: scenes of one carriageway each, speeds as recorded.
+
+    Raises:
+        InvalidInputError: Keys contradict it.
+    """
+    record = part_record(
+        StudyBudgetTask,
+        config,
+        config.study,
+        scenes=replace(config.scenes, direction=Direction.per_direction, boundary=BoundarySource.measured),
+        speed=SpeedConfig(SpeedNorm.none),
+        init=StudyBudgetTask().init,
+    )
+    return finished(record)
+
+
+def check_traffic(config: StudyTable1Task) -> None:
+    """Raise InvalidInputError if two keys contradict each other, before hours of work."""
+    evaluation.check(free(budget_task(config)))
+
+
+def rows_on_traffic(config: StudyTable1Task, study: Study, bar: Progress) -> OnTraffic:
+    """The rows, simulated and scored on the held-out scenes.
+
+    Args:
+        config: The task.
+        study: Its folder, in which rows and calibrated drivers are kept.
+        bar: Shows the progress.
+
+    Raises:
+        FileNotFoundError, ValueError: See `rearl_jax.study.budget.task.run`; or the lane of some vehicle is unknown.
+    """
+    setting, absent, origin = prepared(budget_task(config), study, bar)
+    if START not in setting.components:
+        message = "needs the lane of every vehicle, from which scenes start as recorded; these recordings lack some"
+        raise InvalidInputError(Problem("lane-missing", message, key="table1.traffic"))
+    rows = _scene_by_scene(config, setting, study, bar)
+    figures = figures_of_rows(rows, setting.config.eval)
+    found = findings_of(rows, setting.config.eval, setting.config.mape.column)
+    return OnTraffic(
+        long_rows_on_traffic(figures, len(setting.held_out), has_found=FOUND in setting.components),
+        {f"{row}_{metric}{ending}": value for (row, metric), own in figures.items() for ending, value in own.items()},
+        (*found, *origin, *absent),
+    )
+
+
+def _scene_by_scene(config: StudyTable1Task, setting: Setting, study: Study, bar: Progress) -> pd.DataFrame:
+    """One row per row of the table and scene: `row`, `scene_id`, every metric, `position_error` [m], `interventions`
+    and `changes`, both per vehicle and minute.
+    """
+    wanted = list(_rows(config, setting))
+    done, metadata = study.finished_parts(PARTS), {"seeds": config.seeds, "scenes_id": setting.inputs.scenes.data_id}
+    line = bar.add_task("traffic", total=len(wanted) + 1)
+    scorer = make_scorer(setting.config, setting.inputs.scenes, setting.config.eval.n_runs * len(setting.held_out))
+    references = None
+    for number, row in enumerate([None, *wanted]):
+        bar.update(line, completed=number)
+        if number in done:
+            continue
+        if references is None:
+            references = reference_rows(setting.config, setting.inputs.scenes, setting.held_out, scorer)
+        if row is None:
+            table = reference_table(setting, references)
+            table = table.assign(row="recorded_" + table["row"], interventions=np.nan, changes=np.nan)
+        else:
+            kind, policy = row
+            own, components = _deciding(config, setting, policy), _components(setting, kind)
+            with ExitStack() as opened:
+                asked = None
+                if own.config.decision.policy.is_outside:
+                    from rearl_jax.evaluation.language_model import language_model  # it brings a client
+
+                    asked = opened.enter_context(language_model(own.config, bar))
+                table, log = simulated_table(
+                    own,
+                    components if policy is None else components | {REARL},
+                    scorer,
+                    references,
+                    None if asked is None else asked.make_policy,
+                )
+            table = table.assign(row=name_of(kind, policy), **_interventions(own, log))
+        missing = {name: table[name].astype("Float64") for name in ("interventions", "changes")}
+        study.write_table(part_name(PARTS, number), table.assign(**missing), **metadata)
+    bar.update(line, completed=len(wanted) + 1)
+    return pd.read_parquet(study.path / PARTS)
+
+
+def _rows(config: StudyTable1Task, setting: Setting):
+    """Kinds of traffic that are there, and the policies on each; None for traffic without REARL."""
+    policies: list[PolicyName | None] = [None]
+    if REARL in setting.components:
+        policies += [PolicyName.idle, PolicyName.matcher, *([PolicyName.llm] if config.table1.llm else [])]
+    for kind, components in TRAFFIC.items():
+        needed = set(components) - {FOUND, LANE_CHANGES, VARIATION}
+        if needed <= set(setting.components):
+            for policy in policies:
+                if policy is not PolicyName.llm or BOUNDARY not in components:
+                    yield kind, policy
+
+
+def _components(setting: Setting, kind: str) -> frozenset[str]:
+    return frozenset(TRAFFIC[kind]) & frozenset(setting.components)
+
+
+def _deciding(config: StudyTable1Task, setting: Setting, policy: PolicyName | None) -> Setting:
+    """The setting with a policy; a language model is asked less often and in fewer rollouts."""
+    if policy is None:
+        return setting
+    own = replace(setting.config, decision=replace(setting.config.decision, policy=policy))
+    if policy is PolicyName.llm:
+        own = replace(
+            own,
+            method=Method.rearl,
+            detection=replace(own.detection, interval=config.table1.llm_interval),
+            eval=replace(own.eval, n_runs=config.table1.llm_runs),
+        )
+    return replace(setting, config=own)
+
+
+def _interventions(setting: Setting, log: DecisionLog | None) -> dict[str, np.ndarray | float]:
+    """Interventions per vehicle and minute, and those that change speed or lane, scene by scene."""
+    if log is None:
+        return {"interventions": 0.0, "changes": 0.0}
+    accepted = np.asarray(log.decisions.n_accepted)  # [seconds, actions, rollouts]
+    at = np.searchsorted(setting.held_out, log.scene)
+    per_vehicle_minute = _SECONDS_PER_MINUTE / (len(accepted) * setting.config.core.n_vehicles)
+    kept = accepted[:, MetaAction.IDLE].sum(axis=0)
+    every = accepted.sum(axis=(0, 1))
+    return {
+        name: grouped_mean(values * per_vehicle_minute, at, len(setting.held_out))
+        for name, values in (("interventions", every), ("changes", every - kept))
+    }

@@ -1,0 +1,148 @@
+"""Rows of `table1.traffic` as figures, as rows of the long table of Table 1, and as tables of its document."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from rearl_jax.config.decision import PolicyName
+from rearl_jax.config.evaluation import EvaluationConfig
+from rearl_jax.document.document import Section
+from rearl_jax.document.table import Row, Table
+from rearl_jax.evaluation.scores import REAL_VS_REAL, TITLES
+from rearl_jax.evaluation.tables import HEADINGS
+from rearl_jax.metrics import METRICS
+from rearl_jax.study.budget.figures import figures_of
+from rearl_jax.study.document import beside_paper, cell, long_table, records_of
+
+PREFIX = "recorded_"
+"""Beginning of the names of these rows, whose scenes start as recorded."""
+
+COMPARED = ("h", "mape_a", "mape_b", "mape_c", "position_error")
+"""Figures that are compared with those of the same traffic without REARL."""
+
+HEADINGS_ON_TRAFFIC = {
+    **{name: HEADINGS[name] for name in ("h", "mape_a", "mape_b", "mape_c", "collisions")},
+    "position_error": "position error, m",
+    "interventions": "interventions per vehicle and minute",
+    "changes": "of them changing speed or lane",
+}
+"""Figures of the table, and their headings."""
+
+_DIGITS = {"position_error": 1, "interventions": 1, "changes": 1}
+_UNITS = {"position_error": "m", "interventions": "1/min", "changes": "1/min"}
+
+TITLES_OF_KINDS = {
+    "base": "Base",
+    "boundary": "recorded vehicles around",
+    "calibrated": "calibrated drivers",
+    "both": "calibrated drivers, recorded vehicles around",
+}
+
+TITLES_OF_POLICIES = {
+    None: "without REARL",
+    PolicyName.idle: "idle",
+    PolicyName.matcher: "matcher",
+    PolicyName.llm: "language model",
+}
+
+Figures = Mapping[tuple[str, str], Mapping[str, float | None]]
+"""By row and figure: the value under "", `_low`, `_high`, and, where it is compared, `_less_base` with both ends."""
+
+
+def name_of(kind: str, policy: PolicyName | None) -> str:
+    """Name of a row: `recorded_KIND`, with REARL `recorded_KIND_POLICY`."""
+    return f"{PREFIX}{kind}" if policy is None else f"{PREFIX}{kind}_{policy.name}"
+
+
+def named_rows(names: set[str]) -> list[tuple[str, str, PolicyName | None]]:
+    """Name, kind and policy of those rows that are among the names, in the order of the table."""
+    every = ((name_of(kind, policy), kind, policy) for kind in TITLES_OF_KINDS for policy in TITLES_OF_POLICIES)
+    return [row for row in every if row[0] in names]
+
+
+def parted(table: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """The rows of the long table that are not of `table1.traffic`, and those that are."""
+    is_own = table["row"].str.startswith(PREFIX).to_numpy(bool)
+    return table.iloc[np.flatnonzero(~is_own)], table.iloc[np.flatnonzero(is_own)]
+
+
+def scene_figures(rows: pd.DataFrame, figure: str) -> dict[str, np.ndarray]:
+    """A figure of every row, scene by scene."""
+    wide = rows.pivot(index="scene_id", columns="row", values=figure).astype(np.float64)
+    return {str(name): values.to_numpy(np.float64) for name, values in wide.items()}
+
+
+def figures_of_rows(rows: pd.DataFrame, eval: EvaluationConfig) -> Figures:
+    """Figures of all rows and of real against real, with bootstrap intervals over scenes.
+
+    Args:
+        rows: Scene by scene, see `rows`.
+        eval: Resamples, confidence and seed of the intervals.
+    """
+    keys, values = [], []
+    for figure in HEADINGS_ON_TRAFFIC:
+        of_rows = scene_figures(rows, figure)
+        named = named_rows(set(of_rows))
+        wanted = [(name, kind, policy) for name, kind, policy in named] + [(PREFIX + REAL_VS_REAL, "", None)]
+        for name, kind, policy in wanted:
+            if np.isfinite(of_rows[name]).any():
+                keys.append((name, figure, ""))
+                values.append(of_rows[name])
+                if policy is not None and figure in COMPARED:
+                    keys.append((name, figure, "_less_base"))
+                    values.append(of_rows[name] - of_rows[name_of(kind, None)])
+    found: dict[tuple[str, str], dict[str, float | None]] = {}
+    for (name, figure, ending), (value, low, high) in zip(keys, figures_of(values, eval), strict=True):
+        own = found.setdefault((name, figure), {})
+        own |= {ending: value, f"{ending}_low": low, f"{ending}_high": high}
+    return found
+
+
+def long_rows_on_traffic(figures: Figures, n_scenes: int, *, has_found: bool) -> pd.DataFrame:
+    """Rows of the long table of Table 1; `less_base` is the difference from the same traffic without REARL.
+
+    Args:
+        figures: Figures of all rows.
+        n_scenes: Scenes behind them.
+        has_found: Whether the drivers have effects that were found.
+    """
+    titles = {PREFIX + REAL_VS_REAL: f"{TITLES[REAL_VS_REAL]}, not rescaled"}
+    for name, kind, policy in named_rows({name for name, _ in figures}):
+        title = TITLES_OF_KINDS[kind].replace("calibrated", "repaired" if has_found else "calibrated")
+        titles[name] = f"{title}: {TITLES_OF_POLICIES[policy]}"
+    order = {name: place for place, name in enumerate([*list(titles)[1:], next(iter(titles))])}
+    records: list[dict[str, Any]] = []
+    for name, figure in sorted(figures, key=lambda key: order[key[0]]):
+        own = figures[name, figure]
+        unit = METRICS[figure].unit if figure in METRICS else _UNITS[figure]
+        columns = {("ours" if not ending else ending.removeprefix("_")): value for ending, value in own.items()}
+        records.append(
+            {"row": name, "title": titles[name], "metric": figure, "unit": unit, "n_scenes": n_scenes} | columns
+        )
+    return long_table(records)
+
+
+def sections_on_traffic(own: pd.DataFrame, intervals: str) -> tuple[Section, ...]:
+    """The section of these rows; none without them.
+
+    Args:
+        own: These rows of the long table.
+        intervals: Name of the intervals.
+    """
+    if own.empty:
+        return ()
+    title = f"Started as recorded, speeds not rescaled, the same thresholds in all rows; {intervals}"
+    figures = beside_paper(title, own, HEADINGS_ON_TRAFFIC, _DIGITS)
+    changes = []
+    for records in records_of(own).values():
+        if any(pd.notna(record.get("less_base")) for record in records.values()):
+            digits = {name: METRICS[name].digits for name in METRICS} | _DIGITS
+            cells = (cell(records.get(name), name, "less_base", digits=digits[name], sign="+") for name in COMPARED)
+            changes.append(Row(str(next(iter(records.values()))["title"]), tuple(cells)))
+    headings = tuple(HEADINGS_ON_TRAFFIC[name] for name in COMPARED)
+    less = Table(
+        f"Difference from the same traffic without REARL, paired over scenes; {intervals}", headings, tuple(changes)
+    )
+    return (Section("REARL on better traffic", tables=(figures, less)),)
