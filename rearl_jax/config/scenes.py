@@ -129,7 +129,9 @@ class SpeedConfig:
     """Rescaling of recorded speeds to the simulator's range"""
 
     norm: SpeedNorm = key(
-        SpeedNorm.minmax, "rescaling: minmax (REARL), minmax_p01_999 (0.1 and 99.9 percentiles), clip, none"
+        SpeedNorm.none,
+        "none: as recorded; minmax: rescaled to 5 to 32 m/s (REARL, with init.source=seed); minmax_p01_999: the same by "
+        "the 0.1 and 99.9 percentiles; clip: cut to that range",
     )
 
 

@@ -124,19 +124,18 @@ def replayed_vehicles(motion: Motion, identity: Identity) -> ReplayedVehicles:
 
 
 def cut_desired_speed(
-    speed: Float[Array, "vehicles *scenarios"], highest: Float[Array, "vehicles *scenarios"], drivers: Drivers
+    highest: Float[Array, "vehicles *scenarios"], drivers: Drivers
 ) -> Float[Array, "vehicles *scenarios"]:
     """Desired speed of drivers of recorded vehicles [m/s]: that of their model, at most what was seen of the vehicle.
 
-    A driver whose model has none wants to keep the present speed, as in highway-env.
+    A driver whose model has none, as highway-env's, wants the highest speed that was seen.
 
     Args:
-        speed: Present speed [m/s].
         highest: Highest recorded speed [m/s].
         drivers: Parameters of all vehicles.
     """
     own = drivers.car_following.desired_speed
-    return speed if own is None else jnp.minimum(jnp.broadcast_to(own, highest.shape), highest)
+    return highest if own is None else jnp.minimum(jnp.broadcast_to(own, highest.shape), highest)
 
 
 def enter(state: TrafficState, around: BoundarySecond, drivers: Drivers, model: TrafficModel) -> TrafficState:
@@ -157,7 +156,7 @@ def enter(state: TrafficState, around: BoundarySecond, drivers: Drivers, model: 
         heading=zeros,
         speed=new.speed,
         acceleration=zeros,
-        desired_speed=cut_desired_speed(new.speed, new.highest_speed, drivers),
+        desired_speed=cut_desired_speed(new.highest_speed, drivers),
         target_lane=new.lane,
         ticks_to_decision=1 + jnp.floor(new.wait * period.astype(new.wait.dtype)).astype(jnp.int32),
         controller=jnp.full_like(state.controller, int(Controller.IDM)),

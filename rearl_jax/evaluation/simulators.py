@@ -152,12 +152,13 @@ def begin(
         state, drivers = populate_by_model(state, drivers, keys, _same_for_all(batch.traffic), model, replayed)
     if batch.measured is not None:
         # Recorded vehicles are not moved to make room; their state brings the highest speed that was seen of them.
-        wanted = cut_desired_speed(state.speed, batch.measured.desired_speed, drivers)
+        wanted = cut_desired_speed(batch.measured.desired_speed, drivers)
         state = replace(state, x=batch.measured.x, desired_speed=wanted)
     if batch.shares is not None:
         state, drivers = populate(state, drivers, keys, jnp.asarray(batch.shares), model)
         if batch.measured is not None:
-            state = replace(state, speed=batch.measured.speed)
+            wanted = jnp.minimum(state.desired_speed, batch.measured.desired_speed)
+            state = replace(state, speed=batch.measured.speed, desired_speed=wanted)
     return state, drivers, keys
 
 
