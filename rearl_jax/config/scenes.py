@@ -130,8 +130,8 @@ class SpeedConfig:
 
     norm: SpeedNorm = key(
         SpeedNorm.none,
-        "none: as recorded; minmax: rescaled to 5 to 32 m/s (REARL, with init.source=seed); minmax_p01_999: the same by "
-        "the 0.1 and 99.9 percentiles; clip: cut to that range",
+        "none: as recorded; minmax: rescaled to 5 to 32 m/s (REARL, with init.source=seed); minmax_p01_999: the same "
+        "by the 0.1 and 99.9 percentiles; clip: cut to that range",
     )
 
 

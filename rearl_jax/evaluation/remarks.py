@@ -116,11 +116,11 @@ def speed_bins(hist: HistConfig, speed: np.ndarray) -> str:
         speed: The speeds as they are compared [m/s].
     """
     counts, _ = np.histogram(np.clip(speed, hist.low, hist.high), hist.n_bins, (hist.low, hist.high))
-    outside = np.mean((speed < hist.low) | (speed > hist.high))
+    outside = float(np.mean((speed < hist.low) | (speed > hist.high)))
     return (
-        f"The fullest of the {hist.n_bins} bins of the Hellinger distance holds {percent(counts.max() / speed.size)} of "
-        f"the recorded speeds, and {percent(outside)} of them are outside {hist.low:g} to {hist.high:g} m/s; where one "
-        "bin holds nearly all, H tells little: set hist.low and hist.high to their range."
+        f"The fullest of the {hist.n_bins} bins of the Hellinger distance holds {percent(counts.max() / speed.size)} "
+        f"of the recorded speeds, and {percent(outside)} of them are outside {hist.low:g} to {hist.high:g} m/s; where "
+        "one bin holds nearly all, H tells little: set hist.low and hist.high to their range."
     )
 
 

@@ -147,6 +147,8 @@ def begin(
     if batch.measured is not None:
         state = batch.measured
     around = batch.surroundings()
+    if around is not None:
+        state = replace(state, left_crashed=jnp.zeros(state.x.shape, jnp.int32))
     if batch.traffic is not None:
         replayed = None if around is None else around.at_start()
         state, drivers = populate_by_model(state, drivers, keys, _same_for_all(batch.traffic), model, replayed)
