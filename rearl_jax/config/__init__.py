@@ -22,7 +22,7 @@ from rearl_jax.config.generator import GeneratorConfig
 from rearl_jax.config.llm import LlmConfig, PromptConfig
 from rearl_jax.config.metrics import HistConfig, MapeConfig, RealismConfig, SafetyConfig, ThwConfig
 from rearl_jax.config.mobil import MobilConfig
-from rearl_jax.config.paper_start import PaperStart, rescaled
+from rearl_jax.config.paper_start import PaperStart, paper_road, rescaled
 from rearl_jax.config.ppo import PpoConfig, PpoPolicyConfig
 from rearl_jax.config.real import RealConfig
 from rearl_jax.config.report import FolderConfig, ReportConfig
@@ -218,7 +218,7 @@ class TrainPpoTask:
     results: ResultsConfig = _group(ResultsConfig)
     ppo: PpoConfig = _group(PpoConfig)
     admissible: AdmissibleConfig = _group(AdmissibleConfig)
-    core: CoreConfig = _group(CoreConfig)
+    core: CoreConfig = key(paper_road, (CoreConfig.__doc__ or "").rstrip("."))
 
 
 @dataclass(unsafe_hash=True)

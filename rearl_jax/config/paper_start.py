@@ -1,15 +1,21 @@
 """How simulations start in the paper, and wherever many different starts are wanted: drawn, on rescaled speeds."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from rearl_jax.config._key import key
-from rearl_jax.config.core import InitConfig, InitialSource
+from rearl_jax.config.core import CoreConfig, InitConfig, InitialSource
 from rearl_jax.config.scenes import SpeedConfig, SpeedNorm
 
 
 def rescaled() -> SpeedConfig:
     """Speeds as the paper compares them."""
     return SpeedConfig(SpeedNorm.minmax)
+
+
+def paper_road() -> CoreConfig:
+    """The road of the paper."""
+    core = CoreConfig()
+    return replace(core, n_lanes=core.lanes)
 
 
 def _drawn() -> InitConfig:

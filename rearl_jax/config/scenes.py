@@ -98,7 +98,7 @@ class ScenesConfig:
     boundary: BoundarySource = key(
         BoundarySource.free,
         "recorded vehicles replayed around the simulated ones: free = none (REARL), leaders = the one ahead of the "
-        "foremost on each lane, measured = all others; both need init.source=scene and speed.norm=none",
+        "foremost on each lane, measured = all others; both for scenes that start as recorded",
     )
 
     @property
