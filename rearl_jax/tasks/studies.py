@@ -30,9 +30,9 @@ STUDIES = (
         summary="the threshold pairs beside the paper's Table 3",
         goes_on=True,
         description=(
-            "Runs `rearl sweep thresholds` with the paper's start in the folder sweep/ and puts thresholds, best pair and "
-            "Pareto set beside "
-            "the known values of the paper. Prints a table, writes Parquet, a figure and one HTML page."
+            "Runs `rearl sweep thresholds` with the paper's start in the folder sweep/ and puts thresholds, best pair "
+            "and Pareto set beside the known values of the paper. Prints a table, writes Parquet, a figure and one "
+            "HTML page."
         ),
         examples=("rearl study table3", "rearl study table3 data=highd data.root=/data/highD study=highd_table3"),
     ),
