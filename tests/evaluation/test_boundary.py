@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -159,7 +160,7 @@ def test_the_replay_tells_replayed_and_entered_vehicles(scenes, small):
     boundary = boundary_of(scenes)
     frames = frames_at(boundary.x, boundary.lane)
     frames = replace(frames, crashed=frames.crashed.at[8:, 0].set(True))
-    first = Frames(**{name: values[..., 0] for name, values in vars(frames).items()})
+    first = jax.tree.map(lambda values: values[..., 0], frames)
     told = (Decision(0, 2, 0, 3), Decision(0, 7, 0, 4))
     shown = ReplayedScene(0, 0, first, np.full(4, 5.0), 0.5, told, boundary.select(np.array([0])))
     (scene,) = replay_data(Replay(small, scenes, (shown,), "", has_decisions=True))["scenes"]
