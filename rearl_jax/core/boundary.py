@@ -172,7 +172,9 @@ def enter(state: TrafficState, around: BoundarySecond, drivers: Drivers, model: 
         """The first for vehicles that enter; what does not belong to single vehicles stays."""
         return jnp.where(new.is_new, first, second) if second.shape[-len(shape) :] == shape else second
 
-    left_crashed = None if state.left_crashed is None else state.left_crashed + (new.is_new & state.crashed)
+    left_crashed = state.left_crashed
+    if left_crashed is not None:
+        left_crashed = left_crashed + (new.is_new & state.crashed).astype(left_crashed.dtype)
     state = replace(jax.tree.map(chosen, entered, replace(state, memory=None)), left_crashed=left_crashed)
     fresh = begin_driving(state, drivers, model, around.after)
     return replace(state, memory=jax.tree.map(chosen, fresh.memory, memory))
