@@ -203,7 +203,7 @@ def discover(measured: pd.DataFrame | None = None, **keys: Any) -> Discovered:
         found = discover(data={"format": "highd", "root": "/data/highD"})
         print(found.verdict["verdict"], [effect["name"] for effect in found.verdict["effects"]])
         found.save("results/highd")
-        print(evaluate(model="results/highd/model.yaml", speed={"norm": "none"}))
+        print(evaluate(model="results/highd/model.yaml"))
 
     Args:
         measured: A table in the canonical schema; None for the recordings that `data` names.
@@ -225,7 +225,7 @@ def calibrate(measured: pd.DataFrame | None = None, **keys: Any) -> Calibration:
         found = calibrate(data={"format": "table", "root": "trajectories.csv"})
         print(found.drivers[["desired_speed", "time_gap", "jam_gap"]].describe())
         found.save("model.yaml")
-        print(evaluate(model="model.yaml", variant="calibrated", speed={"norm": "none"}))
+        print(evaluate(model="model.yaml", variant="calibrated"))
 
     Args:
         measured: A table in the canonical schema; None for the recordings that `data` names.

@@ -85,12 +85,13 @@ def load_policy(path: str | None, core: CoreConfig) -> TrainedPolicy:
         remedy = "name the file weights.eqx in it"
         raise InvalidInputError(Problem("not-a-file", "is a folder", remedy, file=path, key="ppo.weights")) from error
     policy = _read(source, content)
-    if policy.n_lanes != core.n_lanes:
+    if policy.n_lanes != core.lanes:
         message = f"must be {policy.n_lanes}, the lanes of the road that these weights were trained on"
         remedy = (
-            f"set core.n_lanes={policy.n_lanes}, or train on this road: rearl train ppo core.n_lanes={core.n_lanes}"
+            f"train on this road: rearl train ppo core.n_lanes={core.lanes}; or start on a drawn one: init.source=seed "
+            f"speed.norm=minmax core.n_lanes={policy.n_lanes}"
         )
-        problem = Problem("other-road", message, remedy, file=str(source), key="core.n_lanes", value=core.n_lanes)
+        problem = Problem("other-road", message, remedy, file=str(source), key="core.n_lanes", value=core.lanes)
         raise InvalidInputError(problem)
     return policy
 
@@ -101,7 +102,8 @@ def _read(source: Path, content: bytes) -> TrainedPolicy:
     try:
         config, car_steps = description["config"], description["car_steps"]
         options = DrivingOptions(_admissible(config["admissible"]), Longitudinal[config["ppo"]["longitudinal"]])
-        width, layers, n_lanes = config["ppo"]["width"], config["ppo"]["layers"], config["core"]["n_lanes"]
+        width, layers = config["ppo"]["width"], config["ppo"]["layers"]
+        n_lanes = CoreConfig(n_lanes=config["core"]["n_lanes"]).lanes
         empty = jax.eval_shape(lambda: make_network(jax.random.key(0), width=width, layers=layers))
         network = eqx.tree_deserialise_leaves(file, empty)
     except (KeyError, TypeError) as error:

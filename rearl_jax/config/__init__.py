@@ -22,6 +22,7 @@ from rearl_jax.config.generator import GeneratorConfig
 from rearl_jax.config.llm import LlmConfig, PromptConfig
 from rearl_jax.config.metrics import HistConfig, MapeConfig, RealismConfig, SafetyConfig, ThwConfig
 from rearl_jax.config.mobil import MobilConfig
+from rearl_jax.config.paper_start import PaperStart, paper_road, rescaled
 from rearl_jax.config.ppo import PpoConfig, PpoPolicyConfig
 from rearl_jax.config.real import RealConfig
 from rearl_jax.config.report import FolderConfig, ReportConfig
@@ -192,7 +193,7 @@ class SweepThresholdsTask(EvaluateTask):
 
 
 @dataclass(unsafe_hash=True)
-class SweepScaleTask(EvaluateTask):
+class SweepScaleTask(PaperStart, EvaluateTask):
     """Many rollouts in constant memory."""
 
     study: str = _study("sweep_scale")
@@ -217,7 +218,7 @@ class TrainPpoTask:
     results: ResultsConfig = _group(ResultsConfig)
     ppo: PpoConfig = _group(PpoConfig)
     admissible: AdmissibleConfig = _group(AdmissibleConfig)
-    core: CoreConfig = _group(CoreConfig)
+    core: CoreConfig = key(paper_road, (CoreConfig.__doc__ or "").rstrip("."))
 
 
 @dataclass(unsafe_hash=True)
@@ -233,7 +234,7 @@ _ROWS_DECIDE = "base; each row of the table sets its own method"
 
 
 @dataclass(unsafe_hash=True)
-class StudyTable1Task(EvaluateTask):
+class StudyTable1Task(PaperStart, EvaluateTask):
     """Comparison of methods: Table 1 of the paper."""
 
     study: str = _study("study_table1")
@@ -262,14 +263,14 @@ class StudyFig6Task(StudyTable1Task):
 
 
 @dataclass(unsafe_hash=True)
-class StudyTable3Task(SweepThresholdsTask):
+class StudyTable3Task(PaperStart, SweepThresholdsTask):
     """Threshold pairs: Table 3 of the paper."""
 
     study: str = _study("study_table3")
 
 
 @dataclass(unsafe_hash=True)
-class StudyFig7Task(EvaluateTask):
+class StudyFig7Task(PaperStart, EvaluateTask):
     """Errors of base and their percentiles: Fig. 7 of the paper."""
 
     study: str = _study("study_fig7")
@@ -289,6 +290,7 @@ class StudyFig8Task(ClusterTask):
     """Clusters of scenes on a map: Fig. 8 of the paper."""
 
     study: str = _study("study_fig8")
+    speed: SpeedConfig = key(rescaled, (SpeedConfig.__doc__ or "").rstrip("."))
 
 
 @dataclass(unsafe_hash=True)

@@ -4,10 +4,10 @@ from dataclasses import dataclass
 
 from rearl_jax.config import EvaluateTask
 from rearl_jax.config._key import key
-from rearl_jax.config.core import InitialSource
+from rearl_jax.config.core import InitConfig, InitialSource
 from rearl_jax.config.discover import DiscoverConfig
 from rearl_jax.config.evaluation import Method, SeedScope, Variant
-from rearl_jax.config.scenes import BoundarySource, Direction, ScenesConfig, SpeedConfig, SpeedNorm
+from rearl_jax.config.scenes import BoundarySource, Direction, ScenesConfig, SpeedNorm
 from rearl_jax.problems import InvalidInputError, Problem, out_of_range
 
 START, BOUNDARY, CALIBRATED, FOUND = "start", "boundary", "calibrated", "found"
@@ -54,9 +54,9 @@ def _measured_scenes() -> ScenesConfig:
     return ScenesConfig(direction=Direction.per_direction, boundary=BoundarySource.measured)
 
 
-def _as_recorded() -> SpeedConfig:
-    """Speeds as they were recorded."""
-    return SpeedConfig(SpeedNorm.none)
+def _drawn() -> InitConfig:
+    """The start of Base, which rows with the component `start` replace."""
+    return InitConfig(InitialSource.seed)
 
 
 @dataclass(unsafe_hash=True)
@@ -67,7 +67,7 @@ class StudyBudgetTask(EvaluateTask):
     method: Method = key(Method.base, "base; each row of the budget sets its own method")
     variant: Variant = key(Variant.all, "all; the rows switch the parts of model=FILE on and off")
     scenes: ScenesConfig = key(_measured_scenes, (ScenesConfig.__doc__ or "").rstrip("."))
-    speed: SpeedConfig = key(_as_recorded, (SpeedConfig.__doc__ or "").rstrip("."))
+    init: InitConfig = key(_drawn, (InitConfig.__doc__ or "").rstrip("."))
     budget: BudgetConfig = key(BudgetConfig, "Components that are added to Base")
     discover: DiscoverConfig = key(DiscoverConfig, (DiscoverConfig.__doc__ or "").rstrip("."))
 

@@ -7,6 +7,9 @@ from rearl_jax.config._key import key
 from rearl_jax.config._ranges import check_least, check_positive, check_within
 from rearl_jax.problems import out_of_range
 
+MOST_LANES = 8
+"""Largest number of lanes of a simulated road."""
+
 
 class Precision(Enum):
     """Floating type of the simulation."""
@@ -19,10 +22,16 @@ class Precision(Enum):
 class CoreConfig:
     """Road, time step and parts of the simulation."""
 
-    n_lanes: int = key(4, "number of lanes of the carriageway, 1 to 8; REARL (Bi et al.)")
+    n_lanes: int | None = key(
+        None, "number of lanes, 1 to 8; null = those of the recordings with init.source=scene, otherwise 4 (REARL)"
+    )
     n_vehicles: int = key(10, "vehicles in each scenario; REARL (Bi et al.)")
     density: float = key(2.0, "density of the initial traffic, vehicles_density of highway-env [-]; REARL (Bi et al.)")
-    speed_limit: float | None = key(30.0, "upper limit of the desired speed [m/s], null = none; highway-env 1.12.1")
+    speed_limit: float | None = key(
+        30.0,
+        "upper limit of the desired speed [m/s], null = none; at least the highest recorded speed with "
+        "init.source=scene; highway-env 1.12.1",
+    )
     ticks_per_second: int = key(15, "time steps per second [1/s]; highway-env 1.12.1")
     lane_changes: bool = key(True, "vehicles change lanes (MOBIL)")
     collisions: bool = key(True, "vehicles collide; false = they pass through each other")
@@ -31,9 +40,15 @@ class CoreConfig:
         512, "scenarios that one core simulates at a time; more need more memory, fewer are slower per scenario"
     )
 
+    @property
+    def lanes(self) -> int:
+        """Number of lanes; REARL's where neither the key nor a recording says it."""
+        return 4 if self.n_lanes is None else self.n_lanes
+
     def check(self) -> None:
         """Raise InvalidInputError for a value outside its range."""
-        check_within(self, 1, 8, "n_lanes")
+        if self.n_lanes is not None:
+            check_within(self, 1, MOST_LANES, "n_lanes")
         check_least(self, 1, "n_vehicles", "ticks_per_second", "chunk")
         check_positive(self, "density")
         if self.speed_limit is not None and self.speed_limit <= 0:
@@ -51,7 +66,9 @@ class InitialSource(Enum):
     """Source of initial states."""
 
     seed = "seed"
+    """Drawn as highway-env does, as in the paper."""
     scene = "scene"
+    """The first snapshot of the recorded scene."""
 
 
 @dataclass(unsafe_hash=True)
@@ -59,9 +76,11 @@ class InitConfig:
     """Initial states of the rollouts."""
 
     source: InitialSource = key(
-        InitialSource.seed, "seed: drawn as highway-env does; scene: the measured scene's first snapshot"
+        InitialSource.scene,
+        "scene: first snapshot of the recorded scene; seed: drawn as highway-env does (REARL), with speed.norm=minmax",
     )
     speed: InitialSpeed = key(
         InitialSpeed.u21_24,
-        "u21_24: drawn from 70 to 80 % of the limit; fixed_25: all 25 m/s (controlled vehicles of highway-env)",
+        "with init.source=seed, u21_24: drawn from 70 to 80 % of the limit; fixed_25: all 25 m/s (controlled vehicles "
+        "of highway-env)",
     )

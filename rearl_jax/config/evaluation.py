@@ -69,7 +69,9 @@ class EvaluationConfig:
     subset: Subset = key(
         Subset.evaluation, "scenes to simulate: evaluation (results), tuning (choice of parameters), threshold"
     )
-    n_runs: int = key(5, "rollouts of every scene, each from another initial state; REARL")
+    n_runs: int = key(
+        5, "rollouts of every scene, each with other drivers and, with init.source=seed, from another start; REARL"
+    )
     seed: int = key(0, "seed of initial states, resampling and noise floor; equal for every method")
     seed_scope: SeedScope = key(
         SeedScope.run_x_scene,

@@ -98,7 +98,7 @@ class ScenesConfig:
     boundary: BoundarySource = key(
         BoundarySource.free,
         "recorded vehicles replayed around the simulated ones: free = none (REARL), leaders = the one ahead of the "
-        "foremost on each lane, measured = all others; both need init.source=scene and speed.norm=none",
+        "foremost on each lane, measured = all others; both for scenes that start as recorded",
     )
 
     @property
@@ -129,7 +129,9 @@ class SpeedConfig:
     """Rescaling of recorded speeds to the simulator's range"""
 
     norm: SpeedNorm = key(
-        SpeedNorm.minmax, "rescaling: minmax (REARL), minmax_p01_999 (0.1 and 99.9 percentiles), clip, none"
+        SpeedNorm.none,
+        "none: as recorded; minmax: rescaled to 5 to 32 m/s (REARL, with init.source=seed); minmax_p01_999: the same "
+        "by the 0.1 and 99.9 percentiles; clip: cut to that range",
     )
 
 

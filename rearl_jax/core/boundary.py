@@ -125,19 +125,18 @@ def replayed_vehicles(motion: Motion, identity: Identity) -> ReplayedVehicles:
 
 
 def cut_desired_speed(
-    speed: Float[Array, "vehicles *scenarios"], highest: Float[Array, "vehicles *scenarios"], drivers: Drivers
+    highest: Float[Array, "vehicles *scenarios"], drivers: Drivers
 ) -> Float[Array, "vehicles *scenarios"]:
     """Desired speed of drivers of recorded vehicles [m/s]: that of their model, at most what was seen of the vehicle.
 
-    A driver whose model has none wants to keep the present speed, as in highway-env.
+    A driver whose model has none, as highway-env's, wants the highest speed that was seen.
 
     Args:
-        speed: Present speed [m/s].
         highest: Highest recorded speed [m/s].
         drivers: Parameters of all vehicles.
     """
     own = drivers.car_following.desired_speed
-    return speed if own is None else jnp.minimum(jnp.broadcast_to(own, highest.shape), highest)
+    return highest if own is None else jnp.minimum(jnp.broadcast_to(own, highest.shape), highest)
 
 
 def enter(state: TrafficState, boundary_second: BoundarySecond, drivers: Drivers, model: TrafficModel) -> TrafficState:
@@ -158,7 +157,7 @@ def enter(state: TrafficState, boundary_second: BoundarySecond, drivers: Drivers
         heading=zeros,
         speed=new.speed,
         acceleration=zeros,
-        desired_speed=cut_desired_speed(new.speed, new.highest_speed, drivers),
+        desired_speed=cut_desired_speed(new.highest_speed, drivers),
         target_lane=new.lane,
         ticks_to_decision=1 + jnp.floor(new.wait * period.astype(new.wait.dtype)).astype(jnp.int32),
         controller=jnp.full_like(state.controller, int(Controller.IDM)),
@@ -174,7 +173,10 @@ def enter(state: TrafficState, boundary_second: BoundarySecond, drivers: Drivers
         """The first for vehicles that enter; what does not belong to single vehicles stays."""
         return jnp.where(new.is_new, first, second) if second.shape[-len(shape) :] == shape else second
 
-    state = jax.tree.map(chosen, entered, replace(state, memory=None))
+    left_crashed = state.left_crashed
+    if left_crashed is not None:
+        left_crashed = left_crashed + (new.is_new & state.crashed).astype(left_crashed.dtype)
+    state = replace(jax.tree.map(chosen, entered, replace(state, memory=None)), left_crashed=left_crashed)
     fresh = begin_driving(state, drivers, model, boundary_second.after)
     return replace(state, memory=jax.tree.map(chosen, fresh.memory, memory))
 

@@ -30,6 +30,7 @@ class Frames(eqx.Module):
         acceleration: Acceleration executed in the last time step of the second [m/s^2].
         lane: Nearest lane.
         crashed: Whether the vehicle has been in a collision.
+        left_crashed: Vehicles of the place that had been in one when others took their place, so far; None if none do.
     """
 
     x: Float[Array, "*frames"]
@@ -39,6 +40,7 @@ class Frames(eqx.Module):
     acceleration: Float[Array, "*frames"]
     lane: Int[Array, "*frames"]
     crashed: Bool[Array, "*frames"]
+    left_crashed: Int[Array, "*frames"] | None = None
 
 
 def frame_of(state: TrafficState, model: TrafficModel) -> Frames:
@@ -51,6 +53,7 @@ def frame_of(state: TrafficState, model: TrafficModel) -> Frames:
         acceleration=state.acceleration,
         lane=nearest_lane(state.y, model),
         crashed=state.crashed,
+        left_crashed=state.left_crashed,
     )
 
 

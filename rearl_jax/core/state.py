@@ -50,6 +50,7 @@ class TrafficState(eqx.Module):
         order: Vehicle indices along the road as last sorted; any permutation is a valid start. Only large traffic uses
             it.
         memory: Memory of drivers who follow on gaps, a `gap_driving.DriverMemory`; None if no driver does.
+        left_crashed: Vehicles that had been in a collision when others took their place, so far; None if none enter.
     """
 
     x: Float[Array, "vehicles *scenarios"]
@@ -69,6 +70,7 @@ class TrafficState(eqx.Module):
     push_y: Float[Array, "vehicles *scenarios"]
     order: Int[Array, "vehicles *scenarios"]
     memory: PyTree = None
+    left_crashed: PyTree = None
 
 
 def nearest_lane(y: Float[Array, "*n"], model: TrafficModel) -> Int[Array, "*n"]:

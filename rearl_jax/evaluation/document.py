@@ -17,7 +17,7 @@ from rearl_jax.evaluation.tables import HEADINGS, written
 from rearl_jax.metrics import METRICS
 
 CAPTIONS = {
-    "speed_histogram": "Speeds of all held-out scenes (rescaled to the range of the simulator) and of all rollouts.",
+    "speed_histogram": "Speeds of all held-out scenes, as they are compared, and of all rollouts.",
     "errors_over_time": (
         "Hellinger distance of the window that ends at each second, relative error of the mean spacing, and "
         "the mean spacing itself. Lines are means, bands hold the middle 80 % of scenes and runs."

@@ -11,6 +11,8 @@ from matplotlib.lines import Line2D
 from rearl_jax import drawing
 from rearl_jax.baselines.figure import ACTION_COLOURS
 from rearl_jax.config import EvaluateTask
+from rearl_jax.config.scenes import SpeedNorm
+from rearl_jax.data.scenes.scene_set import SceneSet
 from rearl_jax.decision.situation import ACTION_NAMES
 from rearl_jax.evaluation.runner import Evaluation, speed_histogram_edges
 from rearl_jax.evaluation.scores import NOISE_FLOOR, REAL, REAL_VS_REAL, Scores
@@ -46,12 +48,17 @@ def speed_histogram(config: EvaluateTask, evaluation: Evaluation) -> bytes:
     figure, (axes,) = drawing.panels(6.4, 3.6, generated=evaluation.scenes.generated)
     for edge in edges[:: len(edges) // config.hist.n_bins]:
         axes.axvline(edge, color=drawing.LIGHT_GREY, linewidth=0.8, zorder=0)
-    axes.stairs(density["real"], edges, fill=True, color=_REAL, alpha=0.3, label="real, rescaled")
+    axes.stairs(density["real"], edges, fill=True, color=_REAL, alpha=0.3, label=f"real{_rescaled(evaluation.scenes)}")
     axes.stairs(density["method"], edges, color=_METHOD, linewidth=1.6, label=evaluation.method.title)
     axes.set(xlabel="speed [m/s]", ylabel="density [s/m]", xlim=(edges[0], edges[-1]), ylim=(0, None))
     axes.legend(frameon=False, fontsize=drawing.FONT_SIZE)
     drawing.set_title(axes, "Speeds; grey lines: bins of the Hellinger distance")
     return drawing.png(figure)
+
+
+def _rescaled(scenes: SceneSet, what: str = "") -> str:
+    """Ending of a label of recorded speeds: empty if they are as recorded."""
+    return "" if scenes.speed_norm is SpeedNorm.none else f", {what}rescaled"
 
 
 def errors_over_time(config: EvaluateTask, evaluation: Evaluation) -> bytes:
@@ -100,7 +107,7 @@ def space_time(config: EvaluateTask, evaluation: Evaluation) -> bytes:
     drawing.set_title(left, f"{kind}: {scenes.recording[index]}, scene {scenes.scene_id[index]}")
     drawing.set_title(right, f"simulated: {evaluation.method.title}, run 0")
     bar = figure.colorbar(ScalarMappable(norm, "viridis"), ax=[left, right], pad=0.02, aspect=30)
-    bar.set_label(f"speed, {kind} one rescaled [m/s]", fontsize=drawing.FONT_SIZE)
+    bar.set_label(f"speed{_rescaled(scenes, f'{kind} one ')} [m/s]", fontsize=drawing.FONT_SIZE)
     bar.ax.tick_params(labelsize=8)
     marks = [Line2D([], [], marker="o", linestyle="", color="black", markersize=3, label="lane change")]
     if crashed.any():

@@ -1,5 +1,6 @@
-"""Mixtures of driver classes tried out: rows of one batch, every rollout scored against every threshold scene."""
+"""Mixtures of driver classes tried out: rows of one batch, scored against the threshold scenes."""
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 
@@ -10,7 +11,7 @@ from rearl_jax.baselines.critical.adaptation import Assessment
 from rearl_jax.baselines.critical.asking import NEAR_MISS_TIME
 from rearl_jax.baselines.critical.mixture import Mixture
 from rearl_jax.config import EvaluateTask
-from rearl_jax.config.core import InitConfig
+from rearl_jax.config.core import InitialSource
 from rearl_jax.config.evaluation import SeedScope
 from rearl_jax.data.scenes.scene_set import SceneSet
 from rearl_jax.evaluation.rollouts import Rollouts
@@ -26,28 +27,29 @@ def assess(
     candidates: Sequence[Mixture],
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> list[Assessment]:
-    """Errors, crashes and near misses of `critical.rollouts` rollouts of each mixture.
+    """Errors, crashes and near misses of `critical.rollouts` rollouts of each mixture, the same in every call.
 
-    Initial states are drawn as in highway-env, whatever `init.source` is, and are the same in every call.
+    Drawn rollouts are scored against every scene; those that start as recorded against their own, each scene as often.
 
     Raises:
         ValueError: There is no Hellinger distance or no spacing error.
     """
-    n_runs = config.critical.rollouts
+    is_drawn = config.init.source is InitialSource.seed
+    n_runs = config.critical.rollouts if is_drawn else math.ceil(config.critical.rollouts / len(subset))
+    scope, n_scored = (SeedScope.run, len(subset)) if is_drawn else (SeedScope.run_x_scene, 1)
     config = replace(
         config,
-        init=InitConfig(speed=config.init.speed),
-        eval=replace(config.eval, n_runs=n_runs, seed_scope=SeedScope.run),
+        eval=replace(config.eval, n_runs=n_runs, seed_scope=scope),
         safety=replace(config.safety, ttc=NEAR_MISS_TIME),
     )
-    rollouts = Rollouts([Row(config, mixture=mixture) for mixture in candidates], scenes, subset, apart=True)
+    rollouts = Rollouts([Row(config, mixture=mixture) for mixture in candidates], scenes, subset, apart=is_drawn)
     scorer = make_scorer(config, scenes, n_runs * len(subset))
     parts = []
     for _, chunk in scored_chunks(rollouts, scorer, subset, progress):
         scores = scores_of(config.method.name, chunk.scene, chunk.run, chunk.metrics, seconds=0.0)
         near_misses = np.nan_to_num(scores.values["ttc_share"]) * scores.counts["ttc_share"]
         figures = (*(scores.values[name] for name in ("h", config.mape.column, "collisions")), near_misses)
-        parts.append(np.reshape(figures, (len(figures), -1, len(subset))))
+        parts.append(np.reshape(figures, (len(figures), -1, n_scored)))
     figures = np.concatenate(parts, axis=1)
     own = (figures[:, rollouts.row == number] for number in range(len(candidates)))
     return [_assessment(*of_mixture, n_vehicles=config.core.n_vehicles) for of_mixture in own]

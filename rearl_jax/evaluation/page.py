@@ -6,6 +6,7 @@ import numpy as np
 
 from rearl_jax.document.document import Document
 from rearl_jax.document.html import page_of
+from rearl_jax.evaluation.road import with_road
 from rearl_jax.evaluation.runner import Evaluation
 from rearl_jax.replay.player import player_of
 from rearl_jax.replay.scenes import Replay, ReplayedScene
@@ -37,4 +38,4 @@ def example_replay(evaluation: Evaluation) -> Replay:
         f"Simulated with {method.title}, eval.seed={config.eval.seed}, run 0 of {config.eval.n_runs} (from 0). The "
         f"command rearl report study={config.study} {more}."
     )
-    return Replay(config, evaluation.scenes, (scene,), origin)
+    return Replay(with_road(config, evaluation.scenes), evaluation.scenes, (scene,), origin)

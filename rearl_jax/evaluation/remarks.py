@@ -3,25 +3,31 @@
 import json
 from dataclasses import asdict, dataclass
 
+import numpy as np
+
 from rearl_jax.config import ClusterTask, EvaluateTask
 from rearl_jax.config.core import InitialSource
 from rearl_jax.config.evaluation import SeedScope
-from rearl_jax.config.scenes import BoundarySource
+from rearl_jax.config.metrics import HistConfig
+from rearl_jax.config.scenes import BoundarySource, SpeedNorm
 from rearl_jax.data.scenes.scene_set import SceneSet
 from rearl_jax.document.document import DataSource, data_sources
+from rearl_jax.document.table import percent
+from rearl_jax.evaluation.road import with_road
 from rearl_jax.evaluation.runner import Evaluation
 from rearl_jax.evaluation.traffic import model_notes
 from rearl_jax.metrics.histograms import legacy_scale
 
 _STARTS = {
     InitialSource.seed: "drawn by eval.seed, run and scene alone",
-    InitialSource.scene: "the first snapshot of the scene; drivers drawn by eval.seed, run and scene alone",
+    InitialSource.scene: "the first snapshot of the scene, every driver wants at most the highest speed that its "
+    "vehicle is recorded at; runs of a scene differ in drivers drawn by eval.seed, run and scene, not in the start",
 }
 
 _ENTERING = (
     "Simulated are the picked vehicles of each second: a vehicle leaves the simulation when it is not picked any more, "
     "and the one picked instead enters where it was recorded. A driver's desired speed is cut to the highest recorded "
-    "speed of its vehicle; highway-env's drivers want to keep the speed they start or enter with. Replayed vehicles "
+    "speed of its vehicle; highway-env's drivers want that speed. Replayed vehicles "
     "react to nothing, collide with nothing and count in no metric."
 )
 
@@ -73,7 +79,7 @@ def remarks_of(evaluation: Evaluation) -> Remarks:
     return Remarks(
         data_summary(config, scenes, f"{len(evaluation.held_out)} of them held out for this evaluation"),
         (*notes, *model_notes(config)),
-        _definitions(config, scenes),
+        _definitions(config, scenes, evaluation.held_out),
         data_sources(scenes.infos),
     )
 
@@ -90,17 +96,41 @@ def data_summary(config: EvaluateTask | ClusterTask, scenes: SceneSet, use: str)
     return (
         f"{counts.recordings} recordings, {counts.windows} windows of {scenes.seconds} s, {counts.accepted} "
         f"scenes with at least {config.scenes.min_vehicles} vehicles in every snapshot, "
-        f"{use} (split.unit={config.split.unit.name}, split.seed={config.split.seed}). Recorded speeds from "
-        f"{scenes.speed_min:.2f} to {scenes.speed_max:.2f} m/s are rescaled by speed.norm="
-        f"{scenes.speed_norm.name}; every Hellinger distance depends on these two numbers."
+        f"{use} (split.unit={config.split.unit.name}, split.seed={config.split.seed}). {_speeds(scenes)}"
     )
 
 
-def _definitions(config: EvaluateTask, scenes: SceneSet) -> tuple[str, ...]:
+def _speeds(scenes: SceneSet) -> str:
+    """What becomes of recorded speeds."""
+    speeds = f"Recorded speeds from {scenes.speed_min:.2f} to {scenes.speed_max:.2f} m/s are"
+    if scenes.speed_norm is SpeedNorm.none:
+        return f"{speeds} not rescaled."
+    return f"{speeds} rescaled by speed.norm={scenes.speed_norm.name}; every Hellinger distance depends on these two."
+
+
+def speed_bins(hist: HistConfig, speed: np.ndarray) -> str:
+    """How well the bins of the Hellinger distance divide the recorded speeds.
+
+    Args:
+        hist: The bins.
+        speed: The speeds as they are compared [m/s].
+    """
+    counts, _ = np.histogram(np.clip(speed, hist.low, hist.high), hist.n_bins, (hist.low, hist.high))
+    outside = float(np.mean((speed < hist.low) | (speed > hist.high)))
     return (
-        f"Rollouts: {config.core.n_vehicles} vehicles on {config.core.n_lanes} lanes for {scenes.seconds} s, "
+        f"The fullest of the {hist.n_bins} bins of the Hellinger distance holds {percent(counts.max() / speed.size)} "
+        f"of the recorded speeds, and {percent(outside)} of them are outside {hist.low:g} to {hist.high:g} m/s; where "
+        "one bin holds nearly all, H tells little: set hist.low and hist.high to their range."
+    )
+
+
+def _definitions(config: EvaluateTask, scenes: SceneSet, held_out: np.ndarray) -> tuple[str, ...]:
+    road = with_road(config, scenes).core
+    return (
+        f"Rollouts: {road.n_vehicles} vehicles on {road.lanes} lanes for {scenes.seconds} s, "
         f"{_ROLLOUTS[config.eval.seed_scope]}. Initial states: {_STARTS[config.init.source]}; all methods start alike.",
         *_BOUNDARIES[config.scenes.boundary],
+        speed_bins(config.hist, scenes.scaled_speed[held_out]),
         f"Scenes: {scenes.n_slots} vehicles in each of {scenes.seconds} snapshots one second apart, those "
         f"recorded the longest (scenes.pick={config.scenes.pick.name}).",
         f"real against real: up to {config.eval.n_runs} other scenes that share no second of traffic with "

@@ -15,13 +15,14 @@ from rearl_jax.config.evaluation import Method, SeedScope
 from rearl_jax.core.boundary import Boundary
 from rearl_jax.core.road import traffic_model
 from rearl_jax.data.scenes.boundary import SceneBoundary
-from rearl_jax.data.scenes.initial_states import bounded_state, highest_speeds, measured_state, recorded_surroundings
+from rearl_jax.data.scenes.initial_states import bounded_state, measured_state, recorded_surroundings
 from rearl_jax.data.scenes.scene_set import SceneSet
 from rearl_jax.decision.execution import model_under_decisions
 from rearl_jax.detection.detector import Thresholds
 from rearl_jax.detection.references import References
 from rearl_jax.evaluation.boundaries import check_boundary, recorded_boundary
 from rearl_jax.evaluation.host_policy import MakePolicy, simulate_with_host_policy
+from rearl_jax.evaluation.road import with_road
 from rearl_jax.evaluation.rows import Row
 from rearl_jax.evaluation.simulators import (
     Batch,
@@ -71,7 +72,7 @@ class Rollouts:
                 `PolicyName.is_outside`, also given to record every decision of another policy.
             apart: Whether initial states are drawn that no evaluation has; needs eval.seed_scope=run.
         """
-        config = rows[0].config
+        config = with_road(rows[0].config, scenes)
         check_boundary(config)
         self.config, self._n_seconds, self._host_policy = config, scenes.seconds, host_policy
         is_shared = config.eval.seed_scope is SeedScope.run
@@ -103,9 +104,7 @@ class Rollouts:
                 raise out_of_range("eval.seed_scope", message, config.eval.seed_scope.name)
             self.boundary = recorded_boundary(config, scenes, held_out)
             if self.boundary is None:
-                chosen = scenes.select(held_out)
-                highest = jnp.asarray(highest_speeds(chosen).T, config.core.dtype.name)
-                state = replace(measured_state(chosen, config.core), desired_speed=highest)
+                state = measured_state(scenes.select(held_out), config.core)
             else:
                 state, table = (
                     bounded_state(self.boundary, config.core),

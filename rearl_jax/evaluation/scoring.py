@@ -117,6 +117,8 @@ class Scorer:
         picked = {
             name: np.asarray(getattr(frames, name))[..., index] for name in ("x", "y", "speed", "lane", "crashed")
         }
+        if frames.left_crashed is not None:
+            picked["left_crashed"] = np.asarray(frames.left_crashed)[..., index]
         length = np.asarray(simulated.length, self._dtype)[:, index]
         shape = picked["x"].shape
         slots = np.arange(shape[1], dtype=np.int32)[None, :, None]

@@ -147,17 +147,20 @@ def begin(
     if batch.measured is not None:
         state = batch.measured
     around = batch.surroundings()
+    if around is not None:
+        state = replace(state, left_crashed=jnp.zeros(state.x.shape, jnp.int32))
     if batch.traffic is not None:
         replayed = None if around is None else around.at_start()
         state, drivers = populate_by_model(state, drivers, keys, _same_for_all(batch.traffic), model, replayed)
     if batch.measured is not None:
         # Recorded vehicles are not moved to make room; their state brings the highest speed that was seen of them.
-        wanted = cut_desired_speed(state.speed, batch.measured.desired_speed, drivers)
+        wanted = cut_desired_speed(batch.measured.desired_speed, drivers)
         state = replace(state, x=batch.measured.x, desired_speed=wanted)
     if batch.shares is not None:
         state, drivers = populate(state, drivers, keys, jnp.asarray(batch.shares), model)
         if batch.measured is not None:
-            state = replace(state, speed=batch.measured.speed)
+            wanted = jnp.minimum(state.desired_speed, batch.measured.desired_speed)
+            state = replace(state, speed=batch.measured.speed, desired_speed=wanted)
     return state, drivers, keys
 
 

@@ -125,7 +125,7 @@ _OF_A_SCENE = (
         needs_lanes=True,
         digits=4,
     ),
-    Metric("collisions", "crashed vehicles", "1", _LOWER, "share of vehicles crashed in the last frame", _REARL),
+    Metric("collisions", "crashed vehicles", "1", _LOWER, "share of vehicles crashed when last simulated", _REARL),
     Metric(
         "any_collision", "scenes with a crash", "1", _LOWER, "1 if any vehicle crashed in any frame", "own definition"
     ),

@@ -2,7 +2,7 @@
 
 import equinox as eqx
 import jax.numpy as jnp
-from jaxtyping import Array, Bool, Float
+from jaxtyping import Array, Bool, Float, Int
 
 from rearl_jax.config.metrics import Gap, SafetyConfig, ThwConfig
 from rearl_jax.metrics.following import Followers
@@ -27,7 +27,7 @@ class Conflicts(eqx.Module):
 
 
 class Collisions(eqx.Module):
-    """Share of vehicles crashed in the last frame, and 1 if any vehicle crashed in any frame."""
+    """Share of vehicles that crashed, and 1 if any vehicle did."""
 
     share: Measure
     any: Measure
@@ -119,17 +119,25 @@ def conflicts(
     )
 
 
-def collisions(crashed: Bool[Array, "steps vehicles *scenarios"], dtype: jnp.dtype) -> Collisions:
-    """Share of vehicles crashed at the end, and whether the scene has a crash at all.
+def collisions(
+    crashed: Bool[Array, "steps vehicles *scenarios"],
+    left_crashed: Int[Array, "steps vehicles *scenarios"] | None,
+    track_id: Int[Array, "steps vehicles *scenarios"] | None,
+    dtype: jnp.dtype,
+) -> Collisions:
+    """Share of vehicles crashed when they were last simulated, and whether the scene has a crash at all.
 
     Args:
         crashed: Whether the vehicle has crashed.
+        left_crashed: Vehicles that had crashed when others took their place, so far; None if none do.
+        track_id: Which vehicle holds a place; needed with `left_crashed`.
         dtype: Floating-point type of the result.
     """
-    n_vehicles = crashed.shape[1]
     n_crashed = jnp.sum(crashed[-1], axis=0, dtype=jnp.int32)
-    share = n_crashed.astype(dtype) / n_vehicles
-    any_crash = (scene_count(crashed) > 0).astype(dtype)
-    return Collisions(
-        Measure(share, jnp.full_like(n_crashed, n_vehicles)), Measure(any_crash, jnp.ones_like(n_crashed))
-    )
+    n_vehicles = jnp.full_like(n_crashed, crashed.shape[1])
+    if left_crashed is not None and track_id is not None:
+        n_crashed += jnp.sum(left_crashed[-1], axis=0, dtype=jnp.int32)
+        n_vehicles += jnp.sum(track_id[1:] != track_id[:-1], axis=(0, 1), dtype=jnp.int32)
+    share = n_crashed.astype(dtype) / n_vehicles.astype(dtype)
+    any_crash = ((scene_count(crashed) > 0) | (n_crashed > 0)).astype(dtype)
+    return Collisions(Measure(share, n_vehicles), Measure(any_crash, jnp.ones_like(n_crashed)))

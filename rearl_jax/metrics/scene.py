@@ -97,7 +97,7 @@ def scene_metrics(scene: Trajectories, reference: SceneReference, config: Metric
     acceleration = rate_of_change(scene.speed, scene.track_id, dt)
     jerk = jerk_statistics(acceleration, scene.crashed, scene.track_id, dt, config.safety.jerk)
     changes = lane_changes(scene.lane, scene.crashed, scene.track_id, dtype)
-    crashes = collisions(scene.crashed, dtype)
+    crashes = collisions(scene.crashed, scene.left_crashed, scene.track_id, dtype)
     return SceneMetrics(
         h=h,
         h_legacy=Measure(h.value * legacy_scale(config.hist), h.count),

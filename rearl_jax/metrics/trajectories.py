@@ -17,6 +17,7 @@ class Trajectories(eqx.Module):
         length, width: Size of the vehicle [m].
         direction: Carriageway; None if there is one.
         track_id: Vehicle in a slot; None if it never changes.
+        left_crashed: Vehicles of the place that had crashed when others took it, so far; None if none do.
     """
 
     x: Float[Array, "steps vehicles *scenarios"]
@@ -30,6 +31,7 @@ class Trajectories(eqx.Module):
     width: Float[Array, "steps vehicles *scenarios"]
     direction: Int[Array, "steps vehicles *scenarios"] | None = None
     track_id: Int[Array, "steps vehicles *scenarios"] | None = None
+    left_crashed: Int[Array, "steps vehicles *scenarios"] | None = None
 
 
 class SceneReference(eqx.Module):

@@ -23,6 +23,7 @@ from rearl_jax.evaluation.host_policy import MakePolicy
 from rearl_jax.evaluation.inputs import Inputs, read_inputs
 from rearl_jax.evaluation.language_model import language_model
 from rearl_jax.evaluation.percentiles import thresholds_of
+from rearl_jax.evaluation.road import with_road
 from rearl_jax.evaluation.rollouts import Rollouts
 from rearl_jax.evaluation.rows import Row, compares_variants
 from rearl_jax.evaluation.runner import make_scorer, named_scenes, scored_chunks
@@ -81,7 +82,8 @@ def simulate_again(study: FinishedStudy, options: ReportConfig, bar: Progress) -
         f"{config.eval.n_runs} (from 0), and found to be the rollouts of the study: their Hellinger distances are "
         "those in runs.parquet."
     )
-    return Replay(config, inputs.scenes, replayed, origin, has_decisions=interventions(config) is not None)
+    has_decisions = interventions(config) is not None
+    return Replay(with_road(config, inputs.scenes), inputs.scenes, replayed, origin, has_decisions=has_decisions)
 
 
 def _one_method(config: EvaluateTask) -> tuple[EvaluateTask, str]:

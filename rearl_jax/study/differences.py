@@ -6,6 +6,7 @@ from rearl_jax.config.core import InitialSource
 from rearl_jax.config.metrics import MapeDefinition
 from rearl_jax.data.scenes.cutting import PAPER_SCENES
 from rearl_jax.data.scenes.scene_set import SceneSet
+from rearl_jax.evaluation.road import with_road
 from rearl_jax.evaluation.tables import source_names
 from rearl_jax.metrics.histograms import legacy_scale
 from rearl_jax.study.published import N_RUNS
@@ -34,14 +35,15 @@ def of_subset(n_scenes: int, n_paper: int, purpose: str, n_runs: int) -> list[st
     return [f"{purpose}: {n_scenes} scenes x {n_runs} runs; the paper has {n_paper} x {N_RUNS}"]
 
 
-def of_model(config: EvaluateTask) -> list[str]:
+def of_model(config: EvaluateTask, scenes: SceneSet) -> list[str]:
     """The simulated traffic."""
+    road = with_road(config, scenes).core
     start = (
         "first snapshots of the scenes" if config.init.source is InitialSource.scene else "drawn as highway-env does"
     )
     return [
-        f"traffic model: IDM and MOBIL as in highway-env, reimplemented; {config.core.n_vehicles} vehicles on "
-        f"{config.core.n_lanes} lanes, initial states {start} (init.speed={config.init.speed.name}); the paper does "
+        f"traffic model: IDM and MOBIL as in highway-env, reimplemented; {road.n_vehicles} vehicles on "
+        f"{road.lanes} lanes, initial states {start} (init.speed={config.init.speed.name}); the paper does "
         "not state its version, its parameters or its initial speeds",
     ]
 

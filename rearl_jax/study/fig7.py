@@ -67,7 +67,7 @@ def run(config: StudyFig7Task) -> dict:
     differing = (
         *differences.of_data(config, scenes),
         *differences.of_subset(len(subset), N_THRESHOLD_SCENES, "threshold scenes", config.eval.n_runs),
-        *differences.of_model(config),
+        *differences.of_model(config, scenes),
         *differences.of_errors(config),
     )
     summary: dict[str, Any] = {

@@ -94,7 +94,7 @@ def remarks_on_rows(
         *others,
         *differences.of_data(config, inputs.scenes),
         *differences.of_subset(results.n_scenes, N_EVALUATION_SCENES, purpose, config.eval.n_runs),
-        *differences.of_model(config),
+        *differences.of_model(config, inputs.scenes),
         *differences.of_errors(config),
         *differences.of_decisions(
             asks_model=any(item.row.asks_model for item in results.rows),

@@ -53,7 +53,7 @@ def run(config: StudyTable3Task) -> dict:
         *differences.of_subset(len(splits.threshold), N_THRESHOLD_SCENES, "threshold scenes", n_runs),
         *differences.of_subset(len(splits.tuning), N_TUNING_SCENES, "tuning scenes", n_runs),
         *differences.of_references(inputs.references.speed.shape[0], config),
-        *differences.of_model(config),
+        *differences.of_model(config, scenes),
         *differences.of_errors(config),
         *differences.of_decisions(asks_model=False, interval=1, n_runs=1),
         "choice of the pair: smallest sum of both errors; the paper does not state its criterion",

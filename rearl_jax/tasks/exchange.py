@@ -34,7 +34,7 @@ EXCHANGE = (
         ),
         examples=(
             "rearl import sumo.file=types.add.xml",
-            "rearl evaluate model=results/import/model.yaml variant=calibrated speed.norm=none",
+            "rearl evaluate model=results/import/model.yaml variant=calibrated",
         ),
     ),
 )

@@ -12,7 +12,8 @@ SIMULATION = (
         config="rearl_jax.config:EvaluateTask",
         summary="simulate held-out scenes and compare them with the measured ones",
         description=(
-            "Simulates every held-out scene several times with common random numbers and measures how far "
+            "Simulates every held-out scene several times from what was recorded in its first second (the paper draws "
+            "the start: init.source=seed speed.norm=minmax), with common random numbers, and measures how far "
             "the simulated traffic is from the recorded one, beside the reference rows real against real and "
             "noise floor. Prints a table, writes Parquet, figures and one HTML page."
         ),
@@ -22,9 +23,10 @@ SIMULATION = (
             "rearl evaluate -m scenes.stride=60,30 study=overlap",
             "rearl evaluate -m detection.h_pct=5,10,20,30 detection.m_pct=5,10,20,30 study=pairs",
             "rearl evaluate --sweep cues",
-            "rearl evaluate method=ppo",
+            "rearl evaluate init.source=seed speed.norm=minmax",
+            "rearl evaluate method=ppo init.source=seed speed.norm=minmax",
             "rearl evaluate method=critical critical.proposer=search",
-            "rearl evaluate model=results/discover/model.yaml speed.norm=none",
+            "rearl evaluate model=results/discover/model.yaml",
         ),
         collect="rearl_jax.sweep.cells:collect",
         implied=dict.fromkeys(CLOSED_LOOP, "method=rearl") | {"ppo": "method=ppo", "critical": "method=critical"},
@@ -44,7 +46,7 @@ SIMULATION = (
         examples=(
             "rearl train ppo",
             "rearl train ppo ppo.seed=1 ppo.car_steps=5e6 study=long",
-            "rearl evaluate method=ppo ppo.weights=results/long/weights.eqx",
+            "rearl evaluate method=ppo ppo.weights=results/long/weights.eqx init.source=seed speed.norm=minmax",
         ),
     ),
     Task(
@@ -63,7 +65,7 @@ SIMULATION = (
             "rearl sweep thresholds",
             "rearl sweep thresholds data=highd data.root=/data/highD study=highd_thresholds",
             "rearl sweep thresholds sweep.h_pct=[10,30] sweep.m_pct=[5]",
-            "rearl sweep thresholds scenes.boundary=measured init.source=scene speed.norm=none core.n_lanes=6",
+            "rearl sweep thresholds scenes.boundary=measured",
         ),
     ),
     Task(

@@ -11,9 +11,9 @@ STUDIES = (
         goes_on=True,
         description=(
             "Evaluates every row (base, PPO, CRITICAL, the closed loop with its controls, with table1.llm=true a "
-            "language model) as `rearl evaluate` does, each in a folder of its own below rows/, and puts them beside "
-            "the figures of the paper, with a list of differences. table1.traffic=true adds REARL on better traffic: "
-            "recorded vehicles around, calibrated drivers, both. An interrupted study continues. "
+            "language model) as `rearl evaluate` does with the paper's start, each in a folder of its own below rows/, "
+            "and puts them beside the figures of the paper, with a list of differences. table1.traffic=true adds REARL "
+            "on better traffic: recorded vehicles around, calibrated drivers, both. An interrupted study continues. "
             "Prints the table and conclusions, writes Parquet, a figure and one HTML page."
         ),
         examples=(
@@ -31,8 +31,9 @@ STUDIES = (
         summary="the threshold pairs beside the paper's Table 3",
         goes_on=True,
         description=(
-            "Runs `rearl sweep thresholds` in the folder sweep/ and puts thresholds, best pair and Pareto set beside "
-            "the known values of the paper. Prints a table, writes Parquet, a figure and one HTML page."
+            "Runs `rearl sweep thresholds` with the paper's start in the folder sweep/ and puts thresholds, best pair "
+            "and Pareto set beside the known values of the paper. Prints a table, writes Parquet, a figure and one "
+            "HTML page."
         ),
         examples=("rearl study table3", "rearl study table3 data=highd data.root=/data/highD study=highd_table3"),
     ),

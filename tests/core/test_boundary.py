@@ -145,7 +145,7 @@ def test_vehicles_enter_in_the_places_of_others_and_remember_nothing(kind):
     run = jax.jit(lambda around: rollout(state, drivers, MODEL, n_seconds=1, boundary=around)[0])
     after, before = run(around), run(nobody(3, 6, 2))
     assert (float(after.x[2, 1]), float(after.y[2, 1]), float(after.speed[2, 1])) == (3.0, 4.0, 11.0)
-    assert float(after.desired_speed[2, 1]) == (11.0 if kind == "highway_env" else 17.0)
+    assert float(after.desired_speed[2, 1]) == 17.0
     assert int(after.ticks_to_decision[2, 1]) == 1 + 8
     stays = np.ones((6, 2), bool)
     stays[2, 1] = False
@@ -157,6 +157,20 @@ def test_vehicles_enter_in_the_places_of_others_and_remember_nothing(kind):
         leader = after.memory.leader_history.leader
         assert int(leader[index]) != int(before.memory.leader_history.leader[index])
         np.testing.assert_array_equal(np.asarray(leader)[stays], np.asarray(before.memory.leader_history.leader)[stays])
+
+
+def test_vehicles_that_collided_are_counted_when_others_take_their_place():
+    state, drivers = traffic(6, "highway_env")
+    is_crashed, is_new = np.zeros((6, 2), bool), np.zeros((3, 6, 2), bool)
+    is_crashed[[2, 4], 1] = is_new[0, 2:4, 1] = is_new[2, 2, 1] = True
+    far = nobody(3, 6, 2, is_new=is_new, x=1e4 * np.ones(is_new.shape))
+    state = replace(state, crashed=jnp.asarray(is_crashed), left_crashed=jnp.zeros((6, 2), jnp.int32))
+    frames = jax.jit(lambda around: rollout(state, drivers, MODEL, n_seconds=2, boundary=around)[1])(far)
+    expected = np.zeros((6, 2), int)
+    expected[2, 1] = 1
+    np.testing.assert_array_equal(frames.left_crashed, [expected, expected])
+    assert not np.asarray(frames.crashed)[:, 2, 1].any()
+    assert np.asarray(frames.crashed)[:, 4, 1].all()
 
 
 def test_followers_and_vehicles_beside_may_be_replayed():

@@ -189,12 +189,13 @@ def standing(simulated_by):
 
 @pytest.fixture
 def small(scenes):
-    """A configuration for the small scenes; six rollouts at a time, so that one program serves all tests."""
+    """A configuration for the small scenes with drawn starts; six rollouts at a time: one program for all tests."""
     from rearl_jax.config import EvaluateTask
-    from rearl_jax.config.core import CoreConfig
+    from rearl_jax.config.core import CoreConfig, InitConfig, InitialSource
     from rearl_jax.config.evaluation import EvaluationConfig
 
     return EvaluateTask(
+        init=InitConfig(InitialSource.seed),
         core=CoreConfig(n_vehicles=N_SLOTS, collisions=False, chunk=6),
         eval=EvaluationConfig(n_runs=3, resamples=200, noise_draws=50),
     )

@@ -2,12 +2,13 @@
 
 from dataclasses import replace
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from rearl_jax.config import EvaluateTask
-from rearl_jax.config.core import CoreConfig, InitConfig, InitialSource
+from rearl_jax.config.core import InitConfig, InitialSource
 from rearl_jax.config.decision import DecisionConfig, PolicyName
 from rearl_jax.config.evaluation import EvaluationConfig, Method, SeedScope
 from rearl_jax.config.scenes import BoundarySource, ScenesConfig, SpeedConfig, SpeedNorm
@@ -23,19 +24,14 @@ from rearl_jax.problems import InvalidInputError
 from rearl_jax.replay.embedding import positions, replay_data
 from rearl_jax.replay.scenes import Decision, Replay, ReplayedScene
 
-MEASURED = EvaluateTask(
-    scenes=ScenesConfig(boundary=BoundarySource.measured),
-    init=InitConfig(source=InitialSource.scene),
-    speed=SpeedConfig(SpeedNorm.none),
-    core=CoreConfig(n_lanes=6),
-)
+MEASURED = EvaluateTask(scenes=ScenesConfig(boundary=BoundarySource.measured))
 
 
 @pytest.mark.parametrize(
     ("changes", "key"),
     [
-        ({"init": InitConfig()}, "init.source"),
-        ({"speed": SpeedConfig()}, "speed.norm"),
+        ({"init": InitConfig(InitialSource.seed)}, "init.source"),
+        ({"speed": SpeedConfig(SpeedNorm.minmax)}, "speed.norm"),
         ({"eval": EvaluationConfig(seed_scope=SeedScope.run)}, "eval.seed_scope"),
         ({"method": Method.ppo}, "method"),
         ({"method": Method.critical}, "method"),
@@ -64,7 +60,7 @@ def test_surroundings_are_read_once(monkeypatch, tmp_path):
     from rearl_jax.workflows import cut_scenes
 
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
-    scenes, subset = cut_scenes(speed={"norm": "none"}), np.array([2, 5])
+    scenes, subset = cut_scenes(), np.array([2, 5])
     first = recorded_boundary(MEASURED, scenes, subset)
     monkeypatch.setattr(boundary_cache, "cut_boundary", None)
     again = recorded_boundary(MEASURED, scenes, subset)
@@ -134,7 +130,8 @@ def test_distances_count_from_the_second_after_a_vehicle_has_entered(scenes):
     assert position_figures(found)["position_error"] == pytest.approx(3.0)
     table = position_extra(scenes.scene_id, {"base": found}).tables["positions"]
     assert list(table.columns) == ["method", "scene_id", "run", "position_error", "overlap_share"]
-    assert positions_of(simulated, Listed(EvaluateTask(), None, n_scenes), scenes) is None
+    drawn = EvaluateTask(init=InitConfig(InitialSource.seed))
+    assert positions_of(simulated, Listed(drawn, None, n_scenes), scenes) is None
 
 
 def test_free_scenes_are_compared_with_the_vehicles_they_began_with(scenes):
@@ -163,7 +160,7 @@ def test_the_replay_tells_replayed_and_entered_vehicles(scenes, small):
     boundary = boundary_of(scenes)
     frames = frames_at(boundary.x, boundary.lane)
     frames = replace(frames, crashed=frames.crashed.at[8:, 0].set(True))
-    first = Frames(**{name: values[..., 0] for name, values in vars(frames).items()})
+    first = jax.tree.map(lambda values: values[..., 0], frames)
     told = (Decision(0, 2, 0, 3), Decision(0, 7, 0, 4))
     shown = ReplayedScene(0, 0, first, np.full(4, 5.0), 0.5, told, boundary.select(np.array([0])))
     (scene,) = replay_data(Replay(small, scenes, (shown,), "", has_decisions=True))["scenes"]

@@ -11,7 +11,14 @@ pytestmark = pytest.mark.llm
 
 
 def evaluate(root, study, *words):
-    keys = ["eval.n_runs=1", "eval.seed_scope=run", "detection.interval=20", "core.collisions=false"]
+    keys = [
+        "eval.n_runs=1",
+        "eval.seed_scope=run",
+        "init.source=seed",
+        "speed.norm=minmax",
+        "detection.interval=20",
+        "core.collisions=false",
+    ]
     command = [sys.executable, "-m", "rearl_jax", "evaluate", *keys, *words, f"results.root={root}", f"study={study}"]
     done = subprocess.run(
         [*command, f"llm.cache={root / 'answers.sqlite'}"], capture_output=True, text=True, timeout=900

@@ -87,7 +87,7 @@ def test_fixed_initial_speed(scenes, small):
     assert drawn.speed.min() >= 21.0
     assert drawn.speed.max() <= 24.0
     assert drawn.speed.std() > 0.5
-    fixed = replace(small, init=InitConfig(speed=InitialSpeed.fixed_25))
+    fixed = replace(small, init=InitConfig(InitialSource.seed, InitialSpeed.fixed_25))
     _, frames = frames_of(fixed, scenes)
     assert (frames.speed == 25.0).all()
 
@@ -106,22 +106,40 @@ def test_rollouts_from_the_measured_snapshot(scenes, small):
         assert frames.lane[0, :, column].tolist() == [0, 1, 2, 3]
 
 
-@pytest.mark.parametrize("wanted", [5.0, 30.0])
+@pytest.mark.parametrize("wanted", [5.0, 30.0, None])
 def test_drivers_of_recorded_vehicles_want_at_most_what_was_seen(scenes, small, wanted):
-    measured = replace(small, init=InitConfig(InitialSource.scene), driver=record_of("idm")(desired_speed=wanted))
+    driver = small.driver if wanted is None else record_of("idm")(desired_speed=wanted)
+    measured = replace(small, init=InitConfig(InitialSource.scene), driver=driver)
     rollouts = Rollouts([Row(measured)], scenes, np.array([1, 4]))
     batch, model = rollouts._batch(), traffic_model(measured.core)
     state, _, _ = jax.jit(lambda batch: begin(batch, measured.core, measured.init.speed, model))(batch)
     highest = scenes.scaled_speed[rollouts.scene].max(axis=1).T
     assert highest.min() < 15.0 < 30.0 < highest.max()
-    np.testing.assert_allclose(state.desired_speed, np.minimum(highest, wanted), rtol=1e-6)
+    np.testing.assert_allclose(state.desired_speed, np.minimum(highest, wanted or np.inf), rtol=1e-6)
     np.testing.assert_array_equal(state.x, batch.measured.x)  # nobody is moved to make room
+
+
+def test_recorded_starts_are_on_the_recorded_road(scenes, small):
+    measured = replace(small, init=InitConfig(source=InitialSource.scene))
+
+    def road(scenes, **keys):
+        return Rollouts([Row(replace(measured, core=replace(small.core, **keys)))], scenes, HELD_OUT).config.core
+
+    assert (road(scenes).n_lanes, road(scenes).speed_limit) == (4, pytest.approx(scenes.scaled_speed.max()))
+    one_way = replace(scenes, settings={"scenes.direction": "per_direction"})
+    assert (road(one_way).n_lanes, road(one_way, n_lanes=7).n_lanes) == (2, 7)
+    assert (road(scenes, speed_limit=None).speed_limit, road(scenes, speed_limit=50.0).speed_limit) == (None, 50.0)
+    wide = replace(scenes, infos=tuple(replace(info, lane_count={1: 5, 2: 5}) for info in scenes.infos))
+    with pytest.raises(InvalidInputError) as caught:
+        road(wide)
+    assert (caught.value.code, "per_direction" in caught.value.problem.remedy) == ("lanes-too-many", True)
+    assert Rollouts([Row(small)], scenes, HELD_OUT).config == small
 
 
 def test_measured_snapshots_that_do_not_fit_the_road_stop(scenes, small):
     measured = replace(small, init=InitConfig(source=InitialSource.scene))
     for changed, key, value in (
-        (replace(measured, core=replace(small.core, n_lanes=3)), "core.n_lanes", "4"),
+        (replace(measured, core=replace(small.core, n_lanes=3)), "core.n_lanes", "at least 4"),
         (replace(measured, core=replace(small.core, n_vehicles=10)), "core.n_vehicles", "the 4 vehicles"),
         (
             replace(measured, eval=replace(small.eval, seed_scope=SeedScope.run)),

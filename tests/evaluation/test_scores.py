@@ -118,6 +118,32 @@ def test_realism_of_a_row_pools_its_runs(scenes):
     assert len(set(np.round(single, 6))) > 2
 
 
+def test_vehicles_that_collided_and_left_count_among_all_that_were_simulated(scenes):
+    """Place 0 holds three vehicles, of whom the first collides in the second in which it leaves."""
+    n_seconds, n_vehicles = scenes.speed.shape[1:]
+    shape, second = (n_seconds, n_vehicles, 1), np.arange(n_seconds)
+    same = jnp.broadcast_to(40.0 * jnp.arange(n_vehicles, dtype=jnp.float32)[None, :, None], shape)
+    crashed, left, track = np.zeros(shape, bool), np.zeros(shape, np.int32), np.zeros((1, *shape[:2]), int)
+    track[0] = np.arange(n_vehicles)
+    track[0, 4:, 0], track[0, 8:, 0], left[4:, 0] = 20, 30, 1
+    frames = Frames(same, same * 0, same * 0, same, same * 0, jnp.zeros(shape, jnp.int32), jnp.asarray(crashed))
+    scorer = Scorer(scenes, MetricsConfig(), width=6, dtype=np.dtype(np.float32))
+
+    def figures(frames, *track):
+        simulated = Simulated(frames, np.full(shape[1:], 5.0, np.float32))
+        metrics = scorer.simulated(simulated, np.zeros(1, int), np.array([2]), *track)
+        return [float(metrics.measure(name).value[0]) for name in ("collisions", "any_collision")]
+
+    entered = replace(frames, left_crashed=jnp.asarray(left))
+    assert figures(entered, track) == [pytest.approx(1 / (n_vehicles + 2)), 1.0]
+    crashed[6:8, 0] = crashed[8:, 1] = True  # the second vehicle of place 0, and one that stays
+    left[second >= 8, 0] = 2
+    both = replace(entered, crashed=jnp.asarray(crashed), left_crashed=jnp.asarray(left))
+    assert figures(both, track) == [pytest.approx(3 / (n_vehicles + 2)), 1.0]
+    assert figures(frames) == [0.0, 0.0]
+    assert figures(replace(frames, crashed=jnp.asarray(crashed))) == [pytest.approx(1 / n_vehicles), 1.0]
+
+
 def test_headways_are_those_of_the_vehicles_own_lengths(scenes):
     """Two vehicles 40 m apart at 20 m/s: the leader's length is no headway."""
     n_seconds, n_vehicles = scenes.speed.shape[1:]

@@ -4,16 +4,30 @@ from dataclasses import replace
 
 import pytest
 
-from rearl_jax.config import EvaluateTask, StudyFig7Task, StudyTable1Task, StudyTable4Task
+from rearl_jax.config import (
+    ClusterTask,
+    EvaluateTask,
+    StudyFig6Task,
+    StudyFig7Task,
+    StudyFig8Task,
+    StudyTable1Task,
+    StudyTable3Task,
+    StudyTable4Task,
+    SweepScaleTask,
+    SweepThresholdsTask,
+)
 from rearl_jax.config._schema import finished
+from rearl_jax.config.core import InitialSource
 from rearl_jax.config.decision import DecisionConfig, MatchSpace, PolicyName
 from rearl_jax.config.detection import ReferenceMode
 from rearl_jax.config.driver import record_of
 from rearl_jax.config.evaluation import EvaluationConfig, Method, SeedScope, Variant
 from rearl_jax.config.mobil import MobilConfig
+from rearl_jax.config.scenes import SpeedNorm
 from rearl_jax.config.study import Table1Config, Table4Config
 from rearl_jax.problems import InvalidInputError
 from rearl_jax.results import config_hash
+from rearl_jax.study.parts import part_record
 from rearl_jax.study.published import TABLE1
 from rearl_jax.study.rows import ROWS, Role, changed, chosen_rows, row_record
 
@@ -38,6 +52,18 @@ def test_every_row_is_an_evaluation_of_its_own():
     assert records["matcher_drawn"].reference.mode is ReferenceMode.drawn
     assert records["matcher_rank"].reference.mode is ReferenceMode.spacing
     assert records["random_admissible"].decision.policy is PolicyName.random_admissible
+
+
+def test_tables_of_the_paper_start_as_the_paper_does():
+    paper = [kind() for kind in (StudyTable1Task, StudyFig6Task, StudyTable3Task, StudyFig7Task, SweepScaleTask)]
+    paper += [row_record(row, StudyTable1Task()) for row in ROWS]
+    paper.append(part_record(SweepThresholdsTask, StudyTable3Task(), "sweep"))
+    for config in paper:
+        assert (config.init.source, config.speed.norm) == (InitialSource.seed, SpeedNorm.minmax)
+        assert (config.core.lanes, config.core.speed_limit) == (4, 30.0)
+    assert part_record(ClusterTask, StudyFig8Task(), "cluster").speed.norm is SpeedNorm.minmax
+    for config in (EvaluateTask(), SweepThresholdsTask()):
+        assert (config.init.source, config.speed.norm) == (InitialSource.scene, SpeedNorm.none)
 
 
 def test_a_language_model_is_asked_less():

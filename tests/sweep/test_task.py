@@ -10,7 +10,7 @@ from rearl_jax.config import ResultsConfig, SweepThresholdsTask
 from rearl_jax.config.core import CoreConfig, InitConfig, InitialSource
 from rearl_jax.config.data import DataConfig
 from rearl_jax.config.evaluation import EvaluationConfig
-from rearl_jax.config.scenes import BoundarySource, ScenesConfig, SpeedConfig, SpeedNorm
+from rearl_jax.config.scenes import BoundarySource, ScenesConfig
 from rearl_jax.config.sweep import SweepConfig
 from rearl_jax.problems import InvalidInputError
 from rearl_jax.sweep.task import run
@@ -67,17 +67,15 @@ def test_summary_names_the_best_pair(study):
 
 MEASURED = SweepThresholdsTask(
     scenes=ScenesConfig(boundary=BoundarySource.measured),
-    init=InitConfig(InitialSource.scene),
-    speed=SpeedConfig(SpeedNorm.none),
     eval=EvaluationConfig(n_runs=1, resamples=100),
     sweep=SweepConfig(h_pct=(30.0,), m_pct=(20.0,)),
-    core=CoreConfig(n_lanes=6, collisions=False),
+    core=CoreConfig(collisions=False),
 )
 
 
 def test_a_boundary_without_recorded_starts_is_refused_before_anything_is_read(tmp_path):
     with pytest.raises(InvalidInputError) as caught:
-        run(replace(MEASURED, init=InitConfig(), results=ResultsConfig(str(tmp_path))))
+        run(replace(MEASURED, init=InitConfig(InitialSource.seed), results=ResultsConfig(str(tmp_path))))
     assert (caught.value.code, caught.value.problem.key) == ("out-of-range", "init.source")
     assert not list(tmp_path.iterdir())
 

@@ -1,10 +1,12 @@
 """Measured scenes as initial states of simulations: the vehicles of each scene's first snapshot."""
 
+from dataclasses import replace
+
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float, Int
 
-from rearl_jax.config.core import CoreConfig
+from rearl_jax.config.core import MOST_LANES, CoreConfig
 from rearl_jax.core.boundary import Boundary, Entrants, Identity, Motion
 from rearl_jax.core.road import traffic_model
 from rearl_jax.core.state import TrafficState, make_state
@@ -21,16 +23,39 @@ def first_lanes(scenes: SceneSet) -> Int[np.ndarray, "scenes slots"]:
     """
     if (scenes.lane[:, 0] < 0).any():
         message = "is scene, which needs the lane of every vehicle; these recordings lack some"
-        raise InvalidInputError(Problem("lane-missing", message, key="init.source"))
+        remedy = "set init.source=seed speed.norm=minmax, which draws the start"
+        raise InvalidInputError(Problem("lane-missing", message, remedy, key="init.source"))
     return lanes_side_by_side(scenes, scenes.lane[:, 0], scenes.direction[:, 0])
+
+
+def recorded_road(core: CoreConfig, scenes: SceneSet) -> CoreConfig:
+    """The road of recorded scenes: with their lanes, unless `core` says how many, and without a speed limit that
+    recorded vehicles exceed.
+
+    Raises:
+        InvalidInputError: The recordings have more lanes than a simulated road can have.
+    """
+    if core.n_lanes is None:
+        of_roads = max if scenes.is_one_way else sum
+        beside = lanes_side_by_side(scenes, scenes.lane.astype(np.int64), scenes.direction)
+        n_lanes = max(int(beside.max()) + 1, *(of_roads(info.lane_count.values()) for info in scenes.infos))
+        if n_lanes > MOST_LANES:
+            message = f"must leave recordings of at most {MOST_LANES} lanes, not {n_lanes}"
+            remedy = "leave out the others" if scenes.is_one_way else "set scenes.direction=per_direction"
+            raise InvalidInputError(Problem("lanes-too-many", message, remedy, key="data.recordings"))
+        core = replace(core, n_lanes=n_lanes)
+    if core.speed_limit is None:
+        return core
+    return replace(core, speed_limit=max(core.speed_limit, float(scenes.scaled_speed.max())))
 
 
 def measured_state(scenes: SceneSet, core: CoreConfig) -> TrafficState:
     """States with the vehicles of every scene's first snapshot, `[n_vehicles, n_scenes]`.
 
     x = position along the own driving direction less the least one of the scene, so the carriageways lie side by side
-    and all vehicles drive towards larger x; lane as in `first_lanes`; speed = rescaled speed, which is the desired
-    speed too, as highway-env sets it.
+    and all vehicles drive towards larger x; lane as in `first_lanes`; in the place of the desired speed stands the
+    highest speed that was recorded of the vehicle, to which `core.boundary.cut_desired_speed` cuts that of its driver.
+    Speeds are rescaled by `scenes.speed_norm`.
 
     Raises:
         ValueError: The simulated road has too few lanes or another number of vehicles, or a lane is unknown.
@@ -44,6 +69,7 @@ def measured_state(scenes: SceneSet, core: CoreConfig) -> TrafficState:
         lane.T * model.lane_width,
         scenes.scaled_speed[:, 0].T,
         model,
+        desired_speed=highest_speeds(scenes).T,
         dtype=np.dtype(core.dtype.name).type,
     )
 
@@ -57,8 +83,7 @@ def highest_speeds(scenes: SceneSet) -> Float[np.ndarray, "scenes slots"]:
 def bounded_state(boundary: SceneBoundary, core: CoreConfig) -> TrafficState:
     """States with the simulated vehicles of every scene's first second, `[n_vehicles, n_scenes]`.
 
-    As in `measured_state`, but on the road of the replayed vehicles; in the place of the desired speed stands the
-    highest speed that was recorded of the vehicle, to which `core.boundary.cut_desired_speed` cuts that of its driver.
+    As in `measured_state`, but on the road of the replayed vehicles.
 
     Raises:
         ValueError: The simulated road has too few lanes or another number of vehicles.
@@ -113,6 +138,6 @@ def _require_road(core: CoreConfig, n_vehicles: int, n_lanes: int) -> None:
     if core.n_vehicles != n_vehicles:
         message = f"must be the {n_vehicles} vehicles of a snapshot, scenes.slots, for init.source=scene"
         raise out_of_range("core.n_vehicles", message, core.n_vehicles)
-    if n_lanes > core.n_lanes:
-        message = f"must be {n_lanes}, the lanes of these recordings, for init.source=scene"
-        raise out_of_range("core.n_lanes", message, core.n_lanes)
+    if n_lanes > core.lanes:
+        message = f"must be at least {n_lanes}, the lanes of these recordings, for init.source=scene: leave it out"
+        raise out_of_range("core.n_lanes", message, core.lanes)

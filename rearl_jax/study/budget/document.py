@@ -10,7 +10,7 @@ from rearl_jax.config.budget import REARL, START, StudyBudgetTask
 from rearl_jax.data.scenes.scene_set import SceneSet
 from rearl_jax.document.document import Document, Section
 from rearl_jax.document.table import NONE, Cell, Emphasis, Row, Table, percent
-from rearl_jax.evaluation.remarks import Remarks
+from rearl_jax.evaluation.remarks import Remarks, speed_bins
 from rearl_jax.evaluation.scores import TITLES as REFERENCE_TITLES
 from rearl_jax.evaluation.tables import HEADINGS
 from rearl_jax.metrics import METRICS
@@ -236,10 +236,8 @@ def definitions_of(config: StudyBudgetTask, scenes: SceneSet, held_out: np.ndarr
     """How rows, starts, intervals and the vehicles of short scenes come about."""
     chosen = scenes.track_id[held_out]
     stay = (chosen[:, :, :, None] == chosen[:, :1, None, :]).any(axis=2).sum(axis=1)
-    fullest = _fullest_bin(config, scenes.scaled_speed[held_out])
     return (
-        f"Road: {config.core.n_vehicles} vehicles on {config.core.n_lanes} lanes in all rows (those of the recordings, "
-        "at least core.n_lanes).",
+        f"Road: {config.core.n_vehicles} vehicles on {config.core.lanes} lanes in all rows.",
         "Base: highway-env's start, drawn by eval.seed, run and scene, and the drivers of the keys driver and mobil.",
         f"{TITLES[START]}: the first snapshot of the scene; every driver wants at most the highest speed that its "
         "vehicle is recorded at, drivers without a desired speed of their own exactly that.",
@@ -250,16 +248,8 @@ def definitions_of(config: StudyBudgetTask, scenes: SceneSet, held_out: np.ndarr
         "all rows alike.",
         f"{TITLES[REARL]}: decisions of the matcher where the traffic differs too much from its reference; the same "
         "thresholds in all rows, percentiles of Base on threshold scenes.",
-        f"The fullest of the {config.hist.n_bins} bins of the Hellinger distance holds {percent(fullest)} of the "
-        "recorded speeds; where it holds nearly all, H tells little: set hist.low and hist.high to their range.",
+        speed_bins(config.hist, scenes.scaled_speed[held_out]),
         "THW error and LCR error: distance of a scene's time headway and lane-change rate from the recorded scene's.",
         f"Intervals: {100 * config.eval.confidence:g} % percentile bootstrap over {len(held_out)} judged scenes, the "
         "same resamples for every figure. An error is divided over the scenes that have it in all rows.",
     )
-
-
-def _fullest_bin(config: StudyBudgetTask, speed: np.ndarray) -> float:
-    """Largest share of the speeds in one bin of the Hellinger distance [-]."""
-    hist = config.hist
-    counts, _ = np.histogram(np.clip(speed, hist.low, hist.high), hist.n_bins, (hist.low, hist.high))
-    return float(counts.max() / max(counts.sum(), 1))

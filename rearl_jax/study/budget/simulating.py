@@ -32,10 +32,6 @@ from rearl_jax.study.budget.drivers import drivers_of
 ERRORS = "errors"
 """Name of the table: a folder of parts, read as one Parquet table."""
 
-NO_LIMIT = 100.0
-"""Desired speed [m/s] of Base's drivers in rows that start as recorded, of which the highest recorded speed of the
-vehicle is left: the largest that can be given."""
-
 
 @dataclass(frozen=True)
 class Setting:
@@ -136,10 +132,7 @@ def as_simulated(setting: Setting, row: Row) -> SimulatedRow:
     """A row of the budget as a row of an evaluation."""
     config = replace(setting.config, model=None, method=Method.rearl if REARL in row else Method.base)
     if START in row:
-        driver = config.driver
-        if driver.values()["desired_speed"] is None:
-            driver = replace(driver, **{"desired_speed": NO_LIMIT})
-        config = replace(config, init=replace(config.init, source=InitialSource.scene), driver=driver)
+        config = replace(config, init=replace(config.init, source=InitialSource.scene))
     if BOUNDARY not in row:
         config = free(config)
     drivers = None

@@ -11,14 +11,13 @@ import logging
 from collections.abc import Mapping
 from dataclasses import replace
 
-import numpy as np
 from rich.progress import Progress
 
 from rearl_jax.config.budget import BOUNDARY, CALIBRATED, NEEDS, REARL, START, StudyBudgetTask
 from rearl_jax.config.evaluation import Method
 from rearl_jax.config.scenes import BoundarySource
 from rearl_jax.data.recordings import is_generated
-from rearl_jax.data.scenes.boundary import lanes_side_by_side
+from rearl_jax.data.scenes.initial_states import recorded_road
 from rearl_jax.data.scenes.scene_set import SceneSet
 from rearl_jax.data.scenes.scene_windows import UNKNOWN_LANE
 from rearl_jax.document.document import data_sources
@@ -29,7 +28,7 @@ from rearl_jax.evaluation.percentiles import thresholds_of
 from rearl_jax.evaluation.remarks import Remarks, data_summary
 from rearl_jax.evaluation.simulators import NEVER
 from rearl_jax.evaluation.traffic import inputs_id
-from rearl_jax.problems import InvalidInputError, Problem, out_of_range
+from rearl_jax.problems import InvalidInputError, out_of_range
 from rearl_jax.progress import progress_bar
 from rearl_jax.results import Study
 from rearl_jax.runtime import set_precision
@@ -42,9 +41,6 @@ from rearl_jax.study.budget.simulating import Setting, free, simulated_rows
 from rearl_jax.study.budget.tables import budget_table, step_table, summary_of
 
 log = logging.getLogger(__name__)
-
-MOST_LANES = 8
-"""Largest number of lanes of a simulated road."""
 
 
 def run(config: StudyBudgetTask) -> dict:
@@ -150,21 +146,12 @@ def _lacking(drivers: Drivers) -> dict[str, str]:
 
 
 def with_road(config: StudyBudgetTask, scenes: SceneSet, *, needs_lanes: bool) -> StudyBudgetTask:
-    """The configuration with the vehicles of a snapshot, and at least the lanes of the recordings.
+    """The configuration with the vehicles of a snapshot and the lanes of the recordings, for all rows alike.
 
     Raises:
         InvalidInputError: The recordings have more lanes than a simulated road can have.
     """
     core = replace(config.core, n_vehicles=scenes.n_slots)
     if needs_lanes:
-        beside = lanes_side_by_side(scenes, scenes.lane.astype(np.int64), scenes.direction)
-        of_roads = max if scenes.is_one_way else sum
-        n_lanes = max(
-            int(beside.max()) + 1, core.n_lanes, *(of_roads(info.lane_count.values()) for info in scenes.infos)
-        )
-        if n_lanes > MOST_LANES:
-            message = f"must leave recordings of at most {MOST_LANES} lanes, not {n_lanes}"
-            remedy = "leave out the others" if scenes.is_one_way else "set scenes.direction=per_direction"
-            raise InvalidInputError(Problem("lanes-too-many", message, remedy, key="data.recordings"))
-        core = replace(core, n_lanes=n_lanes)
+        core = replace(core, n_lanes=recorded_road(core, scenes).n_lanes)
     return replace(config, core=core)

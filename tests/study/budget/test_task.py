@@ -11,14 +11,14 @@ from rearl_jax.config.budget import BOUNDARY, CALIBRATED, COMPONENTS, REARL, STA
 from rearl_jax.config.core import InitConfig, InitialSource
 from rearl_jax.config.decision import DecisionConfig, PolicyName
 from rearl_jax.config.evaluation import EvaluationConfig, Method, SeedScope, Variant
-from rearl_jax.config.scenes import BoundarySource, Direction, SpeedConfig
+from rearl_jax.config.scenes import BoundarySource, Direction, SpeedConfig, SpeedNorm
 from rearl_jax.data.records import Recording, RecordingInfo
 from rearl_jax.data.scenes.splits import Splits
 from rearl_jax.evaluation.inputs import Inputs
 from rearl_jax.problems import InvalidInputError
 from rearl_jax.study.budget.calibrating import outside
 from rearl_jax.study.budget.components import rows_of
-from rearl_jax.study.budget.simulating import NO_LIMIT, Setting, as_simulated
+from rearl_jax.study.budget.simulating import Setting, as_simulated
 from rearl_jax.study.budget.task import present, with_road
 from tests.evaluation.conftest import made_scenes
 from tests.models.drivers import GAIN, model
@@ -30,7 +30,7 @@ from tests.models.drivers import GAIN, model
         ({"method": Method.rearl}, "method"),
         ({"variant": Variant.repaired}, "variant"),
         ({"init": InitConfig(InitialSource.scene)}, "init.source"),
-        ({"speed": SpeedConfig()}, "speed.norm"),
+        ({"speed": SpeedConfig(SpeedNorm.minmax)}, "speed.norm"),
         ({"eval": EvaluationConfig(seed_scope=SeedScope.run)}, "eval.seed_scope"),
         ({"decision": DecisionConfig(PolicyName.llm)}, "decision.policy"),
     ],
@@ -53,15 +53,12 @@ def test_components_leave_with_what_they_need():
 
 def test_the_road_has_the_lanes_and_vehicles_of_the_scenes():
     scenes, config = made_scenes(), StudyBudgetTask()
-    assert (with_road(config, scenes, needs_lanes=True).core.n_lanes, config.core.n_lanes) == (4, 4)
+    assert (with_road(config, scenes, needs_lanes=True).core.n_lanes, config.core.n_lanes) == (4, None)
     assert with_road(config, scenes, needs_lanes=True).core.n_vehicles == 4
     wide = replace(scenes, infos=tuple(replace(info, lane_count={1: 5, 2: 5}) for info in scenes.infos))
-    with pytest.raises(InvalidInputError) as caught:
-        with_road(config, wide, needs_lanes=True)
-    assert (caught.value.code, "per_direction" in caught.value.problem.remedy) == ("lanes-too-many", True)
     one_way = replace(wide, settings={"scenes.direction": Direction.per_direction.name})
     assert with_road(config, one_way, needs_lanes=True).core.n_lanes == 5
-    assert with_road(config, wide, needs_lanes=False).core.n_lanes == 4
+    assert with_road(config, wide, needs_lanes=False).core.lanes == 4
 
 
 def recording():
@@ -100,8 +97,6 @@ def test_rows_start_and_drive_as_their_components_say():
         is_measured = made.config.scenes.boundary is BoundarySource.measured
         assert (is_measured, made.config.method is Method.rearl) == (BOUNDARY in row, REARL in row)
         assert (made.drivers is not None) == (CALIBRATED in row)
-        wanted = made.config.driver.values()["desired_speed"]
-        assert wanted == (NO_LIMIT if START in row else None)
         assert made.thresholds == ((0.3, 0.2) if REARL in row else (np.inf, np.inf))
 
 

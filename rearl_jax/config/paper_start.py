@@ -1,0 +1,31 @@
+"""How simulations start in the paper, and wherever many different starts are wanted: drawn, on rescaled speeds."""
+
+from dataclasses import dataclass, replace
+
+from rearl_jax.config._key import key
+from rearl_jax.config.core import CoreConfig, InitConfig, InitialSource
+from rearl_jax.config.scenes import SpeedConfig, SpeedNorm
+
+
+def rescaled() -> SpeedConfig:
+    """Speeds as the paper compares them."""
+    return SpeedConfig(SpeedNorm.minmax)
+
+
+def paper_road() -> CoreConfig:
+    """The road of the paper."""
+    core = CoreConfig()
+    return replace(core, n_lanes=core.lanes)
+
+
+def _drawn() -> InitConfig:
+    """Starts as the paper has them."""
+    return InitConfig(InitialSource.seed)
+
+
+@dataclass(unsafe_hash=True)
+class PaperStart:
+    """Keys of tasks that start as the paper does, in the place of starts and speeds as recorded."""
+
+    init: InitConfig = key(_drawn, (InitConfig.__doc__ or "").rstrip("."))
+    speed: SpeedConfig = key(rescaled, (SpeedConfig.__doc__ or "").rstrip("."))
