@@ -58,7 +58,7 @@ def draw_traffic(case: Case) -> Drawn:
         scenario = draw_scenario(priors, case.planted, case.base, case.seed, attempt, **fixed)  # type: ignore[arg-type]
         is_sumo = case.base in SUMO_BASES
         events, rules = _by_sumo(case, scenario) if is_sumo else (simulate(scenario), None)
-        fault = fault_of(scenario, events, has_size=not is_sumo)
+        fault = fault_of(scenario, events)
         if fault is None:
             return Drawn(scenario, events, rules, {reason: redraws[reason] for reason in REASONS})
         redraws[fault] += 1
@@ -84,7 +84,7 @@ def broad_truth(case: Case) -> dict[str, Any]:
     followers = events.fleet.rank > 0
     inside = (events.time >= 0.0) & (events.time <= scenario.duration)
     recorded = np.diff(events.lane[inside], axis=0)[:, followers]
-    changes = np.count_nonzero(recorded) / (np.count_nonzero(followers) * scenario.duration / 60.0)
+    changes = float(np.count_nonzero(recorded) / (np.count_nonzero(followers) * scenario.duration / 60.0))
     described = asdict(scenario)
     del described["planted"], described["base"]
     return truth | {
@@ -94,20 +94,27 @@ def broad_truth(case: Case) -> dict[str, Any]:
         "lane_changes_per_minute": changes,
         "has_many_changes": changes >= MANY_CHANGES,
         "mean_speed": float(events.speed[inside][:, followers].mean()),
-        "effect_size": events.effect_size if drawn.rules is None else None,
+        "effect_size": events.effect_size,
         "redraws": drawn.redraws,
         "scenario": described,
     }
 
 
 def _by_sumo(case: Case, scenario: Scenario) -> tuple[Events, Rules]:
+    """The traffic, with the difference to the same traffic without the effect as the effect's size."""
     names = {item.name for item in case.planted}
     rules = Rules(
         MODELS[case.base.removeprefix("sumo_")],
         overtake_right=0 if "no_undertaking" in names else 1,
         limit=LIMIT if "speed_limit" in names else None,
     )
-    return simulate_sumo(replace(scenario, planted=()), rules, is_moved=True)
+    events, in_force = simulate_sumo(replace(scenario, planted=()), rules, is_moved=True)
+    if names:
+        without, _ = simulate_sumo(replace(scenario, planted=()), Rules(rules.model))
+        inside = (events.time >= 0.0) & (events.time <= scenario.duration)
+        difference = (events.acceleration - without.acceleration)[inside][:, events.fleet.rank > 0]
+        events = replace(events, effect_size=float(np.sqrt(np.mean(difference**2))))
+    return events, in_force
 
 
 def _planted_in_sumo(name: str, rules: Rules) -> dict[str, Any]:

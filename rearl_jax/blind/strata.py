@@ -51,8 +51,9 @@ def _strata(case: Judged) -> Iterator[str]:
     yield "speed from a sensor" if chain["speed"] == "sensor" else "speed from positions"
     yield f"lane column by {chain['lane']}"
     yield "correlated position noise" if truth["scenario"]["noise_time"] else "white position noise"
-    if truth["planted"] and truth["effect_size"] is not None:
-        is_large = truth["effect_size"] >= LARGE_EFFECT * truth["scenario"]["driver_noise"]
+    noise = truth["scenario"]["driver_noise"]
+    if truth["planted"] and noise > 0.0:
+        is_large = truth["effect_size"] >= LARGE_EFFECT * noise
         yield "large effect" if is_large else "small effect"
 
 

@@ -26,8 +26,8 @@ hard as they can, the hidden effect does not act.
 """
 
 
-def fault_of(scenario: Scenario, events: Events, *, has_size: bool) -> str | None:
-    """The first of REASONS that applies, None for traffic; `has_size`: whether the size of hidden effects is known."""
+def fault_of(scenario: Scenario, events: Events) -> str | None:
+    """The first of REASONS that applies, None for traffic."""
     inside = np.flatnonzero((events.time >= 0.0) & (events.time <= scenario.duration))
     moments = inside[:: max(1, round(EVERY / (events.time[1] - events.time[0])))]
     position, speed = events.position[moments], events.speed[moments]
@@ -43,7 +43,7 @@ def fault_of(scenario: Scenario, events: Events, *, has_size: bool) -> str | Non
         return "free"
     if events.n_emergencies > MOST_EMERGENCIES * len(events.time) * np.count_nonzero(events.fleet.rank > 0):
         return "emergencies"
-    return "no_effect" if has_size and scenario.planted and events.effect_size < LEAST_EFFECT else None
+    return "no_effect" if scenario.planted and events.effect_size < LEAST_EFFECT else None
 
 
 def _gaps(events: Events, moments: np.ndarray) -> np.ndarray:

@@ -8,7 +8,7 @@ import hashlib
 import json
 import math
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass, field, fields, replace
+from dataclasses import asdict, dataclass, fields, replace
 
 import numpy as np
 
@@ -52,10 +52,6 @@ class Range:
         return replace(self, low=max(0.0, self.centre - half), high=min(1.0, self.centre + half))
 
 
-def _range(*values: object, is_log: bool = True) -> Range:
-    return field(default=Range(*values, is_log=is_log))  # type: ignore[arg-type]
-
-
 @dataclass(frozen=True)
 class Priors:
     """Priors of everything that differs between data sets, beside the hidden effect.
@@ -66,37 +62,37 @@ class Priors:
     car-following model is uniform over the seven of the generator and SUMO, the model of SUMO uniform over five.
     """
 
-    desired_speed: Range = _range(18.0, 40.0, "m/s", "median over cars")
-    time_gap: Range = _range(0.8, 3.4, "s", "median over cars")
-    jam_gap: Range = _range(1.5, 7.5, "m", "median over cars")
-    max_accel: Range = _range(0.5, 2.5, "m/s^2", "median over cars; all models but two")
-    comfort_decel: Range = _range(1.0, 6.0, "m/s^2", "median over cars; both IDM, Gipps, Krauss, SUMO")
-    accel_exponent: Range = _range(1.5, 6.0, "-", "median over cars; highway-env's IDM")
-    gap_exponent: Range = _range(1.2, 5.0, "-", "median over cars; IDM with a separate approach-rate gain")
-    gap_gain: Range = _range(0.04, 0.6, "1/s^2", "median over cars; constant time headway")
-    approach_gain: Range = _range(0.1, 1.2, "1/s", "median over cars; approach-rate gain, constant time headway, FVDM")
-    speed_gain: Range = _range(0.1, 0.9, "1/s", "median over cars; approach-rate gain, constant time headway, FVDM")
-    parameter_spread: Range = _range(0.08, 0.4, "-", "standard deviation of the logarithm between drivers, of each")
-    correlation: Range = _range(0.0, 0.7, "-", "bound of correlations between parameters", is_log=False)
-    truck_share: Range = _range(0.0, 0.35, "-", "share of trucks among followers", is_log=False)
-    truck_speed: Range = _range(0.65, 0.95, "-", "desired speed of trucks over that of cars")
-    truck_time_gap: Range = _range(0.9, 1.6, "-", "time gap of trucks over that of cars")
-    truck_accel: Range = _range(0.4, 0.9, "-", "maximum acceleration of trucks over that of cars")
-    driver_noise: Range = _range(0.03, 0.4, "m/s^2", "random acceleration, standard deviation of the median driver")
-    driver_noise_time: Range = _range(0.4, 8.0, "s", "its correlation time")
-    noise_spread: Range = _range(0.0, 0.4, "-", "standard deviation of the logarithm of its size", is_log=False)
-    noise_growth: Range = _range(0.0, 0.5, "s^2/m", "its growth with the driver's own acceleration", is_log=False)
-    position_noise: Range = _range(0.03, 0.5, "m", "standard deviation of measured positions")
-    noise_time: Range = _range(0.1, 1.5, "s", "correlation time of their errors, in half of the data sets; else white")
-    kernel_time: Range = _range(0.1, 0.8, "s", "standard deviation of the smoothing kernel, in half of the data sets")
-    slope_time: Range = _range(0.3, 2.0, "s", "window of the speed from positions, in half of the data sets")
-    sensor_noise: Range = _range(0.02, 0.3, "m/s", "standard deviation of the speed sensor, in the other half")
-    change_time: Range = _range(2.5, 7.0, "s", "time of the sideways motion of a lane change")
-    pace: Range = _range(0.4, 1.1, "-", "speed of platoon leaders over that of the usual traffic, per desired speed")
-    spacing: Range = _range(0.7, 1.8, "-", "gaps at the start over equilibrium gaps")
-    lane_changes: Range = _range(0.05, 2.0, "1/min", "lane changes per follower")
-    followers: Range = _range(24.0, 72.0, "-", "followers in three recordings")
-    duration: Range = _range(40.0, 160.0, "s", "recorded time")
+    desired_speed: Range = Range(18.0, 40.0, "m/s", "median over cars")
+    time_gap: Range = Range(0.8, 3.4, "s", "median over cars")
+    jam_gap: Range = Range(1.5, 7.5, "m", "median over cars")
+    max_accel: Range = Range(0.5, 2.5, "m/s^2", "median over cars; all models but two")
+    comfort_decel: Range = Range(1.0, 6.0, "m/s^2", "median over cars; both IDM, Gipps, Krauss, SUMO")
+    accel_exponent: Range = Range(1.5, 6.0, "-", "median over cars; highway-env's IDM")
+    gap_exponent: Range = Range(1.2, 5.0, "-", "median over cars; IDM with a separate approach-rate gain")
+    gap_gain: Range = Range(0.04, 0.6, "1/s^2", "median over cars; constant time headway")
+    approach_gain: Range = Range(0.1, 1.2, "1/s", "median over cars; approach-rate gain, constant time headway, FVDM")
+    speed_gain: Range = Range(0.1, 0.9, "1/s", "median over cars; approach-rate gain, constant time headway, FVDM")
+    parameter_spread: Range = Range(0.08, 0.4, "-", "standard deviation of the logarithm between drivers, of each")
+    correlation: Range = Range(0.0, 0.7, "-", "bound of correlations between parameters", is_log=False)
+    truck_share: Range = Range(0.0, 0.35, "-", "share of trucks among followers", is_log=False)
+    truck_speed: Range = Range(0.65, 0.95, "-", "desired speed of trucks over that of cars")
+    truck_time_gap: Range = Range(0.9, 1.6, "-", "time gap of trucks over that of cars")
+    truck_accel: Range = Range(0.4, 0.9, "-", "maximum acceleration of trucks over that of cars")
+    driver_noise: Range = Range(0.03, 0.4, "m/s^2", "random acceleration, standard deviation of the median driver")
+    driver_noise_time: Range = Range(0.4, 8.0, "s", "its correlation time")
+    noise_spread: Range = Range(0.0, 0.4, "-", "standard deviation of the logarithm of its size", is_log=False)
+    noise_growth: Range = Range(0.0, 0.5, "s^2/m", "its growth with the driver's own acceleration", is_log=False)
+    position_noise: Range = Range(0.03, 0.5, "m", "standard deviation of measured positions")
+    noise_time: Range = Range(0.1, 1.5, "s", "correlation time of their errors, in half of the data sets; else white")
+    kernel_time: Range = Range(0.1, 0.8, "s", "standard deviation of the smoothing kernel, in half of the data sets")
+    slope_time: Range = Range(0.3, 2.0, "s", "window of the speed from positions, in half of the data sets")
+    sensor_noise: Range = Range(0.02, 0.3, "m/s", "standard deviation of the speed sensor, in the other half")
+    change_time: Range = Range(2.5, 7.0, "s", "time of the sideways motion of a lane change")
+    pace: Range = Range(0.4, 1.1, "-", "speed of platoon leaders over that of the usual traffic, per desired speed")
+    spacing: Range = Range(0.7, 1.8, "-", "gaps at the start over equilibrium gaps")
+    lane_changes: Range = Range(0.05, 2.0, "1/min", "lane changes per follower")
+    followers: Range = Range(24.0, 72.0, "-", "followers in three recordings")
+    duration: Range = Range(40.0, 160.0, "s", "recorded time")
 
     def widened(self, factor: float) -> "Priors":
         """These priors with ranges wider by a factor, logarithmic ones in the logarithm."""
