@@ -73,7 +73,7 @@ def document_of(
         (Section("Rates", notes=tuple(_notes(summary, tables, protocol))), _rates(tables["scores"]), _SCORES),
         (Section("Outcomes by set", words), _rates(sets), outcomes),
         (Section("Broad priors, by stratum"), _strata(tables), _STRATA),
-        (Section("Broad priors", tuple(_redraws(summary)), is_folded=True), _priors(summary), _PRIORS),
+        (Section("Broad priors", is_folded=True), _priors(summary), _PRIORS),
         (Section("What was said, by what was hidden"), said, {"hidden": "", "said": "said", "n": "data sets"}),
         (Section("Names by their stated confidence"), _claims(tables["calibration"]), _CLAIMS),
         (Section("Parameters that mean the same on both sides", is_folded=True), tables["parameters"], _PARAMETERS),
@@ -117,12 +117,6 @@ def _priors(summary: Mapping[str, Any]) -> pd.DataFrame:
     return rows.assign(scale=np.where(rows["is_log"], "logarithm", "value")) if len(rows) else rows
 
 
-def _redraws(summary: Mapping[str, Any]) -> Iterator[str]:
-    if counts := summary.get("redraws"):
-        listed = ", ".join(f"{reason} {n}" for reason, n in counts.items())
-        yield f"Draws that were rejected before the truth was sealed: {sum(counts.values())} ({listed})."
-
-
 def _claims(calibration: pd.DataFrame) -> pd.DataFrame:
     if calibration.empty:
         return calibration
@@ -144,6 +138,12 @@ def _notes(
         yield (
             f"Repaired models recover {percent(summary['oracle_share'])} of the oracle's reduction of the "
             f"squared error, in {summary['n_oracles']} data sets."
+        )
+    if counts := summary.get("redraws"):
+        listed = ", ".join(f"{reason.replace('_', ' ')} {n}" for reason, n in counts.items() if n)
+        yield (
+            f"Broad priors {protocol['priors_hash']}; draws that were rejected before the truth was sealed: "
+            f"{sum(counts.values())}{f' ({listed})' if listed else ''}."
         )
     parameters = tables["parameters"]
     if len(parameters) and (n_intervals := int(parameters["n_intervals"].to_numpy().sum())):

@@ -186,6 +186,7 @@ def test_a_study_gives_rates_by_stratum(study):
     assert protocol["priors_hash"] == PRIORS.fingerprint()
     page = (root / "blind" / "page.html").read_text()
     assert "Broad priors, by stratum" in page
+    assert f"rejected before the truth was sealed: {sum(summary['redraws'].values())}" in page
     assert not (root / "blind" / sealing.UNSEALED).exists()
 
 

@@ -96,6 +96,8 @@ class Priors:
 
     def widened(self, factor: float) -> "Priors":
         """These priors with ranges wider by a factor, logarithmic ones in the logarithm."""
+        if factor == 1.0:
+            return self  # without rounding
         return Priors(**{item.name: getattr(self, item.name).widened(factor) for item in fields(self)})
 
     def rows(self) -> Iterator[dict]:
