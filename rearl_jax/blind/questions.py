@@ -111,7 +111,8 @@ def _both_or_flagged(case: Judged) -> bool:
     return judgement.n_recognised == judgement.n_hidden or (judgement.n_recognised > 0 and judgement.is_flagged)
 
 
-def _changes_the_model(case: Judged) -> bool:
+def changes_the_model(case: Judged) -> bool:
+    """True if an effect or a curve was added to the model, not only a measurement fault."""
     return any(effect.kind != "artefact" for effect in case.verdict.effects)
 
 
@@ -120,7 +121,7 @@ def _named_in_named(case: Judged) -> bool:
 
 
 def _other_model(case: Judged) -> bool:
-    return _in_sumo("unlisted")(case) and _changes_the_model(case)
+    return _in_sumo("unlisted")(case) and changes_the_model(case)
 
 
 def claims_anything(case: Judged) -> bool:
@@ -179,7 +180,7 @@ QUESTIONS = (
              _named_in_named, _change("high", -1), 0.8, False, "change_high"),
     Question("sumo_error", "SUMO's other models: lower error after repair", _other_model, _change("value", -1), 0.95),
     Question("error_rose", "repaired models: significantly higher error",
-             _changes_the_model, error_surely_rose, 0.0, True, "change_low"),
+             changes_the_model, error_surely_rose, 0.0, True, "change_low"),
     Question("broad_identified", "broad priors: effects of the library named", _in(BROAD), _has(*NAMED), 0.95),
     Question("broad_wrong", "broad priors: a false name", _in(BROAD, BROAD_CONTROL), _has_false_name, 0.02, True),
     Question("broad_control", "broad priors: controls with a name or an improvement",

@@ -4,7 +4,7 @@ from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 
 from rearl_jax.blind.cases import BROAD, BROAD_CONTROL
-from rearl_jax.blind.questions import Judged, claims_anything, error_surely_rose
+from rearl_jax.blind.questions import Judged, changes_the_model, claims_anything, error_surely_rose
 from rearl_jax.blind.scores import rate_of
 
 ALL = "all"
@@ -64,7 +64,7 @@ def _place(stratum: str) -> tuple[bool, str]:
 def _row(cases: Sequence[Judged]) -> dict:
     effects = [case for case in cases if case.group == BROAD]
     controls = [case for case in cases if case.group == BROAD_CONTROL]
-    changed = [case for case in cases if case.verdict.effects]
+    changed = [case for case in cases if changes_the_model(case)]
     pairs = {
         "false": ("n", len(cases), sum(bool(case.judgement.false_names) for case in cases)),
         "named": ("n_effects", len(effects), sum(case.is_named for case in effects)),
