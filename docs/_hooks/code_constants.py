@@ -7,6 +7,7 @@ from inspect import getsource
 from types import ModuleType
 from typing import Any
 
+from rearl_jax.blind.traffic.priors import CHOICES, PRIORS
 from rearl_jax.discovery.thresholds import THRESHOLDS, meanings
 
 
@@ -21,6 +22,26 @@ def thresholds() -> str:
     texts = {name: text.replace("|", r"\|") for name, text in meanings().items()}
     rows = [f"| `{name}` | {_written(value)} | {texts[name]} |" for name, value in THRESHOLDS.plain().items()]
     return "\n".join(["| | value | meaning |", "|---|---|---|", *rows])
+
+
+def blind_priors() -> str:
+    """Every broad prior of the blind study: its range, the range with 1.5 times the width, and what is drawn."""
+    wide = {row["name"]: row for row in PRIORS.widened(1.5).rows()}
+    rows = [
+        f"| `{row['name']}` | {_ends(row)} | {_ends(wide[row['name']])} | {row['unit']} | "
+        f"{'logarithm' if row['is_log'] else 'value'} | {row['meaning']} |"
+        for row in PRIORS.rows()
+    ]
+    head = ["| | from, to | 1.5 times as broad | unit | uniform | drawn |", "|---|---|---|---|---|---|"]
+    choices = [
+        f"| `{name}` | {', '.join(map(str, values))} | the same | | choice | one of these |"
+        for name, values in CHOICES.items()
+    ]
+    return "\n".join([*head, *rows, *choices])
+
+
+def _ends(row: dict[str, Any]) -> str:
+    return f"{row['low']:.3g}, {row['high']:.3g}"
 
 
 def _rows(module: ModuleType) -> Iterator[str]:

@@ -19,6 +19,7 @@ from mkdocs.exceptions import PluginError
 GENERATED: dict[str, Callable[..., str]] = {
     "bench-keys": tables_of_code.bench_keys,
     "car-following": car_following.car_following,
+    "blind-priors": code_constants.blind_priors,
     "blind-scores": kept_results.blind_scores,
     "constants": code_constants.constants,
     "curves": effect_library.curves,

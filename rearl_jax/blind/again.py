@@ -2,9 +2,9 @@
 
 Reads `protocol.json`, the sealed `truth.json` and `cases.parquet`, the table with the verdict on each data set. Prints
 the tables and writes these derived files again: `scores.parquet`, `sets.parquet`, `strengths.parquet`,
-`confusion.parquet`, `page.html` and `summary.json`, with the provenance of the study and `judged_again`. Results that
-cannot be derived from the table of data sets are kept: parameters, stated confidences, and rates that need a column
-which the table lacks.
+`confusion.parquet`, `strata.parquet` (broad priors only), `page.html` and `summary.json`, with the provenance of the
+study and `judged_again`. Results that cannot be derived from the table of data sets are kept: parameters, stated
+confidences, and rates that need a column which the table lacks.
 """
 
 import json
@@ -111,10 +111,12 @@ def judge_again(folder: Path) -> dict[str, Any]:
     provenance = read_metadata(folder / "cases.parquet") | {"judged_again": "true"}
     made_by = {key: before[key] for key in PROVENANCE}
     sealed = {"master_seed": protocol.master_seed, "truth_sha256": protocol.truth_sha256}
-    summary = made_by | {"judged_again": True} | sealed | results.summary()
+    priors = {"priors": before["priors"]} if "priors" in before else {}
+    summary = made_by | {"judged_again": True} | sealed | results.summary() | priors
     for name, table in results.tables().items():
         _write_table(folder / f"{name}.parquet", table, provenance)
-    shown = {name: pd.read_parquet(folder / f"{name}.parquet") for name in TABLES}
+    written = [name for name in TABLES if (folder / f"{name}.parquet").is_file()]
+    shown = {name: pd.read_parquet(folder / f"{name}.parquet") for name in written}
     document = document_of(summary, shown, vars(protocol))
     _write_text(folder / "page.html", page_of(document, config, draw_figures(results), made_by=made_by))
     _write_text(folder / "summary.json", json.dumps(summary, indent=2, allow_nan=False) + "\n")
@@ -147,7 +149,7 @@ def _judged(truth: Mapping[str, Any], row: Mapping[str, Any]) -> Judged:
         false_kinds=tuple(map(_kind, false)),
         claims=(),
     )
-    return Judged(row["case"], truth, verdict, judgement, ())
+    return Judged(row["case"], truth, verdict, judgement, (), row.get("n_intervals", 0), row.get("n_covered", 0))
 
 
 def _verdict(row: Mapping[str, Any]) -> Verdict:

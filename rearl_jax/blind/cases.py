@@ -7,10 +7,13 @@ from fnmatch import fnmatchcase
 
 import numpy as np
 
+from rearl_jax.blind.sumo import EFFECTS
 from rearl_jax.blind.traffic.catalogue import LANE_CHOICE, LISTED, UNLISTED
+from rearl_jax.blind.traffic.drawing import SUMO_BASES
 from rearl_jax.blind.traffic.measurement import ARTEFACTS
+from rearl_jax.blind.traffic.models import BASES
 from rearl_jax.blind.traffic.scenario import FREE_CHANGES, Planted, Scenario
-from rearl_jax.config.blind import BlindConfig, StudySize
+from rearl_jax.config.blind import BlindConfig, StudyPriors, StudySize
 from rearl_jax.problems import out_of_range
 
 FOUR_TIMES = {"n_vehicles": 78, "duration": 120.0, "lane_changes": 48}
@@ -61,6 +64,12 @@ TWO = (
 SUMO_MODELS = ("idm", "idm_no_passing_right", "idm_limit", "idm_action_steps", "eidm", "krauss", "acc", "cacc")
 """Car-following models and rules of SUMO, the second source."""
 
+BROAD, BROAD_CONTROL = "broad", "broad_control"
+"""Sets with broad priors: one effect of the library at its usual strength, and none."""
+
+CONTROL_SHARE = 0.25
+"""Share of controls among the data sets with broad priors [-]."""
+
 REPEATS: Mapping[StudySize, Mapping[str, int]] = {
     StudySize.medium: {
         "named": 2, "artefact": 2, "control": 3, "half": 1, "half_four_times": 1, "unlisted": 1, "two": 1,
@@ -83,8 +92,10 @@ class Case:
         group: The set that the data set belongs to.
         variant: The hidden effect, or the kind of control.
         planted: Effects hidden by the generator.
-        changes: Fields of the scenario that differ from the default.
-        source: `traffic`, the generator of this package, or `sumo`.
+        changes: Fields of the scenario that differ from the default; with broad priors those that are not drawn.
+        source: `traffic`, the generator of this package, `sumo`, or `broad`, one of both with broad priors.
+        base: Car-following model of a data set with broad priors.
+        width: Width of the broad priors [-].
         name: Name of its folder, without information on the content; empty until the study is drawn.
         seed: Seed of the data set, drawn with the study.
     """
@@ -94,6 +105,8 @@ class Case:
     planted: tuple[Planted, ...] = ()
     changes: Mapping[str, int | float] = field(default_factory=dict)
     source: str = "traffic"
+    base: str = "idm"
+    width: float = 1.0
     name: str = ""
     seed: int = 0
 
@@ -109,10 +122,11 @@ def list_cases(blind: BlindConfig, master_seed: int) -> list[Case]:
     Raises:
         ValueError: `blind.sets` selects no data set.
     """
-    kinds = [kind for kind in _kinds(blind.size) if fnmatchcase(kind.group, blind.sets)]
+    every = list(_broad_kinds(blind, master_seed)) if blind.priors is StudyPriors.broad else _kinds(blind.size)
+    kinds = [kind for kind in every if fnmatchcase(kind.group, blind.sets)]
     kinds = [kind for kind in kinds if blind.sumo or kind.source != "sumo"]
     if not kinds:
-        groups = ", ".join(dict.fromkeys(kind.group for kind in _kinds(blind.size)))
+        groups = ", ".join(dict.fromkeys(kind.group for kind in every))
         raise out_of_range("blind.sets", f"must select some of {groups}", blind.sets)
     seeds = np.random.SeedSequence(master_seed).generate_state(len(kinds) + 1)
     cases = []
@@ -120,6 +134,25 @@ def list_cases(blind: BlindConfig, master_seed: int) -> list[Case]:
         name = hashlib.sha256(f"{master_seed} {number}".encode()).hexdigest()[:10]
         cases.append(replace(kind, name=name, seed=int(seed)))
     return [cases[place] for place in np.random.default_rng(int(seeds[-1])).permutation(len(cases))]
+
+
+def _broad_kinds(blind: BlindConfig, master_seed: int) -> Iterator[Case]:
+    """All data sets with broad priors: controls, then effects of the library in equal numbers, in random order."""
+    rng = np.random.default_rng([master_seed, 10])
+    n_controls = max(1, round(CONTROL_SHARE * blind.n_sets))
+    n_rounds = -(-(blind.n_sets - n_controls) // len(LISTED))
+    effects = np.concatenate([rng.permutation(list(LISTED)) for _ in range(n_rounds)] or [[]])
+    fixed = {"followers": blind.followers, "duration": blind.duration}
+    changes = {name: value for name, value in fixed.items() if value is not None}
+    for number in range(blind.n_sets):
+        name = None if number < n_controls else str(effects[number - n_controls])
+        base = str(rng.choice([*BASES, "sumo"] if blind.sumo and (name is None or name in EFFECTS) else [*BASES]))
+        base = str(rng.choice(SUMO_BASES)) if base == "sumo" else base
+        about = {"changes": changes, "source": "broad", "base": base, "width": blind.width}
+        if name is None:
+            yield Case(BROAD_CONTROL, "nothing hidden", **about)
+        else:
+            yield Case(BROAD, name, (Planted(name),), **about)
 
 
 def _kinds(size: StudySize) -> list[Case]:

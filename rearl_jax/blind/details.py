@@ -5,10 +5,10 @@ from itertools import pairwise
 
 import numpy as np
 
-from rearl_jax.blind.cases import REPEATS, SUMO_MODELS
+from rearl_jax.blind.cases import BROAD, BROAD_CONTROL, REPEATS, SUMO_MODELS
 from rearl_jax.blind.judging import OUTCOMES, Recovery
 from rearl_jax.blind.questions import Judged
-from rearl_jax.blind.scores import binomial_interval
+from rearl_jax.blind.scores import rate_of
 from rearl_jax.config.blind import StudySize
 
 ALL_LISTED = "all with effects of the list"
@@ -30,7 +30,7 @@ def by_set(cases: Iterable[Judged]) -> list[dict]:
     rows = []
     for name in sorted(by_name, key=lambda name: name != ALL_LISTED):
         n, counts = len(by_name[name]), outcome_counts(by_name[name])
-        rows.append({"set": name, "n": n, **counts, **_rate(counts["n_false"], n)})
+        rows.append({"set": name, "n": n, **counts, **rate_of(counts["n_false"], n)})
     return rows
 
 
@@ -39,12 +39,6 @@ def outcome_counts(cases: Sequence[Judged]) -> dict[str, int]:
     outcomes = [case.judgement.outcome for case in cases]
     counts = {f"n_{outcome}": outcomes.count(outcome) for outcome in OUTCOMES}
     return counts | {"n_false": sum(bool(case.judgement.false_names) for case in cases)}
-
-
-def _rate(n_hits: int, n_cases: int, names: Sequence[str] = ("rate", "low", "high")) -> dict[str, float | None]:
-    """A rate and the bounds of its exact interval; None without cases."""
-    figures = (n_hits / n_cases, *binomial_interval(n_hits, n_cases)) if n_cases else (None, None, None)
-    return dict(zip(names, figures, strict=True))
 
 
 def set_name(case: Judged) -> str:
@@ -59,7 +53,7 @@ def set_name(case: Judged) -> str:
 
 
 def _place_of_set(case: Judged) -> tuple[int, int, str]:
-    groups = list(REPEATS[StudySize.full])
+    groups = [*REPEATS[StudySize.full], BROAD, BROAD_CONTROL]
     model = SUMO_MODELS.index(case.truth["variant"]) if case.is_sumo else 0
     return groups.index(case.group), model, set_name(case)
 
@@ -87,7 +81,7 @@ def calibration(cases: Iterable[Judged]) -> list[dict]:
         inside = [(stated, there) for stated, there in claims if low < stated <= high or stated == low == 0.0]
         if inside:
             row = {"from": low, "to": high, "n_claims": len(inside), "stated": float(np.mean([s for s, _ in inside]))}
-            rows.append(row | _rate(sum(there for _, there in inside), len(inside), ("true", "low", "high")))
+            rows.append(row | rate_of(sum(there for _, there in inside), len(inside), ("true", "low", "high")))
     return rows
 
 
@@ -107,7 +101,7 @@ def parameter_rows(cases: Iterable[Judged]) -> list[dict]:
             "bias": float(errors.mean()), "relative_bias": float(errors.mean()) / size if size else None,
             "rms_error": float(np.sqrt(np.mean(errors**2))), "n_intervals": len(covered),
         }  # fmt: skip
-        rows.append(row | _rate(sum(covered), len(covered), ("coverage", "coverage_low", "coverage_high")))
+        rows.append(row | rate_of(sum(covered), len(covered), ("coverage", "coverage_low", "coverage_high")))
     return rows
 
 
@@ -125,5 +119,5 @@ def by_strength(cases: Iterable[Judged]) -> list[dict]:
     for (name, strength), items in sorted(by_key.items()):
         n, n_named, n_false = len(items), sum(case.is_named for case in items), outcome_counts(items)["n_false"]
         row = {"effect": name, "strength": strength, "n": n, "n_named": n_named, "n_false": n_false}
-        rows.append(row | _rate(n_named, n))
+        rows.append(row | rate_of(n_named, n))
     return rows

@@ -4,6 +4,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import pandas as pd
 
 from rearl_jax.blind.judging import OUTCOMES
@@ -11,7 +12,7 @@ from rearl_jax.blind.questions import QUESTIONS
 from rearl_jax.document.document import Document, Section
 from rearl_jax.document.table import percent, table_of
 
-TABLES = ("scores", "sets", "confusion", "parameters", "calibration", "cases")
+TABLES = ("scores", "sets", "strata", "confusion", "parameters", "calibration", "cases")
 """Tables of a study that its document shows."""
 
 CAPTIONS = {
@@ -21,6 +22,20 @@ CAPTIONS = {
 }
 
 _SCORES = {"title": "", "n_hits": "hits", "n_cases": "of", "rate": "rate [%]", "goal": "goal", "is_met": "reached"}
+_STRATA = {
+    "stratum": "",
+    "n_effects": "effects",
+    "named": "named [%]",
+    "n": "data sets",
+    "false": "with a false name [%]",
+    "n_controls": "controls",
+    "claimed": "with a name or improved [%]",
+    "n_intervals": "intervals",
+    "covered": "that hold the truth [%]",
+    "n_changed": "changed models",
+    "n_rose": "error rose",
+}
+_PRIORS = {"name": "", "low": "low", "high": "high", "unit": "unit", "scale": "uniform in", "meaning": "meaning"}
 _CLAIMS = {"stated_as": "", "n_claims": "names", "stated": "mean stated [%]", "true": "there [%]"}
 _PARAMETERS = {
     "effect": "",
@@ -57,6 +72,8 @@ def document_of(
     parts = (
         (Section("Rates", notes=tuple(_notes(summary, tables, protocol))), _rates(tables["scores"]), _SCORES),
         (Section("Outcomes by set", words), _rates(sets), outcomes),
+        (Section("Broad priors, by stratum"), _strata(tables), _STRATA),
+        (Section("Broad priors", is_folded=True), _priors(summary), _PRIORS),
         (Section("What was said, by what was hidden"), said, {"hidden": "", "said": "said", "n": "data sets"}),
         (Section("Names by their stated confidence"), _claims(tables["calibration"]), _CLAIMS),
         (Section("Parameters that mean the same on both sides", is_folded=True), tables["parameters"], _PARAMETERS),
@@ -87,6 +104,19 @@ def _rates(frame: pd.DataFrame, name: str = "rate") -> pd.DataFrame:
     return frame.assign(**{name: percents[name], f"{name}_low": percents["low"], f"{name}_high": percents["high"]})
 
 
+def _strata(tables: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
+    strata = tables.get("strata", pd.DataFrame())
+    for name in ("named", "false", "claimed", "covered") if len(strata) else ():
+        names = [name, f"{name}_low", f"{name}_high"]
+        strata = strata.assign(**{key: 100 * strata[key].astype(float) for key in names})
+    return strata
+
+
+def _priors(summary: Mapping[str, Any]) -> pd.DataFrame:
+    rows = pd.DataFrame(summary.get("priors", []))
+    return rows.assign(scale=np.where(rows["is_log"], "logarithm", "value")) if len(rows) else rows
+
+
 def _claims(calibration: pd.DataFrame) -> pd.DataFrame:
     if calibration.empty:
         return calibration
@@ -108,6 +138,12 @@ def _notes(
         yield (
             f"Repaired models recover {percent(summary['oracle_share'])} of the oracle's reduction of the "
             f"squared error, in {summary['n_oracles']} data sets."
+        )
+    if counts := summary.get("redraws"):
+        listed = ", ".join(f"{reason.replace('_', ' ')} {n}" for reason, n in counts.items() if n)
+        yield (
+            f"Broad priors {protocol['priors_hash']}; draws that were rejected before the truth was sealed: "
+            f"{sum(counts.values())}{f' ({listed})' if listed else ''}."
         )
     parameters = tables["parameters"]
     if len(parameters) and (n_intervals := int(parameters["n_intervals"].to_numpy().sum())):

@@ -4,8 +4,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from rearl_jax.blind.cases import BROAD, BROAD_CONTROL
 from rearl_jax.blind.judging import Judgement, Recovery
-from rearl_jax.blind.verdicts import Verdict
+from rearl_jax.blind.verdicts import IMPROVED, Verdict
 
 NAMED = ("right", "more")
 """Outcomes in which all hidden effects are named."""
@@ -13,13 +14,15 @@ NAMED = ("right", "more")
 
 @dataclass(frozen=True)
 class Judged:
-    """A data set with its truth, verdict and judgement."""
+    """A data set with its truth, verdict and judgement; intervals of parameters, and how many contain the truth."""
 
     name: str
     truth: Mapping[str, Any]
     verdict: Verdict
     judgement: Judgement
     recoveries: tuple[Recovery, ...]
+    n_intervals: int = 0
+    n_covered: int = 0
 
     @property
     def group(self) -> str:
@@ -43,7 +46,7 @@ class Judged:
 
     @property
     def is_listed(self) -> bool:
-        """True if the generator made the data set and all hidden effects are in the library."""
+        """True if all hidden effects are in the library; not for SUMO's own variants."""
         planted = self.truth["planted"]
         return bool(planted) and not self.is_sumo and all(item["kind"] == "listed" for item in planted)
 
@@ -108,7 +111,8 @@ def _both_or_flagged(case: Judged) -> bool:
     return judgement.n_recognised == judgement.n_hidden or (judgement.n_recognised > 0 and judgement.is_flagged)
 
 
-def _changes_the_model(case: Judged) -> bool:
+def changes_the_model(case: Judged) -> bool:
+    """True if an effect or a curve was added to the model, not only a measurement fault."""
     return any(effect.kind != "artefact" for effect in case.verdict.effects)
 
 
@@ -117,7 +121,17 @@ def _named_in_named(case: Judged) -> bool:
 
 
 def _other_model(case: Judged) -> bool:
-    return _in_sumo("unlisted")(case) and _changes_the_model(case)
+    return _in_sumo("unlisted")(case) and changes_the_model(case)
+
+
+def claims_anything(case: Judged) -> bool:
+    """True if an effect, an artefact or a curve is named, or the verdict is `improved`."""
+    return bool(case.verdict.effects) or case.verdict.verdict == IMPROVED
+
+
+def error_surely_rose(case: Judged) -> bool:
+    """True if the error of other drivers is significantly larger after the repair."""
+    return _change("low", +1)(case)
 
 
 def _error_fell(case: Judged) -> bool:
@@ -166,7 +180,11 @@ QUESTIONS = (
              _named_in_named, _change("high", -1), 0.8, False, "change_high"),
     Question("sumo_error", "SUMO's other models: lower error after repair", _other_model, _change("value", -1), 0.95),
     Question("error_rose", "repaired models: significantly higher error",
-             _changes_the_model, _change("low", +1), 0.0, True, "change_low"),
+             changes_the_model, error_surely_rose, 0.0, True, "change_low"),
+    Question("broad_identified", "broad priors: effects of the library named", _in(BROAD), _has(*NAMED), 0.95),
+    Question("broad_wrong", "broad priors: a false name", _in(BROAD, BROAD_CONTROL), _has_false_name, 0.02, True),
+    Question("broad_control", "broad priors: controls with a name or an improvement",
+             _in(BROAD_CONTROL), claims_anything, 0.02, True),
     Question("failed", "data sets on which discovery stopped with an error", lambda _: True, _has("failed"), 0.0, True),
 )  # fmt: skip
 """All rates of a study, in display order."""

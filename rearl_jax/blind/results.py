@@ -8,13 +8,19 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from rearl_jax.blind.cases import BROAD, BROAD_CONTROL
 from rearl_jax.blind.details import by_set, by_strength, calibration, oracle_share, outcome_counts, parameter_rows
 from rearl_jax.blind.questions import Judged
 from rearl_jax.blind.scores import Score, score_all
+from rearl_jax.blind.strata import by_stratum, redraws
 from rearl_jax.blind.verdicts import NOTHING, UNEXPLAINED
 
-SHOWN_GROUPS = ("named", "artefact", "unlisted", "control", "sumo")
+SHOWN_GROUPS = ("named", "artefact", "unlisted", "control", "sumo", BROAD, BROAD_CONTROL)
 """Sets of the confusion matrix: one effect at its usual strength, or none."""
+
+
+BROAD_COLUMNS = ("base", "is_smoothed", "has_many_changes", "lane_changes_per_minute", "mean_speed", "effect_size")
+"""Columns of data sets with broad priors."""
 
 
 @dataclass(frozen=True)
@@ -54,14 +60,20 @@ class BlindResults:
         """See `calibration`."""
         return calibration(self.cases)
 
+    @cached_property
+    def strata(self) -> list[dict]:
+        """See `by_stratum`."""
+        return by_stratum(self.cases)
+
     def tables(self) -> dict[str, pd.DataFrame]:
-        """Tables derived from the table of data sets, by file name."""
-        return {
+        """Tables derived from the table of data sets, by file name; `strata` with broad priors only."""
+        tables = {
             "scores": self.score_table(),
             "sets": pd.DataFrame(self.sets),
             "confusion": self.confusion(),
             "strengths": pd.DataFrame(self.strengths),
         }
+        return tables | ({"strata": pd.DataFrame(self.strata)} if self.strata else {})
 
     def confusion(self) -> pd.DataFrame:
         """Number of data sets by hidden effect (rows, `hidden`) and verdict (columns)."""
@@ -101,6 +113,7 @@ class BlindResults:
                 for score in self.scores
             ],
             "sets": self.sets,
+            **({"strata": self.strata, "redraws": redraws(self.cases)} if self.strata else {}),
         }  # fmt: skip
 
 
@@ -109,7 +122,7 @@ _LAST = (UNEXPLAINED, NOTHING, "failed")
 
 def row_name(case: Judged) -> str:
     """Row of a data set in the confusion matrix: its hidden effect."""
-    if case.group == "control":
+    if case.group in ("control", BROAD_CONTROL):
         return "nothing hidden"
     return f"SUMO {case.truth['variant']}" if case.is_sumo else case.truth["variant"]
 
@@ -144,10 +157,14 @@ def _row(case: Judged) -> dict[str, Any]:
         "in_set": judgement.in_set,
         "is_flagged": judgement.is_flagged,
         "false": "+".join(judgement.false_names),
+        "n_intervals": case.n_intervals,
+        "n_covered": case.n_covered,
         "n_drivers": verdict.n_drivers,
         "seconds": verdict.seconds,
         "message": verdict.message,
     }
+    if "base" in case.truth:
+        row |= {name: case.truth[name] for name in BROAD_COLUMNS}
     for name, interval in verdict.errors.items():
         row[name] = None if interval is None else interval.value
         row |= {f"{name}_{end}": None if interval is None else getattr(interval, end) for end in ("low", "high")}

@@ -14,12 +14,14 @@ from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
 from rearl_jax.blind import sealing
+from rearl_jax.blind.broad import write_broad
 from rearl_jax.blind.cases import Case, list_cases
 from rearl_jax.blind.judging import judge, recoveries
 from rearl_jax.blind.questions import Judged
 from rearl_jax.blind.sumo import check_sumo, write_sumo_dataset
 from rearl_jax.blind.traffic.catalogue import LISTED
 from rearl_jax.blind.traffic.dataset import write_dataset
+from rearl_jax.blind.traffic.drawing import SUMO_BASES
 from rearl_jax.blind.verdicts import failed_verdict, read_verdict
 from rearl_jax.config.blind import BlindConfig
 from rearl_jax.whole_files import replacing
@@ -58,10 +60,10 @@ def open_study(folder: Path, config_hash: str, blind: BlindConfig, watch: Watch)
     """The protocol with the sealed truth, and the data sets; a study of other code or configuration starts from the
     beginning.
     """
-    protocol, goes_on = sealing.open_protocol(folder, config_hash, blind.seed)
+    protocol, goes_on = sealing.open_protocol(folder, config_hash, blind)
     assert protocol.master_seed is not None
     cases = list_cases(blind, protocol.master_seed)
-    if any(case.source == "sumo" for case in cases):
+    if any(case.source == "sumo" or case.base in SUMO_BASES for case in cases):
         check_sumo()
     if not goes_on:
         if n_lost := len(list((folder / VERDICTS).glob("*.json"))):
@@ -70,7 +72,7 @@ def open_study(folder: Path, config_hash: str, blind: BlindConfig, watch: Watch)
         truths = {}
         for number, case in enumerate(cases):
             watch(number, len(cases))
-            truths[case.name] = sealing.truth_of(case)
+            truths[case.name] = sealing.unsealed_truth(folder, protocol, case)
         protocol = sealing.seal(folder, protocol, truths)
     watch(len(cases), len(cases))
     return protocol, cases
@@ -130,13 +132,14 @@ def judge_cases(folder: Path, protocol: sealing.Protocol, cases: Sequence[Case])
             raise ValueError(f"{path}: {error}") from error
         truth = truths[case.name]
         recovered = tuple(recoveries(truth, verdict))
-        judged.append(Judged(case.name, truth, verdict, judge(truth, verdict), recovered))
+        covered = [item.is_covered for item in recovered if item.is_covered is not None]
+        judged.append(Judged(case.name, truth, verdict, judge(truth, verdict), recovered, len(covered), sum(covered)))
     return judged
 
 
 def oracle_name(case: Case) -> str | None:
     """The library effect for a refit with the truth; None if the library lacks it or several effects are hidden."""
-    if case.source == "sumo" or len(case.planted) != 1:
+    if case.source == "sumo" or case.base in SUMO_BASES or len(case.planted) != 1:
         return None
     name = case.planted[0].name
     return name if name in LISTED or name in FITTED_ARTEFACTS else None
@@ -166,7 +169,9 @@ def count_finished(folder: Path, cases: Sequence[Case]) -> int:
 
 
 def _write_data(case: Case, folder: Path) -> None:
-    if case.source == "sumo":
+    if case.source == "broad":
+        write_broad(case, folder)
+    elif case.source == "sumo":
         write_sumo_dataset(folder, case.scenario, case.variant)
     else:
         write_dataset(folder, case.scenario)

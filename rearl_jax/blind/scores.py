@@ -50,6 +50,12 @@ def binomial_interval(n_hits: int, n_cases: int) -> tuple[float, float]:
     return low, high
 
 
+def rate_of(n_hits: int, n_cases: int, names: Sequence[str] = ("rate", "low", "high")) -> dict[str, float | None]:
+    """A rate and the bounds of its exact interval; None without cases."""
+    figures = (n_hits / n_cases, *binomial_interval(n_hits, n_cases)) if n_cases else (None, None, None)
+    return dict(zip(names, figures, strict=True))
+
+
 def score_all(cases: Sequence[Judged], questions: Sequence[Question] = QUESTIONS) -> list[Score]:
     """Every rate for which there are data sets."""
     scores = []

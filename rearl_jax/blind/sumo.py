@@ -12,6 +12,7 @@ import json
 import subprocess
 import sys
 import tempfile
+from dataclasses import asdict, dataclass, replace
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
@@ -23,7 +24,8 @@ from rearl_jax.blind.traffic.fleet import Fleet, draw_fleet
 from rearl_jax.blind.traffic.measurement import measure
 from rearl_jax.blind.traffic.platoon_leaders import draw_profiles
 from rearl_jax.blind.traffic.scenario import SUB_STEP, Scenario
-from rearl_jax.blind.traffic.simulation import COOL_DOWN, WARM_UP, Events, place_platoons
+from rearl_jax.blind.traffic.simulation import COOL_DOWN, WARM_UP, Events, common_section, place_platoons
+from rearl_jax.blind.traffic.snapshot import Snapshot
 
 STEP = 0.1
 """Time step of the simulation and frame interval [s]."""
@@ -52,8 +54,40 @@ TRUTHS: dict[str, dict[str, Any]] = {
 }
 """Correct answers for each variant."""
 
-MODELS = {"eidm": "EIDM", "krauss": "Krauss", "acc": "ACC", "cacc": "CACC"}
-"""SUMO's name of a model; IDM for all others."""
+MODELS = {"idm": "IDM", "eidm": "EIDM", "krauss": "Krauss", "acc": "ACC", "cacc": "CACC"}
+"""SUMO's names of its models."""
+
+EFFECTS = {"speed_limit": "idm_limit", "no_undertaking": "idm_no_passing_right"}
+"""Effects of the library that SUMO has itself, and the variant with the correct answers."""
+
+
+@dataclass(frozen=True)
+class Rules:
+    """What SUMO is told beside drivers and traffic.
+
+    Attributes:
+        model: SUMO's name of the car-following model.
+        action_step: Time between two decisions [s].
+        overtake_right: 1 if passing on the right is allowed, 0 if not.
+        limit: Speed limit of the limited section [m/s]; None without one.
+        section: Start and end of the limited section [m].
+    """
+
+    model: str = "IDM"
+    action_step: float = STEP
+    overtake_right: int = 1
+    limit: float | None = None
+    section: tuple[float, float] = LIMITED
+
+
+def rules_of(variant: str) -> Rules:
+    """The rules of one of TRUTHS."""
+    return Rules(
+        MODELS.get(variant, "IDM"),
+        action_step=0.8 if variant == "idm_action_steps" else STEP,
+        overtake_right=0 if variant == "idm_no_passing_right" else 1,
+        limit=LIMIT if variant == "idm_limit" else None,
+    )
 
 
 def sumo_truth(variant: str) -> dict[str, Any]:
@@ -83,18 +117,37 @@ def write_sumo_dataset(folder: Path, scenario: Scenario, variant: str) -> None:
         ModuleNotFoundError: libsumo is not installed.
         RuntimeError: SUMO failed; the message contains its output.
     """
+    events, _ = simulate_sumo(scenario, rules_of(variant))
+    write_tables(folder, scenario, events, measure(scenario, events))
+
+
+def simulate_sumo(scenario: Scenario, rules: Rules, *, is_moved: bool = False) -> tuple[Events, Rules]:
+    """The traffic of all recordings, and the rules in force.
+
+    Args:
+        scenario: Drivers and platoon leaders.
+        rules: Model and rules.
+        is_moved: Put the limited section where most vehicles pass, and scale the limit with the desired speeds.
+
+    Raises:
+        ModuleNotFoundError, RuntimeError: As `write_sumo_dataset`.
+    """
     check_sumo()
-    streams = np.random.default_rng([scenario.seed, 8]).spawn(2)
+    streams = np.random.default_rng([scenario.seed, 8]).spawn(3)
     seconds = WARM_UP + scenario.duration + COOL_DOWN
     fleet = draw_fleet(scenario, streams[0])
     profiles = draw_profiles(scenario.n_recordings * scenario.n_lanes, seconds, scenario.pace, streams[1])
-    position, speed, _ = place_platoons(scenario, fleet, profiles)
+    position, speed, travelled = place_platoons(scenario, fleet, profiles)
+    if is_moved and rules.limit is not None:
+        now = Snapshot(scenario, fleet, position, speed)
+        section = common_section(scenario, now, travelled, np.flatnonzero(fleet.rank == 0), streams[2])
+        rules = replace(rules, section=section, limit=rules.limit * now.speed_scale)
     parts = [
-        _run(_order(scenario, fleet, position, speed, profiles, variant, number))
+        _run(_order(scenario, fleet, position, speed, profiles, rules, number))
         for number in range(scenario.n_recordings)
     ]
-    events = _events(fleet, {name: np.concatenate([part[name] for part in parts], axis=1) for name in parts[0]})
-    write_tables(folder, scenario, events, measure(scenario, events))
+    motion = {name: np.concatenate([part[name] for part in parts], axis=1) for name in parts[0]}
+    return _events(fleet, motion, rules), rules
 
 
 def _order(
@@ -103,7 +156,7 @@ def _order(
     position: np.ndarray,
     speed: np.ndarray,
     profiles: np.ndarray,
-    variant: str,
+    rules: Rules,
     number: int,
 ) -> dict[str, Any]:
     """Parameters of one simulation as plain values."""
@@ -111,22 +164,20 @@ def _order(
     every = round(STEP / SUB_STEP)
     leader_speeds = profiles[number * scenario.n_lanes : (number + 1) * scenario.n_lanes, ::every]
     names = ("desired_speed", "time_gap", "jam_gap", "max_accel", "comfort_decel", "length", "width")
-    return {
-        "variant": variant,
-        "model": MODELS.get(variant, "IDM"),
-        "action_step": 0.8 if variant == "idm_action_steps" else STEP,
-        "overtake_right": 0 if variant == "idm_no_passing_right" else 1,
-        "limit": LIMIT if variant == "idm_limit" else None,
-        "section": LIMITED,
-        "step": STEP,
-        "n_lanes": scenario.n_lanes,
-        "seed": int(scenario.seed % 2**31),
-        "position": position[own].tolist(),
-        "speed": speed[own].tolist(),
-        "lane": fleet.lane[own].tolist(),
-        "rank": fleet.rank[own].tolist(),
-        "heads": leader_speeds.tolist(),
-    } | {name: getattr(fleet, name)[own].tolist() for name in names}
+    return (
+        asdict(rules)
+        | {
+            "step": STEP,
+            "n_lanes": scenario.n_lanes,
+            "seed": int(scenario.seed % 2**31),
+            "position": position[own].tolist(),
+            "speed": speed[own].tolist(),
+            "lane": fleet.lane[own].tolist(),
+            "rank": fleet.rank[own].tolist(),
+            "heads": leader_speeds.tolist(),
+        }
+        | {name: getattr(fleet, name)[own].tolist() for name in names}
+    )
 
 
 def _run(order: dict[str, Any]) -> dict[str, np.ndarray]:
@@ -137,12 +188,12 @@ def _run(order: dict[str, Any]) -> dict[str, np.ndarray]:
         command = [sys.executable, "-m", "rearl_jax.blind.sumo_worker", str(asked), str(answered)]
         done = subprocess.run(command, capture_output=True, text=True, check=False)
         if done.returncode != 0:
-            raise RuntimeError(f"SUMO failed on {order['variant']}: {done.stderr.strip()[-2000:]}")
+            raise RuntimeError(f"SUMO failed on {order['model']}: {done.stderr.strip()[-2000:]}")
         with np.load(answered) as answer:
             return dict(answer)
 
 
-def _events(fleet: Fleet, motion: dict[str, np.ndarray]) -> Events:
+def _events(fleet: Fleet, motion: dict[str, np.ndarray], rules: Rules) -> Events:
     """The simulated motion in the form of the generator's events."""
     n_steps, n = motion["position"].shape
     return Events(
@@ -155,6 +206,6 @@ def _events(fleet: Fleet, motion: dict[str, np.ndarray]) -> Events:
         leader=np.zeros((0, n), dtype=np.int32),
         fleet=fleet,
         effects=(),
-        section=LIMITED,
+        section=rules.section,
         n_emergencies=0,
     )

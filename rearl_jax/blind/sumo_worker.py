@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-LENGTH = 12_000.0
+LENGTH = 30_000.0
 """Length of the road [m]; no vehicle reaches its end."""
 
 FASTEST = 60.0

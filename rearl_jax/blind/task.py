@@ -2,9 +2,9 @@
 
 Writes into the study folder `protocol.json` and `truth.json` (before anything else), `verdicts/NAME.json` (one per data
 set), then `cases.parquet` (one row per data set), `scores.parquet`, `sets.parquet`, `strengths.parquet`,
-`parameters.parquet`, `calibration.parquet`, `confusion.parquet`, `confusion.png`, `strengths.png`, `page.html`,
-`config.json` and, last of all, `summary.json`. An interrupted study continues; a data set with a verdict is never run
-again.
+`parameters.parquet`, `calibration.parquet`, `confusion.parquet`, `strata.parquet` (broad priors only), `confusion.png`,
+`strengths.png`, `page.html`, `config.json` and, last of all, `summary.json`. An interrupted study continues; a data set
+with a verdict is never run again.
 """
 
 import time
@@ -19,7 +19,9 @@ from rearl_jax.blind.document import document_of
 from rearl_jax.blind.results import BlindResults
 from rearl_jax.blind.rounds import Discover, count_finished, judge_cases, open_study, run_cases, time_left
 from rearl_jax.blind.sealing import Protocol
+from rearl_jax.blind.traffic.priors import PRIORS
 from rearl_jax.config import DiscoverBlindTask, DiscoverTask, ResultsConfig
+from rearl_jax.config.blind import StudyPriors
 from rearl_jax.config.data import DataConfig, DataFormat
 from rearl_jax.discovery import task as discovery
 from rearl_jax.document.terminal import print_document
@@ -54,6 +56,8 @@ def run_with(config: DiscoverBlindTask, discover: Discover) -> dict:
     for name, table in tables.items():
         study.write_table(name, table, **seeds)
     summary = {"master_seed": protocol.master_seed, "truth_sha256": protocol.truth_sha256, **results.summary()}
+    if config.blind.priors is StudyPriors.broad:
+        summary["priors"] = list(PRIORS.widened(config.blind.width).rows())
     document = document_of(summary, tables, vars(protocol))
     print_document(document)
 

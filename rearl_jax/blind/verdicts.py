@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
-NOTHING, UNEXPLAINED, FAILED = "nothing", "unexplained", "failed"
+NOTHING, IMPROVED, UNEXPLAINED, FAILED = "nothing", "improved", "unexplained", "failed"
 
 ERRORS = ("before", "after", "change", "floor", "oracle")
 """Keys of the closed-loop error in a verdict."""
@@ -44,7 +44,7 @@ class Verdict:
     """A verdict.
 
     Attributes:
-        verdict: `named`, `artefact`, `unexplained`, `nothing`; `failed` if discovery stopped with an error.
+        verdict: `named`, `improved`, `artefact`, `unexplained`, `nothing`; `failed` if discovery stopped with an error.
         effects: Claimed effects, the strongest first.
         alternatives: Names of candidates that explain the data about as well as the claimed effects.
         errors: ERRORS of the simulation behind the measured leader, `change` driver by driver; None if unknown.

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from rearl_jax.config._key import key
-from rearl_jax.config._ranges import check_least
+from rearl_jax.config._ranges import check_least, check_within
 from rearl_jax.problems import out_of_range
 
 
@@ -16,11 +16,30 @@ class StudySize(Enum):
     full = "full"
 
 
+class StudyPriors(Enum):
+    """Origin of everything in a data set beside its hidden effects."""
+
+    usual = "usual"
+    broad = "broad"
+
+
 @dataclass(unsafe_hash=True)
 class BlindConfig:
     """Data sets with hidden effects"""
 
-    size: StudySize = key(StudySize.small, "number of data sets; small: one per question, medium: 141, full: 802")
+    priors: StudyPriors = key(
+        StudyPriors.usual,
+        "drivers, measurement and traffic of the data sets; usual: IDM drivers and one measurement; broad: "
+        "car-following model, population, noise, smoothing, density and duration drawn for every data set",
+    )
+    size: StudySize = key(
+        StudySize.small,
+        "number of data sets with blind.priors=usual; small: one per question, medium: 141, full: 802",
+    )
+    n_sets: int = key(12, "number of data sets with blind.priors=broad; a quarter of them are controls")
+    width: float = key(1.0, "width of the broad priors, as a multiple of the documented ones [-]")
+    followers: int | None = key(None, "followers in a data set with broad priors; null = drawn")
+    duration: float | None = key(None, "recorded time of a data set with broad priors [s]; null = drawn")
     seed: int | None = key(
         None, "master seed of all data sets; null = drawn when the study starts, after the hash of the code is written"
     )
@@ -30,7 +49,9 @@ class BlindConfig:
         "number of data sets to run, from the beginning of the random order; null = all. A larger number later "
         "continues the study",
     )
-    sumo: bool = key(True, "also generate data sets with SUMO, if the size includes them; needs the extra `bench`")
+    sumo: bool = key(
+        True, "also generate data sets with SUMO, if the size or the broad priors include them; needs the extra `bench`"
+    )
     oracle: bool = key(False, "after each verdict, refit with the hidden effect to know the smallest possible error")
     keep_data: bool = key(False, "keep the generated recordings in the folder of the study")
 
@@ -38,6 +59,9 @@ class BlindConfig:
         """Raise InvalidInputError for a value outside its range."""
         if self.seed is not None and not 0 <= self.seed < 2**32:
             raise out_of_range("seed", f"must be within 0 and {2**32 - 1} or null", self.seed)
-        check_least(self, 1, "first")
+        check_least(self, 1, "first", "n_sets")
+        check_least(self, 12, "followers")
+        check_least(self, 20.0, "duration")
+        check_within(self, 0.1, 3.0, "width")
         if not self.sets:
             raise out_of_range("sets", "must be a shell pattern such as *", repr(self.sets))

@@ -75,6 +75,7 @@ DATA = (
         examples=(
             "rearl discover blind",
             "rearl discover blind blind.size=full blind.oracle=true study=hidden_effects results.resume=true",
+            "rearl discover blind blind.priors=broad blind.n_sets=500 study=broad",
         ),
         x64=True,
     ),

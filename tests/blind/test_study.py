@@ -110,21 +110,21 @@ def test_code_is_written_down_before_a_seed_is_drawn(tmp_path, monkeypatch):
         return 77
 
     monkeypatch.setattr(sealing.secrets, "randbits", draw)
-    protocol, goes_on = open_protocol(tmp_path, "c", None)
+    protocol, goes_on = open_protocol(tmp_path, "c", BlindConfig())
     assert (protocol.master_seed, protocol.seed_drawn, goes_on) == (77, True, False)
-    again, _ = open_protocol(tmp_path, "c", None)
+    again, _ = open_protocol(tmp_path, "c", BlindConfig())
     assert again == protocol
-    other, goes_on = open_protocol(tmp_path, "another configuration", 5)
+    other, goes_on = open_protocol(tmp_path, "another configuration", BlindConfig(seed=5))
     assert (other.master_seed, other.seed_drawn, goes_on) == (5, False, False)
 
 
 def test_other_thresholds_begin_a_study_anew(tmp_path, monkeypatch):
     from rearl_jax.blind import sealing
 
-    open_protocol(tmp_path, "c", 5)
-    assert open_protocol(tmp_path, "c", 6)[0].master_seed == 5
+    open_protocol(tmp_path, "c", BlindConfig(seed=5))
+    assert open_protocol(tmp_path, "c", BlindConfig(seed=6))[0].master_seed == 5
     monkeypatch.setattr(sealing, "THRESHOLDS", replace(sealing.THRESHOLDS, least_total=15.0))
-    assert open_protocol(tmp_path, "c", 6)[0].master_seed == 6
+    assert open_protocol(tmp_path, "c", BlindConfig(seed=6))[0].master_seed == 6
 
 
 def test_verdicts_do_not_go_unnoticed(tmp_path, caplog):
@@ -249,7 +249,9 @@ def test_every_data_set_of_the_full_study_can_be_asked_for():
     assert (error.value.problem.key, error.value.problem.value) == ("blind.sets", "no such set")
 
 
-@pytest.mark.parametrize("keys", [{"seed": -1}, {"sets": ""}])
+@pytest.mark.parametrize(
+    "keys", [{"seed": -1}, {"sets": ""}, {"n_sets": 0}, {"width": 5.0}, {"followers": 3}, {"duration": 5.0}]
+)
 def test_wrong_keys_are_refused(keys):
     with pytest.raises(InvalidInputError) as error:
         BlindConfig(**keys).check()

@@ -5,7 +5,8 @@ import pytest
 
 from rearl_jax.blind.traffic import Planted, Scenario
 from rearl_jax.blind.traffic.catalogue import COUNTERPARTS, HIDDEN, LISTED, UNLISTED
-from rearl_jax.blind.traffic.fleet import CARS, draw_fleet
+from rearl_jax.blind.traffic.fleet import draw_fleet
+from rearl_jax.blind.traffic.population import CARS
 from rearl_jax.blind.traffic.simulation import simulate
 from rearl_jax.problems import InvalidInputError
 from tests.blind.driving_facts import facts

@@ -25,8 +25,9 @@ def main(words: list[str]) -> None:
     given = {key: value for key, _, value in (pair.partition("=") for pair in pairs)}
     as_highd = bool(int(given.pop("highd", "0")))
     given = ({"view": "420", "frame_rate": "25"} if as_highd else {}) | given
-    # All fields except the seed and the hidden effects, which have arguments of their own.
-    types = {item.name: int if item.type in (int, bool) else float for item in fields(Scenario)[2:]}
+    # All numbers except the seed, which has an argument of its own.
+    numbers = [item for item in fields(Scenario)[1:] if item.type in (int, bool, float, float | None)]
+    types = {item.name: int if item.type in (int, bool) else float for item in numbers}
     if unknown := given.keys() - types:
         sys.exit(f"no such key: {', '.join(sorted(unknown))}; one of highd, {', '.join(types)}")
     keys: dict[str, Any] = {key: types[key](value) for key, value in given.items()}

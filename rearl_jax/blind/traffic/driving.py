@@ -1,7 +1,4 @@
-"""The generator's own car following: the Intelligent Driver Model on bumper-to-bumper gaps, and emergency braking.
-
-Source: Treiber, Hennecke & Helbing, Phys. Rev. E 62 (2000) 1805; its desired gap is never below s0.
-"""
+"""The generator's own car following: the car-following model with all hidden effects, and emergency braking."""
 
 from collections.abc import Sequence
 
@@ -17,13 +14,6 @@ LAST_METRE = 1.0
 """Gap [m] that remains after an emergency stop."""
 
 
-def desired_over_actual(now: Snapshot, gap: np.ndarray, dv: np.ndarray) -> np.ndarray:
-    """s* / s [-], with the current time gap."""
-    fleet, speed = now.fleet, now.speed[: now.n]
-    dynamic = speed * now.time_gap + 0.5 * speed * dv / np.sqrt(fleet.max_accel * fleet.comfort_decel)
-    return (fleet.jam_gap + np.maximum(0.0, dynamic)) / np.maximum(gap, 0.3)
-
-
 def wanted_acceleration(now: Snapshot, effects: Sequence[HiddenEffect]) -> np.ndarray:
     """Acceleration of the model with all hidden effects [m/s^2], before noise and emergency braking."""
     fleet, speed = now.fleet, now.speed[: now.n]
@@ -33,10 +23,10 @@ def wanted_acceleration(now: Snapshot, effects: Sequence[HiddenEffect]) -> np.nd
         gap, dv = effect.perceive(gap, dv, now)
         now.time_gap = effect.time_gap(now.time_gap, now)
         now.desired_speed = effect.desired_speed(now.desired_speed, now)
-    interaction = desired_over_actual(now, gap, dv) ** 2
+    interaction = now.interaction(gap, dv)
     for effect in effects:
         interaction = effect.interaction(interaction, now)
-    value = fleet.max_accel * (1.0 - (speed / now.desired_speed) ** 4 - interaction)
+    value = now.model.acceleration(now.drivers(), interaction)
     for effect in effects:
         value = effect.acceleration(value, now)
     for effect in effects:
@@ -48,8 +38,8 @@ def with_emergencies(value: np.ndarray, now: Snapshot) -> tuple[np.ndarray, np.n
     """Accelerations that avoid collisions [m/s^2], and which vehicles have an emergency.
 
     An emergency occurs if own braking at HARDEST would stop less than LAST_METRE behind the stopping point of the
-    leader (Gipps, Transp. Res. B 15 (1981) 105, without reaction time). The model without noise and hidden effects
-    never has one.
+    leader (Gipps, Transp. Res. B 15 (1981) 105, without reaction time). IDM without noise and hidden effects never has
+    one.
     """
     ahead = now.gap_to(now.leader) + now.speed[now.leader] ** 2 / (2.0 * HARDEST)
     is_emergency = now.speed[: now.n] ** 2 / (2.0 * HARDEST) + LAST_METRE > ahead

@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from rearl_jax.blind.traffic.driving import desired_over_actual
 from rearl_jax.blind.traffic.effect import HiddenEffect
 from rearl_jax.blind.traffic.scenario import SUB_STEP
 from rearl_jax.blind.traffic.snapshot import Snapshot
@@ -49,7 +48,7 @@ class Foresight(HiddenEffect):
             other = now.ahead(places)
             between = sum(now.length[now.ahead(place)] for place in range(1, places))
             gap = (now.gap_to(other) - between) / places
-            term = desired_over_actual(now, gap, now.speed[: now.n] - now.speed[other]) ** 2
+            term = now.interaction(gap, now.speed[: now.n] - now.speed[other])
             value = value + self.strength * coefficient * np.minimum(term, 9.0)
         return value
 
@@ -107,11 +106,10 @@ class StayingBehind(HiddenEffect):
     crawl, hardest = 16.0, 2.0  # m/s, m/s^2
 
     def acceleration(self, value: np.ndarray, now: Snapshot) -> np.ndarray:
-        own, fleet = slice(0, now.n), now.fleet
+        own = slice(0, now.n)
         other = now.ahead_on_left()
         speed, dv = now.speed[own], now.speed[own] - now.speed[other]
-        interaction = desired_over_actual(now, now.gap_to(other), dv) ** 2
-        wanted = fleet.max_accel * (1.0 - (speed / now.desired_speed) ** 4 - interaction)
+        wanted = now.model.acceleration(now.drivers(), now.interaction(now.gap_to(other), dv))
         behind = np.maximum(wanted, -self.hardest)
         passes = (speed > self.crawl) & (dv > 0.0) & (other != now.n)
         return value + 0.5 * self.strength * np.where(passes, np.minimum(behind - value, 0.0), 0.0)

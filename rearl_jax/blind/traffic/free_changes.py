@@ -80,16 +80,15 @@ def weigh(now: Snapshot, side: int) -> Choice:
     freed_gap = follower_gap + now.gap_to(now.leader) + now.length[own]
     freed = _interaction(now, follower, freed_gap, speed[now.leader])
     relief = _interaction(now, follower, follower_gap, speed[own]) - freed
-    accel = np.append(now.fleet.max_accel, 0.0)
-    rear_after = accel[rear] * (_free(now)[rear] - behind_me)
-    own_after = now.fleet.max_accel * (_free(now)[own] - there)
-    lane, gain = now.lane + side, now.fleet.max_accel * (here - there)
+    drivers, scale = now.drivers(), now.model.scale
+    rear_after = np.where(rear == now.n, 0.0, now.model.acceleration(now.drivers(rear), behind_me))
+    own_after = now.model.acceleration(drivers, there)
+    lane, gain = now.lane + side, scale(drivers) * (here - there)
     # The first vehicle of a lane does not react to others, so no vehicle may pass it.
     fits = (leader < now.n) & (gap > LEAST_GAP) & (rear_gap > LEAST_GAP) & (now.leader < now.n)
     fits &= (lane >= 0) & (lane < now.n_lanes) & (own_after > -HARDEST) & (rear_after > -HARDEST)
-    return Choice(
-        side, leader, rear, gap, rear_gap, gain, accel[rear] * (behind_me - before), accel[follower] * relief, fits
-    )
+    cost_to_rear = scale(now.drivers(rear)) * (behind_me - before)
+    return Choice(side, leader, rear, gap, rear_gap, gain, cost_to_rear, scale(now.drivers(follower)) * relief, fits)
 
 
 def _neighbours(now: Snapshot, side: int) -> tuple[np.ndarray, np.ndarray]:
@@ -106,19 +105,7 @@ def _neighbours(now: Snapshot, side: int) -> tuple[np.ndarray, np.ndarray]:
     return leader, rear
 
 
-def _free(now: Snapshot) -> np.ndarray:
-    """Free-road term 1 - (v / v0)^4 of every vehicle, and of the placeholder [-]."""
-    return 1.0 - np.append((now.speed[: now.n] / now.desired_speed) ** 4, 0.0)
-
-
 def _interaction(now: Snapshot, who: np.ndarray, gap: np.ndarray, speed_ahead: np.ndarray) -> np.ndarray:
-    """Interaction term (s* / s)^2 of the given vehicles behind a leader [-]; 0 without one."""
-    fleet, speed = now.fleet, now.speed[who]
-
-    def of(values: np.ndarray) -> np.ndarray:
-        return np.append(values, 1.0)[who]
-
-    root = 2.0 * np.sqrt(of(fleet.max_accel) * of(fleet.comfort_decel))
-    dynamic = speed * of(now.time_gap) + speed * (speed - speed_ahead) / root
-    wanted = of(fleet.jam_gap) + np.maximum(0.0, dynamic)
-    return np.where(who == now.n, 0.0, (wanted / np.maximum(gap, 0.3)) ** 2)
+    """Interaction of the given vehicles behind a leader; 0 without a vehicle."""
+    own = now.drivers(who)
+    return np.where(who == now.n, 0.0, now.model.interaction(own, gap, own.speed - speed_ahead))

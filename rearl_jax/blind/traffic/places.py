@@ -28,13 +28,13 @@ class Slope(HiddenEffect):
 
 
 class LimitedSection(HiddenEffect):
-    """A section with a lower desired speed; it is reached over 40 m."""
+    """A section with a lower desired speed; it is reached over 40 m. Its limit is relative to the usual one."""
 
     truths = ("speed_limit", "bend")
 
     def begin(self, now: Snapshot, section: tuple[float, float], rng: np.random.Generator) -> None:
         self._section = section
-        self._limit = self._highest()
+        self._limit = now.speed_scale * self._highest()
         self.parameters = {"limit": self._limit, "start": section[0], "end": section[1]}
 
     def _highest(self) -> float:

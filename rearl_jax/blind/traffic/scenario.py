@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from rearl_jax.blind.traffic.population import USUAL, Population
 from rearl_jax.problems import out_of_range
 
 SUB_STEP = 0.02
@@ -26,6 +27,30 @@ class Planted:
 
 
 @dataclass(frozen=True)
+class Chain:
+    """How a data provider measures and releases the traffic, where that is drawn too.
+
+    Attributes:
+        kernel: Smoothing of positions and speeds before their release, one of `chain.KERNELS`; "none" without it.
+        kernel_time: Standard deviation of the kernel [s].
+        speed: Source of the speed column: "positions" or "sensor".
+        slope_time: Window of the parabola fit to positions whose slope is the speed [s].
+        sensor_noise: Standard deviation of the speed sensor [m/s].
+        lane: Frame in which the lane column changes: "marking", the centre of the vehicle crosses it, or "decision",
+            the driver begins to follow the new leader and to move sideways.
+        change_time: Time of the sideways motion of a lane change [s].
+    """
+
+    kernel: str = "none"
+    kernel_time: float = 0.0
+    speed: str = "positions"
+    slope_time: float = 1.0
+    sensor_noise: float = 0.0
+    lane: str = "marking"
+    change_time: float = 4.0
+
+
+@dataclass(frozen=True)
 class Scenario:
     """The scenario of one data set.
 
@@ -43,9 +68,15 @@ class Scenario:
         pace: Factor on the speeds of platoon leaders [-].
         spread: Factor on the differences between drivers [-].
         driver_noise: Standard deviation of a driver's random acceleration [m/s^2].
+        driver_noise_time: Correlation time of this acceleration [s].
+        noise_spread: Standard deviation of the logarithm of its size between drivers [-].
+        noise_growth: Growth of its size with the driver's acceleration, whatever the sign [s^2/m].
         position_noise: Standard deviation of measured positions [m].
         noise_time: Time over which errors of positions are correlated [s]; 0 for white noise.
         view: Length of road in the view of a camera [m]; None if every vehicle is seen all the time.
+        base: Car-following model, one of `models.BASES`.
+        population: Distribution of the drivers' parameters.
+        chain: Measurement and release; None for positions with noise whose slopes are the speeds.
     """
 
     seed: int
@@ -61,9 +92,15 @@ class Scenario:
     pace: float = 1.0
     spread: float = 1.0
     driver_noise: float = 0.15
+    driver_noise_time: float = 1.5
+    noise_spread: float = 0.0
+    noise_growth: float = 0.0
     position_noise: float = 0.1
     noise_time: float = 0.0
     view: float | None = None
+    base: str = "idm"
+    population: Population = USUAL
+    chain: Chain | None = None
 
     def __post_init__(self) -> None:
         """Raises InvalidInputError for a scenario that cannot be simulated."""

@@ -15,6 +15,7 @@ from rearl_jax.blind.traffic.effect import HiddenEffect
 from rearl_jax.blind.traffic.fleet import Fleet, draw_fleet
 from rearl_jax.blind.traffic.free_changes import FreeChanges
 from rearl_jax.blind.traffic.lane_changes import ForcedChanges
+from rearl_jax.blind.traffic.models import BASES, Drivers
 from rearl_jax.blind.traffic.platoon_leaders import draw_profiles
 from rearl_jax.blind.traffic.scenario import SUB_STEP, Scenario
 from rearl_jax.blind.traffic.snapshot import Snapshot
@@ -25,11 +26,11 @@ WARM_UP = 12.0
 COOL_DOWN = 5.0
 """Time after the recording [s], needed for delayed measurements."""
 
-NOISE_TIME = 1.5
-"""Correlation time of a driver's random acceleration [s]."""
-
 WANDER, WANDER_TIME = 0.25, 4.0
 """Standard deviation [m] and correlation time [s] of the lateral position in the lane."""
+
+SAMPLED = 5
+"""Sub-steps between two samples of what hidden effects cause."""
 
 MARGIN = 60.0
 """Road [m] behind the last vehicle when the recording begins."""
@@ -49,6 +50,7 @@ class Events:
         effects: Hidden effects.
         section: Part of the road that most vehicles reach and leave [m].
         n_emergencies: Number of vehicle steps with emergency braking.
+        effect_size: Root mean square of the recorded accelerations of followers that hidden effects cause [m/s^2].
     """
 
     time: np.ndarray
@@ -62,11 +64,12 @@ class Events:
     effects: tuple[HiddenEffect, ...]
     section: tuple[float, float]
     n_emergencies: int
+    effect_size: float = 0.0
 
 
 def simulate(scenario: Scenario) -> Events:
     """The traffic of all recordings of a data set."""
-    streams = np.random.default_rng([scenario.seed, 5]).spawn(6)
+    streams = np.random.default_rng([scenario.seed, 5]).spawn(7)
     seconds = WARM_UP + scenario.duration + COOL_DOWN
     fleet = draw_fleet(scenario, streams[0])
     profiles = draw_profiles(scenario.n_recordings * scenario.n_lanes, seconds, scenario.pace, streams[1])
@@ -76,41 +79,51 @@ def simulate(scenario: Scenario) -> Events:
     position, speed, travelled = place_platoons(scenario, fleet, profiles)
     now = Snapshot(scenario, fleet, position, speed)
     now.time = -WARM_UP
-    section = _common_section(scenario, now, travelled, platoon_leaders, streams[2])
+    section = common_section(scenario, now, travelled, platoon_leaders, streams[2])
     for effect in effects:
         effect.begin(now, section, streams[5])
     n_steps = profiles.shape[1] - 1
-    noise = _ornstein_uhlenbeck(n_steps, now.n, NOISE_TIME, streams[3]) * scenario.driver_noise
+    noise = _ornstein_uhlenbeck(n_steps, now.n, scenario.driver_noise_time, streams[3]) * scenario.driver_noise
+    noise *= np.exp(scenario.noise_spread * streams[6].standard_normal(now.n))
     wander = np.clip(WANDER * _ornstein_uhlenbeck(n_steps, now.n, WANDER_TIME, streams[4]), -0.65, 0.65)
     changes = ForcedChanges(scenario, now.n, streams[2])
     if scenario.free_changes:
         changes = FreeChanges(scenario, now.n, effects, streams[2])
-    log, n_emergencies = _drive(now, effects, profiles, noise, wander, changes)
+    log, n_emergencies, effect_size = _drive(scenario, now, effects, profiles, noise, wander, changes)
     time = SUB_STEP * np.arange(n_steps) - WARM_UP
     return Events(
-        time, **log, wander=wander, fleet=fleet, effects=effects, section=section, n_emergencies=n_emergencies
+        time, **log, wander=wander, fleet=fleet, effects=effects, section=section, n_emergencies=n_emergencies,
+        effect_size=effect_size,
     )  # fmt: skip
 
 
 def _drive(
+    scenario: Scenario,
     now: Snapshot,
     effects: Sequence[HiddenEffect],
     profiles: np.ndarray,
     noise: np.ndarray,
     wander: np.ndarray,
     changes: ForcedChanges | FreeChanges,
-) -> tuple[dict[str, np.ndarray], int]:
-    """Motion in every step, [n_steps, n], and the number of vehicle steps with emergency braking."""
+) -> tuple[dict[str, np.ndarray], int, float]:
+    """Motion in every step, [n_steps, n], the number of vehicle steps with emergency braking, and the size of hidden
+    effects.
+    """
     n_steps, own, platoon_leaders = len(noise), slice(0, now.n), np.flatnonzero(now.fleet.rank == 0)
     log = {name: np.empty((n_steps, now.n)) for name in ("position", "speed", "acceleration")}
     log |= {"lane": np.empty((n_steps, now.n), dtype=np.int8), "leader": np.empty((n_steps, now.n), dtype=np.int32)}
-    n_emergencies = 0
+    n_emergencies, hidden = 0, [np.zeros(now.n)]
     for step in range(n_steps):
         now.step, now.time, now.wander = step, step * SUB_STEP - WARM_UP, wander[step]
         changes.carry_out(now)
         for effect in effects:
             effect.observe(now, SUB_STEP)
-        value, in_emergency = with_emergencies(wanted_acceleration(now, effects) + noise[step], now)
+        plain = wanted_acceleration(now, ()) if effects and step % SAMPLED == 0 else None
+        wanted = wanted_acceleration(now, effects)
+        if plain is not None and 0.0 <= now.time <= scenario.duration:
+            hidden.append(wanted - plain)
+        own_noise = noise[step] * (1.0 + scenario.noise_growth * np.abs(now.acceleration[own]))
+        value, in_emergency = with_emergencies(wanted + own_noise, now)
         value[platoon_leaders] = (profiles[:, step + 1] - profiles[:, step]) / SUB_STEP
         faster = np.maximum(0.0, now.speed[own] + SUB_STEP * value)
         log["position"][step], log["speed"][step] = now.position[own], now.speed[own]
@@ -119,7 +132,8 @@ def _drive(
         now.position[own] += 0.5 * SUB_STEP * (now.speed[own] + faster)
         now.speed[own] = faster
         n_emergencies += int(np.count_nonzero(in_emergency & (now.fleet.rank > 0)))
-    return log, n_emergencies
+    following = np.stack(hidden[1:] or hidden)[:, now.fleet.rank > 0]
+    return log, n_emergencies, float(np.sqrt(np.mean(following**2)))
 
 
 def place_platoons(scenario: Scenario, fleet: Fleet, profiles: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -129,8 +143,8 @@ def place_platoons(scenario: Scenario, fleet: Fleet, profiles: np.ndarray) -> tu
     """
     per_lane = scenario.n_vehicles // scenario.n_lanes
     speed = np.minimum(np.repeat(profiles[:, 0], per_lane), 0.85 * fleet.desired_speed)
-    wanted = fleet.jam_gap + fleet.time_gap * speed
-    gap = scenario.spacing * wanted / np.sqrt(1.0 - (speed / fleet.desired_speed) ** 4)
+    drivers = Drivers(speed, fleet.desired_speed, fleet.time_gap, fleet)
+    gap = scenario.spacing * BASES[scenario.base].equilibrium_gap(drivers)
     length = fleet.length.reshape(-1, per_lane)
     step = gap.reshape(-1, per_lane) + 0.5 * (length + np.roll(length, 1, axis=1))
     step[:, 0] = 0.0
@@ -142,7 +156,7 @@ def place_platoons(scenario: Scenario, fleet: Fleet, profiles: np.ndarray) -> tu
     return (place - place.min() + MARGIN).ravel(), speed, travelled
 
 
-def _common_section(
+def common_section(
     scenario: Scenario, now: Snapshot, travelled: np.ndarray, platoon_leaders: np.ndarray, rng: np.random.Generator
 ) -> tuple[float, float]:
     """A section of the road that most vehicles reach and leave during the recording [m]."""

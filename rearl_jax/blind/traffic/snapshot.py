@@ -8,6 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from rearl_jax.blind.traffic.fleet import Fleet
+from rearl_jax.blind.traffic.models import BASES, Drivers
+from rearl_jax.blind.traffic.population import USUAL
 from rearl_jax.blind.traffic.scenario import Scenario
 
 FAR = 1.0e7
@@ -28,6 +30,8 @@ class Snapshot:
         leader, follower: Index of the vehicle ahead and behind on the lane; n without one.
         wander: Lateral offset in the lane, positive to the right [m].
         time_gap, desired_speed: Current values of the driver, hidden effects included.
+        model: Car-following model of all drivers.
+        speed_scale: Median desired speed of cars over the usual one [-].
     """
 
     def __init__(self, scenario: Scenario, fleet: Fleet, position: np.ndarray, speed: np.ndarray) -> None:
@@ -40,8 +44,21 @@ class Snapshot:
         self.lane = fleet.lane.copy()
         self.wander = np.zeros(self.n)
         self.time_gap, self.desired_speed = fleet.time_gap, fleet.desired_speed
+        self.model = BASES[scenario.base]
+        self.speed_scale = scenario.population.median("desired_speed") / USUAL.median("desired_speed")
         self._beside_step, self._beside = -BESIDE_REFRESH, np.zeros((0, 0))
         self.look_along()
+
+    def drivers(self, who: np.ndarray | None = None) -> Drivers:
+        """All drivers, or those with the given indices, as they are; n is the placeholder."""
+        if who is None:
+            return Drivers(self.speed[: self.n], self.desired_speed, self.time_gap, self.fleet)
+        desired_speed, time_gap = (np.append(values, 1.0)[who] for values in (self.desired_speed, self.time_gap))
+        return Drivers(self.speed[who], desired_speed, time_gap, self.fleet, who)
+
+    def interaction(self, gap: np.ndarray, dv: np.ndarray) -> np.ndarray:
+        """Interaction of every driver with a vehicle ahead, at a gap [m] and an approach rate [m/s]."""
+        return self.model.interaction(self.drivers(), gap, dv)
 
     def look_along(self) -> None:
         """Updates leaders and followers; they only change with lane changes."""

@@ -1,0 +1,84 @@
+"""The measurement chain of a data set whose measurement is drawn: noise, smoothing, speed column, lane column."""
+
+import numpy as np
+from scipy.ndimage import convolve1d
+from scipy.signal import lfilter, savgol_filter
+
+from rearl_jax.blind.traffic.measurement import LANE_WIDTH, LATERAL_NOISE, PAD, Frames
+from rearl_jax.blind.traffic.scenario import Chain, Scenario
+from rearl_jax.blind.traffic.simulation import Events
+
+KERNELS = ("gaussian", "moving_average", "triangular", "exponential")
+"""Smoothing kernels; all are symmetric in time."""
+
+
+def release(scenario: Scenario, chain: Chain, events: Events) -> Frames:
+    """The released columns."""
+    rng = np.random.default_rng([scenario.seed, 6])
+    rate = scenario.frame_rate
+    pad, n_frames = round(PAD * rate), round(scenario.duration * rate) + 1
+    time = np.arange(-pad, n_frames + pad) / rate
+    inside = slice(pad, pad + n_frames)
+    steps = np.searchsorted(events.time, time - 1e-6)
+    shape = events.position[steps].shape
+    position = events.position[steps] + scenario.position_noise * correlated(shape, scenario.noise_time, rate, rng)
+    position = smoothed(position, chain.kernel, chain.kernel_time * rate)
+    if chain.speed == "sensor":
+        speed = events.speed[steps] + chain.sensor_noise * rng.standard_normal(shape)
+        speed = smoothed(speed, chain.kernel, chain.kernel_time * rate)
+    else:
+        window = max(3, 2 * round(0.5 * chain.slope_time * rate) + 1)
+        speed = np.asarray(savgol_filter(position, window, 2, deriv=1, delta=1.0 / rate, axis=0))
+    speed = np.maximum(0.0, speed)
+    lane, lateral = _across(chain, events, time[inside], rng)
+    return Frames(
+        position[inside],
+        lateral,
+        lane,
+        speed[inside],
+        np.clip(np.gradient(speed, 1.0 / rate, axis=0)[inside], -30.0, 30.0),
+        np.ones_like(lane, dtype=bool),
+    )
+
+
+def correlated(shape: tuple[int, ...], time: float, rate: float, rng: np.random.Generator) -> np.ndarray:
+    """Stationary first-order autoregressive noise of unit variance; white for a correlation time [s] of 0."""
+    drawn = rng.standard_normal(shape)
+    if time == 0.0:
+        return drawn
+    kept = np.exp(-1.0 / (rate * time))
+    drawn[1:] *= np.sqrt(1.0 - kept**2)
+    return np.asarray(lfilter([1.0], [1.0, -kept], drawn, axis=0))
+
+
+def smoothed(values: np.ndarray, kernel: str, deviation: float) -> np.ndarray:
+    """Values along the first axis after a kernel with a standard deviation in frames; unchanged for "none"."""
+    return values if kernel == "none" else convolve1d(values, weights(kernel, deviation), axis=0, mode="nearest")
+
+
+def weights(kernel: str, deviation: float) -> np.ndarray:
+    """Weights of a kernel, of sum 1; the standard deviation is in frames."""
+    reach = np.ceil(5.0 * deviation) + 1.0
+    place = np.arange(-reach, reach + 1.0)
+    if kernel == "gaussian":
+        values = np.exp(-0.5 * (place / deviation) ** 2)
+    elif kernel == "exponential":
+        values = np.exp(-np.sqrt(2.0) * np.abs(place) / deviation)
+    elif kernel == "triangular":
+        values = np.maximum(0.0, 1.0 - np.abs(place) / (np.sqrt(6.0) * deviation))
+    else:
+        # A frame at the edge counts with the part of it that is inside.
+        values = np.clip(np.sqrt(3.0) * deviation + 0.5 - np.abs(place), 0.0, 1.0)
+    return values / values.sum()
+
+
+def _across(chain: Chain, events: Events, time: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
+    """Lane and lateral position [m] in every frame; the sideways motion begins with the decision."""
+    late = 0.5 * chain.change_time if chain.lane == "marking" else 0.0
+    lane = events.lane[np.searchsorted(events.time, time - late - 1e-6)]
+    place = events.wander[np.searchsorted(events.time, time - 1e-6)] + LANE_WIDTH * (events.lane[0] + 0.5)
+    for step, vehicle in zip(*np.nonzero(np.diff(events.lane, axis=0)), strict=True):
+        share = np.clip((time - events.time[step + 1]) / chain.change_time, 0.0, 1.0)
+        jump = int(events.lane[step + 1, vehicle]) - int(events.lane[step, vehicle])
+        place[:, vehicle] += LANE_WIDTH * jump * share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
+    return lane, place + LATERAL_NOISE * rng.standard_normal(place.shape)

@@ -1,0 +1,23 @@
+"""A small study with broad priors, end to end with the real discovery: about ten minutes."""
+
+import json
+
+import pytest
+
+from rearl_jax.blind.task import run
+from rearl_jax.config import DiscoverBlindTask, ResultsConfig
+from rearl_jax.config.blind import BlindConfig, StudyPriors
+
+pytestmark = pytest.mark.slow
+
+
+def test_twelve_drawn_data_sets_are_judged(tmp_path):
+    blind = BlindConfig(priors=StudyPriors.broad, n_sets=12, followers=24, duration=60.0, seed=5, sumo=False)
+    summary = run(DiscoverBlindTask("broad", ResultsConfig(str(tmp_path)), blind))
+    assert (summary["n_cases"], summary["n_failed"]) == (12, 0)
+    everything = summary["strata"][0]
+    assert (everything["n_effects"], everything["n_controls"]) == (9, 3)
+    assert everything["n_named"] > 0
+    verdicts = list((tmp_path / "broad" / "verdicts").glob("*.json"))
+    assert len(verdicts) == 12
+    assert all("verdict" in json.loads(path.read_text()) for path in verdicts)
