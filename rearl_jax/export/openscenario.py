@@ -9,6 +9,7 @@ satisfies the schema of the standard that comes with it.
 
 import tempfile
 from datetime import UTC, datetime
+from importlib import import_module
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -51,8 +52,7 @@ def to_openscenario(population: Population, n_drivers: int, seed: int) -> Export
 
 
 def _catalogue(drawn: DriverColumns) -> str:
-    from scenariogeneration import xosc
-
+    xosc = import_module("scenariogeneration.xosc")
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "ControllerCatalog.xosc"
         catalogue = xosc.CatalogFile()

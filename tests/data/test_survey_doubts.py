@@ -1,6 +1,7 @@
 """`rearl prepare FILE` where a column could be misread in silence: it is refused, or what is not certain is said."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -19,7 +20,7 @@ def rows() -> pd.DataFrame:
     return truth().rename(columns={"track_id": "id", "position": "x", "lateral": "y"}).round(3)
 
 
-def _found(path: Path, table: pd.DataFrame, **options) -> dict:
+def _found(path: Path, table: Any, **options) -> dict:
     table.to_csv(path, index=False, **options)
     return run(str(path))
 

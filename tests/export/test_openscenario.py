@@ -15,7 +15,7 @@ from rearl_jax.config.mobil import MobilConfig
 from rearl_jax.export import openscenario, to_openscenario
 from rearl_jax.export.drawn import draw
 from rearl_jax.export.task import run
-from rearl_jax.models.population import population_of_keys, population_of_model
+from rearl_jax.models.population import Population, population_of_keys, population_of_model
 from rearl_jax.models.record import EffectValues
 from tests.models.drivers import model
 
@@ -24,8 +24,10 @@ is_installed = importlib.util.find_spec("scenariogeneration") is not None
 needs_it = pytest.mark.skipif(not is_installed, reason="needs the extra openscenario")
 
 
-def _people(**keys):
-    return population_of_keys(record_of("idm")(**keys), MobilConfig(), F64, 10)
+def _people(**keys) -> Population:
+    people = population_of_keys(record_of("idm")(**keys), MobilConfig(), F64, 10)
+    assert people is not None
+    return people
 
 
 def _properties(text: str) -> dict[str, dict[str, str]]:
@@ -48,15 +50,14 @@ def test_every_driver_is_a_controller_with_its_parameters():
     assert exported.text == to_openscenario(people, 20, 0).text
 
 
-@needs_it
 def test_the_catalogue_satisfies_the_schema_and_is_read_by_its_library(tmp_path):
-    import xmlschema
-    from scenariogeneration import xosc
-
+    xosc = pytest.importorskip("scenariogeneration.xosc", reason="needs the extra openscenario")
+    xmlschema = pytest.importorskip("xmlschema", reason="needs the extra openscenario")
     path = tmp_path / "ControllerCatalog.xosc"
     path.write_text(to_openscenario(_people(), 2, 0).text, encoding="utf-8")
-    minor = ET.parse(path).getroot().find("FileHeader").attrib["revMinor"]
-    (schema, *_) = sorted(Path(*[Path(xosc.__file__).parents[2]]).glob(f"schemas/OpenSCENARIO_1_{minor}*.xsd"))
+    (header,) = ET.parse(path).getroot().iter("FileHeader")
+    minor = header.attrib["revMinor"]
+    (schema, *_) = sorted(Path(str(xosc.__file__)).parents[2].glob(f"schemas/OpenSCENARIO_1_{minor}*.xsd"))
     xmlschema.XMLSchema(str(schema)).validate(str(path))
     reference = xosc.CatalogReference("ControllerCatalog", "driver_1")
     controller = xosc.CatalogReader(reference, str(tmp_path))
