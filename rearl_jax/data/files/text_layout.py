@@ -189,8 +189,9 @@ def _layout(path: Path, size: int, changed: int) -> Layout:
     header, rows = _header(lines, filled)
     stated = re.fullmatch(r"sep=(.)", lines[filled[0]].strip(), re.IGNORECASE)
     name_line = lines[header].lstrip("# ") if lines[header].startswith("#") else lines[header]
-    delimiter = stated[1] if stated else _delimiter(name_line.strip(), rows)
-    n_above, names = header + 1, name_line.strip()
+    name_line = name_line.strip(" ")  # a tab may stand before the first name, which may be empty
+    delimiter = stated[1] if stated else _delimiter(name_line, rows)
+    n_above, names = header + 1, name_line
     if rows and (units := _units(fields_of(rows[0], delimiter))):
         n_above = lines.index(rows[0], header + 1) + 1
         quote = "" if delimiter == BLANKS else '"'
@@ -227,8 +228,8 @@ def _has_rows_below(lines: Sequence[str], filled: Sequence[int], place: int) -> 
     """True if at least half of the lines below a line have as many fields as it, with any delimiter."""
     below = [lines[number] for number in filled[place + 1 : place + 1 + _SAMPLE_LINES]]
     for delimiter in (*_DELIMITERS, BLANKS):
-        wanted = len(fields_of(lines[filled[place]].strip(), delimiter))
-        if wanted > 1 and 2 * sum(len(fields_of(row.strip(), delimiter)) == wanted for row in below) >= len(below):
+        wanted = len(fields_of(lines[filled[place]].strip(" "), delimiter))
+        if wanted > 1 and 2 * sum(len(fields_of(row.strip(" "), delimiter)) == wanted for row in below) >= len(below):
             return True
     return False
 
@@ -236,8 +237,8 @@ def _has_rows_below(lines: Sequence[str], filled: Sequence[int], place: int) -> 
 def _begins_table(lines: Sequence[str], filled: Sequence[int], place: int) -> bool:
     """True if a line below some text holds names without numbers, and the next line numbers in as many fields."""
     for delimiter in (*_DELIMITERS, BLANKS):
-        names, row = (fields_of(lines[filled[number]].strip(), delimiter) for number in (place, place + 1))
-        if len(names) > 2 and len(names) == len(row) and all(names) and not any(map(_NUMBER.fullmatch, names)):
+        names, row = (fields_of(lines[filled[number]].strip(" "), delimiter) for number in (place, place + 1))
+        if len(names) > 2 and len(names) == len(row) and all(names[1:]) and not any(map(_NUMBER.fullmatch, names)):
             return any(map(_NUMBER.fullmatch, row)) and _has_rows_below(lines, filled, place)
     return False
 

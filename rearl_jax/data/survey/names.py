@@ -19,7 +19,7 @@ ALIASES = {
     "time": (
         "time t timestamp time_stamp ts global_time globaltime unix_time unixtime epoch epoch_time datetime "
         "date_time utc utc_time sim_time simsec simulation_time elapsed elapsed_time recording_time seconds sec "
-        "millis zeit zeitstempel uhrzeit simulationssekunde simsek temps horodatage heure"
+        "clock time_of_day millis zeit zeitstempel uhrzeit simulationssekunde simsek temps horodatage heure"
     ),
     "position": (
         "position pos local_y localy longitudinal longitudinal_position long_pos longpos lon_pos station chainage "

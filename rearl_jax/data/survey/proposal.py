@@ -168,6 +168,9 @@ def _take_by_name(found: Proposal, columns: Sequence[FoundColumn]) -> None:
         used.add(candidates[0].name)
         why = "name only: no column of positions changes as one of speeds says"
         found.taken[canonical] = Taken(candidates[0].name, None if unit == kind else unit, why)
+    if not found.missing:
+        names = [found.taken[canonical].source for canonical in ("position", "speed")]
+        found.doubts.append(f"{names[0]} does not change as {names[1]} says: units, axis or columns may be others")
     if "time" not in found.taken and "frame" in found.taken:
         found.missing["time"] = "frames are there, and nothing tells their rate: 'data.units={frame: 25/s}'"
 
