@@ -11,6 +11,7 @@ import pandas as pd
 
 from rearl_jax.config import EvaluateTask
 from rearl_jax.data.scenes.scene_set import ARRAYS, SceneSet
+from rearl_jax.evaluation.estimates import grouped_mean
 from rearl_jax.evaluation.runner import make_scorer
 from rearl_jax.evaluation.scores import (
     MEASURED,
@@ -76,5 +77,5 @@ def _mean(scores: Scores, metric: str) -> float:
     """Mean over recorded scenes of the means over their pairs; NaN where there is nothing."""
     if metric not in scores.values:
         return float("nan")
-    means = pd.Series(scores.values[metric]).groupby(scores.scene).mean()
-    return float(means.mean())
+    means = grouped_mean(scores.values[metric], scores.scene, int(scores.scene.max(initial=0)) + 1)
+    return float(np.nanmean(means)) if np.isfinite(means).any() else float("nan")
