@@ -21,6 +21,8 @@ class Target(Enum):
     """An additional file of SUMO with a distribution of vehicle types."""
     highway_env = "highway_env"
     """A JSON list of attributes of highway-env's IDMVehicle."""
+    openscenario = "openscenario"
+    """A catalogue of controllers in OpenSCENARIO XML."""
 
 
 @dataclass(unsafe_hash=True)

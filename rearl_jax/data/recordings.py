@@ -6,9 +6,8 @@ from collections.abc import Iterator, Sequence
 from fnmatch import fnmatchcase
 from pathlib import Path
 
-import numpy as np
-
 from rearl_jax.config.data import DataConfig
+from rearl_jax.data.checks.copies import Copies
 from rearl_jax.data.checks.remarks import noted
 from rearl_jax.data.reader import Entry
 from rearl_jax.data.readers import reader_of
@@ -42,17 +41,14 @@ def iterate_recordings(data: DataConfig, labels: Sequence[str] = ()) -> Iterator
         BadRecordingError: A recording breaks the schema, see `schema.validate`.
     """
     entries = _selected(data)
-    seen: dict[bytes, RecordingInfo] = {}
+    copies = Copies()
     while entries:
         # Taken out of the list, so that the memory of a file is freed with its last recording.
         entry = entries.pop(0)
         recording = noted(entry.labelled(labels) if labels and entry.labelled is not None else entry.read())
         info = recording.info
         info.check()
-        first = seen.setdefault(_fingerprint(recording), info)
-        if first is not info:
-            message = f"the rows of {info.id} are those of {first.id} ({first.file or 'the same source'})"
-            raise InvalidInputError(Problem("rows-twice", message, "keep one of the two", file=info.file or info.id))
+        copies.refuse(recording)
         yield recording
 
 
@@ -109,17 +105,6 @@ def file_stamps(data: DataConfig) -> list[tuple[str, int, int]]:
         return [(str(data.root), len(data.table), 0)]
     stats = sorted((path.name, path.stat()) for path in _files(data))
     return [(name, stat.st_size, stat.st_mtime_ns) for name, stat in stats]
-
-
-def _fingerprint(recording: Recording) -> bytes:
-    """Hash of where the vehicles are when, and how fast: the same for copies in other formats or under other ids."""
-    table, digest = recording.table, hashlib.sha256()
-    frame = table["frame"].to_numpy(np.int64)
-    digest.update((frame - frame.min()).tobytes())
-    for name in ("time", "x", "y", "speed"):
-        # To 1 ms and 1 mm, more than formats differ by; - 0.0 and 0.0 are the same.
-        digest.update(np.rint(1000.0 * table[name].to_numpy()).astype(np.int64).tobytes())
-    return digest.digest()
 
 
 def _selected(data: DataConfig) -> list[Entry]:

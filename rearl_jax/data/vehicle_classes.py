@@ -7,6 +7,16 @@ CLASSES = ("car", "truck", "motorcycle", "other")
 
 SYNONYMS = {
     "auto": "car",
+    "pkw": "car",
+    "suv": "car",
+    "pickup": "car",
+    "taxi": "car",
+    "light vehicle": "car",
+    "lkw": "truck",
+    "heavy goods vehicle": "truck",
+    "heavy truck": "truck",
+    "semi trailer": "truck",
+    "motorrad": "motorcycle",
     "automobile": "car",
     "passenger": "car",
     "passenger car": "car",
@@ -20,7 +30,8 @@ SYNONYMS = {
     "bike": "motorcycle",
     "motorbike": "motorcycle",
 }
-"""Other words for them, in lower case with blanks between words: those of inD, exiD, SUMO and NGSIM among them.
+"""Other words for them, in lower case with blanks between words: those of inD, exiD, SUMO, NGSIM and
+German tables among them.
 
 A bus is a long and slow vehicle, as a truck is; highD counts vans among cars.
 """

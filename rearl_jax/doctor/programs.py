@@ -10,6 +10,7 @@ _USES = {
     "test": "the checks of the code (make test)",
     "bench": "SUMO in `python -m benchmarks core` and `rearl discover blind`",
     "sumo": "the comparison with SUMO in `rearl export`",
+    "openscenario": "`rearl export to=openscenario`",
     "llm": "decision.server=local",
     "joblib": "hydra/launcher=joblib",
     "ray": "hydra/launcher=ray",

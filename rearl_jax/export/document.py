@@ -9,7 +9,7 @@ from rearl_jax.config.export import ExportTask
 from rearl_jax.document.document import Document, Section
 from rearl_jax.document.table import table_of
 
-PROGRAMS = {"sumo": "SUMO", "highway_env": "highway-env"}
+PROGRAMS = {"sumo": "SUMO", "highway_env": "highway-env", "openscenario": "OpenSCENARIO"}
 """Names of the targets as they are written."""
 
 

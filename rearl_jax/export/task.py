@@ -1,8 +1,8 @@
 """The task `rearl export`: drivers for other programs.
 
-Writes into the study folder the file of the target (`types.add.xml` or `drivers.json`), `said.parquet` (what became of
-each part of the model) and, with export.compare=true, `round_trip.parquet` and `flow.parquet` (see
-`rearl_jax.export.check`), then `config.json` and, last of all, `summary.json`.
+Writes into the study folder the file of the target (`types.add.xml`, `drivers.json` or `ControllerCatalog.xosc`),
+`said.parquet` (what became of each part of the model) and, with export.compare=true, `round_trip.parquet` and
+`flow.parquet` (see `rearl_jax.export.check`), then `config.json` and, last of all, `summary.json`.
 """
 
 from typing import Any
@@ -18,6 +18,7 @@ from rearl_jax.export.check import flow, round_trip
 from rearl_jax.export.document import document_of
 from rearl_jax.export.highway_env import to_highway_env
 from rearl_jax.export.leaders import leader_speeds
+from rearl_jax.export.openscenario import to_openscenario
 from rearl_jax.export.platoon import STEPS_PER_SECOND
 from rearl_jax.export.said import said_table
 from rearl_jax.export.sumo import to_sumo
@@ -27,8 +28,12 @@ from rearl_jax.models.population import Population, lane_changing_of, population
 from rearl_jax.problems import InvalidInputError, Problem
 from rearl_jax.results import Study
 
-FILES = {Target.sumo: "types.add.xml", Target.highway_env: "drivers.json"}
-"""Name of the file of each target."""
+WRITERS = {
+    Target.sumo: ("types.add.xml", to_sumo),
+    Target.highway_env: ("drivers.json", to_highway_env),
+    Target.openscenario: ("ControllerCatalog.xosc", to_openscenario),
+}
+"""Name of the file of each target, and what makes its content."""
 
 
 def run(config: ExportTask) -> dict[str, Any]:
@@ -39,13 +44,13 @@ def run(config: ExportTask) -> dict[str, Any]:
     Raises:
         MissingInputError, BadModelError: There is no such model, or it cannot be read.
         InvalidInputError: The target has no such car-following model, or the recordings too few first vehicles.
-        ModuleNotFoundError: libsumo is needed and not installed.
+        ModuleNotFoundError: libsumo or scenariogeneration is needed and not installed.
     """
     options = config.export
     if options.compare:
         check_sumo()
     population = population_of_task(config)
-    write = {Target.sumo: to_sumo, Target.highway_env: to_highway_env}[config.to]
+    file, write = WRITERS[config.to]
     exported = write(population, options.n_types, options.seed)
     read = [] if config.model is None else [model_id(config.model)]
     read += [data_id(config.data)] if options.compare else []
@@ -53,7 +58,7 @@ def run(config: ExportTask) -> dict[str, Any]:
     study = Study(config.results.root, config.study, config, "export", ", ".join(read) or None, generated=generated)
     if (stored := study.begin(resume=config.results.resume)) is not None:
         return stored
-    path = study.write_text(FILES[config.to], exported.text)
+    path = study.write_text(file, exported.text)
     said = said_table(exported.said)
     tables = {"said": said}
     if options.compare:

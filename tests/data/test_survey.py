@@ -107,7 +107,7 @@ FOUND = {
 
 LAYOUTS = {
     "drone_kmh.csv": ("Windows-1252 (not certain)", "semicolon", "decimal comma"),
-    "simulation_blanks.txt": ("UTF-8", "blanks", "line 2"),
+    "simulation_blanks.txt": ("UTF-8", "blanks", "line 3"),
     "corridor_uuid.csv.gz": ("compressed (gz)", "comma"),
     "probe_mph.txt": ("UTF-16", "tab"),
     "camera_json_style.dat": ("bar",),

@@ -18,9 +18,13 @@ from tests.fuzz.formats import FORMATS
 from tests.fuzz.outcome import Outcome, Result, ended_in_time
 from tests.fuzz.parsers import PARSERS
 from tests.fuzz.readers import Reader
+from tests.fuzz.surveys import survey
 
-TARGETS = (*FORMATS, *PARSERS)
-"""Readers of recordings, then parsers."""
+OTHERS = {"survey": survey, **PARSERS}
+"""By name: a folder to write in -> a function that tries one input."""
+
+TARGETS = (*FORMATS, *OTHERS)
+"""Readers of recordings, then what else reads input."""
 
 BAD = (Outcome.crashed, Outcome.silent)
 
@@ -32,7 +36,7 @@ def target(name: str, folder: Path) -> Callable[[Random], Result]:
         name: One of TARGETS.
         folder: A folder of its own to write in.
     """
-    return Reader(name, folder / "recording").try_one if name in FORMATS else PARSERS[name](folder)
+    return Reader(name, folder / "recording").try_one if name in FORMATS else OTHERS[name](folder)
 
 
 def tried(name: str, inputs: range, seed: int) -> tuple[Counter[str], Counter[str], dict[str, tuple[int, str]], float]:

@@ -22,6 +22,7 @@ _CHECKS: tuple[Check, ...] = (
     unit_checks.wrong_speed_or_position,
     unit_checks.wrong_ground,
     unit_checks.wrong_size,
+    lateral_checks.wrong_axis,
     lateral_checks.wrong_lateral,
     lateral_checks.wrong_origin,
     lateral_checks.wrong_across,

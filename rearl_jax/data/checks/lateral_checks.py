@@ -1,8 +1,9 @@
-"""Checks of lanes and lateral positions: their unit, their direction and where they count from."""
+"""Checks of lanes and lateral positions: their unit, their direction, where they count from, and the road's axis."""
 
 import numpy as np
 import pandas as pd
 
+from rearl_jax.data.checks.typed_table import follows_row_before
 from rearl_jax.data.checks.unit_checks import LANE_WIDTH, MIN_STEPS, is_other_unit, moving_steps, scale_of, unit_finding
 from rearl_jax.data.problems import Finding
 from rearl_jax.data.records import RecordingInfo
@@ -12,6 +13,18 @@ EDGE_TOLERANCE = 0.5
 
 USUAL_WIDTH = 3.6
 """Width of a lane [m] if a single lane does not show it: 12 ft, and between the 3.5 and 3.75 m of motorways."""
+
+MAX_DRIFT = 0.02
+"""Metres aside per metre along the road [-] above which the road is not along the axis of the positions: 1.1 degrees.
+
+The median over vehicles; one change of lane in 200 m is .018.
+"""
+
+MIN_DRIFT_VEHICLES = 5
+"""Vehicles that a drift is judged by; the path of a few may be that of their changes of lane."""
+
+MIN_DRIFT_DISTANCE = 50.0
+"""Distance [m] that each of them must have moved."""
 
 
 def wrong_lateral(table: pd.DataFrame, info: RecordingInfo) -> Finding | None:
@@ -68,6 +81,24 @@ def lanes_off(table: pd.DataFrame) -> int | None:
         return None
     off = float(np.median([place / width - rank - 0.5 for place, rank in zip(middle, lanes, strict=True)]))
     return int(np.sign(off)) * int(abs(off) + 0.25)
+
+
+def wrong_axis(table: pd.DataFrame, info: RecordingInfo) -> Finding | None:
+    """Vehicles that all move to the same side while driving: positions are along another axis than the road."""
+    starts = np.flatnonzero(~follows_row_before(table["track_id"].to_numpy()))
+    ends = np.append(starts[1:], len(table)) - 1
+    position, lateral = table["position"].to_numpy(), table["lateral"].to_numpy()
+    ahead, aside = position[ends] - position[starts], lateral[ends] - lateral[starts]
+    judged = np.isfinite(aside) & (ahead > MIN_DRIFT_DISTANCE)
+    if judged.sum() < MIN_DRIFT_VEHICLES:
+        return None
+    drift = float(np.median(aside[judged] / ahead[judged]))
+    if abs(drift) <= MAX_DRIFT:
+        return None
+    text = f"vehicles move {abs(drift):.3f} m to the {'right' if drift > 0 else 'left'} per metre of position"
+    text += f", so the road is {np.degrees(np.arctan(abs(drift))):.1f} degrees off the axis of the positions"
+    remedy = "measure position along the road, and lateral across it"
+    return unit_finding("position", np.isfinite(lateral), text, remedy)
 
 
 def wrong_across(table: pd.DataFrame, info: RecordingInfo) -> Finding | None:

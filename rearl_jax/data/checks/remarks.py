@@ -7,6 +7,7 @@ import pandas as pd
 
 from rearl_jax.data.checks.lateral_checks import lanes_off
 from rearl_jax.data.checks.leaders import next_in_lane, notes_on_leaders
+from rearl_jax.data.checks.typed_table import MAX_LANES, follows_row_before
 from rearl_jax.data.records import Recording
 from rearl_jax.data.vehicle_rows import ABSENT
 
@@ -21,7 +22,7 @@ _WIDTH = 1.8  # m, of a car whose width is unknown
 def noted(recording: Recording) -> Recording:
     """The recording with notes on its leaders, lanes and overlapping vehicles behind its own notes, each once."""
     table = recording.table
-    found = [*notes_on_leaders(table), *_on_lanes(table), *_on_overlaps(table)]
+    found = [*notes_on_leaders(table), *_on_lanes(table), *_on_overlaps(table), *_on_starts(table)]
     notes = tuple(dict.fromkeys([*recording.info.notes, *found]))
     return recording if notes == recording.info.notes else replace(recording, info=replace(recording.info, notes=notes))
 
@@ -49,6 +50,17 @@ def _on_overlaps(table: pd.DataFrame) -> list[str]:
         return []
     text = "rows overlap with the vehicle ahead (gap below 0): lengths, positions or ids may be wrong"
     return [f"{n_overlaps} of {len(rows)} {text}"]
+
+
+def _on_starts(table: pd.DataFrame) -> list[str]:
+    """More vehicles that begin abreast than there can be lanes: the times of each may count from its own start."""
+    starts = np.flatnonzero(~follows_row_before(table["track_id"].to_numpy()))
+    frame, position, length = (table[name].to_numpy()[starts] for name in ("frame", "position", "length"))
+    apart = float(np.ptp(position)) if starts.size else 0.0
+    if len(starts) <= MAX_LANES or np.ptp(frame) > 0 or apart > float(np.median(length)):
+        return []
+    text = f"all {len(starts)} vehicles begin at the same time within {apart:.1f} m"
+    return [f"{text}: the times of each vehicle may count from its own start"]
 
 
 def _next_at_same_place(table: pd.DataFrame) -> np.ndarray:

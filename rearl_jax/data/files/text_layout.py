@@ -17,6 +17,7 @@ from pathlib import Path
 from typing import BinaryIO, cast
 
 from rearl_jax.data.problems import BadRecordingError, bad_recording, file_missing
+from rearl_jax.data.units import UNITS, unit_named
 
 OPENERS = {".gz": gzip.GzipFile, ".bz2": bz2.BZ2File, ".xz": lzma.LZMAFile}
 DAMAGED = (EOFError, OSError, lzma.LZMAError, zipfile.BadZipFile, zlib.error, RuntimeError, NotImplementedError)
@@ -42,6 +43,9 @@ _CONTROL = re.compile(rb"[\x00-\x08\x0e-\x1a\x1c-\x1f]")
 _UNDEFINED = re.compile(rb"[\x81\x8d\x8f\x90\x9d]")  # no characters of Windows-1252
 _MULTIBYTE = re.compile(rb"[\xc3-\xdf][\x80-\xbf]|[\xe1-\xef][\x80-\xbf]{2}")
 _NUMBER = re.compile(r"[+-]?\d*(?:([.,])\d+|\d)(?:[eE][+-]?\d+)?")
+_JSON = re.compile(r'\s*(\[\s*)?(\{\s*("|$)|\[\s*$)|\s*\[\s*$')
+_BRACKETED = re.compile(r"[\[(<{]\s*(.*?)\s*[\])>}]")
+_NO_UNIT = frozenset({"", "-", "--", "1", "n/a", "none", "id", "text", "string"})
 _PREAMBLE = re.compile(r"#.*|sep=.", re.IGNORECASE)
 
 
@@ -53,8 +57,8 @@ class Layout:
         compression: Ending of files that are compressed like this one, empty for none.
         encoding: Name of the codec.
         is_sure: Whether the file itself says which encoding it has.
-        header_lines: Lines up to and with that of the names.
-        header: That line.
+        header_lines: Lines above the first row.
+        header: Names of the columns, each with its unit in brackets if a line below the names states the units.
         delimiter: Separator of fields; BLANKS for any number of blanks.
         decimal_point: Mark before the fraction of a number.
     """
@@ -98,6 +102,8 @@ def opened(path: Path) -> io.BufferedIOBase:
     if packed == ".zip":
         archive = zipfile.ZipFile(path)
         names = [name for name in archive.namelist() if not name.endswith("/") and not name.startswith("__MACOSX")]
+        if "[Content_Types].xml" in names:
+            raise bad_recording("not-a-table", "the file is a spreadsheet", "save its sheet as CSV", path)
         if len(names) != 1:
             text = f"the archive holds {len(names)} files, not one table"
             raise bad_recording("not-a-table", text, "unpack it, and name the folder", path)
@@ -177,19 +183,31 @@ def _layout(path: Path, size: int, changed: int) -> Layout:
     filled = [number for number, line in enumerate(lines) if line.strip()]
     if not filled:
         raise bad_recording("file-empty", "the file is empty", "remove the file or complete it", path)
+    if _JSON.match(lines[filled[0]]):
+        remedy = "write it as CSV, one row per vehicle and frame, for instance with pandas.read_json and to_csv"
+        raise bad_recording("not-a-table", "the file is JSON", remedy, path)
     header, rows = _header(lines, filled)
     stated = re.fullmatch(r"sep=(.)", lines[filled[0]].strip(), re.IGNORECASE)
     name_line = lines[header].lstrip("# ") if lines[header].startswith("#") else lines[header]
-    delimiter = stated[1] if stated else _delimiter(name_line.strip(), rows)
-    return Layout(
-        compression_of(path),
-        encoding,
-        is_sure,
-        header + 1,
-        name_line.strip(),
-        delimiter,
-        _decimal_point(rows, delimiter),
-    )
+    name_line = name_line.strip(" ")  # a tab may stand before the first name, which may be empty
+    delimiter = stated[1] if stated else _delimiter(name_line, rows)
+    n_above, names = header + 1, name_line
+    if rows and (units := _units(fields_of(rows[0], delimiter))):
+        n_above = lines.index(rows[0], header + 1) + 1
+        quote = "" if delimiter == BLANKS else '"'
+        pairs = zip(fields_of(names, delimiter), units, strict=False)
+        names = delimiter.join(f"{quote}{name}[{unit}]{quote}" if unit else name for name, unit in pairs)
+    return Layout(compression_of(path), encoding, is_sure, n_above, names, delimiter, _decimal_point(rows, delimiter))
+
+
+def _units(fields: Sequence[str]) -> list[str]:
+    """The units that a line below the names states, empty for columns without one; no units if it is no such line."""
+    plain = [_BRACKETED.sub(r"\1", field.strip()) for field in fields]
+    are_units = [any(unit_named(field, kind) for kind in UNITS) for field in plain]
+    others = [field for field, is_unit in zip(plain, are_units, strict=True) if not is_unit]
+    if sum(are_units) < 2 or any(field.casefold() not in _NO_UNIT for field in others):
+        return []
+    return [field if is_unit else "" for field, is_unit in zip(plain, are_units, strict=True)]
 
 
 def _header(lines: Sequence[str], filled: Sequence[int]) -> tuple[int, list[str]]:
@@ -199,7 +217,30 @@ def _header(lines: Sequence[str], filled: Sequence[int]) -> tuple[int, list[str]
         if _names_what_is_below(lines[filled[place]], lines[filled[place + 1]]):
             break
         place += 1
+    if not _has_rows_below(lines, filled, place):
+        place = next(
+            (later for later in range(place + 1, len(filled) - 1) if _begins_table(lines, filled, later)), place
+        )
     return filled[place], [lines[number] for number in filled[place + 1 : place + 1 + _SAMPLE_LINES]]
+
+
+def _has_rows_below(lines: Sequence[str], filled: Sequence[int], place: int) -> bool:
+    """True if at least half of the lines below a line have as many fields as it, with any delimiter."""
+    below = [lines[number] for number in filled[place + 1 : place + 1 + _SAMPLE_LINES]]
+    for delimiter in (*_DELIMITERS, BLANKS):
+        wanted = len(fields_of(lines[filled[place]].strip(" "), delimiter))
+        if wanted > 1 and 2 * sum(len(fields_of(row.strip(" "), delimiter)) == wanted for row in below) >= len(below):
+            return True
+    return False
+
+
+def _begins_table(lines: Sequence[str], filled: Sequence[int], place: int) -> bool:
+    """True if a line below some text holds names without numbers, and the next line numbers in as many fields."""
+    for delimiter in (*_DELIMITERS, BLANKS):
+        names, row = (fields_of(lines[filled[number]].strip(" "), delimiter) for number in (place, place + 1))
+        if len(names) > 2 and len(names) == len(row) and all(names[1:]) and not any(map(_NUMBER.fullmatch, names)):
+            return any(map(_NUMBER.fullmatch, row)) and _has_rows_below(lines, filled, place)
+    return False
 
 
 def _names_what_is_below(comment: str, line: str) -> bool:
@@ -224,8 +265,6 @@ def _delimiter(header: str, rows: Sequence[str]) -> str:
 
 def _decimal_point(lines: Sequence[str], delimiter: str) -> str:
     """A comma if numbers of the lines have one and none has a point, else a point."""
-    if delimiter == ",":
-        return "."
     fields = [field.strip(' "') for line in lines for field in fields_of(line, delimiter)]
     marks = {found[1] for field in fields if (found := _NUMBER.fullmatch(field))} - {None}
     return "," if marks == {","} else "."

@@ -93,6 +93,8 @@ def plain(name: str) -> str:
 
 def _require_ms(track: np.ndarray, frame: np.ndarray, time: np.ndarray, path: Path) -> None:
     """Raise BadRecordingError for times in s, us or ns, by their size and by what they grow per frame."""
+    known = np.isfinite(track) & np.isfinite(frame) & np.isfinite(time)
+    track, frame, time = track[known], frame[known], time[known]
     order = np.lexsort((frame, track))
     follows = (np.diff(track[order]) == 0) & (np.diff(frame[order]) > 0)
     steps = np.diff(time[order])[follows] / np.diff(frame[order])[follows]

@@ -213,15 +213,16 @@ def _lanes_of_links(rows: pd.DataFrame, stated: Mapping[str, int]) -> np.ndarray
 
 def _on_ground(table: pd.DataFrame, rows: pd.DataFrame, simulation: Simulation) -> pd.DataFrame:
     """The table with x, y and, where the place in the lane is known, lateral."""
-    if "hx" in rows:
-        half = 0.5 * rows["length"].to_numpy()
-        return table.assign(
-            x=rows["x"].to_numpy() - half * rows["hx"].to_numpy(),
-            y=rows["y"].to_numpy() - half * rows["hy"].to_numpy(),
-        )
     aside = rows["aside"].to_numpy() if "aside" in rows else 0.0
     with np.errstate(over="ignore"):  # what is out of range is found by its check
         lateral = (table["lane"].to_numpy() + 0.5 + aside) * (simulation.lane_width or 1.0)
+    if "hx" in rows:
+        half = 0.5 * rows["length"].to_numpy()
+        table = table.assign(
+            x=rows["x"].to_numpy() - half * rows["hx"].to_numpy(),
+            y=rows["y"].to_numpy() - half * rows["hy"].to_numpy(),
+        )
+        return table.assign(lateral=lateral) if "aside" in rows else table
     return table.assign(x=table["position"], y=lateral, lateral=lateral)
 
 

@@ -101,6 +101,8 @@ def read_recording(path: Path, beside: list[Path], policy: DataConfig) -> Record
     rows.loc[raw["id"].isna().to_numpy(), "track_id"] = np.nan
     if "acceleration" in raw:
         rows["acceleration"] = raw["acceleration"]
+    if "posLat" in raw and around.lane_width is not None:
+        rows["aside"] = -raw["posLat"].to_numpy() / around.lane_width  # posLat is positive to the left
     if "leaderID" in raw:
         rows["leader_id"] = _numbers_of(pd.Series(raw["leaderID"]), raw["id"].cat.categories)
     del raw
@@ -111,7 +113,7 @@ def read_recording(path: Path, beside: list[Path], policy: DataConfig) -> Record
     columns = {ours: names.get(theirs, theirs) for ours, theirs in ({n: n for n in names} | _SPELLING).items()}
     info = info_of(path, recording_id(path), "SUMO", LABELS, notes, columns)
     limits = {edge: limit for edge, limit in around.limits.items() if low <= limit <= high}
-    return recording_of(rows, Simulation(info, around.lanes, limits), policy, losses)
+    return recording_of(rows, Simulation(info, around.lanes, limits, around.lane_width), policy, losses)
 
 
 def _numbers_of(vehicles: pd.Series, ids: pd.Index) -> np.ndarray:

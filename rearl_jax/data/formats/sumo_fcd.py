@@ -23,7 +23,7 @@ ROOT = "fcd-export"
 """First element of an XML file of floating car data."""
 NUMBERS = ("time", "x", "y", "angle", "speed", "pos")
 TEXTS = ("id", "type", "lane")
-OPTIONAL = {"acceleration": pa.float64(), "leaderID": pa.string()}
+OPTIONAL = {"acceleration": pa.float64(), "posLat": pa.float64(), "leaderID": pa.string()}
 
 _KINDS = dict.fromkeys(NUMBERS, pa.float64()) | dict.fromkeys(TEXTS, pa.string()) | OPTIONAL
 _OTHERS = frozenset({"person", "container"})  # elements that are not vehicles

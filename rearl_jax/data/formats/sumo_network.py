@@ -34,6 +34,8 @@ SIZES = {
 
 Source: libsumo 1.28, `vehicletype.getLength` and `getWidth` of a type of each class.
 """
+LANE_WIDTH = 3.2
+"""Width [m] of lanes that state none. Source: SUMO documentation, Networks/PlainXML, default lane width."""
 CLASS = {
     **dict.fromkeys(("passenger", "private", "taxi", "evehicle", "hov", "vip", "army", "authority"), "car"),
     **dict.fromkeys(("delivery", "emergency"), "car"),
@@ -54,11 +56,17 @@ class VehicleType:
 
 @dataclass
 class Surroundings:
-    """Types of vehicles, and by edge the number of lanes and the speed limit [m/s]."""
+    """Types of vehicles, and by edge the number of lanes and the speed limit [m/s]; the widths of all lanes [m]."""
 
     types: dict[str, VehicleType] = field(default_factory=dict)
     lanes: dict[str, int] = field(default_factory=dict)
     limits: dict[str, float] = field(default_factory=dict)
+    widths: set[float] = field(default_factory=set)
+
+    @property
+    def lane_width(self) -> float | None:
+        """Width of every lane [m]; None if they differ."""
+        return next(iter(self.widths or {LANE_WIDTH})) if len(self.widths) < 2 else None
 
 
 def sorted_files(folder: Path) -> tuple[list[Path], list[Path]]:
@@ -101,6 +109,9 @@ def surroundings_of(files: list[Path]) -> Surroundings:
                 elif name == "lane":
                     found.lanes[edge] = found.lanes.get(edge, 0) + 1
                     found.limits[edge] = _number(attributes, "speed", path) or 0.0
+                    # Lanes of junctions have widths of their own.
+                    if not edge.startswith(":"):
+                        found.widths.add(_number(attributes, "width", path) or LANE_WIDTH)
         except CutOff as cut:
             text, remedy = "the file ends within an element", "write or copy it again"
             raise bad_recording("line-broken", text, remedy, path, line=cut.line) from None

@@ -1,7 +1,7 @@
 """Search for the columns of an unknown table that identify the vehicles and the times (or frames, which rise)."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,6 +11,8 @@ from rearl_jax.data.survey.sample import FoundColumn
 _MIN_RISING_SHARE = 0.98  # share of the steps of tracks that must rise
 _MIN_USUAL_SHARE = 0.8  # share of them that must be about the usual step
 _MIN_TRACK_ROWS = 3  # of a track, on average
+_DAY = r"\d{4}[-/.]\d{1,2}[-/.]\d{1,2}|\d{1,2}[-/.]\d{1,2}[-/.]\d{4}|20\d{6}"
+_DAY_SECONDS = 86_400.0
 
 
 @dataclass(frozen=True)
@@ -55,14 +57,29 @@ def clock_of(columns: Sequence[FoundColumn]) -> Clock | None:
     recordings: list[FoundColumn | None] = [
         column for column in named(columns, "recording") if 1 < len(np.unique(column.codes)) <= len(column.codes) / 3
     ]
+    days = [column for column in columns if is_days(column) and len(np.unique(column.codes)) > 1]
     # Ids that begin anew in each recording go back in time there, which single damaged rows may do too.
     for share in (1.0, _MIN_RISING_SHARE):
         for recording in (None, *recordings):
             for track in named(columns, "track_id"):
                 found = _by_name(columns, track, recording, share)
                 if found is not None:
-                    return found
-    return _by_values(columns)
+                    return _of_days(found, days)
+    by_values = _by_values(columns)
+    return None if by_values is None else _of_days(by_values, days)
+
+
+def is_days(column: FoundColumn) -> bool:
+    """True if the values are dates without a time of day."""
+    return bool(column.texts.dropna().astype(str).str.fullmatch(_DAY).all()) and column.kind != "empty"
+
+
+def _of_days(clock: Clock, days: Sequence[FoundColumn]) -> Clock:
+    """The clock with a recording for each day, if its times are times of day and another column says the day."""
+    if not days or clock.recording is not None or clock.time is None or clock.time.kind != "moments":
+        return clock
+    is_of_day = float(np.nanmax(np.abs(clock.time.values))) <= _DAY_SECONDS
+    return replace(clock, recording=days[0]) if is_of_day else clock
 
 
 def _by_name(
@@ -110,6 +127,17 @@ def _steps(vehicles: np.ndarray, values: np.ndarray) -> np.ndarray:
 
 def _by_values(columns: Sequence[FoundColumn]) -> Clock | None:
     """The vehicles and times of a table without known column names: the fewest tracks along which a column rises."""
+    for share in (1.0, _MIN_RISING_SHARE):
+        found = _fewest_tracks(columns, share)
+        if found is not None:
+            track, clock = found
+            is_frame = clock.is_whole and np.median(_steps(track.codes, clock.values)) == 1.0
+            return Clock(track, None if is_frame else clock, clock if is_frame else None, None, by_name=False)
+    return None
+
+
+def _fewest_tracks(columns: Sequence[FoundColumn], share: float) -> tuple[FoundColumn, FoundColumn] | None:
+    """The column with the fewest tracks along which another rises in at least a share of the steps, and that one."""
     best: tuple[int, FoundColumn, FoundColumn] | None = None
     for track in columns:
         n_tracks = len(np.unique(track.codes))
@@ -117,15 +145,11 @@ def _by_values(columns: Sequence[FoundColumn]) -> Clock | None:
         if not is_id or n_tracks < 2 or n_tracks * _MIN_TRACK_ROWS > len(track.codes):
             continue
         others = [c for c in columns if c is not track and not _is_named_otherwise(c, ("time", "frame"))]
-        rising = [column for column in others if is_rising(track.codes, column)]
+        rising = [column for column in others if is_rising(track.codes, column, share)]
         rising = named(rising, "time") or rising
         if rising and (best is None or n_tracks < best[0]):
             best = (n_tracks, track, rising[0])
-    if best is None:
-        return None
-    _, track, clock = best
-    is_frame = clock.is_whole and np.median(_steps(track.codes, clock.values)) == 1.0
-    return Clock(track, None if is_frame else clock, clock if is_frame else None, None, by_name=False)
+    return None if best is None else best[1:]
 
 
 def _is_named_otherwise(column: FoundColumn, canonical: Sequence[str]) -> bool:

@@ -11,8 +11,9 @@ import numpy as np
 from rearl_jax.data.checks.clock import NTSC_RATES, PLAUSIBLE_RATES, STANDARD_RATES
 from rearl_jax.data.checks.unit_checks import MIN_CORRELATION
 from rearl_jax.data.survey.clock import Clock, named
-from rearl_jax.data.survey.names import rank_of, unit_in
+from rearl_jax.data.survey.names import is_in_pixels, rank_of, unit_in
 from rearl_jax.data.survey.sample import FoundColumn
+from rearl_jax.data.survey.sizes import Sizes
 from rearl_jax.data.units import SI_FACTOR
 
 UNITS_TOGETHER = (
@@ -21,11 +22,6 @@ UNITS_TOGETHER = (
     ("mi", "mph"), ("m", "cm/s"), ("m", "kn"),
 )  # fmt: skip
 """Units of position and speed, the likeliest first."""
-SIZES = {
-    "length": {"m": (3.0, 9.5), "ft": (10.0, 31.0), "cm": (300.0, 950.0)},
-    "width": {"m": (1.2, 2.9), "ft": (4.0, 9.5), "cm": (120.0, 290.0)},
-}
-"""Median sizes of vehicles, by unit."""
 TOLERANCE = 0.04
 """Relative difference up to which a ratio is that of two units; km/h and ft/s differ by 9 %."""
 _RATE_TOLERANCE = 0.015  # between steps and a usual frame rate
@@ -72,7 +68,7 @@ def motion_of(columns: Sequence[FoundColumn], clock: Clock) -> Motion | None:
     if not pieces.time.size:
         return None
     used = {clock.track.name, clock.counted.name} | ({clock.frame.name} if clock.frame else set())
-    numbers = [column for column in columns if column.kind == "numbers" and column.name not in used]
+    numbers = [c for c in columns if c.kind == "numbers" and c.name not in used and not is_in_pixels(c.name)]
     for positions, speeds, is_named in _candidates(numbers):
         found = [
             motion
@@ -87,7 +83,7 @@ def motion_of(columns: Sequence[FoundColumn], clock: Clock) -> Motion | None:
     return None
 
 
-def told_by(motion: Motion, columns: Sequence[FoundColumn]) -> Motion:
+def told_by(motion: Motion, sizes: Sizes) -> Motion:
     """The motion with feet instead of metres, or the other way, if sizes of vehicles or the speeds say so.
 
     Steps alone do not distinguish m and m/s from ft and ft/s. If names and sizes disagree, the unit counts as doubtful.
@@ -95,7 +91,7 @@ def told_by(motion: Motion, columns: Sequence[FoundColumn]) -> Motion:
     if motion.units not in (("m", "m/s"), ("ft", "ft/s")):
         return motion
     by_name = unit_in(motion.position.name, "m") or (unit_in(motion.speed.name, "m/s") or "").partition("/")[0]
-    by_size = _unit_of_sizes(columns)
+    by_size = sizes.unit
     if by_size is None and float(np.nanquantile(np.abs(motion.speed.values), 0.95)) > _MAX_SPEED_MPS:
         by_size = "ft"
     if by_name and by_size and by_name != by_size:
@@ -104,21 +100,6 @@ def told_by(motion: Motion, columns: Sequence[FoundColumn]) -> Motion:
     if not unit:
         return replace(motion, doubt=_FEET_OR_METRES)
     return replace(motion, units=(unit, f"{unit}/s"))
-
-
-def _unit_of_sizes(columns: Sequence[FoundColumn]) -> str | None:
-    """m or ft, by the median length or width of the vehicles."""
-    for canonical in SIZES:
-        for column in named([column for column in columns if column.kind == "numbers"], canonical):
-            unit = unit_in(column.name, "m") or size_unit(canonical, float(np.nanmedian(column.values)))
-            if unit in ("m", "ft"):
-                return unit
-    return None
-
-
-def size_unit(canonical: str, median: float) -> str | None:
-    """Unit in which the median length or width of vehicles is that of cars or trucks; None if it is none of a few."""
-    return next((unit for unit, (low, high) in SIZES[canonical].items() if low <= median <= high), None)
 
 
 class _Pieces:

@@ -1,6 +1,8 @@
 """Names that tables give to the canonical columns, and units that stand in names."""
 
 import re
+import unicodedata
+from collections.abc import Sequence
 
 from rearl_jax.data.units import UNITS, unit_named
 
@@ -8,7 +10,7 @@ ALIASES = {
     "track_id": (
         "track_id track trackid vehicle_id vehicleid veh_id vehid vehicle_number vehicle_no vehno vid veh vehicle "
         "car_id carid object_id objectid obj_id target_id traj_id trajectory_id agent_id actor_id tid uuid id car "
-        "object no number fahrzeug_id fahrzeug fzg_id fzg"
+        "object no number fahrzeug_id fahrzeug_nummer fahrzeug_nr fahrzeug fzg_id fzg vehicule id_vehicule"
     ),
     "frame": (
         "frame frame_id frameid frame_no frame_number frame_num framenum frame_index frame_idx framenr bild step "
@@ -17,28 +19,28 @@ ALIASES = {
     "time": (
         "time t timestamp time_stamp ts global_time globaltime unix_time unixtime epoch epoch_time datetime "
         "date_time utc utc_time sim_time simsec simulation_time elapsed elapsed_time recording_time seconds sec "
-        "millis zeit zeitstempel uhrzeit"
+        "clock time_of_day millis zeit zeitstempel uhrzeit simulationssekunde simsek temps horodatage heure"
     ),
     "position": (
         "position pos local_y localy longitudinal longitudinal_position long_pos longpos lon_pos station chainage "
         "s distance dist distance_along along arc_length travelled x_position xposition x_pos xpos pos_x "
-        "position_x x_center xcenter x_centre x_coord xloc x y_position y_pos pos_y y weg strecke"
+        "position_x x_center xcenter x_centre x_coord xloc x y_position y_pos pos_y y weg abscisse"
     ),
     "lateral": (
         "lateral lateral_position lateral_pos lat_pos latpos lateral_offset local_x localx y_position yposition "
         "y_pos ypos pos_y position_y y_center ycenter y_centre y_coord yloc y offset across d querablage x"
     ),
-    "lane": "lane lane_id laneid lane_no lane_number lane_num lane_index lane_nr lanenr fahrstreifen spur",
+    "lane": "lane lane_id laneid lane_no lane_number lane_num lane_index lane_nr lanenr fahrstreifen spur voie",
     "speed": (
         "speed v vel velocity v_vel spd speed_x x_velocity xvelocity x_speed vel_x velocity_x v_x vx "
-        "longitudinal_velocity lon_velocity long_speed lon_speed geschwindigkeit geschw"
+        "longitudinal_velocity lon_velocity long_speed lon_speed geschwindigkeit geschw vitesse"
     ),
     "acceleration": (
         "acceleration acc accel v_acc a x_acceleration xacceleration acc_x a_x ax longitudinal_acceleration "
         "lon_acceleration long_acc lon_acc beschleunigung"
     ),
-    "length": "length len v_length vehicle_length veh_length car_length object_length laenge lange",
-    "width": "width v_width vehicle_width veh_width car_width object_width breite",
+    "length": "length len v_length vehicle_length veh_length car_length object_length laenge lange longueur",
+    "width": "width v_width vehicle_width veh_width car_width object_width breite largeur",
     "vehicle_class": (
         "vehicle_class class v_class veh_class class_name object_class agent_type vehicle_type veh_type type "
         "category classification fahrzeugtyp fahrzeugklasse typ klasse"
@@ -55,6 +57,9 @@ ALIASES = {
 _ORDER = {
     name: {re.sub("_", "", alias): rank for rank, alias in enumerate(text.split())} for name, text in ALIASES.items()
 }
+_ENDS = {"front": {"front", "head", "nose"}, "rear": {"rear", "back", "tail"}}
+_PIXELS = {"px", "pix", "pixel", "pixels"}
+_ON_GLOBE = {"lat", "latitude", "lon", "lng", "longitude"}
 _BRACKETS = re.compile(r"[\[(<{]([^\])>}]*)[\])>}]")
 
 
@@ -91,11 +96,39 @@ def unit_in(name: str, kind: str) -> str | None:
     return None
 
 
+def end_in(name: str) -> str | None:
+    """The end of the vehicle that a name of positions speaks of: front or rear; None for none."""
+    words = set(_words(name))
+    return next((end for end, own in _ENDS.items() if words & own), None)
+
+
+def is_on_globe(name: str) -> bool:
+    """True if a name says that a column holds latitudes or longitudes."""
+    return bool(_ON_GLOBE & set(_words(name)))
+
+
+def per_vehicle(names: Sequence[str]) -> list[str]:
+    """Names that differ in a number only, as in tables with columns of their own for every vehicle: x1, x2."""
+    stems = [re.sub(r"[\W_]*\d+$", "", _BRACKETS.sub("", name).strip()).casefold() for name in names]
+    numbered = [bool(re.search(r"\d$", _BRACKETS.sub("", name).strip())) for name in names]
+    return [
+        name
+        for name, stem, is_one in zip(names, stems, numbered, strict=True)
+        if is_one and sum(other == stem and two for other, two in zip(stems, numbered, strict=True)) > 1
+    ]
+
+
+def is_in_pixels(name: str) -> bool:
+    """True if a name says that a column is in pixels of a picture."""
+    return bool(_PIXELS & set(_words(" ".join([name, *_BRACKETS.findall(name)]))))
+
+
 def _words(name: str) -> list[str]:
     without = _BRACKETS.sub(" ", name)
     split = re.sub(r"([a-z])([A-Z])", r"\1 \2", without).casefold()
     for letter, plain in (("ä", "ae"), ("ö", "oe"), ("ü", "ue"), ("ß", "ss")):
         split = split.replace(letter, plain)
+    split = "".join(letter for letter in unicodedata.normalize("NFD", split) if not unicodedata.combining(letter))
     return re.findall(r"[^\W_]+", split)
 
 

@@ -6,12 +6,12 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from rearl_jax.data.checks.typed_table import MAX_LANES
-from rearl_jax.data.checks.unit_checks import LANE_WIDTH
 from rearl_jax.data.schema import COLUMNS
 from rearl_jax.data.survey.clock import Clock, clock_of, named
-from rearl_jax.data.survey.motion import Motion, motion_of, size_unit, told_by
-from rearl_jax.data.survey.names import unit_in
+from rearl_jax.data.survey.motion import Motion, motion_of, told_by
+from rearl_jax.data.survey.names import end_in, is_in_pixels, is_on_globe, per_vehicle, unit_in
 from rearl_jax.data.survey.sample import FoundColumn, Sample
+from rearl_jax.data.survey.sizes import Sizes, sizes_of
 from rearl_jax.data.tables.track_names import NOBODY
 from rearl_jax.data.units import SI_FACTOR
 from rearl_jax.data.vehicle_classes import CLASSES, class_of
@@ -75,14 +75,18 @@ def proposal_of(sample: Sample) -> Proposal:
     motion = None if clock is None else motion_of(sample.columns, clock)
     if clock is None or (motion is None and not clock.by_name):
         looked_for = "no column names vehicles along whose rows another rises by even steps, as times or frames do"
+        if wide := per_vehicle([column.name for column in sample.columns]):
+            looked_for += f"; {', '.join(wide[:4])} look like columns of single vehicles: give each its own rows"
         found.missing = {"track_id": looked_for, "time": "the same"}
         return found
     _take_clock(found, clock)
+    sizes = sizes_of(sample.columns)
     if motion is None:
         _take_by_name(found, sample.columns)
     else:
-        motion = told_by(motion, sample.columns)
+        motion = told_by(motion, sizes)
         _take_motion(found, clock, motion)
+    _take_sizes(found, sizes)
     for canonical, check in _OTHERS.items():
         used = {taken.source for taken in found.taken.values()}
         for column in named([column for column in sample.columns if column.name not in used], canonical):
@@ -90,7 +94,6 @@ def proposal_of(sample: Sample) -> Proposal:
             if fault is None:
                 break
             found.refused.setdefault(column.name, fault)
-    _judge_lanes(found, sample)
     return found
 
 
@@ -125,7 +128,11 @@ def _take_motion(found: Proposal, clock: Clock, motion: Motion) -> None:
     speed_sign = "-" if motion.is_negative else ""
     why = f"{explained}; units by {source}"
     position = f"{sign}{of_position}"
-    found.taken["position"] = Taken(motion.position.name, None if position == "m" else position, why)
+    end = end_in(motion.position.name)
+    of_vehicle = f"; of the {end}, as the name says" if end else "; taken for that of the centre"
+    found.taken[end or "position"] = Taken(
+        motion.position.name, None if position == "m" else position, why + of_vehicle
+    )
     speed = f"{speed_sign}{of_speed}"
     found.taken["speed"] = Taken(motion.speed.name, None if speed == "m/s" else speed, why)
     if motion.doubt:
@@ -149,38 +156,35 @@ def _take_by_name(found: Proposal, columns: Sequence[FoundColumn]) -> None:
     """Position and speed by their names, where no two columns agree."""
     used = {taken.source for taken in found.taken.values()}
     for canonical, kind in (("position", "m"), ("speed", "m/s")):
-        numbers = [column for column in columns if column.kind == "numbers" and column.name not in used]
+        free = [column for column in columns if column.name not in used and not is_in_pixels(column.name)]
+        numbers = [column for column in free if column.kind == "numbers"]
         candidates = named(numbers, canonical)
         if not candidates:
             found.missing[canonical] = "no column has such a name, and none changes as position and speed do together"
+            if globe := [column.name for column in columns if is_on_globe(column.name)]:
+                found.missing[canonical] += f"; project {', '.join(globe)} onto the road, in m along and across it"
             continue
         unit = unit_in(candidates[0].name, kind)
         used.add(candidates[0].name)
         why = "name only: no column of positions changes as one of speeds says"
         found.taken[canonical] = Taken(candidates[0].name, None if unit == kind else unit, why)
+    if not found.missing:
+        names = [found.taken[canonical].source for canonical in ("position", "speed")]
+        found.doubts.append(f"{names[0]} does not change as {names[1]} says: units, axis or columns may be others")
     if "time" not in found.taken and "frame" in found.taken:
         found.missing["time"] = "frames are there, and nothing tells their rate: 'data.units={frame: 25/s}'"
 
 
-def _length(found: Proposal, column: FoundColumn, clock: Clock, motion: Motion | None) -> str | None:
-    return _size(found, "length", column)
-
-
-def _width(found: Proposal, column: FoundColumn, clock: Clock, motion: Motion | None) -> str | None:
-    return _size(found, "width", column)
-
-
-def _size(found: Proposal, canonical: str, column: FoundColumn) -> str | None:
-    if column.kind != "numbers":
-        return "holds no numbers"
-    median = float(np.nanmedian(column.values))
-    stated = unit_in(column.name, "m")
-    unit = stated or size_unit(canonical, median)
-    if unit is None:
-        return f"the median is {_short(median)}, which is no {canonical} of vehicles in m, ft or cm"
-    why = f"name; median {_short(median)}" + ("" if stated else f", that of vehicles in {unit}")
-    found.taken[canonical] = Taken(column.name, None if unit == "m" else unit, why)
-    return None
+def _take_sizes(found: Proposal, sizes: Sizes) -> None:
+    used = {taken.source for taken in found.taken.values()}
+    found.refused.update(sizes.refused)
+    for canonical, size in sizes.taken.items():
+        if size.column.name not in used:
+            found.taken[canonical] = Taken(size.column.name, None if size.unit == "m" else size.unit, size.why)
+            if canonical == "length" and size.column.name.casefold() == "width" and "position" in found.taken:
+                place = found.taken["position"].source
+                otherwise = f"if it is the corner, as in highD, 'data.columns={{rear: {place}}}'"
+                found.doubts.append(f"{place} is taken for the centre of the box; {otherwise}")
 
 
 def _acceleration(found: Proposal, column: FoundColumn, clock: Clock, motion: Motion | None) -> str | None:
@@ -201,6 +205,8 @@ def _acceleration(found: Proposal, column: FoundColumn, clock: Clock, motion: Mo
 def _lateral(found: Proposal, column: FoundColumn, clock: Clock, motion: Motion | None) -> str | None:
     if column.kind != "numbers":
         return "holds no numbers"
+    if is_in_pixels(column.name):
+        return "is in pixels, as the name says"
     stated = unit_in(column.name, "m")
     unit = stated or (motion.units[0] if motion is not None else "m")
     why = "name" if stated else "name; in the unit of the position"
@@ -259,8 +265,6 @@ def _recording(found: Proposal, column: FoundColumn, clock: Clock, motion: Motio
 
 
 _OTHERS: dict[str, Callable[[Proposal, FoundColumn, Clock, Motion | None], str | None]] = {
-    "length": _length,
-    "width": _width,
     "acceleration": _acceleration,
     "lateral": _lateral,
     "lane": _lane,
@@ -270,29 +274,6 @@ _OTHERS: dict[str, Callable[[Proposal, FoundColumn, Clock, Motion | None], str |
     "recording": _recording,
 }
 """Checks of columns that have the name of a canonical one; each takes the column, or says why it does not fit."""
-
-
-def _judge_lanes(found: Proposal, sample: Sample) -> None:
-    """Leaves out lanes and lateral positions that count in opposite directions, of which one must be wrong."""
-    lane, lateral = found.taken.get("lane"), found.taken.get("lateral")
-    if lane is None or lateral is None:
-        return
-    by_name = {column.name: column.values for column in sample.columns}
-    numbers, places = by_name[lane.source], by_name[lateral.source] * SI_FACTOR[lateral.unit or "m"]
-    known = np.isfinite(numbers) & np.isfinite(places)
-    lanes = np.unique(numbers[known])
-    if lanes.size < 2:
-        return
-    middle = [float(np.median(places[known & (numbers == number)])) for number in lanes]
-    width = (middle[-1] - middle[0]) / (lanes[-1] - lanes[0])
-    if LANE_WIDTH[0] <= -width <= LANE_WIDTH[1]:
-        why = f"{lateral.source} falls by {-width:.1f} m per lane, so one of the two counts from the right"
-        found.leave_out("lane", why)
-        found.leave_out("lateral", why)
-        found.doubts.append(
-            f"{why}: if it is the lane, add 'data.columns={{lane: {lane.source}, lateral: {lateral.source}}}' and "
-            f"'data.units={{lane: -from {lanes[-1]:.0f}}}'; else 'data.units={{lateral: -{lateral.unit or 'm'}}}'"
-        )
 
 
 def _short(value: float) -> str:

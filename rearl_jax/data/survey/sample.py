@@ -98,7 +98,7 @@ def _form(path: Path) -> str:
     parts.append(f"fields separated by {_DELIMITERS.get(layout.delimiter, repr(layout.delimiter))}")
     parts.append(f"decimal {'comma' if layout.decimal_point == ',' else 'point'}")
     if layout.header_lines > 1:
-        parts.append(f"names of columns in line {layout.header_lines}")
+        parts.append(f"rows from line {layout.header_lines + 1} on")
     return ", ".join(parts)
 
 

@@ -10,6 +10,7 @@ from rearl_jax.data.survey.command import command_of
 from rearl_jax.data.survey.proposal import proposal_of
 from rearl_jax.data.survey.report import print_format, print_sample, print_trial
 from rearl_jax.data.survey.sample import sample_of
+from rearl_jax.data.survey.sides import judge_sides
 from rearl_jax.data.survey.trial import tried
 from rearl_jax.data.tables.canonical import find_tables
 from rearl_jax.problems import InvalidInputError, MissingInputError, Problem, ProblemError
@@ -38,6 +39,7 @@ def run(place: str) -> dict[str, Any]:
     sample = sample_of(find_tables(path)[0])
     present = [column.name for column in sample.columns]
     proposal = proposal_of(sample)
+    judge_sides(proposal, sample)
     trial = None if proposal.missing else tried(place, proposal, [*present, *sample.twice])
     print_sample(sample, proposal)
     if trial is None:

@@ -25,9 +25,9 @@ from rearl_jax.data.files.folder import named_files
 from rearl_jax.data.files.text_layout import layout_of
 from rearl_jax.data.problems import BadRecordingError, bad_recording, recording_unnamed
 from rearl_jax.data.schema import COLUMNS, REQUIRED, Recording, RecordingInfo, validate
-from rearl_jax.data.tables.completion import NEEDED, completed
+from rearl_jax.data.tables.completion import completed
 from rearl_jax.data.tables.row_info import info_of_rows
-from rearl_jax.data.tables.spelling import Spelling, require_known_columns, spelling_of
+from rearl_jax.data.tables.spelling import Spelling, require_needed_columns, spelling_of
 from rearl_jax.data.tables.track_names import IDS, MAX_EXACT_ID
 from rearl_jax.problems import InvalidInputError, Problem
 from rearl_jax.whole_files import replacing
@@ -89,7 +89,7 @@ class TableFile:
             text = f"the file is not a table of trajectories: its columns are {', '.join(self._columns[:8])}"
             remedy = "move it out of the folder, or name its columns with data.columns; `rearl prepare FILE` finds them"
             raise bad_recording("not-a-table", text, remedy, self.path)
-        require_known_columns(list(spelling.columns), NEEDED, str(self.path))
+        require_needed_columns(list(spelling.columns), str(self.path))
         losses = Losses()
         stated = self.stated()
         further = [name for name in self._columns if name not in (*_NAMES, *spelling.columns.values())]

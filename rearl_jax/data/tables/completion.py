@@ -11,13 +11,11 @@ import pandas as pd
 
 from rearl_jax.config.data import DataConfig
 from rearl_jax.data.checks import clock
+from rearl_jax.data.checks.lateral_checks import EDGE_TOLERANCE, USUAL_WIDTH
 from rearl_jax.data.problems import bad_recording
 from rearl_jax.data.tables.moments import seconds_of
-from rearl_jax.data.tables.spelling import Spelling, require_known_columns
+from rearl_jax.data.tables.spelling import ENDS, Spelling, require_needed_columns
 from rearl_jax.data.tables.track_names import LABEL, numbered
-
-NEEDED = ("track_id", "position", "speed")
-"""Columns without which rows are no trajectories; all others may be missing, or follow from these and a clock."""
 
 _MAX_STEP = 1e6  # frames; beyond it the number is not a frame
 
@@ -51,7 +49,7 @@ def completed(rows: pd.DataFrame, spelling: Spelling, data: DataConfig, file: st
     Raises:
         BadRecordingError: A column is missing that does not follow from others, or an id or a time cannot be read.
     """
-    require_known_columns(list(rows.columns), NEEDED, file)
+    require_needed_columns(list(rows.columns), file)
     notes: list[str] = []
     if "time" in rows and not pd.api.types.is_numeric_dtype(rows["time"]):
         column = spelling.columns.get("time", "time")
@@ -62,8 +60,12 @@ def completed(rows: pd.DataFrame, spelling: Spelling, data: DataConfig, file: st
     rows, of_ids = numbered(rows, file, spelling.columns)
     rows = _in_si(rows, spelling, file)
     rows, of_frames = _with_frames(rows, spelling, file)
+    rows, of_centres = _with_centres(rows, data)
+    if spelling.factors.get("lateral", 1.0) < 0.0:
+        rows, of_edge = _from_left_edge(rows)
+        of_centres += of_edge
     rows, of_others = _with_defaults(rows, data)
-    return Completed(rows, (*notes, *of_ids, *of_frames, *of_others), (LABEL,) if of_ids else ())
+    return Completed(rows, (*notes, *of_ids, *of_frames, *of_centres, *of_others), (LABEL,) if of_ids else ())
 
 
 def _in_si(rows: pd.DataFrame, spelling: Spelling, file: str) -> pd.DataFrame:
@@ -112,6 +114,33 @@ def _with_frames(rows: pd.DataFrame, spelling: Spelling, file: str) -> tuple[pd.
     if every < 2 or ((frame[known] - first) % every).any():
         return rows, []
     return rows.assign(frame=(frame - np.min(frame[known])) / every), [f"every {every}th frame is there, counted anew"]
+
+
+def _with_centres(rows: pd.DataFrame, data: DataConfig) -> tuple[pd.DataFrame, list[str]]:
+    """The rows with the positions of centres where the table has those of the fronts or rears of vehicles."""
+    end = next((name for name in ENDS if name in rows), None)
+    if end is None:
+        return rows, []
+    length = rows["length"] if "length" in rows else data.default_length
+    position = _numbers(pd.Series(rows[end])) + ENDS[end] * np.asarray(length, dtype=np.float64)
+    return rows.drop(columns=end).assign(position=position), [f"positions of the {end}, moved to the centre by lengths"]
+
+
+def _from_left_edge(rows: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
+    """The rows with lateral positions, whose axis was reversed, from the left edge by the lanes."""
+    lateral = _numbers(pd.Series(rows["lateral"]))
+    lane = _numbers(pd.Series(rows["lane"])) if "lane" in rows else np.full(len(rows), np.nan)
+    known = np.isfinite(lateral) & np.isfinite(lane)
+    ranks = np.unique(lane[known])
+    middle = np.array([np.median(lateral[known & (lane == rank)]) for rank in ranks])
+    width = float(np.median(np.diff(middle) / np.diff(ranks))) if ranks.size > 1 else USUAL_WIDTH
+    if ranks.size:
+        edge = float(np.median(middle - width * (ranks + 0.5)))
+    else:
+        edge = float(np.nanquantile(lateral, 0.01)) - 0.5 * USUAL_WIDTH if np.isfinite(lateral).any() else 0.0
+    if abs(edge) <= EDGE_TOLERANCE:
+        return rows, []
+    return rows.assign(lateral=lateral - edge), [f"{edge:.1f} m subtracted from the reversed lateral positions"]
 
 
 def _with_defaults(rows: pd.DataFrame, data: DataConfig) -> tuple[pd.DataFrame, list[str]]:

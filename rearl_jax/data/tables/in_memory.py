@@ -15,9 +15,9 @@ from rearl_jax.data.problems import recording_unnamed
 from rearl_jax.data.reader import Entry
 from rearl_jax.data.records import Recording
 from rearl_jax.data.schema import COLUMNS, validate
-from rearl_jax.data.tables.completion import NEEDED, completed
+from rearl_jax.data.tables.completion import completed
 from rearl_jax.data.tables.row_info import info_of_rows
-from rearl_jax.data.tables.spelling import Spelling, require_known_columns, spelling_of
+from rearl_jax.data.tables.spelling import Spelling, require_needed_columns, spelling_of
 
 NAME = "table"
 """Id of the recording in a table without the column `recording`; in messages also the name of the source."""
@@ -43,7 +43,7 @@ def in_memory(table: pd.DataFrame, data: DataConfig) -> TableInMemory:
         BadRecordingError: A column is missing.
     """
     spelling = spelling_of(data, [str(name) for name in table.columns], NAME)
-    require_known_columns(list(spelling.columns), NEEDED, NAME)
+    require_needed_columns(list(spelling.columns), NAME)
     names = ",".join(map(str, table.columns)).encode()
     hashes: pd.Series = hash_pandas_object(table, index=False)  # type: ignore[operator]
     rows = hashes.to_numpy().tobytes()

@@ -36,7 +36,8 @@ def seconds_of(times: pd.Series, file: str, column: str) -> tuple[pd.Series, str
         return numbers.astype(np.float64), None
     # With a fraction everywhere one format reads whole and broken seconds.
     plain = texts.str.replace(r"(:\d+),(\d+)", r"\1.\2", regex=True)
-    plain = plain.str.replace(r"(:\d\d)(\s*[AaPp][Mm])?$", r"\1.0\2", regex=True)
+    # Not the minutes of an offset from UTC such as +02:00.
+    plain = plain.str.replace(r"(?<![+-]\d\d)(:\d\d)(\s*[AaPp][Mm])?$", r"\1.0\2", regex=True)
     plain = plain.str.replace(r"(\.\d{6})\d+", r"\1", regex=True)
     found = {form: _parsed(plain, form) for form in ("ISO8601", *_FORMATS)}
     counts = {form: int(values.notna().sum()) for form, values in found.items()}

@@ -13,7 +13,13 @@ from rearl_jax.data.schema import COLUMNS
 from rearl_jax.data.units import UNITS, factor_of
 from rearl_jax.problems import InvalidInputError, Problem
 
-KINDS = {column.name: column.unit for column in COLUMNS if column.unit in UNITS} | {"frame": "1/s"}
+ENDS = {"front": -0.5, "rear": 0.5}
+"""Position of a vehicle's end in place of that of its centre, and how many lengths the centre is ahead of it."""
+KINDS = (
+    {column.name: column.unit for column in COLUMNS if column.unit in UNITS}
+    | {"frame": "1/s"}
+    | dict.fromkeys(ENDS, "m")
+)
 """SI unit of the columns that may be in another unit; of frames, their rate."""
 _LANES = re.compile(r"(-?)\s*from\s+(\d{1,3})")
 _NAMES = tuple(column.name for column in COLUMNS)
@@ -62,7 +68,7 @@ def spelling_of(data: DataConfig, present: Sequence[str], file: str) -> Spelling
         InvalidInputError: A key names no canonical column, two name the same column, or a unit is unknown.
         BadRecordingError: A key names a column that is not there.
     """
-    _require_canonical(data.columns, "data.columns", _NAMES)
+    _require_canonical(data.columns, "data.columns", (*_NAMES, *ENDS))
     _require_canonical(data.units, "data.units", (*KINDS, "lane"))
     given = {name: None if source is None else str(source).strip() for name, source in data.columns.items()}
     by_source: dict[str, str] = {}
@@ -79,7 +85,12 @@ def spelling_of(data: DataConfig, present: Sequence[str], file: str) -> Spelling
             raise InvalidInputError(Problem("column-shared", message, key=f"data.columns.{name}", value=source))
         by_source[source] = name
     own = {name: name for name in _NAMES if name in present and name not in given and name not in by_source}
-    columns = {name: source for name in _NAMES if (source := (given | own).get(name)) is not None}
+    columns = {name: source for name in (*_NAMES, *ENDS) if (source := (given | own).get(name)) is not None}
+    places = [name for name in ("position", *ENDS) if name in columns]
+    if len(places) > 1:
+        message = f"names a position beside data.columns.{places[0]}, of which one is enough"
+        remedy = f"leave one out: 'data.columns={{{places[0]}: null}}'"
+        raise InvalidInputError(Problem("column-shared", message, remedy, key=f"data.columns.{places[1]}"))
     factors, leftmost = {}, None
     for name, unit in data.units.items():
         lanes = _LANES.fullmatch(str(unit).strip()) if name == "lane" else None
@@ -98,6 +109,14 @@ def spelling_of(data: DataConfig, present: Sequence[str], file: str) -> Spelling
             raise InvalidInputError(Problem("column-missing", message, key=f"data.units.{name}", file=file))
         factors[name] = factor
     return Spelling(columns, factors, leftmost)
+
+
+def require_needed_columns(present: Sequence[str], file: str) -> None:
+    """Raise BadRecordingError if a column is missing without which rows are no trajectories.
+
+    All others may be missing, or follow from these and a clock.
+    """
+    require_known_columns(present, ("track_id", *(() if set(ENDS) & set(present) else ("position",)), "speed"), file)
 
 
 def require_known_columns(present: Sequence[str], wanted: Sequence[str], file: str) -> None:

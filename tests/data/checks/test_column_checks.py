@@ -193,3 +193,19 @@ def test_what_a_cut_track_reveals_is_found_before_the_result_is_handed_on(brakin
     table, dropped = validate(spoiled.assign(acceleration=np.nan), INFO, DROP_ROW)
     assert dropped == {"jump_cuts": 1, "wrong_motion": 54, "tracks": 1}
     assert validate(table, INFO, STOP)[1] == {}
+
+
+@pytest.mark.parametrize("degrees", [-10.0, 2.0, 10.0])
+def test_a_road_at_an_angle_to_the_positions_is_refused(braking, degrees):
+    c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
+    along, across = braking["position"], braking["lateral"]
+    turned = braking.assign(position=along * c - across * s, lateral=50.0 + along * s + across * c)
+    turned = turned.assign(x=turned["position"], y=turned["lateral"], lane=0)
+    with refused("wrong-units", column="position"):
+        validate(turned, INFO, STOP)
+
+
+def test_a_change_of_lane_is_no_angle(braking):
+    changing = braking["lateral"] + 3.5 * np.linspace(0.0, 1.0, 100)[braking["frame"]] * (braking["track_id"] <= 2)
+    rows = braking.assign(lateral=changing, y=changing, lane=np.floor(changing / 3.5).astype(int))
+    assert validate(rows, replace(INFO, lane_count={1: 3, 2: 3}), STOP)[1] == {}

@@ -1,6 +1,7 @@
 """Notes on what is read without a fault: overlaps, and lanes that do not fit lateral positions."""
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from rearl_jax.config.data import DataConfig
@@ -30,3 +31,11 @@ def test_vehicles_inside_each_other_are_counted(vehicle_rows, without):
 def test_lateral_positions_far_right_of_their_lanes_are_noted(vehicle_rows):
     (note,) = _notes(vehicle_rows.assign(lateral=vehicle_rows["lateral"] + 7.0, y=vehicle_rows["y"] + 7.0))
     assert "further to the right" in note
+
+
+def test_vehicles_that_all_begin_abreast_are_noted(vehicle_rows):
+    own = vehicle_rows[vehicle_rows["track_id"] == 1].assign(leader_id=np.nan).drop(columns=["lane", "lateral"])
+    parts = [own.assign(track_id=track, position=own["position"] + 0.1 * track) for track in range(1, 14)]
+    (note,) = _notes(pd.concat(parts, ignore_index=True))
+    assert note.startswith("all 13 vehicles begin at the same time")
+    assert _notes(pd.concat(parts[:12], ignore_index=True)) == ()

@@ -93,6 +93,11 @@ def test_the_same_rows_under_another_name_stop(table):
     assert str(table) in caught.value.problem.fault
     pd.read_csv(table).assign(time=lambda rows: rows["time"] + 3600.0).to_parquet(copy)
     assert _names(table.parent) == ["a", "b"]
+    rows = pd.read_csv(table)
+    rows[rows["track_id"] >= rows["track_id"].median()].to_parquet(copy)
+    with refused("rows-twice", file=str(copy)) as caught:
+        _names(table.parent)
+    assert "are also in a" in caught.value.problem.fault
 
 
 def test_one_name_in_two_files_names_both(table):

@@ -239,3 +239,13 @@ def test_a_real_simulation_has_the_values_that_libsumo_says(tmp_path):
     np.testing.assert_allclose(merged["speed"], merged["said_speed"], atol=0.006)
     np.testing.assert_array_equal(merged["lane"], 1 - merged["index"])
     assert merged["edge"].str.startswith(":").any()
+
+
+def test_places_within_the_lane_become_lateral_positions(tmp_path):
+    found = [row | {"posLat": round(0.4 * np.sin(0.05 * number), 2)} for number, row in enumerate(ROWS)]
+    table = read(sumo_files.write(tmp_path, sumo_files.xml_of(found))).table
+    left = (table["lane"] + 0.5).to_numpy(np.float64) * 3.2 - table["lateral"].to_numpy()
+    first = [row["posLat"] for row in found if row["id"] == "flow.0"]
+    np.testing.assert_allclose(left[table["vehicle"] == "flow.0"], first, atol=1e-9)
+    (tmp_path / "road.net.xml").write_text(sumo_files.NET.replace('id="main_0"', 'id="main_0" width="2.9"'))
+    assert read(tmp_path).table["lateral"].isna().all()

@@ -1,0 +1,56 @@
+"""The side of the road from which lanes and lateral positions of an unknown table count."""
+
+import numpy as np
+
+from rearl_jax.data.checks.unit_checks import LANE_WIDTH
+from rearl_jax.data.survey.proposal import Proposal, Taken
+from rearl_jax.data.survey.sample import Sample
+from rearl_jax.data.units import SI_FACTOR
+
+
+def judge_sides(found: Proposal, sample: Sample) -> None:
+    """Leaves out lanes and lateral positions that count in opposite directions, and says what else is not certain.
+
+    Both may count from the other side together; only the names of the canonical table exclude it.
+
+    Args:
+        found: Proposed columns; changed in place.
+        sample: Their values.
+    """
+    lane, lateral = found.taken.get("lane"), found.taken.get("lateral")
+    values = {column.name: column.values for column in sample.columns}
+    last = None if lane is None else f"{np.nanmax(values[lane.source]):.0f}"
+    if lane is not None and lateral is not None:
+        width = _width(values[lane.source], values[lateral.source] * SI_FACTOR[lateral.unit or "m"])
+        if width is not None and LANE_WIDTH[0] <= -width <= LANE_WIDTH[1]:
+            why = f"{lateral.source} falls by {-width:.1f} m per lane, so one of the two counts from the right"
+            found.leave_out("lane", why)
+            found.leave_out("lateral", why)
+            found.doubts.append(
+                f"{why}: if it is the lane, add 'data.columns={{lane: {lane.source}, lateral: {lateral.source}}}' and "
+                f"'data.units={{lane: -from {last}}}'; else 'data.units={{lateral: -{lateral.unit or 'm'}}}'"
+            )
+            return
+    sides = []
+    if lateral is not None and lateral.source != "lateral":
+        sides.append((lateral.source, f"lateral: -{lateral.unit or 'm'}"))
+    if lane is not None and not _is_canonical(lane) and np.unique(values[lane.source]).size > 1:
+        sides.append((lane.source, f"lane: -from {last}"))
+    if sides:
+        names, units = (", ".join(part) for part in zip(*sides, strict=True))
+        otherwise = f"if from the right, 'data.units={{{units}}}'"
+        found.doubts.append(f"{names}: taken to count from the left of the drivers; {otherwise}")
+
+
+def _is_canonical(lane: Taken) -> bool:
+    return lane.source == "lane" and lane.unit is None
+
+
+def _width(numbers: np.ndarray, places: np.ndarray) -> float | None:
+    """By how much lateral positions grow from one lane to the next [m]; None with a single lane."""
+    known = np.isfinite(numbers) & np.isfinite(places)
+    lanes = np.unique(numbers[known])
+    if lanes.size < 2:
+        return None
+    first, last = (float(np.median(places[known & (numbers == number)])) for number in (lanes[0], lanes[-1]))
+    return (last - first) / float(lanes[-1] - lanes[0])

@@ -1,0 +1,87 @@
+"""Drivers as a catalogue of controllers in OpenSCENARIO XML: one controller per driver, its parameters as properties.
+
+OpenSCENARIO has no car-following equation. A controller is the driver of a vehicle, and its properties are left to the
+program that runs the scenario: here the parameters under the names of this package, in SI units.
+
+Source: ASAM OpenSCENARIO XML 1.2, `Controller` and `Properties`. The file is written by scenariogeneration, and
+satisfies the schema of the standard that comes with it.
+"""
+
+import tempfile
+from datetime import UTC, datetime
+from importlib import import_module
+from importlib.util import find_spec
+from pathlib import Path
+
+from rearl_jax.export.drawn import DriverColumns, draw
+from rearl_jax.export.said import Exported, Said, unsaid_effects
+from rearl_jax.models.population import Population
+
+DRIVER = "driver_{}"
+"""Name of each controller."""
+
+_PROPERTY = "property {}"
+_NO_EQUATION = "OpenSCENARIO has no car following: the program that runs the scenario must have this equation"
+_OF_VEHICLE = "give the vehicle of this driver the same in the scenario"
+_DATE = datetime(1970, 1, 1, tzinfo=UTC)  # the header needs one, and the same drivers give the same file
+
+
+def check_openscenario() -> None:
+    """Raises ModuleNotFoundError with the remedy where scenariogeneration is missing."""
+    if find_spec("scenariogeneration") is None:
+        raise ModuleNotFoundError(
+            "scenariogeneration is not installed, which to=openscenario needs: install the extra with "
+            'pip install "rearl-jax[openscenario]", or choose another target'
+        )
+
+
+def to_openscenario(population: Population, n_drivers: int, seed: int) -> Exported:
+    """A catalogue of controllers, each a driver drawn from a population.
+
+    Args:
+        population: The drivers, as of `models.population.population_of_model`.
+        n_drivers: Number of drivers.
+        seed: Seed of the draw.
+
+    Raises:
+        ModuleNotFoundError: scenariogeneration is not installed.
+    """
+    check_openscenario()
+    drawn = draw(population, n_drivers, seed)
+    return Exported(_catalogue(drawn), tuple(_said(population, drawn)))
+
+
+def _catalogue(drawn: DriverColumns) -> str:
+    xosc = import_module("scenariogeneration.xosc")
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "ControllerCatalog.xosc"
+        catalogue = xosc.CatalogFile()
+        of = f"drivers following by {drawn.car_following}, SI units"
+        catalogue.create_catalog(str(path), "ControllerCatalog", of, "rearl_jax", creation_date=_DATE)
+        for number in range(len(drawn)):
+            properties = xosc.Properties()
+            for name, value in _properties(drawn, number).items():
+                properties.add_property(name, value)
+            catalogue.add_to_catalog(xosc.Controller(DRIVER.format(number), properties))
+        catalogue.dump()
+        return path.read_text(encoding="utf-8")
+
+
+def _properties(drawn: DriverColumns, k: int) -> dict[str, str]:
+    numbers = {name: values[k] for name, values in drawn.values.items()} | {"length": drawn.length[k]}
+    return {
+        "car_following": drawn.car_following,
+        **{name: f"{value:.6g}" for name, value in numbers.items()},
+        "vehicle_class": "truck" if drawn.is_truck[k] else "car",
+    }
+
+
+def _said(population: Population, drawn: DriverColumns) -> list[Said]:
+    said = [Said(f"car_following {drawn.car_following}", _PROPERTY.format("car_following"), _NO_EQUATION)]
+    said += [Said(name, _PROPERTY.format(name)) for name in drawn.values]
+    said.append(Said("length", _PROPERTY.format("length"), _OF_VEHICLE))
+    said.append(Said("class of vehicles", _PROPERTY.format("vehicle_class"), _OF_VEHICLE))
+    said += unsaid_effects((effect.name for effect in population.effects), "OpenSCENARIO")
+    if population.is_noisy:
+        said.append(Said("noise_sd, noise_time", None, "a property holds one value, and no process in time"))
+    return [*said, Said("lane changing", None, "belongs to the controller's program, as car following does")]
