@@ -8,7 +8,14 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from rearl_jax.blind.details import by_set, by_strength, calibration, oracle_share, outcome_counts, parameter_rows
+from rearl_jax.blind.details import (
+    by_set,
+    by_strength,
+    confidence_calibration,
+    oracle_share,
+    outcome_counts,
+    parameter_rows,
+)
 from rearl_jax.blind.questions import Judged
 from rearl_jax.blind.scores import Score, score_all
 from rearl_jax.blind.verdicts import NOTHING, UNEXPLAINED
@@ -51,8 +58,8 @@ class BlindResults:
 
     @cached_property
     def calibration(self) -> list[dict]:
-        """See `calibration`."""
-        return calibration(self.cases)
+        """See `confidence_calibration`."""
+        return confidence_calibration(self.cases)
 
     def tables(self) -> dict[str, pd.DataFrame]:
         """Tables derived from the table of data sets, by file name."""
