@@ -57,8 +57,7 @@ def draw_drivers(
     speed_limit: float | None,
     rng: np.random.Generator,
 ) -> Drivers:
-    """Drivers of given class and pace (desired speed in standard deviations), with parameters that vary between
-    drivers.
+    """Drivers of given class and pace (see `Arrivals`), with parameters that vary between drivers.
 
     Spreads follow the usual ranges of Gipps-model calibrations (Gipps 1981; Ciuffo, Punzo and Montanino
     2012); vehicle sizes are those of European cars (3.6 to 5.3 m) and of rigid and articulated trucks (8 to
