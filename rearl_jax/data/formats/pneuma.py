@@ -222,7 +222,7 @@ def _on_stretch(row: int, vehicle: _Vehicle, stretch: Stretch, losses: Losses) -
 def _without_excursions(inside: np.ndarray) -> np.ndarray:
     """The mask, extended by rows that are outside only briefly, between two parts inside.
 
-    No vehicle leaves a street for less than a second: the position is wrong or unknown, which the schema's checks report.
+    No vehicle leaves a street for less than a second: the position is wrong or unknown, which the checks report.
     """
     known = np.flatnonzero(inside)
     gaps = np.diff(known)

@@ -79,6 +79,7 @@ class Traffic:
         self.road_length = config.approach_length + config.camera_length + EXIT_LENGTH
         self.side = LEFT
         self.next_decision = 0.0
+        self.entry_lane_id = _lane_id(arrivals.lane, arrivals.direction)
         self.queues = _queues_per_lane(arrivals)
         self.next_entry_time = np.array([arrivals.time[queue[0]] for queue in self.queues])
 
@@ -162,7 +163,7 @@ class Traffic:
     def _entry(self, vehicle: int) -> tuple[int, float, float] | None:
         """Number, position and speed of a vehicle that enters its lane; None while there is no room."""
         arrivals, drivers = self.arrivals, self.drivers
-        lane_id = _lane_id(arrivals.lane[vehicle], arrivals.direction[vehicle])
+        lane_id = self.entry_lane_id[vehicle]
         desired = drivers.desired_speed[vehicle]
         rearmost = int(np.searchsorted(self.keys, lane_id * LANE_KEY_OFFSET))
         late = self.time - arrivals.time[vehicle]
