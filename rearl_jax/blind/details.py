@@ -14,14 +14,25 @@ from rearl_jax.config.blind import StudySize
 ALL_LISTED = "all with effects of the list"
 """Name of the first row of `by_set`: data sets of the generator in which only effects of the library are hidden."""
 
+NO_CAUSE, MEASURED_CAUSE = "unlisted, no variable", "unlisted, over a variable"
+"""Names of the rows of effects outside the library, without and with a measured variable that causes them."""
+
+SET_TITLES = {
+    ALL_LISTED: "all with effects of the library",
+    NO_CAUSE: "unlisted, no measured cause",
+    MEASURED_CAUSE: "unlisted, measured cause",
+}
+"""Titles of sets in documents; the other sets are shown by their names."""
+
 CONFIDENCES = (0.0, 0.5, 0.8, 0.9, 0.95, 1.0)
 """Edges of the ranges of stated confidence [-]."""
 
 
 def by_set(cases: Iterable[Judged]) -> list[dict]:
-    """Rows by set, and by model of SUMO: data sets, outcomes, and the number of data sets with a false name.
+    """Rows by set, and by model of SUMO: number of data sets, in all and by outcome.
 
-    A false name counts for every outcome, because it may accompany a correct name or the verdict `unexplained`.
+    `n_false` counts data sets with at least one wrongly reported effect, whatever their outcome; `rate` is its share of
+    the data sets, with the bounds `low` and `high` of its interval.
     """
     by_name: dict[str, list[Judged]] = {}
     for case in sorted(cases, key=_place_of_set):
@@ -35,21 +46,21 @@ def by_set(cases: Iterable[Judged]) -> list[dict]:
 
 
 def outcome_counts(cases: Sequence[Judged]) -> dict[str, int]:
-    """Number of data sets by outcome, and with a false name."""
+    """Number of data sets by outcome, and of those with at least one wrongly reported effect, `n_false`."""
     outcomes = [case.judgement.outcome for case in cases]
     counts = {f"n_{outcome}": outcomes.count(outcome) for outcome in OUTCOMES}
     return counts | {"n_false": sum(bool(case.judgement.false_names) for case in cases)}
 
 
 def set_name(case: Judged) -> str:
-    """The set of a data set; for SUMO with the model, for unlisted effects with whether a measured variable explains
-    them.
+    """Name of the group a data set belongs to; for SUMO its model, for effects outside the library NO_CAUSE or
+    MEASURED_CAUSE.
     """
     if case.is_sumo:
         return f"SUMO {case.truth['variant']}"
     if case.group != "unlisted":
         return case.group
-    return f"unlisted, {'over a variable' if case.truth['planted'][0]['variables'] else 'no variable'}"
+    return MEASURED_CAUSE if case.truth["planted"][0]["variables"] else NO_CAUSE
 
 
 def _place_of_set(case: Judged) -> tuple[int, int, str]:
@@ -59,40 +70,48 @@ def _place_of_set(case: Judged) -> tuple[int, int, str]:
 
 
 def oracle_share(cases: Iterable[Judged]) -> tuple[float | None, int]:
-    """Share of the oracle's reduction of the squared error that is reached, and the number of data sets.
+    """How much of the largest possible error reduction was achieved, and in how many data sets.
 
-    Sums over data sets with a known oracle, of before^2 - after^2 over before^2 - oracle^2.
+    The largest possible reduction is that of the oracle, which knows the hidden effect. The share is the sum of
+    before^2 - after^2 divided by that of before^2 - oracle^2, over the data sets for which all three errors are known;
+    None if there are none.
     """
-    reached, possible, n = 0.0, 0.0, 0
+    achieved, possible, n = 0.0, 0.0, 0
     for case in cases:
         before, after, oracle = (case.verdict.errors[name] for name in ("before", "after", "oracle"))
         if before is not None and after is not None and oracle is not None:
-            reached += before.value**2 - after.value**2
+            achieved += before.value**2 - after.value**2
             possible += before.value**2 - oracle.value**2
             n += 1
-    return (reached / possible if possible > 0.0 else None), n
+    return (achieved / possible if possible > 0.0 else None), n
 
 
-def calibration(cases: Iterable[Judged]) -> list[dict]:
-    """Rows by stated confidence: claims, mean confidence, share of correct claims with its interval."""
+def confidence_calibration(cases: Iterable[Judged]) -> list[dict]:
+    """Rows by range of stated confidence: number of claimed effects, their mean stated confidence, and the share of
+    them that is correct (`true`), with its interval.
+    """
     claims = [claim for case in cases for claim in case.judgement.claims]
     rows = []
     for low, high in pairwise(CONFIDENCES):
-        inside = [(stated, there) for stated, there in claims if low < stated <= high or stated == low == 0.0]
+        inside = [(stated, is_correct) for stated, is_correct in claims if low < stated <= high or stated == low == 0.0]
         if inside:
             row = {"from": low, "to": high, "n_claims": len(inside), "stated": float(np.mean([s for s, _ in inside]))}
-            rows.append(row | rate_of(sum(there for _, there in inside), len(inside), ("true", "low", "high")))
+            rows.append(
+                row | rate_of(sum(is_correct for _, is_correct in inside), len(inside), ("true", "low", "high"))
+            )
     return rows
 
 
 def parameter_rows(cases: Iterable[Judged]) -> list[dict]:
-    """Rows by effect and parameter: mean truth, mean error, relative bias, coverage of the intervals."""
-    known: dict[tuple[str, str], list[Recovery]] = {}
+    """Rows by effect and parameter: mean absolute true value (`truth`), mean error (`bias`), bias divided by `truth`,
+    root mean square error, and share of the intervals that contain the true value (`coverage`).
+    """
+    by_parameter: dict[tuple[str, str], list[Recovery]] = {}
     for case in cases:
         for item in case.recoveries:
-            known.setdefault((item.effect, item.parameter), []).append(item)
+            by_parameter.setdefault((item.effect, item.parameter), []).append(item)
     rows = []
-    for (effect, parameter), items in sorted(known.items()):
+    for (effect, parameter), items in sorted(by_parameter.items()):
         errors = np.array([item.found.value - item.truth for item in items])
         size = float(np.mean([abs(item.truth) for item in items]))
         covered = [item.is_covered for item in items if item.is_covered is not None]
@@ -106,9 +125,11 @@ def parameter_rows(cases: Iterable[Judged]) -> list[dict]:
 
 
 def by_strength(cases: Iterable[Judged]) -> list[dict]:
-    """Rows by strength: number of named data sets, among those with one library effect and the default amount of data.
+    """Rows by effect and strength, over the data sets that hide one effect of the library at the default amount of data
+    (the set `named` at the usual strength, and `half`, `quarter`, `double`).
 
-    `n_false` is the number with a false name.
+    `n_named` counts data sets in which the effect was named, whatever else was; `rate` is its share, with the bounds
+    `low` and `high` of its interval. `n_false` counts those with at least one wrongly reported effect.
     """
     by_key: dict[tuple[str, float], list[Judged]] = {}
     for case in cases:

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
+from rearl_jax.blind.details import SET_TITLES
 from rearl_jax.blind.judging import OUTCOMES
 from rearl_jax.blind.questions import QUESTIONS
 from rearl_jax.document.document import Document, Section
@@ -16,8 +17,8 @@ TABLES = ("scores", "sets", "strata", "confusion", "parameters", "calibration", 
 """Tables of a study that its document shows."""
 
 CAPTIONS = {
-    "confusion": "Number of data sets by hidden effect (rows) and first claimed name (columns); colours are "
-    "normalised by row. Effects recognised under another correct name are on the diagonal.",
+    "confusion": "Number of data sets by hidden effect (rows) and first reported effect (columns); colours show "
+    "the share of the row. Effects named by another correct name are on the diagonal.",
     "strengths": "Share of data sets with one hidden effect in which it is named. Blue: all effects; grey: each.",
 }
 
@@ -36,7 +37,7 @@ _STRATA = {
     "n_rose": "error rose",
 }
 _PRIORS = {"name": "", "low": "low", "high": "high", "unit": "unit", "scale": "uniform in", "meaning": "meaning"}
-_CLAIMS = {"stated_as": "", "n_claims": "names", "stated": "mean stated [%]", "true": "there [%]"}
+_CLAIMS = {"stated_as": "", "n_claims": "effects", "stated": "mean stated [%]", "true": "correct [%]"}
 _PARAMETERS = {
     "effect": "",
     "parameter": "parameter",
@@ -45,7 +46,7 @@ _PARAMETERS = {
     "bias": "bias",
     "rms_error": "rms error",
     "n_intervals": "intervals",
-    "coverage": "share that holds the truth",
+    "coverage": "share that contains the truth",
 }
 _CASES = ("variant", "set", "verdict", "named", "outcome", "confidence", "before", "after", "floor", "seconds")
 
@@ -62,21 +63,29 @@ def document_of(
     """
     sets = tables["sets"]
     counts = {f"n_{outcome}": outcome for outcome in OUTCOMES if sets[f"n_{outcome}"].to_numpy().any()}
-    outcomes = {"set": "", "n": "data sets", **counts, "n_false": "not there", "rate": "share [%]"}
-    said = tables["confusion"].melt("hidden", var_name="said", value_name="n", ignore_index=False)
-    said = said.query("n > 0").sort_index(kind="stable")
+    outcomes = {"set": "", "n": "data sets", **counts, "n_false": "with a false effect", "rate": "share [%]"}
+    reported = tables["confusion"].melt("hidden", var_name="said", value_name="n", ignore_index=False)
+    reported = reported.query("n > 0").sort_index(kind="stable")
     words = (
-        "Not there: data sets with a false name, for every outcome, because a false name may accompany a correct "
-        "one. A curve over a variable counts as a name.",
+        "With a false effect: data sets with at least one wrongly reported effect, whatever their outcome, because it "
+        "may accompany a correct one. A curve over a variable counts as an effect.",
     )
     parts = (
         (Section("Rates", notes=tuple(_notes(summary, tables, protocol))), _rates(tables["scores"]), _SCORES),
-        (Section("Outcomes by set", words), _rates(sets), outcomes),
+        (Section("Outcomes by set", words), _rates(sets.replace({"set": SET_TITLES})), outcomes),
         (Section("Broad priors, by stratum"), _strata(tables), _STRATA),
         (Section("Broad priors", is_folded=True), _priors(summary), _PRIORS),
-        (Section("What was said, by what was hidden"), said, {"hidden": "", "said": "said", "n": "data sets"}),
-        (Section("Names by their stated confidence"), _claims(tables["calibration"]), _CLAIMS),
-        (Section("Parameters that mean the same on both sides", is_folded=True), tables["parameters"], _PARAMETERS),
+        (
+            Section("What was reported, by what was hidden"),
+            reported,
+            {"hidden": "", "said": "reported", "n": "data sets"},
+        ),
+        (Section("Reported effects by their stated confidence"), _claims(tables["calibration"]), _CLAIMS),
+        (
+            Section("Parameters that the generator and the library share", is_folded=True),
+            tables["parameters"],
+            _PARAMETERS,
+        ),
         (Section("Data sets", is_folded=True), tables["cases"], _CASES),
     )
     return Document(
@@ -136,8 +145,8 @@ def _notes(
         yield f"{summary['n_cases']} of {summary['n_drawn']} data sets, the first in the study's random order."
     if summary["oracle_share"] is not None:
         yield (
-            f"Repaired models recover {percent(summary['oracle_share'])} of the oracle's reduction of the "
-            f"squared error, in {summary['n_oracles']} data sets."
+            f"Repaired models achieve {percent(summary['oracle_share'])} of the largest possible reduction of the "
+            f"squared error, that of the oracle, in {summary['n_oracles']} data sets."
         )
     if counts := summary.get("redraws"):
         listed = ", ".join(f"{reason.replace('_', ' ')} {n}" for reason, n in counts.items() if n)
@@ -148,7 +157,7 @@ def _notes(
     parameters = tables["parameters"]
     if len(parameters) and (n_intervals := int(parameters["n_intervals"].to_numpy().sum())):
         n_covered = (parameters["coverage"].astype(float) * parameters["n_intervals"]).sum()
-        yield f"Intervals of parameters that hold the truth: {n_covered:.0f} of {n_intervals}."
+        yield f"Intervals of parameters that contain the truth: {n_covered:.0f} of {n_intervals}."
     if summary["median_seconds"] is not None:
         yield f"Median time of a verdict: {summary['median_seconds']:.1f} s."
     if unasked := [question.title for question in QUESTIONS if question.needs not in ("", *tables["cases"])]:

@@ -1,4 +1,4 @@
-"""The figures of a blind study: confusion matrix, and recognition by strength."""
+"""The figures of a blind study: confusion matrix, and share of named effects by strength."""
 
 import numpy as np
 
@@ -13,23 +13,26 @@ def draw_figures(results: BlindResults) -> dict[str, bytes]:
 
 
 def draw_confusion(results: BlindResults) -> bytes:
-    """PNG of the confusion matrix, rows normalised."""
+    """PNG of the confusion matrix: cells show counts, colours the share of the row."""
     counts = results.confusion()
-    hidden, said = counts["hidden"].tolist(), [name for name in counts.columns if name != "hidden"]
-    numbers = counts[said].to_numpy(dtype=float)
-    figure, (axes,) = panels(2.6 + 0.3 * len(said), 2.2 + 0.24 * len(hidden), generated=True)
+    hidden, reported = counts["hidden"].tolist(), [name for name in counts.columns if name != "hidden"]
+    numbers = counts[reported].to_numpy(dtype=float)
+    figure, (axes,) = panels(2.6 + 0.3 * len(reported), 2.2 + 0.24 * len(hidden), generated=True)
     axes.imshow(numbers / numbers.sum(axis=1, keepdims=True), cmap="Blues", vmin=0.0, vmax=1.3, aspect="auto")
-    axes.set_xticks(np.arange(len(said)), said, rotation=90, fontsize=7)
+    axes.set_xticks(np.arange(len(reported)), reported, rotation=90, fontsize=7)
     axes.set_yticks(np.arange(len(hidden)), hidden, fontsize=7)
     for row, column in zip(*np.nonzero(numbers), strict=True):
         axes.text(column, row, f"{numbers[row, column]:.0f}", ha="center", va="center", fontsize=7)
-    axes.set_xlabel("said")
+    axes.set_xlabel("reported")
     axes.set_ylabel("hidden")
     return png(figure)
 
 
 def draw_strengths(results: BlindResults) -> bytes:
-    """PNG of the share named by strength: thin lines for single effects, a thick line with intervals for all."""
+    """PNG of the share of data sets in which the hidden effect is named, by its strength.
+
+    Thin lines are single effects, the thick line with intervals is all of them.
+    """
     figure, (axes,) = panels(5.2, 3.7, generated=True)
     effects = dict.fromkeys(row["effect"] for row in results.strengths)
     for effect in effects:
@@ -46,8 +49,8 @@ def draw_strengths(results: BlindResults) -> bytes:
     axes.set_xscale("log", base=2)
     axes.set_xticks([0.25, 0.5, 1.0, 2.0], ["1/4", "1/2", "1", "2"])
     axes.set_ylim(-0.03, 1.03)
-    axes.set_xlabel("strength, in parts of the usual one")
-    axes.set_ylabel("share named")
+    axes.set_xlabel("strength relative to usual")
+    axes.set_ylabel("share of data sets named")
     figure.legend(loc="outside lower center", ncols=2, frameon=False, fontsize=FONT_SIZE)
     set_title(axes, "Effects of the library, one hidden at a time")
     return png(figure)

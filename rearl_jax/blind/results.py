@@ -9,7 +9,14 @@ import numpy as np
 import pandas as pd
 
 from rearl_jax.blind.cases import BROAD, BROAD_CONTROL
-from rearl_jax.blind.details import by_set, by_strength, calibration, oracle_share, outcome_counts, parameter_rows
+from rearl_jax.blind.details import (
+    by_set,
+    by_strength,
+    confidence_calibration,
+    oracle_share,
+    outcome_counts,
+    parameter_rows,
+)
 from rearl_jax.blind.questions import Judged
 from rearl_jax.blind.scores import Score, score_all
 from rearl_jax.blind.strata import by_stratum, redraws
@@ -57,8 +64,8 @@ class BlindResults:
 
     @cached_property
     def calibration(self) -> list[dict]:
-        """See `calibration`."""
-        return calibration(self.cases)
+        """See `confidence_calibration`."""
+        return confidence_calibration(self.cases)
 
     @cached_property
     def strata(self) -> list[dict]:

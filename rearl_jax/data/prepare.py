@@ -160,7 +160,7 @@ def _generate(config: PrepareTask, progress: Progress) -> None:
 
 
 def _refuse_others(config: PrepareTask) -> None:
-    """Raise InvalidInputError if the folder holds recordings beside those that were asked for."""
+    """Raise InvalidInputError if the folder also holds recordings that were not asked for."""
     wanted, found = config.generator.n_recordings, count_recordings(config.data)
     if config.data.recordings == "*" and found > wanted:
         fault = (

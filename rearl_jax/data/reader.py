@@ -37,11 +37,11 @@ class Reader:
     Attributes:
         expected: Description of the file or folder that data.root must name.
         entries: The recordings, in order. Names are read here, rows are not.
-        files: The files the rows come from, and those that say how to read them. Raises FileNotFoundError for none.
-        same: Label that joins what the same driver or car did in several recordings; None where nothing does.
+        files: The files that hold the rows, and those that describe them. Raises FileNotFoundError if there are none.
+        same: Label by which the same driver or car is recognised in several recordings; None for a format without one.
         generated: Whether any of the recordings was made by the generator; None for a format that has no such mark.
         recognises: Value of data.root for a file or folder in this format, None for another format; decides by
-            names and first lines alone, and raises nothing but errors of reading. None for a format without signs.
+            names and first lines alone, and raises nothing but errors of reading. None for a format without marks.
     """
 
     expected: str
@@ -101,7 +101,7 @@ def parts_of(
 
 
 def by_first_file(find: Callable[[Path], list[Path]], is_one: Callable[[Path], bool]) -> Callable[[Path], Path | None]:
-    """Recognises the file, or the folder by the first of its files; data.root names what is given.
+    """Recognises a file, or a folder by the first of its files; data.root must name the file or folder itself.
 
     Args:
         find: The recordings of a folder, or the file that is named.
@@ -112,7 +112,7 @@ def by_first_file(find: Callable[[Path], list[Path]], is_one: Callable[[Path], b
         try:
             return path if is_one(find(path)[0]) else None
         except ProblemError:
-            return None  # nothing of the format, or damaged
+            return None  # no file of the format, or a damaged one
 
     return recognises
 

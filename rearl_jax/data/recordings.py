@@ -145,5 +145,5 @@ def _root(data: DataConfig) -> Path:
 
 
 def _files(data: DataConfig) -> list[Path]:
-    """The files the rows of a data set come from, and those that say how to read them."""
+    """The files that hold the rows of a data set, and those that describe them."""
     return reader_of(data.format).files(_root(data))

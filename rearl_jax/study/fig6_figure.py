@@ -1,4 +1,6 @@
-"""The figure of the errors second by second: a line of panels per row, Hellinger distance left, spacing error right."""
+"""The figure of the errors second by second: one row of panels per method, one column per metric, Hellinger distance
+left and spacing error right.
+"""
 
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
@@ -11,7 +13,7 @@ from rearl_jax.study.error_series import Band, ErrorSeries
 
 
 def draw_series(series: list[ErrorSeries], metrics: tuple[str, str], *, generated: bool) -> bytes:
-    """PNG of all rows with base and real against real."""
+    """PNG of all methods, each beside base and real against real."""
     known = {item.name: item for item in series}
     base, real = known[BASE], known[REAL_VS_REAL]
     rows = [item for item in series if item is not real]
@@ -24,7 +26,7 @@ def draw_series(series: list[ErrorSeries], metrics: tuple[str, str], *, generate
             if item is not base:
                 line = base.errors[metric]
                 panel.plot(line.second, line.mean, "--", color=DARK_GREY, linewidth=1.0, label=base.title)
-            _draw_band(panel, item.errors[metric], BLUE, "the row")
+            _draw_band(panel, item.errors[metric], BLUE, "this method")
             panel.set_ylim(0, 1.05 * top)
             panel.set_ylabel(HEADINGS[metric])
             if column == 0:
@@ -40,7 +42,9 @@ def draw_series(series: list[ErrorSeries], metrics: tuple[str, str], *, generate
 
 
 def _top(errors: Band) -> float:
-    """Upper end of an axis: that of the band, unless it is far from the means."""
+    """Upper limit of an axis: the top of the band, but at most twice the largest mean, so that a wide band does not
+    flatten the lines.
+    """
     return float(min(errors.high.max(), 2 * errors.mean.max()))
 
 

@@ -4,7 +4,14 @@ import math
 
 import pytest
 
-from rearl_jax.blind.details import ALL_LISTED, by_set, by_strength, calibration, oracle_share, parameter_rows
+from rearl_jax.blind.details import (
+    ALL_LISTED,
+    by_set,
+    by_strength,
+    confidence_calibration,
+    oracle_share,
+    parameter_rows,
+)
 from rearl_jax.blind.judging import judge, recoveries
 from rearl_jax.blind.questions import Judged
 from rearl_jax.blind.results import BlindResults
@@ -243,7 +250,7 @@ def test_stated_confidence_is_compared_with_what_is_there():
         judged(hidden("grade"), said(effect("reaction_delay", confidence=0.6))),
         judged(hidden("grade"), said(effect("grade", "road", confidence=0.7))),
     ]
-    low, high = calibration(cases)
+    low, high = confidence_calibration(cases)
     assert (low["n_claims"], low["true"]) == (2, 0.5)
     assert low["stated"] == pytest.approx(0.65)
     assert (high["n_claims"], high["true"]) == (1, 1.0)

@@ -22,7 +22,7 @@ LISTED: dict[str, type[HiddenEffect]] = {
     "lane_desired_speed": places.LaneHabits,
     "weather": places.Fog,
 }
-"""Effects with an established name."""
+"""Effects of the library, those with an established name; their kind is `listed`."""
 
 UNLISTED: dict[str, type[HiddenEffect]] = {
     "lateral_offset": unlisted.OffCentre,
@@ -36,7 +36,7 @@ UNLISTED: dict[str, type[HiddenEffect]] = {
     "distraction": unlisted.Distraction,
     "smooth_distraction": unlisted.SmoothDistraction,
 }
-"""Effects without an established name."""
+"""Effects outside the library, those without an established name."""
 
 COUNTERPARTS: dict[str, type[HiddenEffect]] = {"anticipation": following.Anticipation}
 """Effects that are only used to mask others."""

@@ -13,7 +13,7 @@ from rearl_jax.data.checks import lateral_checks, unit_checks
 from rearl_jax.data.problems import Finding
 from rearl_jax.data.records import RecordingInfo
 
-_MIN_VEHICLES = 2  # of a carriageway that is judged by itself; one alone is judged by `motion_checks`
+_MIN_VEHICLES = 2  # on a carriageway that is checked by itself; a single vehicle is checked by `motion_checks`
 
 Check = Callable[[pd.DataFrame, RecordingInfo], Finding | None]
 

@@ -10,9 +10,11 @@ from rearl_jax.data.records import RecordingInfo
 
 # Runs of nines, and the largest and smallest integers of two and four bytes, as programs write them for "no value".
 NUMBERS = np.array([*(10.0**n - 1 for n in range(3, 11)), 2.0**15 - 1, 2.0**15, 2.0**16 - 1, 2.0**31 - 1, 2.0**31])
-FAR_FACTOR = 10.0  # times the middle half of all places that a place must be away from it
-MIN_FAR = 1000.0  # m
-APART = 100.0  # m between a placeholder and the nearest place of a vehicle
+FAR_FACTOR = (
+    10.0  # distance from the middle half of all positions, in widths of that half, from which one is impossible
+)
+MIN_FAR = 1000.0  # m, added to that distance
+APART = 100.0  # m from all positions of vehicles from which on a number of NUMBERS is a placeholder
 _PLACES = ("x", "y", "position", "lateral")
 
 
@@ -22,9 +24,9 @@ def is_placeholder(values: np.ndarray) -> np.ndarray:
 
 
 def misplaced(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -> Finding | None:
-    """Rows with a place that is a placeholder, far from all places of vehicles, or so far that it can be nothing else.
+    """Rows with a position that is a placeholder: one of NUMBERS apart from all vehicles, or any value far beyond them.
 
-    A reader may have converted a placeholder to m or to the centre of the vehicle, so that its number is another one.
+    A reader may have converted a placeholder to m or to the centre of the vehicle, so that it is not in NUMBERS.
     """
     for name in _PLACES:
         values = table[name].to_numpy()

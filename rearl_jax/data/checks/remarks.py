@@ -71,7 +71,7 @@ def _next_at_same_place(table: pd.DataFrame) -> np.ndarray:
     width = np.nan_to_num(table["width"].to_numpy(), nan=_WIDTH)
     order = np.lexsort((table["position"].to_numpy(), direction, frame))
     here, there = order[:-1], order[1:]
-    with np.errstate(invalid="ignore"):  # an unknown lateral position is beside nobody
+    with np.errstate(invalid="ignore"):  # an unknown lateral position counts as not beside
         same = np.abs(lateral[there] - lateral[here]) < 0.5 * (width[there] + width[here])
     same &= (frame[there] == frame[here]) & (direction[there] == direction[here]) & np.isnan(lane[here])
     ahead = np.full(len(table), ABSENT)

@@ -282,7 +282,7 @@ def _require_units(times: np.ndarray, miles: np.ndarray, offsets_from_middle: np
         text = f"the times are about {time:.6g}"
         raise bad_recording("wrong-units", text, "give the times in s since 1970", path, column="timestamp")
     offsets_from_middle = offsets_from_middle[np.isfinite(offsets_from_middle)]
-    # Most drive right of the left shoulder, someone right of the second lane, and nobody beyond the sixth.
+    # Most vehicles drive right of the left shoulder, some right of the second lane, none beyond the sixth.
     far = float(np.quantile(offsets_from_middle, 0.95)) if offsets_from_middle.size else 0.0
     if offsets_from_middle.size >= _MIN_DOCUMENTS and (
         np.median(offsets_from_middle) < LANE or not 2.0 * LANE <= far <= 7.5 * LANE

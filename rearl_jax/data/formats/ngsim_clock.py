@@ -13,7 +13,7 @@ from rearl_jax.data.problems import bad_recording
 LANES = {"us101": 8, "i80": 7}
 """Lanes of each highway."""
 ARTERIALS = ("lankershim", "peachtree")
-"""Places in the export of all places that are not highways."""
+"""Sites that are not highways, in the export of all sites."""
 # Both campaigns were in daylight saving time of the Pacific coast (13 April and 15 June 2005).
 _LOCAL_TIME = timedelta(hours=-7)
 _PERIOD = 100.0  # ms between two frames
@@ -21,7 +21,7 @@ _LATEST = 4.1e12  # ms, the end of the year 2099
 _UNITS = {"s": 1e3, "us": 1e-3, "ns": 1e-6}  # ms
 _SINCE = 3.1e11  # ms, the year 1980: smaller times since 1970 are in a larger unit
 _MIN_VEHICLE_SHARE = (
-    0.05  # share of the vehicles of the largest recording of a place below which one is a fault of its clock
+    0.05  # share of the vehicles of a site's largest recording below which another one is a fault of the clock
 )
 
 

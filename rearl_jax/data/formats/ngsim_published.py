@@ -68,7 +68,7 @@ _PUBLISHED_SPELLING = {
 }
 _ENDINGS = (*text_endings(".csv"), *text_endings(".txt"))
 _SAMPLE_LINES = 5  # lines of a .txt from which it is decided whether it is a table
-# A time that is not in ms may have a fraction; what is wrong with it is said by its unit.
+# A time that is not in ms may have a fraction; its unit is reported as the fault.
 _TYPES = {"location": pa.string(), "global_time": pa.float64()}
 _KEYS = ("track_id", "frame", "global_time")
 

@@ -220,9 +220,9 @@ def _on_stretch(row: int, vehicle: _Vehicle, stretch: Stretch, losses: Losses) -
 
 
 def _without_excursions(inside: np.ndarray) -> np.ndarray:
-    """The mask with what is outside for a moment only, between two parts inside.
+    """The mask, extended by rows that are outside only briefly, between two parts inside.
 
-    Nobody leaves a street for less than a second: the place is wrong, or unknown, and the check of the schema names it.
+    No vehicle leaves a street for less than a second: the position is wrong or unknown, which the checks report.
     """
     known = np.flatnonzero(inside)
     gaps = np.diff(known)

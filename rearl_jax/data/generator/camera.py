@@ -46,20 +46,20 @@ def observe(
     begin = np.flatnonzero(np.diff(vehicle, prepend=-1))
     measured = np.stack([position + noise[0], lateral + LATERAL_NOISE_SHARE * noise[1]], axis=1)
     smooth = smoothed(measured, begin, config.smoothing_cutoff)
-    first, second = derivatives(smooth, begin)
-    half = 0.5 * drivers.length[vehicle]
+    velocity, acceleration = derivatives(smooth, begin)
+    half_length = 0.5 * drivers.length[vehicle]
     seen = (frame >= 1) & (frame <= n_frames)
-    seen &= (smooth[:, 0] - half >= 0.0) & (smooth[:, 0] + half <= config.camera_length)
+    seen &= (smooth[:, 0] - half_length >= 0.0) & (smooth[:, 0] + half_length <= config.camera_length)
     rows = _without_holes(seen, begin)
     return Tracks(
         vehicle[rows],
         frame[rows],
         smooth[rows, 0],
         smooth[rows, 1],
-        first[rows, 0],
-        first[rows, 1],
-        second[rows, 0],
-        second[rows, 1],
+        velocity[rows, 0],
+        velocity[rows, 1],
+        acceleration[rows, 0],
+        acceleration[rows, 1],
     )
 
 
@@ -131,7 +131,7 @@ def derivatives(values: np.ndarray, begin: np.ndarray) -> tuple[np.ndarray, np.n
 
 
 def _without_holes(seen: np.ndarray, begin: np.ndarray) -> np.ndarray:
-    """Rows from the first to the last row in view of every track, so that noise at its edge leaves no gap."""
+    """Rows of every track from its first to its last row in view, so that noise at the view's edge leaves no gap."""
     row = np.arange(len(seen))
     first = np.minimum.reduceat(np.where(seen, row, len(seen)), begin)
     last = np.maximum.reduceat(np.where(seen, row, -1), begin)

@@ -12,7 +12,8 @@ MIN_HEADWAY = 1.0  # shortest headway at entry [s]
 # lane further left). Fitted: with these the cars reach highD's speeds with highD's few lane changes.
 CAR_LANE_SHARES = {2: (0.66, 0.34), 3: (0.44, 0.45, 0.11)}
 TRUCK_RIGHT_SHARE = 0.95
-# Mean of the cars' pace per lane and its spread within a lane: fast drivers are found further left.
+# Mean of the cars' pace (see Arrivals) per lane, left to right, and its spread within a lane: fast drivers are
+# found further left.
 # Chosen so that pace is about standard normal over all cars.
 LANE_PACE = {2: (0.75, -0.80), 3: (1.10, -0.20, -1.40)}
 PACE_SD = 0.5
@@ -27,7 +28,7 @@ class Arrivals:
         direction: Carriageway, 1 or 2.
         lane: Lane of entry, 0 = leftmost.
         is_truck: Class.
-        pace: Desired speed relative to the class [standard deviations].
+        pace: Desired speed relative to the mean of the class, in its standard deviations [-].
     """
 
     time: np.ndarray

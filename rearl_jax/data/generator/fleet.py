@@ -7,7 +7,7 @@ import numpy as np
 from rearl_jax.config.generator import GeneratorConfig
 
 TRUCK_EAGERNESS = 0.6  # lane-change rate of trucks relative to cars
-LATERAL_BIAS_SD = 0.12  # lasting offset of a driver from the lane centre [m]
+LATERAL_BIAS_SD = 0.12  # standard deviation of the drivers' constant offset from the lane centre [m]
 
 
 @dataclass(frozen=True)
@@ -21,13 +21,13 @@ class Drivers:
         max_accel: Acceleration scale of the Gipps model [m/s^2].
         braking: Deceleration that a driver expects of the own vehicle and of the leader [m/s^2], positive.
         comfort_decel: Deceleration not exceeded unless needed to avoid a collision [m/s^2], positive.
-        reaction_time: Time between seeing and having reacted [s].
+        reaction_time: Reaction time [s].
         time_gap: Bumper to bumper time gap kept while following steadily [s].
         jam_gap: Gap at standstill [m].
         critical_gap: Smallest time gap accepted when changing lanes [s].
         eagerness: Factor on the lane-change rate.
         change_duration: Duration of a lane change [s].
-        lateral_bias: Lasting offset from the lane centre [m].
+        lateral_bias: Constant offset from the lane centre [m].
     """
 
     is_truck: np.ndarray
@@ -57,8 +57,7 @@ def draw_drivers(
     speed_limit: float | None,
     rng: np.random.Generator,
 ) -> Drivers:
-    """Drivers of given class and pace (desired speed in standard deviations), with parameters that vary between
-    drivers.
+    """Drivers of given class and pace (see `Arrivals`), with parameters that vary between drivers.
 
     Spreads follow the usual ranges of Gipps-model calibrations (Gipps 1981; Ciuffo, Punzo and Montanino
     2012); vehicle sizes are those of European cars (3.6 to 5.3 m) and of rigid and articulated trucks (8 to
@@ -111,14 +110,14 @@ class Fleet:
         drivers: Constants of the drivers.
         vehicle: Number of the vehicle in the recording.
         direction: Carriageway, 1 or 2.
-        lane: Lane, 0 = leftmost; during a lane change the target lane.
+        lane: Lane, 0 = leftmost; from the start of a lane change on the target lane.
         origin: Lane still occupied during a change, -1 = none.
         position: Front bumper along the driving direction from the start of the road [m].
         speed: Speed [m/s].
         acceleration: Acceleration of the last step [m/s^2].
-        noise: The driver's own, slowly varying acceleration [m/s^2].
-        drift: Wanted lateral offset from the usual position in the lane [m].
-        wander: Present lateral offset from the usual position in the lane [m].
+        noise: Acceleration noise, which varies slowly [m/s^2].
+        lateral_target: Lateral offset that the driver aims at, from the usual position in the lane [m].
+        lateral_offset: Present lateral offset from the usual position in the lane [m].
         change_start: Start of the last lane change [s].
         change_shift: Lateral distance from target lane to lane of origin [m], 0 = no change under way.
         ready_time: Earliest time of the next lane change [s].
@@ -133,8 +132,8 @@ class Fleet:
     speed: np.ndarray
     acceleration: np.ndarray
     noise: np.ndarray
-    drift: np.ndarray
-    wander: np.ndarray
+    lateral_target: np.ndarray
+    lateral_offset: np.ndarray
     change_start: np.ndarray
     change_shift: np.ndarray
     ready_time: np.ndarray
@@ -148,6 +147,11 @@ class Fleet:
 
     def __len__(self) -> int:
         return len(self.vehicle)
+
+    @property
+    def is_moving_over(self) -> np.ndarray:
+        """Mask of vehicles whose lane change is under way, also after they have left the lane of origin."""
+        return self.change_shift != 0.0
 
     def keep(self, drivers: Drivers, mask: np.ndarray) -> None:
         """Remove the vehicles outside the mask from the road."""

@@ -3,7 +3,7 @@
 Measured values are floats rounded to two decimals, as highD writes them; counts and identifiers are integers.
 
 Source: columns and conventions of the highD format (Krajewski et al. 2018, www.highd-dataset.com): x and y
-are the upper left corner of the bounding box, width its extent along x, ids 0 = nobody, dhw = thw = ttc = 0
+are the upper left corner of the bounding box, width its extent along x, ids 0 = no vehicle, dhw = thw = ttc = 0
 without a preceding vehicle, -1 for their minima; dhw is the distance of the two corners x, ttc = dhw / (v -
 v_preceding) and so negative while the gap opens.
 """
@@ -44,7 +44,7 @@ def highd_tables(
         direction: Their carriageways.
         camera_length: Length of the view [m].
     """
-    # highD numbers vehicles by their first frame; of those in the first frame, by place.
+    # highD numbers vehicles by their first frame; those of the same first frame by position.
     begin = np.flatnonzero(np.diff(tracks.vehicle, prepend=-1))
     n_rows = np.diff(np.append(begin, len(tracks.vehicle)))
     rank = np.lexsort((tracks.position[begin], tracks.frame[begin]))
@@ -107,7 +107,7 @@ def _tracks_table(
 def _neighbour_rows(
     tracks: Tracks, lane_id: np.ndarray, direction: np.ndarray, length: np.ndarray
 ) -> dict[str, np.ndarray]:
-    """Row of every neighbour at the same frame, -1 = nobody; alongside = the boxes overlap along the road."""
+    """Row of every neighbour at the same frame, -1 = none; alongside = the boxes overlap along the road."""
     group = tracks.frame * FRAME_STRIDE + lane_id * LANE_STRIDE
     order = np.argsort(group + tracks.position, kind="stable")
     keys = (group + tracks.position)[order]

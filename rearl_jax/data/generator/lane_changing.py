@@ -1,6 +1,6 @@
 """Lateral behaviour: when drivers change lanes and how they move sideways.
 
-Drivers change left for a gain in speed and return to the right when that costs them nothing (the German rule
+Drivers change left for a gain in speed and return to the right when they lose little speed by it (the German rule
 to keep right). A change happens at a random moment with a rate that grows with the incentive, if the gaps in
 the target lane suffice. The constants are assumed; the rates are fitted to highD's number of lane changes.
 """
@@ -13,14 +13,14 @@ from rearl_jax.data.generator.fleet import Drivers, Fleet
 from rearl_jax.data.generator.situation import Situation
 
 LEFT, RIGHT = -1, 1
-# The speed of a lane is judged over a horizon; a longer one for returning to the right, so that nobody
+# Drivers estimate the speed in a lane over a horizon; a longer one for returning to the right, so that nobody
 # changes back and forth.
 GAIN_HORIZON, RETURN_HORIZON = 8.0, 14.0  # [s]
 GAIN_THRESHOLD = 1.5  # smallest gain that moves a driver to the left [m/s]
-GAIN_SCALE = 6.0  # gain beyond the threshold at which the rate is full; it grows to 2.25 times that [m/s]
+GAIN_SCALE = 6.0  # gain beyond the threshold at which the full rate is reached; at 1.5 times it 2.25 full rates [m/s]
 LOSS_TOLERANCE = 0.3  # loss a driver accepts for returning to the right [m/s]
 RETURN_RATE = 0.11  # rate of returning, relative to the full rate of changing left
-QUEUE_SPEED = 16.7  # below this speed (60 km/h) lanes are equal and may be passed on either side [m/s]
+QUEUE_SPEED = 16.7  # below this speed (60 km/h) drivers need not keep right and may pass on either side [m/s]
 PAUSE = 4.0  # shortest time between two changes of a driver [s]
 WIDEST_VEHICLE = 2.50  # [m]
 LATERAL_LIMIT = 0.40  # largest offset from the lane centre [m]
@@ -28,7 +28,7 @@ LATERAL_LIMIT = 0.40  # largest offset from the lane centre [m]
 
 @dataclass(frozen=True)
 class Neighbours:
-    """Leader and follower of every driver in a lane he might use: gap [m], speed [m/s]; none: gap inf."""
+    """Leader and follower of every driver in a possible target lane: gap [m], speed [m/s]; without one, gap inf."""
 
     gap_ahead: np.ndarray
     speed_ahead: np.ndarray
@@ -44,7 +44,9 @@ def expected_speed(
     time_gap: np.ndarray,
     horizon: float,
 ) -> np.ndarray:
-    """Speed a driver expects in a lane over the horizon [m/s]: his own, the leader's once caught up."""
+    """Mean speed that a driver expects in a lane over the horizon [m/s]: at most the desired speed, and so high that
+    the gap shrinks to the time gap behind the leader within the horizon.
+    """
     room = np.maximum(gap - time_gap * speed, 0.0)
     return np.minimum(desired_speed, leader_speed + room / horizon)
 
@@ -52,8 +54,8 @@ def expected_speed(
 def accepts_gaps(speed: np.ndarray, target: Neighbours, drivers: Drivers) -> np.ndarray:
     """Mask of drivers for whom the gaps in the target lane suffice.
 
-    To the vehicle ahead: s0 + T_c v plus the way lost while slowing to its speed at comfortable deceleration;
-    to the one behind the same with its speed.
+    To the vehicle ahead: s0 + T_c v plus the distance lost while slowing to its speed at comfortable deceleration; to
+    the one behind the same with its speed, plus the distance lost in the reaction time.
 
     Source: gap acceptance with a critical gap per driver, as in Gipps (1986), A model for the structure of
     lane-changing decisions.
@@ -78,7 +80,7 @@ def change_probability(
     rate: float,
     duration: float,
 ) -> np.ndarray:
-    """Probability of beginning a change to one side within the duration [s], before gaps are judged."""
+    """Probability of beginning a change to one side within the duration [s], if the gaps suffice."""
     fleet = situation.fleet
     drivers, speed = fleet.drivers, fleet.speed
     horizon = GAIN_HORIZON if side == LEFT else RETURN_HORIZON
@@ -96,12 +98,14 @@ def change_probability(
 
 
 def _urgency(gain: np.ndarray) -> np.ndarray:
-    """Factor on the full rate at a gain in speed [m/s]; its square, so small gains rarely cause a change."""
+    """Factor on the full rate at a gain in speed [m/s]; quadratic, so small gains rarely cause a change."""
     return np.clip((gain - GAIN_THRESHOLD) / GAIN_SCALE, 0.0, 1.5) ** 2
 
 
 def lateral_shape(progress: np.ndarray) -> np.ndarray:
-    """Share of the lateral way done at a share of the time: 10 p^3 - 15 p^4 + 6 p^5, at rest at both ends.
+    """Share of a lane change's lateral distance covered after a share p of its duration: 10 p^3 - 15 p^4 + 6 p^5.
+
+    Lateral speed and acceleration are 0 at both ends.
 
     Source: minimum-jerk path, usual for lane changes.
     """
@@ -113,7 +117,7 @@ def lateral_position(fleet: Fleet, time: float, lane_width: float) -> np.ndarray
     """Distance of the vehicle centre from the left edge of the carriageway [m]."""
     progress = (time - fleet.change_start) / fleet.drivers.change_duration
     remaining = fleet.change_shift * (1.0 - lateral_shape(progress))
-    offset = np.clip(fleet.drivers.lateral_bias + fleet.wander, -LATERAL_LIMIT, LATERAL_LIMIT)
+    offset = np.clip(fleet.drivers.lateral_bias + fleet.lateral_offset, -LATERAL_LIMIT, LATERAL_LIMIT)
     return (fleet.lane + 0.5) * lane_width + remaining + offset
 
 

@@ -9,7 +9,7 @@ from rearl_jax.data.generator.fleet import Fleet
 
 @dataclass(frozen=True)
 class Situation:
-    """Traffic as the drivers on the road see it at one time step; arrays over the vehicles of the fleet.
+    """Traffic as the drivers on the road perceive it at one time step; arrays over the vehicles of the fleet.
 
     Attributes:
         time: Time since the start of the simulation [s].
@@ -30,7 +30,7 @@ class Situation:
 
 @dataclass(frozen=True)
 class SpeedRestriction:
-    """Bottleneck whose passable speed changes in phases and starts waves.
+    """Bottleneck whose passable speed changes in phases, so that stop-and-go waves start there.
 
     Attributes:
         direction: Carriageway it lies on.
@@ -45,16 +45,16 @@ class SpeedRestriction:
     times: tuple[float, ...]
     speeds: tuple[float, ...]
 
-    def __call__(self, value: np.ndarray, situation: Situation) -> np.ndarray:
-        """Desired speed [m/s] of every driver there and then.
+    def limited(self, desired_speed: np.ndarray, situation: Situation) -> np.ndarray:
+        """Desired speed of every driver [m/s], at most the passable speed for those in the bottleneck.
 
         Args:
-            value: Desired speed on a free road [m/s].
-            situation: Place of every driver, and the time.
+            desired_speed: Desired speed on a free road [m/s].
+            situation: Position of every driver, and the time.
         """
         phase = int(np.searchsorted(self.times, situation.time, side="right")) - 1
         if phase < 0:
-            return value
+            return desired_speed
         fleet = situation.fleet
         inside = (fleet.position >= self.start) & (fleet.position <= self.end) & (fleet.direction == self.direction)
-        return np.where(inside, np.minimum(value, self.speeds[phase]), value)
+        return np.where(inside, np.minimum(desired_speed, self.speeds[phase]), desired_speed)

@@ -1,6 +1,6 @@
 """Simulation of one recording's traffic on the whole road; returns what passes the camera.
 
-A step: order the vehicles by lane, let new ones in, see, choose lanes, choose accelerations, move.
+A step: order the vehicles by lane, let new ones in, perceive, choose lanes, choose accelerations, move.
 """
 
 from dataclasses import dataclass
@@ -25,13 +25,20 @@ from rearl_jax.data.generator.plan import EXIT_LENGTH, WARM_UP, RecordingPlan
 from rearl_jax.data.generator.situation import Situation
 
 FRAME = 0.04  # time between two frames [s]
-DECISION_INTERVAL = 0.4  # time between two lane-change decisions of a driver and side [s]
-NOISE_TIME = 1.5  # correlation time of a driver's own acceleration [s]; Zhang and Sun (2022) on highD
-DRIFT_SD, DRIFT_TIME, STEER_TIME = 0.15, 6.0, 1.5  # wandering within the lane [m], [s], [s]; assumed
-CAMERA_MARGIN = 30.0  # road simulated for the tracker on both sides of the view [m]
-TIME_MARGIN = 1.0  # the same before and after the recording [s]
-STRIPE_LENGTH = 1.0e5  # offset between the sort keys of two lanes, longer than any road [m]
-STRIPES = 16  # lanes per direction in the sort key, more than there are
+DECISION_INTERVAL = 0.4  # time between two lane-change decisions [s]; each is about one side, and sides alternate
+NOISE_TIME = 1.5  # correlation time of the acceleration noise [s]; Zhang and Sun (2022) on highD
+FULL_NOISE_SPEED = 10.0  # below this speed the acceleration noise falls in proportion to the speed [m/s]; assumed
+HARD_BRAKING = 2.5  # deceleration from which there is no acceleration noise [m/s^2]; assumed
+LATERAL_TARGET_SD = 0.15  # standard deviation of the lateral offset that a driver aims at [m]; assumed
+LATERAL_TARGET_TIME = 6.0  # its correlation time [s]; assumed
+STEER_TIME = 1.5  # time constant with which the lateral offset follows its target [s]; assumed
+ENTRY_HORIZON = 15.0  # time within which an entering driver would close a larger gap than wanted [s]; assumed
+UNCHANGED_LENGTH = 100.0  # length at both ends of the road on which no lane change begins [m]; assumed
+# The tracker smooths over the edges of view and recording, so it needs samples beyond both.
+CAMERA_MARGIN = 30.0  # road sampled before and after the view [m]
+TIME_MARGIN = 1.0  # time sampled before and after the recording [s]
+LANE_KEY_OFFSET = 1.0e5  # difference between the sort keys of two lanes, longer than any road [m]
+LANE_IDS = 16  # lane ids per direction, more than there are lanes
 
 
 @dataclass(frozen=True)
@@ -72,22 +79,23 @@ class Traffic:
         self.road_length = config.approach_length + config.camera_length + EXIT_LENGTH
         self.side = LEFT
         self.next_decision = 0.0
+        self.entry_lane_id = _lane_id(arrivals.lane, arrivals.direction)
         self.queues = _queues_per_lane(arrivals)
-        self.next_entry = np.array([arrivals.time[queue[0]] for queue in self.queues])
+        self.next_entry_time = np.array([arrivals.time[queue[0]] for queue in self.queues])
 
     def record(self) -> Samples:
         """Run the warm-up and the recording."""
-        first = WARM_UP - TIME_MARGIN
+        sampling_start = WARM_UP - TIME_MARGIN
         n_steps = int(np.ceil((WARM_UP + self.plan.duration + TIME_MARGIN) / self.dt)) + 1
-        begin = round(WARM_UP / self.dt)
+        recording_step = round(WARM_UP / self.dt)
         rows = []
         for step in range(n_steps):
             self.time = step * self.dt
             self.order()
             self.admit()
-            if self.time >= first:
-                rows.append(self._in_view(step - begin))
-            situation, desired_speed = self.see()
+            if self.time >= sampling_start:
+                rows.append(self._in_view(step - recording_step))
+            situation, desired_speed = self.perceive()
             self.choose_lanes(situation, desired_speed)
             self.choose_accelerations(situation, desired_speed)
             self.move()
@@ -96,41 +104,46 @@ class Traffic:
         return Samples(vehicle[index], steps[index], position[index], speed[index], lateral[index])
 
     def order(self) -> None:
-        """Sort the vehicles by lane and position; one that changes lanes stands in both lanes.
+        """Sort the vehicles by lane and position, and find their leaders.
+
+        A vehicle that changes lanes has two places, in its target lane and in its lane of origin, until it has left
+        that lane. Sets `changing`, the vehicles with two places; `keys`, `vehicle_at` and `lane_at`, sort key, vehicle
+        and lane id of every place, in the order of the keys; `leader` of every vehicle and, in the lane of origin,
+        `leader_in_origin` of every vehicle of `changing` (-1 = none).
 
         Raises:
             RuntimeError: Two vehicles overlap, the driver model is at fault.
         """
         fleet = self.fleet
-        between = np.flatnonzero(fleet.origin >= 0)
-        self.between = between
-        owner = np.concatenate([np.arange(len(fleet)), between])
-        stripe = np.concatenate([fleet.lane, fleet.origin[between]]) + STRIPES * fleet.direction[owner]
-        key = stripe * STRIPE_LENGTH + fleet.position[owner]
+        n = len(fleet)
+        self.changing = np.flatnonzero(fleet.origin >= 0)
+        vehicle = np.concatenate([np.arange(n), self.changing])
+        lane_id = _lane_id(np.concatenate([fleet.lane, fleet.origin[self.changing]]), fleet.direction[vehicle])
+        key = lane_id * LANE_KEY_OFFSET + fleet.position[vehicle]
         index = np.argsort(key, kind="stable")
-        self.keys, self.owners, self.stripes = key[index], owner[index], stripe[index]
-        has_next = self.stripes[1:] == self.stripes[:-1]
-        ahead = self.owners[1:]
-        gaps = fleet.position[ahead] - fleet.drivers.length[ahead] - fleet.position[self.owners[:-1]]
+        self.keys, self.vehicle_at, self.lane_at = key[index], vehicle[index], lane_id[index]
+        has_next = self.lane_at[1:] == self.lane_at[:-1]
+        ahead = self.vehicle_at[1:]
+        gaps = fleet.position[ahead] - fleet.drivers.length[ahead] - fleet.position[self.vehicle_at[:-1]]
         if np.any(gaps[has_next] <= 0.0):
             raise RuntimeError(
                 f"recording {self.plan.id}: two generated vehicles overlap at {self.time:.2f} s; "
                 "the driver parameters allow collisions, use larger time gaps or a smaller step"
             )
-        # The leader of every entry; entries beyond len(fleet) are lanes of origin.
-        self.leader_of_entry = np.full(len(owner), -1)
-        self.leader_of_entry[index[:-1][has_next]] = ahead[has_next]
+        leader = np.full(len(vehicle), -1)
+        leader[index[:-1][has_next]] = ahead[has_next]
+        self.leader, self.leader_in_origin = leader[:n], leader[n:]
 
     def admit(self) -> None:
         """Let the next vehicle of every lane in once its time has come and the gap suffices."""
         entered = []
-        for lane_index in np.flatnonzero(self.next_entry <= self.time):
-            entry = self._entry(int(lane_index))
+        for number in np.flatnonzero(self.next_entry_time <= self.time):
+            queue = self.queues[number]
+            entry = self._entry(queue[0])
             if entry is not None:
                 entered.append(entry)
-                queue = self.queues[lane_index]
                 queue.pop(0)
-                self.next_entry[lane_index] = self.arrivals.time[queue[0]] if queue else np.inf
+                self.next_entry_time[number] = self.arrivals.time[queue[0]] if queue else np.inf
         if not entered:
             return
         vehicle, position, speed = (np.array(column) for column in zip(*entered, strict=True))
@@ -147,54 +160,49 @@ class Traffic:
         )
         self.order()
 
-    def _entry(self, lane_index: int) -> tuple[int, float, float] | None:
-        """Vehicle, position and speed of the next one to enter a lane; None while there is no room."""
-        vehicle = self.queues[lane_index][0]
+    def _entry(self, vehicle: int) -> tuple[int, float, float] | None:
+        """Number, position and speed of a vehicle that enters its lane; None while there is no room."""
         arrivals, drivers = self.arrivals, self.drivers
-        stripe = arrivals.lane[vehicle] + STRIPES * arrivals.direction[vehicle]
+        lane_id = self.entry_lane_id[vehicle]
         desired = drivers.desired_speed[vehicle]
-        last = int(np.searchsorted(self.keys, stripe * STRIPE_LENGTH))
+        rearmost = int(np.searchsorted(self.keys, lane_id * LANE_KEY_OFFSET))
         late = self.time - arrivals.time[vehicle]
-        if last == len(self.keys) or self.stripes[last] != stripe:
+        if rearmost == len(self.keys) or self.lane_at[rearmost] != lane_id:
             return vehicle, float(min(late, self.dt) * desired), float(desired)
-        leader = self.owners[last]
+        leader = self.vehicle_at[rearmost]
         leader_speed = self.fleet.speed[leader]
         gap = self.fleet.position[leader] - self.fleet.drivers.length[leader]
-        speed = min(desired, leader_speed + max(gap - drivers.time_gap[vehicle] * leader_speed, 0.0) / 15.0)
+        room = max(gap - drivers.time_gap[vehicle] * leader_speed, 0.0)
+        speed = min(desired, leader_speed + room / ENTRY_HORIZON)
         position = min(min(late, self.dt) * speed, gap)
         if gap - position < drivers.jam_gap[vehicle] + drivers.critical_gap[vehicle] * speed:
             return None
         return vehicle, float(position), float(speed)
 
-    def see(self) -> tuple[Situation, np.ndarray]:
-        """The situation of every driver and the speed he wants in it."""
+    def perceive(self) -> tuple[Situation, np.ndarray]:
+        """The situation of every driver, and the desired speed in it [m/s]."""
         fleet = self.fleet
-        n = len(fleet)
-        leader = self.leader_of_entry[:n].copy()
-        gap, leader_speed = self._to(leader, np.arange(n))
-        if len(self.between):
-            # Between two lanes a driver follows the leader that allows the lower speed.
-            second = self.leader_of_entry[n:]
-            second_gap, second_speed = self._to(second, self.between)
-            own, drivers = fleet.speed[self.between], fleet.drivers.take(self.between)
-            first_safe = safe_speed(own, gap[self.between], leader_speed[self.between], drivers.time_gap, drivers)
-            second_safe = safe_speed(own, second_gap, second_speed, drivers.time_gap, drivers)
-            lower = second_safe < first_safe
-            change = self.between[lower]
-            leader[change], gap[change], leader_speed[change] = (
-                second[lower],
-                second_gap[lower],
-                second_speed[lower],
-            )
+        leader = self.leader.copy()
+        gap, leader_speed = self._gap_and_speed(leader, np.arange(len(fleet)))
+        if len(self.changing):
+            # In two lanes a driver follows the leader that allows the lower speed.
+            other = self.leader_in_origin
+            other_gap, other_speed = self._gap_and_speed(other, self.changing)
+            own, drivers = fleet.speed[self.changing], fleet.drivers.take(self.changing)
+            safe = safe_speed(own, gap[self.changing], leader_speed[self.changing], drivers.time_gap, drivers)
+            other_safe = safe_speed(own, other_gap, other_speed, drivers.time_gap, drivers)
+            lower = other_safe < safe
+            vehicle = self.changing[lower]
+            leader[vehicle], gap[vehicle], leader_speed[vehicle] = other[lower], other_gap[lower], other_speed[lower]
         leader_acceleration = np.where(leader >= 0, fleet.acceleration[leader], 0.0)
         situation = Situation(self.time, fleet, leader, gap, leader_speed, leader_acceleration)
         desired_speed = fleet.drivers.desired_speed
         if self.plan.congestion is not None:
-            desired_speed = self.plan.congestion(desired_speed, situation)
+            desired_speed = self.plan.congestion.limited(desired_speed, situation)
         return situation, desired_speed
 
     def choose_lanes(self, situation: Situation, desired_speed: np.ndarray) -> None:
-        """Begin lane changes to one side; left and right alternate, so that two never meet in one lane."""
+        """Begin lane changes to one side; sides alternate, so that no two vehicles meet in one lane."""
         if self.time < self.next_decision:
             return
         self.next_decision += DECISION_INTERVAL
@@ -206,10 +214,10 @@ class Traffic:
         allowed = (
             (target_lane >= leftmost)
             & (target_lane < n_lanes)
-            & (fleet.change_shift == 0.0)
+            & ~fleet.is_moving_over
             & (fleet.ready_time <= self.time)
-            & (fleet.position > 100.0)
-            & (fleet.position < self.road_length - 100.0)
+            & (fleet.position > UNCHANGED_LENGTH)
+            & (fleet.position < self.road_length - UNCHANGED_LENGTH)
         )
         if not np.any(allowed):
             return
@@ -217,14 +225,14 @@ class Traffic:
         rate = self.config.lane_change_rate
         probability = change_probability(side, situation, target, desired_speed, rate, 2 * DECISION_INTERVAL)
         draw = self.rng.random(len(fleet))
-        begin = np.flatnonzero(allowed & (draw < probability) & accepts_gaps(fleet.speed, target, fleet.drivers))
-        fleet.origin[begin] = fleet.lane[begin]
-        fleet.lane[begin] += side
-        fleet.change_start[begin] = self.time
-        fleet.change_shift[begin] = -side * self.plan.section.lane_width
+        starting = np.flatnonzero(allowed & (draw < probability) & accepts_gaps(fleet.speed, target, fleet.drivers))
+        fleet.origin[starting] = fleet.lane[starting]
+        fleet.lane[starting] += side
+        fleet.change_start[starting] = self.time
+        fleet.change_shift[starting] = -side * self.plan.section.lane_width
 
     def choose_accelerations(self, situation: Situation, desired_speed: np.ndarray) -> None:
-        """Set the acceleration of every vehicle: car following plus the driver's own noise."""
+        """Set the acceleration of every vehicle, car following plus noise, and its lateral target."""
         fleet = self.fleet
         acceleration = chosen_acceleration(
             fleet.speed,
@@ -238,11 +246,10 @@ class Traffic:
         kept = np.exp(-self.dt / NOISE_TIME)
         shocks = self.rng.standard_normal((2, len(fleet)))
         fleet.noise = kept * fleet.noise + self.config.acceleration_noise * np.sqrt(1.0 - kept**2) * shocks[0]
-        # Near standstill and in an emergency drivers have no noise of their own.
-        calm = np.minimum(fleet.speed / 10.0, 1.0) * (acceleration > -2.5)
-        fleet.acceleration = acceleration + calm * fleet.noise
-        kept = np.exp(-self.dt / DRIFT_TIME)
-        fleet.drift = kept * fleet.drift + DRIFT_SD * np.sqrt(1.0 - kept**2) * shocks[1]
+        noise_scale = np.minimum(fleet.speed / FULL_NOISE_SPEED, 1.0) * (acceleration > -HARD_BRAKING)
+        fleet.acceleration = acceleration + noise_scale * fleet.noise
+        kept = np.exp(-self.dt / LATERAL_TARGET_TIME)
+        fleet.lateral_target = kept * fleet.lateral_target + LATERAL_TARGET_SD * np.sqrt(1.0 - kept**2) * shocks[1]
 
     def move(self) -> None:
         """Advance positions and speeds with constant acceleration; no vehicle drives backwards."""
@@ -250,12 +257,13 @@ class Traffic:
         speed = np.maximum(fleet.speed + self.dt * fleet.acceleration, 0.0)
         fleet.position = fleet.position + 0.5 * self.dt * (fleet.speed + speed)
         fleet.speed = speed
-        fleet.wander = fleet.wander + (fleet.drift - fleet.wander) * (self.dt / STEER_TIME)
+        share = self.dt / STEER_TIME
+        fleet.lateral_offset = fleet.lateral_offset + share * (fleet.lateral_target - fleet.lateral_offset)
         time = self.time + self.dt
-        done = (fleet.change_shift != 0.0) & (time - fleet.change_start >= fleet.drivers.change_duration)
+        done = fleet.is_moving_over & (time - fleet.change_start >= fleet.drivers.change_duration)
         fleet.change_shift[done] = 0.0
         fleet.ready_time[done] = time + PAUSE
-        if len(self.between):
+        if len(self.changing):
             lateral = lateral_position(fleet, time, self.plan.section.lane_width)
             fleet.origin[has_left_origin(fleet, lateral, self.plan.section.lane_width) | done] = -1
         if np.any(fleet.position > self.road_length):
@@ -275,23 +283,23 @@ class Traffic:
             lateral[index],
         )
 
-    def _to(self, leader: np.ndarray, follower: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Gap to and speed of given leaders (-1 = none: gap inf, own speed)."""
+    def _gap_and_speed(self, leader: np.ndarray, follower: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Gap to each leader [m] and its speed [m/s]; for -1, no leader, inf and the follower's own speed."""
         fleet = self.fleet
-        some = leader >= 0
-        gap = np.where(some, fleet.position[leader] - fleet.drivers.length[leader] - fleet.position[follower], np.inf)
-        return gap, np.where(some, fleet.speed[leader], fleet.speed[follower])
+        exists = leader >= 0
+        gap = np.where(exists, fleet.position[leader] - fleet.drivers.length[leader] - fleet.position[follower], np.inf)
+        return gap, np.where(exists, fleet.speed[leader], fleet.speed[follower])
 
     def _neighbours(self, lane: np.ndarray) -> Neighbours:
         """Leader and follower of every vehicle in another lane of its carriageway."""
         fleet = self.fleet
-        stripe = lane + STRIPES * fleet.direction
-        place = np.searchsorted(self.keys, stripe * STRIPE_LENGTH + fleet.position)
+        lane_id = _lane_id(lane, fleet.direction)
+        place = np.searchsorted(self.keys, lane_id * LANE_KEY_OFFSET + fleet.position)
         last = len(self.keys) - 1
         ahead, behind = np.minimum(place, last), np.maximum(place - 1, 0)
-        has_ahead = (place <= last) & (self.stripes[ahead] == stripe)
-        has_behind = (place >= 1) & (self.stripes[behind] == stripe)
-        leader, follower = self.owners[ahead], self.owners[behind]
+        has_ahead = (place <= last) & (self.lane_at[ahead] == lane_id)
+        has_behind = (place >= 1) & (self.lane_at[behind] == lane_id)
+        leader, follower = self.vehicle_at[ahead], self.vehicle_at[behind]
         length = fleet.drivers.length
         return Neighbours(
             np.where(has_ahead, fleet.position[leader] - length[leader] - fleet.position, np.inf),
@@ -299,6 +307,11 @@ class Traffic:
             np.where(has_behind, fleet.position - length - fleet.position[follower], np.inf),
             np.where(has_behind, fleet.speed[follower], 0.0),
         )
+
+
+def _lane_id(lane: np.ndarray, direction: np.ndarray) -> np.ndarray:
+    """Number of a lane that differs between the two carriageways, for sort keys."""
+    return lane + LANE_IDS * direction
 
 
 def _queues_per_lane(arrivals: Arrivals) -> list[list[int]]:

@@ -1,4 +1,4 @@
-"""The axis of a road, found from the paths of its vehicles, and places along and across it.
+"""The axis of a road, found from the paths of its vehicles, and positions along and across it.
 
 Positions in the plane of a map or of a picture become positions on a straight road: along the axis, which follows the
 bends of the road, and across it. Bends must stay within 60 degrees of the usual direction.
@@ -107,5 +107,5 @@ def _increments(piece: np.ndarray, a: np.ndarray, b: np.ndarray, n: int) -> np.n
     of, point, b = (found[name].to_numpy() for name in ("piece", "point", "b"))
     same = (of[1:] == of[:-1]) & (np.diff(point) == 1)
     medians = pd.Series(np.diff(b)[same]).groupby(point[:-1][same]).median()
-    # Where nobody passes both points, and at the ends, the road goes on as before.
+    # Where no vehicle passes both points, and at the ends, the road continues as in the neighbouring parts.
     return medians.reindex(np.arange(n)).interpolate(limit_direction="both").fillna(0.0).to_numpy(np.float64)

@@ -1,8 +1,9 @@
 """Recorded traffic around the vehicles of scenes: vehicles that enter the simulation, and vehicles that are replayed.
 
-The simulated vehicles of a second are the picked ones of the snapshot at its beginning. Each has a place, which it
-keeps; when it is not picked any more, because it has left the recording, another picked vehicle takes its place, where
-that one was recorded. All others are replayed, or only those ahead of the foremost simulated one of each lane.
+The simulated vehicles of a second are the picked ones of the snapshot at its beginning. Each has a place in the arrays,
+which it keeps. When it is not picked any more, because it has left the recording, its place goes to another picked
+vehicle, which enters where it was recorded. All other vehicles are replayed, or only those ahead of the foremost
+simulated one of each lane.
 """
 
 from collections.abc import Iterable
@@ -28,11 +29,11 @@ NOBODY = -1
 class SceneBoundary:
     """Simulated and replayed vehicles of some scenes, second by second.
 
-    Positions count from the most upstream place of a simulated vehicle of the scene; lanes of both carriageways lie
+    Positions count from the most upstream position of a simulated vehicle of the scene; lanes of both carriageways lie
     side by side.
 
     Attributes:
-        track_id: Recorded vehicle whose place each simulated vehicle takes.
+        track_id: Recorded vehicle that each simulated vehicle stands for.
         is_new: True if it enters at the beginning of this second; false in the first second.
         x: Its recorded position at the beginning of the second [m].
         speed: Its recorded speed at the beginning of the second [m/s].
@@ -163,7 +164,7 @@ def _simulated(scenes: SceneSet) -> dict[str, np.ndarray]:
     found["x"] = found["x"] - found["x"].min(axis=(1, 2), keepdims=True)
     track = found["track_id"]
     found["is_new"] = np.concatenate([np.zeros_like(track[:, :1], bool), track[:, 1:] != track[:, :-1]], axis=1)
-    stay = np.cumsum(found["is_new"], axis=1)  # successive vehicles in one place
+    stay = np.cumsum(found["is_new"], axis=1)  # number of the vehicle among those that succeed each other in a place
     highest = np.zeros_like(found["speed"])
     for number in range(int(stay.max()) + 1):
         is_own = stay == number
@@ -304,7 +305,7 @@ def _placed(
 
 
 def _joined(parts: list[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
-    """Scenes together, with as many places as the fullest has."""
+    """The scenes in common arrays, with as many places as the scene with the most replayed vehicles needs."""
     n_places = max(part["replayed_id"].shape[-1] for part in parts)
     empty = {"replayed_id": NOBODY, "replayed_lane": NOT_RECORDED}
 

@@ -1,6 +1,7 @@
 """Distances between vehicles that are recorded at the same frame.
 
-Arrays are (cells, places): one row per snapshot, one column per vehicle, padded; `present` marks vehicles.
+Arrays are (cells, places): one row per snapshot, one place in it per vehicle, padded to the largest number of vehicles;
+`present` marks the places with a vehicle.
 """
 
 from dataclasses import dataclass
@@ -49,8 +50,8 @@ def feature_distance(
 
     Args:
         vehicles: Columns of the table.
-        rows: Table row of every place.
-        present: Places that are vehicles.
+        rows: Table row of the vehicle in every place.
+        present: Places with a vehicle.
         n_places: Number of leading places to compute.
         definition: Mean distance to all others, or distance to the vehicle ahead.
         metric: Definition of the distance between two vehicles.

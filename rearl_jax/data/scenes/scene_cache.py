@@ -17,7 +17,7 @@ _SOURCES = ("config", "data")
 
 
 class SceneCache:
-    """The place of the scenes of one data set under one configuration."""
+    """The file with the scenes of one data set under one configuration."""
 
     def __init__(self, data: DataConfig, keys: SceneKeys) -> None:
         """Finds the path; modified files or other code belong to another path."""

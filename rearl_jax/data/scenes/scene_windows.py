@@ -52,7 +52,7 @@ SCENE_GROUPS = ("scenes", "speed", "tracks", "features", "spacing")
 
 
 def cutting_keys(keys: SceneKeys) -> dict[str, dict[str, Any]]:
-    """The keys that decide which scenes are cut, by group, as the user writes them; `scenes.boundary` is none."""
+    """The keys that decide which scenes are cut, by group, as the user writes them; without `scenes.boundary`."""
     plain = {group: as_plain(getattr(keys, group)) for group in SCENE_GROUPS}
     del plain["scenes"]["boundary"]
     return plain
@@ -63,7 +63,7 @@ class WindowCount:
     """Counts of the windows of one recording.
 
     Attributes:
-        windows: Windows examined (per carriageway if those are scenes of their own).
+        windows: Windows examined, one per carriageway if each makes its own scenes.
         accepted: Windows with enough vehicles in every snapshot.
         duration: Length of the recording [s].
         most_vehicles: Largest number of vehicles in any snapshot.
@@ -111,7 +111,7 @@ class Tracks:
         return np.diff(self.starts, append=len(self.frame))
 
     def seniority(self, rows: np.ndarray, pick: Pick) -> np.ndarray:
-        """Frames since the track's entry, or length of the whole track [frames]."""
+        """How long each vehicle is recorded: frames since its track began, or length of the whole track [frames]."""
         if pick is Pick.total_duration:
             return self.lengths[self.ordinal[rows]]
         return self.frame[rows] - self.frame[self.starts][self.ordinal[rows]]
@@ -205,8 +205,8 @@ def vehicles_of(recording: Recording) -> Vehicles:
 def actions(lane: np.ndarray, next_lane: np.ndarray, speed: np.ndarray, next_speed: np.ndarray) -> np.ndarray:
     """Action of a vehicle within one second: LEFT, RIGHT, else FASTER, SLOWER, else KEEP.
 
-    A lane change outranks a change of speed. Lanes count from the left; an unknown lane is no change. A
-    vehicle that is gone after the second is passed with its own lane and speed and so gets KEEP.
+    A lane change outranks a change of speed. Lanes count from the left; an unknown lane is no change. For a
+    vehicle that is not recorded after the second pass its present lane and speed, which gives KEEP.
     """
     known = (lane != UNKNOWN_LANE) & (next_lane != UNKNOWN_LANE)
     change = next_speed - speed
@@ -243,7 +243,9 @@ class Cells:
         self.counts = counts.reshape(len(snapshots), self.n_groups)
 
     def rows(self, cells: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Table rows of the vehicles of some cells, padded to the fullest, and which entries are vehicles."""
+        """Table rows of the vehicles of some cells, padded to the largest number of vehicles, and a mask of the
+        entries that are vehicles.
+        """
         counts = self.counts.reshape(-1)[cells]
         place = np.arange(counts.max(initial=0))
         present = place[None, :] < counts[:, None]

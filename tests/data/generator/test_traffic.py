@@ -71,7 +71,7 @@ def test_stop_and_go_reaches_the_view(tmp_path):
 
 
 def test_a_speed_restriction_holds_only_there_and_then():
-    limit = SpeedRestriction(1, 100.0, 200.0, (10.0, 20.0), (5.0, np.inf))
+    bottleneck = SpeedRestriction(1, 100.0, 200.0, (10.0, 20.0), (5.0, np.inf))
     drivers = _drivers(3)
     fleet = Fleet.empty(drivers)
     fleet.enter(
@@ -83,7 +83,7 @@ def test_a_speed_restriction_holds_only_there_and_then():
     nobody, wanted = np.full(3, -1), np.full(3, 30.0)
     for time, expected in ((0.0, 30.0), (10.0, 5.0), (25.0, 30.0)):
         situation = Situation(time, fleet, nobody, np.full(3, np.inf), fleet.speed, np.zeros(3))
-        assert limit(wanted, situation).tolist() == [30.0, expected, 30.0]
+        assert bottleneck.limited(wanted, situation).tolist() == [30.0, expected, 30.0]
 
 
 def test_smoother_solves_each_track_on_its_own():
