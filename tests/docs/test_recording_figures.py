@@ -28,7 +28,9 @@ def test_no_verdict_is_named(verdict, page):
     assert verdict["verdict"] == "unexplained"
     assert "no verdict is `named`" in page
     assert "The verdict is `unexplained`" in page
-    assert "dependence" in [effect["name"] for effect in verdict["effects"] if effect["variables"] == ["gap"]]
+    (effect,) = verdict["effects"]
+    assert (effect["name"], effect["confidence"]) == ("asymmetry", 0.5)
+    assert "(an asymmetry, with a confidence of 50 %)" in page
     assert any("drivers misjudge gaps" in note for note in verdict["data"]["notes"])
 
 
@@ -61,11 +63,17 @@ def change_words(change):
     return f"change {low} to {high}"
 
 
-def test_no_gap_error_changes_significantly(verdict, page):
-    assert "Nothing that was added makes a significant difference to a gap error" in page
-    for name in ("population", "first_half", "in_sample"):
-        change = verdict["error"]["protocols"][name]["gap_rmse"]["mean"]["change"]
-        assert change["low"] < 0 < change["high"]
+def test_the_gap_at_the_start_predicts(verdict, page):
+    population, own = "with parameters of the population", "with those of the own first half"
+    words = f"by {{}} % ({{}} to {{}} %) {population}, and by {{}} % ({{}} to {{}} %) {own}"
+    figures = []
+    for name in ("population", "first_half"):
+        share = verdict["error"]["protocols"][name]["gap_rmse"]["mean"]["change_share"]
+        assert share["high"] < 0
+        figures += [f"{-100 * share[end]:.0f}" for end in ("value", "high", "low")]
+    assert words.format(*figures) in page
+    in_sample = verdict["error"]["protocols"]["in_sample"]["gap_rmse"]["mean"]["change_share"]["value"]
+    assert f"makes a difference of {-100 * in_sample:.0f} %" in page
 
 
 def test_readme(verdict):
