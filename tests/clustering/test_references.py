@@ -62,8 +62,7 @@ def test_labels_are_those_of_the_nearest_centre(clustered, traffic, task_config)
     scenes, tracks, splits = traffic
     training = ~seen_in(tracks, scenes, np.concatenate([splits.evaluation, splits.tuning]))
     features = tracks.features(scenes)
-    assert features[0].min() >= 5.0
-    assert features[0].max() <= 32.0
+    assert 0.0 <= features[0].min() < features[0].max() < 60.0  # speeds as recorded [m/s]
     scale = FeatureScale.of(features[:, :, training], task_config.kl.weights)
     curves = scale.scaled(features)
     np.testing.assert_allclose(curves[:, :, training].max(axis=(1, 2)), task_config.kl.weights, rtol=1e-6)

@@ -165,7 +165,7 @@ def test_what_does_not_fit_is_refused(scenes, table, cached, changes, code, key)
 
 def test_rescaled_speeds_and_other_recordings_are_refused(scenes, table, cached):
     faster = table.assign(speed=table["speed"] * (1 + 0.01 * table["track_id"]))
-    rescaled = cut_scenes(faster, scenes={"seconds": SECONDS, "slots": 2, "min_vehicles": 2})
+    rescaled = cut_scenes(faster, scenes={"seconds": SECONDS, "slots": 2, "min_vehicles": 2}, speed={"norm": "minmax"})
     with pytest.raises(InvalidInputError) as caught:
         make_env(scenes=rescaled, boundary="measured", data=table, **OPTIONS)
     assert (caught.value.code, caught.value.problem.key) == ("out-of-range", "speed.norm")

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from rearl_jax.config import EvaluateTask
+from rearl_jax.config.core import InitConfig, InitialSource
 from rearl_jax.config.scenes import ScenesConfig
 from rearl_jax.evaluation.paths import join_paths, recorded_paths, simulated_paths, with_paths
 from rearl_jax.evaluation.scores import Scores
@@ -15,6 +16,7 @@ from rearl_jax.evaluation.simulators import Simulated
 from tests.evaluation.test_boundary import MEASURED, Listed, boundary_of, frames_at
 
 CONFIG = EvaluateTask()
+DRAWN = replace(CONFIG, init=InitConfig(InitialSource.seed))
 ALL = np.array(True)
 FREE = replace(MEASURED, scenes=ScenesConfig())
 EVERY = np.arange(6)
@@ -70,7 +72,7 @@ def test_a_rollout_that_drives_as_recorded_is_where_the_recording_is(scenes, kin
         origin = boundary.x[:, :1].min(axis=2, keepdims=True)
         listed, simulated = Listed(MEASURED, boundary, 6), simulated_at(place + origin, scenes.lane)
     else:
-        listed, simulated = Listed(CONFIG, None, 6), simulated_at(place + 7.0, scenes.lane)
+        listed, simulated = Listed(DRAWN, None, 6), simulated_at(place + 7.0, scenes.lane)
     one_road = replace(scenes, direction=np.ones_like(scenes.direction))
     observed, found = recorded_paths(one_road, EVERY, CONFIG), simulated_paths(simulated, listed, scenes)
     both = observed.known & found.known

@@ -15,7 +15,7 @@ from rearl_jax.study.budget.components import rows_of
 from rearl_jax.study.budget.drivers import drivers_of, parts_of, switched_off
 from tests.models.drivers import CURVE, GAIN, MOBIL, model
 
-VARIES = EffectValues("time_gap_variation", {"sd": 0.2, "time": 20.0})
+VARIES = EffectValues("time_gap_variation", {"sd": 0.2, "time": 20.0, "start_share": 0.5})
 POLITE = EffectValues("politeness", {"weight": 0.4})
 FULL = replace(model(GAIN, CURVE, VARIES, POLITE), lane_changing=MOBIL)
 CORE = CoreConfig()
