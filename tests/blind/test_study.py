@@ -44,7 +44,7 @@ def test_a_study_writes_everything(finished):
     assert stored["oracle_share"] is None
     page = (folder / "page.html").read_text()
     assert "How it was kept blind" in page
-    assert "with a false name" in page
+    assert "with a false effect" in page
     assert "Generated recordings" in page
     for name in ("confusion.png", "strengths.png"):
         assert (folder / name).read_bytes().startswith(b"\x89PNG")

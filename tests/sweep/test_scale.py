@@ -120,7 +120,8 @@ def test_exactly_as_many_rollouts_as_asked_for_and_no_two_alike(whole):
 
 
 def test_the_stream_holds_what_evaluate_simulates(whole):
-    config = EvaluateTask(core=whole.config.core, eval=EvaluationConfig(n_runs=16))
+    start = {"init": whole.config.init, "speed": whole.config.speed}
+    config = EvaluateTask(core=whole.config.core, eval=EvaluationConfig(n_runs=16), **start)
     scenes = build_scenes(iterate_recordings(config.data), config)
     held_out = split_scenes(scenes, config.split).evaluation
     scores = scored_rollouts(Rollouts([Row(config)], scenes, held_out)[:PART], scenes, held_out)
