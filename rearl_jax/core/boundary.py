@@ -30,7 +30,7 @@ class Motion(eqx.Module):
 
 
 class Identity(eqx.Module):
-    """Which vehicles the places hold, as in `ReplayedVehicles`, during one second or several."""
+    """Which vehicles the slots of the arrays hold, as in `ReplayedVehicles`, during one second or several."""
 
     length: Float[Array, "*seconds replayed scenes"]
     is_truck: Float[Array, "*seconds replayed scenes"]
@@ -38,15 +38,15 @@ class Identity(eqx.Module):
 
 
 class Entrants(eqx.Module):
-    """Vehicles that take the places of others in the simulation, at the end of one second or several.
+    """Vehicles that take the slots of others in the simulation, at the end of one second or several.
 
     Attributes:
-        is_new: Whether a vehicle enters; the other values of places without one mean nothing.
+        is_new: Whether a vehicle enters; the other values of slots that none enters mean nothing.
         x: Position of the centre along the road [m].
         lane: Lane.
         speed: Speed [m/s].
-        highest_speed: Highest speed it is recorded at; a driver's own desired speed is cut to it [m/s].
-        wait: Time to the first lane-change decision as a share of that between two decisions, in [0, 1) [-].
+        highest_speed: Highest speed it is recorded at [m/s], the upper bound of its driver's desired speed.
+        wait: Time to the first lane-change decision as a share of the decision period, in [0, 1) [-].
     """
 
     is_new: Bool[Array, "*seconds vehicles scenes"]
@@ -78,10 +78,10 @@ class Boundary(eqx.Module):
 
     Attributes:
         motion: Replayed vehicles at the beginning of each step of each second, `[seconds, steps, replayed, scenes]`.
-        identity: Identity of the replayed vehicles, `[seconds, replayed, scenes]`; a place may hold
+        identity: Identity of the replayed vehicles, `[seconds, replayed, scenes]`; a slot may hold
             another one in the next second.
         entrants: Vehicles that enter at the end of each second, `[seconds, vehicles, scenes]`.
-        scene: Scene of each scenario.
+        scene: Index of the recorded scene that surrounds each simulated scenario.
     """
 
     motion: Motion
@@ -90,10 +90,10 @@ class Boundary(eqx.Module):
     scene: Int[Array | np.ndarray, " scenarios"]
 
     def require(self, n_seconds: int) -> None:
-        """Raise ValueError if less was recorded than these seconds and the moment after them."""
+        """Raise ValueError if the surrounding traffic is not recorded up to the end of the last second."""
         n_recorded = self.motion.x.shape[0]
         if n_seconds >= n_recorded:
-            raise ValueError(f"n_seconds = {n_seconds} exceeds the {n_recorded - 1} s of what was recorded around it")
+            raise ValueError(f"n_seconds = {n_seconds} exceeds the {n_recorded - 1} s of recorded surrounding traffic")
 
     def at_start(self) -> ReplayedVehicles:
         """Replayed vehicles at the beginning."""
@@ -127,12 +127,12 @@ def replayed_vehicles(motion: Motion, identity: Identity) -> ReplayedVehicles:
 def cut_desired_speed(
     highest: Float[Array, "vehicles *scenarios"], drivers: Drivers
 ) -> Float[Array, "vehicles *scenarios"]:
-    """Desired speed of drivers of recorded vehicles [m/s]: that of their model, at most what was seen of the vehicle.
+    """Desired speed of drivers of recorded vehicles [m/s]: that of their model, at most the highest recorded speed.
 
-    A driver whose model has none, as highway-env's, wants the highest speed that was seen.
+    Drivers without a desired speed of their own, as highway-env's, get the highest recorded speed.
 
     Args:
-        highest: Highest recorded speed [m/s].
+        highest: Highest recorded speed of each vehicle [m/s].
         drivers: Parameters of all vehicles.
     """
     own = drivers.car_following.desired_speed
@@ -140,10 +140,10 @@ def cut_desired_speed(
 
 
 def enter(state: TrafficState, boundary_second: BoundarySecond, drivers: Drivers, model: TrafficModel) -> TrafficState:
-    """State in which vehicles have taken the places of others at the end of a second.
+    """State in which vehicles have taken the slots of others at the end of a second.
 
-    They are in the middle of their lane, as fast as recorded, driven by the drivers of their places, who remember
-    nothing.
+    They enter in the middle of their lane at their recorded speed. The parameters of their drivers are those of their
+    slots, the memory of the drivers is empty.
     """
     new = boundary_second.entrants
     zeros, nobody = jnp.zeros_like(state.x), jnp.zeros_like(state.crashed)
@@ -169,16 +169,17 @@ def enter(state: TrafficState, boundary_second: BoundarySecond, drivers: Drivers
     )
     shape, memory = state.x.shape, state.memory
 
-    def chosen(first: Array, second: Array) -> Array:
-        """The first for vehicles that enter; what does not belong to single vehicles stays."""
-        return jnp.where(new.is_new, first, second) if second.shape[-len(shape) :] == shape else second
+    def where_entering(entered: Array, unchanged: Array) -> Array:
+        """Values of vehicles that enter, the others unchanged; so are arrays without an axis of vehicles."""
+        is_of_vehicles = unchanged.shape[-len(shape) :] == shape
+        return jnp.where(new.is_new, entered, unchanged) if is_of_vehicles else unchanged
 
     left_crashed = state.left_crashed
     if left_crashed is not None:
         left_crashed = left_crashed + (new.is_new & state.crashed).astype(left_crashed.dtype)
-    state = replace(jax.tree.map(chosen, entered, replace(state, memory=None)), left_crashed=left_crashed)
+    state = replace(jax.tree.map(where_entering, entered, replace(state, memory=None)), left_crashed=left_crashed)
     fresh = begin_driving(state, drivers, model, boundary_second.after)
-    return replace(state, memory=jax.tree.map(chosen, fresh.memory, memory))
+    return replace(state, memory=jax.tree.map(where_entering, fresh.memory, memory))
 
 
 def _at(values, index: Int[Array, ""] | int):

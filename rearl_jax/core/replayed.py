@@ -4,17 +4,17 @@ import equinox as eqx
 from jaxtyping import Array, Float, Int
 
 NOT_RECORDED = -1_000
-"""Lane of a place that holds no vehicle at that moment; no vehicle searches it."""
+"""Lane of a slot that holds no vehicle at that moment; no vehicle searches it."""
 
 
 class ReplayedVehicles(eqx.Module):
-    """Recorded vehicles around the simulated ones at one moment; each place holds one of them or none.
+    """Recorded vehicles around the simulated ones at one moment; each slot of the arrays holds one or none.
 
     Attributes:
         x: Position of the centre along the road [m].
         speed: Along the road [m/s].
         acceleration: Along the road [m/s^2].
-        lane: Lane; NOT_RECORDED where the place holds no vehicle.
+        lane: Lane; NOT_RECORDED where the slot holds no vehicle.
         length: Length [m].
         is_truck: 1 for a truck, else 0.
         number: Number of the vehicle, the same for as long as it is replayed, above those of all simulated vehicles.
@@ -30,5 +30,5 @@ class ReplayedVehicles(eqx.Module):
 
     @property
     def n_places(self) -> int:
-        """Places for vehicles in a scenario."""
+        """Slots for vehicles in a scenario."""
         return self.x.shape[0]

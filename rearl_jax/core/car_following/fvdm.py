@@ -26,7 +26,7 @@ class FVDM(CarFollowing):
     """The full velocity difference model.
 
     Attributes:
-        speed_gain: Gain k0 of the difference to the desired speed [1/s], the sensitivity.
+        speed_gain: Gain k0 of the difference to the optimal velocity V(s) [1/s], the sensitivity.
         approach_gain: Gain k of the approach rate [1/s].
     """
 

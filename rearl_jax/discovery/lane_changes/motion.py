@@ -27,7 +27,7 @@ def with_motion(table: pd.DataFrame, dt: float) -> pd.DataFrame:
         since_change=since,
         to_change=np.where(comes, (later - row) * dt, np.inf),
         next_step=np.where(comes, step[np.minimum(later, n - 1)], 0.0),
-        left_in_record=(end - 1 - row) * dt,
+        time_to_track_end=(end - 1 - row) * dt,
     )
 
 

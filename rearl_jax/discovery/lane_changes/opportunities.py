@@ -152,8 +152,8 @@ class _Scene:
         self.vehicle, self.recording = rows["track_id"].to_numpy().astype(np.int64) + offset, recording
         self.is_truck = (rows["vehicle_class"] == "truck").to_numpy()
         names = ("position", "speed", "acceleration", "length", "since_change", "to_change", "next_step")
-        columns = (rows[name].to_numpy() for name in (*names, "left_in_record"))
-        self.x, self.v, self.a, self.length, self.since, self.until, self.step, self.left_in_record = columns
+        columns = (rows[name].to_numpy() for name in (*names, "time_to_track_end"))
+        self.x, self.v, self.a, self.length, self.since, self.until, self.step, self.time_to_track_end = columns
         self.lane, self.direction = rows["lane"].to_numpy(np.int64), rows["direction"].to_numpy(np.int64)
         self.upstream = rows.groupby("direction")["position"].transform("min").to_numpy()
         self.whole, self.frame = whole_lanes(self.direction, self.lane, self.x), rows["frame"].to_numpy(np.int64)
@@ -226,7 +226,7 @@ class _Scene:
         for direction, lane in self.whole:
             if (direction, lane + side) in self.whole:
                 whole |= (self.direction == direction) & (self.lane == lane)
-        return whole & (self.since >= REST) & (self.left_in_record >= PERIOD - 1e-9) & (self.v > SLOWEST)
+        return whole & (self.since >= REST) & (self.time_to_track_end >= PERIOD - 1e-9) & (self.v > SLOWEST)
 
     def _gap(self, behind: np.ndarray, front: np.ndarray) -> np.ndarray:
         """Bumper-to-bumper gap [m]; OUT_OF_SIGHT if one of the two vehicles is missing."""
