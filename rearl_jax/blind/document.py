@@ -13,7 +13,8 @@ from rearl_jax.blind.questions import QUESTIONS
 from rearl_jax.document.document import Document, Section
 from rearl_jax.document.table import percent, table_of
 
-TABLES = ("scores", "sets", "strata", "confusion", "parameters", "calibration", "cases")
+STRATA = "strata"
+TABLES = ("scores", "sets", STRATA, "confusion", "parameters", "calibration", "cases")
 """Tables of a study that its document shows."""
 
 CAPTIONS = {

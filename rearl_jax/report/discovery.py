@@ -35,4 +35,5 @@ def blind_document(study: FinishedStudy) -> Document:
     study.needs(summary, _SUMMARY, "summary.json")
     protocol = study.object("protocol.json")
     study.needs(protocol, _PROTOCOL, "protocol.json")
-    return blind.document_of(summary, {name: study.table(name) for name in blind.TABLES}, protocol)
+    written = [name for name in blind.TABLES if name != blind.STRATA or summary.get(blind.STRATA)]
+    return blind.document_of(summary, {name: study.table(name) for name in written}, protocol)

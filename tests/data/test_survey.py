@@ -42,6 +42,7 @@ FOUND = {
         "Geschwindigkeit [km/h]": ("speed", "km/h"),
         "Länge [m]": ("length", None),
         "Fahrstreifen": ("lane", None),
+        "Fahrzeugtyp": ("vehicle_class", None),
     },
     "frames_only.tsv": {
         "frameNum": ("frame", "30/s"),

@@ -68,7 +68,7 @@ def test_other_files_of_the_same_rows_give_the_same_table(tmp_path, name):
 def test_without_types_and_network_what_is_assumed_is_said(tmp_path):
     recording = read(sumo_files.write(tmp_path, TEXT, beside=False))
     assert set(recording.table["length"]) == {4.5}
-    assert set(recording.table["vehicle_class"]) == {"other"}
+    assert set(recording.table["vehicle_class"]) == {"car", "truck"}  # by the names of the types
     notes = " ".join(recording.info.notes)
     assert "lkw, pkw: 4.5 m assumed" in notes or "pkw, lkw: 4.5 m assumed" in notes
     assert "lanes are counted by the vehicles" in notes
