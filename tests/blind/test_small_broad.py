@@ -11,12 +11,12 @@ from rearl_jax.config.blind import BlindConfig, StudyPriors
 pytestmark = pytest.mark.slow
 
 
-def test_four_drawn_data_sets_are_judged(tmp_path):
-    blind = BlindConfig(priors=StudyPriors.broad, n_sets=4, followers=24, duration=60.0, seed=5, sumo=False)
+def test_two_drawn_data_sets_are_judged(tmp_path):
+    blind = BlindConfig(priors=StudyPriors.broad, n_sets=2, followers=24, duration=60.0, seed=5, sumo=False)
     summary = run(DiscoverBlindTask("broad", ResultsConfig(str(tmp_path)), blind))
-    assert (summary["n_cases"], summary["n_failed"]) == (4, 0)
+    assert (summary["n_cases"], summary["n_failed"]) == (2, 0)
     everything = summary["strata"][0]
-    assert (everything["n_effects"], everything["n_controls"]) == (3, 1)
+    assert (everything["n_effects"], everything["n_controls"]) == (1, 1)
     verdicts = list((tmp_path / "broad" / "verdicts").glob("*.json"))
-    assert len(verdicts) == 4
+    assert len(verdicts) == 2
     assert all("verdict" in json.loads(path.read_text()) for path in verdicts)
