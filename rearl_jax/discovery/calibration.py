@@ -15,7 +15,6 @@ from rearl_jax.discovery.observe.parts import measured_drivers
 from rearl_jax.discovery.observe.solver import solver_of
 from rearl_jax.discovery.report.repaired import repaired_model
 from rearl_jax.discovery.report.tables import fit_table
-from rearl_jax.discovery.search.headway import CONSTANT_TIME_GAP
 from rearl_jax.models.file import write_model
 from rearl_jax.models.record import RepairedModel
 
@@ -60,10 +59,6 @@ def calibration(config: DiscoverTask, recordings: Iterable[Recording] | None = N
     model = repaired_model(
         calibrated=fit,
         repaired=fit,
-        lane_changes=(),
-        added=(),
-        lane_choice=None,
-        variation=CONSTANT_TIME_GAP,
         data=data,
         layout=solver.layout,
         data_id=data_id(config.data),

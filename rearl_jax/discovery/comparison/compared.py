@@ -92,7 +92,7 @@ def compared_models(
     found, gains = [], gains_of(likely, checked)
     for index, (solver, fit, state) in enumerate(zip(solvers, fits, states, strict=True)):
         is_asked = index == 0 or not is_beaten(gains[index], gains, seed)
-        errors = errors_by_protocol(solver, fit, state) if is_asked else {}
+        errors = _errors_by_protocol(solver, fit, state) if is_asked else {}
         found.append(Compared(solver.layout.prior.name, likely[index], errors))
     return found, base
 
@@ -116,7 +116,7 @@ def calibrated_alike(solver: Solver, data: Measured, fit: Fit) -> Fit:
     return Fit(candidate=None, state=state, noise=noise)
 
 
-def errors_by_protocol(solver: Solver, fit: Fit, state: FitState) -> dict[str, dict[str, Float[np.ndarray, " _"]]]:
+def _errors_by_protocol(solver: Solver, fit: Fit, state: FitState) -> dict[str, dict[str, Float[np.ndarray, " _"]]]:
     """Errors of drivers in every protocol in which at least one driver can be tested."""
     in_sample = simulated_error(solver, calibrated_to_gap(solver, state))
     found = protocol_errors(solver, state, fit, in_sample, every_run(state.data))

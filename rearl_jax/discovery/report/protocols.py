@@ -72,6 +72,29 @@ def protocol_errors(
         state: State of the reported drivers under the model.
         fit: The fitted model.
         in_sample: Deviations with parameters calibrated to each drive.
+        runs: As of `prediction_errors`.
+        variation: As of `prediction_errors`.
+    """
+    predicted, whole = prediction_errors(solver, state, fit, runs, variation), [Split(state.data, state.data)]
+    population = predicted["population"]
+    assert population is not None
+    own = ProtocolErrors(population.driver, measures_of(whole, [in_sample]), population.population, 0)
+    return predicted | {IN_SAMPLE: own}
+
+
+def prediction_errors(
+    solver: Solver,
+    state: FitState,
+    fit: Fit,
+    runs: Sequence[Split] = (),
+    variation: TimeGapVariation = CONSTANT_TIME_GAP,
+) -> dict[str, ProtocolErrors | None]:
+    """Errors under the protocols that predict, by name: all but IN_SAMPLE; None if no driver can be tested.
+
+    Args:
+        solver: Solver of the model.
+        state: State of the reported drivers under the model.
+        fit: The fitted model.
         runs: Splits of drivers with several runs, see `left_out_runs`.
         variation: Variation of the time gap, of which predictions take what the gap at the start tells.
     """
@@ -85,7 +108,6 @@ def protocol_errors(
         "population": ProtocolErrors(all_drivers, predicted, population, 0),
         "first_half": _predicted(solver, [halves(data)], fit, variation),
         "other_runs": _predicted(solver, runs, fit, variation),
-        IN_SAMPLE: ProtocolErrors(all_drivers, measures_of(whole, [in_sample]), population, 0),
     }
 
 

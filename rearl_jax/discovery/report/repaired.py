@@ -15,7 +15,7 @@ from rearl_jax.discovery.observe.drivers import Prior
 from rearl_jax.discovery.observe.fit import Fit
 from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.search.decision import Trial
-from rearl_jax.discovery.search.headway import TimeGapVariation
+from rearl_jax.discovery.search.headway import CONSTANT_TIME_GAP, TimeGapVariation
 from rearl_jax.discovery.thresholds import THRESHOLDS
 from rearl_jax.models.record import (
     CAR,
@@ -33,14 +33,14 @@ def repaired_model(
     *,
     calibrated: Fit,
     repaired: Fit,
-    lane_changes: Sequence[Trial],
-    added: Sequence[Trial],
-    lane_choice: LaneChangeFindings | None,
-    variation: TimeGapVariation,
     data: Measured,
     layout: Layout,
     data_id: str,
     study: str,
+    lane_changes: Sequence[Trial] = (),
+    added: Sequence[Trial] = (),
+    lane_choice: LaneChangeFindings | None = None,
+    variation: TimeGapVariation = CONSTANT_TIME_GAP,
 ) -> RepairedModel:
     """The driver model without (`calibrated`) and with (`repaired`) the identified effects (`added`).
 

@@ -34,10 +34,15 @@ def confirmed(solver: Solver, outcome: Search, seed: int) -> Search:
         kept -= 1
     while kept and share_worse(errors[0], errors[kept], THRESHOLDS.borne_growth, seed) >= THRESHOLDS.rejection_share:
         kept -= 1
-    if kept == len(outcome.added):
+    return with_first_additions(outcome, kept)
+
+
+def with_first_additions(outcome: Search, n: int) -> Search:
+    """The search with its first n additions; the others are rejected."""
+    if n == len(outcome.added):
         return outcome
-    rounds = [*outcome.rounds[:kept], replace(outcome.rounds[kept], accepted=[])]
-    return replace(outcome, rounds=rounds, rejected=outcome.added[kept:])
+    rounds = [*outcome.rounds[:n], replace(outcome.rounds[n], accepted=[])]
+    return replace(outcome, rounds=rounds, rejected=[*outcome.rejected, *outcome.added[n:]])
 
 
 def clocks_confirmed(solver: Solver, outcome: Search, checked: Measured, seed: int) -> bool:

@@ -5,6 +5,7 @@ import pytest
 
 from rearl_jax.discovery.comparison import predictions
 from rearl_jax.discovery.comparison.predictions import best_predicting
+from rearl_jax.discovery.report.protocols import ProtocolErrors
 from tests.discovery.search.searches import search_that_added
 
 ADDED = (("reaction_delay", [0.7, 0.0]), ("approach_rate_gain", [0.5]), ("grade", [1.0]))
@@ -20,9 +21,11 @@ def test_as_many_additions_stay_as_predict_best(solver, calibrated, monkeypatch,
     monkeypatch.setattr(predictions, "recalibrated", lambda solver, data, fits: fits)
 
     def predicted(*_):
-        return {"population": {"gap_rmse": np.full(4, next(told))}, "in_sample": {"gap_rmse": np.full(4, 0.1)}}
+        error, drivers = {"gap_rmse": np.full(4, next(told))}, np.arange(4)
+        other = ProtocolErrors(drivers, {"gap_rmse": np.full(4, 0.1)}, error, 0)
+        return {"population": ProtocolErrors(drivers, error, error, 0), "first_half": None, "other_runs": other}
 
-    monkeypatch.setattr(predictions, "errors_by_protocol", predicted)
+    monkeypatch.setattr(predictions, "prediction_errors", predicted)
     left = best_predicting(solver, found)
     assert [trial.candidate for trial in left.added] == [trial.candidate for trial in found.added[:kept]]
     assert [trial.candidate for trial in left.rejected] == [trial.candidate for trial in found.added[kept:]]

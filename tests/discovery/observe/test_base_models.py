@@ -20,7 +20,6 @@ from rearl_jax.discovery.observe.noise import USUAL, calibrate
 from rearl_jax.discovery.observe.solver import solver_of
 from rearl_jax.discovery.report.repaired import repaired_model
 from rearl_jax.discovery.report.tables import fit_table
-from rearl_jax.discovery.search.headway import CONSTANT_TIME_GAP
 from rearl_jax.models.file import read_model, write_model
 from rearl_jax.models.population import population_of_model
 from rearl_jax.models.traffic import populate
@@ -78,10 +77,6 @@ def model(calibrated_by):
     return repaired_model(
         calibrated=fit,
         repaired=fit,
-        lane_changes=(),
-        added=(),
-        lane_choice=None,
-        variation=CONSTANT_TIME_GAP,
         data=data,
         layout=solver.layout,
         data_id="generated-0",
