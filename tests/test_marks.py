@@ -54,6 +54,7 @@ def expression(call, addopts):
     words.add_argument("-m", default="")
     words.add_argument("-n")
     words.add_argument("--dist")
+    words.add_argument("--durations")
     asked, others = words.parse_known_args(["-m", words.parse_known_args(addopts)[0].m, *call])
     assert others == [], f"pytest {shlex.join(call)}: only marks choose among the tests"
     return asked.m
