@@ -85,6 +85,11 @@ class DataConfig:
         "straight part of a street (pneuma): latitude and longitude [deg] of the middle of the carriageway where it "
         "begins and ends, its width [m] and its lanes, six numbers",
     )
+    ring: float | None = key(
+        None,
+        "length of one lap of a ring road of one lane [m], for data=table, null = a road with two ends; `rearl prepare "
+        "FILE` finds it where positions begin anew with every lap",
+    )
     # Mutable, so excluded from the hash but not from equality.
     columns: dict[str, Any] = field(
         default_factory=dict,
@@ -118,6 +123,6 @@ class DataConfig:
             raise out_of_range("recordings", "must be a shell pattern such as *", repr(self.recordings))
         check_positive(self, "max_jump")
         check_within(self, 1.0, 30.0, "default_length")
-        for name in ("window", "section"):
+        for name in ("window", "section", "ring"):
             if getattr(self, name) is not None:
                 check_positive(self, name)

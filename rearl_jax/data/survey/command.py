@@ -19,6 +19,8 @@ def command_of(data: DataConfig) -> str:
     for key, given in (("columns", data.columns), ("units", data.units)):
         if given:
             words.append(f"data.{key}={mapping_text(given)}")
+    if data.ring is not None:
+        words.append(f"data.ring={data.ring:.10g}")
     if data.on_bad is not OnBad.stop:
         words.append(f"data.on_bad={data.on_bad.name}")
     return shlex.join(words)

@@ -10,6 +10,7 @@ from rearl_jax.data.schema import COLUMNS
 from rearl_jax.data.survey.clock import Clock, clock_of, named
 from rearl_jax.data.survey.motion import Motion, motion_of, told_by
 from rearl_jax.data.survey.names import end_in, is_in_pixels, is_on_globe, per_vehicle, unit_in
+from rearl_jax.data.survey.ring import ring_of
 from rearl_jax.data.survey.sample import FoundColumn, Sample
 from rearl_jax.data.survey.sizes import Sizes, sizes_of
 from rearl_jax.data.tables.track_names import NOBODY
@@ -44,12 +45,14 @@ class Proposal:
         refused: Columns that have a fitting name and are left out, and why, by their name in the file.
         missing: Canonical columns without which the table cannot be read, and what was looked for.
         doubts: Properties that the table does not determine.
+        ring: Length of one lap of a ring road whose positions begin anew with every lap [m]; None for other roads.
     """
 
     taken: dict[str, Taken] = field(default_factory=dict)
     refused: dict[str, str] = field(default_factory=dict)
     missing: dict[str, str] = field(default_factory=dict)
     doubts: list[str] = field(default_factory=list)
+    ring: float | None = None
 
     def columns(self, present: Sequence[str]) -> dict[str, str | None]:
         """The value of `data.columns`: names that differ, and null for canonical names that are something else."""
@@ -85,6 +88,7 @@ def proposal_of(sample: Sample) -> Proposal:
         _take_by_name(found, sample.columns)
     else:
         motion = told_by(motion, sizes)
+        found.ring = ring_of(motion, clock)
         _take_motion(found, clock, motion)
     _take_sizes(found, sizes)
     for canonical, check in _OTHERS.items():
@@ -130,6 +134,8 @@ def _take_motion(found: Proposal, clock: Clock, motion: Motion) -> None:
     position = f"{sign}{of_position}"
     end = end_in(motion.position.name)
     of_vehicle = f"; of the {end}, as the name says" if end else "; taken for that of the centre"
+    if found.ring is not None:
+        of_vehicle += f"; begins anew every {found.ring:g} m, as on a ring"
     found.taken[end or "position"] = Taken(
         motion.position.name, None if position == "m" else position, why + of_vehicle
     )
@@ -137,7 +143,7 @@ def _take_motion(found: Proposal, clock: Clock, motion: Motion) -> None:
     found.taken["speed"] = Taken(motion.speed.name, None if speed == "m/s" else speed, why)
     if motion.doubt:
         found.doubts.append(motion.doubt)
-    if motion.goes_both_ways:
+    if motion.goes_both_ways and found.ring is None:
         found.missing["position"] = (
             f"{motion.position.name} rises for some vehicles and falls for others: give each driving direction in a "
             "table of its own, in which it rises while driving (-m reverses it)"

@@ -50,7 +50,8 @@ def tried(root: str, proposal: Proposal, present: list[str]) -> Trial:
         present: Names of all columns.
     """
     while True:
-        data = DataConfig(DataFormat.table, root, columns=proposal.columns(present), units=proposal.units)
+        keys = {"columns": proposal.columns(present), "units": proposal.units, "ring": proposal.ring}
+        data = DataConfig(DataFormat.table, root, **keys)
         strict = _read(data)
         if strict.error is None:
             return strict

@@ -13,6 +13,7 @@ from rearl_jax.config.data import DataConfig
 from rearl_jax.data.checks import clock
 from rearl_jax.data.checks.lateral_checks import EDGE_TOLERANCE, USUAL_WIDTH
 from rearl_jax.data.problems import bad_recording
+from rearl_jax.data.roads.ring import unrolled
 from rearl_jax.data.tables.moments import seconds_of
 from rearl_jax.data.tables.spelling import ENDS, Spelling, require_needed_columns
 from rearl_jax.data.tables.track_names import LABEL, numbered
@@ -43,7 +44,7 @@ def completed(rows: pd.DataFrame, spelling: Spelling, data: DataConfig, file: st
     Args:
         rows: Rows under canonical names; the index holds the row numbers of the source.
         spelling: Their spelling in the table.
-        data: `default_length`.
+        data: `default_length` and `ring`.
         file: For messages.
 
     Raises:
@@ -64,6 +65,9 @@ def completed(rows: pd.DataFrame, spelling: Spelling, data: DataConfig, file: st
     if spelling.factors.get("lateral", 1.0) < 0.0:
         rows, of_edge = _from_left_edge(rows)
         of_centres += of_edge
+    if data.ring is not None:
+        rows, of_ring = unrolled(rows, data.ring, file)
+        of_centres += of_ring
     rows, of_others = _with_defaults(rows, data)
     return Completed(rows, (*notes, *of_ids, *of_frames, *of_centres, *of_others), (LABEL,) if of_ids else ())
 

@@ -1,0 +1,83 @@
+"""Ring roads of one lane, unrolled: laps one behind the other on a straight road, as every model needs them.
+
+The vehicle that drives ahead of all others follows the hindmost one across the seam. A copy of the hindmost, one lap
+further on, is the leader there; it follows nobody, so no driver counts twice.
+"""
+
+import numpy as np
+import pandas as pd
+from jaxtyping import Float, Int
+
+from rearl_jax.data.problems import bad_recording
+
+
+def unrolled(rows: pd.DataFrame, circumference: float, file: str) -> tuple[pd.DataFrame, list[str]]:
+    """The rows with positions that grow from lap to lap and a leader for every vehicle, and notes.
+
+    Args:
+        rows: Rows with `track_id`, `frame` and `position` [m], which may begin anew with every lap or not.
+        circumference: Length of one lap [m].
+        file: For messages.
+
+    Raises:
+        BadRecordingError: There are several lanes, or vehicles overtake each other or are not on the ring.
+    """
+    track, frame, place = (_numbers(rows[name]) for name in ("track_id", "frame", "position"))
+    if "lane" in rows and len(np.unique(_numbers(rows["lane"]))) > 1:
+        text = "a ring road is read with one lane only, and there are several"
+        remedy = "give each lane a table of its own, or leave the column out: 'data.columns={lane: null}'"
+        raise bad_recording("ring-lanes", text, remedy, file, column="lane")
+    known = np.flatnonzero(np.isfinite(track) & np.isfinite(frame) & np.isfinite(place))
+    order = known[np.lexsort((frame[known], track[known]))]
+    at = _along(track[order].astype(np.int64), frame[order].astype(np.int64), place[order], circumference)
+    position = place.copy()
+    position[order] = at
+    rows = rows.assign(position=position, x=position, y=0.0, lane=0)
+    hindmost = _hindmost(frame[order].astype(np.int64), at, circumference, file)
+    source = order[hindmost]
+    copies = rows.iloc[source].assign(position=position[source] + circumference, x=position[source] + circumference)
+    first_free = int(np.max(track[known], initial=0.0)) + 1
+    copied, number = np.unique(track[source], return_inverse=True)
+    copies = copies.assign(track_id=first_free + number)
+    rows = pd.concat([rows, copies])
+    note = f"ring of {circumference:g} m unrolled: {len(copied)} of {len(np.unique(track[known]))} vehicles"
+    return rows.drop(columns="leader_id", errors="ignore"), [f"{note} are also there one lap ahead, as leaders"]
+
+
+def _along(
+    track: Int[np.ndarray, " rows"], frame: Int[np.ndarray, " rows"], place: Float[np.ndarray, " rows"], lap: float
+) -> Float[np.ndarray, " rows"]:
+    """Positions that grow from lap to lap [m], everybody less than a lap behind the vehicle seen longest."""
+    starts = np.flatnonzero(np.r_[True, np.diff(track) != 0])
+    counts = np.diff(np.r_[starts, len(track)])
+    seams = -np.rint(np.diff(place, prepend=0.0) / lap)
+    seams[starts] = 0.0
+    laps = np.cumsum(seams)
+    at = place + lap * (laps - np.repeat(laps[starts], counts))
+    longest = int(np.argmax(counts))
+    seen = slice(starts[longest], starts[longest] + counts[longest])
+    front = np.interp(frame[starts], frame[seen], at[seen])
+    behind = np.floor((front - at[starts]) / lap)
+    behind[longest] = 0.0
+    return at + lap * np.repeat(behind, counts)
+
+
+def _hindmost(
+    frame: Int[np.ndarray, " rows"], at: Float[np.ndarray, " rows"], lap: float, file: str
+) -> Int[np.ndarray, " frames"]:
+    """Row of the hindmost vehicle of every frame."""
+    order = np.lexsort((at, frame))
+    is_first = np.r_[True, np.diff(frame[order]) != 0]
+    hindmost = order[is_first]
+    foremost = order[np.r_[np.flatnonzero(is_first)[1:] - 1, len(order) - 1]]
+    reach = at[foremost] - at[hindmost]
+    if (reach >= lap).any():
+        worst = int(np.argmax(reach))
+        text = f"in frame {frame[hindmost[worst]]} vehicles are {reach[worst]:.1f} m apart on a ring of {lap:g} m"
+        remedy = "data.ring must be the length of one lap [m], and nobody may overtake or be counted twice"
+        raise bad_recording("ring-overtaken", text, remedy, file, column="position")
+    return hindmost
+
+
+def _numbers(column: pd.Series) -> np.ndarray:
+    return pd.Series(pd.to_numeric(column, errors="coerce")).to_numpy(np.float64, na_value=np.nan)
