@@ -16,6 +16,12 @@ from rearl_jax.core.car_following import CAR_FOLLOWING
 from rearl_jax.core.car_following.model import CarFollowing
 
 
+LOCATION_SPREAD = 0.7
+"""Standard deviation of the logarithm of a population's median parameters around the usual values [-]: one population in
+three has half or twice the usual value. Own choice; roads, countries and controllers differ more than drivers of one road.
+"""
+
+
 @dataclass(frozen=True)
 class Prior:
     """Prior distribution of drivers' parameters; hashable.
@@ -61,6 +67,11 @@ class Prior:
     def spread(self) -> Float[np.ndarray, " own"]:
         """Standard deviations of the parameters' logarithms between drivers [-]."""
         return np.array([parameter.spread for parameter in self.model.declaration.parameters])
+
+    @property
+    def location_precision(self) -> Float[np.ndarray, " own"]:
+        """Inverse variance of a population's mean standardised parameters [-]."""
+        return (self.spread / LOCATION_SPREAD) ** 2
 
     @property
     def bounds(self) -> tuple[Float[np.ndarray, "classes own"], Float[np.ndarray, "classes own"]]:

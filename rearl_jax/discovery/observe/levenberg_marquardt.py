@@ -69,8 +69,8 @@ class LevenbergMarquardt:
             place = slice(c * n_own, (c + 1) * n_own)
             members = state.truck == c
             coupling[members, :, place] = -precision
-            block[place, place] = members.sum() * precision + np.eye(n_own)
-            slope[place] = state.mean[c] - away[members].sum(axis=0)
+            block[place, place] = members.sum() * precision + np.diag(layout.prior.location_precision)
+            slope[place] = layout.prior.location_precision * state.mean[c] - away[members].sum(axis=0)
         last = slice(n_mean, n_shared)
         coupling[:, :, last] = gram[:, own, added]
         block[last, last] = gram[:, added, added].sum(axis=0) + np.diag((unit / scale) ** 2)
@@ -142,7 +142,8 @@ class LevenbergMarquardt:
     def _objective(self, state: FitState) -> float:
         """Objective [nats], at the present S_usual."""
         off = (state.theta - self._layout.reference)[self._free] / self._layout.scale[self._free]
-        return float(-state.penalised().sum() + 0.5 * (state.mean**2).sum() + 0.5 * (off**2).sum())
+        located = self._layout.prior.location_precision * state.mean**2
+        return float(-state.penalised().sum() + 0.5 * located.sum() + 0.5 * (off**2).sum())
 
 
 def adapt_variance(state: FitState) -> None:

@@ -3,7 +3,7 @@
 Minimises for a state (one data set under one candidate)
 
     sum over drivers [(n + f) / 2 log S - f / 2 log S_usual + |(z - mean) / spread|^2 / 2]
-        + |mean|^2 / 2 + |(theta - ref) / scale|^2 / 2,   S = (f S_usual + sum over steps of nu^2) / (f + n)
+        + |mean / location|^2 / 2 + |(theta - ref) / scale|^2 / 2,   S = (f S_usual + sum over steps of nu^2) / (f + n)
 
 for many states in one batch. The population's spread is fixed, because a spread that shrank with every step would give
 false evidence. S is the variance of a driver's innovations, n of which count; its prior is centred on S_usual with the

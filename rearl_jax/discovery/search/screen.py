@@ -74,6 +74,7 @@ def _scores(
     variances = state.variances
     gradient, nuisance = sums["gradient"] / variances[:, None], sums["nuisance"] / variances[:, None, None]
     precision, away = state.precision, state.away @ state.precision
+    located = layout.prior.location_precision
     block = nuisance[:, :n_own, :n_own] + precision
     coupling = nuisance[:, :n_own, n_own:]
     slope = gradient[:, :n_own] + away
@@ -90,9 +91,9 @@ def _scores(
             members = state.truck == c
             if not members.any():
                 continue
-            mean_block = (precision - precision @ inverse[members] @ precision).sum(axis=0) + np.eye(n_own)
+            mean_block = (precision - precision @ inverse[members] @ precision).sum(axis=0) + np.diag(located)
             coupled = precision @ response[members].sum(axis=0)
-            rest = state.mean[c] - away[members].sum(axis=0) + precision @ step[members].sum(axis=0)
+            rest = located * state.mean[c] - away[members].sum(axis=0) + precision @ step[members].sum(axis=0)
             answer = np.linalg.solve(mean_block, coupled)
             score = score + answer.T @ rest
             kept = kept - coupled[:, :n_kept].T @ answer
