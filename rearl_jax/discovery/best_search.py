@@ -65,7 +65,7 @@ def best_search(
     best = _beside_best_model(config, study, priors, parts, bar, label)
     if is_explained(best.outcome, best.adequacy):
         return best
-    outcome = best_predicting(best.solver, best.outcome)
+    outcome = best_predicting(best.solver, best.outcome, config.discover.seed)
     if outcome is best.outcome:
         return best
     log.info("predictions are best with %s of %s effects", len(outcome.added), len(best.outcome.added))

@@ -154,6 +154,11 @@ class Thresholds:
     [-].
     """
 
+    prediction_share: float = 0.95
+    """Share of resamples of check drivers whose mean gap error must become smaller under one predicting protocol for
+    effects to stay that do not explain the drivers [-].
+    """
+
     simulated_memory: float = 15.0
     """Time after which errors of a simulation are independent of those before [s]."""
 

@@ -1,17 +1,25 @@
-"""Additions to a model that do not explain its drivers: only as many as predict other drivers best."""
+"""Additions to a model that do not explain its drivers: only as many as surely are of use for other drivers."""
+
+from collections.abc import Mapping
 
 import numpy as np
+from jaxtyping import Float
 
-from rearl_jax.discovery.comparison.choice import mean_prediction_error
+from rearl_jax.discovery.comparison.choice import VETOING, mean_prediction_error, resamples
 from rearl_jax.discovery.observe.fit import recalibrated
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.report.protocols import prediction_errors
 from rearl_jax.discovery.search.confirmation import with_first_additions
 from rearl_jax.discovery.search.procedure import Search
+from rearl_jax.discovery.thresholds import THRESHOLDS
+
+GapErrors = Mapping[str, Float[np.ndarray, " drivers"]]
+"""Gap error of each tested driver [m], by protocol."""
 
 
-def best_predicting(solver: Solver, outcome: Search) -> Search:
-    """The search with as many of its additions, in their order, as predict the checked drivers best.
+def best_predicting(solver: Solver, outcome: Search, seed: int) -> Search:
+    """The search with as many of its additions, in their order, as predict the checked drivers best; without additions
+    unless these predict them surely better.
 
     Evidence comes from one-step predictions, and simulations of calibrated drivers forgive much. An effect that is not
     surely the right one has to be of use for drivers, or parts of drives, to which nothing was calibrated.
@@ -22,4 +30,23 @@ def best_predicting(solver: Solver, outcome: Search) -> Search:
     states = recalibrated(solver, outcome.checked, fits)
     errors = [prediction_errors(solver, state, fit) for fit, state in zip(fits, states, strict=True)]
     gap_errors = [{name: one.by_driver["gap_rmse"] for name, one in of_fit.items() if one} for of_fit in errors]
-    return with_first_additions(outcome, int(np.argmin([mean_prediction_error(of_fit) for of_fit in gap_errors])))
+    before, useful = gap_errors[0], [0]
+    useful += [n for n, after in enumerate(gap_errors) if n and predict_surely_better(before, after, seed)]
+    return with_first_additions(outcome, min(useful, key=lambda n: mean_prediction_error(gap_errors[n])))
+
+
+def predict_surely_better(before: GapErrors, after: GapErrors, seed: int) -> bool:
+    """True if the mean gap error is significantly smaller under one predicting protocol and smaller under all of them.
+
+    Args:
+        before: Errors without the additions.
+        after: Errors of the same drivers with them.
+        seed: Seed of the resamples of drivers.
+    """
+    shares = []
+    for name in VETOING:
+        if name in before:
+            drawn = resamples(len(before[name]), seed)
+            smaller = after[name][drawn].mean(axis=1) < before[name][drawn].mean(axis=1)
+            shares.append(float(smaller.mean()))
+    return bool(shares) and min(shares) > 0.5 and max(shares) >= THRESHOLDS.prediction_share

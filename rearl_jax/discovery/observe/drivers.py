@@ -15,10 +15,9 @@ from rearl_jax.config.driver import DriverConfig, record_of
 from rearl_jax.core.car_following import CAR_FOLLOWING
 from rearl_jax.core.car_following.model import CarFollowing
 
-
 LOCATION_SPREAD = 0.7
-"""Standard deviation of the logarithm of a population's median parameters around the usual values [-]: one population in
-three has half or twice the usual value. Own choice; roads, countries and controllers differ more than drivers of one road.
+"""Standard deviation of the logarithm of a population's median parameters around their usual values [-]: one population
+in three has half or twice the usual value. Roads, countries and controllers differ more than drivers of one road do.
 """
 
 
