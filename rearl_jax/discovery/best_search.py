@@ -77,8 +77,9 @@ def _beside_best_model(
 ) -> BestSearch:
     """Search with the car-following model that fits best, and a test of the effects found in other models.
 
-    The search is repeated with another model in two cases: that model fits significantly better with the effects found,
-    or it explains the drivers by named effects where this one leaves a free curve or a doubtful name.
+    The search is repeated with another model in two cases: that model fits significantly better with the effects found
+    and simulations do not speak against it, or it explains the drivers by named effects where this one leaves a free
+    curve or a doubtful name.
     """
     seed = config.discover.seed
     if len(priors) == 1:
@@ -91,7 +92,7 @@ def _beside_best_model(
     outcome = _search(config, study, solver, parts, bar, label, calibrated=comparison.base)
     beside = found_beside(solver, outcome, comparison.others, parts.fitted)
     better = better_model(beside, seed)
-    if better is not None:
+    if better is not None and not comparison.denies(better):
         log.info("with the effects found, %s fits significantly better: the search is repeated with it", better.name)
         comparison, solver = comparison.going_on_with(better), solver_of(parts.fitted, better)
         outcome = _search(config, None, solver, parts, bar, label)  # stored nulls are of the first model

@@ -3,7 +3,7 @@ significantly better.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -13,7 +13,7 @@ from rearl_jax.discovery.thresholds import THRESHOLDS
 DRAWS = 2000
 """Resamples of drivers."""
 
-VETOING = ("population", "first_half")
+PREDICTING = ("population", "first_half", "other_runs")
 """Protocols that predict; a model that is worse than the best one in one of them is not chosen."""
 
 
@@ -26,12 +26,21 @@ class Choice:
         better_share: Share of resamples of drivers in which each model is more likely than the first one [-].
         best_share: Share of resamples in which each model is the most likely one [-].
         vetoed: Models whose simulations are worse than the best one's.
+        mean_errors: Geometric mean over the protocols that predict of the mean gap error of each model [m].
     """
 
     chosen: int
     better_share: list[float]
     best_share: list[float]
     vetoed: frozenset[int]
+    mean_errors: list[float]
+
+    def denies(self, other: int) -> bool:
+        """True if simulations speak against `other` in place of the chosen model: it is vetoed, and the chosen one is
+        not, or has a smaller mean error.
+        """
+        is_smaller = self.mean_errors[other] < self.mean_errors[self.chosen]
+        return other in self.vetoed and not (self.chosen in self.vetoed and is_smaller)
 
 
 def resamples(n: int, seed: int) -> Int[np.ndarray, "draws drivers"]:
@@ -54,20 +63,19 @@ def choice_of(
     drawn = np.stack([one[resamples(len(one), seed)].sum(axis=1) for one in gains])
     better = (drawn > drawn[0]).mean(axis=1).tolist()
     best = np.bincount(drawn.argmax(axis=0), minlength=len(gains)) / DRAWS
-    vetoed = frozenset().union(*(_probably_worse([one.get(name) for one in errors], seed) for name in VETOING))
-    # If the first model is vetoed as well, a vetoed model with a smaller mean error may replace it.
-    is_first_denied, means = 0 in vetoed, [mean_prediction_error(one) for one in errors]
-    denied = {index for index in vetoed if not is_first_denied or means[index] >= means[0]}
+    vetoed = frozenset().union(*(_probably_worse([one.get(name) for one in errors], seed) for name in PREDICTING))
+    means = [mean_prediction_error(one) for one in errors]
+    first = Choice(0, better, best.tolist(), vetoed, means)
     able = [
         index
         for index, share in enumerate(better)
         if share >= THRESHOLDS.base_confidence
         and gains[index].sum() > THRESHOLDS.least_base_gain
-        and index not in denied
+        and not first.denies(index)
         and (errors[index] or not any(errors))  # a model without simulations is not chosen if others have some
     ]
     chosen = max(able, key=lambda index: float(gains[index].sum()), default=0)
-    return Choice(chosen, better, best.tolist(), vetoed)
+    return replace(first, chosen=chosen)
 
 
 def is_beaten(one: Float[np.ndarray, " drivers"], gains: Sequence[Float[np.ndarray, " drivers"]], seed: int) -> bool:
@@ -79,7 +87,7 @@ def is_beaten(one: Float[np.ndarray, " drivers"], gains: Sequence[Float[np.ndarr
 
 def mean_prediction_error(errors: Mapping[str, Float[np.ndarray, " _"]]) -> float:
     """Geometric mean over the protocols that predict of the mean gap error [m]; inf without any."""
-    means = [errors[name].mean() for name in VETOING if name in errors]
+    means = [errors[name].mean() for name in PREDICTING if name in errors]
     return float(np.exp(np.mean(np.log(means)))) if means else np.inf
 
 

@@ -73,6 +73,10 @@ class Comparison:
         others = [index for index in range(len(self.priors)) if index != self.choice.chosen]
         return [self.priors[k] for k in sorted(others, key=lambda k: -float((self.gains[k] - chosen).sum()))]
 
+    def denies(self, prior: Prior) -> bool:
+        """True if simulations of the checked drivers speak against a model in place of the chosen one."""
+        return self.choice.denies([one.name for one in self.priors].index(prior.name))
+
     def going_on_with(self, prior: Prior) -> "Comparison":
         """The comparison with another choice; the model chosen before becomes the first rival."""
         others = tuple(name for name in self.rivals if name != prior.name)

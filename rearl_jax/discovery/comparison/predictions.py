@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 from jaxtyping import Float
 
-from rearl_jax.discovery.comparison.choice import VETOING, mean_prediction_error, resamples
+from rearl_jax.discovery.comparison.choice import PREDICTING, mean_prediction_error, resamples
 from rearl_jax.discovery.observe.fit import recalibrated
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.report.protocols import prediction_errors
@@ -44,7 +44,7 @@ def predict_surely_better(before: GapErrors, after: GapErrors, seed: int) -> boo
         seed: Seed of the resamples of drivers.
     """
     shares = []
-    for name in VETOING:
+    for name in PREDICTING:
         if name in before:
             drawn = resamples(len(before[name]), seed)
             smaller = after[name][drawn].mean(axis=1) < before[name][drawn].mean(axis=1)

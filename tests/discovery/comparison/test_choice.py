@@ -42,7 +42,7 @@ def test_the_most_likely_of_those_that_surely_are_better_is_chosen_and_how_sure_
     assert found.best_share[2] > found.best_share[1] > found.best_share[3] == 0.0
 
 
-@pytest.mark.parametrize("protocol", ["population", "first_half", "in_sample"])
+@pytest.mark.parametrize("protocol", ["population", "first_half", "other_runs", "in_sample"])
 @pytest.mark.parametrize(("factor", "is_vetoed"), [(1.2, True), (1.04, False), (0.9, False)])
 def test_simulations_speak_against_a_model_that_predicts_surely_worse_gaps(protocol, factor, is_vetoed):
     found = chosen([np.full(N, 3.0)], [{protocol: ERROR}, {protocol: factor * ERROR}])
@@ -72,3 +72,13 @@ def test_where_simulations_speak_against_the_first_too_the_better_in_the_mean_fo
 def test_a_model_is_beaten_only_where_another_surely_is_more_likely():
     gains = [np.zeros(N), scattered(2.0), scattered(1.9)]
     assert [is_beaten(one, gains, seed=0) for one in gains] == [True, False, False]
+
+
+@pytest.mark.parametrize(
+    ("factors", "denied"),
+    [((1.0, 1.3, 1.0), {1}), ((1.3, 1.2, 1.0), set()), ((1.2, 1.3, 1.0), {1}), ((1.0, 1.0, 1.0), set())],
+)
+def test_a_vetoed_model_replaces_only_one_that_is_vetoed_and_predicts_worse(factors, denied):
+    found = chosen([np.zeros(N)] * 2, [{"population": factor * ERROR} for factor in factors])
+    assert found.chosen == 0
+    assert {other for other in (1, 2) if found.denies(other)} == denied
