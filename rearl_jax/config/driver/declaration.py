@@ -21,6 +21,8 @@ class DriverParameter:
         spread: Standard deviation of the logarithm between drivers [-], the prior of a calibration. Source of the order
             of magnitude: Kesting & Treiber, Transp. Res. Rec. 2088 (2008) 148.
         truck: Typical value for trucks; None for that of cars.
+        location: Standard deviation of the logarithm of a population's median around the typical value [-]; None for
+            `spread`.
     """
 
     name: str
@@ -32,6 +34,7 @@ class DriverParameter:
     source: str
     spread: float = 0.3
     truck: float | None = None
+    location: float | None = None
 
 
 @dataclass(frozen=True)
@@ -68,8 +71,11 @@ _TABLE = "own choice, near Treiber & Kesting, Traffic Flow Dynamics (2013), tabl
 
 def desired_speed(usual: float | None = 32.0, source: str = _TABLE) -> DriverParameter:
     """Desired speed v0, which every model has."""
-    # Congested traffic contains little information about it, so with a wide spread the estimate would diverge.
-    return DriverParameter("desired_speed", "m/s", "desired speed v0", usual, 1.0, 100.0, source, 0.12, truck=25.0)
+    # Congested traffic contains little information about it, so with a wide spread the estimate would diverge. The
+    # median differs far more between roads, from 30 km/h on a test track to motorways without limit.
+    return DriverParameter(
+        "desired_speed", "m/s", "desired speed v0", usual, 1.0, 100.0, source, 0.12, truck=25.0, location=0.5
+    )
 
 
 def time_gap(usual: float = 1.25, source: str = _TABLE) -> DriverParameter:

@@ -15,11 +15,6 @@ from rearl_jax.config.driver import DriverConfig, record_of
 from rearl_jax.core.car_following import CAR_FOLLOWING
 from rearl_jax.core.car_following.model import CarFollowing
 
-LOCATION_SPREAD = 0.7
-"""Standard deviation of the logarithm of a population's median parameters around their usual values [-]: one population
-in three has half or twice the usual value. Roads, countries and controllers differ more than drivers of one road do.
-"""
-
 
 @dataclass(frozen=True)
 class Prior:
@@ -70,7 +65,8 @@ class Prior:
     @property
     def location_precision(self) -> Float[np.ndarray, " own"]:
         """Inverse variance of a population's mean standardised parameters [-]."""
-        return (self.spread / LOCATION_SPREAD) ** 2
+        location = np.array([parameter.location or parameter.spread for parameter in self.model.declaration.parameters])
+        return (self.spread / location) ** 2
 
     @property
     def bounds(self) -> tuple[Float[np.ndarray, "classes own"], Float[np.ndarray, "classes own"]]:
