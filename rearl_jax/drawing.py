@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 # Distinguishable with any colour vision. Source: Okabe & Ito, Color Universal Design (2008).
 BLUE, SKY_BLUE, GREEN = "#0072B2", "#56B4E9", "#009E73"
 ORANGE, VERMILION, PURPLE, YELLOW = "#E69F00", "#D55E00", "#CC79A7", "#F0E442"
-# Distinguishable by lightness; own choice.
+# Distinguishable by lightness.
 DARK_GREY, GREY, LIGHT_GREY = "#333333", "#999999", "#E6E6E6"
 
 DPI = 200

@@ -68,6 +68,7 @@ def task_help(task: Task, overrides: list[str]) -> str:
         f"rearl {task.words}: {task.summary}",
         f"usage: rearl {task.words} [options] [key=value ...]",
         textwrap.fill(task.description, columns),
+        "Defaults are shown after the equals sign; a default without a source was chosen for this project.",
     ]
     for group in groups_of(defaults_with(task, overrides)):
         heading = f"{group.name}: {group.help}" if group.name else "keys:"

@@ -40,7 +40,7 @@ def _group(record: type) -> Any:
 
 
 def _first_look() -> DataConfig:
-    """Shipped recordings in which vehicles follow each other, few enough for a verdict in a minute or two."""
+    """Shipped leader-follower pairs, few enough for a verdict in a minute or two."""
     return DataConfig(DataFormat.i80_slice)
 
 

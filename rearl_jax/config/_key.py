@@ -13,7 +13,8 @@ def key(default: Any, help: str) -> Any:
     Args:
         default: Default value; for a nested record its class (a fresh record is built from the class's own
             defaults) or a function of no arguments. A sequence is written as a tuple.
-        help: One line: meaning, unit in brackets, source of the default.
+        help: One line: meaning, unit in brackets, source of the default. Without a source, the default was chosen for
+            this project.
 
     Raises:
         ValueError: The text is empty or longer than one line, or the default is a list or dict.

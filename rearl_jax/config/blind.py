@@ -17,7 +17,7 @@ class StudySize(Enum):
 
 
 class StudyPriors(Enum):
-    """Origin of everything in a data set beside its hidden effects."""
+    """Source of the drivers, the measurement and the traffic of a data set."""
 
     usual = "usual"
     broad = "broad"

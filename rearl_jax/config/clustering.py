@@ -1,6 +1,6 @@
 """Configuration of the clusterings: tracks by shape, scenes by the tracks in them, and the search for parameters.
 
-Defaults marked "REARL" are stated in the paper (Bi et al.); "own choice" resolves something it leaves open.
+Defaults marked "REARL" are stated in the paper (Bi et al.).
 """
 
 from dataclasses import dataclass
@@ -76,21 +76,21 @@ class KlConfig:
     """Clustering of tracks: k centres of at most l vertices under the Frechet distance"""
 
     k: int = key(3, "number of clusters of tracks; REARL")
-    l: int = key(12, "largest number of vertices of a centre; own choice, not stated by REARL")  # noqa: E741 - the name in the field
+    l: int = key(12, "largest number of vertices of a centre; not stated by REARL")  # noqa: E741 - the name in the field
     iterations: int = key(3, "largest number of updates of the centres; fewer if the cost stops decreasing; REARL")
     weights: tuple[float, float, float] = key(
-        (1.0, 1.0, 0.5), "weights of speed, position and distance, each scaled to 0 to 1; own choice"
+        (1.0, 1.0, 0.5), "weights of speed, position and distance, each scaled to 0 to 1"
     )
     distance: CurveDistance = key(
         CurveDistance.discrete_resampled,
-        "Frechet distance: discrete_resampled, discrete_raw or continuous (small data); own choice",
+        "Frechet distance: discrete_resampled, discrete_raw or continuous (small data)",
     )
-    centre_points: int = key(48, "points of a centre for kl.distance=discrete_resampled; own choice")
-    init: KlInit = key(KlInit.pam, "initial centres: pam, gonzalez_pam or gonzalez (as in klcluster); own choice")
+    centre_points: int = key(48, "points of a centre for kl.distance=discrete_resampled")
+    init: KlInit = key(KlInit.pam, "initial centres: pam, gonzalez_pam or gonzalez (as in klcluster)")
     update: KlUpdate = key(KlUpdate.fsa, "update of a centre: fsa = Frechet centring (REARL), mean or medoid")
-    sample: int = key(300, "tracks among which the initial centres are sought; own choice")
-    members: int = key(500, "sampled members of a cluster that update its centre; own choice")
-    ball_steps: int = key(60, "iterations of Badoiu and Clarkson's smallest enclosing ball; own choice")
+    sample: int = key(300, "tracks among which the initial centres are sought")
+    members: int = key(500, "sampled members of a cluster that update its centre")
+    ball_steps: int = key(60, "iterations of Badoiu and Clarkson's smallest enclosing ball")
     seed: int = key(0, "seed of the samples")
 
     def check(self) -> None:
@@ -112,14 +112,12 @@ class ClusterConfig:
     """Clustering of scenes and their representatives"""
 
     n_clusters: int = key(15, "number of clusters of scenes; fewer if there are fewer different scenes; REARL")
-    n_init: int = key(10, "restarts of k-means; own choice")
+    n_init: int = key(10, "restarts of k-means")
     vector: SceneVector = key(
         SceneVector.unique_tracks, "label shares of a scene: unique_tracks (each track once) or slot_weighted"
     )
-    representative: Representative = key(Representative.medoid, "medoid: a recorded scene (own choice), or slot_mean")
-    fit_on: FitOn = key(
-        FitOn.not_eval, "not_eval: without evaluation and tuning scenes (own choice), all (REARL; not held out)"
-    )
+    representative: Representative = key(Representative.medoid, "medoid: a recorded scene, or slot_mean")
+    fit_on: FitOn = key(FitOn.not_eval, "not_eval: without evaluation and tuning scenes, all (REARL; not held out)")
     seed: int = key(0, "seed of k-means and t-SNE")
 
     def check(self) -> None:
@@ -136,13 +134,13 @@ class BoConfig:
     n_calls: int = key(500, "largest number of evaluations; the search stops when the grid is exhausted; REARL")
     n_initial: int = key(10, "random evaluations before the first fit; default of scikit-optimize's gp_minimize")
     share: float = key(0.05, "share of the tracks that an evaluation clusters [-]; REARL")
-    k: tuple[int, ...] = key((2, 3, 4, 5, 6, 7, 8), "values of kl.k to try; own choice")
+    k: tuple[int, ...] = key((2, 3, 4, 5, 6, 7, 8), "values of kl.k to try")
     l: tuple[int, ...] = key(  # noqa: E741 - the name in the field
-        (4, 6, 8, 10, 12, 14, 16, 18, 20, 22, 24), "values of kl.l tried; own choice"
+        (4, 6, 8, 10, 12, 14, 16, 18, 20, 22, 24), "values of kl.l to try"
     )
-    iterations: tuple[int, ...] = key((1, 2, 3, 4, 5, 6), "values of kl.iterations to try; own choice")
+    iterations: tuple[int, ...] = key((1, 2, 3, 4, 5, 6), "values of kl.iterations to try")
     penalty: float = key(
-        0.01, "penalty on the silhouette for a centre of 24 vertices, proportional to the vertices [-]; own choice"
+        0.01, "penalty on the silhouette for a centre of 24 vertices, proportional to the vertices [-]"
     )
     seed: int = key(0, "seed of the sample of tracks and of the search")
 

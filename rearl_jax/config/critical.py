@@ -27,19 +27,15 @@ class CriticalConfig:
     """Shares of the driver classes of method=critical"""
 
     proposer: Proposer = key(
-        Proposer.stats, "stats: as in the recordings (own choice); llm: a language model (CRITICAL); search: a grid"
+        Proposer.stats, "stats: as in the recordings; llm: a language model (CRITICAL); search: a grid"
     )
-    rounds: int = key(5, "rounds of proposer=llm, each a new proposal of shares and its simulation (own choice)")
-    rollouts: int = key(
-        16, "rollouts per round or grid point, from initial states that no evaluation uses (own choice)"
-    )
+    rounds: int = key(5, "rounds of proposer=llm, each a new proposal of shares and its simulation")
+    rollouts: int = key(16, "rollouts per round or grid point, from initial states that no evaluation uses")
     attempts: int = key(
         5, "invalid answers of a language model per round before the shares stay as they are (CRITICAL)"
     )
     history: int = key(5, "past rounds shown to the language model (CRITICAL)")
-    max_tokens: int = key(
-        256, "limit of an answer's length [tokens]; the larger of this and llm.max_tokens applies (own choice)"
-    )
+    max_tokens: int = key(256, "limit of an answer's length [tokens]; the larger of this and llm.max_tokens applies")
     ratios: tuple[float, float, float] | None = key(
         None,
         "fixed shares [aggressive, defensive, truck], the rest is regular; null = chosen by the proposer",

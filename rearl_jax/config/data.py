@@ -62,8 +62,8 @@ class DataConfig:
     recordings: str = key("*", "shell pattern of the recording id, such as highd_0? or us101_0750; * = all")
     on_bad: OnBad = key(
         OnBad.stop,
-        "treatment of rows that violate the schema: stop with an error, drop_track (the vehicle) or drop_row (the row, "
-        "cutting the track there); dropped rows are counted",
+        "treatment of rows that violate the schema: stop with an error, drop_track (the vehicle is dropped) or "
+        "drop_row (the row is dropped and the track cut there); dropped rows are counted",
     )
     max_jump: float = key(
         20.0,
@@ -75,10 +75,10 @@ class DataConfig:
         "vehicle length if the source has none [m]; the median leader of the NGSIM I-80 pairs has 4.54 m",
     )
     window: float | None = key(
-        300.0, "length of the windows that recordings of hours (i24) are cut into [s], null = one; own choice"
+        300.0, "length of the windows that recordings of hours (i24) are cut into [s]; null = one window"
     )
     section: float | None = key(
-        1000.0, "length of the sections that recordings of miles (i24) are cut into [m], null = one; own choice"
+        1000.0, "length of the sections that recordings of miles (i24) are cut into [m]; null = one section"
     )
     stretch: tuple[float, ...] | None = key(
         None,

@@ -1,6 +1,6 @@
 """Configuration of the decisions: policy, admissible actions, execution.
 
-Defaults marked "REARL" are stated in the paper (Bi et al.); "own choice" resolves something it leaves open.
+Defaults marked "REARL" are stated in the paper (Bi et al.).
 """
 
 from dataclasses import dataclass
@@ -67,7 +67,7 @@ class DecisionConfig:
 
     policy: PolicyName = key(
         PolicyName.matcher,
-        "matcher (own choice), llm, replay; controls: idle, random_admissible, matcher_random_ref",
+        "matcher, llm or replay; controls: idle, random_admissible, matcher_random_ref",
     )
     server: str = key("local", "server of policy=llm: local = a small model on this machine, or http://HOST:PORT/v1")
 
@@ -78,9 +78,9 @@ class ExecConfig:
 
     longitudinal: Longitudinal = key(
         Longitudinal.idm_capped,
-        "speed control; idm_capped: IDM limits the acceleration (own choice); mdp: as highway-env's MDPVehicle",
+        "speed control; idm_capped: IDM limits the acceleration; mdp: as highway-env's MDPVehicle",
     )
-    persist_target: bool = key(True, "keep the target speed as the driver's desired speed afterwards; own choice")
+    persist_target: bool = key(True, "keep the target speed as the driver's desired speed afterwards")
     hold: int = key(1, "duration of an action unless a newer one follows [s]; REARL: one step")
 
     def check(self) -> None:
@@ -93,16 +93,15 @@ class AdmissibleConfig:
     """Admissible actions"""
 
     lane: LaneGate = key(
-        LaneGate.gap, "condition of a lane change: gap, exists (the lane exists), mobil_safe; own choice"
+        LaneGate.gap,
+        "condition of a lane change: gap (min_gap, min_time_gap), exists (the lane exists), mobil_safe (MOBIL)",
     )
-    min_gap: float = key(5.0, "smallest bumper-to-bumper gap for lane=gap [m]; own choice")
-    min_time_gap: float = key(0.5, "smallest time gap of the rear vehicle of each pair for lane=gap [s]; own choice")
-    longitudinal: bool = key(False, "require room ahead for keep, faster and slower; own choice")
-    decel_faster: float = key(
-        0.5, "largest IDM deceleration caused by the leader at which faster is admissible [m/s^2]; own choice"
-    )
-    decel_keep: float = key(1.5, "largest such deceleration for keep [m/s^2]; own choice")
-    decel_slower: float = key(4.0, "largest such deceleration for slower [m/s^2]; own choice")
+    min_gap: float = key(5.0, "smallest bumper-to-bumper gap for lane=gap [m]")
+    min_time_gap: float = key(0.5, "smallest time gap of the rear vehicle of each pair for lane=gap [s]")
+    longitudinal: bool = key(False, "require room ahead for keep, faster and slower")
+    decel_faster: float = key(0.5, "largest IDM deceleration behind the leader at which faster is admissible [m/s^2]")
+    decel_keep: float = key(1.5, "largest IDM deceleration behind the leader at which keep is admissible [m/s^2]")
+    decel_slower: float = key(4.0, "largest IDM deceleration behind the leader at which slower is admissible [m/s^2]")
 
     def check(self) -> None:
         """Raise InvalidInputError for a value outside its range."""
@@ -113,13 +112,13 @@ class AdmissibleConfig:
 class MatcherConfig:
     """The policy that imitates the reference"""
 
-    space: MatchSpace = key(
-        MatchSpace.rank, "similarity by rank among the vehicles (own choice) or by raw values (REARL)"
-    )
-    value_weight: float = key(0.05, "weight of the values relative to the ranks for space=rank [-]; own choice")
+    space: MatchSpace = key(MatchSpace.rank, "similarity by rank among the vehicles or by raw values (REARL)")
+    value_weight: float = key(0.05, "weight of the values relative to the ranks for space=rank [-]")
     lane_changes: bool = key(True, "imitate lane changes")
-    lane_change_pause: int = key(5, "shortest time between two lane changes of a vehicle [s]; own choice")
-    spacing_rule: bool = key(False, "if the spacing deviates, spread or contract instead of keeping; own choice")
+    lane_change_pause: int = key(5, "shortest time between two lane changes of a vehicle [s]")
+    spacing_rule: bool = key(
+        False, "if the mean spacing deviates, go faster or slower to correct it instead of keeping the speed"
+    )
 
     def check(self) -> None:
         """Raise InvalidInputError for a value outside its range."""

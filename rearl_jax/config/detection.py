@@ -1,6 +1,6 @@
 """Configuration of the detection of simulated traffic that differs too much from its reference.
 
-Defaults marked "REARL" are stated in the paper (Bi et al.); "own choice" resolves something it leaves open.
+Defaults marked "REARL" are stated in the paper (Bi et al.).
 """
 
 from dataclasses import dataclass
@@ -41,7 +41,7 @@ class ReferenceMode(Enum):
     spacing = "spacing"
     """The one with the smallest error of the mean spacing, averaged over all frames so far."""
     spacing_speed = "spacing_speed"
-    """The same plus the Hellinger distance of all speeds so far."""
+    """The one with the smallest weighted sum of that error and the Hellinger distance of all speeds so far."""
     drawn = "drawn"
     """One for the whole rollout, drawn in proportion to the size of its cluster."""
 
@@ -60,9 +60,7 @@ class DetectionConfig:
     m_pct: float = key(5.0, "percentile of base's spacing errors on the threshold scenes [%]; REARL")
     cues: Cues = key(Cues.both, "measure that triggers: both (either one; REARL), speed, spacing, always, never")
     interval: int = key(1, "time between two detections [s]; REARL: every step")
-    scope: Scope = key(
-        Scope.scene, "vehicles that need a decision: scene = all (own choice), vehicle = those that contribute"
-    )
+    scope: Scope = key(Scope.scene, "vehicles that need a decision: scene = all, vehicle = those that contribute")
 
     def check(self) -> None:
         """Raise InvalidInputError for a value outside its range."""
@@ -78,11 +76,9 @@ class ReferenceConfig:
     mode: ReferenceMode = key(
         ReferenceMode.spacing,
         "spacing (can stay at a congested reference) or spacing_speed, both described by REARL; drawn: one per "
-        "rollout, in proportion to the scenes it represents (own choice)",
+        "rollout, in proportion to the scenes it represents",
     )
-    weights: tuple[float, float] = key(
-        (1.0, 1.0), "weights of spacing error and Hellinger distance for spacing_speed; own choice"
-    )
+    weights: tuple[float, float] = key((1.0, 1.0), "weights of spacing error and Hellinger distance for spacing_speed")
 
     def check(self) -> None:
         """Raise InvalidInputError for a value outside its range."""

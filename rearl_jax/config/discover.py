@@ -23,8 +23,7 @@ class DiscoverConfig:
     max_drivers: int = key(
         240,
         "largest number of drivers, drawn at random from those who follow long enough, of each group if "
-        "discover.by names a label; more drivers reveal weaker "
-        "effects",
+        "discover.by names a label; more drivers reveal weaker effects",
     )
     confidence: float = key(0.9, "confidence level of all intervals [-]")
     draws: int = key(1000, "bootstrap resamples of drivers for the intervals of errors")
@@ -36,19 +35,19 @@ class DiscoverConfig:
     )
     same: str | None = key(
         None,
-        "label by which the same driver or car is known again in other tracks and recordings; null: that of the format "
-        "(openacc: model, fhwa: person), nothing for other formats",
+        "label that identifies the same driver or car in different tracks and recordings; null: the label of the "
+        "format (openacc: model, fhwa: person), none for other formats",
     )
     base: tuple[str, ...] | None = key(
         None,
-        "car-following models compared with that of driver, which stays unless another surely predicts other drivers "
-        f"better: some of {', '.join(CALIBRATED)}; null: all of them, but none where driver is given; []: none; "
-        "with discover.oracle none",
+        "car-following models compared with that of driver, which is kept unless another one predicts other drivers "
+        f"significantly better: some of {', '.join(CALIBRATED)}; null: all of them if driver is left out, else none; "
+        "[]: none. Nothing is compared with discover.oracle",
     )
     lane_changes: bool = key(
         True,
-        "early answers to the next leader and relaxation after a change of leader are part of the calibrated model, "
-        "where at least ten leaders change",
+        "include early response to the next leader, and relaxation after a change of leader, in the calibrated model "
+        "if at least ten leaders change",
     )
     page: bool = key(
         True, "also write page, figures, maps and residuals; false: only verdict, model and tables, for many data sets"

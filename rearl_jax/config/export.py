@@ -29,11 +29,11 @@ class Target(Enum):
 class ExportConfig:
     """Drawn drivers, and their comparison in SUMO"""
 
-    n_types: int = key(100, "drivers drawn from the population, each as probable as the others; own choice")
+    n_types: int = key(100, "drivers drawn from the population, each as probable as the others")
     seed: int = key(0, "seed of the drawn drivers, and of the comparison")
     compare: bool = key(False, "simulate the exported drivers in SUMO and here behind the same leaders; to=sumo only")
-    n_leaders: int = key(20, "measured first vehicles of the comparison, taken from the recordings of data; own choice")
-    n_followers: int = key(10, "followers of each; own choice")
+    n_leaders: int = key(20, "measured first vehicles of the comparison, taken from the recordings of data")
+    n_followers: int = key(10, "followers behind each of these vehicles")
     seconds: int = key(60, "simulated time of the comparison [s]; as a scene of REARL (Bi et al.)")
 
     def check(self) -> None:

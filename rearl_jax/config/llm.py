@@ -1,6 +1,6 @@
 """Configuration of the language model: prompt, server, error handling.
 
-Defaults marked "REARL" are stated in the paper (Bi et al.); "own choice" resolves something it leaves open.
+Defaults marked "REARL" are stated in the paper (Bi et al.).
 """
 
 from dataclasses import dataclass
@@ -41,7 +41,7 @@ class PromptConfig:
 
     template: str = key("", "Jinja file with the blocks system and user; empty = the shipped one")
     next: bool = key(True, "include what each vehicle of the reference did in the next second; false = REARL's Eq. 9")
-    scene: bool = key(True, "include speed shares and mean spacing of scenario and reference; own choice")
+    scene: bool = key(True, "include speed shares and mean spacing of scenario and reference")
 
 
 @dataclass(unsafe_hash=True)
@@ -53,7 +53,7 @@ class LlmConfig:
         Profile.auto, "server software, for its extensions: auto, vllm, sglang, ollama, llamacpp, plain (none)"
     )
     api_key_env: str = key("REARL_API_KEY", "environment variable with the API key; unset = no key is sent")
-    temperature: float = key(0.0, "sampling temperature; own choice")
+    temperature: float = key(0.0, "sampling temperature")
     seed: int = key(0, "seed of the server's sampling; each vote adds its number")
     votes: int = key(1, "answers per question, 1 or 3; the majority decides")
     thinking: Thinking = key(Thinking.off, "off, on, none: reasoning before the answer")
@@ -62,18 +62,18 @@ class LlmConfig:
     )
     max_tokens: int = key(8, "longest answer [tokens]; thousands with thinking=on")
     max_in_flight: int = key(
-        48, "simultaneous requests, more than the server processes at once; 1 or 2 on a CPU; own choice"
+        48, "simultaneous requests; above what the server processes at a time, to keep it busy; 1 or 2 on a CPU"
     )
-    startup: float = key(300.0, "longest wait for a server that is still loading [s]; own choice")
-    connect_timeout: float = key(5.0, "longest time to connect [s]; own choice")
-    read_timeout: float = key(120.0, "longest time without a byte [s]; own choice")
+    startup: float = key(300.0, "longest wait for a server that is still loading [s]")
+    connect_timeout: float = key(5.0, "longest time to connect [s]")
+    read_timeout: float = key(120.0, "longest time without a byte [s]")
     deadline: float = key(
-        600.0, "longest time for all questions of one simulated second; later answers are discarded [s]; own choice"
+        600.0, "longest time for all questions of one simulated second; later answers are discarded [s]"
     )
-    tries: int = key(3, "attempts before a request counts as failed; own choice")
-    backoff: float = key(0.5, "pause before the second attempt, doubled each time, with jitter [s]; own choice")
-    breaker_failures: int = key(8, "consecutive failed requests after which the server counts as down; own choice")
-    breaker_pause: float = key(10.0, "pause before the next request to a server that is down [s]; own choice")
+    tries: int = key(3, "attempts before a request counts as failed")
+    backoff: float = key(0.5, "pause before the second attempt, doubled each time, with jitter [s]")
+    breaker_failures: int = key(8, "consecutive failed requests after which the server counts as down")
+    breaker_pause: float = key(10.0, "pause before the next request to a server that is down [s]")
     cache: str = key("", "SQLite file of the answers, on a local disk; empty = answers.sqlite in the cache folder")
 
     def check(self) -> None:

@@ -46,7 +46,7 @@ class HistConfig:
     high: float = key(32.0, "upper edge of the last bin [m/s]; REARL, the highest target speed of DiLu")
     n_bins: int = key(8, "number of equal bins; REARL")
     window: int = key(5, "length of the sliding window [frames at 1 Hz = s]; REARL")
-    oob: OutOfBounds = key(OutOfBounds.clip, "speeds outside the range: clip (into the outer bins) or drop; own choice")
+    oob: OutOfBounds = key(OutOfBounds.clip, "speeds outside the range: clip (into the outer bins) or drop")
 
     def check(self) -> None:
         """Raise InvalidInputError for a value outside its range."""
@@ -74,8 +74,8 @@ class MapeConfig:
 class ThwConfig:
     """Time headway of same-lane leader-follower pairs"""
 
-    gap: Gap = key(Gap.bumper, "distance of the headway: bumper to bumper or centre to centre; own choice")
-    v_min: float = key(1.0, "smallest speed of a follower [m/s], which keeps the ratio finite; own choice")
+    gap: Gap = key(Gap.bumper, "distance of the headway: bumper to bumper or centre to centre")
+    v_min: float = key(1.0, "smallest speed of a follower [m/s], which keeps the ratio finite")
 
     def check(self) -> None:
         """Raise InvalidInputError for a value outside its range."""
@@ -117,7 +117,7 @@ class FeatureConfig:
 class RealismConfig:
     """Highway subset of the Waymo Open Sim Agents realism measures"""
 
-    speed_values: SpeedValues = key(SpeedValues.scaled, "scaled (as in the Hellinger distance) or raw; own choice")
+    speed_values: SpeedValues = key(SpeedValues.scaled, "scaled (as in the Hellinger distance) or raw")
     speed: FeatureConfig = key(
         lambda: FeatureConfig(low=0.0, high=35.0, n_bins=10, weight=0.05),
         "linear speed [m/s]; range of the 2023 challenge (later ones stop at 25 m/s), weight of 2024",
@@ -136,8 +136,8 @@ class RealismConfig:
     )
     headway: FeatureConfig = key(
         lambda: FeatureConfig(low=0.0, high=10.0, n_bins=20, weight=0.0),
-        "time headway [s] of the pairs of thw; bins as wide as those of the time to collision, own choice; without "
-        "weight, as the challenge does not have it",
+        "time headway [s] of the pairs of thw; bins as wide as those of the time to collision; weight 0, because the "
+        "challenge does not have this feature",
     )
     collision_weight: float = key(0.25, "weight of the collision indicator; Waymo Sim Agents challenge 2024")
     pseudocount: float = key(0.1, "additive smoothing per bin; Waymo Sim Agents challenge 2024")

@@ -1,4 +1,4 @@
-"""How simulations start in the paper, and wherever many different starts are wanted: drawn, on rescaled speeds."""
+"""The start of the paper, drawn initial states and rescaled speeds; also for tasks that need many different starts."""
 
 from dataclasses import dataclass, replace
 
@@ -19,13 +19,13 @@ def paper_road() -> CoreConfig:
 
 
 def _drawn() -> InitConfig:
-    """Starts as the paper has them."""
+    """The initial states of the paper."""
     return InitConfig(InitialSource.seed)
 
 
 @dataclass(unsafe_hash=True)
 class PaperStart:
-    """Keys of tasks that start as the paper does, in the place of starts and speeds as recorded."""
+    """Keys of tasks that start as the paper does, not as recorded."""
 
     init: InitConfig = key(_drawn, (InitConfig.__doc__ or "").rstrip("."))
     speed: SpeedConfig = key(rescaled, (SpeedConfig.__doc__ or "").rstrip("."))

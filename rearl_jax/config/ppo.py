@@ -1,7 +1,7 @@
 """Configuration of the baseline PPO: training and weights.
 
 Defaults marked "highway-env" are those of its PPO script (HighwayEnv, scripts/sb3_highway_ppo.py), "purejaxrl" those of
-purejaxrl/ppo.py; "own choice" is what neither states.
+purejaxrl/ppo.py.
 """
 
 import math
@@ -19,13 +19,13 @@ class PpoConfig:
 
     seed: int = key(0, "seed of weights, initial traffic and drawn actions; its traffic is never that of an evaluation")
     # Not int, which OmegaConf refuses to read 1e6 as.
-    car_steps: float = key(1e6, "vehicle-seconds to train on, rounded up to whole updates; own choice")
-    scenarios: int = key(64, "scenarios simulated for every update, each from another initial state; own choice")
+    car_steps: float = key(1e6, "vehicle-seconds to train on, rounded up to whole updates")
+    scenarios: int = key(64, "scenarios simulated for every update, each from another initial state")
     horizon: int = key(60, "length of the training rollouts [s]; REARL (Bi et al.)")
     longitudinal: Longitudinal = key(
         Longitudinal.mdp,
         "speed control; mdp: as in highway-env, without regard to other vehicles; idm_capped: IDM limits the "
-        "acceleration (own choice)",
+        "acceleration",
     )
     gamma: float = key(0.8, "discount factor per second [-]; highway-env")
     gae_lambda: float = key(0.95, "decay of the advantage estimate [-]; purejaxrl")
@@ -33,11 +33,11 @@ class PpoConfig:
     learning_rate: float = key(5e-4, "initial step size of Adam [-]; highway-env")
     anneal: bool = key(True, "reduce the step size linearly to zero; purejaxrl")
     epochs: int = key(10, "passes over the data of an update; highway-env")
-    minibatch: int = key(4096, "largest number of vehicle-seconds per gradient step; own choice")
+    minibatch: int = key(4096, "largest number of vehicle-seconds per gradient step")
     entropy_weight: float = key(0.01, "weight of the entropy in the objective [-]; purejaxrl")
     value_weight: float = key(0.5, "weight of the squared error of the value function [-]; purejaxrl")
     max_grad_norm: float = key(0.5, "largest norm of a gradient [-]; purejaxrl")
-    width: int = key(128, "neurons of each hidden layer; own choice")
+    width: int = key(128, "neurons of each hidden layer")
     layers: int = key(2, "hidden layers; highway-env")
     checkpoint_every: int = key(5, "updates between two checkpoints, from which an interrupted training continues")
 

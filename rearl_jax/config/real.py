@@ -56,7 +56,7 @@ class RealConfig:
 
     sets: tuple[str, ...] = key(
         tuple(SETS),
-        f"sets that are looked into, one discovery each: some of {', '.join(SETS)}, which are shipped, and {OWN}: the "
+        f"sets to analyse, one discovery each: some of {', '.join(SETS)}, which are shipped, and {OWN}: the "
         "recordings of data.format and data.root, grouped by discover.by",
     )
 

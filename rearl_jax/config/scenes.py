@@ -1,6 +1,6 @@
 """Configuration of scenes: windows, vehicles, speeds, distances, splits.
 
-Defaults marked "REARL" are stated in the paper (Bi et al.); "own choice" resolves something it leaves open.
+Defaults marked "REARL" are stated in the paper (Bi et al.).
 """
 
 from dataclasses import dataclass
@@ -24,9 +24,9 @@ class Pick(Enum):
     """Criterion for the longest recorded vehicles of a snapshot."""
 
     elapsed = "elapsed"
-    """Time since it entered the recording, at that frame."""
+    """Time since the vehicle entered the recording, at that frame."""
     total_duration = "total_duration"
-    """Length of its whole track."""
+    """Length of the vehicle's whole track."""
 
 
 class SpeedNorm(Enum):
@@ -86,19 +86,17 @@ class SplitUnit(Enum):
 class ScenesConfig:
     """Windows of the recordings that become scenes"""
 
-    direction: Direction = key(
-        Direction.pooled, "vehicles of both carriageways together (pooled) or per_direction; own choice"
-    )
+    direction: Direction = key(Direction.pooled, "vehicles of both carriageways together (pooled) or per_direction")
     seconds: int = key(60, "length of a scene [s] = number of 1 Hz snapshots; REARL")
     min_vehicles: int = key(10, "smallest number of vehicles in every snapshot of a scene; REARL")
     slots: int = key(10, "vehicles used in every snapshot, those recorded longest; REARL")
-    pick: Pick = key(Pick.elapsed, "recorded longest by time since entry (elapsed) or by total_duration; own choice")
+    pick: Pick = key(Pick.elapsed, "recorded longest by time since entry (elapsed) or by total_duration")
     stride: float | None = key(None, "time between two window starts [s]; null = scenes.seconds, no overlap")
 
     boundary: BoundarySource = key(
         BoundarySource.free,
         "recorded vehicles replayed around the simulated ones: free = none (REARL), leaders = the one ahead of the "
-        "foremost on each lane, measured = all others; both for scenes that start as recorded",
+        "foremost on each lane, measured = all others; leaders and measured need init.source=scene",
     )
 
     @property
@@ -140,7 +138,7 @@ class TracksConfig:
     """Tracks that are long enough for trajectory features"""
 
     min_frames: int = key(100, "shortest track [frames of the recording], 4 s at 25 Hz; REARL")
-    points: int = key(64, "points of a track's feature curve, evenly spaced in time; own choice")
+    points: int = key(64, "points of a track's feature curve, evenly spaced in time")
 
     def check(self) -> None:
         """Raise InvalidInputError for a value outside its range."""
@@ -153,7 +151,7 @@ class FeaturesConfig:
 
     d: FeatureDistance = key(
         FeatureDistance.mean_all,
-        "distance d [m]: mean_all = mean distance to all others, dhw = gap to the vehicle ahead; own choice",
+        "distance d [m]: mean_all = mean distance to all others, dhw = gap to the vehicle ahead",
     )
 
 
@@ -161,7 +159,7 @@ class FeaturesConfig:
 class SpacingConfig:
     """Distance between two vehicles"""
 
-    metric: SpacingMetric = key(SpacingMetric.euclid2d, "euclid2d or longitudinal, centre to centre; own choice")
+    metric: SpacingMetric = key(SpacingMetric.euclid2d, "euclid2d or longitudinal, centre to centre")
 
 
 @dataclass(unsafe_hash=True)
@@ -170,7 +168,7 @@ class SplitConfig:
 
     unit: SplitUnit = key(SplitUnit.scenario, "unit assigned as a whole: scenario (REARL), recording, block")
     seed: int = key(0, "seed of the random assignment")
-    block_seconds: float = key(300.0, "length of a block [s], for split.unit=block; own choice")
+    block_seconds: float = key(300.0, "length of a block [s], for split.unit=block")
     threshold: int | None = key(None, "number of threshold scenes; null = 150 of 741 (REARL), otherwise a fifth of all")
     tuning: int | None = key(
         None, "number of tuning scenes; null = 15 of 741 (REARL), otherwise in proportion, at least 5"

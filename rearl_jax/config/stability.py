@@ -18,36 +18,34 @@ class StabilityConfig:
 
     models: tuple[str, ...] = key(
         tuple(MODELS),
-        "car-following models with their usual values, each looked into; `model` or `driver` takes their place",
+        "car-following models to simulate with their usual values; `model` or `driver` replaces them",
     )
     speeds: tuple[float, ...] = key(
         (5.0, 15.0, 25.0), "speeds of the platoons [m/s]; those above the desired speed are left out"
     )
     frequencies: tuple[float, ...] = key(
         (0.01, 0.02, 0.03, 0.05, 0.07, 0.1, 0.15, 0.2, 0.3),
-        "frequencies of the first vehicle's speed [Hz]; own choice, around those at which traffic oscillates",
+        "frequencies of the first vehicle's speed [Hz], around those at which traffic oscillates",
     )
-    amplitude: float = key(
-        0.01, "amplitude of the first vehicle's speed [m/s]; small, as the analysis is linear; own choice"
-    )
+    amplitude: float = key(0.01, "amplitude of the first vehicle's speed [m/s]; small, because the analysis is linear")
     ring_vehicles: int = key(22, "vehicles on the rings; Sugiyama et al., New J. Phys. 10 (2008) 033001")
     ring_lengths: tuple[float, ...] = key(
-        (230.0, 300.0, 400.0, 550.0), "lengths of the rings [m]; the first as in Sugiyama et al., the others own choice"
+        (230.0, 300.0, 400.0, 550.0), "lengths of the rings [m]; the first is that of Sugiyama et al."
     )
-    ring_seconds: int = key(900, "simulated time on the rings [s]; growth rates of 0.002/s are told from zero")
+    ring_seconds: int = key(
+        900, "simulated time on the rings [s], enough to distinguish a growth rate of 0.002/s from 0"
+    )
     densities: tuple[float, ...] = key(
         (8.0, 12.0, 16.0, 20.0, 25.0, 30.0, 35.0, 40.0, 50.0, 60.0, 75.0, 90.0, 110.0),
-        "densities of the fundamental diagram [vehicles/km]; those at which nobody can move are left out",
+        "densities of the fundamental diagram [vehicles/km]; those at which no vehicle can move are left out",
     )
-    flow_vehicles: int = key(40, "vehicles on each ring of the fundamental diagram; own choice")
-    flow_seconds: int = key(600, "simulated time on them [s], the last third of which is measured; own choice")
-    queue_vehicles: int = key(60, "vehicles that discharge from a queue on an open road; own choice")
+    flow_vehicles: int = key(40, "vehicles on each ring of the fundamental diagram")
+    flow_seconds: int = key(600, "simulated time on these rings [s]; the last third is measured")
+    queue_vehicles: int = key(60, "vehicles that discharge from a queue on an open road")
     scenes: int = key(32, "scenes with lane changes in which collisions are counted, 30 vehicles for 60 s each")
     measured: bool = key(True, "compare with the recordings of `data`")
-    seconds: int = key(60, "length of the measured pieces behind one leader [s]; own choice")
-    margin: float = key(
-        0.2, "difference in amplification, as a share, up to which model and recording are equivalent; own choice"
-    )
+    seconds: int = key(60, "length of the measured pieces behind one leader [s]")
+    margin: float = key(0.2, "difference in amplification, as a share, up to which model and recording are equivalent")
     seed: int = key(0, "seed of drivers and perturbations")
 
     def check(self) -> None:

@@ -15,12 +15,15 @@ class Table1Config:
         None, "names of the rows, e.g. [base,matcher_rank,idle]; null = all, without a language model unless llm=true"
     )
     llm: bool = key(False, "add the rows with a language model, see decision.server")
-    llm_interval: int = key(10, "time between two detections with a language model [s]; own choice for a CPU")
-    llm_runs: int = key(1, "runs of these rows, each one rollout that is scored on all scenes; own choice for a CPU")
+    llm_interval: int = key(
+        10, "time between two detections with a language model [s]; not REARL's 1 s, for speed on a CPU"
+    )
+    llm_runs: int = key(1, "runs of these rows, each one rollout scored on all scenes; one, for speed on a CPU")
     traffic: bool = key(
         False,
-        "add REARL on better traffic that starts as recorded: Base, recorded vehicles around, calibrated drivers "
-        "(those of model=FILE, or as in `rearl study budget`), both; each without REARL, idle and with the matcher",
+        "add REARL on improved traffic that starts as recorded: Base, Base among recorded vehicles, calibrated drivers "
+        "(those of model=FILE, or as in `rearl study budget`), calibrated drivers among recorded vehicles; each "
+        "without corrections, with idle and with the matcher",
     )
     kept_in: str | None = key(
         None,
@@ -53,7 +56,7 @@ class Table4Config:
 
 @dataclass(unsafe_hash=True)
 class StepsConfig:
-    """Consecutive decision steps whose time is taken"""
+    """Timed consecutive decision steps"""
 
     density: float = key(2.0, "vehicles_density of the initial scenes [-]; highway-env, REARL (Bi et al.)")
     seed: int = key(0, "seed of initial scenes and references; every repetition draws new scenes")

@@ -51,9 +51,11 @@ class ValidationConfig:
     control_share: float = key(
         0.1, "share of each set that highway-env runs again with NumPy's vector functions, as a control [-]"
     )
-    tolerance_f64: float = key(1e-9, "largest difference of a position in float64 [m]; own choice")
-    tolerance_f32: float = key(2e-3, "largest difference of a position in float32 before contact [m]; own choice")
-    least_agree_share: float = key(0.99, "smallest share of scenes that must agree in float64 [-]; own choice")
+    tolerance_f64: float = key(1e-9, "largest difference of a position between the programs in float64 [m]")
+    tolerance_f32: float = key(
+        2e-3, "largest difference of a position between the programs in float32, before contact [m]"
+    )
+    least_agree_share: float = key(0.99, "smallest share of scenes that must agree in float64 [-]")
     least_lane_changes: int = key(5000, "smallest number of lane changes in the comparison")
     least_aborts: int = key(300, "smallest number of aborted lane changes")
     least_crashes: int = key(500, "smallest number of crashed vehicles")

@@ -28,7 +28,7 @@ WINDOW = 8
 """Number of vehicles ahead that are tested in one pass; each vehicle has one bit per tested vehicle."""
 
 VEHICLES_PER_SWEPT = 64
-"""One vehicle in this many fits into a block that is tested further ahead; own choice."""
+"""A block of vehicles that are tested further ahead has room for one vehicle in this many."""
 
 
 def candidates_in_list(boxes: BoundingBox) -> UInt32[Array, "vehicles *scenarios"]:

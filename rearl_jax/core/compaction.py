@@ -8,9 +8,8 @@ as the operation on all elements:
 - `process_in_blocks`: list the vehicles concerned and process blocks of fixed size until the list is finished;
 - `compact`: copy a few vehicles of every scenario next to each other, up to a fixed number.
 
-Of all vehicles of all scenarios one in sixteen decides about its lane in a time step, and a handful touches another;
-a few per cent are changing lanes, and a conflict between two of those concerns a handful of a thousand
-scenarios.
+In a time step one vehicle in sixteen decides about its lane, a few per cent are changing lanes, and a handful touch
+another vehicle. Two lane changes conflict in a handful of a thousand scenarios.
 """
 
 import math
@@ -32,7 +31,7 @@ Value = TypeVar("Value")
 Work = TypeVar("Work")
 
 SCENARIOS_AT_ONCE = 32
-"""Scenarios that `apply_where` treats at a time; own choice."""
+"""Number of scenarios that `apply_where` treats at a time."""
 
 ONE_IN_CHANGES_LANES = 16
 """A subset has room for one lane-changing vehicle in this many, plus a margin for random variation."""

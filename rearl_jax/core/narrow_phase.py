@@ -23,7 +23,7 @@ from rearl_jax.core.rectangles import Rectangle
 from rearl_jax.core.state import TrafficState
 
 VEHICLES_PER_CHECKED = 64
-"""One vehicle in this many fits into a block whose pairs are tested together; own choice."""
+"""A block of vehicles whose pairs are tested together has room for one vehicle in this many."""
 
 
 class Collisions(NamedTuple):

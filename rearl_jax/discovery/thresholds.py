@@ -14,7 +14,7 @@ from inspect import getsource
 
 @dataclass(frozen=True)
 class Thresholds:
-    """Limits for reading, fitting, accepting and claiming; own choice where no source is given."""
+    """Limits for reading, fitting, accepting and claiming; chosen by this project where no source is given."""
 
     shortest_record: float = 6.0
     """Shortest piece of a track that is used [s]."""

@@ -4,8 +4,8 @@ For example, Ollama truncates a prompt to its context length, 4,096 tokens by de
 """
 
 MAX_CHARACTERS_PER_TOKEN = 8.0
-"""Largest plausible number of characters per token, averaged over a prompt [-]; own choice. English text has 4 to 5,
-the shipped prompt with its many figures 2 to 4.
+"""Largest plausible number of characters per token, averaged over a prompt [-]. English text has 4 to 5, the
+shipped prompt with its many figures 2 to 4.
 """
 
 _MIN_PROMPTS = 8

@@ -7,7 +7,7 @@ from rearl_jax.llm.requests_table import Counts
 from rearl_jax.problems import InvalidInputError, Problem
 
 MAX_UNUSABLE = 100
-"""Questions without a usable answer before a run without any is stopped; own choice."""
+"""Number of questions after which a run without a single usable answer is stopped."""
 
 _REMEDIES = {
     Cause.truncated: "raise llm.max_tokens, or see llm.thinking",

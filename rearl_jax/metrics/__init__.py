@@ -209,7 +209,7 @@ _OF_SCENES = (
         "1",
         _HIGHER,
         "the same for the time headways of the pairs of thw",
-        f"estimator: {_WAYMO}; bins (realism.headway): own choice",
+        f"estimator: {_WAYMO}; bins: realism.headway",
         compares=True,
         needs_lanes=True,
     ),
@@ -220,7 +220,7 @@ _OF_SCENES = (
         _LOWER,
         "mean distance of a vehicle from its partner in the real scene, over vehicles and seconds; paired in the order "
         "along the road in the first snapshot, of which only the vehicles count, while they are picked",
-        "average displacement error of Montali et al., NeurIPS 2023; pairs: own choice",
+        "average displacement error of Montali et al., NeurIPS 2023; pairing of this project",
         compares=True,
         needs_lanes=True,
         digits=1,

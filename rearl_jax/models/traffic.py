@@ -33,11 +33,11 @@ SEED_STREAM = 100
 """First of the streams of the effects' random numbers, one for each effect."""
 
 TRUNCATION = 2.5
-"""Standard deviations at which a driver's parameters and a vehicle's length are truncated; own choice."""
+"""Standard deviations at which a driver's parameters and a vehicle's length are truncated."""
 
 MIN_GAP = 4.0
-"""Gap [m] that is left between vehicles which would start inside or close behind each other; own choice, what
-highway-env's spawning leaves at least between two of its cars on one lane.
+"""Gap [m] between vehicles that would otherwise start inside or close behind each other: the smallest gap between two
+cars on one lane that highway-env spawns.
 """
 
 

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 FEW_SCENES = 20
-"""Held-out scenes below which the sentences call a bootstrap over scenes rough; own choice."""
+"""Number of held-out scenes below which the sentences call a bootstrap over scenes rough."""
 
 
 @dataclass(frozen=True)

@@ -65,7 +65,7 @@ of one decision or of all ten, and of how many vehicles.
 """
 
 WARM_UP = 20
-"""Simulated time before decision steps are measured [s], so that vehicles interact; own choice."""
+"""Simulated time before decision steps are measured [s], so that vehicles interact."""
 
 BASE_MODEL = TrafficModel(ticks_per_second=TICKS_PER_SECOND)
 

@@ -10,13 +10,13 @@ from rearl_jax.data.scenes.scene_windows import actions
 from rearl_jax.detection.references import References
 
 FLOW_SPEEDS = (10.0, 30.0)
-"""Range of the mean speeds of the references, from congested to free [m/s]; own choice."""
+"""Range of the mean speeds of the references, from congested to free [m/s]."""
 
 SPACINGS = (30.0, 160.0)
-"""Range of their mean distances between vehicles [m]; own choice, a camera sees about 400 m of road."""
+"""Range of the mean distances between vehicles of the references [m]; a camera sees about 400 m of road."""
 
 LANE_CHANGE_SHARE = 0.01
-"""Share of the vehicles that change lanes within a second; own choice, of the order of measured rates."""
+"""Share of the vehicles that change lanes within a second [-], of the order of measured rates."""
 
 SPEED_RANGE = (5.0, 32.0)
 """Range of the rescaled speeds [m/s]; REARL (Bi et al.)."""

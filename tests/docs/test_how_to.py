@@ -16,7 +16,7 @@ MOST_FILES = 2
 
 PROMISED = {
     "add-car-following-model": (
-        r"driver\.speed_gain=2\.0 +\(float\)\n +acceleration per speed deficit, on a free road \[1/s\]; own choice",
+        r"driver\.speed_gain=2\.0 +\(float\)\n +acceleration per speed deficit, on a free road \[1/s\]; above 2 / T",
         r"^newell: \d+\.\d+ m/s, idm: \d+\.\d+ m/s$",
     ),
     "add-effect": (r"at 1000 m: \d+\.\d m/s without, \d+\.\d m/s with it", r"EffectValues\(name='rubbernecking'"),

@@ -1,7 +1,7 @@
 """Broad priors: what is drawn for every data set of a study with `blind.priors=broad`, and from which range.
 
-Each range is this module's own choice, wide enough for motorways, cities, people and adaptive cruise controls. None is
-centred on a value that discovery assumes, which a test checks.
+The ranges are wide enough for motorways, cities, people and adaptive cruise controls. No range is centred on a value
+that discovery assumes, which a test checks.
 """
 
 import hashlib

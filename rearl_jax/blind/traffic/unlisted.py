@@ -79,7 +79,7 @@ class Misjudgement(HiddenEffect):
     """Gap and approach rate are misjudged, by errors that live for 3 s.
 
     Source: Treiber, Kesting & Helbing, Physica A 360 (2006) 71, section 3.2: 10 % of the gap, 0.01 / s of time to
-    collision; own choice: twice that.
+    collision; here twice that.
     """
 
     truths = ("perception_noise",)

@@ -2,7 +2,7 @@
 
 from rearl_jax.config.driver import declaration
 
-_OWN = "own choice: order of magnitude of calibrated adaptive cruise control"
+_ACC = "order of magnitude of calibrated adaptive cruise control"
 
 MODEL = declaration.DriverModel(
     name="approach_gain_idm",
@@ -19,7 +19,7 @@ MODEL = declaration.DriverModel(
         declaration.DriverParameter(
             "gap_exponent", "-", "exponent p of desired over actual gap", 2.0, 0.2, 10.0, "2 as in IDM", 0.3
         ),
-        declaration.approach_gain(0.5, _OWN),
+        declaration.approach_gain(0.5, _ACC),
         declaration.speed_gain(0.4, "Xiao, Wang & van Arem, Transp. Res. Rec. 2623 (2017) 1"),
     ),
 )

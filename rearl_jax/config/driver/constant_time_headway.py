@@ -2,7 +2,7 @@
 
 from rearl_jax.config.driver import declaration
 
-_OWN = "own choice: order of magnitude of calibrated adaptive cruise control"
+_ACC = "order of magnitude of calibrated adaptive cruise control"
 
 MODEL = declaration.DriverModel(
     name="constant_time_headway",
@@ -12,8 +12,8 @@ MODEL = declaration.DriverModel(
         declaration.desired_speed(),
         declaration.time_gap(1.5, "usual middle setting of adaptive cruise control, ISO 15622: 0.8 to 2.2 s"),
         declaration.jam_gap(),
-        declaration.DriverParameter("gap_gain", "1/s^2", "acceleration per gap error", 0.1, 0.002, 3.0, _OWN, 0.5),
-        declaration.approach_gain(0.5, _OWN),
+        declaration.DriverParameter("gap_gain", "1/s^2", "acceleration per gap error", 0.1, 0.002, 3.0, _ACC, 0.5),
+        declaration.approach_gain(0.5, _ACC),
         declaration.speed_gain(0.4, "Xiao, Wang & van Arem, Transp. Res. Rec. 2623 (2017) 1"),
     ),
 )

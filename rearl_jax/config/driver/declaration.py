@@ -66,7 +66,7 @@ class DriverModel:
         return tuple(parameter.name for parameter in self.parameters)
 
 
-_TABLE = "own choice, near Treiber & Kesting, Traffic Flow Dynamics (2013), table 11.2"
+_TABLE = "near Treiber & Kesting, Traffic Flow Dynamics (2013), table 11.2"
 
 
 def desired_speed(usual: float | None = 32.0, source: str = _TABLE) -> DriverParameter:

@@ -33,7 +33,7 @@ LICENCE = "stated at open-traffic.epfl.ch, free for research with attribution"
 ATTRIBUTION = "Barmpounakis and Geroliminis (2020), pNEUMA, Transportation Research Part C 111; open-traffic.epfl.ch"
 VEHICLE_COLUMNS = ("track_id", "type", "traveled_d", "avg_speed")
 REPEATED_COLUMNS = ("lat", "lon", "speed", "lon_acc", "lat_acc", "time")
-# Type -> class and length [m], None for data.default_length. The source has no lengths: usual ones, own choice.
+# Type -> class and typical length [m], which the source does not state; None for data.default_length.
 _TYPES: dict[str, tuple[str, float | None]] = {
     "Car": ("car", None),
     "Taxi": ("car", None),

@@ -28,7 +28,7 @@ LEFT, KEEP, RIGHT, FASTER, SLOWER = range(5)
 """Identifiers of the actions. Source: highway-env 1.12.1, DiscreteMetaAction.ACTIONS_ALL."""
 
 SPEED_CHANGE = 0.5
-"""Change of speed over one second above which a vehicle counts as faster or slower [m/s]; own choice."""
+"""Change of speed over one second above which a vehicle counts as faster or slower [m/s]."""
 
 UNKNOWN_LANE = -1
 """Lane of a vehicle whose lane is not known; lanes count from 0."""
@@ -139,8 +139,8 @@ def windows_of(recording: Recording, keys: SceneKeys) -> tuple[dict[str, np.ndar
     Returns:
         Arrays by field name of `SceneSet`, of shape (windows,) or (windows, frames, slots).
 
-    Source: Bi et al., Eq. 1 and the paragraph on preprocessing; the grid, the pooling and the reading of
-    "longest recorded" are own choices, see `ScenesConfig`.
+    Source: Bi et al., Eq. 1 and the paragraph on preprocessing; the paper leaves open the grid, the pooling and the
+    meaning of "longest recorded", see `ScenesConfig`.
     """
     scenes = keys.scenes
     index = Tracks(recording)

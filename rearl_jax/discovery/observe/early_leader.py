@@ -18,7 +18,7 @@ from rearl_jax.core.effects.stimulus import Stimulus
 from rearl_jax.discovery.read.next_leaders import LONGEST_LEAD
 
 SCATTER = 0.4
-"""Standard deviation of the lead time between lane changes [s]; own choice, which keeps the response differentiable."""
+"""Standard deviation of the lead time between lane changes [s]; above 0, to keep the response differentiable."""
 
 
 class RecordedStimulus(Stimulus):

@@ -17,7 +17,7 @@ the first vehicle's motion is prescribed.
 """
 
 TRANSIENT = 300.0
-"""Time until the followers oscillate steadily [s]; own choice."""
+"""Time until the followers oscillate steadily [s]."""
 
 EVALUATED_PERIODS, LEAST_EVALUATED_TIME = 4, 60.0
 """Periods of the slowest oscillation that are evaluated after the transient [-], and the least time that is [s]."""

@@ -22,7 +22,7 @@ DRAWN = {"desired_speed": 30.0, "accel_exponent": 4.0}
 """Values of parameters that highway-env draws with the initial state: the middle of what it draws."""
 
 NEAR_DESIRED = 0.98
-"""Share of the desired speed up to which an equilibrium behind a leader is looked for; own choice."""
+"""Share of the desired speed up to which an equilibrium behind a leader is sought [-]."""
 
 
 @dataclass(frozen=True)

@@ -23,13 +23,13 @@ from rearl_jax.study.stability.cases import Case
 from rearl_jax.study.stability.roads import Motion, drive
 
 UNEVEN = 0.5
-"""Largest displacement from equal spacing at the start [m]; own choice."""
+"""Largest displacement from equal spacing at the start [m]."""
 
 LEAST_WAVE = 1.0
-"""Standard deviation of the speeds on a ring [m/s] from which it holds a wave whose speed is measured; own choice."""
+"""Standard deviation of the speeds on a ring [m/s] above which the speed of its wave is measured."""
 
 STARTED = 2.0
-"""Speed at which a vehicle of a queue has started [m/s]; own choice."""
+"""Speed above which a vehicle of a queue counts as started [m/s]."""
 
 DETECTOR = 1000.0
 """Distance of the measured cross-section from the head of the queue [m], where most have reached their speed."""

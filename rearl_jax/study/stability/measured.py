@@ -23,13 +23,13 @@ from rearl_jax.export.platoon import STEPS_PER_SECOND, simulate, start_platoons
 from rearl_jax.study.stability.cases import Case
 
 BANDS = ((0.02, 0.05), (0.05, 0.1), (0.1, 0.2))
-"""Bands of frequencies [Hz]; own choice, around those at which traffic oscillates."""
+"""Bands of frequencies [Hz], around those at which traffic oscillates."""
 
 LEAST_SPEED = 2.0
-"""Mean speed of a piece [m/s], for leader and follower; own choice. Standing traffic amplifies nothing."""
+"""Smallest mean speed of leader and follower in a piece [m/s], because standing traffic amplifies nothing."""
 
 LEAST_FOLLOWERS = 5
-"""Followers from which a mean is tested; own choice."""
+"""Smallest number of followers whose mean is tested."""
 
 MEASURED_COLUMNS = ("band_low", "band_high", "followers", "measured", "measured_low", "measured_high", "simulated")
 MEASURED_COLUMNS += ("ratio", "ratio_low", "ratio_high", "equivalent")

@@ -13,17 +13,15 @@ from rearl_jax.study.stability.cases import NEAR_DESIRED, Case
 from rearl_jax.study.stability.roads import drive
 
 PERTURBATION = 0.01
-"""Standard deviation of the vehicles' displacements from equal spacing at the start [m]; own choice, small enough for
-the linear analysis.
+"""Standard deviation of the vehicles' displacements from equal spacing at the start [m], small enough for the linear
+analysis.
 """
 
 SETTLED = 120
-"""Time after which the fastest wave dominates [s]; own choice."""
+"""Time after which the fastest wave dominates [s]."""
 
 LARGEST_LINEAR = 0.1
-"""Standard deviation of the speeds [m/s] up to which a wave grows exponentially; own choice, ten times PERTURBATION per
-second.
-"""
+"""Standard deviation of the speeds [m/s] up to which a wave grows exponentially, ten times PERTURBATION per second."""
 
 SMALLEST = 1e-9
 """Standard deviation of the speeds [m/s] below which only rounding errors are left."""

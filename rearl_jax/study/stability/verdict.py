@@ -15,7 +15,7 @@ import pandas as pd
 from rearl_jax.study.stability.measured import Pairs
 
 TOLERANCE = 1e-3
-"""Amplification above 1 from which a platoon counts as unstable [-]; own choice, above the simulation's accuracy."""
+"""Amplification above 1 from which a platoon counts as unstable [-], above the error of the simulation."""
 
 
 def verdict_of(name: str, tables: Mapping[str, pd.DataFrame], pairs: Pairs) -> dict[str, Any]:
