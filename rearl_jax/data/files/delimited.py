@@ -19,8 +19,10 @@ from rearl_jax.data.files.text_layout import (
     BLANKS,
     DAMAGED,
     OPENERS,
+    SAMPLE_LINES,
     compression_of,
     damaged,
+    decimal_point_of,
     fields_of,
     layout_of,
     opened,
@@ -92,6 +94,8 @@ def read_below(
 ) -> tuple[pa.Table, int]:
     """The named columns and the number of skipped lines, for a file with lines above its table and without quotes.
 
+    Numbers may have a decimal comma.
+
     Args:
         path: The file.
         header: Names of its columns; those of empty fields at the ends of all lines may be missing.
@@ -102,21 +106,22 @@ def read_below(
     """
     try:
         with opened(path) as file:
-            line = next(islice(file, n_above, None), b"").decode(errors="replace").rstrip("\r\n")
-            content = b"\n".join([line.encode(), file.read()]) if compression_of(path) else None
+            sample = list(islice(file, n_above, n_above + SAMPLE_LINES))
+            content = b"".join([*sample, file.read()]) if compression_of(path) else None
     except DAMAGED as error:
         raise damaged(path, error) from None
-    if not line:
+    lines = [line.decode(errors="replace").rstrip("\r\n") for line in sample]
+    if not lines or not lines[0]:
         raise bad_recording("no-rows", "the table has no rows", "remove the file or complete it", path)
-    first = line.split(delimiter)
+    first = lines[0].split(delimiter)
     _require_once(header, columns, path)
     names = list(header)
     while len(names) > len(first) and not names[-1]:
         names.pop()
     if len(first) > len(names) and not "".join(first[len(names) :]).strip():
         names += [""] * (len(first) - len(names))
-    skipped = n_above if content is None else 0
-    return _Lines(path, names, content, delimiter, header_lines=skipped, quoted=False).table(columns, on_bad)
+    skipped, mark = n_above if content is None else 0, decimal_point_of(lines, delimiter)
+    return _Lines(path, names, content, delimiter, mark, skipped, quoted=False).table(columns, on_bad)
 
 
 def first_rows(path: Path, number: int) -> tuple[pd.DataFrame, int]:

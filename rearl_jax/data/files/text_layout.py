@@ -24,6 +24,8 @@ DAMAGED = (EOFError, OSError, lzma.LZMAError, zipfile.BadZipFile, zlib.error, Ru
 """Errors of the standard library for compressed files that are damaged, encrypted, or compressed in another way."""
 BLANKS = " "
 """Delimiter that stands for any number of blanks."""
+SAMPLE_LINES = 20
+"""Lines from which delimiter and decimal mark are determined."""
 _MAGIC = {b"\x1f\x8b": ".gz", b"BZh": ".bz2", b"\xfd7zXZ\x00": ".xz", b"PK\x03\x04": ".zip"}
 _DELIMITERS = (",", ";", "\t", "|")
 _BYTE_ORDER_MARKS = {codecs.BOM_UTF8: "utf-8-sig", codecs.BOM_UTF16_LE: "utf-16", codecs.BOM_UTF16_BE: "utf-16"}
@@ -36,7 +38,6 @@ _NAMES = {
     "utf-16-be": "UTF-16",
     _SINGLE_BYTE: "Windows-1252",
 }
-_SAMPLE_LINES = 20  # lines from which delimiter and decimal mark are determined
 _SAMPLE_BYTES = 2**16  # bytes from which it is decided whether a file is text
 _BLOCK_BYTES = 2**20
 _CONTROL = re.compile(rb"[\x00-\x08\x0e-\x1a\x1c-\x1f]")
@@ -174,7 +175,7 @@ def _layout(path: Path, size: int, changed: int) -> Layout:
     try:
         encoding, is_sure = _encoding(path)
         with text_of(path) as file:
-            lines = [line.rstrip("\r\n") for line in islice(file, 10 * _SAMPLE_LINES)]
+            lines = [line.rstrip("\r\n") for line in islice(file, 10 * SAMPLE_LINES)]
     except DAMAGED as error:
         raise damaged(path, error) from None
     except UnicodeDecodeError as error:
@@ -197,7 +198,7 @@ def _layout(path: Path, size: int, changed: int) -> Layout:
         quote = "" if delimiter == BLANKS else '"'
         pairs = zip(fields_of(names, delimiter), units, strict=False)
         names = delimiter.join(f"{quote}{name}[{unit}]{quote}" if unit else name for name, unit in pairs)
-    return Layout(compression_of(path), encoding, is_sure, n_above, names, delimiter, _decimal_point(rows, delimiter))
+    return Layout(compression_of(path), encoding, is_sure, n_above, names, delimiter, decimal_point_of(rows, delimiter))
 
 
 def _units(fields: Sequence[str]) -> list[str]:
@@ -221,12 +222,12 @@ def _header(lines: Sequence[str], filled: Sequence[int]) -> tuple[int, list[str]
         place = next(
             (later for later in range(place + 1, len(filled) - 1) if _begins_table(lines, filled, later)), place
         )
-    return filled[place], [lines[number] for number in filled[place + 1 : place + 1 + _SAMPLE_LINES]]
+    return filled[place], [lines[number] for number in filled[place + 1 : place + 1 + SAMPLE_LINES]]
 
 
 def _has_rows_below(lines: Sequence[str], filled: Sequence[int], place: int) -> bool:
     """True if at least half of the lines below a line have as many fields as it, with any delimiter."""
-    below = [lines[number] for number in filled[place + 1 : place + 1 + _SAMPLE_LINES]]
+    below = [lines[number] for number in filled[place + 1 : place + 1 + SAMPLE_LINES]]
     for delimiter in (*_DELIMITERS, BLANKS):
         wanted = len(fields_of(lines[filled[place]].strip(" "), delimiter))
         if wanted > 1 and 2 * sum(len(fields_of(row.strip(" "), delimiter)) == wanted for row in below) >= len(below):
@@ -263,7 +264,7 @@ def _delimiter(header: str, rows: Sequence[str]) -> str:
     return max(scores, key=lambda delimiter: scores[delimiter], default=",")
 
 
-def _decimal_point(lines: Sequence[str], delimiter: str) -> str:
+def decimal_point_of(lines: Sequence[str], delimiter: str) -> str:
     """A comma if numbers of the lines have one and none has a point, else a point."""
     fields = [field.strip(' "') for line in lines for field in fields_of(line, delimiter)]
     marks = {found[1] for field in fields if (found := _NUMBER.fullmatch(field))} - {None}

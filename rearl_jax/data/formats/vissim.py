@@ -1,9 +1,11 @@
 """Reader of Vissim's vehicle records (.fzp), one recording per file.
 
 A record states the place of the front on a link or connector, and counts lanes from the right, from 1. Both layouts are
-read: that of Vissim 6 and later, whose columns follow `$VEHICLE:`, and the older one with a column `VehNr`.
+read: that of Vissim 6 and later, whose columns follow `$VEHICLE:`, or `$FAHRZEUG:` and German names in the German
+edition, and the older one with a column `VehNr`. Numbers may have a decimal comma.
 
-Source: PTV Vissim manual, Saving vehicle record to a file or database, and VISSIM 5.30 manual, Vehicle Record.
+Source: PTV Vissim manual, Saving vehicle record to a file or database; VISSIM 5.30 manual, Vehicle Record; German
+names of attributes: PTV Vissim 2025, Hilfe, Fahrzeuge im Netz in einer Liste anzeigen.
 """
 
 import re
@@ -30,21 +32,21 @@ LABEL = "type"
 """Label of tracks: the number of the vehicle type."""
 
 _ENDINGS = text_endings(".fzp")
-_HEADER = "$VEHICLE:"
+_HEADERS = ("$VEHICLE:", "$FAHRZEUG:")
 _MAX_HEADER_LINES = 1000  # lines above the table; the records explain one column a line
-# Columns by the names in either layout, without case.
+# Columns by their names without case: in English, in German (umlauts also as AE), last those of the older layout.
 _NAMES = {
-    "time": ("SIMSEC", "T"),
-    "vehicle": ("NO", "VEHNR"),
-    "link": (r"LANE\LINK\NO", "LINK"),
-    "lane": (r"LANE\INDEX", "LANE"),
-    "front": ("POS", "X"),
-    "speed": ("SPEED", "V", "VMS"),
-    "length": ("LENGTH",),
-    "type": ("VEHTYPE", r"VEHTYPE\NO", "TYPE"),
+    "time": ("SIMSEC", "SIMSEK", "T"),
+    "vehicle": ("NO", "NR", "VEHNR"),
+    "link": (r"LANE\LINK\NO", r"FS\STRECKE\NR", "LINK"),
+    "lane": (r"LANE\INDEX", r"FS\INDEX", "LANE"),
+    "front": ("POS", "POS", "X"),
+    "speed": ("SPEED", "GESCHW", "VMS", "V"),
+    "length": ("LENGTH", "LÄNGE", "LAENGE"),
+    "type": ("VEHTYPE", r"VEHTYPE\NO", "FZTYP", r"FZTYP\NR", "TYPE"),
     "aside": ("POSLAT",),
-    "acceleration": ("ACCELERATION", "A"),
-    "width": ("WIDTH",),
+    "acceleration": ("ACCELERATION", "BESCHLEUNIGUNG", "A"),
+    "width": ("WIDTH", "BREITE"),
 }
 _REQUIRED = ("time", "vehicle", "link", "lane", "front", "speed")
 _UNSTATED = {"front": "m", "speed": "km/h", "length": "m", "acceleration": "m/s^2", "width": "m"}
@@ -60,11 +62,13 @@ class _Header:
 
     Attributes:
         n_above: Lines above the first row.
+        layout: Place of the layout's names in _NAMES.
         columns: All columns, as the file spells them.
         units: Unit of a column by its name in capitals.
     """
 
     n_above: int
+    layout: int
     columns: list[str]
     units: dict[str, str] = field(default_factory=dict)
 
@@ -82,7 +86,7 @@ def find_records(root: Path) -> list[Path]:
 
 def is_record(path: Path) -> bool:
     """True if a line names the columns of a vehicle record."""
-    return any(line.startswith(_HEADER) or _is_old(line) for line in first_lines(path, _MAX_HEADER_LINES))
+    return any(line.startswith(_HEADERS) or _is_old(line) for line in first_lines(path, _MAX_HEADER_LINES))
 
 
 def recording_id(path: Path) -> str:
@@ -102,7 +106,7 @@ def read_record(path: Path, policy: DataConfig) -> Recording:
     names = header.spelling()
     for name in _REQUIRED:
         if name not in names:
-            require_columns(header.columns, (_NAMES[name][0],), str(path))
+            require_columns(header.columns, (_NAMES[name][header.layout],), str(path))
     kinds = {spelt: pa.string() if ours == "type" else pa.float64() for ours, spelt in names.items()}
     table, n_broken = read_below(path, header.columns, header.n_above, kinds, ";", policy.on_bad)
     if n_broken:
@@ -126,10 +130,11 @@ def _header_of(path: Path) -> _Header:
     try:
         with opened(path) as file:
             for number, content in enumerate(file, 1):
-                line = content.decode("utf-8-sig", errors="replace").strip()
-                if line.startswith(_HEADER) or _is_old(line):
-                    columns = [name.strip() for name in line.removeprefix(_HEADER).split(";")]
-                    return _Header(number, columns, units)
+                line = _decoded(content).strip()
+                layout = next((place for place, begin in enumerate(_HEADERS) if line.startswith(begin)), -1)
+                if layout >= 0 or _is_old(line):
+                    named = line.removeprefix(_HEADERS[layout]) if layout >= 0 else line
+                    return _Header(number, layout, [name.strip() for name in named.split(";")], units)
                 explained = re.match(r"[*\s]*([\w\\]+)\s*:.*\[([^\[\]]+)\]", line)
                 if explained:
                     units[explained[1].upper()] = explained[2].strip()
@@ -139,8 +144,17 @@ def _header_of(path: Path) -> _Header:
         raise damaged(path, error) from None
     if not number:
         raise bad_recording("file-empty", "the file is empty", "remove the file or complete it", path)
-    text = "no line begins with $VEHICLE: or has the column VehNr"
-    raise bad_recording("not-a-table", text, "name the vehicle record that Vissim writes", path)
+    text = f"no line begins with {' or '.join(_HEADERS)} or has the column VehNr"
+    remedy = "name the vehicle record that Vissim writes, with English or German names of columns"
+    raise bad_recording("not-a-table", text, remedy, path)
+
+
+def _decoded(line: bytes) -> str:
+    """The characters of a line in UTF-8, or in Windows-1252 if it is none."""
+    try:
+        return line.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return line.decode("cp1252", errors="replace")
 
 
 def _is_old(line: str) -> bool:

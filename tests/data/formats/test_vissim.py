@@ -61,6 +61,23 @@ def test_the_older_layout_is_read(tmp_path, speed):
         np.testing.assert_allclose(table[name].astype(float), expected[name].astype(float), atol=0.05)
 
 
+@pytest.mark.parametrize(("comma", "encoding"), [(False, "utf-8"), (True, "utf-8"), (True, "cp1252")])
+def test_the_german_edition_is_read(tmp_path, comma, encoding):
+    expected = read(vissim_files.write(tmp_path, TEXT)).table
+    text = vissim_files.german_record_of(ROWS, "m/s", comma=comma)
+    (tmp_path / "run_001.fzp").write_text(text, encoding=encoding)
+    recording = read(tmp_path)
+    for name in ("track_id", "lane", "position", "speed", "length", "vehicle_class", "type"):
+        if name in ("position", "speed"):  # speeds are written with three places in another unit
+            np.testing.assert_allclose(recording.table[name], expected[name], atol=0.001)
+        else:
+            assert (recording.table[name] == expected[name]).all()
+    assert not any("assumed" in note and "right" not in note and "wide" not in note for note in recording.info.notes)
+    (tmp_path / "run_001.fzp").write_text(text.replace("GESCHW;", "TEMPO;"), encoding=encoding)
+    with refused("column-missing", column="GESCHW"):
+        read(tmp_path)
+
+
 def test_units_that_are_not_stated_are_vissims_own_and_a_note_says_so(tmp_path):
     text = "\n".join(line for line in TEXT.splitlines() if not line.startswith("*"))
     recording = read(vissim_files.write(tmp_path, text))

@@ -17,6 +17,17 @@ EXPLAINED = {
     "VEHTYPE": "VehType, Vehicle type",
     "LENGTH": "Length, Length (Length of the vehicle) [{length}]",
 }
+GERMAN = {
+    "SIMSEK": "SimSek, Simulationssekunde (Simulationszeit [s]) [s]",
+    "NR": "Nr, Nummer (Eindeutige Fahrzeugnummer)",
+    r"FS\STRECKE\NR": r"Fs\Strecke\Nr, Nummer (Eindeutige Nummer der Strecke oder Verbindungsstrecke)",
+    r"FS\INDEX": r"Fs\Index, Index (Eindeutige Nummer des Fahrstreifens)",
+    "POS": "Pos, Position (Entfernung auf der Strecke vom Beginn der Strecke) [{length}]",
+    "POSLAT": "PosLat, Position (lateral) (Seitliche Position im Fahrstreifen)",
+    "GESCHW": "Geschw, Geschwindigkeit (Geschwindigkeit am Ende des Zeitschritts) [{speed}]",
+    "FZTYP": "FzTyp, Fahrzeugtyp",
+    "LÄNGE": "Länge, Länge (Länge des Fahrzeugs) [{length}]",
+}
 UNITS = {"m": 1.0, "ft": 0.3048, "km/h": 1.0 / 3.6, "mph": 0.44704, "m/s": 1.0}
 
 
@@ -57,6 +68,19 @@ def record_of(found: list[list[float]], length: str = "m", speed: str = "km/h") 
         numbers = (pos / UNITS[length], aside, v / UNITS[speed], kind, size / UNITS[length])
         lines.append(f"{time:.2f};{no};{link};{lane};" + "{:.3f};{:.2f};{:.3f};{};{:.3f}".format(*numbers))
     return "\n".join([*head, *lines]) + "\n"
+
+
+def german_record_of(found: list[list[float]], speed: str = "km/h", *, comma: bool = False) -> str:
+    """The rows as the German edition writes them, with decimal commas if they are wanted."""
+    head, _, table = record_of(found, speed=speed).partition("$VEHICLE:")
+    lines = [line for line in head.splitlines() if not line.startswith(tuple(f"* {name}:" for name in EXPLAINED))]
+    said = [f"* {name}: {text.format(length='m', speed=speed)}" for name, text in GERMAN.items()]
+    words = {"Table: Vehicles In Network": "Tabelle: Fahrzeuge im Netz", "File": "Datei", "Comment": "Kommentar"}
+    above = "\n".join([*lines[:-2], *said, *lines[-2:]])
+    for english, german in {**words, "Date:": "Datum:", "Application": "Anwendung"}.items():
+        above = above.replace(english, german)
+    _, _, below = table.partition("\n")
+    return f"{above}\n$FAHRZEUG:{';'.join(GERMAN)}\n{below.replace('.', ',') if comma else below}"
 
 
 def old_record_of(found: list[list[float]], speed: str = "km/h") -> str:
