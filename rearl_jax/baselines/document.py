@@ -24,7 +24,7 @@ def document_of(config: TrainPpoTask, curve: pd.DataFrame, summary: Mapping[str,
         summary: The figures of `summary.json`.
         weights: File of the weights.
     """
-    columns = {"car_steps": "vehicle-seconds", "return": "return", "crashed": "crashed", "speed": "speed, m/s"}
+    columns = {"car_steps": "vehicle-seconds", "return": "return", "crashed": "crashed", "speed": "speed [m/s]"}
     shown = np.unique(np.linspace(0, len(curve) - 1, _ROWS).round().astype(int))
     title = f"PPO by vehicle-seconds, {len(curve)} updates of {config.ppo.batch(config.core.n_vehicles):,}"
     updates = table_of(title, curve.iloc[shown], columns | {name: name for name in ACTION_NAMES})

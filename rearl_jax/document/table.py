@@ -133,9 +133,14 @@ def number(value: Any, sign: str = "") -> str:
 
 
 def interval(low: Any, high: Any, sign: str = "") -> str:
-    """Text of an interval, empty if a bound is missing."""
+    """Text of an interval, both bounds with the decimals of the larger one; empty if a bound is missing."""
     ends = (number(low, sign), number(high, sign))
-    return "" if NONE in ends else f"{ends[0]} to {ends[1]}"
+    if NONE in ends:
+        return ""
+    if isinstance(low, float) and isinstance(high, float):
+        decimals = len(number(max(abs(low), abs(high))).partition(".")[2])
+        ends = tuple(f"{end:{sign}z,.{decimals}f}" for end in (low, high))
+    return f"{ends[0]} to {ends[1]}"
 
 
 def percent(share: float | None) -> str:

@@ -83,8 +83,8 @@ def errors_over_time(config: EvaluateTask, evaluation: Evaluation) -> bytes:
         panel.legend(frameon=False, ncols=3, loc="upper right", fontsize=drawing.FONT_SIZE)
         low, high = panel.get_ylim()
         panel.set_ylim(low, 1.15 * high)  # room for the legend
-    n_runs = config.eval.n_runs
-    drawing.set_title(axes[0], f"Mean and {_BAND[0]} to {_BAND[1]} % band over scenes and {n_runs} runs")
+    runs = "1 run" if config.eval.n_runs == 1 else f"{config.eval.n_runs} runs"
+    drawing.set_title(axes[0], f"Mean and {_BAND[0]} to {_BAND[1]} % band over scenes and {runs}")
     return drawing.png(figure)
 
 

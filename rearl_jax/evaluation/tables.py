@@ -23,8 +23,8 @@ HEADINGS = {
     "mape_a": "MAPE A",
     "mape_b": "MAPE B",
     "mape_c": "MAPE C",
-    "thw": "THW, s",
-    "lcr": "LCR",
+    "thw": "THW [s]",
+    "lcr": "LCR [1/s]",
     "collisions": "crashed",
     "realism": "realism",
 }

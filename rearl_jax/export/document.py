@@ -49,18 +49,18 @@ def _comparison(config: ExportTask, tables: Mapping[str, pd.DataFrame]) -> Secti
     options = config.export
     trip = {
         "compared": "the same drivers in both",
-        "gap": "mean gap, m",
-        "difference": "mean difference, m",
-        "first": "of the first follower, m",
-        "last": "of the last follower, m",
-        "largest": "largest, m",
+        "gap": "mean gap [m]",
+        "difference": "mean difference [m]",
+        "first": "of the first follower [m]",
+        "last": "of the last follower [m]",
+        "largest": "largest [m]",
         "crashed": "crashed in SUMO, share",
     }
     traffic = {
         "traffic": "traffic",
-        "speed": "speed, m/s",
+        "speed": "speed [m/s]",
         "speed_sd": "its SD",
-        "headway": "time headway, s",
+        "headway": "time headway [s]",
         "headway_sd": "its SD",
         "h_speed": "Hellinger distance of speeds",
         "h_headway": "of headways",

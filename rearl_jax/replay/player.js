@@ -184,7 +184,6 @@
     if (on && time >= last) time = 0;
     playing = on; before = null;
     ui.play.textContent = on ? "Pause" : "Play";
-    ui.play.setAttribute("aria-pressed", String(on));
     player.dataset.playing = String(on);
     if (on) requestAnimationFrame(step);
   }

@@ -29,8 +29,8 @@ def sections(config: StudyTable3Task, table: pd.DataFrame, summary: Mapping[str,
         "win_share": "best in",
         "is_pareto": "Pareto",
         "is_best": "best",
-        "thw": "THW, s",
-        "lcr": "LCR",
+        "thw": "THW [s]",
+        "lcr": "LCR [1/s]",
         "collisions": "crashed",
     }
     title = "Table 3, ours beside what is known of the paper's; pairs are percentiles of H / MAPE"

@@ -42,7 +42,7 @@ def document_of(
     """
     mape = f"MAPE {config.mape.definition.name}"
     columns = {"pair": "pair", "threshold_h": "H >", "threshold_m": f"{mape} >", "h": "H", "mape": mape, "score": "sum"}
-    columns |= {"thw": "THW, s", "lcr": "LCR", "collisions": "crashed", "win_share": "best in"}
+    columns |= {"thw": "THW [s]", "lcr": "LCR [1/s]", "collisions": "crashed", "win_share": "best in"}
     pairs = pairs.sort_values("score", kind="stable")
     names = [f"{h:g} % / {m:g} %" for h, m in zip(pairs["h_pct"], pairs["m_pct"], strict=True)]
     shown = pairs.assign(pair=names, win_share=[percent(share) for share in pairs["win_share"]])

@@ -108,6 +108,19 @@ def test_an_interval_without_an_end_is_none():
     assert (interval(1.0, None), interval(-0.5, 0.25, "+")) == ("", "-0.500 to +0.250")
 
 
+def test_both_bounds_have_the_decimals_of_the_larger_one():
+    assert interval(-0.0608, 0.00135, "+") == "-0.0608 to +0.0014"
+    assert interval(0.0234, 5.05) == "0.02 to 5.05"
+    assert interval(-0.0001, 0.5) == "0.000 to 0.500"
+
+
+def test_a_caption_does_not_repeat_the_heading_of_its_section():
+    page = page_of(document(), EvaluateTask(), {})
+    assert "<caption><span>Errors &amp; &lt;others&gt;</span></caption>" in page
+    assert page.count('aria-label="Definitions"') == 1
+    assert "<caption><span>Definitions" not in page
+
+
 def test_the_command_says_what_differs_from_the_defaults():
     assert command("evaluate method=base", EvaluateTask(study="a b")) == "rearl evaluate method=base 'study=a b'"
     driven = EvaluateTask(driver=record_of("gipps")(time_gap_sd=0.3))

@@ -181,3 +181,48 @@ def test_the_replay_plays(page, tab, width, scheme):
     ]
     assert asked
     assert all(url.startswith(("file:", "data:")) for url in asked)
+
+
+@pytest.fixture
+def wide_page(tmp_path):
+    """The address of a page with a table of many columns."""
+    from rearl_jax.config import EvaluateTask
+    from rearl_jax.document.document import Document, Section
+    from rearl_jax.document.html import page_of
+    from rearl_jax.document.table import Cell, Row, Table
+
+    headings = tuple(f"metric {number}" for number in range(9))
+    row = Row("real against real", tuple(Cell("0.453 ± 0.077", "0.412 to 0.484") for _ in headings))
+    section = Section(
+        "Methods", tables=(Table("Errors of every method on the recordings of a motorway", headings, (row,)),)
+    )
+    path = tmp_path / "wide.html"
+    path.write_text(
+        page_of(Document("Wide", "Wide.", (section,), "evaluate", False), EvaluateTask(), {}), encoding="utf-8"
+    )
+    return path.as_uri()
+
+
+CUT = "[...document.querySelectorAll('table')].filter(one => one.getBoundingClientRect().right > innerWidth).length"
+
+
+def test_paper_gets_whole_tables_in_dark_letters_from_a_dark_screen(wide_page, tab):
+    dark = [{"name": "prefers-color-scheme", "value": "dark"}]
+    tab.call("Emulation.setDeviceMetricsOverride", width=690, height=900, deviceScaleFactor=1, mobile=False)
+    tab.call("Page.navigate", url=wide_page)
+    tab.until("document.readyState === 'complete'")
+    is_dark = "getComputedStyle(document.body).color.match(/\\d+/g).every(part => part < 80)"
+    tab.call("Emulation.setEmulatedMedia", media="screen", features=dark)
+    assert [tab.ask(CUT), tab.ask(is_dark)] == [1, False]
+    tab.call("Emulation.setEmulatedMedia", media="print", features=dark)
+    assert [tab.ask(CUT), tab.ask(is_dark)] == [0, True]
+
+
+def test_a_desk_shows_nine_metrics_at_once_and_a_phone_the_whole_caption(wide_page, tab):
+    tab.call("Emulation.setDeviceMetricsOverride", width=1280, height=900, deviceScaleFactor=1, mobile=False)
+    tab.call("Page.navigate", url=wide_page)
+    tab.until("document.readyState === 'complete'")
+    assert tab.ask(CUT) == 0
+    tab.call("Emulation.setDeviceMetricsOverride", width=390, height=900, deviceScaleFactor=1, mobile=True)
+    assert tab.ask(CUT) == 1
+    assert tab.ask("document.querySelector('caption span').getBoundingClientRect().right") <= 390

@@ -15,7 +15,7 @@ def base_section(verdict: Mapping[str, Any]) -> Section:
     if base is None:
         return Section(title)
     shown = [name for name in PROTOCOLS if any(row["protocols"][name] for row in base["compared"])]
-    headings = ("gain [nats]", "most likely in", *(f"{spoken(name)} [m]" for name in shown), "")
+    headings = ("gain [nats]", "most likely in", *(f"{spoken(name)} [m]" for name in shown), "result")
     rows = []
     for row in base["compared"]:
         errors = (_error(row["protocols"][name]) for name in shown)

@@ -148,7 +148,8 @@ def _error_section(error: Mapping[str, Any]) -> Section:
         Row(title, tuple(_cell(error["all"][name][when], "+" if when == "change" else "") for when in states))
         for name, title in _MEASURES.items()
     ]
-    rows.append(Row("gap error by the drivers' own noise alone [m]", (Cell(""), _cell(error["floor"]), Cell(""))))
+    noise = error.get("noise_alone", error["floor"])
+    rows.append(Row("gap error by the drivers' own noise alone [m]", (Cell(""), _cell(noise), Cell(""))))
     times = error.get("response_time", {})
     if any(times.values()):
         cells = (Cell(NONE) if times[when] is None else _cell(times[when], "+") for when in ("before", "after"))
@@ -250,7 +251,7 @@ def _candidate_table(title: str, rows: Sequence[Mapping[str, Any]], verdict: Map
         drawn.append(Row(described(row), (*map(Cell, figures), Cell(mark))))
     if len(rows) > len(drawn):
         title += f" (the first {MOST_CANDIDATES} of {len(rows)}; candidates.parquet has all)"
-    return Table(title, ("surprise [σ]", "gain [nats]", "on others [nats]", ""), tuple(drawn))
+    return Table(title, ("surprise [σ]", "gain [nats]", "on others [nats]", "result"), tuple(drawn))
 
 
 def _left_section(verdict: Mapping[str, Any], maps: pd.DataFrame | None) -> Section:

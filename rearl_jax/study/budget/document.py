@@ -18,7 +18,7 @@ from rearl_jax.study.budget.components import TITLES
 from rearl_jax.study.budget.figures import COLUMNS, DIGITS
 from rearl_jax.study.budget.tables import FIRST, LAST, OF_REAL, REST, WHOLE
 
-SHOWN = {**HEADINGS, "position_error": "position error, m"}
+SHOWN = {**HEADINGS, "position_error": "position error [m]"}
 """Figures of the rows and their headings."""
 
 MAIN = ("h", "{mape}", "position_error")

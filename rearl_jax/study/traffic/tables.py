@@ -24,7 +24,7 @@ COMPARED = ("h", "mape_a", "mape_b", "mape_c", "position_error")
 
 HEADINGS_ON_TRAFFIC = {
     **{name: HEADINGS[name] for name in ("h", "mape_a", "mape_b", "mape_c", "collisions")},
-    "position_error": "position error, m",
+    "position_error": "position error [m]",
     "interventions": "interventions per vehicle and minute",
     "changes": "of them changing speed or lane",
 }
