@@ -31,7 +31,7 @@ from rearl_jax.config import TrainPpoTask
 from rearl_jax.config.core import CoreConfig
 from rearl_jax.config.decision import AdmissibleConfig
 from rearl_jax.config.ppo import PpoConfig
-from rearl_jax.core.road import traffic_model
+from rearl_jax.core.model import traffic_model
 from rearl_jax.core.spawn import spawn
 from rearl_jax.decision.situation import ACTION_NAMES
 from rearl_jax.problems import InvalidInputError, Problem

@@ -69,7 +69,7 @@ def _unreadable(overrides: list[str], config_dir: str | None, error: Exception) 
 
 
 def file_problem(file: Path) -> str:
-    """Why a configuration file cannot be used; empty if it can."""
+    """Reason why a configuration file cannot be used; empty if it can."""
     try:
         content = yaml.safe_load(file.read_text(encoding="utf-8"))
     except UnicodeDecodeError as error:

@@ -47,8 +47,8 @@ def abort_conflicts(
         derived: Derived quantities of the traffic.
         drivers: Parameters of all vehicles.
     """
-    # A decision has no derivative, drivers' memory has other axes than the gathered arrays, and nobody knows where a
-    # replayed vehicle is changing to.
+    # A decision has no derivative, drivers' memory has other axes than the gathered arrays, and the target lane of a
+    # replayed vehicle is unknown.
     without_others = replace(derived, nearest=None, replayed=None)
     known = replace(state, memory=None), without_others, drivers.car_following, drivers.body.length
     state, derived, car_following, length = lax.stop_gradient(known)

@@ -95,7 +95,7 @@ def find_ahead(
     def insert(other: Int[Array, ""], leaders: tuple[Neighbour, ...]) -> tuple[Neighbour, ...]:
         return _inserted(leaders, _replayed_row(state, replayed, other), row(replayed.lane, other) == lane)
 
-    return for_each_replayed(replayed.n_places, insert, leaders)
+    return for_each_replayed(replayed.n_slots, insert, leaders)
 
 
 def _find_simulated_ahead(
@@ -156,7 +156,7 @@ def find_behind(
         is_behind = (row(replayed.lane, other) == lane) & (candidate.distance > 0)
         return _where(is_behind & (candidate.distance < nearest.distance), candidate, nearest)
 
-    return for_each_replayed(replayed.n_places, keep_nearest, follower)
+    return for_each_replayed(replayed.n_slots, keep_nearest, follower)
 
 
 def _find_simulated_behind(
@@ -182,7 +182,7 @@ def find_entrant(
 ) -> Neighbour:
     """The nearest vehicle ahead that is on another lane and wants to change to the own lane, for each vehicle.
 
-    Nobody knows which lane a replayed vehicle wants to be on: it is none of these.
+    Replayed vehicles are left out, because the lane that they want is unknown.
 
     Args:
         state: The traffic.
@@ -228,7 +228,7 @@ def traffic_beside(
         slowest = jnp.where(is_beside, jnp.minimum(slowest, row(replayed.speed, other)), slowest)
         return slowest, count + is_beside.astype(state.x.dtype)
 
-    return for_each_replayed(replayed.n_places, add_replayed, beside)
+    return for_each_replayed(replayed.n_slots, add_replayed, beside)
 
 
 def _row(state: TrafficState, vehicles: VehicleState, other: Int[Array, ""]) -> Neighbour:
@@ -238,7 +238,7 @@ def _row(state: TrafficState, vehicles: VehicleState, other: Int[Array, ""]) -> 
 
 
 def _replayed_row(state: TrafficState, replayed: ReplayedVehicles, other: Int[Array, ""]) -> Neighbour:
-    """One replayed vehicle as the neighbour of all; it drives at the speed it wants, as far as anyone knows."""
+    """One replayed vehicle as the neighbour of all; its desired speed, which is unknown, is taken to be its speed."""
     x, speed, acceleration, length, is_truck, number = (
         row(values, other)
         for values in (

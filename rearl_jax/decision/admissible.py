@@ -127,7 +127,7 @@ def has_room_beside(
             own_length, speed = row(replayed.length, other), row(replayed.speed, other)
             return compared(side_gaps, distance, own_length, speed, (on_left, on_right))
 
-        left, right = for_each_vehicle(replayed.n_places, keep_nearest_replayed, (left, right))
+        left, right = for_each_vehicle(replayed.n_slots, keep_nearest_replayed, (left, right))
 
     def suffice(gaps: _Gaps) -> Bool[Array, "vehicles scenarios"]:
         needed, needed_behind = (

@@ -139,7 +139,7 @@ def observe_neighbours(
             place = row(replayed.x, at), lane.astype(state.y.dtype) * LANE_WIDTH
             return insert(place, (speed, jnp.zeros_like(speed)), lane != NOT_RECORDED, nearest)
 
-        others = for_each_replayed(replayed.n_places, insert_replayed, others)
+        others = for_each_replayed(replayed.n_slots, insert_replayed, others)
     own = _ObservedVehicle(zeros, own_x if spec.is_placed else zeros, own_y, own_vx, own_vy)
     return jnp.stack([column for vehicle in (own, *others) for column in vehicle.columns(spec)]).astype(jnp.float32)
 

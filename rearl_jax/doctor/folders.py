@@ -66,7 +66,7 @@ def _existing(folder: Path) -> Path:
 
 
 def _unwritable(folder: Path) -> str:
-    """Why nothing can be written there; empty if a file can. Nothing is left behind."""
+    """Reason why no file can be written to a folder; empty if one can. No file remains."""
     place = _existing(folder)
     if not place.is_dir():
         return f"{place} is not a folder"

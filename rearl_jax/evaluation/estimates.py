@@ -16,7 +16,7 @@ from rearl_jax.metrics import METRICS
 BASE = Method.base.name
 """Row of the method without interventions."""
 
-# Numbers of a block of resampling weights; bounds its memory to some 30 MB.
+# Largest number of resampling weights in a block, about 30 MB.
 _MAX_WEIGHTS = 4_000_000
 
 
@@ -168,7 +168,7 @@ def intervals(values: np.ndarray, eval: EvaluationConfig) -> list[tuple[float | 
 
 
 def _weights(n_scenes: int, eval: EvaluationConfig) -> Iterator[np.ndarray]:
-    """How often each scene is drawn in each resample, block by block."""
+    """Number of times that each scene is drawn in each resample, block by block."""
     rng = np.random.default_rng([eval.seed, n_scenes])
     block = max(1, _MAX_WEIGHTS // n_scenes)
     for start in range(0, eval.resamples, block):

@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from rearl_jax.core.model import traffic_model
 from rearl_jax.core.replayed import NOT_RECORDED
-from rearl_jax.core.road import traffic_model
 from rearl_jax.data.scenes.boundary import NOBODY, SceneBoundary
 from rearl_jax.data.scenes.scene_set import SceneSet
 from rearl_jax.data.scenes.scene_windows import UNKNOWN_LANE

@@ -12,10 +12,10 @@ SIMULATION = (
         config="rearl_jax.config:EvaluateTask",
         summary="simulate held-out scenes and compare them with the measured ones",
         description=(
-            "Simulates every held-out scene several times from what was recorded in its first second (the paper draws "
-            "the start: init.source=seed speed.norm=minmax), with common random numbers, and measures how far "
-            "the simulated traffic is from the recorded one, beside the reference rows real against real and "
-            "noise floor. Prints a table, writes Parquet, figures and one HTML page."
+            "Simulates every held-out scene several times from its first recorded snapshot (the paper draws the start: "
+            "init.source=seed speed.norm=minmax), with common random numbers, and measures the distance between "
+            "simulated and recorded traffic, next to the reference rows real against real and noise floor. Prints a "
+            "table, writes Parquet, figures and one HTML page."
         ),
         examples=(
             "rearl evaluate",

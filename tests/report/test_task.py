@@ -178,7 +178,7 @@ def test_a_discovery_is_reported_with_its_verdict_and_hostile_names_are_text(dis
     assert "Generated recordings, not measured" in text
     assert "delay [s] 0.700 0.600 to 0.800 0.90" in text  # value, interval, confidence
     assert "closed-loop gap error [m] 1.50 1.00 to 2.00" in text
-    assert "105 drivers who follow somebody" in text
+    assert "105 drivers who follow a leader" in text
     assert "Source and licence of the recordings are unknown: " in text
     assert seen.of("script") == []
     assert page.count("alert(1)") >= 3

@@ -8,7 +8,7 @@ from jaxtyping import Array, Float, Int
 
 from rearl_jax.config.core import MOST_LANES, CoreConfig
 from rearl_jax.core.boundary import Boundary, Entrants, Identity, Motion
-from rearl_jax.core.road import traffic_model
+from rearl_jax.core.model import traffic_model
 from rearl_jax.core.state import TrafficState, make_state
 from rearl_jax.data.scenes.boundary import SceneBoundary, lanes_side_by_side
 from rearl_jax.data.scenes.scene_set import SceneSet

@@ -205,7 +205,7 @@ def split_sizes(n_scenes: int, split: SplitConfig, seconds: float = math.inf) ->
 
 
 def _remedy(n_scenes: int, least: int, seconds: float) -> str:
-    """How to get enough scenes: every scene holds several shorter ones."""
+    """Remedy for too few scenes: more recordings, or shorter scenes, of which a scene holds several."""
     remedies = ["read more recordings"]
     shorter = 0 if math.isinf(seconds) else int(seconds // math.ceil(least / n_scenes))
     if shorter >= _SHORTEST:

@@ -61,8 +61,8 @@ def one_frame_rate(recordings: Sequence[Recording]) -> None:
     """
     rates = sorted({recording.info.frame_rate for recording in recordings})
     if len(rates) > 1:
-        said = f"must have one frame rate, not {', '.join(f'{rate:g}' for rate in rates)} 1/s"
-        raise InvalidInputError(Problem("frame-rates-differ", said, key="data.recordings"))
+        message = f"must have one frame rate, not {', '.join(f'{rate:g}' for rate in rates)} 1/s"
+        raise InvalidInputError(Problem("frame-rates-differ", message, key="data.recordings"))
 
 
 def measure(
@@ -110,9 +110,9 @@ def measure(
         offset += part.n_tracks
     used = [piece for piece in pieces if len(piece.driver)]
     if not used:
-        said = f"nobody follows a leader for {THRESHOLDS.least_used_time:g} s: lanes or leaders may be missing, "
-        remedy = "see with `rearl prepare` what was left out"
-        raise InvalidInputError(Problem("nobody-follows", f"{said}or tracks cut into fragments", remedy))
+        message = f"no driver follows a leader for {THRESHOLDS.least_used_time:g} s: lanes or leaders may be missing, "
+        remedy = "run `rearl prepare` to see what was left out"
+        raise InvalidInputError(Problem("nobody-follows", f"{message}or tracks cut into fragments", remedy))
     n_jumps = sum(int(part.jumps.sum()) for part in rows)
     whole = Measured(**joined(used), dt=dt, stride=stride, noise=noise, smoothing=smooth.drives, jumps=n_jumps)
     if same is not None:

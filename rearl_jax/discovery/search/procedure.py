@@ -18,7 +18,7 @@ from rearl_jax.discovery.observe.fit_state import FitState
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.search.clock_check import ClockCheck, check_clocks, correct_shifts
-from rearl_jax.discovery.search.decision import Trial, believed, not_told_apart, trial_of
+from rearl_jax.discovery.search.decision import Trial, believed, indistinguishable, trial_of
 from rearl_jax.discovery.search.families import confounded, with_families
 from rearl_jax.discovery.search.null import Null
 from rearl_jax.discovery.search.refit import nested, rebased, refit
@@ -82,7 +82,7 @@ class Round:
     @property
     def alternatives(self) -> list[Trial]:
         """Trials that the data cannot distinguish from the added one."""
-        return not_told_apart(self.accepted)[1:] if self.accepted else []
+        return indistinguishable(self.accepted)[1:] if self.accepted else []
 
 
 @dataclass
@@ -266,7 +266,7 @@ def _round(
 ) -> Round:
     """The next round, from a model and its scores."""
     layout, null, added = solver.layout, outcome.null, outcome.added
-    report(f"looking for effects, round {len(added) + 1}", 0, 1)
+    report(f"searching for effects, round {len(added) + 1}", 0, 1)
     excluded = {EARLY_LEADER, *base.state.active, *outcome.excluded - {CLOCK_OFFSET}}
     remaining = {CLOCK_OFFSET, *layout.candidates} - excluded
     evidence = {term: value for term, value in evidences(everybody, seen, layout).items() if term in remaining}
@@ -298,8 +298,8 @@ def _round(
         )
         # A candidate is added only after all candidates that it is easily confused with have been tried.
         accepted, contradicted = simulated(solver, other_base, accepted)
-        asked = {trial.candidate.term: trial for trial in (*accepted, *contradicted)}
-        trials = [asked.get(trial.candidate.term, trial) for trial in trials]
+        simulated_trials = {trial.candidate.term: trial for trial in (*accepted, *contradicted)}
+        trials = [simulated_trials.get(trial.candidate.term, trial) for trial in trials]
         tried = with_families({trial.candidate.term for trial in accepted[:1]}, known)
         if tried <= fits.keys():
             z_score |= {trial.candidate.term: 0.0 for trial in trials if _is_of_numerics(trial)}
@@ -319,7 +319,7 @@ def lane_change_trials(solver: Solver, base: Base, checked: Measured) -> list[Tr
 
 
 def _is_significant(trial: Trial, exceeding: Collection[Term]) -> bool:
-    """True if a candidate exceeds chance in the screen, or if its total gain after the fit is large enough without."""
+    """True if a candidate exceeds chance in the screen, or if its total gain after the fit is large enough."""
     return not _is_of_numerics(trial) and (
         trial.candidate.term in exceeding or trial.total > THRESHOLDS.total_below_z_score
     )

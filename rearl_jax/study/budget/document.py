@@ -174,7 +174,7 @@ def _verdict(error: str, table: pd.DataFrame) -> str:
 
 
 def _finding(error: str, records: Mapping[tuple[str, str], Mapping[str, Any]]) -> str:
-    """What the fall of an error is made of, whether the order decides that, and what is left."""
+    """Sentences on the shares of the components in the fall of an error, on their order, and on the remaining error."""
     of = {part: record for (_, part), record in records.items()}
     title, whole = _name(error), of[WHOLE]
     said = [
@@ -190,7 +190,7 @@ def _finding(error: str, records: Mapping[tuple[str, str], Mapping[str, Any]]) -
 
 
 def _order(of: Mapping[str, Mapping[str, Any]], shares: Sequence[str]) -> str:
-    """Whether the order in which components are added decides which is the largest."""
+    """Sentence on whether the order of the components decides which one is the largest."""
     leader = shares[0]
     leads, n_orders = float(of[leader]["leads"]), int(of[leader]["n_orders"])
     if n_orders == 1:
@@ -208,7 +208,7 @@ def _order(of: Mapping[str, Mapping[str, Any]], shares: Sequence[str]) -> str:
 
 
 def _rest(of: Mapping[str, Mapping[str, Any]], error: str) -> str:
-    """What is left of the error, beside real against real where recordings have the error themselves."""
+    """Sentence on the remaining error, compared with real against real if recordings have the error themselves."""
     if REST not in of:
         left = f"what is left, {_inline(of[LAST], error, '')}, none of the components explains"
         is_alone = error in METRICS and METRICS[error].compares
@@ -233,7 +233,7 @@ def _inline(record: Mapping[str, Any], error: str, sign: str = "+") -> str:
 
 
 def definitions_of(config: StudyBudgetTask, scenes: SceneSet, held_out: np.ndarray) -> tuple[str, ...]:
-    """How rows, starts, intervals and the vehicles of short scenes come about."""
+    """Definitions of rows, starts, intervals and the vehicles of short scenes."""
     chosen = scenes.track_id[held_out]
     stay = (chosen[:, :, :, None] == chosen[:, :1, None, :]).any(axis=2).sum(axis=1)
     return (

@@ -117,12 +117,12 @@ def budgets(table: pd.DataFrame, components: Sequence[str]) -> dict[str, ColumnB
 
 
 def is_row(name: str) -> bool:
-    """Whether a name is one of a row of the budget, and not of a reference row."""
+    """True for the name of a row of the budget, False for that of a reference row."""
     return name not in TITLES
 
 
 def _after(every: Sequence[tuple[str, ...]], first: Row) -> list[tuple[str, ...]]:
-    """What is left of the orders that begin with some components, the stated one first."""
+    """Remainders of the orders that begin with some components; that of the stated order comes first."""
     return [order[len(first) :] for order in every if set(order[: len(first)]) == first]
 
 

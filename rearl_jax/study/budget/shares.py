@@ -14,13 +14,13 @@ Errors = Mapping[Row, Float[np.ndarray, " scenes"]]
 
 @dataclass(frozen=True)
 class Shares:
-    """What each component contributes to the fall of an error from the first row to the row with all components.
+    """Share of each component in the fall of an error from the first row to the row with all components.
 
     Attributes:
         components: The components, in the stated order.
-        of: Shapley share of each, scene by scene; NaN in scenes in which some row has no error.
-        stated: Its fall in the stated order, mean over these scenes.
-        by_order: Its fall in each order, mean over these scenes.
+        of: Shapley share of each component, scene by scene; NaN in scenes in which some row has no error.
+        stated: Fall by each component in the stated order, mean over these scenes.
+        by_order: Fall by each component in each order, mean over these scenes.
         whole: Fall from the first row to the last, scene by scene.
     """
 

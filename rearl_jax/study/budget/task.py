@@ -87,7 +87,7 @@ def run(config: StudyBudgetTask) -> dict:
 
 
 def prepared(config: StudyBudgetTask, study: Study, bar: Progress) -> tuple[Setting, tuple[str, ...], tuple[str, ...]]:
-    """What the rows have in common, a note on every absent component, and a note on the calibrated drivers."""
+    """Setting of all rows, a note on every absent component, and a note on the calibrated drivers."""
     absent: dict[str, str] = {}
     inputs = _inputs(config, study, bar, absent)
     scenes, held_out = inputs.scenes, inputs.held_out(config.eval)

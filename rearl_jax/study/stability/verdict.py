@@ -47,7 +47,7 @@ def verdict_of(name: str, tables: Mapping[str, pd.DataFrame], pairs: Pairs) -> d
 
 
 def _is_unstable(measured: pd.DataFrame) -> bool | None:
-    """Whether measured followers amplify their leaders' speeds in a band; None if that is open."""
+    """True if measured followers amplify their leaders' speeds in a band of frequencies; None if undecided."""
     if measured.empty:
         return None
     if max(measured["measured_low"].tolist()) > 1:

@@ -1,4 +1,4 @@
-"""What was recorded around the vehicles of scenes, cut from a small recording."""
+"""Recorded traffic around the vehicles of scenes, cut from a small recording."""
 
 from dataclasses import replace
 

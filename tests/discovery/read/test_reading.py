@@ -163,7 +163,7 @@ def test_of_smoothed_positions_few_moments_count(tables_of):
     assert data.stride == round(reading.APART * kernel / data.dt) > 1
     counts = data.weight.sum(axis=1) > 0
     assert counts[:: data.stride].any()
-    assert not counts[data.looks() == 0].any()
+    assert not counts[data.is_corrected() == 0].any()
     edge = round(reading.EDGE * kernel / data.dt)
     assert not counts[:edge].any()
     plain = reading.measure(tables)
