@@ -146,7 +146,7 @@ def enter(state: TrafficState, boundary_second: BoundarySecond, drivers: Drivers
     empty memory.
     """
     new = boundary_second.entrants
-    zeros, nobody = jnp.zeros_like(state.x), jnp.zeros_like(state.crashed)
+    zeros, no_vehicle = jnp.zeros_like(state.x), jnp.zeros_like(state.crashed)
     period = drivers.mobil.decision_period
     entered = replace(
         state,
@@ -161,8 +161,8 @@ def enter(state: TrafficState, boundary_second: BoundarySecond, drivers: Drivers
         target_lane=new.lane,
         ticks_to_decision=1 + jnp.floor(new.wait * period.astype(new.wait.dtype)).astype(jnp.int32),
         controller=jnp.full_like(state.controller, int(Controller.IDM)),
-        crashed=nobody,
-        is_pushed=nobody,
+        crashed=no_vehicle,
+        is_pushed=no_vehicle,
         push_x=zeros,
         push_y=zeros,
         memory=None,

@@ -95,8 +95,8 @@ def _solve_where_needed(conflict: _Conflict) -> Int[Array, "n *s"]:
         entered = row(enters, other)
         return once | entered, twice | (once & entered), given | row(gives_way, other)
 
-    nobody = jnp.zeros((1, *changing.shape[1:]), jnp.int32)
-    _, twice, given = for_each_vehicle(changing.shape[0], count_entries, (nobody, nobody, nobody))
+    no_vehicle = jnp.zeros((1, *changing.shape[1:]), jnp.int32)
+    _, twice, given = for_each_vehicle(changing.shape[0], count_entries, (no_vehicle, no_vehicle, no_vehicle))
     return apply_where(((twice & given) != 0)[0], _solve, conflict, decided_lane)
 
 

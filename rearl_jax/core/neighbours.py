@@ -19,7 +19,7 @@ from rearl_jax.core.double_double import rounded
 from rearl_jax.core.elementary import cosine, not_zero, sine
 from rearl_jax.core.model import LANE_TEST_LENGTH, TrafficModel
 from rearl_jax.core.nearest import NearestOnLanes, lane_bit, scan_along_road
-from rearl_jax.core.order import NOBODY, sort_along_road
+from rearl_jax.core.order import NO_VEHICLE, sort_along_road
 from rearl_jax.core.replayed import ReplayedVehicles
 from rearl_jax.core.state import TrafficState, nearest_lane
 
@@ -205,7 +205,7 @@ def _find_simulated_leader(
         columns = candidates.state.x, candidates.derived.speed_x, candidates.derived.speed_y
         x, *speeds = (derived.nearest.take(values, index) for values in columns)
         leader = Leader(x - state.x, *speeds)
-        return _replace_where(index != NOBODY, leader, _no_leader(state))
+        return _replace_where(index != NO_VEHICLE, leader, _no_leader(state))
     candidates, bit = among or Candidates(state, derived), lane_bit(lane)
     index, motion = candidates.index, candidates.derived
     own_index = lax.broadcasted_iota(jnp.int32, state.x.shape, 0) if index is None else index
@@ -254,7 +254,7 @@ def _find_simulated_follower(
         index = derived.nearest.behind_on(lane)
         x, *others = (derived.nearest.take(values, index) for values in (candidates.state.x, *columns))
         follower = Follower(state.x - x, *others)
-        return _replace_where(index != NOBODY, follower, _no_follower(state))
+        return _replace_where(index != NO_VEHICLE, follower, _no_follower(state))
     bit = lane_bit(lane)
 
     def keep_nearest(other: Int[Array, ""], nearest: Follower) -> Follower:

@@ -130,8 +130,8 @@ def observe_neighbours(
         return insert(place, speed, row(is_there, other) & (index != other), nearest)
 
     zeros = jnp.zeros_like(own_x)
-    nobody = _ObservedVehicle(jnp.full_like(own_x, jnp.inf), zeros, zeros, zeros, zeros)
-    others = for_each_vehicle(state.x.shape[0], insert_simulated, (nobody,) * (spec.n_rows - 1))
+    no_vehicle = _ObservedVehicle(jnp.full_like(own_x, jnp.inf), zeros, zeros, zeros, zeros)
+    others = for_each_vehicle(state.x.shape[0], insert_simulated, (no_vehicle,) * (spec.n_rows - 1))
     if replayed is not None:
 
         def insert_replayed(at: Int[Array, ""], nearest: tuple[_ObservedVehicle, ...]) -> tuple[_ObservedVehicle, ...]:

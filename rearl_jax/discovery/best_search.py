@@ -107,7 +107,7 @@ def _with_best_model(
         return first
     before = prediction_of(solver, outcome)
     for prior in comparison.next_best[:MOST_OTHERS]:
-        other, words = solver_of(parts.fitted, prior), f"{label}beside {prior.name}, "
+        other, words = solver_of(parts.fitted, prior), f"{label}with {prior.name}, "
         first_round = _first_round(config, outcome, other, parts, bar, words)
         if not first_round.added or not predicts_better(before, prediction_of(other, first_round), seed):
             continue

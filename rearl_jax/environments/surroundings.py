@@ -1,6 +1,6 @@
 """Recorded traffic around episodes that begin with measured scenes: one case per scene and controlled vehicle.
 
-Replayed vehicles react to nothing. They are seen by everybody, and the controlled vehicle crashes if it touches one.
+Replayed vehicles do not react. All vehicles react to them, and the controlled vehicle crashes if it touches one.
 """
 
 import equinox as eqx

@@ -1,4 +1,4 @@
-"""Document of an evaluation: methods beside each other, then all metrics, interventions and definitions."""
+"""Document of an evaluation: methods in one table, then all metrics, interventions and definitions."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace

@@ -34,7 +34,7 @@ class Estimate:
         difference: Value less that of the other row, over the scenes that both have.
         difference_low: Lower end of its paired bootstrap interval.
         difference_high: Upper end.
-        less_base: Value less that of the row base, for another method beside it.
+        less_base: Value less that of the row base, for methods other than base.
         less_base_low: Lower end of its paired bootstrap interval.
         less_base_high: Upper end.
         n_scenes: Scenes with a figure.

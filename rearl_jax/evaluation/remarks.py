@@ -144,5 +144,5 @@ def _definitions(config: EvaluateTask, scenes: SceneSet, held_out: np.ndarray) -
         f"Intervals: {100 * config.eval.confidence:g} % percentile bootstrap, {config.eval.resamples} resamples of the "
         "scenes, the same for every figure. Differences are taken scene by scene: to `real` where the real scenes have "
         "the metric themselves, else to real against real.",
-        f"h_legacy = {legacy_scale(config.hist):.4f} h, to stand beside published values on that scale.",
+        f"h_legacy = {legacy_scale(config.hist):.4f} h, for comparison with published values on that scale.",
     )

@@ -24,7 +24,7 @@ TITLES = {REAL: "real", REAL_VS_REAL: "real against real", NOISE_FLOOR: "noise f
 """Titles of the reference rows; the title of a method is its name."""
 
 WITH_EFFECT = "_effect"
-"""Ends the names of rows on the traffic of a repaired model with its effects, beside those without."""
+"""Suffix of the names of rows on the traffic of a repaired model with its effects."""
 
 LIKELIHOODS = {"realism": "meta", "ttc_likelihood": "ttc", "thw_likelihood": "headway"}
 """Metrics for which the runs of a scene are pooled before scoring, with their fields of `Realism`."""

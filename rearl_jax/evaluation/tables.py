@@ -142,7 +142,7 @@ def summary_rows(
     """The objects of summary.json, one per row of the table, the method first.
 
     Keys: method, every metric by its name with `_sd` (over runs), `_low` and `_high` (bootstrap interval over
-    scenes), n_scenes, n_rollouts, seconds; for a method beside base also `_less_base`, `_less_base_low`,
+    scenes), n_scenes, n_rollouts, seconds; for a method other than base also `_less_base`, `_less_base_low`,
     `_less_base_high`; and those that the method adds, None in the other rows. None if there is no figure.
     """
     methods = [row.row for row in evaluation.rows if row.row not in TITLES]

@@ -201,7 +201,7 @@ def test_a_sweep_is_reported_with_its_pairs(make_study, make_report):
     check_alone(page)
     text = words(page)
     assert "the percentiles 10 % / 5 % leave the least error, 0.500 beside 0.700 without interventions" in text
-    assert "can tell it from the next" in text
+    assert "can distinguish it from the next" in text
     assert "lead of 10 % / 5 % over 5 % / 5 %: 0.1000, 95 % bootstrap interval over scenes 0.0500 to 0.2000" in text
     assert text.index("10 % / 5 % 0.500") < text.index(" 5 % / 5 % 0.600") < text.index("base 0.700")  # the best first
 

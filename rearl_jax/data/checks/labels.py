@@ -1,4 +1,5 @@
-"""Labels of tracks beside the canonical columns: what the source says of a vehicle or its driver, one value per track.
+"""Labels of tracks, in addition to the canonical columns: statements of the source on a vehicle or its driver, one
+value per track.
 
 A car's model, the setting of its cruise control, the person at the wheel: discovery groups vehicles by them.
 """

@@ -15,7 +15,7 @@ COMPLETE_SHARE = 0.5
 """Share of the rows with a vehicle ahead in the lane from which on the stated leaders are those of all vehicles.
 
 Tables of leader-follower pairs state it for .70 of such rows (NGSIM I-80 with lateral positions) or more, because the
-leader of a pair follows nobody in the table.
+leader of a pair has no leader in the table.
 """
 
 

@@ -53,8 +53,8 @@ def measured_state(scenes: SceneSet, core: CoreConfig) -> TrafficState:
     """States with the vehicles of every scene's first snapshot, `[n_vehicles, n_scenes]`.
 
     x = position along the own driving direction less the least one of the scene, so the carriageways lie side by side
-    and all vehicles drive towards larger x; lane as in `first_lanes`; in the place of the desired speed stands the
-    highest speed that was recorded of the vehicle, to which `core.boundary.cut_desired_speed` cuts that of its driver.
+    and all vehicles drive towards larger x; lane as in `first_lanes`; `desired_speed` is the highest recorded speed
+    of the vehicle, to which `core.boundary.cut_desired_speed` limits that of its driver.
     Speeds are rescaled by `scenes.speed_norm`.
 
     Raises:

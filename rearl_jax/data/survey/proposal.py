@@ -12,7 +12,7 @@ from rearl_jax.data.survey.motion import Motion, motion_of, told_by
 from rearl_jax.data.survey.names import end_in, is_in_pixels, is_on_globe, per_vehicle, unit_in
 from rearl_jax.data.survey.sample import FoundColumn, Sample
 from rearl_jax.data.survey.sizes import Sizes, sizes_of
-from rearl_jax.data.tables.track_names import NOBODY
+from rearl_jax.data.tables.track_names import NO_LEADER
 from rearl_jax.data.units import SI_FACTOR
 from rearl_jax.data.vehicle_classes import CLASSES, class_of
 
@@ -238,7 +238,7 @@ def _vehicle_class(found: Proposal, column: FoundColumn, clock: Clock, motion: M
 def _leader_id(found: Proposal, column: FoundColumn, clock: Clock, motion: Motion | None) -> str | None:
     leaders, own = (one.texts.dropna().str.replace(r"\.0*$", "", regex=True) for one in (column, clock.track))
     known = set(own.unique())
-    stated = leaders[~leaders.str.lower().isin(NOBODY) | leaders.isin(known)]
+    stated = leaders[~leaders.str.lower().isin(NO_LEADER) | leaders.isin(known)]
     if not len(stated):
         return "names no vehicle"
     share = float(stated.isin(known).mean())

@@ -79,7 +79,7 @@ class TableFile:
 
         Args:
             recording: Its id.
-            labels: Columns that are labels of its tracks, beside those that the file states itself.
+            labels: Columns that are labels of its tracks, in addition to those that the file states itself.
 
         Raises:
             BadRecordingError: The file or a row breaks the schema.

@@ -105,7 +105,7 @@ def _named(columns: CandidateColumns, confidence: float) -> tuple[LaneChangeFind
     added, rounds = _selected(columns)
     before, after, change = _loss(columns, added, confidence)
     names = ", ".join(trial.candidate.name.replace("_", " ") for trial in added)
-    names = names or "nothing beside the own acceleration counts"
+    names = names or "only the own acceleration counts"
     n_changes = int(columns.data.taken.sum())
     findings = LaneChangeFindings(
         effects=_effects(columns, added, rounds, confidence),

@@ -80,10 +80,10 @@ class Programs:
         places = self.free(active)
 
         def run(a: dict) -> dict:
-            nobody = jnp.zeros((0, *a["pieces"].y.shape))
+            no_driver = jnp.zeros((0, *a["pieces"].y.shape))
             knots, kept = _squeezed(a["knots"]), len(places)
             sums = sensitivity_sums(
-                a["z"], a["theta"], a["pieces"], self.layout, knots, places, (), kept, nobody, self.dt, active
+                a["z"], a["theta"], a["pieces"], self.layout, knots, places, (), kept, no_driver, self.dt, active
             )
             return {name: sums[name] for name in ("square", "count", "gradient")} | {"gram": sums["nuisance"]}
 

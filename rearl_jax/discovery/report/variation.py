@@ -2,7 +2,7 @@
 
 Entry `time_gap_variation` of the verdict: {sd, time, noise_share, start_share, time_gap, energy_score: {before,
 constant, varying, change, change_share}}. `sd` is the standard deviation of log T within a driver [-], `time` its
-correlation time [s], `noise_share` the share of the acceleration noise that remains beside it [-], `start_share` the
+correlation time [s], `noise_share` the share of the acceleration noise that remains with it [-], `start_share` the
 share of the difference of log T at the start of a drive that is variation [-], and `time_gap` the standard deviation of
 the median driver's time gap [s]. `energy_score` contains mean energy scores of the report drivers [m] as figures
 {value, low, high}: of the calibrated model (`before`) and of the final model with a `constant` and with a `varying`
@@ -104,7 +104,7 @@ def variation_section(verdict: Mapping[str, Any]) -> Section:
         words = (
             f"a driver's time gap varies by {number(variation['time_gap'])} s over {number(variation['time'])} s "
             f"according to the fitted drivers, and {percent(variation['noise_share'])} of the acceleration noise "
-            "remains beside it; simulations of the repaired model vary in the same way"
+            "remains with it; simulations of the repaired model vary in the same way"
         )
     else:
         words = "simulations with a varying time gap are not significantly closer to the fitted drivers"

@@ -228,18 +228,18 @@ def search(
     report("calibrating drivers", 0, 1)
     of_lanes = calibrated or base_of(solver, fitted, lane_changes=lane_changes)
     base = of_lanes.fit
-    everybody = joint_fit(solver, base, checked)
-    null = null_for(everybody)
-    (seen,) = scores(solver, [everybody.state])
+    all_drivers = joint_fit(solver, base, checked)
+    null = null_for(all_drivers)
+    (seen,) = scores(solver, [all_drivers.state])
     outcome = Search(solver.layout, null, seen, checked, excluded=excluded)
     outcome.lane_changes = lane_change_trials(solver, of_lanes, checked)
     clocks = None
-    of_clocks = null.z_scores({CLOCK_OFFSET: clock_evidence(everybody.state, seen)})[CLOCK_OFFSET]
+    of_clocks = null.z_scores({CLOCK_OFFSET: clock_evidence(all_drivers.state, seen)})[CLOCK_OFFSET]
     if CLOCK_OFFSET not in excluded and of_clocks > THRESHOLDS.candidate_z_score:
         report("comparing clocks", 0, 1)
         clocks = check_clocks(solver, base, checked)
     while len(outcome.added) <= THRESHOLDS.most_effects:
-        turn = _round(solver, base, everybody.state, seen, outcome, report)
+        turn = _round(solver, base, all_drivers.state, seen, outcome, report)
         if clocks is not None and not outcome.rounds and (turn.chosen is None or clocks.total > turn.chosen.total):
             # The data are replaced by those with corrected clocks, and the first round is repeated.
             outcome.clocks, outcome.checked = clocks, clocks.checked
@@ -251,8 +251,8 @@ def search(
             if turn.chosen is None or len(outcome.rounds) == rounds:
                 break
             base = turn.chosen.fit
-        everybody = joint_fit(solver, base, outcome.checked)
-        (seen,) = scores(solver, [everybody.state])
+        all_drivers = joint_fit(solver, base, outcome.checked)
+        (seen,) = scores(solver, [all_drivers.state])
     return outcome
 
 
@@ -262,14 +262,14 @@ def in_time(solver: Solver, outcome: Search, data: Measured) -> Measured:
 
 
 def _round(
-    solver: Solver, base: Fit, everybody: FitState, seen: dict[Term, Score], outcome: Search, report: Report
+    solver: Solver, base: Fit, all_drivers: FitState, seen: dict[Term, Score], outcome: Search, report: Report
 ) -> Round:
     """The next round, from a model and its scores."""
     layout, null, added = solver.layout, outcome.null, outcome.added
     report(f"searching for effects, round {len(added) + 1}", 0, 1)
     excluded = {EARLY_LEADER, *base.state.active, *outcome.excluded - {CLOCK_OFFSET}}
     remaining = {CLOCK_OFFSET, *layout.candidates} - excluded
-    evidence = {term: value for term, value in evidences(everybody, seen, layout).items() if term in remaining}
+    evidence = {term: value for term, value in evidences(all_drivers, seen, layout).items() if term in remaining}
     exceeds = {term for term, z_score in null.z_scores(evidence).items() if z_score > THRESHOLDS.candidate_z_score}
     clock_z_score = null.z_scores({CLOCK_OFFSET: evidence.pop(CLOCK_OFFSET)})[CLOCK_OFFSET]
     excess, z_score, known = null.excess(evidence), null.z_scores(evidence), set(evidence)

@@ -38,7 +38,7 @@ def drivers_of(model: RepairedModel, row: Row, core: CoreConfig) -> Population:
     """Drivers of a row.
 
     Without what discovery found they are those calibrated without it. Acceleration noise belongs to the variation
-    within drivers; the noise that was estimated beside that variation is taken in every row that has any.
+    within drivers; rows with noise use the noise that was estimated together with that variation.
 
     Args:
         model: The model.

@@ -1,4 +1,4 @@
-"""Figures of the budget: errors of the rows scene by scene, shares, and the rest beside real against real."""
+"""Figures of the budget: errors of the rows scene by scene, shares, and the rest less real against real."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -31,7 +31,7 @@ class Column:
     first: Row = frozenset()
 
     def falls_by(self, components: Sequence[str]) -> tuple[str, ...]:
-        """Components by which the error can fall: those beyond its first row, none if that row does not occur."""
+        """Components that can reduce the error: those beyond its first row, none if that row does not occur."""
         return tuple(name for name in components if name not in self.first) if self.first <= set(components) else ()
 
 
@@ -93,7 +93,7 @@ class ColumnBudget:
 
     @property
     def first(self) -> str:
-        """Name of the row from which the error falls."""
+        """Name of the row from which the error is reduced."""
         return row_name(self.column.first)
 
     def rest(self) -> np.ndarray:
