@@ -15,7 +15,7 @@ _Keyed = tuple[Array, Array]
 """Sort keys, positions [m] and vehicle indices, by place in the order."""
 
 NO_VEHICLE = -1
-"""Index that stands for no vehicle."""
+"""Index of no vehicle."""
 
 
 def sort_along_road(

@@ -120,7 +120,7 @@ def evaluate(
     """Simulated rows and reference rows, scored on the held-out scenes.
 
     Args:
-        config: The task; `rows.rows_of` says which rows it has.
+        config: The task; `rows.rows_of` lists its rows.
         scenes: All scenes; those not held out serve only as partners in real against real.
         held_out: Indices of the scenes to evaluate on, rising.
         progress: Called with the number of rollouts done and their total, row by row.

@@ -30,7 +30,7 @@ LIKELIHOODS = {"realism": "meta", "ttc_likelihood": "ttc", "thw_likelihood": "he
 """Metrics for which the runs of a scene are pooled before scoring, with their fields of `Realism`."""
 
 COMPARING = tuple(name for name, metric in METRICS.items() if metric.compares)
-"""Metrics that compare two scenes: a scene compared with itself says nothing."""
+"""Metrics that compare two scenes: their value for a scene and itself is meaningless."""
 
 NEEDS_LANES = tuple(name for name, metric in METRICS.items() if metric.needs_lanes)
 """Metrics that are undefined for recordings without lanes."""
@@ -53,7 +53,7 @@ class Scores:
         run: Run, from 0.
         values: Figures by metric; NaN where there was nothing to measure.
         counts: Number of samples of each figure, by metric.
-        partner: Index of the recorded scene that stands for a simulated one; None for a simulation.
+        partner: Index of the recorded scene in place of a simulation; None for a simulation.
         series: Figures by window and frame; None if there are none.
         realism: Bin counts of the realism features; None if there are none.
         pooled: Metrics for which the runs of a scene are pooled before scoring: one figure per scene, in the order of

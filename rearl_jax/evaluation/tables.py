@@ -37,7 +37,7 @@ def run_table(evaluation: Evaluation) -> pd.DataFrame:
     """One row per scored pair: `method` (or reference row), `scene_id`, `recording`, `run`, `partner`, then
     every metric and, under `<metric>_n`, its number of samples.
 
-    `partner` is the scene_id of the recorded scene that stands for a simulated one; missing for simulations.
+    `partner` is the scene_id of the recorded scene in place of a simulation; missing for simulations.
     """
     return pd.concat([_run_rows(evaluation, row) for row in evaluation.rows], ignore_index=True)
 

@@ -36,7 +36,7 @@ SIMULATION = (
         run="rearl_jax.baselines.task:run",
         config="rearl_jax.config:TrainPpoTask",
         summary="train the policy of method=ppo in the traffic model, without data",
-        goes_on=True,
+        resumes=True,
         description=(
             "Trains one policy for all vehicles by proximal policy optimisation on highway-env's reward: speed, right "
             "lanes, no crash. It sees the four nearest vehicles and takes an admissible action every second. A killed "
@@ -54,7 +54,7 @@ SIMULATION = (
         run="rearl_jax.sweep.task:run",
         config="rearl_jax.config:SweepThresholdsTask",
         summary="try pairs of detection thresholds on the tuning scenes",
-        goes_on=True,
+        resumes=True,
         description=(
             "Takes percentiles of the errors of base on the threshold scenes as thresholds, simulates the "
             "tuning scenes under every pair of them in one program and picks the pair with the least Hellinger "
@@ -73,7 +73,7 @@ SIMULATION = (
         run="rearl_jax.sweep.scale:run",
         config="rearl_jax.config:SweepScaleTask",
         summary="simulate very many rollouts in constant memory and measure their cost",
-        goes_on=True,
+        resumes=True,
         description=(
             "Simulates and scores as many rollouts of the held-out scenes as asked for, every one from another initial "
             "state, and writes them part by part; a killed study continues where it stopped. Before that, measures the "
@@ -91,7 +91,7 @@ SIMULATION = (
         run="rearl_jax.validation.task:run",
         config="rearl_jax.config:ValidateTask",
         summary="compare the traffic core with highway-env, tick by tick",
-        goes_on=True,
+        resumes=True,
         description=(
             "Runs the same scenes in this package's core and in highway-env and compares them at every tick: "
             "positions, speeds, headings, lane changes and crashes, in float64 and float32. Writes the "

@@ -8,7 +8,7 @@ STUDIES = (
         run="rearl_jax.study.table1:run",
         config="rearl_jax.config:StudyTable1Task",
         summary="the methods in one table, compared with the paper's Table 1",
-        goes_on=True,
+        resumes=True,
         description=(
             "Evaluates every row (base, PPO, CRITICAL, the closed loop with its controls, with table1.llm=true a "
             "language model) as `rearl evaluate` does with the paper's start, each in a folder of its own below rows/, "
@@ -29,7 +29,7 @@ STUDIES = (
         run="rearl_jax.study.table3:run",
         config="rearl_jax.config:StudyTable3Task",
         summary="the threshold pairs, compared with the paper's Table 3",
-        goes_on=True,
+        resumes=True,
         description=(
             "Runs `rearl sweep thresholds` with the paper's start in the folder sweep/ and compares thresholds, best "
             "pair and Pareto set with the known values of the paper. Prints a table, writes Parquet, a figure and one "
@@ -42,7 +42,7 @@ STUDIES = (
         run="rearl_jax.study.table4:run",
         config="rearl_jax.config:StudyTable4Task",
         summary="the time of ten consecutive decisions, compared with the paper's Table 4",
-        goes_on=True,
+        resumes=True,
         description=(
             "Measures ten consecutive decision steps, one scenario and many at a time, detection and decision "
             "apart, and compares them with the paper's inference times. Reads no data: the "
@@ -55,7 +55,7 @@ STUDIES = (
         run="rearl_jax.study.fig6:run",
         config="rearl_jax.config:StudyFig6Task",
         summary="the errors of the methods second by second, as in the paper's Fig. 6",
-        goes_on=True,
+        resumes=True,
         description=(
             "Evaluates the rows of Table 1 and shows Hellinger distance and spacing error of every row second by "
             "second, with base and real against real. table1.kept_in=study_table1 uses the rows that `rearl study "
@@ -68,7 +68,7 @@ STUDIES = (
         run="rearl_jax.study.fig7:run",
         config="rearl_jax.config:StudyFig7Task",
         summary="the errors of base and their percentiles, as in the paper's Fig. 7",
-        goes_on=True,
+        resumes=True,
         description=(
             "Simulates base on the threshold scenes and shows the distributions of Hellinger distance and spacing "
             "error with the percentiles that become thresholds, and the paper's. Prints a table, writes Parquet, a "
@@ -81,7 +81,7 @@ STUDIES = (
         run="rearl_jax.study.fig8:run",
         config="rearl_jax.config:StudyFig8Task",
         summary="the clusters of scenes and their representatives, as in the paper's Fig. 8",
-        goes_on=True,
+        resumes=True,
         description=(
             "Runs `rearl cluster` in the folder cluster/ and shows the scenes on a t-SNE map with clusters and "
             "representatives, and the paper's numbers. Prints a table, writes Parquet, figures and one HTML page."
@@ -93,7 +93,7 @@ STUDIES = (
         run="rearl_jax.study.real.task:run",
         config="rearl_jax.config:StudyRealTask",
         summary="what the driver model is missing in the shipped real recordings; compares time gaps with known ones",
-        goes_on=True,
+        resumes=True,
         description=(
             "Makes a discovery of each set of real recordings (I-80, FHWA by leader, ZalaZone by setting and by car), "
             "as `rearl discover` does, in a folder of its own below sets/, and puts verdicts and errors under every "
@@ -114,7 +114,7 @@ STUDIES = (
         run="rearl_jax.study.budget.task:run",
         config="rearl_jax.config.budget:StudyBudgetTask",
         summary="divides the error of simulated scenes among its causes, from Base to real against real",
-        goes_on=True,
+        resumes=True,
         description=(
             "Adds components to Base, one at a time, in the stated order and in every other admissible one: start and "
             "desired speeds as recorded, replayed vehicles, calibrated drivers, effects that discovery found, "
@@ -137,7 +137,7 @@ STUDIES = (
         run="rearl_jax.study.stability.task:run",
         config="rearl_jax.config.stability:StudyStabilityTask",
         summary="compares string stability, flow and collisions of simulated traffic with theory and recordings",
-        goes_on=True,
+        resumes=True,
         description=(
             "Simulates platoons behind an oscillating first vehicle, rings, and a queue that discharges, for every "
             "car-following model or a repaired one, and compares amplification, waves, capacity, outflow, wave "
@@ -158,7 +158,7 @@ STUDIES = (
         summary="a finished study as one HTML file, with replays of simulated and recorded scenes",
         description=(
             "Reads the folder of a finished `rearl evaluate`, `discover`, `discover blind`, `sweep thresholds` or "
-            "`study ...` and writes its page.html anew: the result in one sentence, tables with intervals, figures, "
+            "`study ...` and writes its page.html again: the result in one sentence, tables with intervals, figures, "
             "data and licence, the command that repeats it. Of `rearl evaluate` some scenes are simulated again, "
             "checked against the figures stored by the study, and replayed together with the recorded ones. The file "
             "needs only a browser."

@@ -193,7 +193,7 @@ class _Lines:
         delimiter: Separator of fields.
         decimal_point: Mark before the fraction of a number.
         header_lines: Lines before the first row.
-        quoted: Whether fields may stand in quotes.
+        quoted: Whether fields may be quoted.
     """
 
     path: Path

@@ -33,7 +33,7 @@ class SceneBoundary:
     side by side.
 
     Attributes:
-        track_id: Recorded vehicle that each simulated vehicle stands for.
+        track_id: Recorded vehicle that each simulated vehicle represents.
         is_new: True if it enters at the beginning of this second; false in the first second.
         x: Its recorded position at the beginning of the second [m].
         speed: Its recorded speed at the beginning of the second [m/s].

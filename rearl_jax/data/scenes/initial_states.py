@@ -29,7 +29,7 @@ def first_lanes(scenes: SceneSet) -> Int[np.ndarray, "scenes slots"]:
 
 
 def recorded_road(core: CoreConfig, scenes: SceneSet) -> CoreConfig:
-    """The road of recorded scenes: with their lanes, unless `core` says how many, and without a speed limit that
+    """The road of recorded scenes: with their lanes, unless `core` states their number, and without a speed limit that
     recorded vehicles exceed.
 
     Raises:

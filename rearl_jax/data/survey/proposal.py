@@ -104,7 +104,7 @@ def _take_clock(found: Proposal, clock: Clock) -> None:
     kind = "words" if clock.track.kind == "words" else "numbers"
     found.taken["track_id"] = Taken(clock.track.name, None, f"{reason}; {n_vehicles} {kind}, {per_track:.0f} rows each")
     if clock.recording is not None:
-        found.taken["recording"] = Taken(clock.recording.name, None, "name; ids begin anew in each")
+        found.taken["recording"] = Taken(clock.recording.name, None, "name; ids restart in each")
     if clock.time is not None:
         what = (
             "dates and times of day" if clock.time.kind == "moments" else f"rises by {_short(clock.step)} along tracks"

@@ -46,7 +46,9 @@ def find_tables(root: Path) -> list[Path]:
     Raises:
         FileNotFoundError: There is none.
     """
-    wanted = "a table, or a folder of tables, one row per vehicle and frame; `rearl prepare FILE` says how to read one"
+    wanted = (
+        "a table, or a folder of tables, one row per vehicle and frame; `rearl prepare FILE` prints how to read one"
+    )
     return named_files(root, _ENDINGS, wanted, ".parquet or .csv")
 
 

@@ -126,7 +126,7 @@ def require_known_columns(present: Sequence[str], wanted: Sequence[str], file: s
             message = "the column is missing"
             remedy = (
                 f"add it, or name what it is called: 'data.columns={{{name}: NAME}}'; found: {', '.join(present)}; "
-                "`rearl prepare FILE` says what the columns may be"
+                "`rearl prepare FILE` lists what the columns may be"
             )
             raise BadRecordingError(Problem("column-missing", message, remedy, column=name, file=file))
 

@@ -72,7 +72,7 @@ def numbered(rows: pd.DataFrame, file: str, spelling: Mapping[str, str]) -> tupl
 
 
 def _with_numeric_leaders(rows: pd.DataFrame, file: str, spelling: Mapping[str, str]) -> pd.DataFrame:
-    """The rows with numbers in `leader_id`; words that stand for no leader become unknown."""
+    """The rows with numbers in `leader_id`; words for "no leader" become unknown."""
     if "leader_id" not in rows or pd.api.types.is_numeric_dtype(rows["leader_id"]):
         return rows
     texts = _as_texts(pd.Series(rows["leader_id"]))

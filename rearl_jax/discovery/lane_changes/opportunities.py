@@ -158,7 +158,7 @@ class _Scene:
         self.upstream = rows.groupby("direction")["position"].transform("min").to_numpy()
         self.whole, self.frame = whole_lanes(self.direction, self.lane, self.x), rows["frame"].to_numpy(np.int64)
         self.ramp_side = side_of_ramp(self.vehicle, self.direction, self.lane, self.whole)
-        self.goes_on = _goes_on(rows)
+        self.continues = _continues(rows)
         self.model = drivers.prior.name
         self.own = self._parameters(drivers, on_own_lane.leader)
         self.braking = self._earlier_braking(on_own_lane.leader)
@@ -177,7 +177,7 @@ class _Scene:
         less = np.where(leader == NO_VEHICLE, 0.0, self._behind(everyone, leader) - self.a)
         back = round(EARLIER / PERIOD)
         before = np.maximum(everyone - back, 0)
-        breaks = np.r_[0, np.cumsum(~self.goes_on)]
+        breaks = np.r_[0, np.cumsum(~self.continues)]
         same = (everyone >= back) & (breaks[everyone + 1] == breaks[before + 1])
         return np.where(same, less[before], 0.0)
 
@@ -240,7 +240,7 @@ class _Scene:
         return np.where(vehicles == NO_VEHICLE, 0.0, value)
 
 
-def _goes_on(rows: pd.DataFrame) -> Bool[np.ndarray, " rows"]:
+def _continues(rows: pd.DataFrame) -> Bool[np.ndarray, " rows"]:
     """True if a row is the next opportunity time of the vehicle in the row before."""
     track, frame = rows["track_id"].to_numpy(), rows["frame"].to_numpy()
     frames = np.unique(frame)
