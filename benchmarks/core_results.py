@@ -89,7 +89,7 @@ class Change:
 
     @property
     def is_slower(self) -> bool:
-        """Whether more than the margin was lost, and no repetition reached the earlier median."""
+        """True if more than the margin was lost and no repetition reached the earlier median."""
         return self.factor.median < 1 - self.margin and self.now.greatest < self.then.median
 
 

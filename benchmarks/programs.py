@@ -41,7 +41,7 @@ REMEDIES = {
     " but runs on ours)",
     Peer.gpu: "on a machine with an NVIDIA GPU: pip install 'jax[cuda12]'",
 }
-"""How to get what is not here."""
+"""Remedies for missing programs."""
 
 _ADDRESSES = {
     Peer.highway_env: "benchmarks.highway:HighwayRoads",
@@ -114,7 +114,7 @@ def _start_peer(peer: Peer, n_vehicles: int, bench: CoreOptions) -> Session:
 
 
 def _reason_for_absence(peer: Peer) -> str | None:
-    """Why a peer cannot be measured here; None where it can, or where only its compiler knows."""
+    """Reason why a peer cannot be measured here; None if it can, or if only its compiler can tell."""
     if peer is Peer.gpu:
         return None if sees_gpu() else "JAX sees no GPU on this machine"
     return None if peer is Peer.c or find_spec(peer.name) is not None else "not installed"
@@ -122,6 +122,6 @@ def _reason_for_absence(peer: Peer) -> str | None:
 
 @cache
 def sees_gpu() -> bool:
-    """Whether JAX would compute on a GPU; asked in a process of its own, as JAX then takes most of its memory."""
+    """True if JAX would compute on a GPU; tested in a separate process, because JAX then takes most of its memory."""
     asked = [sys.executable, "-c", "import jax; print(jax.default_backend())"]
     return subprocess.run(asked, capture_output=True, text=True).stdout.split()[-1:] == ["gpu"]

@@ -108,12 +108,12 @@ class Discovered:
 
     @property
     def candidates(self) -> pd.DataFrame:
-        """One row per candidate; empty if `discover.oracle` says what is missing."""
+        """One row per candidate; empty if `discover.oracle` names the missing effects."""
         return self.discovery.tables.get("candidates", pd.DataFrame())
 
     @property
     def model(self) -> RepairedModel | None:
-        """The repaired model; None if `discover.oracle` says what is missing."""
+        """The repaired model; None if `discover.oracle` names the missing effects."""
         return self.discovery.model
 
     def save(self, folder: str | Path) -> None:

@@ -1,7 +1,8 @@
 """Draws the picture of README and of the first page from the stored results: `python docs/_hooks/overview.py`.
 
 Left: share of hidden effects that discovery names, by their strength, in generated recordings. Right: gap error of
-drivers that were not used in the fit over the second half of their drives, by what is known of them, in a measured one.
+drivers of a measured recording that were not used in the fit, over the second half of their drives, by the source of
+their parameters.
 """
 
 import json
@@ -26,8 +27,8 @@ LARGEST_ERROR = 8.0
 
 STRENGTHS = {0.25: "1/4", 0.5: "1/2", 1.0: "1", 2.0: "2"}
 STUDY = "discover_i80"
-KNOWN = {"population": "the population", "before": "own first half", "after": "the same, repaired"}
-"""What is known of a driver, and which model is simulated, in words."""
+KNOWN = {"population": "the population", "before": "own first half", "after": "same, repaired model"}
+"""Labels of the bars: source of a driver's parameters, and simulated model."""
 
 
 def draw() -> str:

@@ -43,7 +43,7 @@ def table_columns() -> str:
 
 
 def recording_formats() -> str:
-    """The formats of recordings: what the first line of their module says, and what data.root names."""
+    """The formats of recordings: first line of their module, and meaning of data.root."""
     rows = []
     for kind in DataFormat:
         module = import_module(f"rearl_jax.data.readers.{kind.name}")
@@ -79,7 +79,7 @@ def metrics() -> str:
 
 
 def bench_keys(name: str) -> str:
-    """What the figures of `python -m benchmarks NAME` mean."""
+    """Meaning of the figures of `python -m benchmarks NAME`."""
     meanings: dict[str, str] = import_module(BENCH[name]).MEANINGS
     rows = [f"| `{key}` | {_cell(meaning)} |" for key, meaning in meanings.items()]
     return "\n".join(["| key | meaning |", "|---|---|", *rows])

@@ -115,13 +115,13 @@ def advantages(
 
     Source: Schulman et al., High-Dimensional Continuous Control Using Generalized Advantage Estimation (2016).
     """
-    goes_on = 1 - ends.astype(reward.dtype)
+    continues = 1 - ends.astype(reward.dtype)
     next_value = jnp.concatenate([value[1:], last_value[None]])
-    surprise = reward + gamma * goes_on * next_value - value
+    td_error = reward + gamma * continues * next_value - value
 
     def back(later: Array, second: tuple[Array, Array]) -> tuple[Array, Array]:
         delta, weight = second
         estimate = delta + gamma * decay * weight * later
         return estimate, estimate
 
-    return lax.scan(back, jnp.zeros_like(last_value), (surprise, goes_on), reverse=True)[1]
+    return lax.scan(back, jnp.zeros_like(last_value), (td_error, continues), reverse=True)[1]

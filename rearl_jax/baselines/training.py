@@ -31,7 +31,7 @@ from rearl_jax.config import TrainPpoTask
 from rearl_jax.config.core import CoreConfig
 from rearl_jax.config.decision import AdmissibleConfig
 from rearl_jax.config.ppo import PpoConfig
-from rearl_jax.core.road import traffic_model
+from rearl_jax.core.model import traffic_model
 from rearl_jax.core.spawn import spawn
 from rearl_jax.decision.situation import ACTION_NAMES
 from rearl_jax.problems import InvalidInputError, Problem
@@ -221,7 +221,7 @@ def _restored(config: TrainPpoTask, study: Study, learner: Learner, curve: Point
     with path.open("rb") as file:
         header = json.loads(file.readline())
         if {key: header[key] for key in _identity(config)} != _identity(config):
-            log.info("%s belongs to another configuration or code: the training begins anew", path)
+            log.info("%s belongs to another configuration or code: the training starts again", path)
             return learner, curve, 0
         learner, curve = eqx.tree_deserialise_leaves(file, (learner, curve))
     log.info("the training continues after update %d", header["updates"])

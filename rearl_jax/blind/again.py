@@ -59,12 +59,12 @@ class KeptResults(BlindResults):
 
     @cached_property
     def parameters(self) -> list[dict]:
-        """Those of before."""
+        """Rows of the table of parameters, as first written."""
         return list(self.kept_parameters)
 
     @cached_property
     def calibration(self) -> list[dict]:
-        """Those of before."""
+        """Rows of the table of calibration, as first written."""
         return list(self.kept_calibration)
 
     @property

@@ -70,7 +70,7 @@ def _place_of_set(case: Judged) -> tuple[int, int, str]:
 
 
 def oracle_share(cases: Iterable[Judged]) -> tuple[float | None, int]:
-    """How much of the largest possible error reduction was achieved, and in how many data sets.
+    """Achieved share of the largest possible error reduction, and number of data sets.
 
     The largest possible reduction is that of the oracle, which knows the hidden effect. The share is the sum of
     before^2 - after^2 divided by that of before^2 - oracle^2, over the data sets for which all three errors are known;

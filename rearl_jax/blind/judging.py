@@ -36,8 +36,8 @@ class Judgement:
         in_set: Whether each hidden effect is named or among the alternatives.
         alone: Whether the effect is named without alternatives.
         is_flagged: Whether the verdict states an unexplained remainder or a generic dependence.
-        false_names: Claimed names that are not hidden in the data, also those beside a correct name; a curve counts as
-            a name.
+        false_names: Claimed names that are not hidden in the data, also those together with a correct name; a curve
+            counts as a name.
         false_kinds: Kinds of the false names.
         claims: Stated confidence of each claimed effect, and whether the claim is correct.
     """

@@ -100,7 +100,7 @@ def _has_false_driver_or_road_effect(case: Judged) -> bool:
 
 
 def _has_false_name(case: Judged) -> bool:
-    """True if an effect is reported that is not hidden, alone or beside a correct one."""
+    """True if an effect is reported that is not hidden, alone or together with a correct one."""
     return bool(case.judgement.false_names)
 
 

@@ -60,14 +60,17 @@ def open_study(folder: Path, config_hash: str, blind: BlindConfig, watch: Watch)
     """The protocol with the sealed truth, and the data sets; a study of other code or configuration starts from the
     beginning.
     """
-    protocol, goes_on = sealing.open_protocol(folder, config_hash, blind)
+    protocol, is_continued = sealing.open_protocol(folder, config_hash, blind)
     assert protocol.master_seed is not None
     cases = list_cases(blind, protocol.master_seed)
     if any(case.source == "sumo" or case.base in SUMO_BASES for case in cases):
         check_sumo()
-    if not goes_on:
+    if not is_continued:
         if n_lost := len(list((folder / VERDICTS).glob("*.json"))):
-            log.warning("other code or configuration than before: it begins anew, verdicts removed: %d", n_lost)
+            log.warning(
+                "code or configuration differ from the earlier run: the study starts again, verdicts removed: %d",
+                n_lost,
+            )
         shutil.rmtree(folder / VERDICTS, ignore_errors=True)
         truths = {}
         for number, case in enumerate(cases):

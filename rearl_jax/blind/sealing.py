@@ -67,9 +67,9 @@ def open_protocol(folder: Path, config_hash: str, blind: BlindConfig) -> tuple[P
     )
     stored = stored_protocol(folder)
     if stored is not None and _fixed(stored) == _fixed(fresh):
-        goes_on = stored.truth_sha256 is not None
+        is_continued = stored.truth_sha256 is not None
         if stored.master_seed is not None:
-            return stored, goes_on
+            return stored, is_continued
     # The code hash is stored before the seed is drawn, so that the seed cannot be chosen to suit the code.
     _write(path, fresh)
     drawn = replace(fresh, master_seed=secrets.randbits(32) if seed is None else seed)

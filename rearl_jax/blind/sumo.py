@@ -63,7 +63,7 @@ EFFECTS = {"speed_limit": "idm_limit", "no_undertaking": "idm_no_passing_right"}
 
 @dataclass(frozen=True)
 class Rules:
-    """What SUMO is told beside drivers and traffic.
+    """Rules of a SUMO simulation, in addition to drivers and traffic.
 
     Attributes:
         model: SUMO's name of the car-following model.

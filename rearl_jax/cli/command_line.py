@@ -138,7 +138,7 @@ def _how_to_go_on(arguments: list[str]) -> str:
     except (UsageError, IndexError):
         return ""
     command = shlex.join(["rearl", *arguments])
-    if task.goes_on or options.multirun or options.sweep:
+    if task.resumes or options.multirun or options.sweep:
         return f"; finished parts are stored, continue with: {command}"
     return f"; nothing of an unfinished run is stored, start again with: {command}"
 

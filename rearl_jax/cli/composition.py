@@ -69,7 +69,7 @@ def _unreadable(overrides: list[str], config_dir: str | None, error: Exception) 
 
 
 def file_problem(file: Path) -> str:
-    """Why a configuration file cannot be used; empty if it can."""
+    """Reason why a configuration file cannot be used; empty if it can."""
     try:
         content = yaml.safe_load(file.read_text(encoding="utf-8"))
     except UnicodeDecodeError as error:
@@ -111,7 +111,7 @@ def register(task: Task) -> None:
 
     _register_drivers()
     defaults = task.defaults()
-    # The record of one model takes the place of the base of all of them, not of another model's.
+    # The record of one model replaces the base of all of them, not the record of another model.
     schema = replace(defaults, driver=DriverConfig()) if hasattr(defaults, "driver") else defaults
     ConfigStore.instance().store(name="schema", node=schema)
 

@@ -86,7 +86,7 @@ def launcher_errors(given: Mapping[str, Any]) -> Iterator[None]:
 
 
 def _joblib(given: Mapping[str, Any], n_jobs: int) -> tuple[dict[str, Any], int]:
-    """Keys for joblib, and the cores of a job; as in joblib, -1 job at a time stands for one per core, -2 for one less.
+    """Keys for joblib, and the cores of a job; as in joblib, -1 jobs at a time means one per core, -2 one less.
 
     In batches, as joblib makes them, some cells would wait for others although cores are idle.
     """

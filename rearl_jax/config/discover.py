@@ -71,4 +71,4 @@ class DiscoverConfig:
                 message = f"must be some of {', '.join(CALIBRATED)}, which have usual values to calibrate from"
                 raise out_of_range("base", message, name)
         if self.by is not None and self.oracle is not None:
-            raise out_of_range("by", "must be null where discover.oracle says what is missing", self.by)
+            raise out_of_range("by", "must be null if discover.oracle names the missing effect", self.by)

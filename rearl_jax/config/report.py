@@ -21,7 +21,7 @@ class ReportConfig:
     path: str | None = key(
         None, "file to write, relative to the current folder; null = page.html in the folder of the study"
     )
-    replay: bool = key(True, "replay scenes of `rearl evaluate` beside the recorded ones")
+    replay: bool = key(True, "replay scenes of `rearl evaluate` together with the recorded ones")
     n_scenes: int = key(3, "number of replayed scenes, spread evenly from the slowest to the fastest held-out scene")
     scenes: tuple[int, ...] | None = key(
         None, "scene_id of the replayed scenes, e.g. [3,17]; null = as n_scenes states"

@@ -1,7 +1,7 @@
-"""What was recorded around simulated vehicles: other vehicles, and where simulated ones enter.
+"""Recorded traffic around simulated vehicles: replayed vehicles, and the places where simulated ones enter.
 
-Recorded vehicles are no part of the simulated state: they have no driver, so only the searches for neighbours visit
-them. All times are steps of the simulation; whoever makes a `Boundary` interpolates between recorded frames.
+Replayed vehicles are not part of the simulated state. They have no driver, so only the searches for neighbours visit
+them. All times are time steps of the simulation; the maker of a `Boundary` interpolates between recorded frames.
 """
 
 from dataclasses import replace
@@ -30,7 +30,7 @@ class Motion(eqx.Module):
 
 
 class Identity(eqx.Module):
-    """Which vehicles the slots of the arrays hold, as in `ReplayedVehicles`, during one second or several."""
+    """Vehicles in the slots of the arrays during one second or several; fields as in `ReplayedVehicles`."""
 
     length: Float[Array, "*seconds replayed scenes"]
     is_truck: Float[Array, "*seconds replayed scenes"]
@@ -41,11 +41,11 @@ class Entrants(eqx.Module):
     """Vehicles that take the slots of others in the simulation, at the end of one second or several.
 
     Attributes:
-        is_new: Whether a vehicle enters; the other values of slots that none enters mean nothing.
+        is_new: Whether a vehicle enters the slot; where it is false, the other values are undefined.
         x: Position of the centre along the road [m].
         lane: Lane.
         speed: Speed [m/s].
-        highest_speed: Highest speed it is recorded at [m/s], the upper bound of its driver's desired speed.
+        highest_speed: Highest recorded speed of the vehicle [m/s], the upper bound of its driver's desired speed.
         wait: Time to the first lane-change decision as a share of the decision period, in [0, 1) [-].
     """
 
@@ -79,7 +79,7 @@ class Boundary(eqx.Module):
     Attributes:
         motion: Replayed vehicles at the beginning of each step of each second, `[seconds, steps, replayed, scenes]`.
         identity: Identity of the replayed vehicles, `[seconds, replayed, scenes]`; a slot may hold
-            another one in the next second.
+            another vehicle in the next second.
         entrants: Vehicles that enter at the end of each second, `[seconds, vehicles, scenes]`.
         scene: Index of the recorded scene that surrounds each simulated scenario.
     """
@@ -129,7 +129,7 @@ def cut_desired_speed(
 ) -> Float[Array, "vehicles *scenarios"]:
     """Desired speed of drivers of recorded vehicles [m/s]: that of their model, at most the highest recorded speed.
 
-    Drivers without a desired speed of their own, as highway-env's, get the highest recorded speed.
+    Drivers whose model has no desired speed, such as highway-env's, get the highest recorded speed.
 
     Args:
         highest: Highest recorded speed of each vehicle [m/s].
@@ -140,13 +140,13 @@ def cut_desired_speed(
 
 
 def enter(state: TrafficState, boundary_second: BoundarySecond, drivers: Drivers, model: TrafficModel) -> TrafficState:
-    """State in which vehicles have taken the slots of others at the end of a second.
+    """State at the end of a second after entering vehicles have replaced others in their slots.
 
-    They enter in the middle of their lane at their recorded speed. The parameters of their drivers are those of their
-    slots, the memory of the drivers is empty.
+    A vehicle enters in the middle of its lane at its recorded speed. Its driver has the parameters of the slot and an
+    empty memory.
     """
     new = boundary_second.entrants
-    zeros, nobody = jnp.zeros_like(state.x), jnp.zeros_like(state.crashed)
+    zeros, no_vehicle = jnp.zeros_like(state.x), jnp.zeros_like(state.crashed)
     period = drivers.mobil.decision_period
     entered = replace(
         state,
@@ -161,8 +161,8 @@ def enter(state: TrafficState, boundary_second: BoundarySecond, drivers: Drivers
         target_lane=new.lane,
         ticks_to_decision=1 + jnp.floor(new.wait * period.astype(new.wait.dtype)).astype(jnp.int32),
         controller=jnp.full_like(state.controller, int(Controller.IDM)),
-        crashed=nobody,
-        is_pushed=nobody,
+        crashed=no_vehicle,
+        is_pushed=no_vehicle,
         push_x=zeros,
         push_y=zeros,
         memory=None,
@@ -170,7 +170,7 @@ def enter(state: TrafficState, boundary_second: BoundarySecond, drivers: Drivers
     shape, memory = state.x.shape, state.memory
 
     def where_entering(entered: Array, unchanged: Array) -> Array:
-        """Values of vehicles that enter, the others unchanged; so are arrays without an axis of vehicles."""
+        """New values of entering vehicles; all others, and arrays without an axis of vehicles, are unchanged."""
         is_of_vehicles = unchanged.shape[-len(shape) :] == shape
         return jnp.where(new.is_new, entered, unchanged) if is_of_vehicles else unchanged
 

@@ -57,8 +57,8 @@ def sweep_and_prune(
     by_place = jax.tree.map(lambda values: take_vehicles(values, order), boxes)
     reach = by_place.reach_x + jnp.abs(by_place.moved)
     farthest = by_place.x + reach + _largest(reach)
-    nobody = jnp.zeros(order.shape, jnp.uint32), jnp.zeros(order.shape, bool)
-    candidates, has_more = if_any(body.collides, lambda: _first_window(by_place, farthest), nobody)
+    no_vehicle = jnp.zeros(order.shape, jnp.uint32), jnp.zeros(order.shape, bool)
+    candidates, has_more = if_any(body.collides, lambda: _first_window(by_place, farthest), no_vehicle)
     places = Places(state, body, flat_index(order).ravel())
     collisions = check_candidates(candidates, places, collisions, model)
     return lax.cond(

@@ -19,7 +19,7 @@ from rearl_jax.core.drivers import Body
 from rearl_jax.core.model import TrafficModel
 from rearl_jax.core.narrow_phase import Collisions, Places, check_candidates
 from rearl_jax.core.neighbours import is_large
-from rearl_jax.core.order import NOBODY
+from rearl_jax.core.order import NO_VEHICLE
 from rearl_jax.core.state import TrafficState
 
 
@@ -35,8 +35,8 @@ def collide(state: TrafficState, body: Body, model: TrafficModel) -> TrafficStat
     # reverse mode; the barrier of `rollout` gives all values that pass it a derivative, even if it is zero.
     shape = state.x.shape
     before, body = lax.stop_gradient((state, body))
-    nobody = jnp.full(state.x.size, NOBODY, jnp.int32)
-    collisions = Collisions(before.crashed.ravel(), nobody, before.push_x.ravel(), before.push_y.ravel())
+    no_vehicle = jnp.full(state.x.size, NO_VEHICLE, jnp.int32)
+    collisions = Collisions(before.crashed.ravel(), no_vehicle, before.push_x.ravel(), before.push_y.ravel())
     boxes = bounding_boxes(before, body, model)
     if is_large(shape[0]):
         collisions = sweep_and_prune(boxes, before, body, collisions, model)
@@ -44,7 +44,7 @@ def collide(state: TrafficState, body: Body, model: TrafficModel) -> TrafficStat
         candidates = if_any(body.collides, lambda: candidates_in_list(boxes), jnp.zeros(shape, jnp.uint32))
         collisions = check_candidates(candidates, Places(before, body, vehicle=None), collisions, model)
     collisions = jax.tree.map(lambda values: values.reshape(shape), collisions)
-    is_pushed = before.is_pushed | (collisions.partner != NOBODY)
+    is_pushed = before.is_pushed | (collisions.partner != NO_VEHICLE)
     return replace(
         state, crashed=collisions.crashed, is_pushed=is_pushed, push_x=collisions.push_x, push_y=collisions.push_y
     )

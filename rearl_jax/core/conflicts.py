@@ -47,8 +47,8 @@ def abort_conflicts(
         derived: Derived quantities of the traffic.
         drivers: Parameters of all vehicles.
     """
-    # A decision has no derivative, drivers' memory has other axes than the gathered arrays, and nobody knows where a
-    # replayed vehicle is changing to.
+    # A decision has no derivative, drivers' memory has other axes than the gathered arrays, and the target lane of a
+    # replayed vehicle is unknown.
     without_others = replace(derived, nearest=None, replayed=None)
     known = replace(state, memory=None), without_others, drivers.car_following, drivers.body.length
     state, derived, car_following, length = lax.stop_gradient(known)
@@ -95,8 +95,8 @@ def _solve_where_needed(conflict: _Conflict) -> Int[Array, "n *s"]:
         entered = row(enters, other)
         return once | entered, twice | (once & entered), given | row(gives_way, other)
 
-    nobody = jnp.zeros((1, *changing.shape[1:]), jnp.int32)
-    _, twice, given = for_each_vehicle(changing.shape[0], count_entries, (nobody, nobody, nobody))
+    no_vehicle = jnp.zeros((1, *changing.shape[1:]), jnp.int32)
+    _, twice, given = for_each_vehicle(changing.shape[0], count_entries, (no_vehicle, no_vehicle, no_vehicle))
     return apply_where(((twice & given) != 0)[0], _solve, conflict, decided_lane)
 
 

@@ -13,12 +13,12 @@ class Driving(NamedTuple):
 
     Attributes:
         state: The traffic, with the drivers' memory after this time step.
-        own: Acceleration on the own lane [m/s^2].
+        own_acceleration: Acceleration on the own lane [m/s^2].
         target_lane: Lane each driver wants to be on.
         on_lane: Function from lanes to the accelerations there [m/s^2]; undefined for the own lane.
     """
 
     state: TrafficState
-    own: Float[Array, "vehicles *scenarios"]
+    own_acceleration: Float[Array, "vehicles *scenarios"]
     target_lane: Int[Array, "vehicles *scenarios"]
     on_lane: Callable[[Int[Array, "vehicles *scenarios"]], Float[Array, "vehicles *scenarios"]]

@@ -32,8 +32,8 @@ class DriverMemory(eqx.Module):
         n_ticks: Time steps since the start.
         leader_history: Last change of the leader.
         effects: Memory of each effect.
-        desired_side: -1 or +1 for drivers who, at their last decision, wanted to change to the left or right but had no
-            room, else 0.
+        desired_side: Side to which drivers wanted to change at their last decision but had no room: -1 left, +1 right,
+            else 0.
     """
 
     n_ticks: Int[Array, ""]

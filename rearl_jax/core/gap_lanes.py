@@ -26,7 +26,7 @@ class LaneOptions(eqx.Module):
     """Input to the comparison of lanes in one time step.
 
     Attributes:
-        vehicles: Observable state of each vehicle, with the present desired speed of rear driver.
+        vehicles: Observable state of each vehicle, with the present desired speed of its driver.
         leader: The nearest vehicle ahead on the own lane.
         seen: Stimulus of each driver.
         driver: Car following of the drivers, with set points changed by the effects.
@@ -120,7 +120,7 @@ def desired_side(
     *,
     before: Int[Array, "vehicles *scenarios"],
 ) -> Int[Array, "vehicles *scenarios"]:
-    """-1 or +1 for drivers who at their last decision would have changed to that side had there been room, else 0.
+    """Side to which a driver would have changed at the last decision if there had been room: -1 left, +1 right, else 0.
 
     Args:
         state: The traffic.

@@ -18,9 +18,9 @@ from rearl_jax.core.model import TrafficModel
 from rearl_jax.core.neighbours import Candidates, DerivedState, find_leader
 from rearl_jax.core.state import Controller, TrafficState
 
-ONE_IN_ASKED = 12
-"""One vehicle in this many fits into a block of vehicles that search other lanes, because one in 16 decides about its
-lane in a time step, and at most as many are changing lanes.
+ONE_IN_SEARCHES = 12
+"""A block of vehicles that search other lanes has room for one vehicle in this many: in a time step one vehicle in 16
+decides about its lane, and at most as many are changing lanes.
 """
 
 Values = TypeVar("Values")
@@ -122,12 +122,14 @@ def _is_treated_in_blocks(derived: DerivedState) -> bool:
 
 
 def _is_small_among_replayed(derived: DerivedState) -> bool:
-    """True in small traffic with replayed vehicles, which cost more to search than to copy beside few."""
+    """True in small traffic with replayed vehicles: searching them for all vehicles costs more than copying them for
+    the few vehicles that decide.
+    """
     return derived.nearest is None and derived.replayed is not None
 
 
 def _block_size(state: TrafficState) -> int:
-    return state.x.size // ONE_IN_ASKED + 2
+    return state.x.size // ONE_IN_SEARCHES + 2
 
 
 def _gathered(index: Int[Array, "*block"], values: Values, state: TrafficState) -> Values:
@@ -173,7 +175,7 @@ def _places(leaf: Array, scenario: Int[Array, " block"], n_scenarios: int) -> In
 def _decided_lanes(
     deciders: _Deciders, due: Bool[Array, "n *s"], model: TrafficModel, among: Candidates | None = None
 ) -> Int[Array, "n *s"]:
-    """Target lanes of the deciders, all of the traffic or some `among` it."""
+    """Target lanes of the vehicles that decide: all vehicles, or some that search `among` all."""
     state, derived, free, own_acceleration, drivers = deciders
     accelerations = evaluate_lanes(state, derived, free, own_acceleration, due, drivers, model, among)
     return decide_lanes(state, derived, due, accelerations, lane_gains(accelerations, drivers, model), drivers, model)

@@ -12,7 +12,7 @@ from jaxtyping import Array, Bool, Float, Int
 from rearl_jax.core.effects.stimulus import BESIDE_RANGE, OUT_OF_SIGHT
 from rearl_jax.core.nearest import lane_bit
 from rearl_jax.core.neighbours import DerivedState, for_each_replayed, for_each_vehicle, row
-from rearl_jax.core.order import NOBODY, take_vehicles
+from rearl_jax.core.order import NO_VEHICLE, take_vehicles
 from rearl_jax.core.replayed import ReplayedVehicles
 from rearl_jax.core.state import TrafficState
 
@@ -39,7 +39,7 @@ class Neighbour(eqx.Module):
     """One neighbour of each vehicle.
 
     Attributes:
-        index: Index of the neighbour; NOBODY without one.
+        index: Index of the neighbour; NO_VEHICLE without one.
         distance: Centre-to-centre distance along the road, positive [m]; inf without one.
         vehicle: State of the neighbour; that of the searching vehicle itself without one.
     """
@@ -51,13 +51,13 @@ class Neighbour(eqx.Module):
     @property
     def is_there(self) -> Bool[Array, "#vehicles *#scenarios"]:
         """True if there is a neighbour."""
-        return self.index != NOBODY
+        return self.index != NO_VEHICLE
 
 
 def no_neighbour(vehicles: VehicleState) -> Neighbour:
     """No neighbour of any vehicle; `vehicles` are the searching vehicles themselves."""
     return Neighbour(
-        jnp.full(vehicles.speed.shape, NOBODY, jnp.int32),
+        jnp.full(vehicles.speed.shape, NO_VEHICLE, jnp.int32),
         jnp.full(vehicles.speed.shape, jnp.inf, vehicles.speed.dtype),
         vehicles,
     )
@@ -95,7 +95,7 @@ def find_ahead(
     def insert(other: Int[Array, ""], leaders: tuple[Neighbour, ...]) -> tuple[Neighbour, ...]:
         return _inserted(leaders, _replayed_row(state, replayed, other), row(replayed.lane, other) == lane)
 
-    return for_each_replayed(replayed.n_places, insert, leaders)
+    return for_each_replayed(replayed.n_slots, insert, leaders)
 
 
 def _find_simulated_ahead(
@@ -115,9 +115,9 @@ def _find_simulated_ahead(
             further = derived.nearest.after(index, lane)
             # Among vehicles side by side the own place may come after that of a leader, and is skipped.
             further = jnp.where(further == own_index, derived.nearest.after(own_index, lane), further)
-            index = jnp.where(index == NOBODY, NOBODY, further)
+            index = jnp.where(index == NO_VEHICLE, NO_VEHICLE, further)
             leaders.append(index)
-        return tuple(_where(index != NOBODY, _at_index(state, vehicles, index), none) for index in leaders)
+        return tuple(_where(index != NO_VEHICLE, _at_index(state, vehicles, index), none) for index in leaders)
     bit = lane_bit(lane)
 
     def insert(other: Int[Array, ""], leaders: tuple[Neighbour, ...]) -> tuple[Neighbour, ...]:
@@ -156,7 +156,7 @@ def find_behind(
         is_behind = (row(replayed.lane, other) == lane) & (candidate.distance > 0)
         return _where(is_behind & (candidate.distance < nearest.distance), candidate, nearest)
 
-    return for_each_replayed(replayed.n_places, keep_nearest, follower)
+    return for_each_replayed(replayed.n_slots, keep_nearest, follower)
 
 
 def _find_simulated_behind(
@@ -166,7 +166,7 @@ def _find_simulated_behind(
     none = no_neighbour(vehicles)
     if derived.nearest is not None:
         index = derived.nearest.behind_on(lane)
-        return _where(index != NOBODY, _reversed(_at_index(state, vehicles, index)), none)
+        return _where(index != NO_VEHICLE, _reversed(_at_index(state, vehicles, index)), none)
     bit = lane_bit(lane)
 
     def keep_nearest(other: Int[Array, ""], nearest: Neighbour) -> Neighbour:
@@ -182,7 +182,7 @@ def find_entrant(
 ) -> Neighbour:
     """The nearest vehicle ahead that is on another lane and wants to change to the own lane, for each vehicle.
 
-    Nobody knows which lane a replayed vehicle wants to be on: it is none of these.
+    Replayed vehicles are left out, because the lane that they want is unknown.
 
     Args:
         state: The traffic.
@@ -228,7 +228,7 @@ def traffic_beside(
         slowest = jnp.where(is_beside, jnp.minimum(slowest, row(replayed.speed, other)), slowest)
         return slowest, count + is_beside.astype(state.x.dtype)
 
-    return for_each_replayed(replayed.n_places, add_replayed, beside)
+    return for_each_replayed(replayed.n_slots, add_replayed, beside)
 
 
 def _row(state: TrafficState, vehicles: VehicleState, other: Int[Array, ""]) -> Neighbour:
@@ -238,7 +238,7 @@ def _row(state: TrafficState, vehicles: VehicleState, other: Int[Array, ""]) -> 
 
 
 def _replayed_row(state: TrafficState, replayed: ReplayedVehicles, other: Int[Array, ""]) -> Neighbour:
-    """One replayed vehicle as the neighbour of all; it drives at the speed it wants, as far as anyone knows."""
+    """One replayed vehicle as the neighbour of all; its desired speed, which is unknown, is taken to be its speed."""
     x, speed, acceleration, length, is_truck, number = (
         row(values, other)
         for values in (

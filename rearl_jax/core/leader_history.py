@@ -4,7 +4,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jaxtyping import Array, Float, Int
 
-from rearl_jax.core.order import NOBODY
+from rearl_jax.core.order import NO_VEHICLE
 
 NEVER_CHANGED = 60.0
 """Upper bound of the time since the last change of leader, also used if it never changed [s]."""
@@ -26,7 +26,7 @@ class LeaderHistory(eqx.Module):
     """Memory of each driver about the last change of its leader.
 
     Attributes:
-        leader: Index of the present leader, NOBODY for none.
+        leader: Index of the present leader, NO_VEHICLE for none.
         gap: Bumper-to-bumper gap to the leader [m].
         time_since_change: Time since it became the leader [s].
         gap_lost: Gap lost by that change [m].
@@ -46,7 +46,7 @@ class LeaderHistory(eqx.Module):
         """The history at the start, as if the leader had never changed.
 
         Args:
-            leader: Index of each vehicle's leader, NOBODY for none.
+            leader: Index of each vehicle's leader, NO_VEHICLE for none.
             gap: Bumper-to-bumper gap to it [m].
         """
         nothing = jnp.zeros_like(gap)
@@ -67,8 +67,8 @@ class LeaderHistory(eqx.Module):
             speed: Own speed [m/s].
             dt: Time step [s].
         """
-        is_new = (leader != self.leader) & (leader != NOBODY)
-        is_alone = leader == NOBODY
+        is_new = (leader != self.leader) & (leader != NO_VEHICLE)
+        is_alone = leader == NO_VEHICLE
         is_near = jnp.minimum(self.gap, gap) < IN_SIGHT
         lost = jnp.where(is_near, jnp.clip(self.gap - gap, 0.0, MOST_GAP_LOST), 0.0)
         since = jnp.minimum(self.time_since_change + dt, NEVER_CHANGED)

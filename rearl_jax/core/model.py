@@ -6,6 +6,7 @@ scenarios are arrays and live in `rearl_jax.core.drivers` and `rearl_jax.core.st
 
 import dataclasses
 
+from rearl_jax.config.core import CoreConfig
 from rearl_jax.problems import out_of_range
 
 LANE_TEST_LENGTH = 5.0
@@ -60,3 +61,15 @@ class TrafficModel:
     def dt(self) -> float:
         """Duration of one time step, one tick [s]."""
         return 1.0 / self.ticks_per_second
+
+
+def traffic_model(core: CoreConfig, *, cooperative: bool = False) -> TrafficModel:
+    """The traffic model of a configuration; `cooperative` must be true if any driver's politeness is not zero."""
+    return TrafficModel(
+        n_lanes=core.lanes,
+        speed_limit=core.speed_limit,
+        ticks_per_second=core.ticks_per_second,
+        lane_changes=core.lane_changes,
+        collisions=core.collisions,
+        cooperative=cooperative,
+    )

@@ -18,7 +18,7 @@ from rearl_jax.core.contacts import contact
 from rearl_jax.core.drivers import Body
 from rearl_jax.core.elementary import cosine, sine
 from rearl_jax.core.model import TrafficModel
-from rearl_jax.core.order import NOBODY
+from rearl_jax.core.order import NO_VEHICLE
 from rearl_jax.core.rectangles import Rectangle
 from rearl_jax.core.state import TrafficState
 
@@ -31,7 +31,7 @@ class Collisions(NamedTuple):
 
     Attributes:
         crashed: Whether a vehicle has been in a collision.
-        partner: Flat index of the collision partner with the highest list index; NOBODY for none.
+        partner: Flat index of the collision partner with the highest list index; NO_VEHICLE for none.
         push_x: Displacement along the road caused by that partner [m].
         push_y: Displacement across the road caused by that partner [m].
     """
@@ -144,7 +144,7 @@ def _check_pairs(
     crashed = collisions.crashed.at[pair].max(touches)
     # The maximum over partners does not depend on the order of pairs. The displacement by the partner with the maximum
     # index is written; all other writes have indices beyond the end of the array and are dropped.
-    partner = collisions.partner.at[pair].max(jnp.where(will_touch, partner_of_each, NOBODY))
+    partner = collisions.partner.at[pair].max(jnp.where(will_touch, partner_of_each, NO_VEHICLE))
     written = jnp.where(will_touch & (partner[pair] == partner_of_each), pair, partner.size)
     push_x, push_y = (
         push.at[written].set(jnp.stack([shift / 2, -shift / 2]), mode="drop")

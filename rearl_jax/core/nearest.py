@@ -21,7 +21,7 @@ from jax import lax
 from jaxtyping import Array, Float, Int, UInt32
 
 from rearl_jax.core.compaction import Block, gather, if_any, list_vehicles, process_in_blocks, scatter
-from rearl_jax.core.order import NOBODY, flat_index, take_vehicles
+from rearl_jax.core.order import NO_VEHICLE, flat_index, take_vehicles
 
 Words = tuple[UInt32[Array, "..."], ...]
 """Bit fields of all lanes, packed into as few numbers as possible."""
@@ -67,8 +67,8 @@ class LaneFields:
         return jnp.uint32(sum(self.flag << (self.width * place) for place in range(len(lanes))))
 
     def vehicle_in(self, field: UInt32[Array, "*n"]) -> Int[Array, "*n"]:
-        """The vehicle in a field, NOBODY for none."""
-        return jnp.where(field >= self.flag, field.astype(jnp.int32) - self.flag, NOBODY)
+        """The vehicle in a field, NO_VEHICLE for none."""
+        return jnp.where(field >= self.flag, field.astype(jnp.int32) - self.flag, NO_VEHICLE)
 
     def extract(self, words: Words, lane: Int[Array, "*n"]) -> UInt32[Array, "*n"]:
         """The field of a given lane for each vehicle; empty for lanes that do not exist."""
@@ -86,12 +86,12 @@ class LaneFields:
             index: The vehicles.
             on_lanes: Their lanes as bits, see `lane_bit`.
         """
-        field, nobody = index.astype(jnp.uint32) | jnp.uint32(self.flag), jnp.zeros(index.shape, jnp.uint32)
+        field, no_vehicle = index.astype(jnp.uint32) | jnp.uint32(self.flag), jnp.zeros(index.shape, jnp.uint32)
         words = []
         for lanes in self.lanes_by_word:
-            word = nobody
+            word = no_vehicle
             for place, lane in enumerate(lanes):
-                word = word | jnp.where((on_lanes & lane_bit(lane)) != 0, field << (self.width * place), nobody)
+                word = word | jnp.where((on_lanes & lane_bit(lane)) != 0, field << (self.width * place), no_vehicle)
             words.append(word)
         return tuple(words)
 
@@ -127,7 +127,7 @@ class NearestOnLanes(eqx.Module):
     fields: LaneFields = eqx.field(static=True)
 
     def ahead_on(self, lane: Int[Array, "vehicles *scenarios"]) -> Int[Array, "vehicles *scenarios"]:
-        """The nearest vehicle ahead on a lane given for each vehicle; NOBODY for none and on lanes that do not exist.
+        """The nearest vehicle ahead on a lane given for each vehicle; NO_VEHICLE without one and on absent lanes.
 
         The same x counts as ahead; of equally near vehicles the last in the list is chosen.
         """
@@ -140,10 +140,10 @@ class NearestOnLanes(eqx.Module):
     def after(
         self, index: Int[Array, "vehicles *scenarios"], lane: Int[Array, "vehicles *scenarios"]
     ) -> Int[Array, "vehicles *scenarios"]:
-        """The next on a lane later in the order than a given vehicle; NOBODY for none.
+        """The next on a lane later in the order than a given vehicle; NO_VEHICLE for none.
 
         Args:
-            index: The vehicles; results for NOBODY are undefined.
+            index: The vehicles; results for NO_VEHICLE are undefined.
             lane: The lanes.
         """
         later = tuple(self.take(word, index) for word in self.later)
@@ -154,7 +154,7 @@ class NearestOnLanes(eqx.Module):
 
         Args:
             values: Values of all vehicles of all scenarios.
-            index: The vehicles; values for NOBODY are undefined.
+            index: The vehicles; values for NO_VEHICLE are undefined.
         """
         place = jnp.maximum(index, 0) * self.n_scenarios + self.scenario
         return values.ravel().at[place].get(mode="promise_in_bounds")
@@ -201,11 +201,11 @@ def _last_passed(own_fields: Words, fields: LaneFields, reverse: bool) -> Words:
     def pass_by(passed: Words, vehicle: Words) -> tuple[Words, Words]:
         return fields.nearer_of(vehicle, passed), passed
 
-    nobody = jax.tree.map(lambda word: jnp.zeros_like(word[0]), own_fields)
-    last, passed = lax.scan(pass_by, nobody, own_fields, reverse=reverse)
-    nobody = jax.tree.map(jnp.zeros_like, last)
+    no_vehicle = jax.tree.map(lambda word: jnp.zeros_like(word[0]), own_fields)
+    last, passed = lax.scan(pass_by, no_vehicle, own_fields, reverse=reverse)
+    no_vehicle = jax.tree.map(jnp.zeros_like, last)
     has_any = functools.reduce(jnp.bitwise_or, last) != 0
-    carried = if_any(has_any, lambda: _carried_in(last, fields, reverse), nobody)
+    carried = if_any(has_any, lambda: _carried_in(last, fields, reverse), no_vehicle)
     return fields.nearer_of(passed, jax.tree.map(lambda word: word[None], carried))
 
 
@@ -249,9 +249,9 @@ def _to_stretches(values: Int[Array, "vehicles *scenarios"], filling: int) -> In
 
 def _to_vehicles(words: Words, step: Int[Array, "length stretches *scenarios"], shape: tuple[int, ...]) -> Words:
     """Words by step of the scan, put in the order of the vehicles."""
-    nobody = jnp.zeros(math.prod(shape), jnp.uint32)
+    no_vehicle = jnp.zeros(math.prod(shape), jnp.uint32)
     place = step.ravel()
-    return tuple(nobody.at[place].set(word.ravel(), mode="drop").reshape(shape) for word in words)
+    return tuple(no_vehicle.at[place].set(word.ravel(), mode="drop").reshape(shape) for word in words)
 
 
 def _gather_words(words: Words, index: Int[Array, " block"]) -> Words:

@@ -19,7 +19,7 @@ from rearl_jax.core.double_double import rounded
 from rearl_jax.core.elementary import cosine, not_zero, sine
 from rearl_jax.core.model import LANE_TEST_LENGTH, TrafficModel
 from rearl_jax.core.nearest import NearestOnLanes, lane_bit, scan_along_road
-from rearl_jax.core.order import NOBODY, sort_along_road
+from rearl_jax.core.order import NO_VEHICLE, sort_along_road
 from rearl_jax.core.replayed import ReplayedVehicles
 from rearl_jax.core.state import TrafficState, nearest_lane
 
@@ -36,8 +36,8 @@ LARGEST_SMALL_TRAFFIC = 18
 LARGE_TRAFFIC_BLOCK = 8
 """Vehicles per pass of a loop over all vehicles in large traffic, where only rare work needs one."""
 
-UNROLLED_PLACES = 32
-"""Places for replayed vehicles that are visited without a loop; more would take long to compile."""
+UNROLLED_SLOTS = 32
+"""Largest number of slots for replayed vehicles that are visited without a loop; more would take long to compile."""
 
 
 class DerivedState(eqx.Module):
@@ -70,9 +70,9 @@ class Candidates(NamedTuple):
     """Vehicles among which a few search for neighbours.
 
     Attributes:
-        state: All vehicles of large traffic; of small traffic those of the scenario of each that searches.
-        derived: Their derived quantities.
-        index: In small traffic, number of each that searches among those of its scenario.
+        state: In large traffic all vehicles; in small traffic the vehicles of each searching vehicle's scenario.
+        derived: Derived quantities of these vehicles.
+        index: In small traffic, index of each searching vehicle within its scenario.
     """
 
     state: TrafficState
@@ -192,7 +192,7 @@ def find_leader(
         is_nearer = (row(replayed.lane, other) == lane) & (ahead_by >= 0) & (ahead_by < nearest[0])
         return _replace_where(is_nearer, (ahead_by, row(replayed.speed, other)), nearest)
 
-    distance, speed_x = for_each_replayed(replayed.n_places, keep_nearest, (leader.distance, leader.speed_x))
+    distance, speed_x = for_each_replayed(replayed.n_slots, keep_nearest, (leader.distance, leader.speed_x))
     return Leader(distance, speed_x, jnp.where(distance < leader.distance, 0.0, leader.speed_y))
 
 
@@ -205,7 +205,7 @@ def _find_simulated_leader(
         columns = candidates.state.x, candidates.derived.speed_x, candidates.derived.speed_y
         x, *speeds = (derived.nearest.take(values, index) for values in columns)
         leader = Leader(x - state.x, *speeds)
-        return _replace_where(index != NOBODY, leader, _nobody_ahead(state))
+        return _replace_where(index != NO_VEHICLE, leader, _no_leader(state))
     candidates, bit = among or Candidates(state, derived), lane_bit(lane)
     index, motion = candidates.index, candidates.derived
     own_index = lax.broadcasted_iota(jnp.int32, state.x.shape, 0) if index is None else index
@@ -216,7 +216,7 @@ def _find_simulated_leader(
         candidate = Leader(ahead_by, row(motion.speed_x, other), row(motion.speed_y, other))
         return _replace_where(is_ahead & (ahead_by <= nearest.distance), candidate, nearest)
 
-    return for_each_vehicle(candidates.state.x.shape[0], keep_nearest, _nobody_ahead(state))
+    return for_each_vehicle(candidates.state.x.shape[0], keep_nearest, _no_leader(state))
 
 
 def find_follower(
@@ -224,7 +224,7 @@ def find_follower(
 ) -> Follower:
     """The nearest vehicle behind each vehicle on a lane given for each; of equally near ones the first in the list.
 
-    Arguments as in `find_leader`. Replayed vehicles, whose desired speeds are unknown, drive at them.
+    Arguments as in `find_leader`. The desired speed of a replayed vehicle, which is unknown, is taken to be its speed.
 
     Source: highway-env 1.12.1, `Road.neighbour_vehicles`.
     """
@@ -237,7 +237,7 @@ def find_follower(
         is_nearer = (row(replayed.lane, other) == lane) & (behind_by > 0) & (behind_by < nearest[0])
         return _replace_where(is_nearer, (behind_by, row(replayed.speed, other)), nearest)
 
-    distance, speed = for_each_replayed(replayed.n_places, keep_nearest, (follower.distance, follower.speed))
+    distance, speed = for_each_replayed(replayed.n_slots, keep_nearest, (follower.distance, follower.speed))
     along, across = jnp.ones_like(state.x), jnp.zeros_like(state.x)
     replayed_follower = Follower(distance, speed, along, across, along)
     return _replace_where(distance < follower.distance, replayed_follower, follower)
@@ -254,7 +254,7 @@ def _find_simulated_follower(
         index = derived.nearest.behind_on(lane)
         x, *others = (derived.nearest.take(values, index) for values in (candidates.state.x, *columns))
         follower = Follower(state.x - x, *others)
-        return _replace_where(index != NOBODY, follower, _nobody_behind(state))
+        return _replace_where(index != NO_VEHICLE, follower, _no_follower(state))
     bit = lane_bit(lane)
 
     def keep_nearest(other: Int[Array, ""], nearest: Follower) -> Follower:
@@ -263,17 +263,17 @@ def _find_simulated_follower(
         candidate = Follower(behind_by, *(row(values, other) for values in columns))
         return _replace_where(is_behind & (behind_by < nearest.distance), candidate, nearest)
 
-    return for_each_vehicle(candidates.state.x.shape[0], keep_nearest, _nobody_behind(state))
+    return for_each_vehicle(candidates.state.x.shape[0], keep_nearest, _no_follower(state))
 
 
-def _nobody_ahead(state: TrafficState) -> Leader:
-    """A leader for no vehicle."""
+def _no_leader(state: TrafficState) -> Leader:
+    """Leader of vehicles that have none."""
     still = jnp.zeros_like(state.x)
     return Leader(jnp.full_like(state.x, jnp.inf), still, still)
 
 
-def _nobody_behind(state: TrafficState) -> Follower:
-    """A follower for no vehicle."""
+def _no_follower(state: TrafficState) -> Follower:
+    """Follower of vehicles that have none."""
     still = jnp.zeros_like(state.x)
     return Follower(jnp.full_like(state.x, jnp.inf), still, still + 1, still, still + 1)
 
@@ -304,11 +304,11 @@ def for_each_vehicle(n_vehicles: int | Array, body: Callable[[Array, Result], Re
     return lax.fori_loop(0, n_vehicles, body, start, unroll=unroll)
 
 
-def for_each_replayed(n_places: int, body: Callable[[Array, Result], Result], start: Result) -> Result:
-    """A result updated with every place for a replayed vehicle, as `for_each_vehicle` does; straight-line code up to
-    UNROLLED_PLACES.
+def for_each_replayed(n_slots: int, body: Callable[[Array, Result], Result], start: Result) -> Result:
+    """A result updated with every slot for a replayed vehicle, as in `for_each_vehicle`; straight-line code up to
+    UNROLLED_SLOTS.
     """
-    return lax.fori_loop(0, n_places, body, start, unroll=min(n_places, UNROLLED_PLACES))
+    return lax.fori_loop(0, n_slots, body, start, unroll=min(n_slots, UNROLLED_SLOTS))
 
 
 def row(values: Array, other: Int[Array, ""]) -> Array:

@@ -14,8 +14,8 @@ from jaxtyping import Array, Float, Int
 _Keyed = tuple[Array, Array]
 """Sort keys, positions [m] and vehicle indices, by place in the order."""
 
-NOBODY = -1
-"""Index that stands for no vehicle."""
+NO_VEHICLE = -1
+"""Index of no vehicle."""
 
 
 def sort_along_road(
@@ -40,7 +40,7 @@ def sort_along_road(
     by_place = take_vehicles(x, order), order
     if x.shape[0] % 2:
         # A sentinel at the end gives the last place a partner.
-        by_place = _append(by_place[0], jnp.inf), _append(order, NOBODY)
+        by_place = _append(by_place[0], jnp.inf), _append(order, NO_VEHICLE)
     # Even and odd places are two arrays: a pair is the same row of both, so an exchange is element-wise and nothing
     # is interleaved between passes.
     even, odd = (jax.tree.map(lambda values, k=k: values[k::2], by_place) for k in (0, 1))
@@ -83,7 +83,7 @@ def flat_index(index: Int[Array, "places *scenarios"]) -> Int[Array, "places *sc
 
 
 def take_vehicles(values: Array, index: Int[Array, "places *scenarios"]) -> Array:
-    """Each scenario's values at the given vehicle indices; the first vehicle's for NOBODY.
+    """Each scenario's values at the given vehicle indices; the first vehicle's for NO_VEHICLE.
 
     By flat indices, which cost half of what indices along two axes do on a CPU.
     """

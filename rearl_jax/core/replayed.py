@@ -1,4 +1,4 @@
-"""Vehicles that drive as they were recorded: seen by all drivers, reacting to none."""
+"""Replayed vehicles: they move as they were recorded; all drivers see them, and they react to none."""
 
 import equinox as eqx
 from jaxtyping import Array, Float, Int
@@ -17,7 +17,7 @@ class ReplayedVehicles(eqx.Module):
         lane: Lane; NOT_RECORDED where the slot holds no vehicle.
         length: Length [m].
         is_truck: 1 for a truck, else 0.
-        number: Number of the vehicle, the same for as long as it is replayed, above those of all simulated vehicles.
+        number: Number of the vehicle, constant while it is replayed; larger than any index of a simulated vehicle.
     """
 
     x: Float[Array, "replayed *scenarios"]
@@ -29,6 +29,6 @@ class ReplayedVehicles(eqx.Module):
     number: Int[Array, "replayed *scenarios"]
 
     @property
-    def n_places(self) -> int:
-        """Slots for vehicles in a scenario."""
+    def n_slots(self) -> int:
+        """Number of slots for vehicles in a scenario."""
         return self.x.shape[0]

@@ -30,7 +30,7 @@ class Frames(eqx.Module):
         acceleration: Acceleration executed in the last time step of the second [m/s^2].
         lane: Nearest lane.
         crashed: Whether the vehicle has been in a collision.
-        left_crashed: Vehicles of the place that had been in one when others took their place, so far; None if none do.
+        left_crashed: Crashed vehicles that others have replaced in the slot so far [count]; None if no vehicle enters.
     """
 
     x: Float[Array, "*frames"]
@@ -66,8 +66,8 @@ def simulate_second(
         state: The traffic.
         drivers: Parameters of all vehicles.
         model: Road, clock and stages.
-        boundary_second: Recorded traffic around the vehicles in this second; None for a free road. Vehicles that
-            enter at its end are in the state.
+        boundary_second: Recorded traffic around the vehicles in this second; None for a free road. The result
+            contains the vehicles that enter at the end of the second.
     """
     if boundary_second is not None:
         return simulate_watched_second(state, drivers, model, boundary_second, lambda before, replayed: None)[0]
@@ -82,13 +82,13 @@ def simulate_watched_second(
     boundary_second: BoundarySecond,
     watch: Callable[[TrafficState, ReplayedVehicles], Any],
 ) -> tuple[TrafficState, Any]:
-    """State one decision second later, and what was seen at the beginning of each of its steps, first axis over steps.
+    """State one decision second later, and the results of `watch` at the beginning of each time step, step axis first.
 
     Args:
         state: The traffic.
         drivers: Parameters of all vehicles.
         model: Road, clock and stages.
-        boundary_second: What was recorded around the traffic in this second.
+        boundary_second: Recorded traffic around the vehicles in this second.
         watch: Function of the traffic and the replayed vehicles at the beginning of a step.
     """
 

@@ -73,7 +73,7 @@ def spawn(
     # sizes only, with different rounding.
     x = jnp.cumsum(offset * jitter, axis=0) + (offset[:1] + offset[:1] + offset[:1])
     y = lane.astype(dtype) * model.lane_width
-    zeros, nobody = jnp.zeros_like(x), jnp.zeros(x.shape, bool)
+    zeros, no_vehicle = jnp.zeros_like(x), jnp.zeros(x.shape, bool)
     state = TrafficState(
         x=x,
         y=y,
@@ -88,8 +88,8 @@ def spawn(
             x, y, 1.0, decision_period(1.0, model.ticks_per_second), model.ticks_per_second
         ),
         controller=jnp.full(x.shape, int(Controller.IDM), jnp.int32),
-        crashed=nobody,
-        is_pushed=nobody,
+        crashed=no_vehicle,
+        is_pushed=no_vehicle,
         push_x=zeros,
         push_y=zeros,
         order=jax.lax.broadcasted_iota(jnp.int32, x.shape, 0),

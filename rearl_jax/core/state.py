@@ -50,7 +50,7 @@ class TrafficState(eqx.Module):
         order: Vehicle indices along the road as last sorted; any permutation is a valid start. Only large traffic uses
             it.
         memory: Memory of drivers who follow on gaps, a `gap_driving.DriverMemory`; None if no driver does.
-        left_crashed: Vehicles that had been in a collision when others took their place, so far; None if none enter.
+        left_crashed: Crashed vehicles that others have replaced in the slot so far [count]; None if no vehicle enters.
     """
 
     x: Float[Array, "vehicles *scenarios"]

@@ -18,8 +18,8 @@ def step(
 ) -> TrafficState:
     """State one time step later: see, evaluate the lanes, decide, give way, accelerate and steer, move, collide.
 
-    highway-env's drivers, without effects, evaluate the lanes as there; all others by their car-following model and
-    their effects, from a state of `begin_driving`. All of them see the replayed vehicles.
+    highway-env's drivers without effects evaluate the lanes as in highway-env; all others use their car-following model
+    and their effects, and need a state of `begin_driving`. All drivers see the replayed vehicles.
 
     Source: highway-env 1.12.1, `Road.act` followed by `Road.step`; its order of vehicles affects only which vehicle
         gives way and which vehicle pushes which, and both are reproduced.

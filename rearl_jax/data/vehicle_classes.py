@@ -38,7 +38,7 @@ A bus is a long and slow vehicle, as a truck is; highD counts vans among cars.
 
 
 def class_of(word: object) -> object:
-    """The class that a word stands for, whatever its case, blanks and hyphens; the word itself if it is none."""
+    """The class that a word names, whatever its case, blanks and hyphens; the word itself if it is none."""
     if not isinstance(word, str):
         return word
     plain = " ".join(word.casefold().replace("_", " ").replace("-", " ").split())
@@ -46,7 +46,7 @@ def class_of(word: object) -> object:
 
 
 def classes_of(words: pd.Series) -> pd.Series:
-    """The classes that the words of a column stand for, each word looked up once."""
+    """The classes that the words of a column name, each word looked up once."""
     if words.isin(CLASSES).all():
         return words
     known = {word: class_of(word) for word in words.dropna().unique()}

@@ -116,8 +116,8 @@ def has_room_beside(
         distance = row(state.x, other) - state.x
         return compared(side_gaps, distance, row(length, other), row(state.speed, other), (on_left, on_right))
 
-    nobody = jnp.full_like(state.x, jnp.inf)
-    nothing = _Gaps(nobody, nobody, jnp.zeros_like(state.x))
+    no_vehicle = jnp.full_like(state.x, jnp.inf)
+    nothing = _Gaps(no_vehicle, no_vehicle, jnp.zeros_like(state.x))
     left, right = for_each_vehicle(state.x.shape[0], keep_nearest, (nothing, nothing))
     if replayed is not None:
 
@@ -127,7 +127,7 @@ def has_room_beside(
             own_length, speed = row(replayed.length, other), row(replayed.speed, other)
             return compared(side_gaps, distance, own_length, speed, (on_left, on_right))
 
-        left, right = for_each_vehicle(replayed.n_places, keep_nearest_replayed, (left, right))
+        left, right = for_each_vehicle(replayed.n_slots, keep_nearest_replayed, (left, right))
 
     def suffice(gaps: _Gaps) -> Bool[Array, "vehicles scenarios"]:
         needed, needed_behind = (

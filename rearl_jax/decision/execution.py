@@ -79,9 +79,9 @@ def forget(
 
 def no_orders(state: TrafficState) -> Orders:
     """Orders for a second in which no vehicle gets an action."""
-    nobody = jnp.zeros(state.x.shape, bool)
+    no_vehicle = jnp.zeros(state.x.shape, bool)
     none = jnp.zeros(state.x.shape[1:], jnp.int32)
-    return Orders(nobody, jnp.full(state.x.shape, NO_ACTION, jnp.int32), none, none)
+    return Orders(no_vehicle, jnp.full(state.x.shape, NO_ACTION, jnp.int32), none, none)
 
 
 def count(mask: Bool[Array, "vehicles scenarios"]) -> Int[Array, " scenarios"]:

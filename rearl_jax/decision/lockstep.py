@@ -132,8 +132,8 @@ class _Half:
         self._begin, self._second = _programs(self.model, self.options)
         self._loop = self._begin(self.state, self.keys, self.table)
         shape = self.state.x.shape
-        nobody = jnp.zeros(shape, bool)
-        self._asked, self._admissible = nobody, jnp.broadcast_to(nobody, (N_ACTIONS, *shape))
+        no_vehicle = jnp.zeros(shape, bool)
+        self._asked, self._admissible = no_vehicle, jnp.broadcast_to(no_vehicle, (N_ACTIONS, *shape))
         self._nothing = np.full(shape, NO_ACTION, np.int32)
 
     def advance(self) -> None:

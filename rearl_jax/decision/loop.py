@@ -120,7 +120,7 @@ def advance(
 ) -> LoopState:
     """State of the loop after the orders were executed and one second was simulated: the step after a decision.
 
-    Arguments as in `simulate_second`; nobody has decided about vehicles that have entered.
+    Arguments as in `simulate_second`; without decisions about vehicles that have entered.
     """
     state, memory = execute(loop.state, loop.memory, orders, model, options.execution)
     state = simulate_second(state, drivers, model, boundary_second)

@@ -130,8 +130,8 @@ def observe_neighbours(
         return insert(place, speed, row(is_there, other) & (index != other), nearest)
 
     zeros = jnp.zeros_like(own_x)
-    nobody = _ObservedVehicle(jnp.full_like(own_x, jnp.inf), zeros, zeros, zeros, zeros)
-    others = for_each_vehicle(state.x.shape[0], insert_simulated, (nobody,) * (spec.n_rows - 1))
+    no_vehicle = _ObservedVehicle(jnp.full_like(own_x, jnp.inf), zeros, zeros, zeros, zeros)
+    others = for_each_vehicle(state.x.shape[0], insert_simulated, (no_vehicle,) * (spec.n_rows - 1))
     if replayed is not None:
 
         def insert_replayed(at: Int[Array, ""], nearest: tuple[_ObservedVehicle, ...]) -> tuple[_ObservedVehicle, ...]:
@@ -139,7 +139,7 @@ def observe_neighbours(
             place = row(replayed.x, at), lane.astype(state.y.dtype) * LANE_WIDTH
             return insert(place, (speed, jnp.zeros_like(speed)), lane != NOT_RECORDED, nearest)
 
-        others = for_each_replayed(replayed.n_places, insert_replayed, others)
+        others = for_each_replayed(replayed.n_slots, insert_replayed, others)
     own = _ObservedVehicle(zeros, own_x if spec.is_placed else zeros, own_y, own_vx, own_vy)
     return jnp.stack([column for vehicle in (own, *others) for column in vehicle.columns(spec)]).astype(jnp.float32)
 

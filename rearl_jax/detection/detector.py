@@ -209,8 +209,8 @@ def errors_to_references(
     """Relative error of the mean spacing [m] against every reference at a second [-]; 0 if either is undefined."""
 
     def against(real_mean: Float[Array, ""], real_spacing: Float[Array, " slots"]) -> Float[Array, " scenarios"]:
-        everybody = jnp.broadcast_to(real_spacing[None, :, None], (1, real_spacing.shape[0], mean.shape[0]))
-        errors = spacing_errors(mean[None], jnp.broadcast_to(real_mean, (1, mean.shape[0])), everybody)
+        real_spacings = jnp.broadcast_to(real_spacing[None, :, None], (1, real_spacing.shape[0], mean.shape[0]))
+        errors = spacing_errors(mean[None], jnp.broadcast_to(real_mean, (1, mean.shape[0])), real_spacings)
         return {MapeDefinition.A: errors.a, MapeDefinition.B: errors.b, MapeDefinition.C: errors.c}[definition][0]
 
     return jax.vmap(against, in_axes=(0, -1))(at_second(table.mean_spacing, second), at_second(table.spacing, second))
@@ -247,13 +247,13 @@ def nearest(
 
 def _cues(speed: Bool[Array, " scenarios"], spacing: Bool[Array, " scenarios"], cues: Cues) -> tuple[Array, Array]:
     """Triggers of every scenario by its speeds and by its spacing."""
-    nobody = jnp.zeros_like(speed)
+    no_vehicle = jnp.zeros_like(speed)
     return {
         Cues.both: (speed, spacing),
-        Cues.speed: (speed, nobody),
-        Cues.spacing: (nobody, spacing),
-        Cues.always: (~nobody, ~nobody),
-        Cues.never: (nobody, nobody),
+        Cues.speed: (speed, no_vehicle),
+        Cues.spacing: (no_vehicle, spacing),
+        Cues.always: (~no_vehicle, ~no_vehicle),
+        Cues.never: (no_vehicle, no_vehicle),
     }[cues]
 
 

@@ -12,7 +12,7 @@ class References(eqx.Module):
         spacing: Mean distance of each vehicle to the others of the snapshot [m].
         mean_spacing: Mean distance over all pairs of the snapshot [m].
         action: Action of each vehicle in the following second: 0 left, 1 keep, 2 right, 3 faster, 4 slower.
-        share: Share of the scenes that each one stands for [-]; sums to 1.
+        share: Share of the scenes that each one represents [-]; sums to 1.
     """
 
     speed: Float[Array, "references seconds slots"]

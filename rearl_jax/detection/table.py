@@ -33,7 +33,7 @@ class ReferenceTable(eqx.Module):
         spacing_rank: `relative_rank` of the spacings [-].
         window_counts: Speeds per bin in the window that ends with the second, shorter at the beginning.
         prefix_roots: Square roots of the shares of the bins in all speeds so far [-].
-        share: Share of the scenes that each reference stands for [-].
+        share: Share of the scenes that each reference represents [-].
     """
 
     speed: Float[Array, "seconds slots refs"]

@@ -14,7 +14,13 @@ from rich.progress import Progress
 
 from rearl_jax.config import DiscoverTask
 from rearl_jax.discovery.comparison.comparison import Comparison, comparison_of
-from rearl_jax.discovery.comparison.dependence import MOST_OTHERS, Beside, better_model, found_beside, without_bounds
+from rearl_jax.discovery.comparison.dependence import (
+    MOST_OTHERS,
+    ModelTest,
+    better_model,
+    effects_in_other_models,
+    without_bounds,
+)
 from rearl_jax.discovery.comparison.predictions import best_predicting
 from rearl_jax.discovery.observe.base import Base
 from rearl_jax.discovery.observe.candidates import LENS
@@ -46,14 +52,14 @@ class BestSearch:
         outcome: Result of the search.
         adequacy: Measures of what the final model leaves unexplained.
         comparison: Comparison of the car-following models; None if there is only one.
-        beside: The effects found, tested in other car-following models.
+        model_tests: The effects found, tested in other car-following models.
     """
 
     solver: Solver
     outcome: Search
     adequacy: Adequacy
     comparison: Comparison | None = None
-    beside: Sequence[Beside] = ()
+    model_tests: Sequence[ModelTest] = ()
 
 
 def best_search(
@@ -62,7 +68,7 @@ def best_search(
     """Search with the car-following model that fits best, and a test of the effects found in other models. Effects
     that do not explain the drivers are kept only as far as they predict the check drivers.
     """
-    best = _beside_best_model(config, study, priors, parts, bar, label)
+    best = _with_best_model(config, study, priors, parts, bar, label)
     if is_explained(best.outcome, best.adequacy):
         return best
     outcome = best_predicting(best.solver, best.outcome, config.discover.seed)
@@ -72,7 +78,7 @@ def best_search(
     return replace(best, outcome=outcome, adequacy=adequacy(best.solver, outcome, config.discover.seed))
 
 
-def _beside_best_model(
+def _with_best_model(
     config: DiscoverTask, study: Study | None, priors: Sequence[Prior], parts: Parts, bar: Progress, label: str
 ) -> BestSearch:
     """Search with the car-following model that fits best, and a test of the effects found in other models.
@@ -90,21 +96,21 @@ def _beside_best_model(
     comparison = comparison_of(priors, parts, config.discover, say, study)
     solver = solver_of(parts.fitted, comparison.prior)
     outcome = _search(config, study, solver, parts, bar, label, calibrated=comparison.base)
-    beside = found_beside(solver, outcome, comparison.others, parts.fitted)
-    better = better_model(beside, seed)
+    model_tests = effects_in_other_models(solver, outcome, comparison.others, parts.fitted)
+    better = better_model(model_tests, seed)
     if better is not None and not comparison.denies(better):
         log.info("with the effects found, %s fits significantly better: the search is repeated with it", better.name)
         comparison, solver = comparison.going_on_with(better), solver_of(parts.fitted, better)
         outcome = _search(config, None, solver, parts, bar, label)  # stored nulls are of the first model
-        beside = found_beside(solver, outcome, comparison.others, parts.fitted)
-    first = BestSearch(solver, outcome, adequacy(solver, outcome, seed), comparison, beside)
+        model_tests = effects_in_other_models(solver, outcome, comparison.others, parts.fitted)
+    first = BestSearch(solver, outcome, adequacy(solver, outcome, seed), comparison, model_tests)
     if is_explained(outcome, first.adequacy):
         return first
     before = prediction_of(solver, outcome)
     for prior in comparison.next_best[:MOST_OTHERS]:
-        other, words = solver_of(parts.fitted, prior), f"{label}beside {prior.name}, "
-        glimpse = _with_one_name(config, outcome, other, parts, bar, words)
-        if not glimpse.added or not predicts_better(before, prediction_of(other, glimpse), seed):
+        other, words = solver_of(parts.fitted, prior), f"{label}with {prior.name}, "
+        first_round = _first_round(config, outcome, other, parts, bar, words)
+        if not first_round.added or not predicts_better(before, prediction_of(other, first_round), seed):
             continue
         named = _search(config, None, other, parts, bar, words)
         named_adequacy = adequacy(other, named, seed)
@@ -114,12 +120,12 @@ def _beside_best_model(
                 prior.name,
             )
             comparison = comparison.going_on_with(prior)
-            beside = found_beside(other, named, comparison.others, parts.fitted)
-            return BestSearch(other, named, named_adequacy, comparison, beside)
+            model_tests = effects_in_other_models(other, named, comparison.others, parts.fitted)
+            return BestSearch(other, named, named_adequacy, comparison, model_tests)
     return first
 
 
-def _with_one_name(
+def _first_round(
     config: DiscoverTask, outcome: Search, other: Solver, parts: Parts, bar: Progress, words: str
 ) -> Search:
     """The first round of a search with another car-following model, for named effects only.
@@ -171,7 +177,7 @@ def _search(
             study.write_table(NULL_TABLE, tables.null_table(null), seeds=f"discover.seed={options.seed}")
         return null
 
-    look = partial(
+    run_search = partial(
         search,
         solver,
         parts.fitted,
@@ -181,12 +187,12 @@ def _search(
         lane_changes=options.lane_changes,
         calibrated=calibrated,
     )
-    outcome = look()
+    outcome = run_search()
     if not clocks_confirmed(solver, outcome, parts.checked, options.seed):
         log.info("corrected clocks make simulations of the check drivers worse: clocks are not corrected")
-        outcome = look(excluded=frozenset({CLOCK_OFFSET}))
+        outcome = run_search(excluded=frozenset({CLOCK_OFFSET}))
     if not lens_confirmed(solver, outcome, options.seed):
         log.info("a corrected camera distortion makes simulations of the check drivers worse: it is not corrected")
-        outcome = look(excluded=outcome.excluded | {LENS})
+        outcome = run_search(excluded=outcome.excluded | {LENS})
     report("reporting", 0, 1)
     return without_bounds(solver, confirmed(solver, outcome, options.seed), parts.fitted)

@@ -21,7 +21,7 @@ from rearl_jax.discovery.observe.parts import AUTO, Parts, measured_drivers, nam
 from rearl_jax.discovery.observe.solver import solver_of
 from rearl_jax.discovery.read.gate import Finding
 from rearl_jax.discovery.read.measured import Measured
-from rearl_jax.discovery.read.split import in_both, split_drivers
+from rearl_jax.discovery.read.split import n_shared, split_drivers
 from rearl_jax.discovery.report.groups import verdict_of_groups
 from rearl_jax.discovery.thresholds import THRESHOLDS
 from rearl_jax.problems import InvalidInputError, Problem
@@ -55,10 +55,10 @@ class Drivers:
         fitted, checked, reported = split_drivers(data, seed=seed)
         notes = _each_once([note for recording in self.recordings for note in recording.info.notes])
         if data.jumps:
-            notes += (f"positions jump {data.jumps} times: left out around them",)
-        if shared := in_both(fitted, reported):
-            text = "their runs are split: some reported drivers are also among the fitted ones"
-            notes += (f"{shared} persons or cars are too few to be kept apart, {text}",)
+            notes += (f"positions jump {data.jumps} times; samples around the jumps are excluded",)
+        if shared := n_shared(fitted, reported):
+            text = "too few persons or cars to separate them: runs are divided, and"
+            notes += (f"{text} {shared} of them are among both fitted and reported drivers",)
         infos = tuple(recording.info for recording in self.recordings)
         return Parts(self.id, self.generated, infos, self.findings, fitted, checked, reported, notes)
 
@@ -107,7 +107,7 @@ def compute(
 
 def _kinds(config: DiscoverTask, drivers: Drivers, bar: Progress) -> Kinds:
     """Kinds of drivers, clustered by their calibrated parameters."""
-    say = shown(bar, "telling kinds of drivers apart")
+    say = shown(bar, "distinguishing kinds of drivers")
     say(0, 2)
     solver = solver_of(drivers.data, prior_of(config.driver))
     fit = base_of(solver, drivers.data, lane_changes=config.discover.lane_changes).fit
@@ -131,9 +131,11 @@ def read_drivers(config: DiscoverTask, identity: str, bar: Progress, *, generate
     same = label_of_same(config.data)
     findings, data = measured_drivers(recordings, config.discover, prior_of(config.driver), same)
     if data.n_drivers < THRESHOLDS.least_drivers:
-        said = f"{data.n_drivers} drivers follow a leader long enough, at least {THRESHOLDS.least_drivers} are needed"
+        message = (
+            f"{data.n_drivers} drivers follow a leader long enough, at least {THRESHOLDS.least_drivers} are needed"
+        )
         remedy = "choose more recordings, or longer ones"
-        raise InvalidInputError(Problem("too-few-drivers", said, remedy, key="data.recordings"))
+        raise InvalidInputError(Problem("too-few-drivers", message, remedy, key="data.recordings"))
     return Drivers(identity, generated, recordings, findings, data)
 
 
@@ -162,8 +164,8 @@ def _of_groups(
     """A discovery of each group, with a joint verdict."""
     if not grouping.groups:
         left_out = ", ".join(f"{name} {n}" for name, n in grouping.left_out.items())
-        said = f"no group has the {THRESHOLDS.least_drivers} drivers that are needed: {left_out}"
-        raise InvalidInputError(Problem("too-few-drivers", said, "choose another label", key="discover.by"))
+        message = f"no group has the {THRESHOLDS.least_drivers} drivers that are needed: {left_out}"
+        raise InvalidInputError(Problem("too-few-drivers", message, "choose another label", key="discover.by"))
     names = [group.name for group in grouping.groups]
     studies = {} if study is None else group_studies(study, config, names, drivers.id, generated=drivers.generated)
     groups, parts = {}, {group.name: drivers.parts(group.data, config.discover.seed) for group in grouping.groups}
@@ -175,7 +177,7 @@ def _of_groups(
             finished = discovery_of(of_group, parts[name], drivers.recordings, bar, inside, words)
             if inside is not None and keep is not None:
                 keep(inside, finished)
-                finished = replace(finished, model=None, behind=None)
+                finished = replace(finished, model=None, page_data=None)
         groups[name] = finished
     verdict = verdict_of_groups(config.discover, groups, parts, grouping.left_out)
     infos = tuple(recording.info for recording in drivers.recordings)

@@ -59,7 +59,7 @@ from rearl_jax.results import Study
 
 
 @dataclass(frozen=True)
-class Behind:
+class PageData:
     """Data of the figures and the page.
 
     Attributes:
@@ -87,7 +87,7 @@ class Discovery:
         verdict: Content of verdict.json, see `discovery.verdict`.
         tables: Parquet tables by name; empty if `discover.oracle` is set.
         model: The repaired model; None if `discover.oracle` is set, and for groups whose results were written.
-        behind: Data of the figures and the page; None where `model` is None.
+        page_data: Data of the figures and the page; None where `model` is None.
         groups: Discoveries of groups of drivers by name; empty if drivers are not divided into groups.
         infos: Descriptions of the recordings of groups.
     """
@@ -97,7 +97,7 @@ class Discovery:
     verdict: dict[str, Any]
     tables: dict[str, pd.DataFrame] = field(default_factory=dict)
     model: RepairedModel | None = None
-    behind: Behind | None = None
+    page_data: PageData | None = None
     groups: Mapping[str, "Discovery"] = field(default_factory=dict)
     infos: tuple[RecordingInfo, ...] = ()
 
@@ -149,9 +149,9 @@ def _discovery(config: DiscoverTask, parts: Parts, found: BestSearch, lanes: Lan
     effects = _effects(deviations, outcome, adequacy, parts.findings, options.confidence)
     without = {
         (term.effect, outcome.layout.candidates[term].variables): names
-        for term, names in dependent_effects(outcome, found.beside).items()
+        for term, names in dependent_effects(outcome, found.model_tests).items()
     }
-    effects = [replace(one, depends_on_base=without.get((one.name, one.variables), ())) for one in effects]
+    effects = [replace(claim, depends_on_base=without.get((claim.name, claim.variables), ())) for claim in effects]
     error = error_block(errors, options.confidence, options.draws, options.seed)
     change = error["change"]
     time_gaps = equilibrium_time_gaps(solver, outcome.first.state, options)
@@ -204,7 +204,7 @@ def _discovery(config: DiscoverTask, parts: Parts, found: BestSearch, lanes: Lan
         written[BASE_TABLE] = compared_table(comparison.found)
     if lanes.prediction is not None:
         written[LANE_CHANGE_TABLE] = prediction_table(lanes.prediction)
-    return Discovery(config, parts.id, verdict, written, model, Behind(solver, outcome, parts, reported, errors))
+    return Discovery(config, parts.id, verdict, written, model, PageData(solver, outcome, parts, reported, errors))
 
 
 def _doubts(outcome: Search, adequacy: Adequacy) -> list[str]:

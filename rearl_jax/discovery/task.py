@@ -62,15 +62,15 @@ def write(study: Study, discovery: Discovery) -> None:
     groups = discovery.groups
     folders = group_studies(study, config, list(groups), discovery.data_id, generated=generated)
     for name, inside in folders.items():
-        if groups[name].behind is not None:  # else it was written when it was found
+        if groups[name].page_data is not None:  # else it is already written
             _write_group(study, inside, groups[name])
     seeds = {"seeds": f"discover.seed={discovery.config.discover.seed}"}
     for name, table in discovery.tables.items():
-        if name not in (NULL_TABLE, BASE_TABLE) or not study.owns(name):  # written as soon as they are known
+        if name not in (NULL_TABLE, BASE_TABLE) or not study.owns(name):  # already written by the search
             study.write_table(name, table, **seeds)
     if discovery.model is not None:
         write_model(study.own("model.yaml"), discovery.model)
-    if discovery.behind is not None and discovery.config.discover.page:
+    if discovery.page_data is not None and discovery.config.discover.page:
         # Figures come after the verdict, so that users need not wait for them.
         from rearl_jax.discovery.report.presentation import present
 

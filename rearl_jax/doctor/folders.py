@@ -28,7 +28,7 @@ def results_checks(results: Path) -> list[Check]:
 def _cache(cache: Path) -> Check:
     remedy = "set XDG_CACHE_HOME to a folder of your own"
     if problem := _unwritable(cache):
-        return warn("cache", f"{cache}: {problem}; every run compiles programs and cuts scenes anew", remedy)
+        return warn("cache", f"{cache}: {problem}; every run compiles programs and cuts scenes again", remedy)
     if cache.is_dir() and not is_private(cache):
         return warn(
             "cache", f"others can write to {cache}, whose programs are run", f"chmod -R o-w {cache}, or {remedy}"
@@ -66,7 +66,7 @@ def _existing(folder: Path) -> Path:
 
 
 def _unwritable(folder: Path) -> str:
-    """Why nothing can be written there; empty if a file can. Nothing is left behind."""
+    """Reason why no file can be written to a folder; empty if one can. No file remains."""
     place = _existing(folder)
     if not place.is_dir():
         return f"{place} is not a folder"

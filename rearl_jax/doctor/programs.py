@@ -38,7 +38,7 @@ def program_checks() -> list[Check]:
 
 
 def _requirements() -> dict[str, list[str]]:
-    """Names of the packages this one needs, by extra; the empty name stands for those always needed."""
+    """Names of the packages this one needs, by extra; the empty name has those always needed."""
     names: dict[str, list[str]] = {"": []}
     for line in requires("rearl-jax") or []:
         needed = re.match(r"[A-Za-z0-9._-]+", line)

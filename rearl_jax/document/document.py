@@ -38,7 +38,7 @@ class DataSource:
 
 @dataclass(frozen=True)
 class Document:
-    """Everything that the terminal and the page show of a study.
+    """Content of the terminal output and the page of a study.
 
     Attributes:
         title: Title.

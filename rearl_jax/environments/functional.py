@@ -50,7 +50,7 @@ class HighwayParams(eqx.Module):
 
     @property
     def around(self) -> Surroundings | None:
-        """What was recorded around the cases; None for a free road."""
+        """Recorded traffic around the cases; None for a free road."""
         return None if self.starts is None else self.starts.around
 
     def replace(self, **changes: Any) -> "HighwayParams":

@@ -34,7 +34,7 @@ EGO = 0
 """The controlled vehicle."""
 
 EGO_SPEED = 25.0
-"""Its initial speed [m/s]. Source: highway-env 1.12.1, `HighwayEnv._create_vehicles`."""
+"""Initial speed of that vehicle [m/s]. Source: highway-env 1.12.1, `HighwayEnv._create_vehicles`."""
 
 PRECISIONS = ("float32", "float64")
 
@@ -120,7 +120,7 @@ class Starts(eqx.Module):
 
     Attributes:
         state: The vehicles of each case, the controlled one first, the last axis over cases.
-        around: What was recorded around them; None for a free road.
+        around: Recorded traffic around the vehicles; None for a free road.
     """
 
     state: TrafficState
@@ -218,7 +218,7 @@ def advance(
         state: The scenarios.
         action: Action of the controlled vehicle.
         options: The environment.
-        around: What was recorded around the traffic in this second; None on a free road.
+        around: Recorded traffic around the vehicles in this second; None on a free road.
     """
     is_ego = lax.broadcasted_iota(jnp.int32, state.traffic.x.shape, 0) == EGO
     actions = jnp.where(is_ego, action.astype(jnp.int32)[None], int(MetaAction.IDLE))
@@ -237,7 +237,7 @@ def advance(
 
 
 def surroundings_now(state: HighwayState, around: Surroundings | None) -> BoundarySecond | None:
-    """What was recorded around the traffic in the second that begins; None on a free road."""
+    """Recorded traffic around the vehicles in the second that begins; None on a free road."""
     return None if around is None or state.case is None else around.second(state.case, state.time)
 
 

@@ -35,7 +35,7 @@ def with_scenes(
     controlled one and then from the front of the list. Speeds are the rescaled ones (`SceneSet.scaled_speed`).
 
     With a boundary the controlled vehicle stays to the end of the episode, and the other simulated vehicles leave and
-    enter as they were recorded. What was recorded around every case is read once per machine.
+    enter as they were recorded. The recorded traffic around every case is read once per machine.
 
     Args:
         options: The environment.

@@ -1,6 +1,6 @@
 """Recorded traffic around episodes that begin with measured scenes: one case per scene and controlled vehicle.
 
-Replayed vehicles react to nothing. They are seen by everybody, and the controlled vehicle crashes if it touches one.
+Replayed vehicles do not react. All vehicles react to them, and the controlled vehicle crashes if it touches one.
 """
 
 import equinox as eqx
@@ -18,7 +18,7 @@ from rearl_jax.core.state import TrafficState
 
 
 class Surroundings(eqx.Module):
-    """What was recorded around the vehicles of all cases, as in `core.boundary.Boundary`; the first axis over cases.
+    """Recorded traffic around the vehicles of all cases, as in `core.boundary.Boundary`; the first axis over cases.
 
     Attributes:
         motion: Replayed vehicles at the beginning of each step of each second, `[cases, seconds, steps, replayed]`.
@@ -40,7 +40,7 @@ class Surroundings(eqx.Module):
         return self._of_scenarios(lambda own: replayed_vehicles(_at(own.motion, 0, 0), _at(own.identity, 0)), case)
 
     def second(self, case: Int[Array, "*scenarios"], time: Int[Array, "*scenarios"]) -> BoundarySecond:
-        """What was recorded in a second of each scenario, the scenario axis last.
+        """Recorded traffic around each scenario in one second, the scenario axis last.
 
         Args:
             case: Case of each scenario.
@@ -71,7 +71,7 @@ def surroundings_of(boundary: Boundary) -> Surroundings:
 def touches(
     state: TrafficState, vehicle: int, body: Body, replayed: ReplayedVehicles, model: TrafficModel
 ) -> Bool[Array, " scenarios"]:
-    """Whether a simulated vehicle touches a replayed one; replayed ones are in the middle of their lane.
+    """True if a simulated vehicle touches a replayed one; replayed ones are in the middle of their lane.
 
     Args:
         state: The traffic.

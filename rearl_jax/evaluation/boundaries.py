@@ -1,4 +1,4 @@
-"""What was recorded around simulated scenes, and the keys that it fits."""
+"""Recorded traffic around simulated scenes, and the keys that it requires."""
 
 import numpy as np
 
@@ -14,7 +14,7 @@ from rearl_jax.problems import InvalidInputError, Problem, out_of_range
 
 
 def check_boundary(config: EvaluateTask, *, has_own_scenes: bool = False) -> None:
-    """Raise InvalidInputError if what was recorded around the scenes cannot be replayed under the other keys.
+    """Raise InvalidInputError if the traffic around the scenes cannot be replayed under the other keys.
 
     Args:
         config: The task.
@@ -25,7 +25,7 @@ def check_boundary(config: EvaluateTask, *, has_own_scenes: bool = False) -> Non
         return
     why = f"for scenes.boundary={source.name}"
     if config.init.source is not InitialSource.scene:
-        message = f"must be scene {why}: recorded vehicles drive around recorded ones"
+        message = f"must be scene {why}: replayed vehicles fit only scenes that start as recorded"
         raise out_of_range("init.source", message, config.init.source.name)
     if config.speed.norm is not SpeedNorm.none:
         message = f"must be none {why}: rescaled speeds do not fit recorded positions"
@@ -45,7 +45,7 @@ def check_boundary(config: EvaluateTask, *, has_own_scenes: bool = False) -> Non
 
 
 def recorded_boundary(config: EvaluateTask, scenes: SceneSet, subset: np.ndarray) -> SceneBoundary | None:
-    """What was recorded around some scenes; None for scenes.boundary=free.
+    """Recorded traffic around some scenes; None for scenes.boundary=free.
 
     Args:
         config: The task, from whose recordings the scenes were cut.

@@ -1,4 +1,4 @@
-"""How the shares of the driver classes were found, as table, note, figure and keys of the summary."""
+"""Results of the search for the shares of the driver classes: table, note, figure and keys of the summary."""
 
 import pandas as pd
 
@@ -77,7 +77,7 @@ def _origin(config: EvaluateTask, adaptation: Adaptation, n_scenes: int) -> str:
 
 
 def answer_extra(adaptation: Adaptation, requests: pd.DataFrame) -> Extra:
-    """Table, note and keys of the summary about what a language model was asked."""
+    """Table, note and keys of the summary on the questions to a language model."""
     return Extra({"requests": requests}, (_answer_note(adaptation, requests),), request_figures(requests))
 
 

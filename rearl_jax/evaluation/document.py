@@ -1,4 +1,4 @@
-"""Document of an evaluation: methods beside each other, then all metrics, interventions and definitions."""
+"""Document of an evaluation: methods in one table, then all metrics, interventions and definitions."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
@@ -125,7 +125,7 @@ def _emphasis(row: str, main: str) -> Emphasis:
 
 
 def _verdict(figures: Figures, main: str) -> str:
-    """The Hellinger distance of the method, beside what it must be read against."""
+    """Sentence on the Hellinger distance of the method, its change to base, and the reference rows."""
     if (main, "h") not in figures:
         return f"There is no Hellinger distance of {title_of(main)}."
     method, others, chance = (_cell(figures.get((row, "h")), "h") for row in (main, REAL_VS_REAL, NOISE_FLOOR))
@@ -152,7 +152,7 @@ def _notes(
             f"{HEADINGS[name]} {_inline(_cell(figures.get((row, name)), name, 'less_base'))}"
             for name in ("h", config.mape.column)
         )
-        for row in _beside_base(figures, rows)
+        for row in _compared_with_base(figures, rows)
     }
     return (
         f"means over scenes of means over runs; {spread}; intervals: {100 * float(counts['confidence']):g} % bootstrap "
@@ -163,15 +163,15 @@ def _notes(
     )
 
 
-def _beside_base(figures: Figures, rows: Iterable[str]) -> list[str]:
-    """Rows of methods beside base."""
+def _compared_with_base(figures: Figures, rows: Iterable[str]) -> list[str]:
+    """Rows that are compared with base."""
     compared = {row for (row, _), found in figures.items() if not pd.isna(found["less_base"])}
     return [row for row in rows if row in compared]
 
 
 def _all_metrics(figures: Figures, rows: Sequence[str], main: str) -> Table:
-    """All metrics of all rows, then what methods change, then the distance of the main row to its reference."""
-    compared = _beside_base(figures, rows)
+    """All metrics of all rows, their differences from base, and the difference of the main row from its reference."""
+    compared = _compared_with_base(figures, rows)
     lines = []
     for name, metric in METRICS.items():
         cells = [_estimate(figures.get((row, name)), name) for row in rows]
@@ -207,7 +207,7 @@ def _inline(cell: Cell) -> str:
 
 
 def _interventions(decisions: pd.DataFrame, main: str) -> Section:
-    """How often the detection triggered, and what was decided."""
+    """Section on detections and decisions."""
     rows = decisions["method"] if "method" in decisions else [main] * len(decisions)
     lines = []
     for row, part in decisions.groupby(rows, sort=False, observed=True):
@@ -227,7 +227,7 @@ def _interventions(decisions: pd.DataFrame, main: str) -> Section:
 
 
 def _metrics() -> Table:
-    """What each metric is."""
+    """Table of all metrics with direction, definition and source."""
     rows = (
         Row(
             metric.title,

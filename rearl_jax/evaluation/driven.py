@@ -1,4 +1,4 @@
-"""Driving of a policy that drives all vehicles: its actions by speed, as counts, one sentence and a figure."""
+"""Actions of a policy that drives all vehicles, by speed: counts, one sentence and a figure."""
 
 import numpy as np
 from jaxtyping import Float, Int
@@ -21,7 +21,7 @@ def count_actions(
 ) -> Int[np.ndarray, "actions bins"]:
     """Counts of each action in each bin of the speed before it, in the order of `MetaAction`.
 
-    The first second is left out, as no frame shows the speed before it; what lies outside the edges counts in the
+    The first second is left out, because no frame shows the speed before it. Speeds outside the edges count in the
     outermost bins.
 
     Args:

@@ -16,7 +16,7 @@ from rearl_jax.metrics import METRICS
 BASE = Method.base.name
 """Row of the method without interventions."""
 
-# Numbers of a block of resampling weights; bounds its memory to some 30 MB.
+# Largest number of resampling weights in a block, about 30 MB.
 _MAX_WEIGHTS = 4_000_000
 
 
@@ -34,7 +34,7 @@ class Estimate:
         difference: Value less that of the other row, over the scenes that both have.
         difference_low: Lower end of its paired bootstrap interval.
         difference_high: Upper end.
-        less_base: Value less that of the row base, for another method beside it.
+        less_base: Value less that of the row base, for methods other than base.
         less_base_low: Lower end of its paired bootstrap interval.
         less_base_high: Upper end.
         n_scenes: Scenes with a figure.
@@ -168,7 +168,7 @@ def intervals(values: np.ndarray, eval: EvaluationConfig) -> list[tuple[float | 
 
 
 def _weights(n_scenes: int, eval: EvaluationConfig) -> Iterator[np.ndarray]:
-    """How often each scene is drawn in each resample, block by block."""
+    """Number of times that each scene is drawn in each resample, block by block."""
     rng = np.random.default_rng([eval.seed, n_scenes])
     block = max(1, _MAX_WEIGHTS // n_scenes)
     for start in range(0, eval.resamples, block):

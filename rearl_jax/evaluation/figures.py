@@ -125,7 +125,7 @@ def draw_actions(
     Args:
         counts: How often each action was taken, from `driven.count_actions`.
         edges: Edges of the bins of the speed [m/s].
-        method: Who drives.
+        method: Name of the method in the title.
         generated: Whether the data were generated, not measured.
     """
     total = counts.sum(axis=0)

@@ -29,7 +29,8 @@ def assess(
 ) -> list[Assessment]:
     """Errors, crashes and near misses of `critical.rollouts` rollouts of each mixture, the same in every call.
 
-    Drawn rollouts are scored against every scene; those that start as recorded against their own, each scene as often.
+    Rollouts with drawn starts are scored against every scene. Rollouts that start as recorded are scored against their
+    own scene, equally many for every scene.
 
     Raises:
         ValueError: There is no Hellinger distance or no spacing error.

@@ -1,6 +1,6 @@
 """Scenes of other traffic, such as another program's simulation, scored as simulated scenes are.
 
-Each scene is compared with recorded scenes, and so are other recorded scenes in its place: the figures of the row real
+Each scene is compared with recorded scenes. For reference, other recorded scenes take its place, as in the row real
 against real.
 """
 
@@ -30,12 +30,12 @@ OTHER = "other_traffic"
 def score_traffic(other: SceneSet, recorded: SceneSet, config: EvaluateTask | None = None) -> pd.DataFrame:
     """Metrics of other traffic and of recorded scenes, each against recorded scenes: means over the recorded scenes.
 
-    Columns: `metric`, `other_traffic`, `real_vs_real`, in the units of the metric table; a metric that does not compare
-    two scenes has the mean of the other traffic, and of the recorded scenes. Speeds of both are rescaled as those of
-    the recorded scenes.
+    Columns: `metric`, `other_traffic`, `real_vs_real`, in the units of the metric table; for a
+    metric that describes a single scene, these are the means over the other traffic and over the recorded scenes.
+    Speeds of both are rescaled as those of the recorded scenes.
 
     Args:
-        other: Scenes of the other traffic, as of `cut_scenes`.
+        other: Scenes of the other traffic, as returned by `cut_scenes`.
         recorded: Recorded scenes, with as many seconds and vehicles.
         config: Metrics, and `eval.n_runs` scenes of either kind that each recorded scene is compared with.
 
@@ -68,7 +68,7 @@ def score_traffic(other: SceneSet, recorded: SceneSet, config: EvaluateTask | No
 
 
 def _joined(recorded: SceneSet, other: SceneSet) -> SceneSet:
-    """Both, the recorded scenes first, with the rescaling of speeds of the recorded ones."""
+    """The recorded scenes followed by the others, with the speed rescaling of the recorded ones."""
     arrays = {name: np.concatenate([getattr(recorded, name), getattr(other, name)]) for name in ARRAYS}
     return replace(recorded, **arrays, infos=(*recorded.infos, *other.infos))
 

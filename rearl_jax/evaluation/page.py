@@ -16,8 +16,8 @@ def render(evaluation: Evaluation, document: Document, figures: Mapping[str, byt
     """The page as HTML text.
 
     Args:
-        evaluation: What was measured.
-        document: What it says.
+        evaluation: The evaluation.
+        document: Its document.
         figures: PNG files by name.
     """
     player, data_id = player_of(example_replay(evaluation)), evaluation.scenes.data_id
@@ -25,7 +25,7 @@ def render(evaluation: Evaluation, document: Document, figures: Mapping[str, byt
 
 
 def example_replay(evaluation: Evaluation) -> Replay:
-    """The scene of the space-time diagram; who was asked is not known, as the simulation counts decisions only."""
+    """Replay of the scene in the space-time diagram, without marks, because the simulation only counts decisions."""
     config, sample, method = evaluation.config, evaluation.sample, evaluation.method
     (scored, *_) = np.flatnonzero((method.scene == sample.example) & (method.run == 0))
     scene = ReplayedScene(

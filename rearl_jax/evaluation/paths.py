@@ -11,7 +11,7 @@ from jaxtyping import Bool, Float, Int, Shaped
 from rearl_jax.config import EvaluateTask
 from rearl_jax.config.core import InitialSource
 from rearl_jax.core.batch import ScenarioMap
-from rearl_jax.core.road import traffic_model
+from rearl_jax.core.model import traffic_model
 from rearl_jax.data.scenes.boundary import lanes_side_by_side
 from rearl_jax.data.scenes.scene_set import SceneSet
 from rearl_jax.data.scenes.scene_windows import UNKNOWN_LANE
@@ -42,7 +42,7 @@ def of_first_vehicles(
 
 
 def recorded_paths(scenes: SceneSet, index: Int[np.ndarray, " scenes"], config: EvaluateTask) -> Paths:
-    """Paths of the vehicles of the first snapshot of some scenes, from the most upstream of their places there."""
+    """Paths of the vehicles in the first snapshot of some scenes; positions count from the most upstream one."""
     lane = lanes_side_by_side(scenes, scenes.lane.astype(np.int64), scenes.direction)
     along, known = of_first_vehicles(scenes, index, scenes.position)
     lane, _ = of_first_vehicles(scenes, index, lane)
@@ -54,11 +54,11 @@ def recorded_paths(scenes: SceneSet, index: Int[np.ndarray, " scenes"], config: 
 
 
 def simulated_paths(simulated: Simulated, rollouts: Rollouts, scenes: SceneSet) -> Paths:
-    """Paths of the vehicles that rollouts start with; a drawn start is their first frame, as for all metrics.
+    """Paths of the vehicles at the start of rollouts; with a drawn start from the first frame on, as in all metrics.
 
     Args:
         simulated: The rollouts.
-        rollouts: The same, as they are listed.
+        rollouts: Numbers of these rollouts: row, run and scene.
         scenes: All scenes.
     """
     config, boundary = rollouts.config, rollouts.boundary
@@ -81,7 +81,7 @@ def _ordered(
     first: Float[np.ndarray, "vehicles scenarios"],
     config: EvaluateTask,
 ) -> Paths:
-    """Paths in the order of the first places along the road."""
+    """Paths in the order of the first positions along the road."""
     order = np.argsort(first, axis=0, kind="stable")[None]
     dtype, width = np.dtype(config.core.dtype.name), traffic_model(config.core).lane_width
     along, across, known = (np.take_along_axis(values, order, axis=1) for values in (along, lane * width, known))
@@ -89,7 +89,7 @@ def _ordered(
 
 
 def join_paths(parts: Sequence[Paths]) -> Paths:
-    """One record of several."""
+    """Paths of several records in one record."""
     return jax.tree.map(lambda *leaves: np.concatenate(leaves, axis=-1), *parts)
 
 
@@ -108,7 +108,7 @@ def with_paths(
     Args:
         scores: The row.
         paths: Paths of the rollouts, or of the recorded scenes in their place.
-        column: Those of each pair.
+        column: Index of the paths of each pair.
         observed: Paths of the held-out scenes.
         held_out: Indices of these scenes, rising.
     """
@@ -120,7 +120,7 @@ def with_paths(
     away, farthest = _compared()((_taken(paths, column), _taken(observed, at)))
 
     def of_run(run: int) -> Paths:
-        """The paths of that run, scene by scene; unknown where a scene has fewer runs."""
+        """The paths of a run, scene by scene; unknown for scenes with fewer runs."""
         (own,) = np.nonzero(scores.run == run)
         chosen, is_there = np.zeros(len(held_out), np.int64), np.zeros(len(held_out), bool)
         chosen[at[own]], is_there[at[own]] = column[own], True
@@ -144,7 +144,7 @@ def _taken(paths: Paths, columns: np.ndarray) -> Paths:
 
 
 def _known(measure: Measure) -> Float[np.ndarray, " scenarios"]:
-    """Its values; NaN without samples."""
+    """Values of a measure; NaN without samples."""
     return np.where(measure.count > 0, np.asarray(measure.value, np.float64), np.nan)
 
 

@@ -1,4 +1,4 @@
-"""Distance of simulated vehicles from where they were recorded, and how often they are inside replayed ones."""
+"""Distance of simulated vehicles from their recorded positions, and their overlap with replayed vehicles."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -20,15 +20,16 @@ from rearl_jax.evaluation.simulators import Simulated
 
 @dataclass(frozen=True)
 class Positions:
-    """Positions of some rollouts beside the recorded ones.
+    """Simulated positions of some rollouts, compared with recorded ones.
 
     Attributes:
         scene: Index of the scene of each rollout.
-        run: Its run.
-        error: Mean distance along the road of simulated vehicles from where they were recorded at the same time [m];
-            NaN where there was nothing to compare.
-        first_error: The same, of the vehicles of the first snapshot only, which every boundary simulates [m].
-        overlap: Share of the vehicle-seconds in which a simulated vehicle is inside a replayed one [-].
+        run: Run of each rollout.
+        error: Mean distance along the road between simulated and recorded positions at the same time [m]; NaN if there
+            are no recorded ones.
+        first_error: Mean distance of the vehicles of the first snapshot alone, which are simulated with every boundary
+            [m].
+        overlap: Share of the vehicle-seconds in which a simulated vehicle overlaps a replayed one [-].
     """
 
     scene: Int[np.ndarray, " rollouts"]
@@ -41,11 +42,11 @@ class Positions:
 def positions_of(simulated: Simulated, rollouts: Rollouts, scenes: SceneSet) -> Positions | None:
     """Positions of rollouts that start from recorded scenes; None for others.
 
-    Seconds in which a vehicle starts or enters do not count: it is where it was recorded.
+    Seconds in which a vehicle starts or enters are left out, because it is then at its recorded position.
 
     Args:
         simulated: The rollouts.
-        rollouts: The same, as they are listed.
+        rollouts: Numbers of these rollouts: row, run and scene.
         scenes: All scenes.
     """
     if rollouts.config.init.source is not InitialSource.scene:
@@ -78,12 +79,12 @@ def _mean(
 def overlaps(
     simulated: Simulated, boundary: SceneBoundary, column: Int[np.ndarray, " rollouts"]
 ) -> Bool[np.ndarray, "rollouts seconds vehicles"]:
-    """True where a simulated vehicle is inside a replayed one of its lane.
+    """True where a simulated vehicle overlaps a replayed one on its lane.
 
     Args:
         simulated: The rollouts.
-        boundary: What was replayed.
-        column: Place of the scene of each rollout in it.
+        boundary: The replayed vehicles.
+        column: Index of each rollout's scene in `boundary`.
     """
     x, lane = (
         np.moveaxis(np.asarray(values), -1, 0)[..., None] for values in (simulated.frames.x, simulated.frames.lane)
@@ -94,7 +95,7 @@ def overlaps(
 
 
 def join_positions(parts: Sequence[Positions]) -> Positions:
-    """One record of several."""
+    """Positions of several records in one record."""
     return Positions(*(np.concatenate([vars(part)[name] for part in parts]) for name in vars(parts[0])))
 
 
@@ -125,5 +126,5 @@ def position_extra(scene_id: np.ndarray, found: Mapping[str, Positions]) -> Extr
         tables.append(pd.DataFrame(columns))
         figures = position_figures(positions)
         notes.append(f"{title_of(name)} {figures['position_error']:.1f} m")
-    distance = f"distance of vehicles from where they were recorded, as long as they were: {', '.join(notes)}"
+    distance = f"distance of vehicles from their recorded positions, as long as they were recorded: {', '.join(notes)}"
     return Extra({"positions": pd.concat(tables, ignore_index=True)}, (distance,))

@@ -18,7 +18,7 @@ from rearl_jax.data.scenes.scene_set import SceneSet
 log = logging.getLogger(__name__)
 
 _SOURCES = ("baselines/critical", "config", "data")
-"""Parts of the package whose code decides what is read."""
+"""Parts of the package whose code determines the result."""
 
 
 def recorded_shares(config: EvaluateTask, scenes: SceneSet, subset: np.ndarray, bar: Progress) -> Mixture:

@@ -1,4 +1,4 @@
-"""Text of an evaluation besides its tables: data, sources, notes, definitions."""
+"""Text of an evaluation in addition to its tables: data, sources, notes, definitions."""
 
 import json
 from dataclasses import asdict, dataclass
@@ -51,7 +51,7 @@ class Remarks:
     Attributes:
         data: The scenes in a sentence or two.
         notes: Notes below the table.
-        definitions: How rollouts, reference rows and intervals come about.
+        definitions: Definitions of rollouts, reference rows and intervals.
         sources: Data sets with their licences.
     """
 
@@ -85,12 +85,12 @@ def remarks_of(evaluation: Evaluation) -> Remarks:
 
 
 def data_summary(config: EvaluateTask | ClusterTask, scenes: SceneSet, use: str) -> str:
-    """Where the scenes come from.
+    """Sentences on the origin of the scenes.
 
     Args:
         config: The task.
         scenes: All scenes.
-        use: How many of them are used for what.
+        use: Phrase on the number of scenes that are used, and their use.
     """
     counts = scenes.counts
     return (
@@ -101,7 +101,7 @@ def data_summary(config: EvaluateTask | ClusterTask, scenes: SceneSet, use: str)
 
 
 def _speeds(scenes: SceneSet) -> str:
-    """What becomes of recorded speeds."""
+    """Sentence on the range and the rescaling of recorded speeds."""
     speeds = f"Recorded speeds from {scenes.speed_min:.2f} to {scenes.speed_max:.2f} m/s are"
     if scenes.speed_norm is SpeedNorm.none:
         return f"{speeds} not rescaled."
@@ -109,11 +109,11 @@ def _speeds(scenes: SceneSet) -> str:
 
 
 def speed_bins(hist: HistConfig, speed: np.ndarray) -> str:
-    """How well the bins of the Hellinger distance divide the recorded speeds.
+    """Sentence on the distribution of the recorded speeds over the bins of the Hellinger distance.
 
     Args:
         hist: The bins.
-        speed: The speeds as they are compared [m/s].
+        speed: The compared speeds [m/s].
     """
     counts, _ = np.histogram(np.clip(speed, hist.low, hist.high), hist.n_bins, (hist.low, hist.high))
     outside = float(np.mean((speed < hist.low) | (speed > hist.high)))
@@ -144,5 +144,5 @@ def _definitions(config: EvaluateTask, scenes: SceneSet, held_out: np.ndarray) -
         f"Intervals: {100 * config.eval.confidence:g} % percentile bootstrap, {config.eval.resamples} resamples of the "
         "scenes, the same for every figure. Differences are taken scene by scene: to `real` where the real scenes have "
         "the metric themselves, else to real against real.",
-        f"h_legacy = {legacy_scale(config.hist):.4f} h, to stand beside published values on that scale.",
+        f"h_legacy = {legacy_scale(config.hist):.4f} h, for comparison with published values on that scale.",
     )

@@ -12,7 +12,7 @@ Task = TypeVar("Task", bound=EvaluateTask)
 
 
 def with_road(config: Task, scenes: SceneSet) -> Task:
-    """The configuration with the road of the recordings, if scenes start from what was recorded.
+    """The configuration with the road of the recordings if scenes start as recorded, else unchanged.
 
     Raises:
         InvalidInputError: The recordings have more lanes than a simulated road can have.

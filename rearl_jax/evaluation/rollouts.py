@@ -1,4 +1,4 @@
-"""Which rollouts an evaluation has, where they begin, and their traffic chunk by chunk."""
+"""The rollouts of an evaluation: their order, their initial states, and their traffic chunk by chunk."""
 
 from collections.abc import Iterator, Sequence
 from copy import copy
@@ -13,7 +13,7 @@ from rearl_jax.baselines.weights import TrainedPolicy, load_policy
 from rearl_jax.config.core import InitialSource
 from rearl_jax.config.evaluation import Method, SeedScope
 from rearl_jax.core.boundary import Boundary
-from rearl_jax.core.road import traffic_model
+from rearl_jax.core.model import traffic_model
 from rearl_jax.data.scenes.boundary import SceneBoundary
 from rearl_jax.data.scenes.initial_states import bounded_state, measured_state, recorded_surroundings
 from rearl_jax.data.scenes.scene_set import SceneSet
@@ -41,13 +41,13 @@ NO_SCENE = -1
 
 
 class Rollouts:
-    """The rollouts of an evaluation: numbers, so that a million of them take no memory; all else follows from them.
+    """The rollouts of an evaluation, ordered by row, then by run, then by scene.
 
-    They are ordered by row, then by run, then by scene.
+    Only their numbers are stored, so that a million rollouts take no memory; row, run and scene follow from the number.
 
     Attributes:
         policy: Trained policy that drives all vehicles; None if none does.
-        boundary: What was recorded around the scenes; None for a free road.
+        boundary: Recorded traffic around the scenes; None for a free road.
     """
 
     def __init__(
@@ -68,9 +68,9 @@ class Rollouts:
             scenes: All scenes.
             held_out: Indices of those to be simulated.
             references: Representative scenes, for methods that intervene.
-            host_policy: Makes the policies that decide outside the compiled program; needed for
-                `PolicyName.is_outside`, also given to record every decision of another policy.
-            apart: Whether initial states are drawn that no evaluation has; needs eval.seed_scope=run.
+            host_policy: Makes the policies that decide outside the compiled program. Required if the configured policy
+                does (`PolicyName.is_outside`); may also be given to record every decision of another policy.
+            apart: Whether to draw initial states that no evaluation uses; requires eval.seed_scope=run.
         """
         config = with_road(rows[0].config, scenes)
         check_boundary(config)
@@ -118,7 +118,7 @@ class Rollouts:
         return len(self._numbers)
 
     def __getitem__(self, part: slice) -> "Rollouts":
-        """Some of them."""
+        """A part of the rollouts."""
         some = copy(self)
         some._numbers = self._numbers[part]
         return some
@@ -140,7 +140,7 @@ class Rollouts:
 
     @property
     def column(self) -> Int[np.ndarray, " rollouts"]:
-        """Place of each rollout's scene among those served."""
+        """Index of each rollout's scene among the simulated scenes."""
         return self._index % len(self._served)
 
     @property
@@ -162,7 +162,7 @@ class Rollouts:
         return decision_keys(rollout_keys(self._batch().starts))
 
     def _batch(self) -> Batch:
-        """Everything the rollouts are computed from."""
+        """Input of the simulation."""
         column, row = self.column, self.row
         starts = {
             "seed": np.full(len(self), self.config.eval.seed, np.int32),
@@ -181,7 +181,7 @@ class Rollouts:
         )
 
     def _decided_on_host(self, acts: Interventions) -> Iterator[Simulated]:
-        """The same, decided by a policy outside the compiled program."""
+        """Rollouts with the decisions of a policy outside the compiled program."""
         if self._host_policy is None:
             message = "decides outside the program, so `host_policy` must be given"
             raise InvalidInputError(Problem("policy-outside", message, key=f"decision.policy={acts.policy.name}"))
@@ -212,7 +212,7 @@ def _same_for_all(leaf: Array | np.ndarray) -> np.ndarray:
 
 
 def _mixture(row: Row) -> Sequence[float]:
-    """Its shares of the driver classes, else those that are configured."""
+    """Shares of the driver classes of a row, or the configured ones if the row has none."""
     shares = row.config.critical.ratios if row.mixture is None else row.mixture
     if shares is None:
         message = (

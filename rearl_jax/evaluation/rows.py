@@ -1,4 +1,4 @@
-"""Rows of an evaluation: whose traffic each is, and which of them figures and differences are about.
+"""Rows of an evaluation: the traffic of each row, and the main row, which figures and differences refer to.
 
 Methods, the variants of a repaired model, mixtures of driver classes and pairs of thresholds are rows alike.
 """
@@ -19,11 +19,11 @@ class Row:
     """Traffic that is simulated from the initial states of the held-out scenes and scored on them.
 
     Attributes:
-        config: Method, model and everything else that its traffic follows from.
-        name: Its name in tables and files.
+        config: Method, model and all other keys that determine the traffic.
+        name: Name in tables and files.
         thresholds: Thresholds of the Hellinger distance and of the spacing error, for methods that intervene.
         mixture: Shares of the driver classes, for method=critical; None for `critical.ratios`.
-        drivers: Drivers in the place of those of the configuration; None for these.
+        drivers: Drivers that replace those of the configuration; None to keep these.
     """
 
     config: EvaluateTask
@@ -39,7 +39,7 @@ class Row:
 
     @property
     def is_cooperative(self) -> bool:
-        """Whether any driver may consider what a lane change costs others."""
+        """True if any driver may consider what a lane change costs others."""
         return self.drivers is not None or is_cooperative(self.config)
 
 
@@ -49,8 +49,8 @@ class Rows:
 
     Attributes:
         rows: In the order of the table.
-        main: Name of the row that figures and differences are about.
-        has_variants: Whether base and rearl stand on calibrated drivers without and with the effects of a model.
+        main: Name of the row that figures and differences refer to.
+        has_variants: Whether the rows are base and rearl, each without and with the effects of a model.
     """
 
     rows: tuple[Row, ...]
@@ -59,12 +59,12 @@ class Rows:
 
 
 def compares_variants(config: EvaluateTask) -> bool:
-    """Whether base and rearl are evaluated without and with the effects of a model."""
+    """True if base and rearl are evaluated without and with the effects of a model."""
     return config.model is not None and config.variant is Variant.all
 
 
 def rows_of(config: EvaluateTask, thresholds: tuple[float, float] = NEVER, mixture: Mixture | None = None) -> Rows:
-    """The method and, for methods other than base, base beside it; or the four rows of a repaired model."""
+    """The row of the method and, for methods other than base, a row of base; or the four rows of a repaired model."""
     if compares_variants(config):
         variants = ((Variant.calibrated, ""), (Variant.repaired, WITH_EFFECT))
         rows = (

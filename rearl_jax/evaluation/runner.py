@@ -47,13 +47,13 @@ BINS_DRAWN = 4
 
 @dataclass(frozen=True)
 class Sample:
-    """What the figures show of the simulated traffic besides its metrics.
+    """Data of the figures on simulated traffic, in addition to its metrics.
 
     Attributes:
         example: Index of the scene in the space-time diagram.
-        frames: Its first rollout, `[n_steps, n_vehicles]`.
-        lengths: Lengths of the vehicles in it [m].
-        around: What was recorded around it; None for a free road.
+        frames: First rollout of that scene, `[n_steps, n_vehicles]`.
+        lengths: Lengths of the vehicles in that rollout [m].
+        around: Recorded traffic around that scene; None for a free road.
         speed_counts: Simulated speeds of all rollouts per bin of `speed_histogram_edges`.
         action_counts: Actions of all rollouts per bin of the speed before them; None if no policy drives all vehicles.
     """
@@ -68,18 +68,18 @@ class Sample:
 
 @dataclass(frozen=True)
 class Evaluation:
-    """Simulated against measured scenes: everything that was measured.
+    """Result of an evaluation.
 
     Attributes:
         config: The task.
         scenes: All scenes.
         held_out: Indices of the evaluation scenes, rising.
         rows: The simulated rows first, then the reference rows.
-        sample: What the figures show of the main row.
-        main: Name of the row that figures and differences are about.
-        logs: What was detected and decided, by row; empty if nothing is detected.
-        extras: What methods add to the usual results.
-        figures: What a row has in summary.json besides its estimates and what the extras say, by row.
+        sample: Data of the figures on the main row.
+        main: Name of the row that figures and differences refer to.
+        logs: Detections and decisions by row; empty if nothing is detected.
+        extras: Additional results of methods.
+        figures: Further keys of summary.json by row, in addition to estimates and extras.
     """
 
     config: EvaluateTask
@@ -94,16 +94,16 @@ class Evaluation:
 
     @property
     def method(self) -> Scores:
-        """The row that figures and differences are about."""
+        """The row that figures and differences refer to."""
         return self.row(self.main)
 
     @property
     def log(self) -> DecisionLog | None:
-        """What was detected and decided in that row; None if nothing is detected."""
+        """Detections and decisions of the main row; None if nothing is detected."""
         return self.logs.get(self.main)
 
     def row(self, name: str) -> Scores:
-        """The row of that name."""
+        """The row with a name."""
         return next(row for row in self.rows if row.row == name)
 
 
@@ -117,10 +117,10 @@ def evaluate(
     host_policy: MakePolicy | None = None,
     mixture: Mixture | None = None,
 ) -> Evaluation:
-    """The simulated rows and those they must be read against, scored on the held-out scenes.
+    """Simulated rows and reference rows, scored on the held-out scenes.
 
     Args:
-        config: The task; `rows.rows_of` says which rows it has.
+        config: The task; `rows.rows_of` lists its rows.
         scenes: All scenes; those not held out serve only as partners in real against real.
         held_out: Indices of the scenes to evaluate on, rising.
         progress: Called with the number of rollouts done and their total, row by row.
@@ -177,7 +177,7 @@ def simulated_row(
     example: int,
     progress: Callable[[int, int], None],
 ) -> tuple[Scores, Sample, DecisionLog | None, Positions | None]:
-    """Scores of a row on the held-out scenes, its part in the figures, what was decided, where vehicles were."""
+    """Scores of a row on the held-out scenes, data of its figures, its decisions, and positions of its vehicles."""
     begin = time.perf_counter()
     edges = speed_histogram_edges(rollouts.config.hist)
     speed_counts = np.zeros(len(edges) - 1, np.int64)
@@ -314,12 +314,12 @@ def speed_histogram_edges(hist: HistConfig) -> Float[np.ndarray, " edges"]:
 
 
 def example_scene(scenes: SceneSet, held_out: np.ndarray, scene_id: int | None) -> int:
-    """Index of the scene that is drawn: the one asked for, or the held-out one of median mean speed.
+    """Index of the scene in the space-time diagram: the requested one, or the held-out one of median mean speed.
 
-    Chosen by the recording alone, so that no simulation is picked for its looks.
+    The choice depends on the recordings alone, so that no simulation is chosen because it looks good.
 
     Raises:
-        ValueError: The scene asked for is not held out.
+        ValueError: The requested scene is not held out.
     """
     if scene_id is None:
         speed = scenes.speed[held_out].mean(axis=(1, 2))
@@ -328,7 +328,7 @@ def example_scene(scenes: SceneSet, held_out: np.ndarray, scene_id: int | None) 
 
 
 def named_scenes(scenes: SceneSet, held_out: np.ndarray, scene_ids: Collection[int], key: str) -> np.ndarray:
-    """Indices of the scenes of these numbers, rising; `key` asked for them.
+    """Indices of the scenes with these numbers, rising; `key` is the configuration key that names them.
 
     Raises:
         ValueError: One of them is not held out.

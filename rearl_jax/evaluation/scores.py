@@ -1,4 +1,4 @@
-"""What was measured for one row of the table: figures of every scored pair; how reference rows come about."""
+"""Scores of one row of the table: figures of every scored pair; construction of the reference rows."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -24,16 +24,16 @@ TITLES = {REAL: "real", REAL_VS_REAL: "real against real", NOISE_FLOOR: "noise f
 """Titles of the reference rows; the title of a method is its name."""
 
 WITH_EFFECT = "_effect"
-"""Ends the names of rows on the traffic of a repaired model with its effects, beside those without."""
+"""Suffix of the names of rows on the traffic of a repaired model with its effects."""
 
 LIKELIHOODS = {"realism": "meta", "ttc_likelihood": "ttc", "thw_likelihood": "headway"}
-"""Metrics of which the runs of a scene are pooled before they are scored, and their fields of `Realism`."""
+"""Metrics for which the runs of a scene are pooled before scoring, with their fields of `Realism`."""
 
 COMPARING = tuple(name for name, metric in METRICS.items() if metric.compares)
-"""Metrics that compare two scenes: a scene compared with itself says nothing."""
+"""Metrics that compare two scenes: their value for a scene and itself is meaningless."""
 
 NEEDS_LANES = tuple(name for name, metric in METRICS.items() if metric.needs_lanes)
-"""Metrics of which recordings without lanes have no figure."""
+"""Metrics that are undefined for recordings without lanes."""
 
 
 def title_of(row: str) -> str:
@@ -51,12 +51,12 @@ class Scores:
         row: Name of the method or reference row.
         scene: Index of the scene scored against.
         run: Run, from 0.
-        values: Figure by metric; NaN where there was nothing to measure.
-        counts: Samples behind it, by metric.
-        partner: Index of the recorded scene that stands for a simulated one; None for a simulation.
+        values: Figures by metric; NaN where there was nothing to measure.
+        counts: Number of samples of each figure, by metric.
+        partner: Index of the recorded scene in place of a simulation; None for a simulation.
         series: Figures by window and frame; None if there are none.
         realism: Bin counts of the realism features; None if there are none.
-        pooled: Metrics whose runs are pooled before they are scored: one figure per scene, in the order of
+        pooled: Metrics for which the runs of a scene are pooled before scoring: one figure per scene, in the order of
             the held-out scenes.
         n_rollouts: Simulations behind the row.
         seconds: Wall time of simulating and scoring, compilation included [s].
@@ -80,7 +80,7 @@ class Scores:
         return title_of(self.row)
 
     def without(self, names: tuple[str, ...]) -> "Scores":
-        """The same without some metrics."""
+        """The scores without some metrics."""
         kept = {name: values for name, values in self.values.items() if name not in names}
         counts = {name: count for name, count in self.counts.items() if name not in names}
         pooled = {name: values for name, values in self.pooled.items() if name not in names}
@@ -121,7 +121,8 @@ def of_recordings(scores: Scores, scenes: SceneSet) -> Scores:
     """Scores of recorded scenes, without metrics that recordings do not determine.
 
     Their lane-change rate counts every vehicle of a snapshot over the second after it, also those that are
-    not among the picked ones of the next snapshot. A scene scored against itself keeps what describes it.
+    not among the picked ones of the next snapshot. A scene scored against itself keeps only the metrics that describe
+    one scene.
     """
     if scores.partner is None:
         message = f"row {scores.row} is a simulation: its lane-change rate is already measured"

@@ -35,7 +35,7 @@ def score(batch: tuple[dict[str, Array], dict[str, Array]], config: MetricsConfi
 
 
 def join(parts: list[SceneMetrics]) -> SceneMetrics:
-    """One record of several, along the scenario axis."""
+    """Metrics of several parts in one record, along the scenario axis."""
     return jax.tree.map(lambda *leaves: np.concatenate(leaves, axis=-1), *parts)
 
 
@@ -73,8 +73,8 @@ class Scorer:
         Args:
             simulated: Rollouts.
             rollout: Column of each pair's rollout.
-            scene: Index of its scene.
-            track_id: Vehicles that the simulated ones stand for; None if every place has one vehicle throughout.
+            scene: Index of each pair's scene.
+            track_id: Recorded vehicle in each slot; None if every slot holds the same vehicle throughout.
         """
         parts = []
         for at in self._batches(len(scene)):
@@ -112,7 +112,7 @@ class Scorer:
         }
 
     def _simulated(self, simulated: Simulated, index: np.ndarray) -> dict[str, np.ndarray]:
-        """The same fields of a simulation: one carriageway along x, a slot is a vehicle, all of one width."""
+        """Fields of simulated traffic: one carriageway along x, one vehicle per slot, all of the same width."""
         frames = simulated.frames
         picked = {
             name: np.asarray(getattr(frames, name))[..., index] for name in ("x", "y", "speed", "lane", "crashed")

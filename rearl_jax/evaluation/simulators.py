@@ -1,7 +1,7 @@
-"""How rollouts are simulated; what a method is.
+"""Simulation of the rollouts of every method.
 
-Initial states depend on the seed, the run and the scene alone: every method and every batch size sees the
-same ones (common random numbers), so that differences between methods are not due to chance.
+Initial states depend on the seed, the run and the scene alone, so they are the same for every method and batch size
+(common random numbers), and differences between methods do not come from different starts.
 """
 
 import functools
@@ -25,8 +25,7 @@ from rearl_jax.config.decision import MatcherConfig, PolicyName
 from rearl_jax.core.batch import ScenarioMap
 from rearl_jax.core.boundary import Boundary, cut_desired_speed
 from rearl_jax.core.drivers import Drivers
-from rearl_jax.core.model import TrafficModel
-from rearl_jax.core.road import traffic_model
+from rearl_jax.core.model import TrafficModel, traffic_model
 from rearl_jax.core.rollout import Frames, frame_of, rollout
 from rearl_jax.core.spawn import spawn
 from rearl_jax.core.state import TrafficState
@@ -43,7 +42,7 @@ POLICY_STREAM = 1
 """Separates the random numbers of a policy from those of the initial state."""
 
 NEVER = (float("inf"), float("inf"))
-"""Thresholds that nothing passes."""
+"""Thresholds that are never exceeded."""
 
 FIXED_SPEED = 25.0
 """Speed of init.speed=fixed_25 [m/s]. Source: highway-env 1.12.1, `HighwayEnv._create_vehicles`."""
@@ -55,12 +54,12 @@ def simulate_base(state: TrafficState, drivers: Drivers, model: TrafficModel, n_
 
 
 class Simulated(eqx.Module):
-    """Rollouts.
+    """Simulated rollouts.
 
     Attributes:
         frames: The traffic.
         length: Lengths of the vehicles [m].
-        decisions: What was decided about it; None if nothing is detected.
+        decisions: Detections and decisions; None if nothing is detected.
         actions: The action every vehicle followed in every second; None if no policy drives them all.
     """
 
@@ -103,14 +102,14 @@ class Batch(NamedTuple):
     """Input from which a chunk of rollouts is computed; None for input that the method does not need.
 
     Attributes:
-        starts: `seed`, `run` and `scene_id` of each.
+        starts: `seed`, `run` and `scene_id` of each rollout.
         measured: Initial states that are not drawn.
         references: Representative scenes; a last axis of length 1 means the same for all rollouts.
         thresholds: Thresholds of the Hellinger distance and of the spacing error.
         actor: The network that drives all vehicles; last axis as for the references.
         shares: Shares of aggressive and defensive drivers and of trucks.
         traffic: Drivers and effects that are not highway-env's; last axis as for the references.
-        boundary: What was recorded around the vehicles of scenes; last axis as for the references, but for `scene`.
+        boundary: Recorded traffic around the vehicles of scenes; last axis as for the references, except of `scene`.
     """
 
     starts: Mapping[str, Array | np.ndarray]
@@ -123,7 +122,7 @@ class Batch(NamedTuple):
     boundary: Boundary | None = None
 
     def surroundings(self) -> Boundary | None:
-        """What was recorded around the rollouts, their scenes being the last axis of all but `scene`."""
+        """Recorded traffic around the rollouts; the last axis of all fields except `scene` is that of the scenes."""
         if self.boundary is None:
             return None
         own = self.boundary
@@ -153,7 +152,7 @@ def begin(
         replayed = None if around is None else around.at_start()
         state, drivers = populate_by_model(state, drivers, keys, _same_for_all(batch.traffic), model, replayed)
     if batch.measured is not None:
-        # Recorded vehicles are not moved to make room; their state brings the highest speed that was seen of them.
+        # Recorded vehicles are not moved to make room. Their state holds their highest recorded speed as desired speed.
         wanted = cut_desired_speed(batch.measured.desired_speed, drivers)
         state = replace(state, x=batch.measured.x, desired_speed=wanted)
     if batch.shares is not None:
@@ -178,7 +177,7 @@ def program(
     cooperative: bool,
 ) -> ScenarioMap:
     """Program from seeds (and measured states) to rollouts; compiled once for all studies of a process."""
-    # Without it, polite drivers would ignore what a lane change costs others.
+    # With cooperative=False, polite drivers would ignore what a lane change costs others.
     model = traffic_model(core, cooperative=cooperative)
 
     def simulate(batch: Batch) -> Simulated:
@@ -208,7 +207,7 @@ def program(
 
 
 def _from_start(state: TrafficState, frames: Frames, model: TrafficModel) -> Frames:
-    """Frames with that of the start before them: those of the recorded snapshots, at whose times vehicles enter."""
+    """Frames at the times of the recorded snapshots, at which vehicles enter: that of the start, then the others."""
     return jax.tree.map(lambda first, rest: jnp.concatenate([first[None], rest]), frame_of(state, model), frames)
 
 

@@ -1,6 +1,6 @@
 """Scores and estimates as tables: Parquet frames and the objects of summary.json.
 
-Where there is no figure a cell is missing (null), never a number that means nothing.
+A cell without a figure is missing (null).
 """
 
 import json
@@ -28,16 +28,16 @@ HEADINGS = {
     "collisions": "crashed",
     "realism": "realism",
 }
-"""Metrics of the first table and their short headings; another table and the files have all."""
+"""Metrics of the first table and their short headings; a second table and the files contain all metrics."""
 
 _LESS_BASE = ("less_base", "less_base_low", "less_base_high")
 
 
 def run_table(evaluation: Evaluation) -> pd.DataFrame:
     """One row per scored pair: `method` (or reference row), `scene_id`, `recording`, `run`, `partner`, then
-    every metric and, under `<metric>_n`, the samples behind it.
+    every metric and, under `<metric>_n`, its number of samples.
 
-    `partner` is the scene_id of the recorded scene that stands for a simulated one; missing for simulations.
+    `partner` is the scene_id of the recorded scene in place of a simulation; missing for simulations.
     """
     return pd.concat([_run_rows(evaluation, row) for row in evaluation.rows], ignore_index=True)
 
@@ -92,7 +92,7 @@ def frame_series(row: Scores, window: int) -> dict[str, np.ndarray]:
 
 
 def _keys(evaluation: Evaluation, row: Scores) -> dict[str, Column]:
-    """What a scored pair is."""
+    """Columns that identify a scored pair."""
     scenes = evaluation.scenes
     return {
         "method": pd.Categorical([row.row], [r.row for r in evaluation.rows]).repeat(len(row.scene)),
@@ -142,7 +142,7 @@ def summary_rows(
     """The objects of summary.json, one per row of the table, the method first.
 
     Keys: method, every metric by its name with `_sd` (over runs), `_low` and `_high` (bootstrap interval over
-    scenes), n_scenes, n_rollouts, seconds; for a method beside base also `_less_base`, `_less_base_low`,
+    scenes), n_scenes, n_rollouts, seconds; for a method other than base also `_less_base`, `_less_base_low`,
     `_less_base_high`; and those that the method adds, None in the other rows. None if there is no figure.
     """
     methods = [row.row for row in evaluation.rows if row.row not in TITLES]
@@ -167,7 +167,7 @@ def summary_rows(
 
 
 def written(value: float, name: str) -> str:
-    """A figure of a metric with the digits it deserves."""
+    """A figure with the number of digits of its metric."""
     return f"{value:.{METRICS[name].digits}f}"
 
 

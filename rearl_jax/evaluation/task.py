@@ -76,7 +76,7 @@ def check(config: EvaluateTask) -> None:
 def compute(
     config: EvaluateTask, bar: Progress, *, scenes: SceneSet | None = None, study: Study | None = None
 ) -> Evaluation:
-    """The evaluation with all its figures; nothing is printed.
+    """The evaluation with all its results; nothing is printed.
 
     Args:
         config: The task; it has passed `check`.

@@ -1,4 +1,4 @@
-"""Whose traffic is simulated: highway-env's, that of the keys `driver` and `mobil`, or that of a repaired model."""
+"""The simulated traffic: that of highway-env, of the keys `driver` and `mobil`, or of a repaired model."""
 
 from dataclasses import asdict, fields, replace
 
@@ -21,7 +21,7 @@ WITH_MODEL = (Method.base, Method.rearl)
 
 
 def inputs_id(config: EvaluateTask, scenes: str | None = None) -> str:
-    """Identity of all that is read: the data, the weights if a trained policy drives, and a repaired model.
+    """Identity of all inputs: data, weights of a trained policy, repaired model.
 
     Args:
         config: The task.
@@ -40,7 +40,7 @@ def inputs_id(config: EvaluateTask, scenes: str | None = None) -> str:
 
 
 def require_one_variant(config: EvaluateTask) -> None:
-    """Raise ValueError for variant=all, which only `rearl evaluate` knows."""
+    """Raise ValueError for variant=all, which only `rearl evaluate` accepts."""
     if config.model is not None and config.variant is Variant.all:
         raise out_of_range("variant", "must be repaired or calibrated; all is for rearl evaluate", config.variant.name)
 
@@ -72,7 +72,7 @@ def population_of(config: EvaluateTask) -> Population | None:
 
 
 def is_cooperative(config: EvaluateTask) -> bool:
-    """Whether any driver considers what a lane change costs others; keys of mobil take the place of a model's."""
+    """True if any driver considers what a lane change costs others; keys of `mobil` replace those of a model."""
     if config.model is not None and config.mobil.is_default and config.method in WITH_MODEL:
         own = read_model(config.model).lane_changing
         return own is not None and own.politeness != 0
@@ -91,12 +91,12 @@ def _refuse_drivers(config: EvaluateTask) -> None:
 
 
 def calibrated(config: EvaluateTask) -> EvaluateTask:
-    """The configuration of what thresholds are taken from: with all variants, the drivers without effects."""
+    """The configuration for detection thresholds: for variant=all, the drivers without effects."""
     return replace(config, variant=Variant.calibrated) if config.variant is Variant.all else config
 
 
 def model_notes(config: EvaluateTask) -> list[str]:
-    """Notes on results on traffic that is not highway-env's; none if it is."""
+    """Notes on traffic that differs from highway-env's; empty if it does not."""
     driver_notes = [note for note in (_driver_note(config.driver), _mobil_note(config.mobil)) if note]
     if config.model is None:
         return driver_notes

@@ -1,8 +1,8 @@
-"""The exported drivers in SUMO beside the same in this package: gaps of the same platoons, and a flow of many drivers.
+"""Exported drivers in SUMO compared with the same in this package: gaps of platoons, and a flow of many drivers.
 
 Round trip: the same drivers behind the same measured first vehicles; the difference is what the two programs compute
 differently. Flow: SUMO draws its drivers from the exported file; speeds and headways of both are scored by this
-package's metrics, beside two draws of this package.
+package's metrics, compared with two draws of this package.
 """
 
 from dataclasses import dataclass, replace

@@ -21,7 +21,7 @@ STEPS_PER_SECOND = 10
 
 ROAD = TrafficModel(
     n_lanes=1,
-    road_length=1e6,  # nobody reaches its end within hours
+    road_length=1e6,  # no vehicle reaches its end within hours
     speed_limit=None,
     ticks_per_second=STEPS_PER_SECOND,
     lane_changes=False,

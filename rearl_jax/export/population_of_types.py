@@ -27,7 +27,7 @@ _UNREAD = {
     "speedFactor": "needs sumo.speed_limit",
     "speedDev": "needs sumo.speed_limit",
 }
-"""Why attributes have no counterpart; `NEUTRAL` values need none."""
+"""Reasons why attributes have no counterpart; `NEUTRAL` values need none."""
 
 NEUTRAL = {"delta": 4.0, "sigma": 0.0, "emergencyDecel": 9.0, "speedFactor": 1.0, "speedDev": 0.0}
 """Values of attributes that have no influence, so that leaving them out loses nothing."""

@@ -26,7 +26,7 @@ FCD = "fcd_{}.xml"
 LEADER = "leader"
 """Id of the first vehicle, and of its type."""
 
-# The leader moves as it was measured; what followers think of its braking is what they think of their own.
+# The leader moves as measured; followers assume that it can brake as hard as they do.
 _LEADER_TYPE = (
     '<vType id="leader" length="{length:.6g}" maxSpeed="60" accel="20" decel="{decel:.6g}" speedFactor="1"'
     ' speedDev="0"/>'

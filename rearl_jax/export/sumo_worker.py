@@ -1,7 +1,7 @@
 """SUMO simulations in a process of their own: `python sumo_worker.py ORDERS.json LENGTHS.json`.
 
 libsumo and pyarrow each bring a version of Arrow, so they do not share a process. The first vehicle of each simulation
-is told its speed in every step; all others are SUMO's. Standard library and libsumo only.
+is given its speed in every step; all others are SUMO's. Standard library and libsumo only.
 """
 
 import json

@@ -80,10 +80,10 @@ class VehicleType:
 
     @property
     def vehicle_class(self) -> VehicleClass:
-        """Its class of vehicles.
+        """Class of the vehicles of this type.
 
         Raises:
-            InvalidInputError: These are no cars, trucks or buses.
+            InvalidInputError: The vehicles are not cars, trucks or buses.
         """
         name = self.attributes.get("vClass", "passenger")
         if name not in CLASSES:

@@ -186,6 +186,6 @@ def neighbours_of(around: Surroundings) -> Iterator[tuple[Neighbour, ...]]:
     for place, *columns in zip(PLACES, around.gap, around.speed, around.relative_speed, strict=True):
         is_there = np.isfinite(columns[0]).tolist()
         rows = zip(is_there, *(column.tolist() for column in columns), strict=True)
-        nobody = Neighbour(place, None, None, None)
-        at_places.append([Neighbour(place, *numbers) if there else nobody for there, *numbers in rows])
+        no_vehicle = Neighbour(place, None, None, None)
+        at_places.append([Neighbour(place, *numbers) if there else no_vehicle for there, *numbers in rows])
     return zip(*at_places, strict=True)

@@ -49,7 +49,7 @@ def find_leaders(
         candidate = (distance, pick(speed), pick(length), pick(crashed))
         return tuple(jnp.where(nearer, new, old) for new, old in zip(candidate, best, strict=True))
 
-    nobody = (jnp.full_like(position, jnp.inf), speed, length, jnp.zeros_like(crashed))
-    distance, leader_speed, leader_length, leader_crashed = fold_vehicles(nearer_of, nobody, position.shape[1])
+    no_vehicle = (jnp.full_like(position, jnp.inf), speed, length, jnp.zeros_like(crashed))
+    distance, leader_speed, leader_length, leader_crashed = fold_vehicles(nearer_of, no_vehicle, position.shape[1])
     gap = distance - (length + leader_length) / 2
     return Followers(jnp.isfinite(distance), distance, gap, speed - leader_speed, leader_crashed)

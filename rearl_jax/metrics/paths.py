@@ -11,12 +11,12 @@ from rearl_jax.metrics.measure import Measure, ratio, safe_sqrt, scene_mean, unr
 
 
 class Paths(eqx.Module):
-    """Where the vehicles of a scene are, second by second, the most upstream one of its first snapshot first.
+    """Positions of the vehicles of a scene, second by second, the most upstream one of the first snapshot first.
 
     Attributes:
         along: Centre along the driving direction [m].
-        across: Centre of its lane across the road [m].
-        known: Whether it is known where the vehicle is.
+        across: Centre of the lane across the road [m].
+        known: Whether the position of the vehicle is known.
     """
 
     along: Float[Array | np.ndarray, "seconds vehicles *scenarios"]

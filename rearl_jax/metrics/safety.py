@@ -129,7 +129,7 @@ def collisions(
 
     Args:
         crashed: Whether the vehicle has crashed.
-        left_crashed: Vehicles that had crashed when others took their place, so far; None if none do.
+        left_crashed: Crashed vehicles that others have replaced in the slot so far [count]; None if no vehicle enters.
         track_id: Which vehicle holds a place; needed with `left_crashed`.
         dtype: Floating-point type of the result.
     """

@@ -17,7 +17,7 @@ class Trajectories(eqx.Module):
         length, width: Size of the vehicle [m].
         direction: Carriageway; None if there is one.
         track_id: Vehicle in a slot; None if it never changes.
-        left_crashed: Vehicles of the place that had crashed when others took it, so far; None if none do.
+        left_crashed: Crashed vehicles that others have replaced in the slot so far [count]; None if no vehicle enters.
     """
 
     x: Float[Array, "steps vehicles *scenarios"]

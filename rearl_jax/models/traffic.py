@@ -213,7 +213,7 @@ def make_room(
             jnp.where(own_lane == lane_number, own_front, front) for lane_number, front in enumerate(fronts)
         ), x
 
-    nobody = jnp.full(state.x.shape[1:], -jnp.inf, state.x.dtype)
+    no_vehicle = jnp.full(state.x.shape[1:], -jnp.inf, state.x.dtype)
     vehicles = take_vehicles(state.x, order), take_vehicles(length, order), take_vehicles(lane, order)
-    _, x = lax.scan(place, (nobody,) * model.n_lanes, vehicles)
+    _, x = lax.scan(place, (no_vehicle,) * model.n_lanes, vehicles)
     return take_vehicles(x, inverse(order))

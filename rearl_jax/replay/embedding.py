@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 from jaxtyping import Float
 
+from rearl_jax.core.model import traffic_model
 from rearl_jax.core.replayed import NOT_RECORDED
-from rearl_jax.core.road import traffic_model
-from rearl_jax.data.scenes.boundary import NOBODY, SceneBoundary
+from rearl_jax.data.scenes.boundary import NO_VEHICLE, SceneBoundary
 from rearl_jax.data.scenes.scene_set import SceneSet
 from rearl_jax.data.scenes.scene_windows import UNKNOWN_LANE
 from rearl_jax.replay.scenes import Replay, ReplayedScene
@@ -112,9 +112,9 @@ def _stays(replayed: ReplayedScene) -> list[_Stay]:
 def _replayed_pieces(around: SceneBoundary, lane_width: float) -> list[dict[str, Any]]:
     """Every replayed vehicle as long as it is replayed without a break."""
     lane = around.replayed_lane[0][:, 0].astype(np.int64)
-    track = np.where(lane == NOT_RECORDED, NOBODY, around.replayed_id[0])
+    track = np.where(lane == NOT_RECORDED, NO_VEHICLE, around.replayed_id[0])
     x, y, length = around.replayed_x[0][:, 0], lane * lane_width, around.replayed_length[0]
-    return [piece | {"r": 1} for piece in _pieces(track, x, y, length, np.unique(track[track != NOBODY]))]
+    return [piece | {"r": 1} for piece in _pieces(track, x, y, length, np.unique(track[track != NO_VEHICLE]))]
 
 
 def _means(speed: np.ndarray) -> list[float]:

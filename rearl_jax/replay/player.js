@@ -120,7 +120,7 @@
     if (ahead) { pen.textAlign = "right"; pen.fillText(`${ahead} ahead ▸`, width - 2, 11); }
   }
 
-  // What a vehicle is told, as a shape above it: told apart without colour too.
+  // The decision about a vehicle, as a shape above it that is distinguishable without colour.
   function drawMark(pen, name, x, y) {
     const r = 4.5, corners = {
       left: [[0, -r], [r, r], [-r, r]], right: [[0, r], [r, -r], [-r, -r]],

@@ -96,7 +96,7 @@ class FinishedStudy:
         """Raise ValueError if keys or columns are missing, as in studies of an older version.
 
         Args:
-            found: An object or a table of the study.
+            content: An object or a table of the study.
             names: Keys or columns that are needed.
             where: Name of the file.
         """

@@ -64,7 +64,7 @@ def of_errors(config: EvaluateTask) -> list[str]:
 def of_decisions(*, asks_model: bool, interval: int, n_runs: int) -> list[str]:
     """Decisions in the closed loop."""
     sentences = [
-        "decisions: the matcher, a rule, replaces the paper's language models; its rows are listed beside REARL "
+        "decisions: the matcher, a rule, replaces the paper's language models; its rows are listed next to REARL "
         "Qwen3-32B for lack of a better match"
     ]
     if asks_model:

@@ -13,7 +13,7 @@ from rearl_jax.study.error_series import Band, ErrorSeries
 
 
 def draw_series(series: list[ErrorSeries], metrics: tuple[str, str], *, generated: bool) -> bytes:
-    """PNG of all methods, each beside base and real against real."""
+    """PNG of all methods, each compared with base and real against real."""
     known = {item.name: item for item in series}
     base, real = known[BASE], known[REAL_VS_REAL]
     rows = [item for item in series if item is not real]

@@ -40,12 +40,12 @@ _CAPTION = (
 
 def _sections(config: StudyFig7Task, table: pd.DataFrame, summary: Mapping[str, Any]) -> tuple[Section, ...]:
     headings = {"h": "H", "h_legacy": "H legacy", "mape": f"MAPE {config.mape.definition.name}"}
-    title = "Fig. 7, percentiles of base, ours beside the paper's"
+    title = "Fig. 7, percentiles of base, ours and the paper's"
     percentiles = beside_paper(title, table, headings, dict.fromkeys(headings, 4))
     return (Section("Percentiles of base", tables=(percentiles,)),)
 
 
-FORM = Form("fig7", "Errors of base beside Fig. 7 of the paper", _sections, {"fig7": _CAPTION})
+FORM = Form("fig7", "Errors of base, compared with Fig. 7 of the paper", _sections, {"fig7": _CAPTION})
 
 
 def run(config: StudyFig7Task) -> dict:

@@ -47,7 +47,7 @@ _COMPARED = {
 
 def _sections(config: StudyFig8Task, table: pd.DataFrame, summary: Mapping[str, Any]) -> tuple[Section, ...]:
     headings = {name: heading for name, (heading, _) in _COMPARED.items()}
-    title, counts = "Fig. 8, ours beside the paper's", table[table["row"] == "all"].assign(title="all recordings")
+    title, counts = "Fig. 8, ours and the paper's", table[table["row"] == "all"].assign(title="all recordings")
     columns = {"reference": "cluster", "scene_id": "representative", "recording": "recording"}
     columns |= {"n_members": "fitted scenes"}
     columns |= {f"share_{label}": f"share of label {label}" for label in range(summary["k"])}
@@ -59,7 +59,7 @@ def _sections(config: StudyFig8Task, table: pd.DataFrame, summary: Mapping[str, 
     return (Section("Clusters", tables=tables),)
 
 
-FORM = Form("fig8", "Clusters of scenes beside Fig. 8 of the paper", _sections, _CAPTIONS)
+FORM = Form("fig8", "Clusters of scenes, compared with Fig. 8 of the paper", _sections, _CAPTIONS)
 
 
 def run(config: StudyFig8Task) -> dict:

@@ -29,7 +29,7 @@ _CAPTION = (
     "themselves for time headway and lane-change rate."
 )
 
-FORM = Form("table1", "Methods beside Table 1 of the paper", sections, {"table1": _CAPTION})
+FORM = Form("table1", "Methods, compared with Table 1 of the paper", sections, {"table1": _CAPTION})
 
 
 def run(config: StudyTable1Task) -> dict:

@@ -11,7 +11,7 @@ from rearl_jax.study.rows import Role
 from rearl_jax.study.table1_tables import TITLES_OF_METRICS, paper_figure
 
 METRICS_DRAWN = ("h_legacy", "mape", "thw", "lcr", "collisions")
-"""Metrics with a panel; `mape` stands for the definition that decides."""
+"""Metrics with a panel; `mape` is the definition that decides."""
 
 _COLOURS = {Role.method: BLUE, Role.matcher: VERMILION, Role.control: ORANGE}
 

@@ -44,7 +44,7 @@ def sections(config: StudyTable1Task, table: pd.DataFrame, summary: Mapping[str,
     intervals = f"{100 * config.eval.confidence:g} % intervals"
     table, on_traffic = parted(table)
     ours = beside_paper(
-        f"Table 1, ours beside the paper's; {summary['n_scenes']} held-out scenes, {intervals}",
+        f"Table 1, ours and the paper's; {summary['n_scenes']} held-out scenes, {intervals}",
         table,
         TITLES_OF_METRICS,
     )
@@ -68,7 +68,7 @@ def sections(config: StudyTable1Task, table: pd.DataFrame, summary: Mapping[str,
         name: f"{METRICS[name].title} [{METRICS[name].unit}]" if name in METRICS else spoken(name) for name in names
     }
     return (
-        Section("Ours beside the paper's", tables=(ours, less_base)),
+        Section("Ours and the paper's", tables=(ours, less_base)),
         *sections_on_traffic(on_traffic, intervals),
         Section("All metrics", tables=(beside_paper("Every metric", table, every),), is_folded=True),
     )

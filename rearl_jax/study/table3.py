@@ -24,14 +24,14 @@ from rearl_jax.sweep import task
 
 _CAPTIONS = {
     "table3": (
-        "Both errors of every pair on the tuning scenes. Left: beside base; bars are intervals of the best pair and of "
+        "Both errors of every pair on the tuning scenes. Left: with base; bars are intervals of the best pair and of "
         "base. Right: the pairs alone, named by the percentiles of Hellinger distance and spacing error; the line "
         "joins those that no other beats in both errors, diamonds mark the paper's."
     ),
     "pairs": "The same errors as maps, from the sweep.",
 }
 
-FORM = Form("table3", "Threshold pairs beside Table 3 of the paper", sections, _CAPTIONS)
+FORM = Form("table3", "Threshold pairs, compared with Table 3 of the paper", sections, _CAPTIONS)
 
 
 def run(config: StudyTable3Task) -> dict:

@@ -33,7 +33,7 @@ def sections(config: StudyTable3Task, table: pd.DataFrame, summary: Mapping[str,
         "lcr": "LCR [1/s]",
         "collisions": "crashed",
     }
-    title = "Table 3, ours beside what is known of the paper's; pairs are percentiles of H / MAPE"
+    title = "Table 3, ours and the known values of the paper; pairs are percentiles of H / MAPE"
     every = headings | {f"mape_{name}": f"MAPE {name.upper()}" for name in "abc"}
     return (
         Section("Pairs of thresholds", tables=(beside_paper(title, table, headings, _DIGITS),)),

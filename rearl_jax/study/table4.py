@@ -48,7 +48,7 @@ _CAPTION = (
     "Diamonds: the paper's figures, whose unit is ambiguous, from another machine."
 )
 
-FORM = Form("table4", "Inference time beside Table 4 of the paper", sections, {"table4": _CAPTION})
+FORM = Form("table4", "Inference time, compared with Table 4 of the paper", sections, {"table4": _CAPTION})
 
 
 def run(config: StudyTable4Task) -> dict:

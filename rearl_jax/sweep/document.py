@@ -67,8 +67,8 @@ def document_of(
     return Document(
         title="Thresholds of the detection",
         verdict=f"Of {summary['n_pairs']} pairs of thresholds the percentiles {names[0]} leave the least error, "
-        f"{summary['best_score']:.3f} beside {summary['base_score']:.3f} without interventions; the scenes {told} tell "
-        "it from the next.",
+        f"{summary['best_score']:.3f} compared with {summary['base_score']:.3f} without interventions; the scenes "
+        f"{told} distinguish it from the next.",
         sections=(Section("Pairs", tables=(table,), notes=notes),),
         command="sweep thresholds",
         generated=generated,

@@ -27,7 +27,7 @@ DATA = (
         run="rearl_jax.clustering.task:run",
         config="rearl_jax.config:ClusterTask",
         summary="cluster tracks and scenes and pick representative scenes",
-        goes_on=True,
+        resumes=True,
         description=(
             "Clusters all tracks by speed, position and spacing under the Frechet distance ((k,l)-clustering), "
             "scenes by the shares of these clusters (k-means), and picks the representative scenes that "
@@ -45,7 +45,7 @@ DATA = (
         run="rearl_jax.discovery.task:run",
         config="rearl_jax.config:DiscoverTask",
         summary="find effects that the traffic model lacks, from measured trajectories",
-        goes_on=True,
+        resumes=True,
         description=(
             "Calibrates every driver, examines what the model cannot predict, identifies the effect or the measurement "
             "fault that causes it, adds the effect, checks it on other drivers and reports the error before and after "
@@ -66,7 +66,7 @@ DATA = (
         run="rearl_jax.blind.task:run",
         config="rearl_jax.config:DiscoverBlindTask",
         summary="test discovery on generated data with hidden effects",
-        goes_on=True,
+        resumes=True,
         description=(
             "Generates data sets with hidden effects and artefacts from an independent generator and from SUMO, stores "
             "a hash of the hidden values, runs discovery on each and scores it. A killed study continues where it "

@@ -12,10 +12,10 @@ SIMULATION = (
         config="rearl_jax.config:EvaluateTask",
         summary="simulate held-out scenes and compare them with the measured ones",
         description=(
-            "Simulates every held-out scene several times from what was recorded in its first second (the paper draws "
-            "the start: init.source=seed speed.norm=minmax), with common random numbers, and measures how far "
-            "the simulated traffic is from the recorded one, beside the reference rows real against real and "
-            "noise floor. Prints a table, writes Parquet, figures and one HTML page."
+            "Simulates every held-out scene several times from its first recorded snapshot (the paper draws the start: "
+            "init.source=seed speed.norm=minmax), with common random numbers, and measures the distance between "
+            "simulated and recorded traffic, next to the reference rows real against real and noise floor. Prints a "
+            "table, writes Parquet, figures and one HTML page."
         ),
         examples=(
             "rearl evaluate",
@@ -36,7 +36,7 @@ SIMULATION = (
         run="rearl_jax.baselines.task:run",
         config="rearl_jax.config:TrainPpoTask",
         summary="train the policy of method=ppo in the traffic model, without data",
-        goes_on=True,
+        resumes=True,
         description=(
             "Trains one policy for all vehicles by proximal policy optimisation on highway-env's reward: speed, right "
             "lanes, no crash. It sees the four nearest vehicles and takes an admissible action every second. A killed "
@@ -54,7 +54,7 @@ SIMULATION = (
         run="rearl_jax.sweep.task:run",
         config="rearl_jax.config:SweepThresholdsTask",
         summary="try pairs of detection thresholds on the tuning scenes",
-        goes_on=True,
+        resumes=True,
         description=(
             "Takes percentiles of the errors of base on the threshold scenes as thresholds, simulates the "
             "tuning scenes under every pair of them in one program and picks the pair with the least Hellinger "
@@ -73,7 +73,7 @@ SIMULATION = (
         run="rearl_jax.sweep.scale:run",
         config="rearl_jax.config:SweepScaleTask",
         summary="simulate very many rollouts in constant memory and measure their cost",
-        goes_on=True,
+        resumes=True,
         description=(
             "Simulates and scores as many rollouts of the held-out scenes as asked for, every one from another initial "
             "state, and writes them part by part; a killed study continues where it stopped. Before that, measures the "
@@ -91,7 +91,7 @@ SIMULATION = (
         run="rearl_jax.validation.task:run",
         config="rearl_jax.config:ValidateTask",
         summary="compare the traffic core with highway-env, tick by tick",
-        goes_on=True,
+        resumes=True,
         description=(
             "Runs the same scenes in this package's core and in highway-env and compares them at every tick: "
             "positions, speeds, headings, lane changes and crashes, in float64 and float32. Writes the "

@@ -7,14 +7,14 @@ STUDIES = (
         words="study table1",
         run="rearl_jax.study.table1:run",
         config="rearl_jax.config:StudyTable1Task",
-        summary="the methods beside each other and beside the paper's Table 1",
-        goes_on=True,
+        summary="the methods in one table, compared with the paper's Table 1",
+        resumes=True,
         description=(
             "Evaluates every row (base, PPO, CRITICAL, the closed loop with its controls, with table1.llm=true a "
             "language model) as `rearl evaluate` does with the paper's start, each in a folder of its own below rows/, "
-            "and puts them beside the figures of the paper, with a list of differences. table1.traffic=true adds REARL "
-            "on better traffic: recorded vehicles around, calibrated drivers, both. An interrupted study continues. "
-            "Prints the table and conclusions, writes Parquet, a figure and one HTML page."
+            "and compares them with the figures of the paper, with a list of differences. table1.traffic=true adds "
+            "REARL on improved traffic: with replayed vehicles, with calibrated drivers, with both. An interrupted "
+            "study continues. Prints the table and conclusions, writes Parquet, a figure and one HTML page."
         ),
         examples=(
             "rearl study table1",
@@ -28,11 +28,11 @@ STUDIES = (
         words="study table3",
         run="rearl_jax.study.table3:run",
         config="rearl_jax.config:StudyTable3Task",
-        summary="the threshold pairs beside the paper's Table 3",
-        goes_on=True,
+        summary="the threshold pairs, compared with the paper's Table 3",
+        resumes=True,
         description=(
-            "Runs `rearl sweep thresholds` with the paper's start in the folder sweep/ and puts thresholds, best pair "
-            "and Pareto set beside the known values of the paper. Prints a table, writes Parquet, a figure and one "
+            "Runs `rearl sweep thresholds` with the paper's start in the folder sweep/ and compares thresholds, best "
+            "pair and Pareto set with the known values of the paper. Prints a table, writes Parquet, a figure and one "
             "HTML page."
         ),
         examples=("rearl study table3", "rearl study table3 data=highd data.root=/data/highD study=highd_table3"),
@@ -41,11 +41,11 @@ STUDIES = (
         words="study table4",
         run="rearl_jax.study.table4:run",
         config="rearl_jax.config:StudyTable4Task",
-        summary="the time of ten consecutive decisions beside the paper's Table 4",
-        goes_on=True,
+        summary="the time of ten consecutive decisions, compared with the paper's Table 4",
+        resumes=True,
         description=(
             "Measures ten consecutive decision steps, one scenario and many at a time, detection and decision "
-            "apart, and puts them beside the paper's inference times. Reads no data: the "
+            "apart, and compares them with the paper's inference times. Reads no data: the "
             "references are synthetic. Prints a table, writes Parquet, a figure and one HTML page."
         ),
         examples=("rearl study table4", "rearl study table4 table4.llm=true decision.server=http://HOST:8000/v1"),
@@ -55,10 +55,10 @@ STUDIES = (
         run="rearl_jax.study.fig6:run",
         config="rearl_jax.config:StudyFig6Task",
         summary="the errors of the methods second by second, as in the paper's Fig. 6",
-        goes_on=True,
+        resumes=True,
         description=(
             "Evaluates the rows of Table 1 and shows Hellinger distance and spacing error of every row second by "
-            "second, beside base and real against real. table1.kept_in=study_table1 uses the rows that `rearl study "
+            "second, with base and real against real. table1.kept_in=study_table1 uses the rows that `rearl study "
             "table1` has evaluated. Prints a table, writes Parquet, a figure and one HTML page."
         ),
         examples=("rearl study fig6", "rearl study fig6 table1.kept_in=study_table1"),
@@ -68,10 +68,10 @@ STUDIES = (
         run="rearl_jax.study.fig7:run",
         config="rearl_jax.config:StudyFig7Task",
         summary="the errors of base and their percentiles, as in the paper's Fig. 7",
-        goes_on=True,
+        resumes=True,
         description=(
             "Simulates base on the threshold scenes and shows the distributions of Hellinger distance and spacing "
-            "error with the percentiles that become thresholds, beside the paper's. Prints a table, writes Parquet, a "
+            "error with the percentiles that become thresholds, and the paper's. Prints a table, writes Parquet, a "
             "figure and one HTML page."
         ),
         examples=("rearl study fig7", "rearl study fig7 mape.definition=C"),
@@ -81,10 +81,10 @@ STUDIES = (
         run="rearl_jax.study.fig8:run",
         config="rearl_jax.config:StudyFig8Task",
         summary="the clusters of scenes and their representatives, as in the paper's Fig. 8",
-        goes_on=True,
+        resumes=True,
         description=(
             "Runs `rearl cluster` in the folder cluster/ and shows the scenes on a t-SNE map with clusters and "
-            "representatives, beside the paper's numbers. Prints a table, writes Parquet, figures and one HTML page."
+            "representatives, and the paper's numbers. Prints a table, writes Parquet, figures and one HTML page."
         ),
         examples=("rearl study fig8", "rearl study fig8 data=highd data.root=/data/highD study=highd_fig8"),
     ),
@@ -92,13 +92,13 @@ STUDIES = (
         words="study real",
         run="rearl_jax.study.real.task:run",
         config="rearl_jax.config:StudyRealTask",
-        summary="what the driver model lacks in the shipped real recordings, and whether known time gaps come out",
-        goes_on=True,
+        summary="what the driver model is missing in the shipped real recordings; compares time gaps with known ones",
+        resumes=True,
         description=(
             "Makes a discovery of each set of real recordings (I-80, FHWA by leader, ZalaZone by setting and by car), "
             "as `rearl discover` does, in a folder of its own below sets/, and puts verdicts and errors under every "
             "protocol into one table. Known time gaps of these vehicles at equilibrium are compared with those "
-            "of the calibrated drivers. data.recordings other than * takes the place of the pattern of each set. A "
+            "of the calibrated drivers. data.recordings other than * replaces the pattern of each set. A "
             "killed study continues where it stopped. Prints the tables, writes Parquet and one HTML page."
         ),
         examples=(
@@ -113,15 +113,15 @@ STUDIES = (
         words="study budget",
         run="rearl_jax.study.budget.task:run",
         config="rearl_jax.config.budget:StudyBudgetTask",
-        summary="how much of the error of simulated scenes comes from what, from Base to real against real",
-        goes_on=True,
+        summary="divides the error of simulated scenes among its causes, from Base to real against real",
+        resumes=True,
         description=(
-            "Adds components to Base, one at a time, in the stated order and in every other possible one: start and "
-            "desired speeds as recorded, recorded vehicles around, calibrated drivers, what discovery found, "
-            "calibrated lane changes, variation within drivers, REARL. Divides the fall of every error into Shapley "
-            "shares with intervals and says what the rest is beside real against real. Effects and lane changes come "
-            "from model=FILE; without it drivers are calibrated on the recordings outside the judged scenes. The road "
-            "has the lanes of the recordings. A killed study continues where it stopped. Prints tables, writes "
+            "Adds components to Base, one at a time, in the stated order and in every other admissible one: start and "
+            "desired speeds as recorded, replayed vehicles, calibrated drivers, effects that discovery found, "
+            "calibrated lane changes, variation within drivers, REARL. Divides the reduction of every error into "
+            "Shapley shares with intervals, and compares the rest with real against real. Effects and lane changes "
+            "come from model=FILE; without it drivers are calibrated on the recordings outside the judged scenes. The "
+            "road has the lanes of the recordings. A killed study continues where it stopped. Prints tables, writes "
             "Parquet, a figure and one HTML page."
         ),
         examples=(
@@ -136,13 +136,13 @@ STUDIES = (
         words="study stability",
         run="rearl_jax.study.stability.task:run",
         config="rearl_jax.config.stability:StudyStabilityTask",
-        summary="whether simulated traffic flows, breaks down and is string-stable as theory and recordings say",
-        goes_on=True,
+        summary="compares string stability, flow and collisions of simulated traffic with theory and recordings",
+        resumes=True,
         description=(
             "Simulates platoons behind an oscillating first vehicle, rings, and a queue that discharges, for every "
-            "car-following model or a repaired one, and puts amplification, waves, capacity, outflow, wave speed and "
-            "collisions beside the linear analysis and, for amplification, beside measured followers. A killed study "
-            "continues where it stopped. Prints tables, writes Parquet, verdict.json, figures and one HTML page."
+            "car-following model or a repaired one, and compares amplification, waves, capacity, outflow, wave "
+            "speed and collisions with the linear analysis, and amplification also with measured followers. A killed "
+            "study continues where it stopped. Prints tables, writes Parquet, verdict.json, figures and one HTML page."
         ),
         examples=(
             "rearl study stability",
@@ -155,13 +155,13 @@ STUDIES = (
         words="report",
         run="rearl_jax.report.task:run",
         config="rearl_jax.config:ReportTask",
-        summary="a finished study as one HTML file, its scenes replayed beside the recorded ones",
+        summary="a finished study as one HTML file, with replays of simulated and recorded scenes",
         description=(
             "Reads the folder of a finished `rearl evaluate`, `discover`, `discover blind`, `sweep thresholds` or "
-            "`study ...` and writes its page.html anew: the result in one sentence, tables with intervals, figures, "
+            "`study ...` and writes its page.html again: the result in one sentence, tables with intervals, figures, "
             "data and licence, the command that repeats it. Of `rearl evaluate` some scenes are simulated again, "
-            "checked against the figures stored by the study, and replayed beside the recorded ones. The file needs "
-            "only a browser."
+            "checked against the figures stored by the study, and replayed together with the recorded ones. The file "
+            "needs only a browser."
         ),
         examples=(
             "rearl report",

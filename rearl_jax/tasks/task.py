@@ -16,7 +16,7 @@ class Task:
 
     `collect` combines the cells of a multirun: it takes the record common to all cells, and the values of the swept
     keys for each cell. `on_file` is the function for `rearl TASK FILE`, which takes the name of the file. `implied`
-    maps groups of keys to overrides that they imply. `goes_on` states that the same command resumes an interrupted
+    maps groups of keys to overrides that they imply. `resumes` states that the same command resumes an interrupted
     task, `failures` names the figure in the function's result that makes `rearl` fail unless it is 0. With
     `uses_jax=False` the task starts without the import of JAX.
     """
@@ -28,7 +28,7 @@ class Task:
     description: str
     examples: tuple[str, ...]
     x64: bool = False
-    goes_on: bool = False
+    resumes: bool = False
     uses_jax: bool = True
     failures: str | None = None
     collect: str | None = None

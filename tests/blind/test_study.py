@@ -110,12 +110,12 @@ def test_code_is_written_down_before_a_seed_is_drawn(tmp_path, monkeypatch):
         return 77
 
     monkeypatch.setattr(sealing.secrets, "randbits", draw)
-    protocol, goes_on = open_protocol(tmp_path, "c", BlindConfig())
-    assert (protocol.master_seed, protocol.seed_drawn, goes_on) == (77, True, False)
+    protocol, is_continued = open_protocol(tmp_path, "c", BlindConfig())
+    assert (protocol.master_seed, protocol.seed_drawn, is_continued) == (77, True, False)
     again, _ = open_protocol(tmp_path, "c", BlindConfig())
     assert again == protocol
-    other, goes_on = open_protocol(tmp_path, "another configuration", BlindConfig(seed=5))
-    assert (other.master_seed, other.seed_drawn, goes_on) == (5, False, False)
+    other, is_continued = open_protocol(tmp_path, "another configuration", BlindConfig(seed=5))
+    assert (other.master_seed, other.seed_drawn, is_continued) == (5, False, False)
 
 
 def test_other_thresholds_begin_a_study_anew(tmp_path, monkeypatch):
@@ -138,7 +138,7 @@ def test_verdicts_do_not_go_unnoticed(tmp_path, caplog):
     assert caplog.messages == []
     open_study(tmp_path, "another", blind, silent)
     assert not kept.is_file()
-    assert "begins anew, verdicts removed: 1" in caplog.text
+    assert "starts again, verdicts removed: 1" in caplog.text
 
 
 @pytest.mark.slow

@@ -11,7 +11,7 @@ import pytest
 from rearl_jax.core import neighbours
 from rearl_jax.core.lane_search import find_ahead, find_behind
 from rearl_jax.core.neighbours import derive_state, sort_if_large
-from rearl_jax.core.order import NOBODY
+from rearl_jax.core.order import NO_VEHICLE
 from rearl_jax.core.state import make_state
 from rearl_jax.core.stimuli import vehicle_states
 from tests.core.simulation import MODEL, default_drivers
@@ -48,8 +48,8 @@ def test_sorted_road_and_list_agree_on_leaders_and_follower(places):
     by_order = neighbour_indices(state, drivers, lane, largest=N_VEHICLES - 1)
     by_list = neighbour_indices(state, drivers, lane, largest=N_VEHICLES)
     leader = by_list[0]
-    assert (leader != NOBODY).sum() > 400
-    assert (leader == NOBODY).sum() > 200
-    assert places > 12 or ((np.take_along_axis(x, leader, axis=0) == x) & (leader != NOBODY)).sum() > 100
+    assert (leader != NO_VEHICLE).sum() > 400
+    assert (leader == NO_VEHICLE).sum() > 200
+    assert places > 12 or ((np.take_along_axis(x, leader, axis=0) == x) & (leader != NO_VEHICLE)).sum() > 100
     for actual, expected in zip(by_order, by_list, strict=True):
         np.testing.assert_array_equal(actual, expected)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from rearl_jax.core.nearest import LaneFields, lane_bit, scan_along_road
-from rearl_jax.core.order import NOBODY
+from rearl_jax.core.order import NO_VEHICLE
 
 N_SCENARIOS = 3
 
@@ -27,7 +27,7 @@ def traffic(n_vehicles, n_lanes, seed):
 
 def plain(x, on, lane):
     """Leaders and followers as highway-env finds them: the same x is ahead; of equals the last, behind the first."""
-    ahead, behind = np.full(x.shape, NOBODY), np.full(x.shape, NOBODY)
+    ahead, behind = np.full(x.shape, NO_VEHICLE), np.full(x.shape, NO_VEHICLE)
     for scenario in range(x.shape[1]):
         along = x[:, scenario]
         for me in range(len(x)):
@@ -63,5 +63,5 @@ def test_every_vehicle_fits_into_a_field(n_vehicles):
     assert [lane for lanes in fields.lanes_by_word for lane in lanes] == list(range(8))
     index = jnp.asarray([0, n_vehicles - 1], jnp.int32)
     words = fields.insert(index, jnp.asarray([lane_bit(7), lane_bit(0) | lane_bit(3)], jnp.int32))
-    for lane, expected in ((7, [0, NOBODY]), (0, [NOBODY, n_vehicles - 1]), (3, [NOBODY, n_vehicles - 1])):
+    for lane, expected in ((7, [0, NO_VEHICLE]), (0, [NO_VEHICLE, n_vehicles - 1]), (3, [NO_VEHICLE, n_vehicles - 1])):
         np.testing.assert_array_equal(fields.vehicle_in(fields.extract(words, jnp.full(2, lane, jnp.int32))), expected)

@@ -1,4 +1,4 @@
-"""Figures of the kept blind study in README and pages, beside its tables."""
+"""Figures of the kept blind study in README and pages, compared with its tables."""
 
 import json
 from collections import Counter
@@ -50,7 +50,7 @@ def scores():
     return table("scores").set_index("name")
 
 
-def beside(cases, name, variant=None, source="traffic"):
+def false_names(cases, name, variant=None, source="traffic"):
     """Names that are not there in the data sets of one set, data set by data set."""
     chosen = cases[(cases["set"] == name) & (cases["source"] == source) & (cases["false"] != "")]
     if variant is not None:
@@ -116,8 +116,8 @@ def test_the_table_of_readme(readme, sets):
     assert f"Is nothing reported if nothing is hidden? *Generated data* | {hits[2]} |" in readme
     assert control["n_more"] == 0
     assert (
-        f"beside or instead of the hidden one? *Generated data* | {listed['n_false']:.0f} of {listed['n']:.0f} |"
-        in readme
+        "in addition to the hidden one or instead of it? *Generated data* | "
+        f"{listed['n_false']:.0f} of {listed['n']:.0f} |" in readme
     )
 
 
@@ -133,12 +133,12 @@ def test_false_effects(page, sets):
     ends = f"{low:.1f} to {high:.1f} %".removeprefix("0")
     share = f"({100 * listed['rate']:.1f} %, 95 % interval {ends})"
     hiding = "data sets that hide only effects of the library"
-    assert f"{n_false} of the {n} {hiding} {share}, {n_more} of them beside the right effect" in page
+    assert f"{n_false} of the {n} {hiding} {share}, {n_more} of them in addition to the right effect" in page
     assert f"### False effects in the {n} data sets" in page
     limits = text_of(DOCS / "discovery" / "limits.md")
     n_sumo = sum(int(sets.n_false[f"SUMO {model}"]) for model in SUMO_LISTED)
     cancelling = sets.loc["cancelling"]
-    assert f"beside the right effect in {n_more} of the {n} {hiding}, and alone in {n_wrong} of them" in limits
+    assert f"in addition to the right effect in {n_more} of the {n} {hiding}, and alone in {n_wrong} of them" in limits
     assert f"in {cancelling['n_false']:.0f} of {cancelling['n']:.0f} where two opposite effects nearly cancel" in limits
     assert f"in {n_sumo} of 10 SUMO data sets with an effect of the library" in limits
     limitations = text_of(DOCS / "limitations.md")
@@ -192,20 +192,25 @@ def test_goals_that_were_missed(page, scores):
         assert said in page
 
 
-def test_what_stands_beside_effects_of_the_list(page, cases):
-    assert beside(cases, "named") == {"resignation: weather": 1, "no_undertaking: lens+grade": 1}
-    assert "Usual strength: weather beside resignation; a camera distortion and a slope beside the rule against" in page
-    assert beside(cases, "half_four_times") == {"speed_dependent_time_gap: dependence": 1}
-    assert "Half strength with four times the data: a free curve beside a speed-dependent time gap" in page
-    assert beside(cases, "double") == {
+def test_false_effects_in_addition_to_listed_ones(page, cases):
+    assert false_names(cases, "named") == {"resignation: weather": 1, "no_undertaking: lens+grade": 1}
+    assert (
+        "Usual strength: weather in addition to resignation; a camera distortion and a slope in addition to the" in page
+    )
+    assert false_names(cases, "half_four_times") == {"speed_dependent_time_gap: dependence": 1}
+    assert "Half strength with four times the data: a free curve in addition to a speed-dependent time gap" in page
+    assert false_names(cases, "double") == {
         "resignation: weather": 2, "lane_friction: grade": 1, "reaction_delay: variance_driven_time_gap": 1,
     }  # fmt: skip
     assert (
-        "weather beside resignation (twice); a slope beside friction between lanes; a time gap that depends on" in page
+        "weather in addition to resignation (twice); a slope in addition to friction between lanes; a time gap that"
+        in page
     )
-    assert beside(cases, "quarter") == {"speed_limit: grade": 1}
+    assert false_names(cases, "quarter") == {"speed_limit: grade": 1}
     assert "A quarter of the strength: a slope instead of a speed limit" in page
-    assert not any(beside(cases, name) for name in ("half", "short", "two", "confusable", "lane_choice", "artefact"))
+    assert not any(
+        false_names(cases, name) for name in ("half", "short", "two", "confusable", "lane_choice", "artefact")
+    )
 
 
 def test_what_was_missed(page, cases):
@@ -232,14 +237,14 @@ def test_what_was_missed(page, cases):
 
 
 def test_what_was_said_in_other_sets(page, cases, sets):
-    assert beside(cases, "control") == {"camera: asymmetry": 1}
+    assert false_names(cases, "control") == {"camera: asymmetry": 1}
     assert (sets.n_unexplained["control"], sets.n["control"]) == (1, 108)
     assert "asymmetry was named in one of 108, in a camera's view; another of these was `unexplained`" in page
-    assert sum(beside(cases, "cancelling").values()) == 3
-    assert "a free curve or another effect beside the difference in 3 of 10" in page
-    assert beside(cases, "unlisted", "roadworks") == {"roadworks: dependence": 2}
-    assert "a free curve over another variable beside the right one in 2 of 5" in page
-    acting = beside(cases, "unlisted", "action_points")
+    assert sum(false_names(cases, "cancelling").values()) == 3
+    assert "a free curve or another effect in addition to the difference in 3 of 10" in page
+    assert false_names(cases, "unlisted", "roadworks") == {"roadworks: dependence": 2}
+    assert "a free curve over another variable in addition to the right one in 2 of 5" in page
+    acting = false_names(cases, "unlisted", "action_points")
     assert (sets.n_unexplained["unlisted, no variable"], sets.n_false["unlisted, no variable"]) == (20, 6)
     assert (sum(acting.values()), sum(n for said, n in acting.items() if "reaction_delay" in said)) == (5, 4)
     assert (
@@ -247,11 +252,11 @@ def test_what_was_said_in_other_sets(page, cases, sets):
         in page
     )
     for model in SUMO_LISTED:
-        said = beside(cases, "sumo", model, "sumo")
+        said = false_names(cases, "sumo", model, "sumo")
         assert sum(n for names, n in said.items() if "resignation" in names) == sum(said.values()) == 2
     assert (
-        "passing on the right: resignation beside it in 2 of 5. SUMO's speed limit: resignation beside it in 2 of 5, "
-        "once with the limit only among the alternatives" in page
+        "passing on the right: resignation in addition in 2 of 5. SUMO's speed limit: resignation in addition in "
+        "2 of 5, once with the limit only among the alternatives" in page
     )
     assert sets.n_ambiguous["SUMO idm_limit"] == 1
 

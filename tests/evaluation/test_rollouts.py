@@ -9,7 +9,7 @@ import pytest
 from rearl_jax.config.core import InitConfig, InitialSource, InitialSpeed
 from rearl_jax.config.driver import record_of
 from rearl_jax.config.evaluation import EvaluationConfig, SeedScope
-from rearl_jax.core.road import traffic_model
+from rearl_jax.core.model import traffic_model
 from rearl_jax.evaluation.rollouts import Rollouts
 from rearl_jax.evaluation.rows import Row
 from rearl_jax.evaluation.runner import evaluate

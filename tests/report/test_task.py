@@ -178,7 +178,7 @@ def test_a_discovery_is_reported_with_its_verdict_and_hostile_names_are_text(dis
     assert "Generated recordings, not measured" in text
     assert "delay [s] 0.700 0.600 to 0.800 0.90" in text  # value, interval, confidence
     assert "closed-loop gap error [m] 1.50 1.00 to 2.00" in text
-    assert "105 drivers who follow somebody" in text
+    assert "105 drivers who follow a leader" in text
     assert "Source and licence of the recordings are unknown: " in text
     assert seen.of("script") == []
     assert page.count("alert(1)") >= 3
@@ -201,7 +201,7 @@ def test_a_sweep_is_reported_with_its_pairs(make_study, make_report):
     check_alone(page)
     text = words(page)
     assert "the percentiles 10 % / 5 % leave the least error, 0.500 beside 0.700 without interventions" in text
-    assert "can tell it from the next" in text
+    assert "can distinguish it from the next" in text
     assert "lead of 10 % / 5 % over 5 % / 5 %: 0.1000, 95 % bootstrap interval over scenes 0.0500 to 0.2000" in text
     assert text.index("10 % / 5 % 0.500") < text.index(" 5 % / 5 % 0.600") < text.index("base 0.700")  # the best first
 

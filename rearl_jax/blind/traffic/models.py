@@ -51,7 +51,7 @@ class BaseModel(ABC):
     """A car-following model.
 
     Attributes:
-        parameters: Names of its parameters beside desired speed, time gap and jam gap.
+        parameters: Names of its parameters in addition to desired speed, time gap and jam gap.
     """
 
     parameters: tuple[str, ...] = ()

@@ -1,4 +1,4 @@
-"""Whether simulated motion is traffic, and whether the hidden effect acts in it."""
+"""Tests that simulated motion is plausible traffic and that the hidden effect acts in it."""
 
 import numpy as np
 

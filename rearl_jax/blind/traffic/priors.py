@@ -54,7 +54,7 @@ class Range:
 
 @dataclass(frozen=True)
 class Priors:
-    """Priors of everything that differs between data sets, beside the hidden effect.
+    """Priors of everything that differs between data sets, except the hidden effect.
 
     Medians and standard deviations of drivers' parameters are drawn independently of each other. The correlation matrix
     is drawn from an inverse Wishart distribution with one degree of freedom more than parameters, whose correlations

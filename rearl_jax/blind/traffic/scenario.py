@@ -28,7 +28,7 @@ class Planted:
 
 @dataclass(frozen=True)
 class Chain:
-    """How a data provider measures and releases the traffic, where that is drawn too.
+    """Processing of the data by its provider between measurement and release, for priors that draw it.
 
     Attributes:
         kernel: Smoothing of positions and speeds before their release, one of `chain.KERNELS`; "none" without it.

@@ -185,7 +185,7 @@ class Linearisation(NamedTuple):
     def amplification(self, frequency: Float[Array, "*#n"]) -> Float[Array, "*n"]:
         """Amplitude of a follower's speed over its leader's [-] at an angular frequency [rad/s].
 
-        Source: transfer function of the linearised platoon, ibid.
+        Source: transfer function of the linearised platoon, same chapter.
         """
         numerator = self.gap**2 + (self.approach_rate * frequency) ** 2
         own = self.speed + self.approach_rate

@@ -20,7 +20,7 @@ SITUATION = (
 """Fields of the stimulus that stay constant between two decisions; position and time change."""
 
 
-class InMind(eqx.Module):
+class LastDecision(eqx.Module):
     """Memory of the last decision.
 
     Attributes:
@@ -47,28 +47,31 @@ class ActionPoints(Effect):
     )
     source: ClassVar[str] = "after Treiber & Kesting, Transp. Res. B 117 (2018) 613 (action points)"
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("mean_time", "s", "mean time between decisions at random", off=0.0, low=0.0, high=10.0, scale=1.0),
+        Parameter("mean_time", "s", "mean time between random decisions", off=0.0, low=0.0, high=10.0, scale=1.0),
         Parameter(
             "threshold", "m/s^2", "change that triggers a decision at once", 0.5, 0.0, 5.0, 0.3, is_strength=False
         ),
     )
 
-    def begin(self, seen: Stimulus, driver: CarFollowing, dt: float) -> InMind:
+    def begin(self, seen: Stimulus, driver: CarFollowing, dt: float) -> LastDecision:
         """A decision at the start."""
-        return InMind(jnp.zeros((), jnp.int32), _situation(seen))
+        return LastDecision(jnp.zeros((), jnp.int32), _situation(seen))
 
-    def remember(self, memory: InMind, seen: Stimulus, driver: CarFollowing, dt: float) -> InMind:
+    def remember(self, memory: LastDecision, seen: Stimulus, driver: CarFollowing, dt: float) -> LastDecision:
         """Memory with the stimulus of the driver's last observation."""
         count = memory.count + 1
         # With mean_time = 0 every time step is a decision, because draws are below 1.
         chance = 1 - jnp.exp(-dt / jnp.maximum(self.mean_time, 1e-6))
-        situation, change = _situation(seen), _answer(seen, driver) - _answer(_restored(seen, memory), driver)
+        situation, change = (
+            _situation(seen),
+            _bare_acceleration(seen, driver) - _bare_acceleration(_restored(seen, memory), driver),
+        )
         is_new_leader = seen.has_leader != memory.situation[SITUATION.index("has_leader")]
-        looks = standard_uniform(self.seed, 3, count, situation[0]) < chance
-        looks = looks | (jnp.abs(change) > self.threshold) | is_new_leader
-        return InMind(count, jnp.where(looks, situation, memory.situation))
+        decides = standard_uniform(self.seed, 3, count, situation[0]) < chance
+        decides = decides | (jnp.abs(change) > self.threshold) | is_new_leader
+        return LastDecision(count, jnp.where(decides, situation, memory.situation))
 
-    def perceive(self, seen: Stimulus, memory: InMind) -> Stimulus:
+    def perceive(self, seen: Stimulus, memory: LastDecision) -> Stimulus:
         """The stimulus of the last decision."""
         return _restored(seen, memory)
 
@@ -77,11 +80,11 @@ def _situation(seen: Stimulus) -> Float[Array, "fields *n"]:
     return jnp.stack(jnp.broadcast_arrays(*(getattr(seen, name) for name in SITUATION)))
 
 
-def _restored(seen: Stimulus, memory: InMind) -> Stimulus:
+def _restored(seen: Stimulus, memory: LastDecision) -> Stimulus:
     return replace(seen, **dict(zip(SITUATION, memory.situation, strict=True)))
 
 
-def _answer(seen: Stimulus, driver: CarFollowing) -> Float[Array, "*n"]:
+def _bare_acceleration(seen: Stimulus, driver: CarFollowing) -> Float[Array, "*n"]:
     """Acceleration of the bare model [m/s^2]."""
     interaction = driver.interaction(seen.gap, seen.speed, seen.speed - seen.leader_speed)
     return driver.free_acceleration(seen.speed) - seen.has_leader * interaction

@@ -36,7 +36,7 @@ class SeveralLeaders(Effect):
         Parameter(
             "relief",
             "-",
-            "how much less the first leader then counts",
+            "reduction of the first leader's weight",
             0.5,
             0.0,
             1.0,
@@ -88,7 +88,9 @@ class Asymmetry(Effect):
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("closing", "1/s", "deceleration per approach rate", off=0.0, low=-1.0, high=1.0, scale=0.15),
         Parameter("opening", "1/s", "deceleration per rate of falling back", off=0.0, low=-1.0, high=1.0, scale=0.15),
-        Parameter("scale", "m/s", "approach rate at which it saturates", 5.0, 1.0, 30.0, 4.0, is_strength=False),
+        Parameter(
+            "scale", "m/s", "approach rate at which the response saturates", 5.0, 1.0, 30.0, 4.0, is_strength=False
+        ),
     )
 
     def acceleration(self, value: Float[Array, "*n"], seen: Stimulus, memory: None) -> Float[Array, "*n"]:
@@ -110,7 +112,9 @@ class LaneFriction(Effect):
     source: ClassVar[str] = "after Ponnu & Coifman, Transp. Res. B 97 (2017) 228 (adjacent-lane friction)"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("gain", "m/s^2", "deceleration beside much slower traffic", 0.0, 0.0, 3.0, 0.5),
-        Parameter("scale", "m/s", "speed difference at which it saturates", 5.0, 1.0, 15.0, 2.5, is_strength=False),
+        Parameter(
+            "scale", "m/s", "speed difference at which the response saturates", 5.0, 1.0, 15.0, 2.5, is_strength=False
+        ),
     )
 
     def acceleration(self, value: Float[Array, "*n"], seen: Stimulus, memory: None) -> Float[Array, "*n"]:

@@ -60,7 +60,7 @@ class GapRelaxation(Effect):
     name: ClassVar[str] = "gap_relaxation"
     depends_on: ClassVar[tuple[str, ...]] = ("time_since_change",)
     equation: ClassVar[str] = (
-        "T + share (T_then - T) exp(-t / relaxation_time), T_then the time gap when the leader came, t since then"
+        "T + share (T_then - T) exp(-t / relaxation_time), T_then the time gap when the leader appeared, t since then"
     )
     source: ClassVar[str] = "after Laval & Leclercq, Transp. Res. B 42 (2008) 511; Keane & Gao, ibid. 150 (2021) 301"
     parameters: ClassVar[tuple[Parameter, ...]] = (
@@ -84,10 +84,10 @@ class GapRelaxation(Effect):
 
     def remember(self, memory: FirstGap, seen: Stimulus, driver: CarFollowing, dt: float) -> FirstGap:
         """Memory of the gap to a new leader, or else of the gap to the present leader."""
-        came = (seen.has_leader > memory.had_leader) | (seen.time_since_change < memory.time_since_change)
+        is_new = (seen.has_leader > memory.had_leader) | (seen.time_since_change < memory.time_since_change)
         return FirstGap(
-            time_gap=jnp.where(came, _present_time_gap(seen, driver), memory.time_gap),
-            elapsed=jnp.where(came, 0.0, memory.elapsed + dt),
+            time_gap=jnp.where(is_new, _present_time_gap(seen, driver), memory.time_gap),
+            elapsed=jnp.where(is_new, 0.0, memory.elapsed + dt),
             had_leader=jnp.zeros_like(seen.speed) + seen.has_leader,
             time_since_change=jnp.zeros_like(seen.speed) + seen.time_since_change,
         )

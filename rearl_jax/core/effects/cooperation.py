@@ -21,12 +21,14 @@ class Cooperation(Effect):
     kind: ClassVar[str] = "lane_change"
     equation: ClassVar[str] = (
         "I + weight max(0, min(I_e, a_free + limit) - I), I the deceleration because of the leader, I_e that because "
-        "of who wants to come over"
+        "of the vehicle that wants to change to the own lane"
     )
     source: ClassVar[str] = "after Hidas, Transp. Res. C 10 (2002) 351 (courtesy lane changes)"
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("weight", "-", "weight of that vehicle", off=0.0, low=0.0, high=1.0, scale=0.5),
-        Parameter("limit", "m/s^2", "largest deceleration for it", 2.0, 0.2, 6.0, 1.0, is_strength=False),
+        Parameter(
+            "weight", "-", "weight of the vehicle that wants to change lanes", off=0.0, low=0.0, high=1.0, scale=0.5
+        ),
+        Parameter("limit", "m/s^2", "largest deceleration for that vehicle", 2.0, 0.2, 6.0, 1.0, is_strength=False),
     )
 
     def leaders(

@@ -35,7 +35,7 @@ class KeepRight(Effect):
 
 
 class NoPassingOnTheRight(Effect):
-    """Drivers do not go to the right to pass a slower leader: there they may not drive faster than on the own lane."""
+    """Drivers do not change to the right lane to pass a slower leader."""
 
     weight: Float[Array, "*#n"]
 
@@ -44,7 +44,7 @@ class NoPassingOnTheRight(Effect):
     equation: ClassVar[str] = "gain of the right lane - weight max(0, gain) above 60 km/h; weight 1 forbids it"
     source: ClassVar[str] = "Kesting, Treiber & Helbing, Transp. Res. Rec. 1999 (2007) 86 (European passing rule)"
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("weight", "-", "share of the gain that does not count", off=0.0, low=0.0, high=1.0, scale=0.5),
+        Parameter("weight", "-", "share of the gain that is ignored", off=0.0, low=0.0, high=1.0, scale=0.5),
     )
 
     def incentive(self, value: Float[Array, "*n"], side: SideLane, seen: Stimulus, memory: None) -> Float[Array, "*n"]:
@@ -61,10 +61,10 @@ class Politeness(Effect):
 
     name: ClassVar[str] = "politeness"
     kind: ClassVar[str] = "lane_change"
-    equation: ClassVar[str] = "gain of a change + weight (what the followers on both lanes gain together)"
+    equation: ClassVar[str] = "gain of a change + weight (sum of the gains of the followers on both lanes)"
     source: ClassVar[str] = "Kesting, Treiber & Helbing, Transp. Res. Rec. 1999 (2007) 86 (politeness)"
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("weight", "-", "weight of the others", off=0.0, low=-0.5, high=2.0, scale=0.3),
+        Parameter("weight", "-", "weight of the followers' gain", off=0.0, low=-0.5, high=2.0, scale=0.3),
     )
 
     def incentive(self, value: Float[Array, "*n"], side: SideLane, seen: Stimulus, memory: None) -> Float[Array, "*n"]:
@@ -83,7 +83,7 @@ class MovingOver(Effect):
     equation: ClassVar[str] = (
         "gain of the right lane + gain / (1 + exp((z - z0) / 0.25 s)), z the follower's time gap, z0 pressing_time_gap"
     )
-    source: ClassVar[str] = "own form, as in the effect rear_pressure on the time gap"
+    source: ClassVar[str] = "form of this project, as in the effect rear_pressure on the time gap"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("gain", "m/s^2", "gain of giving way under pressure", 0.0, -1.0, 3.0, 0.5),
         Parameter("pressing_time_gap", "s", "follower's time gap z0 below which it presses", 1.0, 0.3, 2.5, 0.3, False),
@@ -106,8 +106,12 @@ class TruckAversion(Effect):
 
     name: ClassVar[str] = "truck_aversion"
     kind: ClassVar[str] = "lane_change"
-    equation: ClassVar[str] = "gain of a change + gain (exp(-s / reach) behind a truck - the same of the lane beside)"
-    source: ClassVar[str] = "own form; after Moridpour, Rose & Sarvi, J. Transp. Eng. 136 (2010) 973 (trucks and lanes)"
+    equation: ClassVar[str] = (
+        "gain of a change + gain (exp(-s / reach) behind a truck on the own lane - the same on the adjacent lane)"
+    )
+    source: ClassVar[str] = (
+        "form of this project; after Moridpour, Rose & Sarvi, J. Transp. Eng. 136 (2010) 973 (trucks and lanes)"
+    )
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("gain", "m/s^2", "gain of a lane without a truck", off=0.0, low=-2.0, high=3.0, scale=0.5),
         Parameter("reach", "m", "gap at which this gain has fallen to 1/e", 80.0, 10.0, 500.0, 50.0, is_strength=False),

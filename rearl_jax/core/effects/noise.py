@@ -68,7 +68,7 @@ class AccelerationNoise(Effect):
     )
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("sd", "m/s^2", "standard deviation of the noise", off=0.0, low=0.0, high=3.0, scale=0.2),
-        Parameter("time", "s", "its correlation time", 1.5, 0.05, 60.0, 1.0, is_strength=False),
+        Parameter("time", "s", "correlation time of the noise", 1.5, 0.05, 60.0, 1.0, is_strength=False),
     )
 
     def begin(self, seen: Stimulus, driver: CarFollowing, dt: float) -> Fluctuation:
@@ -124,7 +124,7 @@ class PerceptionNoise(Effect):
 
 
 LARGEST_DEPARTURE = 1.2
-"""Largest difference of log T from a driver's own that counts as a choice [-]; who is farther behind does not follow.
+"""Largest difference of log T from a driver's own that counts as a choice [-]; a driver farther behind does not follow.
 """
 
 SLOWEST_FOLLOWING = 3.0
@@ -134,7 +134,7 @@ SLOWEST_FOLLOWING = 3.0
 def time_gap_departure(
     gap: Float[Any, "*#n"], speed: Float[Any, "*#n"], time_gap: Float[Any, "*#n"], jam_gap: Float[Any, "*#n"]
 ) -> Float[Array, "*n"]:
-    """Logarithm of the time gap that is kept over the driver's own one [-]; 0 for those who do not follow."""
+    """Logarithm of the ratio of the present time gap to the driver's own [-]; 0 for drivers who do not follow."""
     kept = jnp.maximum(gap - jam_gap, 0.1) / jnp.maximum(speed, SLOWEST_FOLLOWING)
     departure = jnp.log(kept / time_gap)
     return jnp.where(departure > LARGEST_DEPARTURE, 0.0, jnp.maximum(departure, -LARGEST_DEPARTURE))
@@ -160,11 +160,11 @@ class TimeGapVariation(Effect):
     )
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("sd", "-", "standard deviation of log T", off=0.0, low=0.0, high=1.5, scale=0.2),
-        Parameter("time", "s", "its correlation time", 20.0, 0.05, 120.0, 10.0, is_strength=False),
+        Parameter("time", "s", "correlation time of the variation", 20.0, 0.05, 120.0, 10.0, is_strength=False),
         Parameter(
             "start_share",
             "-",
-            "share of the departure at the start that is variation",
+            "share of the difference of log T at the start that is variation",
             0.0,
             0.0,
             1.0,
@@ -174,7 +174,7 @@ class TimeGapVariation(Effect):
     )
 
     def begin(self, seen: Stimulus, driver: CarFollowing, dt: float) -> Fluctuation:
-        """The variation at the start, given the time gap that is kept there.
+        """The variation at the start, given the time gap at the start.
 
         Source: mean and variance of one of two normal variables given their sum.
         """

@@ -40,18 +40,20 @@ class ReactionDelay(Effect):
         Parameter("own_delay", "s", "time until the own speed is felt", 0.0, -0.09, LONGEST_DELAY - 0.1, 0.5),
     )
 
-    def begin(self, seen: Stimulus, driver: CarFollowing, dt: float) -> "Past":
+    def begin(self, seen: Stimulus, driver: CarFollowing, dt: float) -> "StimulusHistory":
         """Memory at the start, as if the stimulus had always been the present one."""
         length = math.ceil(LONGEST_DELAY / dt) + 2
         now = _stacked(seen)
-        return Past(jnp.zeros((), jnp.int32), jnp.broadcast_to(now[:, None], (len(now), length, *now.shape[1:])), now)
+        return StimulusHistory(
+            jnp.zeros((), jnp.int32), jnp.broadcast_to(now[:, None], (len(now), length, *now.shape[1:])), now
+        )
 
-    def remember(self, memory: "Past", seen: Stimulus, driver: CarFollowing, dt: float) -> "Past":
+    def remember(self, memory: "StimulusHistory", seen: Stimulus, driver: CarFollowing, dt: float) -> "StimulusHistory":
         """The memory with the present stimulus added, and the interpolated delayed stimulus."""
         now = _stacked(seen)
         ring = lax.dynamic_update_index_in_dim(memory.ring, now, memory.count % memory.ring.shape[1], axis=1)
 
-        def ago(rows: slice, delay: Float[Array, "*#n"]) -> Float[Array, "fields *n"]:
+        def delayed(rows: slice, delay: Float[Array, "*#n"]) -> Float[Array, "fields *n"]:
             past, ticks = ring[rows], delay / dt
             floor = jnp.floor(jnp.maximum(ticks, 0.0))
             whole, share = floor.astype(jnp.int32), jnp.broadcast_to(ticks - floor, past.shape[2:])[None]
@@ -62,16 +64,16 @@ class ReactionDelay(Effect):
 
             return at(whole) * (1 - share) + at(whole + 1) * share
 
-        acted_on = jnp.concatenate([ago(slice(0, 1), self.own_delay), ago(slice(1, None), self.delay)])
-        return Past(memory.count + 1, ring, acted_on)
+        acted_on = jnp.concatenate([delayed(slice(0, 1), self.own_delay), delayed(slice(1, None), self.delay)])
+        return StimulusHistory(memory.count + 1, ring, acted_on)
 
-    def perceive(self, seen: Stimulus, memory: "Past") -> Stimulus:
+    def perceive(self, seen: Stimulus, memory: "StimulusHistory") -> Stimulus:
         """The stimulus with delayed values."""
         return replace(seen, **dict(zip(("speed", *AHEAD), memory.acted_on, strict=True)))
 
 
-class Past(NamedTuple):
-    """Memory of a delayed driver: own speed first, then the fields `AHEAD`.
+class StimulusHistory(NamedTuple):
+    """Memory of a delayed driver: stimuli of the last time steps, own speed first, then the fields `AHEAD`.
 
     Attributes:
         count: Ticks so far.

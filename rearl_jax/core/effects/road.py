@@ -18,7 +18,7 @@ FAR_AWAY = 1.0e5
 _SECTION = (
     Parameter("start", "m", "beginning of the section", 0.0, -FAR_AWAY, FAR_AWAY, 500.0, is_strength=False),
     Parameter("end", "m", "end of the section", FAR_AWAY, -FAR_AWAY, FAR_AWAY, 500.0, is_strength=False),
-    Parameter("edge", "m", "length over which it begins and ends", 6.0, 1.0, 80.0, 6.0, is_strength=False),
+    Parameter("edge", "m", "length over which the section begins and ends", 6.0, 1.0, 80.0, 6.0, is_strength=False),
 )
 
 
@@ -96,8 +96,10 @@ class Bend(Effect):
     equation: ClassVar[str] = "v0 -> min(v0, sqrt(lateral_acceleration radius)) between start and end"
     source: ClassVar[str] = "after Reymond et al., Human Factors 43 (2001) 483 (lateral acceleration margin)"
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("lateral_acceleration", "m/s^2", "what is comfortable", 100.0, 0.5, 100.0, 2.0),
-        Parameter("radius", "m", "of the bend", off=500.0, low=20.0, high=5000.0, scale=300.0, is_strength=False),
+        Parameter("lateral_acceleration", "m/s^2", "comfortable lateral acceleration", 100.0, 0.5, 100.0, 2.0),
+        Parameter(
+            "radius", "m", "radius of the bend", off=500.0, low=20.0, high=5000.0, scale=300.0, is_strength=False
+        ),
         *_SECTION,
     )
 
@@ -147,9 +149,16 @@ class Weather(Effect):
         Parameter("slower", "-", "fall of log v0", off=0.0, low=-1.0, high=1.5, scale=0.2),
         Parameter("wider", "-", "growth of log T", off=0.0, low=-1.0, high=1.5, scale=0.2),
         Parameter(
-            "onset", "s", "time at which half of it is reached", 0.0, -FAR_AWAY, FAR_AWAY, 30.0, is_strength=False
+            "onset",
+            "s",
+            "time at which half of the change is reached",
+            0.0,
+            -FAR_AWAY,
+            FAR_AWAY,
+            30.0,
+            is_strength=False,
         ),
-        Parameter("ramp", "s", "time scale of its onset", off=2.0, low=0.3, high=60.0, scale=3.0, is_strength=False),
+        Parameter("ramp", "s", "time scale of the change", off=2.0, low=0.3, high=60.0, scale=3.0, is_strength=False),
     )
 
     def desired_speed(self, value: Float[Array, "*n"], seen: Stimulus, memory: None) -> Float[Array, "*n"]:
@@ -183,7 +192,7 @@ class ClosedCourse(Effect):
     )
 
     def acceleration(self, value: Float[Array, "*n"], seen: Stimulus, memory: None) -> Float[Array, "*n"]:
-        """More or less by the curve."""
+        """Acceleration plus the curve."""
         n_knots = self.values.shape[0]
         place = jnp.mod(seen.position / self.lap, 1.0) * n_knots
         knot = jnp.arange(n_knots, dtype=place.dtype).reshape(-1, *(1,) * place.ndim)

@@ -1,4 +1,5 @@
-"""Labels of tracks beside the canonical columns: what the source says of a vehicle or its driver, one value per track.
+"""Labels of tracks, in addition to the canonical columns: statements of the source on a vehicle or its driver, one
+value per track.
 
 A car's model, the setting of its cruise control, the person at the wheel: discovery groups vehicles by them.
 """
@@ -86,7 +87,7 @@ def _of_canonical(recording: Recording, name: str) -> pd.Series:
 
 
 def _texts(values: np.ndarray | pd.Index) -> list[str]:
-    """Values as texts, 4 and 4.0 alike: a text table does not say which it was."""
+    """Values as texts, 4 and 4.0 alike: a text table does not distinguish them."""
     texts = [str(value) for value in values]
     numbers = pd.Series(pd.to_numeric(pd.Series(texts, dtype=object), errors="coerce"), dtype=np.float64)
     if not np.isfinite(numbers).all() or numbers.nunique() < len(texts):

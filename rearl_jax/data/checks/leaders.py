@@ -15,7 +15,7 @@ COMPLETE_SHARE = 0.5
 """Share of the rows with a vehicle ahead in the lane from which on the stated leaders are those of all vehicles.
 
 Tables of leader-follower pairs state it for .70 of such rows (NGSIM I-80 with lateral positions) or more, because the
-leader of a pair follows nobody in the table.
+leader of a pair has no leader in the table.
 """
 
 
@@ -37,7 +37,7 @@ def wrong_leader(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -
         "in another lane": _in_other_lane(table, stated & ~itself, other, info.frame_rate),
     }
     remedy = {
-        "itself": "leave leader_id empty where a vehicle has no leader; 0 or another number stands for none only if no "
+        "itself": "leave leader_id empty where a vehicle has no leader; 0 or another number means none only if no "
         "vehicle has it as its id",
         "behind it": "name the vehicle ahead, or leave leader_id empty: the column may be that of the followers",
     }

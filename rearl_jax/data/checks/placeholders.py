@@ -1,4 +1,4 @@
-"""Numbers that stand for an unknown value, such as -9999: faults of rows, and no sign of another unit of the column."""
+"""Numbers that mean an unknown value, such as -9999: faults of rows, and no evidence for another unit of the column."""
 
 import numpy as np
 import pandas as pd
@@ -39,7 +39,7 @@ def misplaced(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -> F
         reach = FAR_FACTOR * (high - low) + MIN_FAR
         bad |= (values < low - reach) | (values > high + reach)
         if bad.any():
-            text = f"{name} is {values[np.argmax(bad)]:g} m, which seems to stand for an unknown value"
+            text = f"{name} is {values[np.argmax(bad)]:g} m, which seems to mean an unknown value"
             return Finding("out_of_range", name, bad, text, "correct the value")
     return None
 

@@ -53,7 +53,7 @@ def _on_overlaps(table: pd.DataFrame) -> list[str]:
 
 
 def _on_starts(table: pd.DataFrame) -> list[str]:
-    """More vehicles that begin abreast than there can be lanes: the times of each may count from its own start."""
+    """Remark if more vehicles begin abreast than there can be lanes: times may count from the start of each track."""
     starts = np.flatnonzero(~follows_row_before(table["track_id"].to_numpy()))
     frame, position, length = (table[name].to_numpy()[starts] for name in ("frame", "position", "length"))
     apart = float(np.ptp(position)) if starts.size else 0.0

@@ -24,7 +24,7 @@ RANGE_UNIT = {"speed": "m/s", "length": "m", "width": "m", "acceleration": "m/s^
 
 
 MAX_LANES = 12
-"""More lanes than any carriageway has; beyond it a lane number is a fault and says nothing about the road."""
+"""Number of lanes that no carriageway exceeds; a larger lane number is a fault, not a property of the road."""
 POSITION_NOISE = 0.5
 """Excess of a step [m] that noise and rounding of positions bring about at any frame rate."""
 

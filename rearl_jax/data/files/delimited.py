@@ -72,6 +72,7 @@ def read_csv(
         path: The file, its first line names the columns.
         columns: Name, as in the file, and type of every column to read.
         on_bad: stop makes a broken line an error.
+        quoted: Whether double quotes enclose fields.
 
     Raises:
         BadRecordingError: A column is missing or there twice, a value does not have the type of its column, the file
@@ -197,7 +198,7 @@ class _Lines:
         delimiter: Separator of fields.
         decimal_point: Mark before the fraction of a number.
         header_lines: Lines before the first row.
-        quoted: Whether fields may stand in quotes.
+        quoted: Whether fields may be quoted.
     """
 
     path: Path

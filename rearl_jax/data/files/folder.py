@@ -62,7 +62,7 @@ def only_parquet(root: Path, wanted: str) -> Path:
     """The one Parquet file in the folder.
 
     Raises:
-        MissingInputError: There is none, or more than one; `wanted` says what `data.root` must name.
+        MissingInputError: There is none, or more than one; `wanted` states what `data.root` must name.
     """
     files = visible_files(root, (".parquet",))
     if len(files) != 1:

@@ -23,7 +23,7 @@ OPENERS = {".gz": gzip.GzipFile, ".bz2": bz2.BZ2File, ".xz": lzma.LZMAFile}
 DAMAGED = (EOFError, OSError, lzma.LZMAError, zipfile.BadZipFile, zlib.error, RuntimeError, NotImplementedError)
 """Errors of the standard library for compressed files that are damaged, encrypted, or compressed in another way."""
 BLANKS = " "
-"""Delimiter that stands for any number of blanks."""
+"""Delimiter that means any number of blanks."""
 SAMPLE_LINES = 20
 """Lines from which delimiter and decimal mark are determined."""
 _MAGIC = {b"\x1f\x8b": ".gz", b"BZh": ".bz2", b"\xfd7zXZ\x00": ".xz", b"PK\x03\x04": ".zip"}
@@ -57,7 +57,7 @@ class Layout:
     Attributes:
         compression: Ending of files that are compressed like this one, empty for none.
         encoding: Name of the codec.
-        is_sure: Whether the file itself says which encoding it has.
+        is_sure: Whether the file itself states its encoding.
         header_lines: Lines above the first row.
         header: Names of the columns, each with its unit in brackets if a line below the names states the units.
         delimiter: Separator of fields; BLANKS for any number of blanks.

@@ -201,7 +201,7 @@ def _moving_otherwise(source: pd.DataFrame, meta: pd.DataFrame) -> Finding | Non
     """Rows of tracks whose mean velocity has not the sign of their driving direction."""
     ids, which, counts = np.unique(source["track_id"].to_numpy(), return_inverse=True, return_counts=True)
     velocity = source["xVelocity"].to_numpy()
-    # An impossible velocity says nothing of the direction; the schema check finds it.
+    # An impossible velocity does not determine the direction; the schema check finds it.
     velocity = np.where(np.abs(velocity) <= RANGES["speed"][1], velocity, 0.0)
     mean = np.bincount(which, weights=velocity) / counts
     direction = meta["drivingDirection"].reindex(ids).to_numpy()

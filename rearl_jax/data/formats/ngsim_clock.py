@@ -110,8 +110,8 @@ def _require_ms(track: np.ndarray, frame: np.ndarray, time: np.ndarray, path: Pa
 def _require_many_vehicles(rows: pd.DataFrame, parts: list[np.ndarray], path: Path) -> None:
     """Raise BadRecordingError for some rows with a shifted clock, which would be a recording of a few vehicles.
 
-    Vehicle numbers start anew in every recording. So rows are of the other recording if their vehicles are few beside
-    those of the other one, or if they go on there in the next frame.
+    Vehicle numbers restart in every recording. So rows belong to the other recording if their vehicles are few compared
+    with those of the other one, or if they continue there in the next frame.
     """
     track, frame = rows["track_id"].to_numpy(), rows["frame"].to_numpy()
     vehicles = [np.unique(track[part]) for part in parts]
@@ -119,14 +119,14 @@ def _require_many_vehicles(rows: pd.DataFrame, parts: list[np.ndarray], path: Pa
     for number, part in enumerate(parts):
         few = number != largest and len(vehicles[number]) <= max(1.0, _MIN_VEHICLE_SHARE * len(vehicles[largest]))
         alone = len(vehicles[number]) < len(vehicles[largest])
-        if number != largest and ((few and alone) or _goes_on(track, frame, part, parts[largest])):
+        if number != largest and ((few and alone) or _continues(track, frame, part, parts[largest])):
             text = f"{len(part)} rows of vehicle {vehicles[number][0]}"
             text += f" and {len(vehicles[number]) - 1} others" if len(vehicles[number]) > 1 else ""
             text += " have another Global_Time for their Frame_ID than all other rows"
             raise _contradiction(text, rows, part, path)
 
 
-def _goes_on(track: np.ndarray, frame: np.ndarray, part: np.ndarray, other: np.ndarray) -> bool:
+def _continues(track: np.ndarray, frame: np.ndarray, part: np.ndarray, other: np.ndarray) -> bool:
     """True if every vehicle of a part has its next or last frame, and none of its own frames, in the other part."""
     own = pd.DataFrame({"track": track[part], "frame": frame[part]})
     there = pd.MultiIndex.from_arrays([track[other], frame[other]])

@@ -1,7 +1,7 @@
 """Reader of NGSIM I-80 leader-follower pairs with lateral positions, widths and classes: raw NGSIM in SI units.
 
 One recording, 4:00 to 4:15 pm. The frames are those of NGSIM, so all pairs share one clock. Only followers have a
-lateral position; a vehicle that is somebody's leader and nobody's follower has none.
+lateral position; a vehicle that is only a leader has none.
 
 Source: NGSIM I-80, DOI 10.21949/1504477.
 """

@@ -58,7 +58,7 @@ def pairs_recordings(path: Path) -> dict[str, str]:
 def read_pairs(path: Path, recording: str, run: str, policy: DataConfig) -> Recording:
     """The vehicles of one run; gaps to the leader are those of the source.
 
-    y is the front, so the centre is y - length / 2. A follower that is nobody's leader has no length in the
+    y is the front, so the centre is y - length / 2. A follower that is not a leader has no length in the
     source and gets data.default_length; the bumper gap does not depend on it.
     """
     pairs = read_columns(path, _NUMBERS, only=("run", run))

@@ -104,7 +104,7 @@ class PublishedFile:
         chosen = rows.iloc[recordings_of(rows, self.path)[recording]]
         losses = Losses()
         losses.counts.update(broken)
-        # Portal copies are not sorted, and the order of rows in a database export says nothing.
+        # Portal copies are not sorted, and the order of rows in a database export has no meaning.
         chosen = chosen.sort_values(["track_id", "frame"], kind="stable")
         table, info = _converted(recording, chosen.drop(columns="location", errors="ignore"), self.path)
         twice = chosen.duplicated().to_numpy()

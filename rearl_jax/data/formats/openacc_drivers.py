@@ -30,6 +30,6 @@ def switched(table: pd.DataFrame, drivers: pd.Series, info: RecordingInfo) -> tu
     if not starts.any():
         return table, info
     share = float(np.mean(label == "1"))
-    note = f"{int(starts.sum())} switches between cruise control and person: a car goes on as another track"
+    note = f"{int(starts.sum())} switches between cruise control and person: a car continues as another track"
     note += f" ({100.0 * share:.0f} % of the rows with cruise control)"
     return split_tracks(table, starts), replace(info, notes=(*info.notes, note))

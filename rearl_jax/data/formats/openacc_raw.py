@@ -111,7 +111,7 @@ def runs_of(path: Path) -> dict[str, Platoon]:
 def read_run(path: Path, recording: str, platoon: Platoon, policy: DataConfig) -> Recording:
     """One part of a run.
 
-    Where the driver of a car switches, the car goes on as another track, so that the label `acc` is that of a whole
+    If the driver of a car switches, the car continues as another track, so that the label `acc` is that of a whole
     track. What is left out is that of `openacc.read_platoon`, and `driver_unknown`: rows whose driver is an unknown
     word, which count as rows without one.
 

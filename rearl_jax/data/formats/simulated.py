@@ -130,7 +130,7 @@ def recording_of(rows: pd.DataFrame, simulation: Simulation, policy: DataConfig,
         losses.counts["other_road"] += int((~on_road).sum())
     table, starts = table.iloc[np.flatnonzero(on_road)], starts[on_road]
     if starts.any():
-        note = f"{int(starts.sum())} times a vehicle came back or began another lap: it goes on as another vehicle"
+        note = f"{int(starts.sum())} times a vehicle came back or began another lap: it continues as another vehicle"
         info, table = replace(info, notes=(*info.notes, note)), split_tracks(table, starts)
     patient = replace(policy, max_jump=max(policy.max_jump, LANE_STEP / period))
     table, dropped = validate(table, info, patient, losses)

@@ -13,7 +13,7 @@ from rearl_jax.data.generator.fleet import Drivers, Fleet
 from rearl_jax.data.generator.situation import Situation
 
 LEFT, RIGHT = -1, 1
-# Drivers estimate the speed in a lane over a horizon; a longer one for returning to the right, so that nobody
+# Drivers estimate the speed in a lane over a horizon; a longer one for returning to the right, so that none
 # changes back and forth.
 GAIN_HORIZON, RETURN_HORIZON = 8.0, 14.0  # [s]
 GAIN_THRESHOLD = 1.5  # smallest gain that moves a driver to the left [m/s]

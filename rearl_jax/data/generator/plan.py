@@ -31,7 +31,7 @@ TWO_LANE_MAX_IN_VIEW = 21.0  # more does not flow freely on 2 + 2 lanes
 
 @dataclass(frozen=True)
 class RecordingPlan:
-    """Everything about a recording that is decided before its traffic is simulated.
+    """Properties of a recording that are decided before its traffic is simulated.
 
     Attributes:
         id: Number of the recording.

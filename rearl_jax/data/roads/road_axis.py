@@ -43,7 +43,7 @@ class RoadAxis:
         angle = np.arctan(np.interp(a, self.along, slope))
         off = b - np.interp(a, self.along, self.bend)
         foot = a + off * np.sin(angle) * np.cos(angle)
-        # Beyond its ends the axis goes on straight.
+        # Beyond its ends the axis is straight.
         beyond = np.maximum(foot - self.along[-1], 0.0) + np.minimum(foot - self.along[0], 0.0)
         return np.interp(foot, self.along, length) + beyond, off * np.cos(angle)
 

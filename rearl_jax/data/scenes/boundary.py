@@ -21,7 +21,7 @@ from rearl_jax.data.scenes.scene_windows import UNKNOWN_LANE, frame_offsets
 from rearl_jax.data.vehicle_rows import ABSENT, VehicleRows
 from rearl_jax.problems import InvalidInputError, Problem
 
-NOBODY = -1
+NO_VEHICLE = -1
 """Track of a place without replayed vehicle."""
 
 
@@ -33,13 +33,13 @@ class SceneBoundary:
     side by side.
 
     Attributes:
-        track_id: Recorded vehicle that each simulated vehicle stands for.
+        track_id: Recorded vehicle that each simulated vehicle represents.
         is_new: True if it enters at the beginning of this second; false in the first second.
         x: Its recorded position at the beginning of the second [m].
         speed: Its recorded speed at the beginning of the second [m/s].
         lane: Its recorded lane then.
         highest_speed: Its highest recorded speed in the snapshots of the scene in which it is simulated [m/s].
-        replayed_id: Track of each replayed vehicle; NOBODY for a place without one.
+        replayed_id: Track of each replayed vehicle; NO_VEHICLE for a place without one.
         replayed_number: Number of the vehicle in its scene, from the number of simulated ones on.
         replayed_length: Length [m].
         replayed_is_truck: Whether it is a truck.
@@ -139,7 +139,7 @@ def _require_same(recording: Recording, rows: VehicleRows, scenes: SceneSet) -> 
 def lanes_side_by_side(scenes: SceneSet, lane: np.ndarray, direction: np.ndarray) -> np.ndarray:
     """Lanes of a road that has the carriageways side by side: on carriageway 2 those of carriageway 1 are added.
 
-    In scenes of one carriageway each they are left as they are: what is beside is not the other carriageway's traffic.
+    In scenes of one carriageway each they are unchanged, because no vehicle beside is of the other carriageway.
 
     Args:
         scenes: The scenes, first axis of the others.
@@ -174,7 +174,7 @@ def _simulated(scenes: SceneSet) -> dict[str, np.ndarray]:
 
 
 def _kept(simulated: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """The fields of `_simulated`, of traffic in which nobody takes the first place from its first vehicle."""
+    """The fields of `_simulated` for traffic in which the place of the first vehicle stays empty after it has left."""
     track, lane, is_new = simulated["track_id"].copy(), simulated["lane"].copy(), simulated["is_new"]
     own = track[:, :1, :1].copy()
     has_left = np.logical_or.accumulate(track[:, :, :1] != own, axis=1)
@@ -247,8 +247,8 @@ def _replayed(
 
 
 def _everybody(is_around: Bool[np.ndarray, "tracks seconds"]) -> Int[np.ndarray, "seconds places"]:
-    """Indices of the tracks around the scene in each second, NOBODY in unused places."""
-    picked = np.full((is_around.shape[1], max(int(is_around.sum(axis=0).max(initial=0)), 1)), NOBODY)
+    """Indices of the tracks around the scene in each second, NO_VEHICLE in unused places."""
+    picked = np.full((is_around.shape[1], max(int(is_around.sum(axis=0).max(initial=0)), 1)), NO_VEHICLE)
     for second, there in enumerate(is_around.T):
         (index,) = np.nonzero(there)
         picked[second, : len(index)] = index
@@ -266,13 +266,13 @@ def _in_front(
         own: Fields of `SceneBoundary` about simulated vehicles.
     """
     n_lanes = int(max(own["lane"].max(), lane.max(initial=0))) + 1
-    picked = np.full((x.shape[1], n_lanes), NOBODY)
+    picked = np.full((x.shape[1], n_lanes), NO_VEHICLE)
     for number in range(n_lanes):
         foremost = np.where(own["lane"] == number, own["x"], -np.inf).max(axis=1)
         ahead = np.where((lane == number) & np.isfinite(foremost) & (x >= foremost), x, np.inf)
         if len(ahead):
             nearest = ahead.argmin(axis=0)
-            picked[:, number] = np.where(np.isfinite(ahead.min(axis=0)), nearest, NOBODY)
+            picked[:, number] = np.where(np.isfinite(ahead.min(axis=0)), nearest, NO_VEHICLE)
     return picked
 
 
@@ -292,9 +292,9 @@ def _placed(
         vehicles: A row of each.
         n_simulated: Number of simulated vehicles.
     """
-    index, is_filled = np.maximum(picked, 0), picked != NOBODY
+    index, is_filled = np.maximum(picked, 0), picked != NO_VEHICLE
     seconds = np.arange(len(picked))[:, None]
-    found = {"replayed_id": np.where(is_filled, tracks[index], NOBODY), "replayed_number": n_simulated + index}
+    found = {"replayed_id": np.where(is_filled, tracks[index], NO_VEHICLE), "replayed_number": n_simulated + index}
     found["replayed_length"] = vehicles["length"].to_numpy(np.float32)[index]
     found["replayed_is_truck"] = (vehicles["vehicle_class"] == "truck").to_numpy(bool)[index]
     for name, values in moving.items():
@@ -307,7 +307,7 @@ def _placed(
 def _joined(parts: list[dict[str, np.ndarray]]) -> dict[str, np.ndarray]:
     """The scenes in common arrays, with as many places as the scene with the most replayed vehicles needs."""
     n_places = max(part["replayed_id"].shape[-1] for part in parts)
-    empty = {"replayed_id": NOBODY, "replayed_lane": NOT_RECORDED}
+    empty = {"replayed_id": NO_VEHICLE, "replayed_lane": NOT_RECORDED}
 
     def padded(name: str, values: np.ndarray) -> np.ndarray:
         missing = [(0, 0)] * (values.ndim - 1) + [(0, n_places - values.shape[-1])]

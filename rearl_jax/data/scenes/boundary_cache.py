@@ -1,4 +1,4 @@
-"""What was recorded around scenes, read once per machine, data set and choice of scenes."""
+"""Recorded traffic around scenes, read once per machine, data set and choice of scenes."""
 
 from dataclasses import asdict, fields
 

@@ -92,7 +92,7 @@ def _counts(seen: Mapping[str, WindowCount]) -> SceneCounts:
 
 
 def _no_scene(seen: Mapping[str, WindowCount], scenes: ScenesConfig) -> Problem:
-    """Why there is no scene, and which key to change."""
+    """Problem of recordings that give no scene, with the key to change."""
     if not seen:
         message = "there are no recordings to cut scenes from: check data.format and data.root"
         return Problem("recordings-missing", message)

@@ -8,7 +8,7 @@ from jaxtyping import Array, Float, Int
 
 from rearl_jax.config.core import MOST_LANES, CoreConfig
 from rearl_jax.core.boundary import Boundary, Entrants, Identity, Motion
-from rearl_jax.core.road import traffic_model
+from rearl_jax.core.model import traffic_model
 from rearl_jax.core.state import TrafficState, make_state
 from rearl_jax.data.scenes.boundary import SceneBoundary, lanes_side_by_side
 from rearl_jax.data.scenes.scene_set import SceneSet
@@ -29,7 +29,7 @@ def first_lanes(scenes: SceneSet) -> Int[np.ndarray, "scenes slots"]:
 
 
 def recorded_road(core: CoreConfig, scenes: SceneSet) -> CoreConfig:
-    """The road of recorded scenes: with their lanes, unless `core` says how many, and without a speed limit that
+    """The road of recorded scenes: with their lanes, unless `core` states their number, and without a speed limit that
     recorded vehicles exceed.
 
     Raises:
@@ -53,8 +53,8 @@ def measured_state(scenes: SceneSet, core: CoreConfig) -> TrafficState:
     """States with the vehicles of every scene's first snapshot, `[n_vehicles, n_scenes]`.
 
     x = position along the own driving direction less the least one of the scene, so the carriageways lie side by side
-    and all vehicles drive towards larger x; lane as in `first_lanes`; in the place of the desired speed stands the
-    highest speed that was recorded of the vehicle, to which `core.boundary.cut_desired_speed` cuts that of its driver.
+    and all vehicles drive towards larger x; lane as in `first_lanes`; `desired_speed` is the highest recorded speed
+    of the vehicle, to which `core.boundary.cut_desired_speed` limits that of its driver.
     Speeds are rescaled by `scenes.speed_norm`.
 
     Raises:

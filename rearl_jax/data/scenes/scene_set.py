@@ -126,7 +126,7 @@ class SceneSet:
 
     @property
     def is_one_way(self) -> bool:
-        """Whether each scene holds one carriageway only."""
+        """True if each scene holds one carriageway only."""
         return self.settings.get("scenes.direction") == Direction.per_direction.name
 
     @property

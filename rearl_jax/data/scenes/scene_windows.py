@@ -111,7 +111,7 @@ class Tracks:
         return np.diff(self.starts, append=len(self.frame))
 
     def seniority(self, rows: np.ndarray, pick: Pick) -> np.ndarray:
-        """How long each vehicle is recorded: frames since its track began, or length of the whole track [frames]."""
+        """Recorded time of each vehicle: frames since its track began, or length of the whole track [frames]."""
         if pick is Pick.total_duration:
             return self.lengths[self.ordinal[rows]]
         return self.frame[rows] - self.frame[self.starts][self.ordinal[rows]]

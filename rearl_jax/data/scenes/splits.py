@@ -170,7 +170,7 @@ def split_sizes(n_scenes: int, split: SplitConfig, seconds: float = math.inf) ->
 
     The paper's 150, 15 and 50 of 741. For another number N: threshold 0.2 N; tuning and evaluation scaled by
     N / 741 (not above 15 and 50), at least 5. If these do not fit into N: evaluation as above, threshold 0.2 N, tuning
-    the rest, the last two at least 1. A size given in the configuration is taken as it is.
+    the rest, the last two at least 1. A size given in the configuration is used unchanged.
 
     Args:
         n_scenes: Number of scenes.
@@ -205,7 +205,7 @@ def split_sizes(n_scenes: int, split: SplitConfig, seconds: float = math.inf) ->
 
 
 def _remedy(n_scenes: int, least: int, seconds: float) -> str:
-    """How to get enough scenes: every scene holds several shorter ones."""
+    """Remedy for too few scenes: more recordings, or shorter scenes, of which a scene holds several."""
     remedies = ["read more recordings"]
     shorter = 0 if math.isinf(seconds) else int(seconds // math.ceil(least / n_scenes))
     if shorter >= _SHORTEST:

@@ -58,7 +58,7 @@ def clock_of(columns: Sequence[FoundColumn]) -> Clock | None:
         column for column in named(columns, "recording") if 1 < len(np.unique(column.codes)) <= len(column.codes) / 3
     ]
     days = [column for column in columns if is_days(column) and len(np.unique(column.codes)) > 1]
-    # Ids that begin anew in each recording go back in time there, which single damaged rows may do too.
+    # Ids that restart in each recording go back in time there, which single damaged rows may do too.
     for share in (1.0, _MIN_RISING_SHARE):
         for recording in (None, *recordings):
             for track in named(columns, "track_id"):

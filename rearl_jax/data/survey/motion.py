@@ -31,7 +31,7 @@ _MIN_PIECES = 8  # pieces needed for an estimate
 _MIN_OPPOSITE_SHARE = 0.05  # share of pieces that go the other way from which on vehicles drive both ways
 _MAX_SPEED_MPS = 50.0  # m/s; speeds of traffic above it are in ft/s
 _MAX_ROW_TIME = 20.0  # s between rows, beyond which times are not in s
-_FEET_OR_METRES = "m and m/s cannot be told from ft and ft/s: neither names nor sizes of vehicles say it, m are assumed"
+_FEET_OR_METRES = "m and m/s cannot be distinguished from ft and ft/s by names or sizes of vehicles; m are assumed"
 _NO_MOTION = ("track_id", "frame", "time", "lane", "length", "width", "vehicle_class", "leader_id", "direction")
 
 

@@ -1,4 +1,4 @@
-"""Names that tables give to the canonical columns, and units that stand in names."""
+"""Names that tables give to the canonical columns, and units that are part of names."""
 
 import re
 import unicodedata

@@ -13,7 +13,7 @@ from rearl_jax.data.survey.names import end_in, is_in_pixels, is_on_globe, per_v
 from rearl_jax.data.survey.ring import ring_of
 from rearl_jax.data.survey.sample import FoundColumn, Sample
 from rearl_jax.data.survey.sizes import Sizes, sizes_of
-from rearl_jax.data.tables.track_names import NOBODY
+from rearl_jax.data.tables.track_names import NO_LEADER
 from rearl_jax.data.units import SI_FACTOR
 from rearl_jax.data.vehicle_classes import CLASSES, class_of
 
@@ -108,7 +108,7 @@ def _take_clock(found: Proposal, clock: Clock) -> None:
     kind = "words" if clock.track.kind == "words" else "numbers"
     found.taken["track_id"] = Taken(clock.track.name, None, f"{reason}; {n_vehicles} {kind}, {per_track:.0f} rows each")
     if clock.recording is not None:
-        found.taken["recording"] = Taken(clock.recording.name, None, "name; ids begin anew in each")
+        found.taken["recording"] = Taken(clock.recording.name, None, "name; ids restart in each")
     if clock.time is not None:
         what = (
             "dates and times of day" if clock.time.kind == "moments" else f"rises by {_short(clock.step)} along tracks"
@@ -244,7 +244,7 @@ def _vehicle_class(found: Proposal, column: FoundColumn, clock: Clock, motion: M
 def _leader_id(found: Proposal, column: FoundColumn, clock: Clock, motion: Motion | None) -> str | None:
     leaders, own = (one.texts.dropna().str.replace(r"\.0*$", "", regex=True) for one in (column, clock.track))
     known = set(own.unique())
-    stated = leaders[~leaders.str.lower().isin(NOBODY) | leaders.isin(known)]
+    stated = leaders[~leaders.str.lower().isin(NO_LEADER) | leaders.isin(known)]
     if not len(stated):
         return "names no vehicle"
     share = float(stated.isin(known).mean())

@@ -104,7 +104,7 @@ def _form(path: Path) -> str:
 
 def _first_of_parquet(path: Path) -> list[pd.Series]:
     """The columns of the first rows; what they are is asked of all rows later."""
-    read_columns(path, ())  # says what is wrong with a damaged file
+    read_columns(path, ())  # raises the error of a damaged file
     try:
         with pq.ParquetFile(path) as file:
             batch = next(file.iter_batches(ROWS), None)

@@ -9,7 +9,7 @@ from rearl_jax.data.units import SI_FACTOR
 
 
 def judge_sides(found: Proposal, sample: Sample) -> None:
-    """Leaves out lanes and lateral positions that count in opposite directions, and says what else is not certain.
+    """Leaves out lanes and lateral positions that count in opposite directions, and states other uncertainties.
 
     Both may count from the other side together; only the names of the canonical table exclude it.
 

@@ -1,4 +1,4 @@
-"""`rearl prepare FILE`: says what an unknown file or folder holds, and prints the command that reads it."""
+"""`rearl prepare FILE`: describes an unknown file or folder, and prints the command that reads it."""
 
 from importlib import import_module
 from pathlib import Path

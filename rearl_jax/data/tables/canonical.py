@@ -46,7 +46,9 @@ def find_tables(root: Path) -> list[Path]:
     Raises:
         FileNotFoundError: There is none.
     """
-    wanted = "a table, or a folder of tables, one row per vehicle and frame; `rearl prepare FILE` says how to read one"
+    wanted = (
+        "a table, or a folder of tables, one row per vehicle and frame; `rearl prepare FILE` prints how to read one"
+    )
     return named_files(root, _ENDINGS, wanted, ".parquet or .csv")
 
 
@@ -79,7 +81,7 @@ class TableFile:
 
         Args:
             recording: Its id.
-            labels: Columns that are labels of its tracks, beside those that the file states itself.
+            labels: Columns that are labels of its tracks, in addition to those that the file states itself.
 
         Raises:
             BadRecordingError: The file or a row breaks the schema.

@@ -117,7 +117,9 @@ def _with_frames(rows: pd.DataFrame, spelling: Spelling, file: str) -> tuple[pd.
     first = float(frame[order[0]])
     if every < 2 or ((frame[known] - first) % every).any():
         return rows, []
-    return rows.assign(frame=(frame - np.min(frame[known])) / every), [f"every {every}th frame is there, counted anew"]
+    return rows.assign(frame=(frame - np.min(frame[known])) / every), [
+        f"only every {every}th frame is recorded; frames were renumbered"
+    ]
 
 
 def _with_centres(rows: pd.DataFrame, data: DataConfig) -> tuple[pd.DataFrame, list[str]]:

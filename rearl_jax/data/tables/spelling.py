@@ -88,7 +88,7 @@ def spelling_of(data: DataConfig, present: Sequence[str], file: str) -> Spelling
     columns = {name: source for name in (*_NAMES, *ENDS) if (source := (given | own).get(name)) is not None}
     places = [name for name in ("position", *ENDS) if name in columns]
     if len(places) > 1:
-        message = f"names a position beside data.columns.{places[0]}, of which one is enough"
+        message = f"names a position in addition to data.columns.{places[0]}, of which one is enough"
         remedy = f"leave one out: 'data.columns={{{places[0]}: null}}'"
         raise InvalidInputError(Problem("column-shared", message, remedy, key=f"data.columns.{places[1]}"))
     factors, leftmost = {}, None
@@ -126,7 +126,7 @@ def require_known_columns(present: Sequence[str], wanted: Sequence[str], file: s
             message = "the column is missing"
             remedy = (
                 f"add it, or name what it is called: 'data.columns={{{name}: NAME}}'; found: {', '.join(present)}; "
-                "`rearl prepare FILE` says what the columns may be"
+                "`rearl prepare FILE` lists what the columns may be"
             )
             raise BadRecordingError(Problem("column-missing", message, remedy, column=name, file=file))
 

@@ -13,7 +13,7 @@ IDS = ("track_id", "leader_id")
 """Columns that name vehicles."""
 MAX_EXACT_ID = 2**53
 """Whole numbers beyond it do not survive as float64."""
-NOBODY = frozenset({"", "none", "null", "nan", "na", "n/a", "<na>", "-", "-1", "0"})
+NO_LEADER = frozenset({"", "none", "null", "nan", "na", "n/a", "<na>", "-", "-1", "0"})
 """Spellings of "no leader" in sources, in lower case; if a vehicle has such an id, that vehicle is meant."""
 _MAX_DAMAGED_SHARE = 0.02  # share of the rows up to which ids that are not numbers are damage, each in one row
 
@@ -60,8 +60,8 @@ def numbered(rows: pd.DataFrame, file: str, spelling: Mapping[str, str]) -> tupl
     if "leader_id" in rows:
         leader = _as_texts(pd.Series(rows["leader_id"]))
         code = pd.Series(np.arange(1.0, len(names) + 1.0), index=names)
-        nobody = leader.isna() | (leader.str.lower().isin(NOBODY) & ~leader.isin(names))
-        absent = pd.Series(leader[~nobody & ~leader.isin(names)])
+        has_none = leader.isna() | (leader.str.lower().isin(NO_LEADER) & ~leader.isin(names))
+        absent = pd.Series(leader[~has_none & ~leader.isin(names)])
         others, inverse = np.unique(absent.astype(str), return_inverse=True)
         number = leader.map(code).astype(np.float64)
         number[absent.index] = len(names) + 1.0 + inverse
@@ -72,12 +72,12 @@ def numbered(rows: pd.DataFrame, file: str, spelling: Mapping[str, str]) -> tupl
 
 
 def _with_numeric_leaders(rows: pd.DataFrame, file: str, spelling: Mapping[str, str]) -> pd.DataFrame:
-    """The rows with numbers in `leader_id`; words that stand for no leader become unknown."""
+    """The rows with numbers in `leader_id`; words for "no leader" become unknown."""
     if "leader_id" not in rows or pd.api.types.is_numeric_dtype(rows["leader_id"]):
         return rows
     texts = _as_texts(pd.Series(rows["leader_id"]))
     numbers = pd.Series(pd.to_numeric(texts, errors="coerce"), index=rows.index).astype(np.float64)
-    bad = (numbers.isna() & texts.notna() & ~texts.str.lower().isin(NOBODY)).to_numpy()
+    bad = (numbers.isna() & texts.notna() & ~texts.str.lower().isin(NO_LEADER)).to_numpy()
     if bad.any():
         row = int(np.argmax(bad))
         raise bad_recording(

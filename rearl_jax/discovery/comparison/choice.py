@@ -14,7 +14,7 @@ DRAWS = 2000
 """Resamples of drivers."""
 
 PREDICTING = ("population", "first_half", "other_runs")
-"""Protocols that predict; a model that is worse than the best one in one of them is not chosen."""
+"""Protocols that predict; a model that is worse than the best model in one of them is not chosen."""
 
 
 @dataclass(frozen=True)
@@ -25,7 +25,7 @@ class Choice:
         chosen: Index of the chosen model.
         better_share: Share of resamples of drivers in which each model is more likely than the first one [-].
         best_share: Share of resamples in which each model is the most likely one [-].
-        vetoed: Models whose simulations are worse than the best one's.
+        vetoed: Models whose simulations are worse than those of the best model.
         mean_errors: Geometric mean over the protocols that predict of the mean gap error of each model [m].
     """
 
@@ -54,19 +54,20 @@ def choice_of(
     """The first model, or the most likely of those that are significantly more likely and not rejected by simulations.
 
     Args:
-        gains: Log-likelihood of each driver under each model less that under the first model, which is that of the key
-            `driver` [nats].
+        gains: Log-likelihood of each driver under each model minus that under the first model, which is that of the
+            key `driver` [nats].
         errors: For each model, gap errors of the drivers who could be tested [m], by protocol; empty for a model that
             was not simulated.
         seed: Seed of the resamples.
     """
-    drawn = np.stack([one[resamples(len(one), seed)].sum(axis=1) for one in gains])
+    drawn = np.stack([gain[resamples(len(gain), seed)].sum(axis=1) for gain in gains])
     better = (drawn > drawn[0]).mean(axis=1).tolist()
     best = np.bincount(drawn.argmax(axis=0), minlength=len(gains)) / DRAWS
-    vetoed = frozenset().union(*(_probably_worse([one.get(name) for one in errors], seed) for name in PREDICTING))
-    means = [mean_prediction_error(one) for one in errors]
-    first = Choice(0, better, best.tolist(), vetoed, means)
-    able = [
+    vetoed = frozenset().union(
+        *(_probably_worse([by_protocol.get(name) for by_protocol in errors], seed) for name in PREDICTING)
+    )
+    first = Choice(0, better, best.tolist(), vetoed, [mean_prediction_error(by_protocol) for by_protocol in errors])
+    eligible = [
         index
         for index, share in enumerate(better)
         if share >= THRESHOLDS.base_confidence
@@ -74,13 +75,15 @@ def choice_of(
         and not first.denies(index)
         and (errors[index] or not any(errors))  # a model without simulations is not chosen if others have some
     ]
-    chosen = max(able, key=lambda index: float(gains[index].sum()), default=0)
+    chosen = max(eligible, key=lambda index: float(gains[index].sum()), default=0)
     return replace(first, chosen=chosen)
 
 
-def is_beaten(one: Float[np.ndarray, " drivers"], gains: Sequence[Float[np.ndarray, " drivers"]], seed: int) -> bool:
-    """True if a model with the gains `one` is significantly less likely than the most likely model."""
-    gain = max(gains, key=lambda other: float(other.sum())) - one
+def is_beaten(
+    own_gains: Float[np.ndarray, " drivers"], gains: Sequence[Float[np.ndarray, " drivers"]], seed: int
+) -> bool:
+    """True if a model with `own_gains` is significantly less likely than the most likely model."""
+    gain = max(gains, key=lambda other: float(other.sum())) - own_gains
     drawn = gain[resamples(len(gain), seed)].sum(axis=1)
     return bool((drawn > 0).mean() >= THRESHOLDS.base_confidence and gain.sum() > THRESHOLDS.least_base_gain)
 
@@ -93,14 +96,14 @@ def mean_prediction_error(errors: Mapping[str, Float[np.ndarray, " _"]]) -> floa
 
 def _probably_worse(errors: Sequence[Float[np.ndarray, " tested"] | None], seed: int) -> frozenset[int]:
     """Models whose mean error probably exceeds the smallest one by more than the tolerated share."""
-    tested = {index: one for index, one in enumerate(errors) if one is not None}
+    tested = {index: error for index, error in enumerate(errors) if error is not None}
     if not tested:
         return frozenset()
-    best = min(tested.values(), key=lambda one: float(one.mean()))
+    best = min(tested.values(), key=lambda error: float(error.mean()))
     drawn = resamples(len(best), seed)
     tolerated = (1 + THRESHOLDS.base_error_share) * best[drawn].mean(axis=1)
     return frozenset(
         index
-        for index, one in tested.items()
-        if (one[drawn].mean(axis=1) > tolerated).mean() > THRESHOLDS.base_veto_share
+        for index, error in tested.items()
+        if (error[drawn].mean(axis=1) > tolerated).mean() > THRESHOLDS.base_veto_share
     )

@@ -37,7 +37,7 @@ LOG_LIKELIHOOD = "log_likelihood"
 
 
 @dataclass(frozen=True)
-class Compared:
+class ModelPredictions:
     """Predictions of one model for the checked drivers.
 
     Attributes:
@@ -68,7 +68,7 @@ def compared_models(
     progress: Callable[[int, int], None],
     *,
     lane_changes: bool,
-) -> tuple[list[Compared], Base]:
+) -> tuple[list[ModelPredictions], Base]:
     """Predictions of every model for the checked drivers, and the calibrated first model.
 
     Args:
@@ -91,17 +91,17 @@ def compared_models(
         progress(index + 1, len(solvers))
     found, gains = [], gains_of(likely, checked)
     for index, (solver, fit, state) in enumerate(zip(solvers, fits, states, strict=True)):
-        is_asked = index == 0 or not is_beaten(gains[index], gains, seed)
-        errors = _errors_by_protocol(solver, fit, state) if is_asked else {}
-        found.append(Compared(solver.layout.prior.name, likely[index], errors))
+        is_simulated = index == 0 or not is_beaten(gains[index], gains, seed)
+        errors = _errors_by_protocol(solver, fit, state) if is_simulated else {}
+        found.append(ModelPredictions(solver.layout.prior.name, likely[index], errors))
     return found, base
 
 
 def gains_of(likely: Sequence[Float[np.ndarray, " drivers"]], data: Measured) -> list[Float[np.ndarray, " drivers"]]:
-    """Log-likelihood of each driver under each model, less that under the first model, bounded as in `bounded_gains`
+    """Log-likelihood of each driver under each model minus that under the first model, bounded as in `bounded_gains`
     [nats].
     """
-    return [bounded_gains(one - likely[0], data) for one in likely]
+    return [bounded_gains(of_model - likely[0], data) for of_model in likely]
 
 
 def calibrated_alike(solver: Solver, data: Measured, fit: Fit) -> Fit:
@@ -120,24 +120,24 @@ def _errors_by_protocol(solver: Solver, fit: Fit, state: FitState) -> dict[str, 
     """Errors of drivers in every protocol in which at least one driver can be tested."""
     in_sample = simulated_error(solver, calibrated_to_gap(solver, state))
     found = protocol_errors(solver, state, fit, in_sample, every_run(state.data))
-    return {name: dict(one.by_driver) for name, one in found.items() if one is not None}
+    return {name: dict(errors.by_driver) for name, errors in found.items() if errors is not None}
 
 
-def compared_table(found: Sequence[Compared]) -> pd.DataFrame:
+def compared_table(found: Sequence[ModelPredictions]) -> pd.DataFrame:
     """Every measure of every checked driver by model and protocol."""
     parts = []
-    for one in found:
-        measures = {ONE_STEP: {LOG_LIKELIHOOD: one.log_likelihood}, **one.errors}
+    for predictions in found:
+        measures = {ONE_STEP: {LOG_LIKELIHOOD: predictions.log_likelihood}, **predictions.errors}
         for protocol, by_driver in measures.items():
             part = pd.DataFrame({name: by_driver.get(name, np.nan) for name in (LOG_LIKELIHOOD, *PROTOCOL_MEASURES)})
             part.insert(0, "driver", np.arange(len(part)))
             part.insert(0, "protocol", protocol)
-            part.insert(0, "model", one.name)
+            part.insert(0, "model", predictions.name)
             parts.append(part)
     return pd.concat(parts, ignore_index=True)
 
 
-def read_compared(path: Path) -> list[Compared]:
+def read_compared(path: Path) -> list[ModelPredictions]:
     """Predictions stored by an interrupted run."""
     found = []
     for name, rows in pd.read_parquet(path).groupby("model", sort=False):
@@ -147,5 +147,5 @@ def read_compared(path: Path) -> list[Compared]:
             protocol: {measure: part[measure].to_numpy(float) for measure in PROTOCOL_MEASURES}
             for protocol, part in by_protocol.items()
         }
-        found.append(Compared(str(name), likely, errors))
+        found.append(ModelPredictions(str(name), likely, errors))
     return found

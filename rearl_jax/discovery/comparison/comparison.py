@@ -12,7 +12,7 @@ from rearl_jax.discovery.comparison.choice import Choice, choice_of, is_beaten
 from rearl_jax.discovery.comparison.compared import (
     MOST_CHECKED,
     MOST_FITTED,
-    Compared,
+    ModelPredictions,
     compared_models,
     compared_table,
     gains_of,
@@ -37,7 +37,7 @@ class Comparison:
     Attributes:
         priors: Priors of the models; the model of the key `driver` is first.
         found: Predictions of each model.
-        gains: Log-likelihood of each checked driver under each model, less that under the first model, see `gains_of`.
+        gains: Log-likelihood of each checked driver under each model minus that under the first model, see `gains_of`.
         choice: The choice of a model.
         n_fitted: Number of drivers that the models were calibrated to.
         base: The calibrated model of the key `driver`; None if another model was chosen, or if it was calibrated to a
@@ -48,7 +48,7 @@ class Comparison:
     """
 
     priors: Sequence[Prior]
-    found: Sequence[Compared]
+    found: Sequence[ModelPredictions]
     gains: Sequence[Float[np.ndarray, " drivers"]]
     choice: Choice
     n_fitted: int
@@ -80,7 +80,7 @@ class Comparison:
     def going_on_with(self, prior: Prior) -> "Comparison":
         """The comparison with another choice; the model chosen before becomes the first rival."""
         others = tuple(name for name in self.rivals if name != prior.name)
-        choice = replace(self.choice, chosen=[one.name for one in self.priors].index(prior.name))
+        choice = replace(self.choice, chosen=[known.name for known in self.priors].index(prior.name))
         return replace(self, choice=choice, base=None, rivals=(self.prior.name, *others), before=self.prior.name)
 
 
@@ -111,8 +111,8 @@ def comparison_of(
         )
         if study is not None:
             study.write_table(BASE_TABLE, compared_table(found), seeds=f"discover.seed={options.seed}")
-    gains = gains_of([one.log_likelihood for one in found], checked)
-    errors = [{name: by_driver["gap_rmse"] for name, by_driver in one.errors.items()} for one in found]
+    gains = gains_of([predictions.log_likelihood for predictions in found], checked)
+    errors = [{name: by_driver["gap_rmse"] for name, by_driver in predictions.errors.items()} for predictions in found]
     choice = choice_of(gains, errors, options.seed)
     if choice.chosen != 0 or fitted is not parts.fitted:
         base = None
@@ -135,9 +135,9 @@ def base_block(comparison: Comparison, options: DiscoverConfig, time_gaps: dict[
     """
     resampling, choice = Resampling(options.confidence, options.draws, options.seed), comparison.choice
     rows = []
-    for index, one in enumerate(comparison.found):
+    for index, predictions in enumerate(comparison.found):
         protocols: dict[str, Any] = dict.fromkeys(PROTOCOLS)
-        for name, by_driver in one.errors.items():
+        for name, by_driver in predictions.errors.items():
             figures = {
                 measure: {
                     statistic: resampling.figure(resampling.drawn(by_driver[measure], pool))
@@ -148,9 +148,9 @@ def base_block(comparison: Comparison, options: DiscoverConfig, time_gaps: dict[
             protocols[name] = {"n_drivers": len(by_driver["gap_rmse"])} | figures
         rows.append(
             {
-                "name": one.name,
+                "name": predictions.name,
                 "n_parameters": comparison.priors[index].size,
-                "log_likelihood": resampling.figure(resampling.drawn(one.log_likelihood, np.sum)),
+                "log_likelihood": resampling.figure(resampling.drawn(predictions.log_likelihood, np.sum)),
                 "gain": resampling.figure(resampling.drawn(comparison.gains[index], np.sum)),
                 "better_share": choice.better_share[index],
                 "best_share": choice.best_share[index],

@@ -31,13 +31,13 @@ MOST_OTHERS = 2
 
 
 @dataclass(frozen=True)
-class Beside:
+class ModelTest:
     """The effects found, tested in another car-following model.
 
     Attributes:
         prior: Prior of the other model.
         holds: Whether each effect holds in that model if the effects before it are part of the model.
-        gains: Log-likelihood of each checked driver less that under the chosen model [nats], both with all effects
+        gains: Log-likelihood of each checked driver minus that under the chosen model [nats], both with all effects
             found and with own parameters integrated out, bounded as in `bounded_gains`.
     """
 
@@ -46,7 +46,9 @@ class Beside:
     gains: Float[np.ndarray, " drivers"]
 
 
-def found_beside(solver: Solver, outcome: Search, priors: Sequence[Prior], fitted: Measured) -> list[Beside]:
+def effects_in_other_models(
+    solver: Solver, outcome: Search, priors: Sequence[Prior], fitted: Measured
+) -> list[ModelTest]:
     """Tests of the effects found in other models; empty if no named effect was found.
 
     Args:
@@ -58,12 +60,12 @@ def found_beside(solver: Solver, outcome: Search, priors: Sequence[Prior], fitte
     if not _named(outcome):
         return []
     (chosen,) = recalibrated(solver, outcome.checked, [outcome.last])
-    return [_beside(solver_of(fitted, prior), prior, outcome, chosen) for prior in priors[:MOST_OTHERS]]
+    return [_tested_in(solver_of(fitted, prior), prior, outcome, chosen) for prior in priors[:MOST_OTHERS]]
 
 
-def dependent_effects(outcome: Search, others: Sequence[Beside]) -> dict[Term, tuple[str, ...]]:
+def dependent_effects(outcome: Search, others: Sequence[ModelTest]) -> dict[Term, tuple[str, ...]]:
     """Names of the other models in which a named effect does not hold, by effect."""
-    return {term: tuple(one.prior.name for one in others if not one.holds[term]) for term in _named(outcome)}
+    return {term: tuple(test.prior.name for test in others if not test.holds[term]) for term in _named(outcome)}
 
 
 def without_bounds(solver: Solver, outcome: Search, fitted: Measured) -> Search:
@@ -80,13 +82,13 @@ def without_bounds(solver: Solver, outcome: Search, fitted: Measured) -> Search:
     return replace(outcome, of_bounds=frozenset(term for term in named if not holds[term]))
 
 
-def better_model(others: Sequence[Beside], seed: int) -> Prior | None:
+def better_model(others: Sequence[ModelTest], seed: int) -> Prior | None:
     """The most likely other model if the chosen one is significantly less likely, both with the effects found; else
     None.
     """
     if not others:
         return None
-    best = max(others, key=lambda one: float(one.gains.sum()))
+    best = max(others, key=lambda test: float(test.gains.sum()))
     return best.prior if is_beaten(np.zeros_like(best.gains), [best.gains], seed) else None
 
 
@@ -95,14 +97,14 @@ def _named(outcome: Search) -> list[Term]:
     return [trial.candidate.term for trial in outcome.added if trial.candidate.kind in ("driver", "road")]
 
 
-def _beside(solver: Solver, prior: Prior, outcome: Search, chosen: FitState) -> Beside:
+def _tested_in(solver: Solver, prior: Prior, outcome: Search, chosen: FitState) -> ModelTest:
     holds, other = _found_again(solver, outcome)
-    return Beside(prior, holds, bounded_gains(other.marginal() - chosen.marginal(), outcome.checked))
+    return ModelTest(prior, holds, bounded_gains(other.marginal() - chosen.marginal(), outcome.checked))
 
 
 def _found_again(solver: Solver, outcome: Search) -> tuple[dict[Term, bool], FitState]:
-    """Whether each added effect holds in another model that contains the effects before it, and the state of the
-    checked drivers with all of them.
+    """By added effect, whether it holds in another model that contains the effects before it; and the state of the
+    checked drivers with all effects.
     """
     fit = calibrated_alike(solver, outcome.first.state.data, outcome.first)
     holds, other = {}, None

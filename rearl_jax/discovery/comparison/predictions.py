@@ -21,15 +21,19 @@ def best_predicting(solver: Solver, outcome: Search, seed: int) -> Search:
     """The search with as many of its additions, in their order, as predict the checked drivers best; without additions
     unless these predict them surely better.
 
-    Evidence comes from one-step predictions, and simulations of calibrated drivers forgive much. An effect that is not
-    surely the right one has to be of use for drivers, or parts of drives, to which nothing was calibrated.
+    Evidence comes from one-step predictions, and calibrated parameters can compensate for wrong effects in simulations.
+    An effect that may not be the right one must improve predictions for drivers, or parts of drives, to which no
+    parameter was calibrated.
     """
     if not outcome.added:
         return outcome
     fits = [outcome.first, *(trial.fit for trial in outcome.added)]
     states = recalibrated(solver, outcome.checked, fits)
     errors = [prediction_errors(solver, state, fit) for fit, state in zip(fits, states, strict=True)]
-    gap_errors = [{name: one.by_driver["gap_rmse"] for name, one in of_fit.items() if one} for of_fit in errors]
+    gap_errors = [
+        {name: of_protocol.by_driver["gap_rmse"] for name, of_protocol in of_fit.items() if of_protocol}
+        for of_fit in errors
+    ]
     before, useful = gap_errors[0], [0]
     useful += [n for n, after in enumerate(gap_errors) if n and predict_surely_better(before, after, seed)]
     return with_first_additions(outcome, min(useful, key=lambda n: mean_prediction_error(gap_errors[n])))

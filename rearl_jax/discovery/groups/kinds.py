@@ -183,14 +183,14 @@ def _noise_of_drivers(solver: Solver, fit: Fit) -> tuple[np.ndarray, np.ndarray]
     the maximum of the likelihood over FACTORS and its curvature.
     """
     noise, data = fit.noise, fit.state.data
-    looks = slice(None, None, data.stride)
-    weight = (data.weight[looks] > 0) * noise.independent
-    unequal = 1 + noise.growth * squared_leader_acceleration(data)[looks]
+    independent = slice(None, None, data.stride)
+    weight = (data.weight[independent] > 0) * noise.independent
+    unequal = 1 + noise.growth * squared_leader_acceleration(data)[independent]
 
     def likely(other: Noise) -> np.ndarray:
         gain = other.gain(data.dt, data.stride)
         (innovation,) = solver.innovations([fit.state], gain)
-        square = np.minimum(innovation[looks] ** 2 / unequal / gain.variance, LARGEST**2)
+        square = np.minimum(innovation[independent] ** 2 / unequal / gain.variance, LARGEST**2)
         by_piece = -0.5 * ((square + np.log(gain.variance)) * weight).sum(axis=0)
         return np.bincount(data.driver, by_piece, data.n_drivers)
 

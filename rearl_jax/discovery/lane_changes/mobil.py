@@ -75,14 +75,14 @@ class MobilRule:
         return np.where(self.accepts(table), min(PERIOD / self.delay, 1.0), self.refused_chance)
 
     def with_rates(self, table: Opportunities) -> "MobilRule":
-        """The same rule with the rates observed in these opportunities."""
+        """The rule with the rates observed in these opportunities."""
         accepted = self.accepts(table)
         chance = rate(float(table.changes[accepted].sum()), float(accepted.sum()))
         delay = float(np.clip(PERIOD / chance, PERIOD, LONGEST_DELAY))
         return replace(self, delay=delay).with_refused(table)
 
     def with_refused(self, table: Opportunities) -> "MobilRule":
-        """The same rule and delay, with the observed probability of refused changes."""
+        """The rule and its delay, with the observed probability of refused changes."""
         refused = ~self.accepts(table)
         return replace(self, refused_chance=float(rate(float(table.changes[refused].sum()), float(refused.sum()))))
 

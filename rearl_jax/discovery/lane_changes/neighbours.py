@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 from jaxtyping import Int
 
-from rearl_jax.core.order import NOBODY
+from rearl_jax.core.order import NO_VEHICLE
 
 _LANES = 64
 """Stride of lane numbers: more lanes than any carriageway has, with room for adjacent lanes."""
@@ -14,7 +14,7 @@ _LANES = 64
 
 @dataclass(frozen=True)
 class Pair:
-    """The next vehicles on one lane, as rows of the table, NOBODY where there is none."""
+    """The next vehicles on one lane, as rows of the table, NO_VEHICLE where there is none."""
 
     leader: Int[np.ndarray, " rows"]
     rear: Int[np.ndarray, " rows"]
@@ -52,7 +52,7 @@ def next_on_lanes(table: pd.DataFrame) -> dict[int, Pair]:
 def _row(
     number: np.ndarray, order: np.ndarray, street: np.ndarray, wanted: np.ndarray, exists: np.ndarray
 ) -> Int[np.ndarray, " rows"]:
-    """Rows at given places of the sorted order; NOBODY if they are on another lane or in another frame."""
+    """Rows at given places of the sorted order; NO_VEHICLE if they are on another lane or in another frame."""
     inside = exists & (number >= 0) & (number < len(order))
     row = order[np.clip(number, 0, len(order) - 1)]
-    return np.where(inside & (street[row] == wanted), row, NOBODY)
+    return np.where(inside & (street[row] == wanted), row, NO_VEHICLE)

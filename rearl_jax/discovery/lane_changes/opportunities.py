@@ -15,7 +15,7 @@ import pandas as pd
 from jaxtyping import Bool, Float, Int
 
 from rearl_jax.core.effects.stimulus import OUT_OF_SIGHT
-from rearl_jax.core.order import NOBODY
+from rearl_jax.core.order import NO_VEHICLE
 from rearl_jax.data.records import Recording
 from rearl_jax.discovery.lane_changes.incentives import KnownDrivers, acceleration, likely_parameters
 from rearl_jax.discovery.lane_changes.motion import with_motion
@@ -158,7 +158,7 @@ class _Scene:
         self.upstream = rows.groupby("direction")["position"].transform("min").to_numpy()
         self.whole, self.frame = whole_lanes(self.direction, self.lane, self.x), rows["frame"].to_numpy(np.int64)
         self.ramp_side = side_of_ramp(self.vehicle, self.direction, self.lane, self.whole)
-        self.goes_on = _goes_on(rows)
+        self.continues = _continues(rows)
         self.model = drivers.prior.name
         self.own = self._parameters(drivers, on_own_lane.leader)
         self.braking = self._earlier_braking(on_own_lane.leader)
@@ -167,26 +167,26 @@ class _Scene:
         """Parameters of every row's driver: calibrated ones, else those of `likely_parameters`."""
         own = drivers.of_vehicles(self.vehicle, self.is_truck)
         driver, gap = np.unique(self.vehicle, return_inverse=True)[1], self._gap(np.arange(len(leader)), leader)
-        behind = (self.v, gap, self.v[leader], self.a, leader != NOBODY)
+        behind = (self.v, gap, self.v[leader], self.a, leader != NO_VEHICLE)
         likely = likely_parameters(own, driver, *behind, PERIOD, drivers.prior)
         return np.where(drivers.is_known(self.vehicle), own, likely)
 
     def _earlier_braking(self, leader: np.ndarray) -> np.ndarray:
         """Acceleration of each vehicle, EARLIER, below that of its model behind its leader [m/s^2]; 0 if unknown."""
         everyone = np.arange(len(leader))
-        less = np.where(leader == NOBODY, 0.0, self._behind(everyone, leader) - self.a)
+        less = np.where(leader == NO_VEHICLE, 0.0, self._behind(everyone, leader) - self.a)
         back = round(EARLIER / PERIOD)
         before = np.maximum(everyone - back, 0)
-        breaks = np.r_[0, np.cumsum(~self.goes_on)]
+        breaks = np.r_[0, np.cumsum(~self.continues)]
         same = (everyone >= back) & (breaks[everyone + 1] == breaks[before + 1])
         return np.where(same, less[before], 0.0)
 
     def side(self, side: int, own_lane: Pair, target_lane: Pair) -> Opportunities:
         """Opportunities to change to one side, from the neighbours on the own lane and on the target lane."""
         leader, follower, side_leader, rear = own_lane.leader, own_lane.rear, target_lane.leader, target_lane.rear
-        chosen = np.flatnonzero(self._may_change(side) & (leader != NOBODY) & (side_leader != NOBODY))
+        chosen = np.flatnonzero(self._may_change(side) & (leader != NO_VEHICLE) & (side_leader != NO_VEHICLE))
         near_edge = self.x[chosen] - self.upstream[chosen] < SEEN_BEHIND
-        chosen = chosen[~near_edge | ((rear[chosen] != NOBODY) & (follower[chosen] != NOBODY))]
+        chosen = chosen[~near_edge | ((rear[chosen] != NO_VEHICLE) & (follower[chosen] != NO_VEHICLE))]
         leader, follower, side_leader, rear = (rows[chosen] for rows in (leader, follower, side_leader, rear))
         v = self.v[chosen]
         gap, side_gap = self._gap(chosen, leader), self._gap(chosen, side_leader)
@@ -212,9 +212,9 @@ class _Scene:
             side_leader_speed=self.v[side_leader],
             side_leader_is_truck=self.is_truck[side_leader],
             rear_gap=rear_gap,
-            rear_braking=np.where(rear == NOBODY, 0.0, self.braking[rear]),
+            rear_braking=np.where(rear == NO_VEHICLE, 0.0, self.braking[rear]),
             follower_gap=follower_gap,
-            follower_speed=np.where(follower == NOBODY, v, self.v[follower]),
+            follower_speed=np.where(follower == NO_VEHICLE, v, self.v[follower]),
             is_truck=self.is_truck[chosen],
             is_mandatory=self.ramp_side[chosen] == side,
         )
@@ -231,16 +231,16 @@ class _Scene:
     def _gap(self, behind: np.ndarray, front: np.ndarray) -> np.ndarray:
         """Bumper-to-bumper gap [m]; OUT_OF_SIGHT if one of the two vehicles is missing."""
         gap = self.x[front] - self.x[behind] - (self.length[front] + self.length[behind]) / 2
-        return np.where((behind == NOBODY) | (front == NOBODY), OUT_OF_SIGHT, gap)
+        return np.where((behind == NO_VEHICLE) | (front == NO_VEHICLE), OUT_OF_SIGHT, gap)
 
     def _behind(self, vehicles: np.ndarray, front: np.ndarray) -> np.ndarray:
         """Model acceleration of vehicles behind given leaders [m/s^2]; 0 without a vehicle."""
-        gap, is_led = self._gap(vehicles, front), front != NOBODY
+        gap, is_led = self._gap(vehicles, front), front != NO_VEHICLE
         value = acceleration(self.model, self.own[:, vehicles], self.v[vehicles], gap, self.v[front], is_led)
-        return np.where(vehicles == NOBODY, 0.0, value)
+        return np.where(vehicles == NO_VEHICLE, 0.0, value)
 
 
-def _goes_on(rows: pd.DataFrame) -> Bool[np.ndarray, " rows"]:
+def _continues(rows: pd.DataFrame) -> Bool[np.ndarray, " rows"]:
     """True if a row is the next opportunity time of the vehicle in the row before."""
     track, frame = rows["track_id"].to_numpy(), rows["frame"].to_numpy()
     frames = np.unique(frame)

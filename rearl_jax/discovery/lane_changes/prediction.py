@@ -8,13 +8,19 @@ from jaxtyping import Bool, Float, Int
 from rearl_jax.discovery.lane_changes.mobil import CalibratedMobil, MobilRule, calibrated_mobil, rate
 from rearl_jax.discovery.lane_changes.opportunities import PERIOD, Opportunities
 
-BASE_RATE, AS_IT_WAS, USUAL_RULE, CALIBRATED, HAZARD = "base_rate", "mobil", "mobil_rates", "mobil_calibrated", "hazard"
+BASE_RATE, ORIGINAL, ORIGINAL_RULE, CALIBRATED, HAZARD = (
+    "base_rate",
+    "mobil",
+    "mobil_rates",
+    "mobil_calibrated",
+    "hazard",
+)
 
 PREDICTORS = {
     BASE_RATE: "constant rate of each side",
-    AS_IT_WAS: "MOBIL as it was",
-    USUAL_RULE: "MOBIL's usual rule at the drivers' rates",
-    CALIBRATED: "MOBIL calibrated",
+    ORIGINAL: "original MOBIL",
+    ORIGINAL_RULE: "original rule at the drivers' rates",
+    CALIBRATED: "calibrated MOBIL",
     HAZARD: "calibrated hazard",
 }
 """Compared models, from the simplest on. Values that differ from MOBIL's defaults are fitted to other drivers: in
@@ -28,8 +34,8 @@ LEAST_CHANGES = 30
 LEAST_IN_PART = 8
 """Smallest number of discretionary changes, each, of the fitted and of the held-out drivers."""
 
-SUREST = 1e-9
-"""Bound of the hazard's probabilities and of their complements [-], because no fit justifies more certainty."""
+LEAST_PROBABILITY = 1e-9
+"""Lower bound of the hazard's probabilities and of their complements [-], because no fit justifies more certainty."""
 
 LARGE_ADVANTAGE = 10 / 3.6
 """Speed advantage of the target lane [m/s] above which it counts as large: 10 km/h, a convention of this package."""
@@ -122,18 +128,18 @@ def prediction(
     mobil, uncalibrated = calibrated_mobil(fitted, confidence), MobilRule()
     chance = {
         BASE_RATE: constant,
-        AS_IT_WAS: uncalibrated.with_refused(fitted).chance(held_out),
-        USUAL_RULE: uncalibrated.with_rates(fitted).chance(held_out),
+        ORIGINAL: uncalibrated.with_refused(fitted).chance(held_out),
+        ORIGINAL_RULE: uncalibrated.with_rates(fitted).chance(held_out),
         CALIBRATED: mobil.rule.chance(held_out),
-        HAZARD: np.clip(hazard[part == 2], SUREST, 1.0 - SUREST),
+        HAZARD: np.clip(hazard[part == 2], LEAST_PROBABILITY, 1.0 - LEAST_PROBABILITY),
     }
     return Prediction(
         table=held_out,
         chance=chance,
         is_predicted={
             BASE_RATE: np.zeros(len(constant), bool),
-            AS_IT_WAS: uncalibrated.accepts(held_out),
-            USUAL_RULE: uncalibrated.accepts(held_out),
+            ORIGINAL: uncalibrated.accepts(held_out),
+            ORIGINAL_RULE: uncalibrated.accepts(held_out),
             CALIBRATED: mobil.rule.accepts(held_out),
             HAZARD: chance[HAZARD] > constant,
         },

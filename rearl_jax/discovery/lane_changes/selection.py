@@ -23,7 +23,7 @@ from rearl_jax.discovery.thresholds import THRESHOLDS
 N_PARTS = 3
 """Parts of the drivers: fitted, checked, reported."""
 
-UNSEEN = "choice of the lane: could not have been seen here"
+UNSEEN = "lane choice: an effect could not have been detected here"
 
 _NEEDED = f"{THRESHOLDS.least_lane_changes} are needed"
 
@@ -105,7 +105,7 @@ def _named(columns: CandidateColumns, confidence: float) -> tuple[LaneChangeFind
     added, rounds = _selected(columns)
     before, after, change = _loss(columns, added, confidence)
     names = ", ".join(trial.candidate.name.replace("_", " ") for trial in added)
-    names = names or "nothing beside the own acceleration counts"
+    names = names or "only the own acceleration counts"
     n_changes = int(columns.data.taken.sum())
     findings = LaneChangeFindings(
         effects=_effects(columns, added, rounds, confidence),
@@ -115,7 +115,7 @@ def _named(columns: CandidateColumns, confidence: float) -> tuple[LaneChangeFind
         loss_before=before,
         loss_after=after,
         loss_change=change,
-        words=f"choice of the lane, {n_changes} changes: {names}",
+        words=f"lane choice, {n_changes} changes: {names}",
     )
     return findings, added
 

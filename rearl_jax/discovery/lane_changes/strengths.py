@@ -38,7 +38,7 @@ class Choices:
     driver: Int[np.ndarray, " rows"]
 
     def take(self, rows: Bool[np.ndarray, " rows"]) -> "Choices":
-        """Some of the opportunities."""
+        """A part of the opportunities."""
         return Choices(self.gain[rows], self.others[rows], self.taken[rows], self.driver[rows])
 
 

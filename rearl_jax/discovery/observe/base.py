@@ -34,8 +34,8 @@ class Base:
 
     Attributes:
         bare: The driver model without effects of lane changes.
-        extended: The same with early responses to the next leader, and with these and relaxation; empty if too few
-            leaders change.
+        extended: The model with early responses to the next leader, and the model with these and relaxation; empty if
+            too few leaders change.
     """
 
     bare: Fit

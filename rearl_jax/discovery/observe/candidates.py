@@ -120,14 +120,14 @@ class Candidate:
     Attributes:
         term: The effect or curve.
         kind: `driver`, `road`, `generic`, `artefact`.
-        look: Indices of theta whose directions the screen tests.
+        directions: Indices of theta whose directions the screen tests.
         free: Indices of theta that the refit estimates.
         variables: Variables that it depends on.
     """
 
     term: Term
     kind: str
-    look: tuple[int, ...]
+    directions: tuple[int, ...]
     free: tuple[int, ...]
     variables: tuple[str, ...]
 

@@ -52,14 +52,14 @@ class EarlyLeader(Effect):
     depends_on: ClassVar[tuple[str, ...]] = ("time_to_next",)
     equation: ClassVar[str] = (
         "I + w (I_next - I) in the last lead_time before the leader changes, I the deceleration because of the leader, "
-        "w that of who changes lanes, of who gets a new leader, or of whose leader leaves"
+        "w the weight for drivers who change lanes, who get a new leader, or whose leader leaves"
     )
     source: ClassVar[str] = "after Schakel, Knoop & van Arem, Transp. Res. Rec. 2316 (2012) 47 (synchronisation)"
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("of_changer", "-", "weight of the next leader for who changes lanes", 0.0, 0.0, 1.2, 0.5),
-        Parameter("of_follower", "-", "the same for who gets a new leader", 0.0, 0.0, 1.2, 0.5),
-        Parameter("of_left", "-", "the same for whose leader leaves", 0.0, 0.0, 1.2, 0.5),
-        Parameter("lead_time", "s", "time before the column flips", 1.5, 0.0, LONGEST_LEAD, 1.0, is_strength=False),
+        Parameter("of_changer", "-", "weight of the next leader for drivers who change lanes", 0.0, 0.0, 1.2, 0.5),
+        Parameter("of_follower", "-", "weight for drivers who get a new leader", 0.0, 0.0, 1.2, 0.5),
+        Parameter("of_left", "-", "weight for drivers whose leader leaves", 0.0, 0.0, 1.2, 0.5),
+        Parameter("lead_time", "s", "time before the column changes", 1.5, 0.0, LONGEST_LEAD, 1.0, is_strength=False),
     )
 
     def leaders(

@@ -142,7 +142,7 @@ def new_state(data: Measured, layout: Layout, noise: Noise) -> FitState:
 
 
 def with_noise(state: FitState, noise: Noise) -> FitState:
-    """The same state under the observer of another noise; S_usual starts at that observer's variance."""
+    """A state under the observer of another noise; S_usual starts at that observer's variance."""
     gain = noise.gain(state.data.dt, state.data.stride)
     pieces = replace(replace_gain(state.pieces, gain), weight=weights(state.data, noise))
     return replaced(state, pieces=pieces, variance=float(gain.variance))

@@ -30,7 +30,7 @@ from rearl_jax.discovery.observe.solver import Solver
 AT_ONCE = 64
 """Number of accelerations that are passed through the observer in one batch."""
 
-FORGOTTEN = 1e-12
+NEGLIGIBLE = 1e-12
 """Absolute innovation [m] or acceleration [m/s^2] that is set to zero."""
 
 
@@ -56,7 +56,7 @@ class DriverScores:
 
 
 @dataclass(frozen=True)
-class Answers:
+class AccelerationDerivatives:
     """Derivatives of the model's acceleration in every time step.
 
     Attributes:
@@ -78,7 +78,7 @@ def drivers_of(residuals: Residuals) -> CarFollowing:
     )
 
 
-def answers(residuals: Residuals) -> Answers:
+def acceleration_derivatives(residuals: Residuals) -> AccelerationDerivatives:
     """Derivatives of the car-following model along the observer's states; added effects change them little and are
     ignored.
     """
@@ -94,61 +94,63 @@ def answers(residuals: Residuals) -> Answers:
     point = (jnp.asarray(residuals.x), jnp.asarray(residuals.v), jnp.zeros((residuals.prior.size, *residuals.x.shape)))
     _, pullback = jax.vjp(wanted, *point)
     x, v, own = pullback(jnp.ones(residuals.x.shape, point[0].dtype))
-    return Answers(np.asarray(x, float), np.asarray(v, float), np.asarray(own, float))
+    return AccelerationDerivatives(np.asarray(x, float), np.asarray(v, float), np.asarray(own, float))
 
 
-def felt(
-    pushed: Float[np.ndarray, "columns steps pieces"], residuals: Residuals, answer: Answers
+def innovation_change(
+    accelerations: Float[np.ndarray, "columns steps pieces"], residuals: Residuals, derivatives: AccelerationDerivatives
 ) -> Float[np.ndarray, "columns steps pieces"]:
-    """Change of the innovations [m] by accelerations of 1 m/s^2 times `pushed`."""
+    """Change of the innovations [m] by additional accelerations [m/s^2]."""
     data = residuals.state.data
     gain = residuals.noise.gain(data.dt, data.stride)
     parts = [
-        _felt(pushed[first : first + AT_ONCE], answer.x, answer.v, data.looks(), gain, data.dt)
-        for first in range(0, len(pushed), AT_ONCE)
+        _innovation_change(
+            accelerations[first : first + AT_ONCE], derivatives.x, derivatives.v, data.is_corrected(), gain, data.dt
+        )
+        for first in range(0, len(accelerations), AT_ONCE)
     ]
-    return _flushed(np.concatenate([np.asarray(part, np.float32) for part in parts]))
+    return _without_denormals(np.concatenate([np.asarray(part, np.float32) for part in parts]))
 
 
 @partial(jax.jit, static_argnames="dt")
-def _felt(
-    pushed: Float[Array, "columns steps pieces"],
+def _innovation_change(
+    accelerations: Float[Array, "columns steps pieces"],
     by_x: Float[Array, "steps pieces"],
     by_v: Float[Array, "steps pieces"],
-    looks: Float[Array, " steps"],
+    is_corrected: Float[Array, " steps"],
     gain: Gain,
     dt: float,
 ) -> Float[Array, "columns steps pieces"]:
     def step(carry: tuple[State, Array], now: tuple) -> tuple[tuple[State, Array], Array]:
-        (change, last), (push, answer_x, answer_v, look) = carry, now
+        (change, last), (added, slope_x, slope_v, is_corrected_now) = carry, now
         slope = -change.x - change.w
-        change = correct(change, look * slope, gain)
+        change = correct(change, is_corrected_now * slope, gain)
         x, v = halfway(change, last, dt)
-        last = answer_x * x + answer_v * v + push + change.o
+        last = slope_x * x + slope_v * v + added + change.o
         change = predict(change, change.v + dt * last, gain, dt)
         # Bounded, because the linear response diverges behind a leader that is measured too close.
         x, v = (jnp.clip(values, -FARTHEST, FARTHEST) for values in (change.x, change.v))
         return (change._replace(x=x, v=v), last), slope
 
-    rows = jnp.moveaxis(jnp.asarray(pushed, float), 1, 0)
+    rows = jnp.moveaxis(jnp.asarray(accelerations, float), 1, 0)
     nothing = jnp.zeros_like(rows[0])
     begin = (State(nothing, nothing, nothing, nothing), nothing)
-    return jnp.moveaxis(lax.scan(step, begin, (rows, by_x[:, None], by_v[:, None], looks))[1], 0, 1)
+    return jnp.moveaxis(lax.scan(step, begin, (rows, by_x[:, None], by_v[:, None], is_corrected))[1], 0, 1)
 
 
 def driver_scores(
-    pushed: Float[np.ndarray, "columns steps pieces"], residuals: Residuals, answer: Answers
+    accelerations: Float[np.ndarray, "columns steps pieces"], residuals: Residuals, derivatives: AccelerationDerivatives
 ) -> DriverScores:
-    """Scores of all drivers on accelerations; +1 of a column is 1 m/s^2 times `pushed`."""
-    columns, n_own = _left_behind(pushed, residuals, answer)
+    """Scores of all drivers for the size of accelerations, which are given at size 1 [m/s^2]."""
+    columns, n_own = _columns(accelerations, residuals, derivatives)
     return _scored(columns, residuals.innovation, n_own, residuals)
 
 
-def scores_and_seen(
-    pushed: Float[np.ndarray, "columns steps pieces"], residuals: Residuals, answer: Answers
+def innovation_and_acceleration_scores(
+    accelerations: Float[np.ndarray, "columns steps pieces"], residuals: Residuals, derivatives: AccelerationDerivatives
 ) -> tuple[DriverScores, DriverScores]:
-    """Scores on the innovations, and scores on the acceleration residual for readable shares of its variance."""
-    columns, n_own = _left_behind(pushed, residuals, answer)
+    """Scores on the innovations, and scores on the acceleration residual, from which shares of its variance follow."""
+    columns, n_own = _columns(accelerations, residuals, derivatives)
     data, seen = residuals.state.data, np.empty_like(columns)
     for first in range(0, len(columns), AT_ONCE):
         part = np.moveaxis(columns[first : first + AT_ONCE], 1, 0)  # [steps, columns, pieces]
@@ -156,30 +158,36 @@ def scores_and_seen(
         smooth = smoothed_acceleration(part.reshape(len(part), -1), weight, residuals.noise, data.dt, data.stride)
         seen[first : first + AT_ONCE] = np.moveaxis(smooth.reshape(part.shape), 0, 1)
     return _scored(columns, residuals.innovation, n_own, residuals), _scored(
-        _flushed(seen), residuals.acceleration, n_own, residuals
+        _without_denormals(seen), residuals.acceleration, n_own, residuals
     )
 
 
-def _left_behind(pushed: np.ndarray, residuals: Residuals, answer: Answers) -> tuple[np.ndarray, int]:
-    """Changes of the innovations by accelerations outside the model, drivers' own first; the number of own ones."""
-    own = np.concatenate([np.ones((1, *residuals.x.shape)), answer.own])
-    return -np.concatenate([felt(own, residuals, answer), felt(pushed, residuals, answer)]), len(own)
+def _columns(
+    accelerations: np.ndarray, residuals: Residuals, derivatives: AccelerationDerivatives
+) -> tuple[np.ndarray, int]:
+    """Columns: derivatives of the innovations by size of accelerations, those of the drivers' own first; number of own
+    ones.
+    """
+    own = np.concatenate([np.ones((1, *residuals.x.shape)), derivatives.own])
+    return -np.concatenate(
+        [innovation_change(own, residuals, derivatives), innovation_change(accelerations, residuals, derivatives)]
+    ), len(own)
 
 
-def _flushed(values: np.ndarray) -> np.ndarray:
+def _without_denormals(values: np.ndarray) -> np.ndarray:
     """Values with tiny numbers set to zero, because processors are slow with denormal numbers."""
-    return np.where(np.abs(values) < FORGOTTEN, np.float32(0), values)
+    return np.where(np.abs(values) < NEGLIGIBLE, np.float32(0), values)
 
 
 def plain_scores(
     target: Float[np.ndarray, "steps pieces"],
-    pushed: Float[np.ndarray, "columns steps pieces"],
+    accelerations: Float[np.ndarray, "columns steps pieces"],
     residuals: Residuals,
-    answer: Answers,
+    derivatives: AccelerationDerivatives,
 ) -> DriverScores:
     """Scores of a regression of one acceleration on others, time step by time step [m/s^2]."""
-    own = np.concatenate([np.ones((1, *residuals.x.shape)), answer.own])
-    return _scored(np.concatenate([own, pushed]).astype(np.float32), target, len(own), residuals)
+    own = np.concatenate([np.ones((1, *residuals.x.shape)), derivatives.own])
+    return _scored(np.concatenate([own, accelerations]).astype(np.float32), target, len(own), residuals)
 
 
 def added_acceleration(solver: Solver, residuals: Residuals) -> Float[np.ndarray, "steps pieces"]:

@@ -28,7 +28,7 @@ IDM at 20 m/s and a gap of 30 m with default parameters. Without it, the correct
 for lower noise.
 """
 
-ANEW = 0.01
+WHITE_SHARE = 0.01
 """Share of the variance of correlated errors that is white [-]; with a share of zero the covariance is singular.
 """
 
@@ -130,7 +130,7 @@ def steady_state(noise: Noise, dt: float, stride: int) -> SteadyState:
     step = np.diag([1.0, 1.0 - DAMPING * dt, kept, lasting])
     step[0, 1:3], step[1, 0], step[1, 2] = (dt, dt * dt / 2), -STIFFNESS * dt, dt
     position = max(noise.position, 1e-4) ** 2
-    error, measured = (position * (1 - lasting**2), ANEW * position) if noise.position_time else (0.0, position)
+    error, measured = (position * (1 - lasting**2), WHITE_SHARE * position) if noise.position_time else (0.0, position)
     shock = np.diag([0.0, 0.0, noise.acceleration**2 * (1 - kept**2), error])
     variance, gain, covariance = np.diag([1.0, 1.0, 1.0, error]), np.zeros(4), []
     for _ in range(GAIN_ITERATIONS):

@@ -105,9 +105,9 @@ class _Builder:
         """Adds an effect whose strengths are the screen's directions."""
         self.parameters(name)
         strengths = (p.name for p in CANDIDATE_EFFECTS[name].parameters if p.is_strength)
-        look = tuple(self.places[f"{name}.{strength}"][0] for strength in strengths)
+        directions = tuple(self.places[f"{name}.{strength}"][0] for strength in strengths)
         self.candidate(
-            Term(name), CANDIDATE_EFFECTS[name].kind, look, self.all_of(name), CANDIDATE_EFFECTS[name].depends_on
+            Term(name), CANDIDATE_EFFECTS[name].kind, directions, self.all_of(name), CANDIDATE_EFFECTS[name].depends_on
         )
 
     def all_of(self, name: str) -> tuple[int, ...]:
@@ -120,10 +120,10 @@ class _Builder:
         self.rows += [(-20.0, 20.0, 0.0, scale, scale)] * n_knots
 
     def candidate(
-        self, term: Term, kind: str, look: tuple[int, ...], free: tuple[int, ...], variables: tuple[str, ...]
+        self, term: Term, kind: str, directions: tuple[int, ...], free: tuple[int, ...], variables: tuple[str, ...]
     ) -> None:
         """Adds a candidate."""
-        self.candidates[term] = Candidate(term, kind, look, free, variables)
+        self.candidates[term] = Candidate(term, kind, directions, free, variables)
 
 
 def _prior(parameter: Parameter) -> float:

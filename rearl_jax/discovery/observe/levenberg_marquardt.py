@@ -24,7 +24,7 @@ LONGEST_STEP = 1.0
 DAMPING, LEAST_DAMPING, MOST_DAMPING = 1e-2, 1e-7, 1e4
 """Damping at the start, its lower bound, and the value at which the search gives up [-]."""
 
-CALMED, ROUSED = 0.2, 8.0
+AFTER_SUCCESS, AFTER_FAILURE = 0.2, 8.0
 """Factors of the damping after an accepted and after a rejected step [-]."""
 
 LEAST_STEPS = 3
@@ -35,11 +35,11 @@ class LevenbergMarquardt:
     """Search from a state that has been evaluated; the state is changed in place.
 
     Attributes:
-        goes_on: Whether the search continues.
+        is_running: Whether the search continues.
     """
 
     def __init__(self, state: FitState, layout: Layout, free: Int[np.ndarray, " free"]) -> None:
-        self.goes_on = True
+        self.is_running = True
         self._state, self._layout, self._free = state, layout, free
         self._damping = np.full(len(state.z), DAMPING)  # damping of each driver
         self._shared_damping = DAMPING
@@ -48,7 +48,7 @@ class LevenbergMarquardt:
         adapt_variance(state)
         state.objective = self._objective(state)
 
-    def tried(self) -> FitState:
+    def next_point(self) -> FitState:
         """The next point to be evaluated."""
         state, layout, free = self._state, self._layout, self._free
         assert state.sums is not None
@@ -77,12 +77,12 @@ class LevenbergMarquardt:
         off = (state.theta - layout.reference)[free]
         slope[last] = gradient[:, added].sum(axis=0) + off * unit / scale**2
         low, high = (bound[state.truck] for bound in layout.prior.bounds)
-        stays = _stays(state.z, own_gradient, low, high)
-        own_block, own_gradient = _without(stays, own_block), own_gradient * ~stays
-        stands = np.zeros(n_shared, bool)
-        stands[last] = _stays(state.theta[free], slope[last], layout.low[free], layout.high[free])
-        block, slope = _without(stands, block), slope * ~stands
-        coupling = coupling * (~stays[:, :, None] & ~stands)
+        own_held = _is_held(state.z, own_gradient, low, high)
+        own_block, own_gradient = _without(own_held, own_block), own_gradient * ~own_held
+        held = np.zeros(n_shared, bool)
+        held[last] = _is_held(state.theta[free], slope[last], layout.low[free], layout.high[free])
+        block, slope = _without(held, block), slope * ~held
+        coupling = coupling * (~own_held[:, :, None] & ~held)
         damped = own_block + self._damping[:, None, None] * np.einsum("dii,ij->dij", own_block, np.eye(n_own))
         solved = np.linalg.solve(damped, np.concatenate([own_gradient[:, :, None], coupling], axis=2))
         step = np.zeros(n_shared)
@@ -108,18 +108,20 @@ class LevenbergMarquardt:
         if state.holds_population and not len(self._free):
             self._judge_drivers(trial, gained, tolerance)
             return
-        self._damping = np.where(gained < 0, self._damping * ROUSED, np.maximum(self._damping * CALMED, LEAST_DAMPING))
+        self._damping = np.where(
+            gained < 0, self._damping * AFTER_FAILURE, np.maximum(self._damping * AFTER_SUCCESS, LEAST_DAMPING)
+        )
         before, reached = state.objective, self._objective(trial)
         if reached < before:
             state.z, state.mean, state.theta, state.sums = trial.z, trial.mean, trial.theta, trial.sums
             adapt_variance(state)
             state.objective = self._objective(state)
-            self._shared_damping = max(self._shared_damping * CALMED, LEAST_DAMPING)
+            self._shared_damping = max(self._shared_damping * AFTER_SUCCESS, LEAST_DAMPING)
             self._taken += 1
-            self.goes_on = before - reached > tolerance or self._taken < LEAST_STEPS
+            self.is_running = before - reached > tolerance or self._taken < LEAST_STEPS
         else:
-            self._shared_damping *= ROUSED
-            self.goes_on = self._shared_damping < MOST_DAMPING
+            self._shared_damping *= AFTER_FAILURE
+            self.is_running = self._shared_damping < MOST_DAMPING
 
     def _judge_drivers(self, trial: FitState, gained: Float[np.ndarray, " drivers"], tolerance: float) -> None:
         """Accepts the point separately for each driver who improves; only valid if drivers share no free parameters."""
@@ -135,9 +137,13 @@ class LevenbergMarquardt:
         )
         adapt_variance(state)
         state.objective = self._objective(state)
-        self._damping = np.where(better, np.maximum(self._damping * CALMED, LEAST_DAMPING), self._damping * ROUSED)
-        hoped = np.where(better, gained, np.where(self._damping < MOST_DAMPING, np.maximum(self._expected, 0.0), 0.0))
-        self.goes_on = bool(hoped.sum() > tolerance)
+        self._damping = np.where(
+            better, np.maximum(self._damping * AFTER_SUCCESS, LEAST_DAMPING), self._damping * AFTER_FAILURE
+        )
+        expected_gain = np.where(
+            better, gained, np.where(self._damping < MOST_DAMPING, np.maximum(self._expected, 0.0), 0.0)
+        )
+        self.is_running = bool(expected_gain.sum() > tolerance)
 
     def _objective(self, state: FitState) -> float:
         """Objective [nats], at the present S_usual."""
@@ -153,7 +159,7 @@ def adapt_variance(state: FitState) -> None:
             state.variance = float(1 / np.mean(1 / state.variances))
 
 
-def _stays(values: np.ndarray, slope: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+def _is_held(values: np.ndarray, slope: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
     """True if a parameter is at a bound and the slope of the objective pushes it beyond."""
     return ((values <= low) & (slope > 0)) | ((values >= high) & (slope < 0))
 

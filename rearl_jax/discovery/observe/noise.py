@@ -18,7 +18,7 @@ from rearl_jax.discovery.thresholds import THRESHOLDS
 ACCELERATIONS = (0.03, 0.05, 0.07, 0.1, 0.125, 0.15, 0.2, 0.25, 0.3, 0.45, 0.7, 1.0)
 """Tested standard deviations of the acceleration residual [m/s^2]."""
 
-EXACT = 0.05
+NOISELESS = 0.05
 """Standard deviation [m/s^2] below which the residual comes from the time discretisation; the steadiest people have
 0.1.
 """
@@ -43,13 +43,13 @@ SPREADS = (0.5, 4.0)
 INDEPENDENT_AFTER = 4.0
 """Time after which innovations are uncorrelated [s]."""
 
-SLOW = np.linspace(0.05, 2.0, 40)
+BEHAVIOUR_FREQUENCIES = np.linspace(0.05, 2.0, 40)
 """Angular frequencies of driver behaviour [rad/s]."""
 
-CERTAIN = 3.5
+SIGNIFICANT = 3.5
 """Standard deviations above which an autocorrelation counts [-]; smaller ones among many lags occur by chance."""
 
-LASTING = (0.2, 0.5, 1.0)
+POSITION_TIMES = (0.2, 0.5, 1.0)
 """Tested correlation times of position errors [s], as trackers and filters cause; white errors are tested too."""
 
 
@@ -97,7 +97,7 @@ def under_best_time(solver: Solver, state: FitState, tried: Sequence[Noise]) -> 
 def is_exact(solver: Solver, data: Measured) -> bool:
     """True if the drives follow the model without noise, as only simulated drives do."""
     _, noise = calibrate(solver, data)
-    return noise.acceleration <= EXACT
+    return noise.acceleration <= NOISELESS
 
 
 def noise_levels(noise: Noise, accelerations: Sequence[float]) -> list[Noise]:
@@ -118,7 +118,7 @@ def calibrate(solver: Solver, data: Measured) -> tuple[FitState, Noise]:
     noise, likely = best_noise(solver, state, noise_levels(start, ACCELERATIONS))
     lasting = [
         replace(noise, acceleration=sd, position=lasting_noise(data.noise, time, data.dt), position_time=time)
-        for time in LASTING
+        for time in POSITION_TIMES
         for sd in ACCELERATIONS
     ]
     other, with_lasting = best_noise(solver, state, lasting)
@@ -172,7 +172,7 @@ def _with_growth_and_independence(solver: Solver, state: FitState, noise: Noise)
     growth = min(max(slope, 0.0) / max(level, 0.1 * mean), MOST_GROWTH)
     even = innovation / np.sqrt(state.variances[data.driver] * (1 + growth * size))
     correlated = autocorrelation(even, counts, data.stride, round(INDEPENDENT_AFTER / data.dt))
-    correlated[np.abs(correlated) < CERTAIN / np.sqrt(counts.sum())] = 0.0
-    phase = SLOW[:, None] * data.dt * data.stride * np.arange(1, len(correlated) + 1)
+    correlated[np.abs(correlated) < SIGNIFICANT / np.sqrt(counts.sum())] = 0.0
+    phase = BEHAVIOUR_FREQUENCIES[:, None] * data.dt * data.stride * np.arange(1, len(correlated) + 1)
     loudest = float((1 + 2 * np.cos(phase) @ correlated).max())
     return replace(noise, growth=growth, independent=1.0 / max(loudest, 1.0))

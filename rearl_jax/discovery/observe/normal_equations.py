@@ -76,20 +76,22 @@ class Programs:
         return self._program(("sums", active), run, WIDEST if len(places) < 8 else WIDEST // 2)
 
     def _sums_from_one_pass(self, active: tuple[Term, ...]) -> Callable[[dict], dict]:
-        """The same sums if no effect has memory: one reverse pass per time step serves all directions."""
+        """Sums as in `sums` if no effect has memory: one reverse pass per time step serves all directions."""
         places = self.free(active)
 
         def run(a: dict) -> dict:
-            nobody = jnp.zeros((0, *a["pieces"].y.shape))
+            no_driver = jnp.zeros((0, *a["pieces"].y.shape))
             knots, kept = _squeezed(a["knots"]), len(places)
             sums = sensitivity_sums(
-                a["z"], a["theta"], a["pieces"], self.layout, knots, places, (), kept, nobody, self.dt, active
+                a["z"], a["theta"], a["pieces"], self.layout, knots, places, (), kept, no_driver, self.dt, active
             )
             return {name: sums[name] for name in ("square", "count", "gradient")} | {"gram": sums["nuisance"]}
 
         return self._program(("sums", active), run, WIDEST)
 
-    def look(self, places: tuple[int, ...], groups: tuple[tuple[int, ...], ...], n_kept: int) -> Callable[[dict], dict]:
+    def sensitivities(
+        self, places: tuple[int, ...], groups: tuple[tuple[int, ...], ...], n_kept: int
+    ) -> Callable[[dict], dict]:
         """`sensitivity.sensitivity_sums` for these indices of theta."""
 
         def run(a: dict) -> dict:
@@ -98,7 +100,7 @@ class Programs:
                 a["z"], a["theta"], a["pieces"], self.layout, knots, places, groups, n_kept, a["following"], self.dt
             )
 
-        return self._program(("look", places, groups, n_kept), run, WIDEST // 2)
+        return self._program(("sensitivities", places, groups, n_kept), run, WIDEST // 2)
 
     def _innovations(self, z: Array, theta: Array, a: dict, active: tuple[Term, ...]) -> Float[Array, "steps pieces"]:
         knots, pieces, numbers = _squeezed(a["knots"]), a["pieces"], self.layout.by_name(theta)

@@ -37,8 +37,8 @@ class Pieces(eqx.Module):
 
     Attributes:
         y: Measured position [m].
-        weight: 1 if the time step counts, else 0.
-        looks: 1 if the observer corrects its prediction, else 0.
+        weight: Weight of the time step [-]; 0 if it does not count.
+        is_corrected: 1 in time steps in which the observer corrects its prediction, else 0.
         start: Position [m] and speed [m/s] in the first time step.
         seen: Surroundings in the middle between each time step and the next.
         length: Own length [m].
@@ -51,7 +51,7 @@ class Pieces(eqx.Module):
 
     y: Float[Any, "steps pieces"]
     weight: Float[Any, "steps pieces"]
-    looks: Float[Any, "steps pieces"]
+    is_corrected: Float[Any, "steps pieces"]
     start: Float[Any, "two pieces"]
     seen: Surroundings
     length: Float[Any, " pieces"]
@@ -85,10 +85,10 @@ def innovations(
         return stimulus(x, v, length, pieces.is_truck, now if lens is None else straightened(now, lens))
 
     def step(carry: tuple, now: tuple[Array, Array, Surroundings, Array, Array | None]) -> tuple[tuple, Array]:
-        (state, last, memory), (y, looks, surroundings, extra, varied) = carry, now
+        (state, last, memory), (y, is_corrected, surroundings, extra, varied) = carry, now
         x = state.x
         innovation = y - state.w - (x if lens is None else x + lens.bend(x))
-        state = correct(state, looks * innovation, gain)
+        state = correct(state, is_corrected * innovation, gain)
         middle_x, middle_v = halfway(state, last, dt)
         stimuli = seen(middle_x, jnp.maximum(middle_v, 0.0), surroundings)
         wanted, memory = follow(stimuli, with_time_gap(driver, varied), effects, memory, last, dt)
@@ -101,7 +101,7 @@ def innovations(
     memory = begin_effects(effects, seen(x, v, jax.tree.map(lambda values: values[0], pieces.seen)), driver, dt)
     extra = jnp.broadcast_to(pieces.known, pieces.y.shape)
     begin = (State(x, v, o=nothing, w=nothing), nothing, memory)
-    return lax.scan(step, begin, (pieces.y, pieces.looks, pieces.seen, extra, pieces.varied))[1]
+    return lax.scan(step, begin, (pieces.y, pieces.is_corrected, pieces.seen, extra, pieces.varied))[1]
 
 
 def with_time_gap(driver: CarFollowing, varied: Float[Array, " pieces"] | None) -> CarFollowing:
@@ -173,7 +173,7 @@ def pieces_of(data: Measured, noise: Noise) -> Pieces:
     return Pieces(
         y=data.y,
         weight=weights(data, noise),
-        looks=np.repeat(data.looks()[:, None], n, axis=1),
+        is_corrected=np.repeat(data.is_corrected()[:, None], n, axis=1),
         start=np.stack([data.smooth[0], data.smooth_speed[0]]),
         seen=data.halfway(),
         length=data.length,

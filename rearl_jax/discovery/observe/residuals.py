@@ -95,7 +95,7 @@ def _residuals(solver: Solver, state: FitState, noise: Noise) -> Residuals:
         lens = lens_at(solver.layout.by_name(jnp.asarray(state.theta)[:, None, None]), solver.layout.knots)
         expected = expected - np.asarray(lens.bend(jnp.asarray(expected)))
         seen = straightened(seen, lens)
-    corrected = expected + gain.x * innovation * data.looks()[:, None]
+    corrected = expected + gain.x * innovation * data.is_corrected()[:, None]
     later = np.concatenate([expected[1:], expected[-1:]])
     v = (later - corrected) / data.dt
     v[-1] = v[-2]
@@ -131,15 +131,15 @@ def smoothed_acceleration(
     observer = steady_state(noise, dt, stride)
     gain = observer.gain
     ended = np.cumsum(weight[::-1] > 0, axis=0)[::-1] == 0
-    looks = is_new(len(innovation), stride)
-    known = np.where(ended | ~looks[:, None], 0.0, innovation)
+    is_corrected = is_new(len(innovation), stride)
+    known = np.where(ended | ~is_corrected[:, None], 0.0, innovation)
     before, o = np.zeros_like(known), np.zeros(known.shape[1])
     for t in range(len(known)):
         before[t] = o
         o = gain.kept_o * (o + gain.o * known[t])
     later_information, out = np.zeros((4, known.shape[1])), np.empty_like(known)
     for t in range(len(known) - 1, -1, -1):
-        later_information = (observer.corrected if looks[t] else observer.step).T @ later_information
+        later_information = (observer.corrected if is_corrected[t] else observer.step).T @ later_information
         later_information += MEASURED[:, None] * known[t] / gain.variance
         out[t] = before[t] + observer.covariance[t % stride][2] @ later_information
     return np.where(ended, 0.0, out)

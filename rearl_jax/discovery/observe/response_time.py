@@ -124,7 +124,7 @@ def responses(solver: Solver, state: FitState) -> Responses:
 def covariances(solver: Solver, state: FitState) -> Covariances:
     """Covariances of a state; the mean of each piece is subtracted from accelerations."""
     data = state.data
-    counts = _between_looks(data.weight > 0, data.stride)
+    counts = _between_measurements(data.weight > 0, data.stride)
     leader = data.surroundings.leader_acceleration
     driven, modelled, leader_change = (
         (values - (values * counts).sum(axis=0) / np.maximum(counts.sum(axis=0), 1)) * counts
@@ -143,11 +143,11 @@ def covariances(solver: Solver, state: FitState) -> Covariances:
     return Covariances(data.dt, lagged(driven, 0.0, LONGEST_AFTER), lagged(modelled, -LATEST, LONGEST_AFTER - EARLIEST))
 
 
-def _between_looks(counts: Bool[np.ndarray, "steps pieces"], stride: int) -> Bool[np.ndarray, "steps pieces"]:
+def _between_measurements(counts: Bool[np.ndarray, "steps pieces"], stride: int) -> Bool[np.ndarray, "steps pieces"]:
     """True for time steps between two neighbouring ones that count, both included."""
-    looks, row = counts[::stride], np.arange(len(counts))
+    measured, row = counts[::stride], np.arange(len(counts))
     last, following = row // stride, -(-row // stride)
-    return looks[last] & looks[np.minimum(following, len(looks) - 1)] & (following < len(looks))[:, None]
+    return measured[last] & measured[np.minimum(following, len(measured) - 1)] & (following < len(measured))[:, None]
 
 
 def _lagged(

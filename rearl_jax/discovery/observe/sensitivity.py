@@ -83,7 +83,7 @@ def sensitivity_sums(
     def step(carry: tuple, now: tuple) -> tuple[tuple, None]:
         (state, last, memory), (d, d_last), sums = carry
         x, w = state.x, state.w
-        y, weight, looks, surroundings, extra, follows = now
+        y, weight, is_corrected, surroundings, extra, follows = now
         if lens is None:
             innovation, slope = y - x - w, -d.x - d.w
         else:
@@ -101,7 +101,7 @@ def sensitivity_sums(
             ),
         }
         gain, along = pieces.gain, jax.tree.map(lambda values: values[None], pieces.gain)
-        state, d = correct(state, looks * innovation, gain), correct(d, looks[None] * slope, along)
+        state, d = correct(state, is_corrected * innovation, gain), correct(d, is_corrected[None] * slope, along)
         (middle_x, middle_v), (d_middle_x, d_middle_v) = halfway(state, last, dt), halfway(d, d_last, dt)
         middle = (middle_x, jnp.maximum(middle_v, 0.0))
         by, (acceleration, memory) = answer((*middle, z, numbers, jnp.zeros_like(x), last), memory, surroundings)
@@ -141,7 +141,7 @@ def sensitivity_sums(
     carry = ((State(x, v, o=zero, w=zero), zero, memory), tangents, total)
     extra = jnp.broadcast_to(pieces.known, pieces.y.shape)
     (_, _, total), _ = lax.scan(
-        step, carry, (pieces.y, pieces.weight, pieces.looks, pieces.seen, extra, jnp.moveaxis(following, 1, 0))
+        step, carry, (pieces.y, pieces.weight, pieces.is_corrected, pieces.seen, extra, jnp.moveaxis(following, 1, 0))
     )
     blocks = {f"block_{k}": block for k, block in enumerate(total["blocks"])}
     return {name: values for name, values in total.items() if name != "blocks"} | blocks

@@ -52,12 +52,12 @@ class Solver:
         self._evaluate(states)
         searches = [LevenbergMarquardt(state, self.layout, free) for state in states]
         for _ in range(iterations):
-            going = [search for search in searches if search.goes_on]
-            if not going:
+            running = [search for search in searches if search.is_running]
+            if not running:
                 break
-            tried = [search.tried() for search in going]
-            self._evaluate(tried)
-            for search, trial in zip(going, tried, strict=True):
+            points = [search.next_point() for search in running]
+            self._evaluate(points)
+            for search, trial in zip(running, points, strict=True):
                 search.judge(trial, tolerance)
 
     def sums(self, states: Sequence[FitState]) -> None:
@@ -67,14 +67,14 @@ class Solver:
         for first in range(0, len(states), together):
             self._evaluate(states[first : first + together])
 
-    def look(
+    def sensitivity_sums(
         self, states: Sequence[FitState], places: tuple[int, ...], groups: tuple[tuple[int, ...], ...]
     ) -> list[dict[str, np.ndarray]]:
         """Sums of `sensitivity.sensitivity_sums` over each driver; all states must have the same added candidates."""
         n_kept = len(self.free(states[0]))
         arguments = self._arguments(states, _joined([state.pieces for state in states]))
         arguments["following"] = np.concatenate([following(state.data) for state in states], axis=-1)
-        return _by_driver(self.programs.look(places, groups, n_kept)(arguments), states)
+        return _by_driver(self.programs.sensitivities(places, groups, n_kept)(arguments), states)
 
     def innovations(self, states: Sequence[FitState], gain: Gain | None = None) -> list[np.ndarray]:
         """Measured minus predicted positions [m] of each state, `[n_steps, n_pieces]`; with another gain if given."""

@@ -15,7 +15,7 @@ from rearl_jax.discovery.thresholds import THRESHOLDS
 NEAR = 1e-6
 """Distance from a bound below which a parameter counts as at the bound [-]."""
 
-CONTENT = np.log(THRESHOLDS.independent_observations)
+LOG_OBSERVATIONS = np.log(THRESHOLDS.independent_observations)
 """Logarithm of a typical number of independent observations of one parameter [-]."""
 
 
@@ -79,7 +79,7 @@ def _projected(state: FitState, n_free: int) -> tuple[np.ndarray, np.ndarray]:
     return response, (gram[:, added, added] - np.einsum("dij,dik->djk", coupling, response)).sum(axis=0)
 
 
-def price(solver: Solver, state: FitState, places: Sequence[int]) -> float:
+def complexity_penalty(solver: Solver, state: FitState, places: Sequence[int]) -> float:
     """Complexity penalty of some elements of theta [nats]: how much the data narrow their prior, and how far they lie
     from its mean.
 
@@ -95,7 +95,7 @@ def price(solver: Solver, state: FitState, places: Sequence[int]) -> float:
     inner = np.eye(len(root)) + root[:, None] * information[np.ix_(known_before, known_before)] * root[None, :]
     off = (state.theta - layout.reference)[free][known_before] / root
     unknown = int((chosen & ~known_before).sum())
-    return float(0.5 * np.linalg.slogdet(inner)[1] + 0.5 * (off**2).sum() + 0.5 * unknown * CONTENT)
+    return float(0.5 * np.linalg.slogdet(inner)[1] + 0.5 * (off**2).sum() + 0.5 * unknown * LOG_OBSERVATIONS)
 
 
 def interval(value: float, deviation: float, confidence: float) -> tuple[float, float]:

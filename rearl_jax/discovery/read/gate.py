@@ -76,7 +76,7 @@ def gate(tables: Sequence[Thinned]) -> list[Finding]:
     typical = float(np.median(noise))
     if typical > THRESHOLDS.noisy_positions:
         spread = float(np.std(noise) / np.sqrt(len(noise))) if len(noise) > 1 else 0.05 * typical
-        words = f"positions scatter by {typical:.2f} m, more than a motorway camera's"
+        words = f"positions scatter by {typical:.2f} m, more than those of a motorway camera"
         findings.append(Finding("position_noise", False, "sd", "m", typical, spread, words))
     return findings
 

@@ -117,7 +117,7 @@ class Measured:
         noise: Standard deviation of the measured positions [m].
         smoothing: Width of the kernel that positions were smoothed with before they were released [s]; 0 for none.
         jumps: Number of jumps of positions in the recordings; samples around them are excluded.
-        labels: Labels of each piece, the same for all of a driver: texts, None where unknown.
+        labels: Labels of each piece, equal for all pieces of a driver: texts, None where unknown.
     """
 
     y: Float[np.ndarray, "steps pieces"]
@@ -172,8 +172,8 @@ class Measured:
         """The selected drivers, renumbered in their order."""
         return self.select(np.flatnonzero(is_kept[self.driver]))
 
-    def looks(self) -> Float[np.ndarray, " steps"]:
-        """1 for time steps with an independent measurement, else 0."""
+    def is_corrected(self) -> Float[np.ndarray, " steps"]:
+        """1 for time steps with an independent measurement, which corrects the observer, else 0."""
         return is_new(len(self.y), self.stride).astype(float)
 
     def driver_mean(self, values: Float[np.ndarray, "steps pieces"]) -> Float[np.ndarray, " drivers"]:

@@ -7,7 +7,7 @@ import pandas as pd
 from jaxtyping import Float, Int
 from scipy.stats import norm
 
-from rearl_jax.core.order import NOBODY
+from rearl_jax.core.order import NO_VEHICLE
 from rearl_jax.data.vehicle_rows import VehicleRows
 
 LONGEST_LEAD = 5.0
@@ -22,10 +22,10 @@ class Handovers:
     """Changes of leader around each row; leaders are rows of the table as in `surroundings.Around`.
 
     Attributes:
-        following: Row of the leader after the next change, in the same frame; NOBODY if no change is near.
+        following: Row of the leader after the next change, in the same frame; NO_VEHICLE if no change is near.
         time_to: Time until the next change [s]; inf if no change is near.
         by_own: Whether the driver itself changes lanes at the next change.
-        preceding: Row of the leader before the last change, in the same frame; NOBODY if no change is near.
+        preceding: Row of the leader before the last change, in the same frame; NO_VEHICLE if no change is near.
         time_since: Time since the last change [s]; inf if no change is near.
     """
 
@@ -48,32 +48,32 @@ def handovers(
     Args:
         table: Canonical table, sorted by track and frame.
         bounds: First row of each track, and one past its last.
-        leader: Track of the leader of every row, NOBODY without one.
+        leader: Track of the leader of every row, NO_VEHICLE without one.
         dt: Time step [s].
         longest: Largest time to or since a change that is near [s].
     """
     n = len(table)
-    changes = Handovers(*(np.full(n, value) for value in (NOBODY, np.inf, 0.0, NOBODY, np.inf)))
+    changes = Handovers(*(np.full(n, value) for value in (NO_VEHICLE, np.inf, 0.0, NO_VEHICLE, np.inf)))
     lane = table["lane"].to_numpy(dtype=np.float64, na_value=-1.0)
     frame, index = table["frame"].to_numpy(np.int64), VehicleRows(table)
     first, stop = (np.repeat(bound, bounds[1] - bounds[0]) for bound in bounds)
     row = np.arange(n)
-    is_change = (row > first) & (leader != np.r_[NOBODY, leader[:-1]])
+    is_change = (row > first) & (leader != np.r_[NO_VEHICLE, leader[:-1]])
     reach = max(1, round(longest / dt))
     last = 0
     for k in np.flatnonzero(is_change):
         old, new = leader[k - 1], leader[k]
-        if old == NOBODY or new == NOBODY:
+        if old == NO_VEHICLE or new == NO_VEHICLE:
             continue
         before = row[max(first[k], last, k - reach) : k]
         last = k
         place = index.rows(int(new), frame[before])
-        here = place != NOBODY
+        here = place != NO_VEHICLE
         changes.following[before[here]], changes.time_to[before[here]] = place[here], (k - before[here]) * dt
         changes.by_own[before[here]] = float(lane[k] != lane[k - 1])
         after = row[k : min(stop[k], k + reach)]
         place = index.rows(int(old), frame[after])
-        here = place != NOBODY
+        here = place != NO_VEHICLE
         changes.preceding[after[here]], changes.time_since[after[here]] = place[here], (after[here] - k) * dt
     return changes
 
@@ -99,8 +99,8 @@ def handed_over(
     """
     if not smoothing:
         return values
-    later = np.where(changes.following != NOBODY, own_values[changes.following] - values, 0.0)
-    earlier = np.where(changes.preceding != NOBODY, own_values[changes.preceding] - values, 0.0)
+    later = np.where(changes.following != NO_VEHICLE, own_values[changes.following] - values, 0.0)
+    earlier = np.where(changes.preceding != NO_VEHICLE, own_values[changes.preceding] - values, 0.0)
     return (
         values
         + later * norm.cdf(-(changes.time_to - dt / 2) / smoothing)

@@ -10,7 +10,7 @@ import pandas as pd
 from rearl_jax.core.effects.stimulus import OUT_OF_SIGHT
 from rearl_jax.core.following import HARDEST_BRAKING
 from rearl_jax.core.leader_history import IN_SIGHT, MOST_GAP_LOST, NEVER_CHANGED, SLOWEST, TIME_GAPS
-from rearl_jax.core.order import NOBODY
+from rearl_jax.core.order import NO_VEHICLE
 from rearl_jax.data.records import Recording
 from rearl_jax.discovery.read.measured import Measured, Surroundings, is_new, joined
 from rearl_jax.discovery.read.next_leaders import LONGEST_LEAD, handed_over, handovers
@@ -61,8 +61,8 @@ def one_frame_rate(recordings: Sequence[Recording]) -> None:
     """
     rates = sorted({recording.info.frame_rate for recording in recordings})
     if len(rates) > 1:
-        said = f"must have one frame rate, not {', '.join(f'{rate:g}' for rate in rates)} 1/s"
-        raise InvalidInputError(Problem("frame-rates-differ", said, key="data.recordings"))
+        message = f"must have one frame rate, not {', '.join(f'{rate:g}' for rate in rates)} 1/s"
+        raise InvalidInputError(Problem("frame-rates-differ", message, key="data.recordings"))
 
 
 def measure(
@@ -110,9 +110,9 @@ def measure(
         offset += part.n_tracks
     used = [piece for piece in pieces if len(piece.driver)]
     if not used:
-        said = f"nobody follows a leader for {THRESHOLDS.least_used_time:g} s: lanes or leaders may be missing, "
-        remedy = "see with `rearl prepare` what was left out"
-        raise InvalidInputError(Problem("nobody-follows", f"{said}or tracks cut into fragments", remedy))
+        message = f"no driver follows a leader for {THRESHOLDS.least_used_time:g} s: lanes or leaders may be missing, "
+        remedy = "run `rearl prepare` to see what was left out"
+        raise InvalidInputError(Problem("nobody-follows", f"{message}or tracks cut into fragments", remedy))
     n_jumps = sum(int(part.jumps.sum()) for part in rows)
     whole = Measured(**joined(used), dt=dt, stride=stride, noise=noise, smoothing=smooth.drives, jumps=n_jumps)
     if same is not None:
@@ -189,7 +189,7 @@ class _Rows:
             is_truck=is_truck[index[0]],
             driver=track + offset,
             vehicle=track + offset,
-            leader=np.where(leader[index] >= 0, leader[index] + offset, NOBODY),
+            leader=np.where(leader[index] >= 0, leader[index] + offset, NO_VEHICLE),
             recording=np.full(len(cuts), recording),
             identity=np.full(len(cuts), -1),
             dt=dt,
@@ -210,14 +210,14 @@ class _Rows:
         rightmost = pd.Series(lane).groupby(table["direction"].to_numpy()).transform("max").to_numpy()
 
         def of(row: np.ndarray, values: np.ndarray, otherwise: np.ndarray | float | int) -> np.ndarray:
-            return np.where(row != NOBODY, values[row], otherwise)
+            return np.where(row != NO_VEHICLE, values[row], otherwise)
 
         first, rear = neighbours.leader, x - length / 2  # rows of the first, second and third leader
-        two = of(first, first, NOBODY).astype(int)
-        three = np.where(two != NOBODY, first[two], NOBODY)
+        two = of(first, first, NO_VEHICLE).astype(int)
+        three = np.where(two != NO_VEHICLE, first[two], NO_VEHICLE)
         front = x + length / 2
         second_speed = of(two, v, of(first, v, v))
-        leader = of(first, track, NOBODY).astype(np.int64)
+        leader = of(first, track, NO_VEHICLE).astype(np.int64)
         gap = of(first, rear, front + OUT_OF_SIGHT) - front
         since, lost, headway = _changes(self.starts, self.stops, leader, gap, v, self.dt)
         reach = max(LONGEST_LEAD, EDGE * smoothing)
@@ -233,22 +233,22 @@ class _Rows:
             "is_leftmost": (lane == 0).astype(float),
             "is_rightmost": (lane == rightmost).astype(float),
             "lateral_offset": _offset_in_lane(table),
-            "has_leader": (first != NOBODY).astype(float),
+            "has_leader": (first != NO_VEHICLE).astype(float),
             "leader_rear": leader_rear,
             "leader_centre": leader_centre,
             "leader_speed": leader_speed,
             "leader_acceleration": np.clip(of(first, a, 0.0), HARDEST_BRAKING, -HARDEST_BRAKING),
             "leader_length": of(first, length, 4.5),
             "leader_is_truck": of(first, is_truck.astype(float), 0.0),
-            "has_second": (two != NOBODY).astype(float),
+            "has_second": (two != NO_VEHICLE).astype(float),
             "second_rear": of(two, rear, front + OUT_OF_SIGHT) - of(two, of(first, length, 0.0), 0.0),
             "second_speed": second_speed,
-            "has_third": (three != NOBODY).astype(float),
+            "has_third": (three != NO_VEHICLE).astype(float),
             "third_speed": of(three, v, second_speed),
-            "has_follower": (neighbours.follower != NOBODY).astype(float),
+            "has_follower": (neighbours.follower != NO_VEHICLE).astype(float),
             "follower_front": of(neighbours.follower, front, rear - OUT_OF_SIGHT),
             "follower_speed": of(neighbours.follower, v, v),
-            "has_left": (neighbours.left != NOBODY).astype(float),
+            "has_left": (neighbours.left != NO_VEHICLE).astype(float),
             "left_rear": of(neighbours.left, rear, front + OUT_OF_SIGHT),
             "left_speed": of(neighbours.left, v, v),
             "beside_speed": np.minimum(neighbours.beside_speed, OUT_OF_SIGHT),
@@ -256,7 +256,7 @@ class _Rows:
             "time_since_change": since,
             "gap_lost": lost,
             "time_gap_at_change": headway,
-            "time_to_next": np.where(near.following != NOBODY, near.time_to, NEVER_CHANGED),
+            "time_to_next": np.where(near.following != NO_VEHICLE, near.time_to, NEVER_CHANGED),
             "next_rear": next_rear,
             "next_speed": of(near.following, v, leader_speed),
             "next_by_own": near.by_own,
@@ -271,12 +271,12 @@ class _Rows:
         n = max(1, round(1.0 / self.dt))
         row = np.arange(len(leader))
         first, stop = (np.repeat(bound, self.stops - self.starts) for bound in (self.starts, self.stops))
-        absent = np.r_[0, np.cumsum(leader == NOBODY)]
+        absent = np.r_[0, np.cumsum(leader == NO_VEHICLE)]
         seen = absent[row + 1] == absent[np.maximum(row - n, first)]
         jumped = np.r_[0, np.cumsum(self.jumps)]
         before, after = (round(time / self.dt) for time in (BEFORE_JUMP, SETTLING))
         is_calm = jumped[np.minimum(row + before, stop - 1) + 1] == jumped[np.maximum(row - after, first)]
-        seen &= is_calm & (is_calm[leader_row] | (leader_row == NOBODY))
+        seen &= is_calm & (is_calm[leader_row] | (leader_row == NO_VEHICLE))
         if not edge:
             return seen.astype(float)
         is_inside = np.minimum(row - first, stop - 1 - row) >= edge
@@ -302,7 +302,7 @@ def _changes(
     for start, stop in zip(starts, stops, strict=True):
         changes = start + 1 + np.flatnonzero(leader[start + 1 : stop] != leader[start : stop - 1])
         for k in changes:
-            if leader[k] == NOBODY:
+            if leader[k] == NO_VEHICLE:
                 since[k:stop], lost[k:stop] = NEVER_CHANGED, 0.0
                 continue
             since[k:stop] = np.minimum(np.arange(stop - k) * dt, NEVER_CHANGED)

@@ -28,7 +28,7 @@ JUMP = 12.0
 """
 
 JUMP_NOISE = 8.0
-"""The same limit in standard deviations of the other changes [-]."""
+"""Limit of that change in standard deviations of the other changes [-]."""
 
 
 Thinned = tuple[pd.DataFrame, float]

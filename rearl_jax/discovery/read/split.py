@@ -22,7 +22,7 @@ def split_drivers(data: Measured, shares: Sequence[float] = SHARES, seed: int = 
         seed: Seed of the order of drivers.
     """
     owner = None
-    if known_again(data) >= THRESHOLDS.least_drivers:
+    if n_identified(data) >= THRESHOLDS.least_drivers:
         # A driver without known identity counts as a separate person.
         alone = data.identity.max() + 1 + data.driver
         owner = _whole(np.where(data.identity < 0, alone, data.identity), shares)
@@ -37,19 +37,19 @@ def split_drivers(data: Measured, shares: Sequence[float] = SHARES, seed: int = 
     return [data.select(np.flatnonzero(owner == part)) for part in range(len(shares))]
 
 
-def known_again(data: Measured) -> int:
+def n_identified(data: Measured) -> int:
     """Number of persons or cars with known identity."""
     return len(np.unique(data.identity[data.identity >= 0]))
 
 
-def in_both(first: Measured, second: Measured) -> int:
-    """Number of persons or cars with tracks in two parts."""
+def n_shared(first: Measured, second: Measured) -> int:
+    """Number of persons or cars with tracks in both parts."""
     return len(np.setdiff1d(np.intersect1d(first.identity, second.identity), [-1]))
 
 
 def _whole(units: Int[np.ndarray, " pieces"], shares: Sequence[float]) -> Int[np.ndarray, " pieces"] | None:
-    """Part of each piece such that no unit is divided, assigned from the largest unit on; None if sizes differ too
-    much.
+    """Part of each piece, assigned unit by unit from the largest on, so that no unit is divided; None if the sizes of
+    the parts differ too much.
     """
     owner, filled = np.full(len(units), -1), np.zeros(len(shares))
     numbers, sizes = np.unique(units, return_counts=True)

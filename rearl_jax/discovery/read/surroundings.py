@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 
 from rearl_jax.core.effects.stimulus import BESIDE_RANGE
-from rearl_jax.core.order import NOBODY
+from rearl_jax.core.order import NO_VEHICLE
 from rearl_jax.data.checks.leaders import states_all_leaders
 from rearl_jax.data.vehicle_rows import VehicleRows
 
@@ -16,7 +16,7 @@ MOST_BESIDE = 8
 
 @dataclass(frozen=True)
 class Around:
-    """Rows of the surrounding vehicles; NOBODY if there is none.
+    """Rows of the surrounding vehicles; NO_VEHICLE if there is none.
 
     Attributes:
         leader: Next ahead on the same lane. A leader stated by the data source takes precedence; if the source states
@@ -46,16 +46,16 @@ def look_around(table: pd.DataFrame, speed: np.ndarray) -> Around:
     lane = table["lane"].to_numpy(dtype=np.float64, na_value=-1.0).astype(np.int64)
     street = (frame - frame.min()) * 64 + table["direction"].to_numpy(np.int64) * 16 + lane + 1
     order = np.lexsort((position, street))
-    leader = np.full(len(table), NOBODY)
+    leader = np.full(len(table), NO_VEHICLE)
     same = (street[order][1:] == street[order][:-1]) & (lane[order][1:] >= 0)
     leader[order[:-1][same]] = order[1:][same]
     stated = VehicleRows(table).leaders(table)
     if states_all_leaders(leader, stated):
         leader = stated
     else:
-        leader = np.where(stated == NOBODY, leader, stated)
-    follower = np.full(len(table), NOBODY)
-    followed = leader != NOBODY
+        leader = np.where(stated == NO_VEHICLE, leader, stated)
+    follower = np.full(len(table), NO_VEHICLE)
+    followed = leader != NO_VEHICLE
     follower[leader[followed]] = np.flatnonzero(followed)
     lines = _Lines(street, position, order)
     left = lines.ahead_on_left(lane)
@@ -81,7 +81,7 @@ class _Lines:
         place = np.minimum(np.searchsorted(self.sorted, self.places(-1), side="left"), len(lane) - 1)
         row = self.order[place]
         is_there = (lane > 0) & (self.street[row] == self.street - 1) & (self.position[row] >= self.position)
-        return np.where(is_there, row, NOBODY)
+        return np.where(is_there, row, NO_VEHICLE)
 
     def beside(self, speed: np.ndarray, lane: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Slowest speed and number of vehicles beside each row's vehicle."""

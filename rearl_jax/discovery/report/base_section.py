@@ -29,8 +29,8 @@ def base_section(verdict: Mapping[str, Any]) -> Section:
         "of drivers. Errors are mean closed-loop gap errors of the check drivers, by source of the parameters; "
         "models that are significantly less likely than the best were not simulated."
     )
-    notes = [words for words in (_anew(base), _time_gaps(base), *_dependences(verdict)) if words]
-    said = base_words(base) or f"no model surely is better than {spoken(base['driver'])}, which stays"
+    notes = [words for words in (_repeated(base), _time_gaps(base), *_dependences(verdict)) if words]
+    said = base_words(base) or f"no model is significantly better than {spoken(base['driver'])}, which is kept"
     return Section(
         title, (f"{sentence(said)} {how}",), (Table(title, headings, tuple(rows)),), tuple(map(sentence, notes))
     )
@@ -53,16 +53,16 @@ def _error(errors: Mapping[str, Any] | None) -> Cell:
 def _mark(row: Mapping[str, Any], base: Mapping[str, Any]) -> Cell:
     if row["name"] == base["chosen"]:
         return Cell("chosen")
-    return Cell("simulations speak against it" if row["is_vetoed"] else "")
+    return Cell("rejected by simulations" if row["is_vetoed"] else "")
 
 
-def _anew(base: Mapping[str, Any]) -> str:
+def _repeated(base: Mapping[str, Any]) -> str:
     """Sentence on the model that was chosen before effects were found."""
     if base.get("before") is None:
         return ""
     return (
-        f"the search started beside {spoken(base['before'])} and was repeated beside {spoken(base['chosen'])}: with "
-        "this model the effects found are significantly more likely, or have a name that they did not have before"
+        f"the search started with {spoken(base['before'])} and was repeated with {spoken(base['chosen'])}, under which "
+        "the effects found are significantly more likely, or have names that they did not have before"
     )
 
 
@@ -79,7 +79,7 @@ def _time_gaps(base: Mapping[str, Any]) -> str:
 def _dependences(verdict: Mapping[str, Any]) -> list[str]:
     """Sentences on effects that are found with the chosen model only."""
     return [
-        f"{described(effect)} holds beside {spoken(verdict['base']['chosen'])} and not beside "
+        f"{described(effect)} holds with {spoken(verdict['base']['chosen'])} but not with "
         f"{' and '.join(map(spoken, effect['depends_on_base']))}: it depends on the car-following model"
         for effect in verdict["effects"]
         if effect.get("depends_on_base")

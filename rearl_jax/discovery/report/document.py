@@ -103,15 +103,15 @@ def document_of(
         _effect_section(verdict),
         _protocol_section(verdict["error"]),
         _section("Candidates", fitted, _candidate_table("Candidates of car following", following, verdict)),
-        _section("The choice of the lane", lanes_fitted, _candidate_table("Candidates of lane choice", lanes, verdict)),
+        _section("Lane choice", lanes_fitted, _candidate_table("Candidates of lane choice", lanes, verdict)),
         lane_choice_section(verdict),
         Section("Notes on data and model", notes=tuple(map(sentence, data["notes"]))),
         population_section(verdict),
         variation_section(verdict),
         _left_section(verdict, maps),
         _section(
-            "What these data could not have shown",
-            "An effect weaker than this is not ruled out.",
+            "Effects that these data could not show",
+            "Weaker effects than these are not excluded.",
             _unseen_table(verdict["unseen"]),
             is_folded=True,
         ),
@@ -124,13 +124,13 @@ def document_of(
         ),
     )
     return Document(
-        title="What the traffic model lacks",
+        title="Effects missing from the traffic model",
         verdict=sentence(verdict_words(verdict)),
         sections=tuple(part for part in sections if part.paragraphs or part.tables or part.notes),
         command="discover",
         generated=data["generated"],
         data=f"{data['recordings']} recordings, {data['driver_seconds'] / 60:.0f} driver-minutes of "
-        f"{sum(data['drivers'].values())} drivers who follow somebody, one time step every {data['step']:.2g} s, "
+        f"{sum(data['drivers'].values())} drivers who follow a leader, one time step every {data['step']:.2g} s, "
         f"positions with {data['position_noise']:.2f} m of noise.",
         sources=sources,
         captions=CAPTIONS,
@@ -155,12 +155,12 @@ def _error_section(error: Mapping[str, Any]) -> Section:
         cells = (Cell(NONE) if times[when] is None else _cell(times[when], "+") for when in ("before", "after"))
         rows.append(Row("response time beyond the model's [s]", (*cells, Cell(""))))
     words = sentence(error_words(error)) + share_words(error) + response_words(error)
-    table = Table("Errors on drivers nothing was fitted to", _headings(error), tuple(rows))
+    table = Table("Errors on drivers not used in the fit", _headings(error), tuple(rows))
     return Section("Error before and after", (words,), (table, *_protocol_tables(error)))
 
 
 def _headings(error: Mapping[str, Any]) -> tuple[str, str, str]:
-    return "before", "after" if error["oracle"] is None else "with the effect that was told", "change"
+    return "before", "after" if error["oracle"] is None else "with the given effect", "change"
 
 
 def _protocol_tables(error: Mapping[str, Any]) -> tuple[Table, ...]:
@@ -179,14 +179,14 @@ def _protocol_tables(error: Mapping[str, Any]) -> tuple[Table, ...]:
 
 def _protocol_section(error: Mapping[str, Any]) -> Section:
     """Section of every measure under every protocol."""
-    tables, notes, title = [], [], "Errors by what is known of a driver"
+    tables, notes, title = [], [], "Errors by source of a driver's parameters"
     for name, errors in error.get("protocols", {}).items():
         notes.append(f"{spoken(name)}: {PROTOCOLS[name]}")
         if errors is None:
-            notes[-1] += "; nobody could be tested"
+            notes[-1] += "; no driver could be tested"
             continue
         if errors["left_out"]:
-            notes[-1] += f"; {errors['left_out']} drivers were seen too shortly and are left out"
+            notes[-1] += f"; {errors['left_out']} drivers were recorded too briefly and are left out"
         rows = [
             Row(f"{statistic} {title}", (*(_cell(figures[end]) for end in ("population", "before", "after")), share))
             for measure, title in _PROTOCOL_MEASURES.items()
@@ -222,14 +222,14 @@ def _effect_section(verdict: Mapping[str, Any]) -> Section:
         if effect["name"] in EFFECTS:
             notes.append(f"{described(effect)}: {EFFECTS[effect['name']].equation}")
         elif effect["name"] == LANE_CHOICE_DEPENDENCE:
-            notes.append(f"{described(effect)}: not in model.yaml, for no effect of the library does it")
+            notes.append(f"{described(effect)}: not in model.yaml, because the library has no such effect")
     for row in verdict["candidates"]:
         if row["ambiguous"]:
-            notes.append(f"{described(row)} explains the data as well; to tell them apart: {row['told_apart_by']}")
+            notes.append(f"{described(row)} explains the data equally well; to distinguish: {row['told_apart_by']}")
     rows = tuple(row for effect in effects for row in _effect_rows(effect))
     tables = (Table("Effects and their parameters", ("parameter", "value", "confidence"), rows),) if rows else ()
     findings = tuple(f"The columns themselves show: {finding}." for finding in verdict["data"]["findings"])
-    return Section("What was found", findings, tables, tuple(map(sentence, notes)))
+    return Section("Findings", findings, tables, tuple(map(sentence, notes)))
 
 
 def _effect_rows(effect: Mapping[str, Any]) -> list[Row]:
@@ -247,11 +247,11 @@ def _candidate_table(title: str, rows: Sequence[Mapping[str, Any]], verdict: Map
     drawn = []
     for row in rows[:MOST_CANDIDATES]:
         figures = (NONE if row[name] is None else f"{row[name]:.1f}" for name in ("surprise", "gain", "check"))
-        mark = "not told apart" if row["ambiguous"] else "named" if is_claimed(row, verdict) else ""
+        mark = "not distinguished" if row["ambiguous"] else "named" if is_claimed(row, verdict) else ""
         drawn.append(Row(described(row), (*map(Cell, figures), Cell(mark))))
     if len(rows) > len(drawn):
         title += f" (the first {MOST_CANDIDATES} of {len(rows)}; candidates.parquet has all)"
-    return Table(title, ("surprise [σ]", "gain [nats]", "on others [nats]", "result"), tuple(drawn))
+    return Table(title, ("z-score [σ]", "gain [nats]", "on others [nats]", "result"), tuple(drawn))
 
 
 def _left_section(verdict: Mapping[str, Any], maps: pd.DataFrame | None) -> Section:
@@ -281,9 +281,9 @@ def _left_section(verdict: Mapping[str, Any], maps: pd.DataFrame | None) -> Sect
             f"other drivers ({title_of(best['variable'])}).",
         ]
         rows = tuple(_variable(row) for row in before.head(MOST_VARIABLES).to_dict("records"))
-        headings = ("selected", "share", "what the acceleration left does")
-        tables = [Table("Acceleration that the calibrated model leaves, by variable", headings, rows)]
-    return Section("What the model leaves", tuple(sentences), tuple(tables), is_folded=True)
+        headings = ("selected", "share", "shape of the residual")
+        tables = [Table("Acceleration residual of the calibrated model, by variable", headings, rows)]
+    return Section("What the model leaves unexplained", tuple(sentences), tuple(tables), is_folded=True)
 
 
 def _depends_on(variables: pd.DataFrame) -> str:
@@ -292,7 +292,7 @@ def _depends_on(variables: pd.DataFrame) -> str:
 
 
 def _variable(row: Mapping[Any, Any]) -> Row:
-    words = row["shape"] + ("; as a time gap it carries further" if row["acts_on"] == "time_gap" else "")
+    words = row["shape"] + ("; predicts better as a change of the time gap" if row["acts_on"] == "time_gap" else "")
     cells = (f"{100 * row['selected']:.0f} %", percent(max(row["share"], 0.0)), words)
     return Row(title_of(row["variable"]), tuple(map(Cell, cells)))
 
@@ -302,7 +302,7 @@ def _unseen_table(effects: Sequence[Mapping[str, Any]]) -> Table:
         Row(spoken(row["name"]), (Cell(_with_unit(row["parameter"], row["unit"])), Cell(number(row["strength"]))))
         for row in effects
     )
-    return Table("Weakest effects that would have been seen", ("parameter", "least value"), rows)
+    return Table("Weakest detectable effects", ("parameter", "least value"), rows)
 
 
 def _definition_section(car_following: str, confidence: float) -> Section:
@@ -318,16 +318,16 @@ def _definition_section(car_following: str, confidence: float) -> Section:
         f"Intervals: {100 * confidence:g} %, from resampling drivers.",
         "Confidence: stated probability that the effect is present, provided that the true effect is among the "
         "candidates.",
-        "Surprise: evidence above its mean without missing effects, in its standard deviations there; for lane "
+        "Z-score: evidence above its mean without missing effects, in standard deviations of that evidence; for lane "
         "choice, the slope of the likelihood in standard deviations between drivers.",
         "Gain: log-likelihood of the fitted drivers less the complexity penalty; on others: that of drivers for "
         "whom only own parameters were fitted.",
-        "Selected: share of random halves of the drivers in which sparse regression takes the variable in; from "
-        f"{100 * THRESHOLDS.stable_share:.0f} % on it is taken to matter.",
+        "Selected: share of random halves of the drivers in which sparse regression selects the variable; from "
+        f"{100 * THRESHOLDS.stable_share:.0f} % on it counts as influential.",
         "Share: explained share of the variance of the acceleration residual, on drivers that the curve was not "
         "fitted to.",
     )
-    return Section("How it was found, and what the words mean", (how,), notes=definitions, is_folded=True)
+    return Section("Method and definitions", (how,), notes=definitions, is_folded=True)
 
 
 def _threshold_table(thresholds: Mapping[str, float]) -> Table:

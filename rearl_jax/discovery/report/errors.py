@@ -1,4 +1,4 @@
-"""Errors of models on drivers not used to find them, before and after, with the floor that no model can fall below.
+"""Errors of models, before and after, on drivers not used to find them, with the floor from the drivers' own noise.
 
 Only the own parameters of these drivers are calibrated; everything else is kept as fitted to other drivers. The model
 is then simulated behind the measured leader, without correction. The main error uses parameters calibrated to each

@@ -46,7 +46,7 @@ def draw_evidence(rows: Sequence[Mapping[str, Any]], null: Null, *, generated: b
         values = [np.nan if row[name] is None else row[name] for row in shown]
         axes.plot(values, range(len(shown)), marker, color=colour, markersize=size, mfc=fill, label=label, zorder=3)
     widths, lefts = [high - low for low, high in bands.values()], [low for low, _ in bands.values()]
-    axes.barh(list(bands), widths, 0.9, lefts, color=LIGHT_GREY, label="by chance", zorder=0)
+    axes.barh(list(bands), widths, 0.9, lefts, color=LIGHT_GREY, label="range by chance", zorder=0)
     axes.set_yticks(range(len(shown)), [described(row) for row in shown])
     axes.set_ylim(len(shown) - 0.5, -0.5)
     axes.set_xscale("symlog", linthresh=10)
@@ -155,8 +155,8 @@ def draw_example(residuals: Mapping[str, Residuals], errors: Mapping[str, ModelE
     above.set_ylabel("gap [m]")
     above.set_ylim(bottom=0)
     above.legend(frameon=False, fontsize=FONT_SIZE, ncols=3)
-    below.set(xlabel="time [s]", ylabel="acceleration left [m/s²]")
-    set_title(above, f"report driver {data.driver[piece]}, the middle one by what changed")
+    below.set(xlabel="time [s]", ylabel="acceleration residual [m/s²]")
+    set_title(above, f"report driver {data.driver[piece]}, that with the median change of the error")
     return png(figure)
 
 

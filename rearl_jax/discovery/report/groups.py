@@ -25,7 +25,7 @@ from rearl_jax.config import DiscoverConfig
 from rearl_jax.discovery.discover import Discovery
 from rearl_jax.discovery.observe.parts import Parts
 from rearl_jax.discovery.read.measured import Measured
-from rearl_jax.discovery.read.split import in_both, known_again
+from rearl_jax.discovery.read.split import n_identified, n_shared
 from rearl_jax.discovery.report.error_block import error_block
 from rearl_jax.discovery.report.errors import ModelErrors
 from rearl_jax.discovery.report.protocols import ProtocolErrors
@@ -76,14 +76,14 @@ def verdict_of_groups(
 
 def _row(options: DiscoverConfig, name: str, verdict: Mapping[str, Any], parts: Parts) -> dict[str, Any]:
     all_drivers = parts.fitted.beside(parts.checked).beside(parts.reported)
-    persons = known_again(all_drivers)
+    persons = n_identified(all_drivers)
     return {
         "by": options.by,
         "value": name,
         "drivers": verdict["data"]["drivers"],
         "driver_seconds": verdict["data"]["driver_seconds"],
         "cars": persons or None,
-        "shared": in_both(parts.fitted, parts.reported),
+        "shared": n_shared(parts.fitted, parts.reported),
         "labels": _most_common(all_drivers),
         "verdict": verdict["verdict"],
         "effects": verdict["effects"],

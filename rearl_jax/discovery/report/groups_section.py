@@ -22,9 +22,9 @@ def groups_section(verdict: Mapping[str, Any]) -> Section:
     drawn = tuple(Row(row["value"], _cells(row, speeds)) for row in rows)
     by = spoken(verdict["grouping"]["by"])
     words = (
-        f"Each group by {by} was calibrated and searched alone, with its own parts of drivers. Time gaps are those at "
-        "equilibrium behind a leader of constant speed, medians of the calibrated drivers. Candidates, curves and the "
-        "repaired model of each group are in its own folder."
+        f"Each group by {by} was calibrated and searched separately, with its own division of drivers. Time gaps are "
+        "those at equilibrium behind a leader of constant speed, medians of the calibrated drivers. The folder of each "
+        "group contains its candidates, curves and repaired model."
     )
     notes = _kinds_notes(verdict["grouping"], rows)
     for name, n in verdict["grouping"]["left_out"].items():

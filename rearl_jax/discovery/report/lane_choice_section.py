@@ -5,13 +5,13 @@ from typing import Any
 
 from rearl_jax.discovery.lane_changes.mobil import MobilRule
 from rearl_jax.discovery.lane_changes.prediction import (
-    AS_IT_WAS,
     BASE_RATE,
     CALIBRATED,
     HAZARD,
     LARGE_ADVANTAGE,
     LEAST_CHANGES,
     LEAST_IN_PART,
+    ORIGINAL,
     PREDICTORS,
 )
 from rearl_jax.document.document import Section
@@ -30,7 +30,7 @@ STRATA = {
 }
 """Titles of the strata, by their names in the verdict."""
 
-_SHOWN = (AS_IT_WAS, CALIBRATED, HAZARD)
+_SHOWN = (ORIGINAL, CALIBRATED, HAZARD)
 _MEASURES = {"less_base_rate": "log loss less that of the constant rate", "balanced_accuracy": "balanced accuracy"}
 
 
@@ -46,14 +46,14 @@ def lane_choice_section(verdict: Mapping[str, Any]) -> Section:
         words = (
             f"No prediction of lane changes is scored, and MOBIL is not calibrated. {LEAST_CHANGES} recorded changes "
             f"are needed, and {LEAST_IN_PART} by choice of the drivers who are fitted and of those who are held out: "
-            f"there are {lanes['changes']}"
+            f"there are {lanes['changes']} in all"
         )
         return Section(TITLE, (sentence(words),))
     tables = (_model_table(prediction), *(_strata_table(prediction, name, title) for name, title in _MEASURES.items()))
     return Section(TITLE, (_words(prediction),), (*tables, _mobil_table(prediction)), _notes(prediction))
 
 
-def surely_worse(prediction: Mapping[str, Any]) -> list[str]:
+def significantly_worse(prediction: Mapping[str, Any]) -> list[str]:
     """Names of the models whose log loss is significantly above that of the constant rate."""
     models = prediction["strata"]["all"]["models"]
     return [name for name, scores in models.items() if scores["less_base_rate"]["low"] > 0]
@@ -65,12 +65,12 @@ def _words(prediction: Mapping[str, Any]) -> str:
         f"{every['changes']} changes by choice of {every['drivers']} drivers in {every['seconds'] / 60:.1f} minutes, "
         f"predicted twice a second from {fitted['changes']} changes of {fitted['drivers']} others."
     )
-    worse = [PREDICTORS[name] for name in surely_worse(prediction)]
+    worse = [PREDICTORS[name] for name in significantly_worse(prediction)]
     if worse:
-        said += f" Surely worse than the constant rate: {', '.join(worse)}."
-    uncalibrated, own = (every["models"][name]["log_loss"]["value"] for name in (AS_IT_WAS, CALIBRATED))
+        said += f" Significantly worse than the constant rate: {', '.join(worse)}."
+    uncalibrated, own = (every["models"][name]["log_loss"]["value"] for name in (ORIGINAL, CALIBRATED))
     if own >= uncalibrated:
-        said += " MOBIL calibrated is not better than as it was."
+        said += " Calibrated MOBIL is not better than original MOBIL."
     if every["models"][CALIBRATED]["less_base_rate"]["high"] >= 0:
         said += " Calibrated MOBIL is not significantly better than the constant rate."
     return said
@@ -90,7 +90,7 @@ def _model_table(prediction: Mapping[str, Any]) -> Table:
         "balanced accuracy",
         f"changes expected, {every['changes']} made",
     )
-    return Table("Predictions of lane changes, drivers nothing was fitted to", headings, tuple(rows))
+    return Table("Predictions of lane changes of drivers not used in the fit", headings, tuple(rows))
 
 
 def _strata_table(prediction: Mapping[str, Any], measure: str, title: str) -> Table:
@@ -108,7 +108,7 @@ def _mobil_table(prediction: Mapping[str, Any]) -> Table:
     for name, estimate in prediction["mobil"].items():
         unit = "" if estimate["unit"] == "-" else f" [{estimate['unit']}]"
         rows.append(Row(f"{spoken(name)}{unit}", (Cell(number(getattr(uncalibrated, name))), _cell(estimate))))
-    return Table("Parameters of MOBIL", ("as it was", "calibrated"), tuple(rows))
+    return Table("Parameters of MOBIL", ("original", "calibrated"), tuple(rows))
 
 
 def _notes(prediction: Mapping[str, Any]) -> tuple[str, ...]:

@@ -38,7 +38,7 @@ def draw_maps(atlases: Mapping[str, Atlas], added: Mapping[str, np.ndarray], *, 
         if "after" in atlases and name in atlases["after"].curves:
             _draw(panel, atlases["after"].curves[name], BLUE, "after")
         if name in added:
-            panel.plot(curve.basis.knots, added[name], ":", color=DARK_GREY, linewidth=1.6, label="what was added")
+            panel.plot(curve.basis.knots, added[name], ":", color=DARK_GREY, linewidth=1.6, label="added effects")
         panel.axhline(0.0, color=GREY, linewidth=0.8, zorder=0)
         panel.set_ylim(-reach, reach)
         unit = curve.basis.variable.unit.replace("^2", "²")
@@ -48,7 +48,7 @@ def draw_maps(atlases: Mapping[str, Atlas], added: Mapping[str, np.ndarray], *, 
     for panel in axes[len(best) :]:
         panel.set_visible(False)
     for panel in axes[::COLUMNS]:
-        panel.set_ylabel("acceleration left [m/s²]", fontsize=8)
+        panel.set_ylabel("acceleration residual [m/s²]", fontsize=8)
     lines = [line for panel in axes for line in panel.get_lines() if not str(line.get_label()).startswith("_")]
     handles = {str(line.get_label()): line for line in lines}
     figure.legend(
@@ -87,7 +87,9 @@ def draw_planes(atlases: Mapping[str, Atlas], *, generated: bool) -> bytes:
         panel.set(xlabel=f"{plane.across.title} [{plane.across.unit}]", ylabel=f"{plane.up.title} [{plane.up.unit}]")
         set_title(panel, model)
     if mesh is not None:
-        figure.colorbar(mesh, ax=axes, pad=0.02, aspect=30).set_label("acceleration left [m/s²]", fontsize=FONT_SIZE)
+        figure.colorbar(mesh, ax=axes, pad=0.02, aspect=30).set_label(
+            "acceleration residual [m/s²]", fontsize=FONT_SIZE
+        )
     return png(figure)
 
 

@@ -51,13 +51,13 @@ def population_section(verdict: Mapping[str, Any]) -> Section:
             notes.append(f"{spoken(name)} is not identified here: its value is that of the prior")
         if entry["at_bound"] > THRESHOLDS.most_at_bound:
             notes.append(
-                f"{spoken(name)} is at its bound in {percent(entry['at_bound'])} of drivers: it cannot be read"
+                f"{spoken(name)} is at its bound in {percent(entry['at_bound'])} of drivers: its value has no meaning"
             )
     words = (
         "Parameters that a driver's data do not determine are shrunk to "
         "the population mean. Spread: standard deviation "
-        "of the logarithm between drivers. Told by data: mean share of the variance that one driver's data "
+        "of the logarithm between drivers. Determined by data: mean share of the variance that one driver's data "
         "remove. Parameters can compensate for each other; equilibrium time gaps cannot."
     )
-    table = Table(title, ("middle driver", "spread", "told by data", "at a bound"), tuple(rows))
+    table = Table(title, ("median driver", "spread", "determined by data", "at a bound"), tuple(rows))
     return Section(title, (words,), (table,), tuple(map(sentence, notes)), is_folded=True)

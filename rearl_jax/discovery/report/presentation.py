@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from rearl_jax.discovery.discover import Behind, Discovery
+from rearl_jax.discovery.discover import Discovery, PageData
 from rearl_jax.discovery.observe.fit import recalibrated
 from rearl_jax.discovery.observe.residuals import Residuals, residuals_of
 from rearl_jax.discovery.report import figures, map_figures
@@ -37,10 +37,10 @@ def present(study: Study, discovery: Discovery) -> None:
         study: Study folder.
         discovery: A discovery with the data for its figures.
     """
-    behind, verdict, options = discovery.behind, discovery.verdict, discovery.config.discover
-    assert behind is not None
-    solver, search, generated = behind.solver, behind.search, verdict["data"]["generated"]
-    residuals = all_residuals(behind)
+    page_data, verdict, options = discovery.page_data, discovery.verdict, discovery.config.discover
+    assert page_data is not None
+    solver, search, generated = page_data.solver, page_data.search, verdict["data"]["generated"]
+    residuals = all_residuals(page_data)
     chart = chart_of(residuals["before"][0])
     atlases = {
         model: atlas_of(
@@ -66,24 +66,24 @@ def present(study: Study, discovery: Discovery) -> None:
     drawn = {
         "maps": map_figures.draw_maps(atlases, added, generated=generated),
         "evidence": figures.draw_evidence(candidates, search.null, generated=generated),
-        "closed_loop": figures.draw_errors(behind.errors, generated=generated),
-        "example": figures.draw_example(of_reported, behind.errors, generated=generated),
+        "closed_loop": figures.draw_errors(page_data.errors, generated=generated),
+        "example": figures.draw_example(of_reported, page_data.errors, generated=generated),
         "innovations": figures.draw_innovations(of_fitted, generated=generated),
         "planes": map_figures.draw_planes(atlases, generated=generated),
         "parameters": figures.draw_parameters(driver_table(solver, search), solver.layout.prior, generated=generated),
     }
     for name, png in drawn.items():
         study.write_bytes(f"{name}.png", png)
-    document = document_of(discovery.config, verdict, maps, data_sources(behind.parts.infos))
+    document = document_of(discovery.config, verdict, maps, data_sources(page_data.parts.infos))
     study.write_text("page.html", page_of(document, discovery.config, drawn, data_id=discovery.data_id))
 
 
-def all_residuals(behind: Behind) -> dict[str, list[Residuals]]:
+def all_residuals(page_data: PageData) -> dict[str, list[Residuals]]:
     """Residuals of the fitted, checked and reported drivers, `before` and, if effects were added, `after`."""
-    solver, search, parts = behind.solver, behind.search, behind.parts
+    solver, search, parts = page_data.solver, page_data.search, page_data.parts
     models = {"before": (search.before, (parts.checked, parts.reported))}
     if search.added or search.clocks is not None:
-        models["after"] = search.last, (search.checked, behind.reported)
+        models["after"] = search.last, (search.checked, page_data.reported)
     residuals = {}
     for model, (fit, others) in models.items():
         states = [fit.state, *(recalibrated(solver, part, [fit])[0] for part in others)]

@@ -96,7 +96,7 @@ def prediction_errors(
         state: State of the reported drivers under the model.
         fit: The fitted model.
         runs: Splits of drivers with several runs, see `left_out_runs`.
-        variation: Variation of the time gap, of which predictions take what the gap at the start tells.
+        variation: Variation of the time gap; predictions contain the part that follows from the gap at the start.
     """
     data = state.data
     whole, all_drivers = [Split(data, data)], np.arange(data.n_drivers)
@@ -129,7 +129,7 @@ def _predicted(solver: Solver, splits: Sequence[Split], fit: Fit, variation: Tim
 
 
 def _varied(state: FitState, varied: Float[np.ndarray, "steps pieces"] | None) -> FitState:
-    """The drivers with a time gap that varies so; the same ones if it does not."""
+    """The drivers with the logarithm of their time gap changed by `varied`; unchanged for None."""
     return state if varied is None else replaced(state, pieces=replace(state.pieces, varied=varied))
 
 

@@ -62,7 +62,7 @@ def read_errors(table: pd.DataFrame, error: Mapping[str, Any]) -> dict[str, Mode
     """Errors from their table, without response times.
 
     Args:
-        table: As `error_table` makes it.
+        table: Table made by `error_table`.
         error: Entry `error` of the verdict.
     """
     return {str(model): _read_model(rows, error) for model, rows in table.groupby("model", sort=False)}

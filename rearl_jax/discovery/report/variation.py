@@ -2,8 +2,8 @@
 
 Entry `time_gap_variation` of the verdict: {sd, time, noise_share, start_share, time_gap, energy_score: {before,
 constant, varying, change, change_share}}. `sd` is the standard deviation of log T within a driver [-], `time` its
-correlation time [s], `noise_share` the share of the acceleration noise that remains beside it [-], `start_share` the
-share of the departure from T at the start of a drive that is variation [-], and `time_gap` the standard deviation of
+correlation time [s], `noise_share` the share of the acceleration noise that remains with it [-], `start_share` the
+share of the difference of log T at the start of a drive that is variation [-], and `time_gap` the standard deviation of
 the median driver's time gap [s]. `energy_score` contains mean energy scores of the report drivers [m] as figures
 {value, low, high}: of the calibrated model (`before`) and of the final model with a `constant` and with a `varying`
 time gap, all of second halves of drives with the own parameters of the first; `energy_score` is null if no drive is
@@ -45,7 +45,7 @@ def variation_block(
     Args:
         solver: Solver of the models.
         first: The calibrated model, and the report drivers.
-        last: The final model, and the report drivers as it takes them.
+        last: The final model, and the report drivers with clocks corrected as for this model.
         variation: Variation estimated on the fitted drivers.
         resampling: Resampling of drivers; its seed is also used for the noise.
     """
@@ -102,19 +102,18 @@ def variation_section(verdict: Mapping[str, Any]) -> Section:
         return Section(title)
     if variation["sd"] or variation["noise_share"] < 1:
         words = (
-            f"a driver's time gap varies by {number(variation['time_gap'])} s over {number(variation['time'])} s, "
-            f"as far "
-            f"as the fitted drivers show, and {percent(variation['noise_share'])} of the acceleration noise "
-            "remains beside it; simulations of the repaired model vary in the same way"
+            f"a driver's time gap varies by {number(variation['time_gap'])} s over {number(variation['time'])} s "
+            f"according to the fitted drivers, and {percent(variation['noise_share'])} of the acceleration noise "
+            "remains with it; simulations of the repaired model vary in the same way"
         )
     else:
         words = "simulations with a varying time gap are not significantly closer to the fitted drivers"
     how = (
         "The energy score is the mean distance of noisy simulations from the measured drive less half their "
-        "distance from each other. It is lowest for the correct spread; lower is better. Simulated are second "
-        "halves of drives, with the own parameters of the first."
+        "distance from each other. It is lowest for the correct spread; lower is better. Second halves of drives "
+        "are simulated with the driver's own parameters of the first half."
     )
-    names = {"before": "calibrated model", "constant": "last model", "varying": "last model, time gap varying"}
+    names = {"before": "calibrated model", "constant": "final model", "varying": "final model, varying time gap"}
     names |= {"change": "change from the first to the last"}
     share = variation["energy_score"]["change_share"]
     rows = tuple(
@@ -122,6 +121,6 @@ def variation_section(verdict: Mapping[str, Any]) -> Section:
         for name, score in ((words, variation["energy_score"][key]) for key, words in names.items())
     )
     ends = f"{percent(share['low'])} to {percent(share['high'])}"
-    rows += (Row("the same as a share, geometric mean", (Cell(percent(share["value"])), Cell(ends))),)
-    table = Table("Energy score of drivers nothing was fitted to", ("mean [m]", "interval"), rows)
+    rows += (Row("relative change, geometric mean", (Cell(percent(share["value"])), Cell(ends))),)
+    table = Table("Energy score of drivers not used in the fit", ("mean [m]", "interval"), rows)
     return Section(title, (f"{sentence(words)} {how}",), (table,), is_folded=True)

@@ -127,7 +127,7 @@ def names_and_units(candidate: Candidate) -> list[tuple[str, str]]:
 def is_on(trial: Trial, theta: np.ndarray, deviations: np.ndarray, layout: Layout, confidence: float) -> bool:
     """True if the interval of a strength excludes the value at which the effect is off."""
     free = list(trial.candidate.free)
-    strengths = np.isin(free, list(trial.candidate.look))
+    strengths = np.isin(free, list(trial.candidate.directions))
     if trial.candidate.kind == "generic" or not strengths.any():
         return True  # curves and sections have no single strength that could be off
     values, off = theta[free], layout.reference[free]
@@ -238,7 +238,7 @@ def unseen(search: Search, threshold: dict[Term, float]) -> list[dict[str, Any]]
             candidate is None
             or term == EARLY_LEADER
             or not term.is_effect
-            or candidate.look != candidate.free[: len(candidate.look)]
+            or candidate.directions != candidate.free[: len(candidate.directions)]
         ):
             continue
         parameter = EFFECTS[term.effect].parameters[0]

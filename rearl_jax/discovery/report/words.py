@@ -21,13 +21,13 @@ def verdict_words(verdict: Mapping[str, Any]) -> str:
     if following or not lanes or verdict["verdict"] == "unexplained":
         words.append(_following_words(verdict["verdict"], following))
     if lanes:
-        words.append(f"missing in the choice of the lane: {_names(lanes)}")
+        words.append(f"missing in lane choice: {_names(lanes)}")
     return "; ".join(words)
 
 
 def _following_words(word: str, effects: Sequence[Mapping[str, Any]]) -> str:
     if word == "named" and not effects:
-        return "an effect was told, and nothing looked for"  # the oracle
+        return "the given effect was fitted, and no other was searched for"  # the oracle
     if word == "named":
         return f"missing in the model: {_names(effects)}"
     if word == "artefact":
@@ -44,7 +44,7 @@ def base_words(base: Mapping[str, Any]) -> str:
         return ""
     (gain,) = (row["gain"] for row in base["compared"] if row["name"] == base["chosen"])
     return (
-        f"the car-following model {spoken(base['driver'])} lacks what {spoken(base['chosen'])} has, "
+        f"the car-following model {spoken(base['chosen'])} predicts better than {spoken(base['driver'])}, "
         f"{gain['value']:+.0f} ({gain['low']:+.0f} to {gain['high']:+.0f}) nats on {base['drivers']['checked']} other "
         "drivers"
     )
@@ -105,7 +105,7 @@ def error_words(error: Mapping[str, Any]) -> str:
     if error["oracle"] is not None:
         words += f", {text(error['oracle'])} for the oracle"
     noise = error.get("noise_alone", error["floor"])
-    return f"{words}; drivers' own noise alone makes {text(noise)}"
+    return f"{words}; drivers' own noise alone gives {text(noise)}"
 
 
 def share_words(error: Mapping[str, Any]) -> str:

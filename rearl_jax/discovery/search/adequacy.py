@@ -16,7 +16,7 @@ from rearl_jax.core.following import follow
 from rearl_jax.discovery.observe.candidates import Term
 from rearl_jax.discovery.observe.fit import Fit, recalibrated
 from rearl_jax.discovery.observe.fit_state import FitState
-from rearl_jax.discovery.observe.forcing import answers, drivers_of
+from rearl_jax.discovery.observe.forcing import acceleration_derivatives, drivers_of
 from rearl_jax.discovery.observe.residuals import Residuals, residuals_of
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.read.measured import Measured
@@ -112,7 +112,7 @@ def adequacy(solver: Solver, search: Search, seed: int) -> Adequacy:
 
     Args:
         solver: Solver of the model.
-        found: Result of the search, with the added effects.
+        search: Result of the search, with the added effects.
         seed: Seed of the simulated drives.
     """
     state, last = search.last.state, search.rounds[-1]
@@ -178,7 +178,7 @@ def unequal_noise(innovation: Float[np.ndarray, "steps pieces"], data: Measured)
     }
 
     relative = innovation**2 / data.driver_mean(innovation**2)[data.driver]
-    return {name: _surely(_driver_scores(relative, values, data)) for name, values in situations.items()}
+    return {name: _in_deviations(_driver_scores(relative, values, data)) for name, values in situations.items()}
 
 
 def misjudgement(parts: Parts, chance: Sequence[Parts]) -> float:
@@ -190,8 +190,8 @@ def misjudgement(parts: Parts, chance: Sequence[Parts]) -> float:
     """
 
     def by_misjudging(residuals: Residuals) -> np.ndarray:
-        gap, answer = np.asarray(residuals.stimulus().gap), answers(residuals).x
-        return (answer * gap) ** 2
+        gap, by_gap = np.asarray(residuals.stimulus().gap), acceleration_derivatives(residuals).x
+        return (by_gap * gap) ** 2
 
     return _beyond_chance(by_misjudging, parts, chance)
 
@@ -230,7 +230,7 @@ def _beyond_chance(energy: Energy, parts: Parts, chance: Sequence[Parts]) -> flo
     """
 
     def grows(parts: Parts) -> float:
-        return _surely(np.concatenate([_energy_scores(energy(residuals), residuals) for residuals in parts]))
+        return _in_deviations(np.concatenate([_energy_scores(energy(residuals), residuals) for residuals in parts]))
 
     return grows(parts) - max(float(np.mean([grows(replicate) for replicate in chance])), 0.0)
 
@@ -251,7 +251,7 @@ def _energy_scores(square: Float[np.ndarray, "steps pieces"], residuals: Residua
 def _driver_scores(
     energy: Float[np.ndarray, "steps pieces"], situation: Float[np.ndarray, "steps pieces"], data: Measured
 ) -> Float[np.ndarray, " drivers"]:
-    """Covariance of the two within each driver."""
+    """Covariance of squared residual and situation within each driver."""
 
     def off(values: np.ndarray) -> np.ndarray:
         return values - data.driver_mean(values)[data.driver]
@@ -259,6 +259,6 @@ def _driver_scores(
     return np.bincount(data.driver, (off(energy) * off(situation) * data.weight).sum(axis=0), data.n_drivers)
 
 
-def _surely(scores: Float[np.ndarray, " drivers"]) -> float:
+def _in_deviations(scores: Float[np.ndarray, " drivers"]) -> float:
     """Sum of the scores in standard deviations [-]."""
     return float(scores.sum() / max(float(np.sqrt((scores**2).sum())), 1e-12))

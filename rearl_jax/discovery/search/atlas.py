@@ -8,11 +8,11 @@ from jaxtyping import Float
 
 from rearl_jax.discovery.observe.forcing import (
     DriverScores,
+    acceleration_derivatives,
     added_acceleration,
-    answers,
     driver_scores,
+    innovation_and_acceleration_scores,
     plain_scores,
-    scores_and_seen,
 )
 from rearl_jax.discovery.observe.residuals import Residuals
 from rearl_jax.discovery.observe.solver import Solver
@@ -71,7 +71,7 @@ class PartScores:
 
     Attributes:
         curves: Scores on the columns of all groups.
-        seen: Scores of the same columns on the acceleration residual.
+        seen: Scores of these columns on the acceleration residual.
         planes: Scores on the fields of each plane.
         shares: Shares of the time steps in the fields of each plane [-].
     """
@@ -109,15 +109,15 @@ def chart_of(residuals: Residuals) -> Chart:
 
 def part_scores(residuals: Residuals, chart: Chart) -> PartScores:
     """Scores of the drivers of one part of the data."""
-    variables, answer, data = variables_of(residuals), answers(residuals), residuals.state.data
-    pushed = chart.weights(variables)
+    variables, derivatives, data = variables_of(residuals), acceleration_derivatives(residuals), residuals.state.data
+    weights = chart.weights(variables)
     planes, shares = {}, {}
     used = data.weight > 0
     for pair in PLANES:
         indicators = fields([variables[name].values for name in pair], [chart.edges[name] for name in pair])
-        planes[pair], shares[pair] = driver_scores(indicators, residuals, answer), indicators[:, used].mean(axis=1)
-    columns = np.concatenate([pushed, pushed * answer.own[residuals.prior.names.index("time_gap")]])
-    return PartScores(*scores_and_seen(columns, residuals, answer), planes, shares)
+        planes[pair], shares[pair] = driver_scores(indicators, residuals, derivatives), indicators[:, used].mean(axis=1)
+    columns = np.concatenate([weights, weights * derivatives.own[residuals.prior.names.index("time_gap")]])
+    return PartScores(*innovation_and_acceleration_scores(columns, residuals, derivatives), planes, shares)
 
 
 def joined(parts: Sequence[DriverScores]) -> DriverScores:
@@ -149,8 +149,8 @@ def atlas_of(
             plane_scores = joined([part.planes[pair] for part in parts])
             edges = [chart.edges[name] for name in pair]
             planes[pair] = plane_of([variables[name] for name in pair], edges, share, plane_scores)
-    looked_at = joined([part.curves for part in parts[:n_chosen_from]])
-    return Atlas(maps, planes, stability_selection(looked_at, groups, seed), shapes)
+    finder_scores = joined([part.curves for part in parts[:n_chosen_from]])
+    return Atlas(maps, planes, stability_selection(finder_scores, groups, seed), shapes)
 
 
 def added_curves(solver: Solver, residuals: Residuals, chart: Chart) -> dict[str, np.ndarray]:
@@ -160,7 +160,7 @@ def added_curves(solver: Solver, residuals: Residuals, chart: Chart) -> dict[str
     added = added_acceleration(solver, residuals)
     if np.abs(added).max(initial=0.0) < 1e-6:
         return {}
-    scores = plain_scores(added, chart.weights(variables_of(residuals)), residuals, answers(residuals))
+    scores = plain_scores(added, chart.weights(variables_of(residuals)), residuals, acceleration_derivatives(residuals))
     return {
         basis.variable.name: centred(fitted(scores.of(group.columns)), basis)
         for basis, group in zip(chart.bases, chart.groups(), strict=False)

@@ -17,7 +17,7 @@ from rearl_jax.discovery.search.decision import bounded_gains
 from rearl_jax.discovery.search.screen import scores
 from rearl_jax.discovery.thresholds import THRESHOLDS
 
-LOOKS = 3
+ITERATIONS = 3
 """Iterations of estimating and correcting shifts."""
 
 
@@ -81,7 +81,7 @@ def correct_shifts(solver: Solver, shifts: Shifts, base: Fit) -> ShiftCorrection
     """The data corrected by a model of shifts, under the calibrated model; the best of all iterations."""
     (state,) = recalibrated(solver, shifts.data, [base])
     before, values, best = state.penalised(), shifts.values, None
-    for _ in range(LOOKS):
+    for _ in range(ITERATIONS):
         seen = scores(solver, [state])[0][CLOCK_OFFSET]
         estimate = shifts.estimate(values, seen.driver_score, seen.driver_information)
         values, data = estimate.values, shifts.corrected(estimate.values)

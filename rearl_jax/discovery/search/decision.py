@@ -9,7 +9,7 @@ from rearl_jax.discovery.observe.candidates import Candidate
 from rearl_jax.discovery.observe.fit import Fit
 from rearl_jax.discovery.observe.fit_state import FitState
 from rearl_jax.discovery.observe.solver import Solver
-from rearl_jax.discovery.observe.uncertainty import price
+from rearl_jax.discovery.observe.uncertainty import complexity_penalty
 from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.thresholds import THRESHOLDS
 
@@ -24,7 +24,7 @@ class Trial:
         fitted: Gain of each fitted driver [nats], bounded as in `bounded_gains`.
         checked: Gain of each checked driver with its own parameters calibrated again [nats], bounded.
         other: State of the checked drivers with the candidate.
-        price: Complexity penalty [nats].
+        penalty: Complexity penalty [nats].
         null_mean: Mean gain of all drivers together if no effect is missing [nats].
         simulated: Gain of each checked driver's simulation [nats], bounded; None if not simulated.
     """
@@ -34,14 +34,14 @@ class Trial:
     fitted: Float[np.ndarray, " drivers"]
     checked: Float[np.ndarray, " others"]
     other: FitState
-    price: float
+    penalty: float
     null_mean: float = 0.0
     simulated: Float[np.ndarray, " others"] | None = None
 
     @property
     def gain(self) -> float:
         """Gain on the fitted drivers, less the complexity penalty [nats]."""
-        return float(self.fitted.sum()) - self.price
+        return float(self.fitted.sum()) - self.penalty
 
     @property
     def check(self) -> float:
@@ -59,7 +59,7 @@ class Trial:
         return self.total + (0.0 if self.simulated is None else float(self.simulated.sum()))
 
     def beats(self, other: "Trial") -> bool:
-        """True if its total exceeds that of the other by more than `indistinct_total`."""
+        """True if the overall gain exceeds that of another trial by more than `indistinct_total`."""
         return self.overall > other.overall + THRESHOLDS.indistinct_total
 
     @property
@@ -84,7 +84,7 @@ def trial_of(
     """Gains of a fitted candidate against the model without it (`base`), of the same drivers and of others."""
     candidate = fit.candidate
     assert candidate is not None
-    cost = price(solver, fit.state, candidate.free)
+    cost = complexity_penalty(solver, fit.state, candidate.free)
     if candidate.kind == "generic":
         cost += THRESHOLDS.freedom_price
     fitted = bounded_gains(fit.state.penalised() - base.penalised(), base.data)
@@ -108,6 +108,6 @@ def believed(trials: list[Trial]) -> list[Trial]:
     return sorted(better, key=lambda trial: -trial.total) + accepted
 
 
-def not_told_apart(best: list[Trial]) -> list[Trial]:
-    """The best trial and those within `indistinct_total` of it."""
+def indistinguishable(best: list[Trial]) -> list[Trial]:
+    """The best trial and the trials within `indistinct_total` of it."""
     return [trial for trial in best if best[0].overall - trial.overall < THRESHOLDS.indistinct_total]

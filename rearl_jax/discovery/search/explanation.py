@@ -1,4 +1,4 @@
-"""Check if a search explains the drivers, and if a search beside another model names what the first left unnamed."""
+"""Tests whether a search explains the drivers, and whether a search with another model names what it left unnamed."""
 
 from dataclasses import dataclass
 
@@ -50,8 +50,8 @@ def is_explained(outcome: Search, adequacy: Adequacy) -> bool:
 
 
 def predicts_better(before: Prediction, after: Prediction, seed: int) -> bool:
-    """True if a search beside another model predicts the check drivers better: one time step ahead and in simulations
-    together, and these are not significantly worse.
+    """True if a search with another model predicts the check drivers better, one time step ahead and in simulations
+    taken together, and its simulations are not significantly worse.
     """
     gains = bounded_gains(after.log_likelihood - before.log_likelihood, after.data)
     of_simulations = simulated_gains(before.gap_error, after.gap_error, after.data)
@@ -60,5 +60,5 @@ def predicts_better(before: Prediction, after: Prediction, seed: int) -> bool:
 
 
 def names_more(before: Prediction, named: Search, adequacy: Adequacy, after: Prediction, seed: int) -> bool:
-    """True if a search beside another model explains the drivers by names, of which it has one, and predicts better."""
+    """True if a search with another model explains the drivers by at least one named effect and predicts better."""
     return bool(named.added) and is_explained(named, adequacy) and predicts_better(before, after, seed)

@@ -69,7 +69,10 @@ APART = {
     ): "free vehicles with different desired speeds on the section: a limit slows only fast ones, a slope all",
     ("lens", "grade"): "a second camera, or vehicles that pass at very different speeds: a distortion shifts all alike",
     ("reaction_delay", "leader_acceleration"): "faster changes of the leader's speed, above 0.2 Hz",
-    ("several_leaders", "leader_acceleration"): "a second leader that does something else than the first",
+    (
+        "several_leaders",
+        "leader_acceleration",
+    ): "a second leader whose speed changes differently from the first's",
     ("speed_dependent_time_gap", "resignation"): "the same speed reached from above and from below, minutes apart",
     ("leader_class", "leader_length"): "trucks of different lengths, and long cars",
     ("weather", "time"): "a longer record, or a second one in other weather",
@@ -83,4 +86,4 @@ def told_apart_by(term: Term, chosen: Sequence[Term]) -> str:
         for pair, words in APART.items():
             if {member.variable or member.effect for member in (term, other)} == set(pair):
                 return words
-    return "more drivers, or a wider range of what they depend on"
+    return "more drivers, or a wider range of the variables that both depend on"

@@ -4,8 +4,8 @@ Most of the error of long predictions arises because models keep a constant time
 some time and then a shorter one. The times of these changes cannot be predicted, but a simulation can reproduce their
 size and duration. The division minimises the energy score of noisy simulations, which is lowest for the correct spread.
 Simulated is the second half of each drive, with the driver's own parameters of the first half: parameters of the whole
-drive follow its slow changes, so that a varying time gap would seem to be constant. The time gap that is kept at the
-start of a simulated drive tells where the variation begins.
+drive follow its slow changes, so that a varying time gap would seem to be constant. The time gap at the start of
+a simulated drive determines where the variation begins.
 
 Source: estimation by the energy score, Gneiting & Raftery, J. Am. Stat. Assoc. 102 (2007) 359, section 9.1.
 """
@@ -37,7 +37,7 @@ SIZES, TIMES = (0.0, 0.15, 0.3, 0.45, 0.65), (5.0, 15.0, 45.0)
 """Tested standard deviations of log T [-] and correlation times [s]."""
 
 START_SHARES = (0.0, 0.4, 0.7, 0.9)
-"""Tested shares of the departure at the start that are variation [-]."""
+"""Tested shares of the difference of log T at the start that are variation [-]."""
 
 SMALLEST = 1e-3
 """Smallest energy score that is distinguished [m]."""
@@ -51,8 +51,8 @@ class TimeGapVariation:
         sd: Standard deviation [-]; 0 for a constant time gap.
         time: Correlation time [s].
         noise_share: Share of the acceleration noise that remains in addition [-].
-        start_share: Share of the departure from a driver's time gap at the start of a drive that is variation [-]. The
-            rest is chance: at that moment the driver is not in equilibrium.
+        start_share: Share of the difference of log T from the driver's own at the start of a drive that is variation
+            [-]; the rest is chance, because the driver is not in equilibrium at that moment.
     """
 
     sd: float = 0.0
@@ -61,15 +61,16 @@ class TimeGapVariation:
     start_share: float = 0.0
 
     def expected(self, state: FitState, prior: Prior) -> Float[np.ndarray, "steps pieces"] | None:
-        """Expected logarithm of the time gap over the driver's own, given the time gap at the start of each piece [-];
-        None for a time gap that is constant or of which the start tells nothing.
+        """Expected logarithm of the ratio of the time gap to the driver's own [-], given the time gap at the start of
+        each piece; None for a constant time gap, or if the start contains no information about it.
         """
         if not self.sd * self.start_share:
             return None
         return self.start_share * departures(state, prior) * self._remaining(state.data)
 
     def expected_of_unknown(self, state: FitState, prior: Prior) -> Float[np.ndarray, "steps pieces"] | None:
-        """The same for drivers of whom only the population is known: then the start also tells of their own time gap.
+        """Expected logarithm as in `expected`, for drivers of whom only the population is known: the start then also
+        contains information about their own time gap.
 
         Source: mean of each of several normal variables given their sum.
         """
@@ -84,7 +85,7 @@ class TimeGapVariation:
     def drawn(
         self, state: FitState, prior: Prior, rng: np.random.Generator
     ) -> Float[np.ndarray, "steps pieces"] | None:
-        """A realisation of the same, given the time gap at the start of each piece [-]; None for a constant one."""
+        """A realisation of that logarithm [-], given the time gap at the start of each piece; None if constant."""
         if not self.sd:
             return None
         path = lasting(self.sd, self.time, state.data.y.shape, state.data.dt, rng)
@@ -97,11 +98,11 @@ class TimeGapVariation:
 
 
 CONSTANT_TIME_GAP = TimeGapVariation()
-"""Time gap of each driver constant, all of the acceleration noise kept."""
+"""Constant time gap of each driver, with all of the acceleration noise."""
 
 
 def departures(state: FitState, prior: Prior) -> Float[np.ndarray, " pieces"]:
-    """Logarithm of the time gap at the start of each piece over the driver's own one [-]."""
+    """Logarithm of the ratio of the time gap at the start of each piece to the driver's own [-]."""
     data, values = state.data, prior.values(state.z, state.truck)[state.data.driver]
     time_gap, jam_gap = (values[:, prior.names.index(name)] for name in ("time_gap", "jam_gap"))
     front, speed = state.pieces.start[0] + data.length / 2, state.pieces.start[1]

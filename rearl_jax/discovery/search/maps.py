@@ -28,7 +28,7 @@ USUAL = 1.0
 """Prior standard deviation of a curve's values [m/s^2]; it only restricts values that the data do not determine."""
 
 USUAL_IN_FIELDS = 0.2
-"""The same for the fields of a plane, each of which contains few time steps [m/s^2]."""
+"""Prior standard deviation of the fields of a plane [m/s^2], each of which contains few time steps."""
 
 HALVINGS = 10
 """Random divisions of the drivers into halves."""

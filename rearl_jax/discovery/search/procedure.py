@@ -18,7 +18,7 @@ from rearl_jax.discovery.observe.fit_state import FitState
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.search.clock_check import ClockCheck, check_clocks, correct_shifts
-from rearl_jax.discovery.search.decision import Trial, believed, not_told_apart, trial_of
+from rearl_jax.discovery.search.decision import Trial, believed, indistinguishable, trial_of
 from rearl_jax.discovery.search.families import confounded, with_families
 from rearl_jax.discovery.search.null import Null
 from rearl_jax.discovery.search.refit import nested, rebased, refit
@@ -82,7 +82,7 @@ class Round:
     @property
     def alternatives(self) -> list[Trial]:
         """Trials that the data cannot distinguish from the added one."""
-        return not_told_apart(self.accepted)[1:] if self.accepted else []
+        return indistinguishable(self.accepted)[1:] if self.accepted else []
 
 
 @dataclass
@@ -228,18 +228,18 @@ def search(
     report("calibrating drivers", 0, 1)
     of_lanes = calibrated or base_of(solver, fitted, lane_changes=lane_changes)
     base = of_lanes.fit
-    everybody = joint_fit(solver, base, checked)
-    null = null_for(everybody)
-    (seen,) = scores(solver, [everybody.state])
+    all_drivers = joint_fit(solver, base, checked)
+    null = null_for(all_drivers)
+    (seen,) = scores(solver, [all_drivers.state])
     outcome = Search(solver.layout, null, seen, checked, excluded=excluded)
     outcome.lane_changes = lane_change_trials(solver, of_lanes, checked)
     clocks = None
-    of_clocks = null.z_scores({CLOCK_OFFSET: clock_evidence(everybody.state, seen)})[CLOCK_OFFSET]
+    of_clocks = null.z_scores({CLOCK_OFFSET: clock_evidence(all_drivers.state, seen)})[CLOCK_OFFSET]
     if CLOCK_OFFSET not in excluded and of_clocks > THRESHOLDS.candidate_z_score:
         report("comparing clocks", 0, 1)
         clocks = check_clocks(solver, base, checked)
     while len(outcome.added) <= THRESHOLDS.most_effects:
-        turn = _round(solver, base, everybody.state, seen, outcome, report)
+        turn = _round(solver, base, all_drivers.state, seen, outcome, report)
         if clocks is not None and not outcome.rounds and (turn.chosen is None or clocks.total > turn.chosen.total):
             # The data are replaced by those with corrected clocks, and the first round is repeated.
             outcome.clocks, outcome.checked = clocks, clocks.checked
@@ -251,8 +251,8 @@ def search(
             if turn.chosen is None or len(outcome.rounds) == rounds:
                 break
             base = turn.chosen.fit
-        everybody = joint_fit(solver, base, outcome.checked)
-        (seen,) = scores(solver, [everybody.state])
+        all_drivers = joint_fit(solver, base, outcome.checked)
+        (seen,) = scores(solver, [all_drivers.state])
     return outcome
 
 
@@ -262,14 +262,14 @@ def in_time(solver: Solver, outcome: Search, data: Measured) -> Measured:
 
 
 def _round(
-    solver: Solver, base: Fit, everybody: FitState, seen: dict[Term, Score], outcome: Search, report: Report
+    solver: Solver, base: Fit, all_drivers: FitState, seen: dict[Term, Score], outcome: Search, report: Report
 ) -> Round:
     """The next round, from a model and its scores."""
     layout, null, added = solver.layout, outcome.null, outcome.added
-    report(f"looking for effects, round {len(added) + 1}", 0, 1)
+    report(f"searching for effects, round {len(added) + 1}", 0, 1)
     excluded = {EARLY_LEADER, *base.state.active, *outcome.excluded - {CLOCK_OFFSET}}
     remaining = {CLOCK_OFFSET, *layout.candidates} - excluded
-    evidence = {term: value for term, value in evidences(everybody, seen, layout).items() if term in remaining}
+    evidence = {term: value for term, value in evidences(all_drivers, seen, layout).items() if term in remaining}
     exceeds = {term for term, z_score in null.z_scores(evidence).items() if z_score > THRESHOLDS.candidate_z_score}
     clock_z_score = null.z_scores({CLOCK_OFFSET: evidence.pop(CLOCK_OFFSET)})[CLOCK_OFFSET]
     excess, z_score, known = null.excess(evidence), null.z_scores(evidence), set(evidence)
@@ -298,8 +298,8 @@ def _round(
         )
         # A candidate is added only after all candidates that it is easily confused with have been tried.
         accepted, contradicted = simulated(solver, other_base, accepted)
-        asked = {trial.candidate.term: trial for trial in (*accepted, *contradicted)}
-        trials = [asked.get(trial.candidate.term, trial) for trial in trials]
+        simulated_trials = {trial.candidate.term: trial for trial in (*accepted, *contradicted)}
+        trials = [simulated_trials.get(trial.candidate.term, trial) for trial in trials]
         tried = with_families({trial.candidate.term for trial in accepted[:1]}, known)
         if tried <= fits.keys():
             z_score |= {trial.candidate.term: 0.0 for trial in trials if _is_of_numerics(trial)}
@@ -319,7 +319,7 @@ def lane_change_trials(solver: Solver, base: Base, checked: Measured) -> list[Tr
 
 
 def _is_significant(trial: Trial, exceeding: Collection[Term]) -> bool:
-    """True if a candidate exceeds chance in the screen, or if its total gain after the fit is large enough without."""
+    """True if a candidate exceeds chance in the screen, or if its total gain after the fit is large enough."""
     return not _is_of_numerics(trial) and (
         trial.candidate.term in exceeding or trial.total > THRESHOLDS.total_below_z_score
     )

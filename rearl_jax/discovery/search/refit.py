@@ -40,10 +40,10 @@ def starts(candidate: Candidate, score: Score, state: FitState, layout: Layout) 
     if effect == "weather":
         return _onsets(score, theta, layout)
     start = theta.copy()
-    if set(candidate.look) <= set(candidate.free):
+    if set(candidate.directions) <= set(candidate.free):
         # Half of the linear fit has the right sign and stays within the valid range of the model.
-        fitted = np.clip(score.fitted() / 2, -1, 1) * np.minimum(1.0, layout.scale[list(candidate.look)])
-        start[list(candidate.look)] += np.nan_to_num(fitted)
+        fitted = np.clip(score.fitted() / 2, -1, 1) * np.minimum(1.0, layout.scale[list(candidate.directions)])
+        start[list(candidate.directions)] += np.nan_to_num(fitted)
     return [np.clip(start, layout.low, layout.high)]
 
 

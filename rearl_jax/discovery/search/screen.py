@@ -48,18 +48,18 @@ def scores(solver: Solver, states: Sequence[FitState]) -> list[dict[Term, Score]
     """Scores of every candidate in solved states with the same added candidates."""
     layout = solver.layout
     kept = tuple(solver.free(states[0]).tolist())
-    looked = sorted({place for candidate in layout.candidates.values() for place in candidate.look} - set(kept))
+    looked = sorted({place for candidate in layout.candidates.values() for place in candidate.directions} - set(kept))
     places = (*kept, *looked)
     index_of = {place: k for k, place in enumerate(places)}
     of_term = {
-        term: tuple(index_of[place] for place in candidate.look) for term, candidate in layout.candidates.items()
+        term: tuple(index_of[place] for place in candidate.directions) for term, candidate in layout.candidates.items()
     }
     groups = tuple(sorted(set(of_term.values())))
     numbered = {term: (groups.index(group), group) for term, group in of_term.items()}
     numbered[clocks.CLOCK_OFFSET] = len(groups), tuple(range(len(places), len(places) + clocks.MOST_LEADERS))
     return [
         _scores(state, sums, numbered, np.array(kept, int), layout)
-        for state, sums in zip(states, solver.look(states, places, groups), strict=True)
+        for state, sums in zip(states, solver.sensitivity_sums(states, places, groups), strict=True)
     ]
 
 
@@ -126,7 +126,7 @@ def evidences(state: FitState, scores: dict[Term, Score], layout: Layout) -> dic
     """Evidence [nats] for every candidate; if it is positive, the smallest value over leaving out one driver."""
     evidence = {clocks.CLOCK_OFFSET: clock_evidence(state, scores)}
     for term, candidate in layout.candidates.items():
-        score, scale = scores[term], layout.scale[list(candidate.look)]
+        score, scale = scores[term], layout.scale[list(candidate.directions)]
         value = float(_evidence(score.score[None], score.information[None], scale)[0])
         if value > 0 and len(score.driver_score) > 1:
             score_without = score.score - score.driver_score

@@ -6,10 +6,10 @@ import numpy as np
 from jaxtyping import Float
 
 from rearl_jax.discovery.observe.forcing import DriverScores
-from rearl_jax.discovery.observe.uncertainty import CONTENT
+from rearl_jax.discovery.observe.uncertainty import LOG_OBSERVATIONS
 from rearl_jax.discovery.search.maps import Curve, fitted
 
-PRICE = 0.5 * CONTENT
+PENALTY = 0.5 * LOG_OBSERVATIONS
 """Complexity penalty per parameter of a shape [nats], as for a parameter of a candidate."""
 
 
@@ -36,18 +36,18 @@ def shape_of(curve: Curve, scores: DriverScores) -> Shape:
     ends = (float(knots[0]), float(knots[-1]))
     tried = [(0.0, Shape("flat", 0.0, *ends))]
     slope, gain = _scaled((knots - knots.mean()) / np.ptp(knots), scores)
-    tried.append((gain - PRICE, Shape("line", slope, *ends)))
+    tried.append((gain - PENALTY, Shape("line", slope, *ends)))
     for k in range(1, n):
         size, gain = _scaled((np.arange(n) >= k).astype(float), scores)
         edge = float(middle[k - 1])
-        tried.append((gain - 2 * PRICE, Shape("step", size, edge, edge)))
+        tried.append((gain - 2 * PENALTY, Shape("step", size, edge, edge)))
         for last in range(k + 1, n):
             size, gain = _scaled(((np.arange(n) >= k) & (np.arange(n) < last)).astype(float), scores)
-            tried.append((gain - 3 * PRICE, Shape("bump", size, float(middle[k - 1]), float(middle[last - 1]))))
+            tried.append((gain - 3 * PENALTY, Shape("bump", size, float(middle[k - 1]), float(middle[last - 1]))))
     free = fitted(scores)
     gain = float(free @ scores.score.sum(axis=0) - 0.5 * free @ scores.gram.sum(axis=0) @ free) / scores.variance
     low, high = sorted((float(knots[curve.value.argmin()]), float(knots[curve.value.argmax()])))
-    tried.append((gain - n * PRICE, Shape("curve", curve.reach, low, high)))
+    tried.append((gain - n * PENALTY, Shape("curve", curve.reach, low, high)))
     return max(tried, key=lambda item: item[0])[1]
 
 

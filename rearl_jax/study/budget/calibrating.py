@@ -65,7 +65,7 @@ def calibrated_drivers(config: StudyBudgetTask, study: Study, scenes: SceneSet, 
 
 
 def _given(config: StudyBudgetTask, model: RepairedModel) -> str:
-    """Where the drivers of a given model come from, and whether they have seen the judged scenes."""
+    """Sentence on the origin of the drivers of a given model, and on whether they have seen the judged scenes."""
     origin = f"drivers of {model.source.study} ({model_id(str(config.model))}), calibrated on {model.source.data_id}"
     if model.source.data_id == data_id(config.data):
         return (

@@ -25,7 +25,7 @@ MAIN = ("h", "{mape}", "position_error")
 """Errors that the findings speak of; the second is that of `mape.definition`."""
 
 SURE = 0.95
-"""Share of the orders from which on they do not decide which component has the largest fall [-]."""
+"""Share of the orders from which on the order does not decide which component has the largest reduction [-]."""
 
 CAPTIONS = {
     "waterfall": "From Base to the row with all components: bars are shares (means over all possible orders) with "
@@ -47,9 +47,9 @@ def document_of(table: pd.DataFrame, steps: pd.DataFrame, remarks: Remarks, *, g
     verdict, *findings = remarks.notes
     sections = (
         Section("Rows in the stated order", tables=(_rows(steps),)),
-        Section("Shares in the fall of each error", (_READING,), (_shares(table),)),
-        Section("What the rest is", notes=tuple(findings)),
-        Section("Shares by error, beside the stated order", tables=tuple(_by_error(table)), is_folded=True),
+        Section("Shares in the reduction of each error", (_READING,), (_shares(table),)),
+        Section("The remaining error", notes=tuple(findings)),
+        Section("Shares by error, and reductions in the stated order", tables=tuple(_by_error(table)), is_folded=True),
         Section("Definitions", notes=remarks.definitions, is_folded=True),
     )
     return Document(
@@ -65,8 +65,8 @@ def document_of(table: pd.DataFrame, steps: pd.DataFrame, remarks: Remarks, *, g
 
 
 _READING = (
-    "A share is the mean over all possible orders of the fall of the error when the component is added; positive is "
-    "closer to the recording in every column. Shares sum to the whole fall."
+    "A share is the mean, over all admissible orders, of the reduction of the error when the component is added. "
+    "Positive shares are towards the recording in every column. Shares sum to the total reduction."
 )
 
 
@@ -98,11 +98,11 @@ def _rows(steps: pd.DataFrame) -> Table:
 
 
 def _shares(table: pd.DataFrame) -> Table:
-    """The shares of all errors beside each other."""
+    """The shares of all errors in one table."""
     records = _records(table)
     parts = [name for name in TITLES if any(part == name for _, part in records)]
     errors = list(dict.fromkeys(table["error"]))
-    titles = {**TITLES, WHOLE: "whole fall", OF_REAL: "real against real", REST: "rest beside real against real"}
+    titles = {**TITLES, WHOLE: "total reduction", OF_REAL: "real against real", REST: "rest less real against real"}
     titles |= {FIRST: "first row", LAST: "all components"}
     rows = []
     for part in (FIRST, *parts, WHOLE, LAST, OF_REAL, REST):
@@ -113,7 +113,7 @@ def _shares(table: pd.DataFrame) -> Table:
 
 
 def _by_error(table: pd.DataFrame) -> Iterable[Table]:
-    """A table per error: shares, the fall in the stated order, extremes over all orders."""
+    """A table per error: shares, the reduction in the stated order, extremes over all orders."""
     headings = ("share", "in the stated order", "least", "most", "leads in")
     for error, own in table.dropna(subset=["leads"]).groupby("error", sort=False):
         rows = []
@@ -141,17 +141,17 @@ def findings_of(table: pd.DataFrame, mape: str, components: Sequence[str]) -> tu
     errors = [name.format(mape=mape) for name in MAIN]
     own = {error: pd.DataFrame(table[table["error"] == error]) for error in errors if error in set(table["error"])}
     if not own:
-        return ("No main error has a figure in all rows of the budget: there is nothing to divide.",)
+        return ("No main error has a value in all rows of the budget, so nothing can be divided.",)
     paragraphs = [_verdict(*next(iter(own.items())))]
     paragraphs += [_finding(error, _records(part)) for error, part in own.items()]
     known = set(table["error"])
     missing = [_name(error) for error, column in COLUMNS.items() if error not in known and column.falls_by(components)]
     if missing:
-        paragraphs.append(f"Without a figure in some row, so not divided: {', '.join(missing)}.")
+        paragraphs.append(f"Not divided, because some rows have no value: {', '.join(missing)}.")
     if _name("position_error") in missing:
         paragraphs.append(
-            "Position errors need vehicles that are picked in the first snapshot and in the second, one second later: "
-            "none is, so no vehicle stays long enough for one."
+            "Position errors need vehicles that are picked in the first snapshot and in the second, one second later. "
+            "No vehicle is."
         )
     return tuple(paragraphs)
 
@@ -165,21 +165,21 @@ def _verdict(error: str, table: pd.DataFrame) -> str:
     """The result in one sentence."""
     of = {part: record for (_, part), record in _records(table).items()}
     leader = max((part for part in of if part in TITLES), key=lambda part: of[part]["value"])
-    beside = f"; recorded scenes are {_text(of[OF_REAL]['value'], error)} from each other" if OF_REAL in of else ""
+    beside = f"; recorded scenes are {_text(of[OF_REAL]['value'], error)} apart" if OF_REAL in of else ""
     ends = " to ".join(_text(of[part]["value"], error) for part in (FIRST, LAST))
     return (
-        f"{_name(error)} goes from {ends} with all components; the largest share of this fall, "
-        f"{_inline(of[leader], error)}, has {TITLES[leader]}{beside}."
+        f"{_name(error)} goes from {ends} with all components; the largest share of this reduction, "
+        f"{_inline(of[leader], error)}, is that of {TITLES[leader]}{beside}."
     )
 
 
 def _finding(error: str, records: Mapping[tuple[str, str], Mapping[str, Any]]) -> str:
-    """What the fall of an error is made of, whether the order decides that, and what is left."""
+    """Sentences on the shares of the components in an error, on their order, and on the remaining error."""
     of = {part: record for (_, part), record in records.items()}
     title, whole = _name(error), of[WHOLE]
     said = [
         f"{title} goes from {_text(of[FIRST]['value'], error)} ({of[FIRST]['title']}) to "
-        f"{_text(of[LAST]['value'], error)} with all components, a fall of {_inline(whole, error)}"
+        f"{_text(of[LAST]['value'], error)} with all components, a reduction of {_inline(whole, error)}"
     ]
     shares = sorted((part for part in of if part in TITLES), key=lambda part: -of[part]["value"])
     said.append("shares: " + ", ".join(f"{TITLES[part]} {_inline(of[part], error)}" for part in shares))
@@ -190,7 +190,7 @@ def _finding(error: str, records: Mapping[tuple[str, str], Mapping[str, Any]]) -
 
 
 def _order(of: Mapping[str, Mapping[str, Any]], shares: Sequence[str]) -> str:
-    """Whether the order in which components are added decides which is the largest."""
+    """Sentence on whether the order of the components decides which one is the largest."""
     leader = shares[0]
     leads, n_orders = float(of[leader]["leads"]), int(of[leader]["n_orders"])
     if n_orders == 1:
@@ -198,32 +198,33 @@ def _order(of: Mapping[str, Mapping[str, Any]], shares: Sequence[str]) -> str:
     stated = max(shares, key=lambda part: of[part]["stated"])
     if leads >= SURE and stated == leader:
         return (
-            f"the order does not decide: {TITLES[leader]} has the largest fall in {percent(leads)} of {n_orders} orders"
+            f"the order hardly matters: {TITLES[leader]} has the largest reduction in {percent(leads)} of {n_orders} "
+            "orders"
         )
     words = "" if stated == leader else f", in the stated one {TITLES[stated]}"
     return (
         f"the order decides which component looks largest: {TITLES[leader]} has the largest share, but the largest "
-        f"fall only in {percent(leads)} of {n_orders} orders{words}"
+        f"reduction only in {percent(leads)} of {n_orders} orders{words}"
     )
 
 
 def _rest(of: Mapping[str, Mapping[str, Any]], error: str) -> str:
-    """What is left of the error, beside real against real where recordings have the error themselves."""
+    """Sentence on the remaining error, compared with real against real if recordings have the error themselves."""
     if REST not in of:
-        left = f"what is left, {_inline(of[LAST], error, '')}, none of the components explains"
+        left = f"no component explains the remaining {_inline(of[LAST], error, '')}"
         is_alone = error in METRICS and METRICS[error].compares
         return f"{left}; {'there is no other recorded scene to compare with' if is_alone else 'recordings have 0'}"
     last, real, rest = of[LAST], of[OF_REAL], of[REST]
-    beside = f"another recorded scene in its place has {_text(real['value'], error)}"
-    left = f"what is left, {_text(last['value'], error)},"
+    recorded = f"that of another recorded scene is {_text(real['value'], error)}"
+    left = f"the remaining error, {_text(last['value'], error)},"
     if pd.isna(rest["low"]):
-        return f"{left} is of too few scenes to be compared: {beside}"
+        return f"{left} has too few scenes for a comparison: {recorded}"
     if float(rest["low"]) > 0:
-        more = f"the rest of {_inline(rest, error)} none of the components explains"
-        return f"{left} is more than recordings differ: {beside}; {more}"
+        more = f"no component explains the difference, {_inline(rest, error)}"
+        return f"{left} is larger than between recorded scenes: {recorded}; {more}"
     if float(rest["high"]) < 0:
-        return f"{left} is less than recordings differ: {beside}; it need not be a fault of the simulation"
-    return f"{left} cannot be told from what recordings differ: {beside}"
+        return f"{left} is smaller than between recorded scenes: {recorded}; it need not be a fault of the simulation"
+    return f"{left} does not differ significantly from that between recorded scenes: {recorded}"
 
 
 def _inline(record: Mapping[str, Any], error: str, sign: str = "+") -> str:
@@ -233,7 +234,7 @@ def _inline(record: Mapping[str, Any], error: str, sign: str = "+") -> str:
 
 
 def definitions_of(config: StudyBudgetTask, scenes: SceneSet, held_out: np.ndarray) -> tuple[str, ...]:
-    """How rows, starts, intervals and the vehicles of short scenes come about."""
+    """Definitions of rows, starts, intervals and the vehicles of short scenes."""
     chosen = scenes.track_id[held_out]
     stay = (chosen[:, :, :, None] == chosen[:, :1, None, :]).any(axis=2).sum(axis=1)
     return (

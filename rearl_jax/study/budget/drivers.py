@@ -20,7 +20,7 @@ from rearl_jax.study.budget.components import Row
 
 
 def parts_of(model: RepairedModel) -> dict[str, bool]:
-    """Which components besides calibrated drivers a model has."""
+    """Whether a model has each component, in addition to calibrated drivers."""
     is_noisy = any(drivers.noise_sd > 0 for drivers in model.population.values())
     return {
         FOUND: any(not is_random(effect) for effect in model.effects),
@@ -30,7 +30,7 @@ def parts_of(model: RepairedModel) -> dict[str, bool]:
 
 
 def is_random(effect: EffectValues) -> bool:
-    """Whether an effect varies a driver within itself, as `time_gap_variation` does."""
+    """True if an effect varies a driver over time, as `time_gap_variation` does."""
     return EFFECTS[effect.name].kind == "random"
 
 
@@ -38,7 +38,7 @@ def drivers_of(model: RepairedModel, row: Row, core: CoreConfig) -> Population:
     """Drivers of a row.
 
     Without what discovery found they are those calibrated without it. Acceleration noise belongs to the variation
-    within drivers; the noise that was estimated beside that variation is taken in every row that has any.
+    within drivers; rows with noise use the noise that was estimated together with that variation.
 
     Args:
         model: The model.

@@ -1,4 +1,4 @@
-"""Figures of the budget: errors of the rows scene by scene, shares, and the rest beside real against real."""
+"""Figures of the budget: errors of the rows scene by scene, shares, and the rest less real against real."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -31,7 +31,7 @@ class Column:
     first: Row = frozenset()
 
     def falls_by(self, components: Sequence[str]) -> tuple[str, ...]:
-        """Components by which the error can fall: those beyond its first row, none if that row does not occur."""
+        """Components that can reduce the error: those beyond its first row, none if that row does not occur."""
         return tuple(name for name in components if name not in self.first) if self.first <= set(components) else ()
 
 
@@ -93,7 +93,7 @@ class ColumnBudget:
 
     @property
     def first(self) -> str:
-        """Name of the row from which the error falls."""
+        """Name of the row from which the error is reduced."""
         return row_name(self.column.first)
 
     def rest(self) -> np.ndarray:
@@ -117,12 +117,12 @@ def budgets(table: pd.DataFrame, components: Sequence[str]) -> dict[str, ColumnB
 
 
 def is_row(name: str) -> bool:
-    """Whether a name is one of a row of the budget, and not of a reference row."""
+    """True for the name of a row of the budget, False for that of a reference row."""
     return name not in TITLES
 
 
 def _after(every: Sequence[tuple[str, ...]], first: Row) -> list[tuple[str, ...]]:
-    """What is left of the orders that begin with some components, the stated one first."""
+    """Remainders of the orders that begin with some components; that of the stated order comes first."""
     return [order[len(first) :] for order in every if set(order[: len(first)]) == first]
 
 

@@ -1,4 +1,4 @@
-"""Shares of components in the fall of an error: means over all possible orders, and over none but the stated one."""
+"""Shares of components in the reduction of an error: over all admissible orders, and in the stated order alone."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -14,13 +14,13 @@ Errors = Mapping[Row, Float[np.ndarray, " scenes"]]
 
 @dataclass(frozen=True)
 class Shares:
-    """What each component contributes to the fall of an error from the first row to the row with all components.
+    """Share of each component in the reduction of an error from the first row to the row with all components.
 
     Attributes:
         components: The components, in the stated order.
-        of: Shapley share of each, scene by scene; NaN in scenes in which some row has no error.
-        stated: Its fall in the stated order, mean over these scenes.
-        by_order: Its fall in each order, mean over these scenes.
+        of: Shapley share of each component, scene by scene; NaN in scenes in which some row has no error.
+        stated: Fall by each component in the stated order, mean over these scenes.
+        by_order: Fall by each component in each order, mean over these scenes.
         whole: Fall from the first row to the last, scene by scene.
     """
 
@@ -37,7 +37,7 @@ class Shares:
 
     @property
     def lead_share(self) -> Float[np.ndarray, " components"]:
-        """Share of the orders in which each component has the largest fall [-]."""
+        """Share of the orders in which each component has the largest reduction [-]."""
         return np.bincount(self.by_order.argmax(axis=1), minlength=len(self.components)) / len(self.by_order)
 
 
@@ -57,19 +57,19 @@ def shares_of(errors: Errors, orders: Sequence[tuple[str, ...]], first: Row = fr
     components = orders[0]
     rows = [first | frozenset(order[:size]) for order in orders for size in range(len(components) + 1)]
     is_known = np.all([np.isfinite(errors[row]) for row in set(rows)], axis=0)
-    by_order = np.stack([_falls(errors, order, components, first) for order in orders])
+    by_order = np.stack([_reductions(errors, order, components, first) for order in orders])
     by_order = np.where(is_known, by_order, np.nan)
     whole = np.where(is_known, errors[first] - errors[first | frozenset(components)], np.nan)
     means = by_order[..., is_known].mean(axis=-1) if is_known.any() else np.full(by_order.shape[:2], np.nan)
     return Shares(components, by_order.mean(axis=0), means[0], means, whole)
 
 
-def _falls(
+def _reductions(
     errors: Errors, order: Sequence[str], components: Sequence[str], first: Row
 ) -> Float[np.ndarray, "components scenes"]:
     """Fall of the error by each component when they are added in an order."""
-    row, falls = first, {}
+    row, reductions = first, {}
     for name in order:
-        falls[name] = errors[row] - errors[row | {name}]
+        reductions[name] = errors[row] - errors[row | {name}]
         row = row | {name}
-    return np.stack([falls[name] for name in components])
+    return np.stack([reductions[name] for name in components])

@@ -35,7 +35,7 @@ ERRORS = "errors"
 
 @dataclass(frozen=True)
 class Setting:
-    """What all rows of a budget have in common.
+    """Setting of all rows of a budget.
 
     Attributes:
         config: The task, with as many lanes and vehicles as the scenes need.

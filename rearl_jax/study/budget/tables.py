@@ -1,4 +1,4 @@
-"""Tables of the budget: the rows of the stated order, and every error with the shares of the components in its fall."""
+"""Tables of the budget: the rows of the stated order, and the shares of the components in every error."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -14,7 +14,7 @@ from rearl_jax.study.budget.figures import COLUMNS, ColumnBudget, errors_of, fig
 
 FIRST, LAST, OF_REAL, WHOLE, REST = "first", "last", "real", "whole", "rest"
 """Parts of an error besides the components: its value in the first row, in the last one and in real against real; the
-fall from the first to the last; the last less real against real.
+reduction from the first to the last; the last less real against real.
 """
 
 REFERENCES = (REAL_VS_REAL, NOISE_FLOOR, REAL)
@@ -27,9 +27,9 @@ STEP_COLUMNS = ("row", "title", "figure", "value", "low", "high")
 def budget_table(found: Mapping[str, ColumnBudget], eval: EvaluationConfig) -> pd.DataFrame:
     """One row per error and part, with BUDGET_COLUMNS, `n_scenes` and `n_orders`; missing figures are null.
 
-    `value` of a component is its share: the mean over all possible orders of the fall that it brings, positive towards
-    the recording; `stated`, `least` and `most` are its fall in the stated order and its extremes over all orders,
-    `leads` the share of the orders in which it has the largest fall.
+    `value` of a component is its share: the mean reduction by it over all admissible orders, positive towards
+    the recording; `stated`, `least` and `most` are its reductions in the stated order and its extremes over all orders,
+    `leads` the share of the orders in which it has the largest reduction.
     """
     records = [record for name, budget in found.items() for record in _records(name, budget, eval)]
     table = pd.DataFrame(records)
@@ -48,7 +48,7 @@ def _records(name: str, budget: ColumnBudget, eval: EvaluationConfig) -> list[di
     values |= dict(zip(shares.components, shares.of, strict=True))
     figures = dict(zip(values, figures_of(list(values.values()), eval), strict=True))
     titles = {FIRST: title_of_row(budget.first), LAST: "all components", OF_REAL: title_of(REAL_VS_REAL)}
-    titles |= {WHOLE: "whole fall", REST: "rest beside real against real"} | dict(TITLES)
+    titles |= {WHOLE: "total reduction", REST: "rest less real against real"} | dict(TITLES)
     common = {"error": name, "heading": budget.column.title, "n_scenes": int(is_known.sum())}
     common |= {"n_orders": len(shares.by_order)}
     records = []
@@ -111,7 +111,7 @@ def _of_rows(rows: pd.DataFrame, figure: str) -> dict[str, np.ndarray]:
 def summary_of(table: pd.DataFrame, components: Sequence[str], n_scenes: int, n_orders: int) -> dict[str, Any]:
     """Flat figures: `components`, `n_scenes`, `n_orders`; of every error `ERROR_first`, `ERROR_last`, `ERROR_real`,
     `ERROR_whole`, `ERROR_rest` and `ERROR_COMPONENT` (its share), each with `_low` and `_high`; `ERROR_leader` and
-    `ERROR_leads` (the component with the largest share, and the share of the orders in which it has the largest fall).
+    `ERROR_leads` (the component with the largest share, and the share of orders in which its reduction is the largest).
     """
     summary: dict[str, Any] = {"components": "+".join(components), "n_scenes": n_scenes, "n_orders": n_orders}
     for record in table.astype(object).to_dict("records"):

@@ -1,7 +1,7 @@
 """The task `rearl study budget`: how much of the error of simulated scenes comes from what.
 
 Components are added to Base one at a time, in a stated order and in every other possible order, up to the row with all
-of them; beside them stands real against real. Writes `errors/part-*.parquet` (a row per row of the budget and scene),
+of them, and real against real. Writes `errors/part-*.parquet` (a row per row of the budget and scene),
 `steps.parquet` (a row per row of the stated order and figure), `budget.parquet` (a row per error and component),
 `waterfall.png`, `page.html`, `config.json` and, last of all, `summary.json`; `model.yaml` and `model.txt` if drivers
 are calibrated here. An interrupted study continues.
@@ -87,7 +87,7 @@ def run(config: StudyBudgetTask) -> dict:
 
 
 def prepared(config: StudyBudgetTask, study: Study, bar: Progress) -> tuple[Setting, tuple[str, ...], tuple[str, ...]]:
-    """What the rows have in common, a note on every absent component, and a note on the calibrated drivers."""
+    """Setting of all rows, a note on every absent component, and a note on the calibrated drivers."""
     absent: dict[str, str] = {}
     inputs = _inputs(config, study, bar, absent)
     scenes, held_out = inputs.scenes, inputs.held_out(config.eval)

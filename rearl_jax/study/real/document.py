@@ -156,7 +156,7 @@ def _score(summary: Mapping[str, Any], facts: pd.DataFrame) -> Section:
         rows.append(Row("behind ACC as behind people", (Cell(said, f"{low} to {high} s"),)))
     if not rows:
         return Section("Facts", (f"No time gap is known of these {len(facts)} cars and settings.",))
-    return Section("Facts", tables=(Table("What is known of these vehicles", ("comes out",), tuple(rows)),))
+    return Section("Facts", tables=(Table("Known facts of these vehicles", ("confirmed",), tuple(rows)),))
 
 
 def _time_gaps(facts: pd.DataFrame) -> Section:

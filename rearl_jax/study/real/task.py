@@ -35,7 +35,7 @@ from rearl_jax.study.real.table import real_table, rows_of
 
 TASK = "study real"
 
-EVERYBODY = 2**31
+ALL_DRIVERS = 2**31
 """Largest number of drivers of a group whose time gaps are computed: no limit, because one car may have few tracks."""
 
 
@@ -136,10 +136,10 @@ def _facts(cell: Cell, car: str, bases: Mapping[str, str], bar: Progress) -> pd.
     part = Study(cell.part.results.root, folder, cell.part, TASK, cell.id, generated=cell.generated)
     if not part.owns("facts"):
         models = {driver.model: driver for driver in cell.part.compared}
-        everybody = replace(cell.part, discover=replace(cell.part.discover, max_drivers=EVERYBODY))
+        all_drivers = replace(cell.part, discover=replace(cell.part.discover, max_drivers=ALL_DRIVERS))
         bar.add_task(f"time gaps of each {car}", total=None)
         table = facts_of(
-            read_drivers(everybody, cell.id, bar, generated=cell.generated).data,
+            read_drivers(all_drivers, cell.id, bar, generated=cell.generated).data,
             by,
             car,
             {group: models[base] for group, base in bases.items()},

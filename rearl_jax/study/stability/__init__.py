@@ -1,1 +1,1 @@
-"""String stability, flow and collisions of simulated traffic, beside theory and recordings."""
+"""String stability, flow and collisions of simulated traffic, compared with theory and recordings."""

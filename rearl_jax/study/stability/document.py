@@ -1,4 +1,4 @@
-"""Document of the study of stability: analysis and simulation beside each other, flow, collisions, recordings."""
+"""Document of the study of stability: analysis compared with simulation, flow, collisions, recordings."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any

@@ -63,7 +63,7 @@ def ring_table(case: Case, options: StabilityConfig) -> pd.DataFrame:
 
 
 def waves_grow(deviation: Float[np.ndarray, " seconds"]) -> bool:
-    """Whether speeds differ more at the end than after SETTLED, or beyond what linear waves reach.
+    """True if speeds differ more at the end than after SETTLED, or beyond what linear waves reach.
 
     Args:
         deviation: Standard deviation of the speeds over the vehicles [m/s].

@@ -62,7 +62,7 @@ def drive(
     """
     state, drivers = place(population, speed, ROAD, seed)
     dtype = state.x.dtype
-    back = SETBACK - position.min()  # nobody is seen before the beginning of the core's road
+    back = SETBACK - position.min()  # no vehicle is before the beginning of the core's road
     state = replace(state, x=jnp.asarray(position + back, dtype))
     length = jnp.broadcast_to(drivers.body.length, state.x.shape)
     around = None if circumference is None else jnp.asarray(circumference, dtype)

@@ -1,6 +1,6 @@
 """The task `rearl study stability`: string stability, flow and collisions of simulated traffic.
 
-The tables of each model are in `models/NAME/` and are kept if an interrupted study goes on. Writes them joined
+The tables of each model are in `models/NAME/` and are kept if an interrupted study continues. Writes them joined
 (`amplification.parquet`, `ring.parquet`, `flow.parquet`, `queue.parquet`, `traffic.parquet`, `measured.parquet`),
 `verdict.json`, figures, `page.html`, `config.json` and, last of all, `summary.json`.
 """

@@ -3,8 +3,7 @@
 `model`, `string_unstable` (waves grow along its simulated platoons), `largest_amplification` [-] of those, `collides`
 (any vehicle did in the simulated traffic), `collisions_per_vehicle_hour` [1/h]; `recording_string_unstable` (null if
 the interval of the measured amplification holds 1, or nothing was measured), `recording_collides` (null if nothing was
-measured), and `statements`: `string_unstable` or `collides` where the model is or does and the recording is not or does
-not.
+measured), and `statements`: `string_unstable` or `collides` if that is true of the model and not of the recording.
 """
 
 from collections.abc import Mapping
@@ -47,7 +46,7 @@ def verdict_of(name: str, tables: Mapping[str, pd.DataFrame], pairs: Pairs) -> d
 
 
 def _is_unstable(measured: pd.DataFrame) -> bool | None:
-    """Whether measured followers amplify their leaders' speeds in a band; None if that is open."""
+    """True if measured followers amplify their leaders' speeds in a band of frequencies; None if undecided."""
     if measured.empty:
         return None
     if max(measured["measured_low"].tolist()) > 1:

@@ -1,4 +1,4 @@
-"""What is left for decisions on better traffic, as sentences computed from the figures alone."""
+"""Sentences on the use of decisions on improved traffic, computed from the figures alone."""
 
 import numpy as np
 import pandas as pd
@@ -34,7 +34,7 @@ def findings_of(rows: pd.DataFrame, eval: EvaluationConfig, mape: str) -> list[s
 
 
 def _paragraph(of_rows: dict[str, np.ndarray], heading: str, eval: EvaluationConfig) -> str:
-    """What REARL changes on every kind of traffic, and what is left on the last one."""
+    """Paragraph on the change by REARL on every kind of traffic, and on the last kind."""
     parts, last = [], None
     for kind, title in TITLES_OF_KINDS.items():
         alone = of_rows.get(name_of(kind, None))
@@ -45,8 +45,8 @@ def _paragraph(of_rows: dict[str, np.ndarray], heading: str, eval: EvaluationCon
             for policy in TITLES_OF_POLICIES
             if policy is not None and name_of(kind, policy) in of_rows
         }
-        told = "; ".join(f"{TITLES_OF_POLICIES[policy]} {change}" for policy, change in changes.items())
-        parts.append(f"{title} {np.nanmean(alone):.3f}" + (f" ({told})" if told else ""))
+        text = "; ".join(f"{TITLES_OF_POLICIES[policy]} {change}" for policy, change in changes.items())
+        parts.append(f"{title} {np.nanmean(alone):.3f}" + (f" ({text})" if text else ""))
         last = kind, changes.get(PolicyName.matcher)
     text = f"{heading} without REARL, and how REARL changes it: {'; '.join(parts)}."
     real = of_rows.get(PREFIX + REAL_VS_REAL)
@@ -60,7 +60,7 @@ def _paragraph(of_rows: dict[str, np.ndarray], heading: str, eval: EvaluationCon
 
 
 def _left(change: Difference, choices: Difference) -> str:
-    """What is left for decisions.
+    """Sentence on the use of decisions on the last kind of traffic.
 
     Args:
         change: The matcher less traffic without REARL.
@@ -73,9 +73,9 @@ def _left(change: Difference, choices: Difference) -> str:
     }
     idle = f"{beside[choices.sign]} keeping speed and lane ({choices})"
     if change.sign > 0:
-        return f"the matcher takes traffic away from the recording, so these decisions have nothing left to do; {idle}"
+        return f"the matcher moves the traffic away from the recording, so its decisions are of no use here; {idle}"
     if change.sign == 0:
-        return f"the matcher is not distinguished from traffic without REARL, so nothing is shown to be left; {idle}"
+        return f"the matcher is not distinguished from traffic without REARL, so no use of decisions is shown; {idle}"
     return f"the matcher still brings traffic closer to the recording; {idle}"
 
 

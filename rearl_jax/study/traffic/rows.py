@@ -55,11 +55,11 @@ PARTS = "traffic"
 """Name of the table of all rows scene by scene: a folder of parts."""
 
 DEFINITION = (
-    "REARL on better traffic: each carriageway makes its own scenes, which start as recorded with speeds that are not "
-    "rescaled; every driver wants at most the highest recorded speed of its vehicle; the thresholds of all these rows "
+    "REARL on improved traffic: each carriageway makes its own scenes, which start as recorded, without rescaled "
+    "speeds; every driver wants at most the highest recorded speed of its vehicle; the thresholds of all these rows "
     "are percentiles of base from highway-env's start; components of the traffic as in `rearl study budget`"
 )
-"""How these rows differ from those of the paper."""
+"""Differences of these rows from those of the paper."""
 
 _SECONDS_PER_MINUTE = 60
 

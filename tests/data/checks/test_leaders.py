@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 
 from rearl_jax.config.data import DataConfig, OnBad
-from rearl_jax.core.order import NOBODY
+from rearl_jax.core.order import NO_VEHICLE
 from rearl_jax.data.checks.leaders import next_in_lane, notes_on_leaders, wrong_leader
 from rearl_jax.data.records import RecordingInfo
 from rearl_jax.data.schema import validate
@@ -85,14 +85,14 @@ def test_leaders_of_few_vehicles_do_not_hide_those_that_lanes_tell(vehicle_rows)
     rows = pd.concat([_stating(vehicle_rows, v3=1), _stating(behind)], ignore_index=True)
     table, _ = validate(rows, INFO, STOP)
     around = look_around(table, table["speed"].to_numpy())
-    leader = np.where(around.leader == NOBODY, NOBODY, table["track_id"].to_numpy()[around.leader])
-    for track, ahead in ((1, NOBODY), (2, NOBODY), (3, 1), (4, 2), (5, 3)):
+    leader = np.where(around.leader == NO_VEHICLE, NO_VEHICLE, table["track_id"].to_numpy()[around.leader])
+    for track, ahead in ((1, NO_VEHICLE), (2, NO_VEHICLE), (3, 1), (4, 2), (5, 3)):
         assert set(leader[table["track_id"] == track]) == {ahead}
     (note,) = notes_on_leaders(table)
     assert "33%" in note
     stated, _ = validate(_stating(rows, v3=1, v4=2), INFO, STOP)
     around = look_around(stated, stated["speed"].to_numpy())
-    assert set(around.leader[stated["track_id"] == 5]) == {NOBODY}
+    assert set(around.leader[stated["track_id"] == 5]) == {NO_VEHICLE}
     assert notes_on_leaders(stated) == []
 
 
@@ -101,7 +101,7 @@ def test_a_leader_that_is_no_vehicle_is_noted_and_does_not_hide_others(vehicle_r
     (note,) = notes_on_leaders(table)
     assert "-1" in note
     around = look_around(table, table["speed"].to_numpy())
-    assert (around.leader[table["track_id"] == 3] != NOBODY).all()
+    assert (around.leader[table["track_id"] == 3] != NO_VEHICLE).all()
 
 
 def test_a_vehicle_between_a_driver_and_the_stated_leader_is_noted(vehicle_rows):

@@ -1,4 +1,4 @@
-"""What was recorded around the vehicles of scenes, cut from a small recording."""
+"""Recorded traffic around the vehicles of scenes, cut from a small recording."""
 
 from dataclasses import replace
 
@@ -11,7 +11,7 @@ from rearl_jax.config.core import CoreConfig
 from rearl_jax.config.scenes import BoundarySource, ScenesConfig, SpeedConfig, SpeedNorm
 from rearl_jax.core.replayed import NOT_RECORDED
 from rearl_jax.data.records import Recording, RecordingInfo
-from rearl_jax.data.scenes.boundary import NOBODY, BoundaryOptions, cut_boundary
+from rearl_jax.data.scenes.boundary import NO_VEHICLE, BoundaryOptions, cut_boundary
 from rearl_jax.data.scenes.cutting import build_scenes
 from rearl_jax.data.scenes.initial_states import bounded_state, recorded_surroundings
 from rearl_jax.problems import InvalidInputError
@@ -125,7 +125,7 @@ def test_every_recorded_vehicle_is_simulated_or_replayed_and_never_both(measured
             replayed = set(measured.replayed_id[scene, second, at_start].tolist())
             assert replayed.isdisjoint(measured.track_id[scene, second])
             assert replayed | set(measured.track_id[scene, second].tolist()) == there
-    empty = measured.replayed_id == NOBODY
+    empty = measured.replayed_id == NO_VEHICLE
     assert empty.any()
     assert (np.moveaxis(measured.replayed_lane, 2, 3)[empty] == NOT_RECORDED).all()
     numbers = {(scene, int(t)): set() for scene in range(len(scenes)) for t in VEHICLES}
@@ -139,9 +139,9 @@ def test_every_recorded_vehicle_is_simulated_or_replayed_and_never_both(measured
 def test_leaders_are_ahead_of_the_foremost_on_their_lane(recordings, scenes):
     leaders = cut(recordings, scenes, BoundarySource.leaders)
     # On lane 1 vehicle 4 is ahead of 2 until it is simulated; nobody is ahead on lane 0, nobody simulated on lane 2.
-    np.testing.assert_array_equal(leaders.replayed_id[0, :, 0], NOBODY)
-    np.testing.assert_array_equal(leaders.replayed_id[0, :, 1], [NOBODY, 4, 4, 4])
-    np.testing.assert_array_equal(leaders.replayed_id[0, :, 2], NOBODY)
+    np.testing.assert_array_equal(leaders.replayed_id[0, :, 0], NO_VEHICLE)
+    np.testing.assert_array_equal(leaders.replayed_id[0, :, 1], [NO_VEHICLE, 4, 4, 4])
+    np.testing.assert_array_equal(leaders.replayed_id[0, :, 2], NO_VEHICLE)
 
 
 def test_the_simulation_gets_entrants_at_the_end_of_the_second_before(measured):

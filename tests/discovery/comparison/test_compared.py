@@ -12,7 +12,7 @@ from rearl_jax.config.driver import record_of
 from rearl_jax.discovery.comparison import comparison as module
 from rearl_jax.discovery.comparison.compared import MOST_FITTED, some_of
 from rearl_jax.discovery.comparison.comparison import BASE_TABLE, base_block, comparison_of
-from rearl_jax.discovery.comparison.dependence import better_model, dependent_effects, found_beside
+from rearl_jax.discovery.comparison.dependence import better_model, dependent_effects, effects_in_other_models
 from rearl_jax.discovery.observe.base import base_of
 from rearl_jax.discovery.observe.candidates import Term
 from rearl_jax.discovery.observe.drivers import prior_of
@@ -117,7 +117,7 @@ def test_what_another_model_has_by_itself_depends_on_the_model(driven_by):
     parts = driven_by("constant_time_headway", gain=0.6)
     outcome = _found_under_idm(parts, PUSH, GAIN)
     solver = solver_of(parts.fitted, PRIORS[0])
-    others = found_beside(solver, outcome, PRIORS[1:], parts.fitted)
+    others = effects_in_other_models(solver, outcome, PRIORS[1:], parts.fitted)
     assert dependent_effects(outcome, others) == {PUSH: (), GAIN: ("constant_time_headway",)}
     better = better_model(others, 0)
     assert better is not None
@@ -125,7 +125,7 @@ def test_what_another_model_has_by_itself_depends_on_the_model(driven_by):
     worse = [replace(one, gains=-np.abs(one.gains)) for one in others]
     assert better_model(worse, 0) is None
     nothing = replace(outcome, rounds=[replace(outcome.rounds[0], accepted=[])])
-    assert found_beside(solver, nothing, PRIORS[1:], parts.fitted) == []
+    assert effects_in_other_models(solver, nothing, PRIORS[1:], parts.fitted) == []
     assert better_model([], 0) is None
 
 

@@ -11,7 +11,7 @@ from rearl_jax.data.recordings import iterate_recordings
 from rearl_jax.discovery import compute
 from rearl_jax.discovery.discover import Discovery
 from rearl_jax.discovery.read import reading
-from rearl_jax.discovery.read.split import in_both, split_drivers
+from rearl_jax.discovery.read.split import n_shared, split_drivers
 from rearl_jax.discovery.report.error_block import error_block
 from rearl_jax.discovery.report.groups_section import groups_section
 from rearl_jax.discovery.report.tables import error_table
@@ -37,10 +37,10 @@ def test_no_person_is_in_two_parts(tables_of):
     assert [len(set(part.recording.tolist())) for part in parts] == [3, 3, 3]  # without persons one each
     persons = [set(part.same.tolist()) for part in parts]
     assert sum(map(len, persons)) == len(set.union(*persons)) == 12
-    assert in_both(parts[0], parts[2]) == 0
+    assert n_shared(parts[0], parts[2]) == 0
     few = split_drivers(_known_again(tables, lambda recording, track: f"p{track % 3}"))
     assert [len(set(part.recording.tolist())) for part in few] == [1, 1, 1]
-    assert in_both(few[0], few[2]) == 3
+    assert n_shared(few[0], few[2]) == 3
 
 
 @pytest.fixture(scope="module")

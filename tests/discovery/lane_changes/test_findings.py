@@ -69,7 +69,7 @@ def test_too_few_changes_are_said(recordings_of):
     lanes = {"changes": found.n_changes, "opportunities": found.n_opportunities, "loss": None}
     assert found.as_verdict_parts() == {"effects": [], "candidates": [], "lane_choice": lanes}
     assert 0 < found.n_changes < found.n_opportunities
-    assert "could not have been seen here" in found.words
+    assert "could not have been detected here" in found.words
     recorded = sum(count_changes(recording.table) for recording in recordings_of())
     assert f"too few lane changes: {recorded}, 150 are needed" in found.words
 

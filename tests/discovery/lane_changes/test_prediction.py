@@ -6,11 +6,11 @@ import numpy as np
 import pytest
 
 from rearl_jax.discovery.lane_changes.prediction import (
-    AS_IT_WAS,
     BASE_RATE,
     CALIBRATED,
     LARGE_ADVANTAGE,
     LEAST_IN_PART,
+    ORIGINAL,
     PREDICTORS,
     log_loss,
     prediction,
@@ -46,10 +46,10 @@ def test_only_held_out_drivers_are_scored(found):
 
 def test_calibrated_mobil_predicts_those_who_follow_it_and_the_usual_one_expects_too_many(found):
     assert mean_loss(found, CALIBRATED) < mean_loss(found, BASE_RATE) - 0.001
-    assert mean_loss(found, AS_IT_WAS) > mean_loss(found, BASE_RATE) + 0.1
+    assert mean_loss(found, ORIGINAL) > mean_loss(found, BASE_RATE) + 0.1
     made_changes = found.table.changes.sum()
     assert found.chance[CALIBRATED].sum() == pytest.approx(made_changes, rel=0.3)
-    assert found.chance[AS_IT_WAS].sum() > 5 * made_changes
+    assert found.chance[ORIGINAL].sum() > 5 * made_changes
 
 
 def test_the_constant_rate_is_that_of_each_side():

@@ -65,7 +65,7 @@ def test_derivatives_are_those_of_finite_differences(solver, calibrated, name):
     state, _ = calibrated
     step = 1e-5 if name != "lens" else 1e-3
     layout = solver.layout
-    look = layout.candidates[Term(name)].look
+    look = layout.candidates[Term(name)].directions
     start = layout.reference.copy()
     start[list(look)] += 2.0 * np.sin(np.arange(len(look))) if name == "lens" else 0.0
     place = look[min(4, len(look) - 1)]

@@ -11,7 +11,12 @@ from rearl_jax.config.data import DataConfig, DataFormat
 from rearl_jax.data.recordings import iterate_recordings
 from rearl_jax.discovery.observe.fit import Fit
 from rearl_jax.discovery.observe.fit_state import new_state, replace_gain
-from rearl_jax.discovery.observe.forcing import DriverScores, answers, felt, scores_and_seen
+from rearl_jax.discovery.observe.forcing import (
+    DriverScores,
+    acceleration_derivatives,
+    innovation_and_acceleration_scores,
+    innovation_change,
+)
 from rearl_jax.discovery.observe.kalman import CLOSED_LOOP, DAMPING, MEASURED, STIFFNESS, Noise, steady_state
 from rearl_jax.discovery.observe.observer import pieces_of
 from rearl_jax.discovery.observe.residuals import residuals_of, smoothed_acceleration
@@ -69,7 +74,7 @@ def test_felt_is_what_the_observer_makes_of_an_acceleration(solver_and_world):
     pushed = replace(state, pieces=replace(state.pieces, known=push))
     left = residuals_of(solver, [state], [Fit(None, state, NOISE)])[0]
     change = solver.innovations([pushed])[0] - left.innovation
-    predicted = felt(push[None], left, answers(left))[0]
+    predicted = innovation_change(push[None], left, acceleration_derivatives(left))[0]
     used = state.data.weight > 0
     assert np.abs(change[used]).max() > 1e-3
     assert np.abs(predicted - change)[used].max() < 0.05 * np.abs(change[used]).max()
@@ -79,7 +84,9 @@ def test_map_shows_the_planted_dependence_with_its_size(planted):
     _, left = planted
     chart = chart_of(left)
     basis = next(one for one in chart.bases if one.variable.name == "lateral_offset")
-    pair = scores_and_seen(basis.columns(basis.variable.values), left, answers(left))
+    pair = innovation_and_acceleration_scores(
+        basis.columns(basis.variable.values), left, acceleration_derivatives(left)
+    )
     curve = curve_of(basis, {"acceleration": pair}, 0.9, 100, 0)
     slope = np.polyfit(curve.basis.knots, curve.value, 1)[0]
     assert slope == pytest.approx(SLOPE, rel=0.2)

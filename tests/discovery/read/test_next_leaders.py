@@ -6,7 +6,7 @@ import pandas as pd
 import pytest
 
 from rearl_jax.config.driver import record_of
-from rearl_jax.core.order import NOBODY
+from rearl_jax.core.order import NO_VEHICLE
 from rearl_jax.discovery.observe.drivers import prior_of
 from rearl_jax.discovery.observe.early_leader import EarlyLeader, RecordedStimulus
 from rearl_jax.discovery.read.next_leaders import handed_over, handovers
@@ -21,7 +21,7 @@ def cut_in():
     track = np.repeat([0, 1, 2], N)
     lane = np.where((track == 1) & (frame < 50), 1, 0)
     table = pd.DataFrame({"track_id": track, "frame": frame, "lane": lane})
-    leader = np.where(track == 2, np.where(frame < 50, 0, 1), np.where((track == 1) & (frame >= 50), 0, NOBODY))
+    leader = np.where(track == 2, np.where(frame < 50, 0, 1), np.where((track == 1) & (frame >= 50), 0, NO_VEHICLE))
     bounds = np.arange(3) * N, (np.arange(3) + 1) * N
     return table, bounds, leader
 
@@ -40,7 +40,7 @@ def test_the_next_leader_is_known_before_it_is_one(cut_in):
 def test_a_smoothed_driver_has_answered_to_a_smoothed_step(cut_in):
     near = handovers(*cut_in, DT, 3.0)
     gap = np.where(cut_in[0]["track_id"] == 1, 10.0, 30.0)  # of vehicle 1, and of vehicle 0
-    present = np.where(cut_in[2] == NOBODY, 0.0, gap[np.maximum(cut_in[2], 0) * N])
+    present = np.where(cut_in[2] == NO_VEHICLE, 0.0, gap[np.maximum(cut_in[2], 0) * N])
     np.testing.assert_array_equal(handed_over(present, gap, near, 0.0, DT), present)
     smooth = handed_over(present, gap, near, 0.5, DT)[2 * N :]
     assert smooth[0] == 30.0

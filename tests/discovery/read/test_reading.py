@@ -7,7 +7,7 @@ import pandas as pd
 import pytest
 
 from rearl_jax.config import DiscoverConfig
-from rearl_jax.core.order import NOBODY
+from rearl_jax.core.order import NO_VEHICLE
 from rearl_jax.data.records import Recording
 from rearl_jax.discovery.observe.parts import measured_drivers
 from rearl_jax.discovery.read import reading, smoothing
@@ -27,9 +27,9 @@ def scene(**columns):
 def test_leaders_followers_and_neighbours_are_those_a_person_would_name():
     table = scene(position=[10.0, 30.0, 50.0, 35.0, 200.0], lane=[0, 0, 0, 1, 1])
     around = look_around(table, np.array([20.0, 21.0, 22.0, 12.0, 5.0]))
-    assert around.leader.tolist() == [1, 2, NOBODY, 4, NOBODY]
-    assert around.follower.tolist() == [NOBODY, 0, 1, NOBODY, 3]
-    assert around.left.tolist() == [NOBODY, NOBODY, NOBODY, 2, NOBODY]
+    assert around.leader.tolist() == [1, 2, NO_VEHICLE, 4, NO_VEHICLE]
+    assert around.follower.tolist() == [NO_VEHICLE, 0, 1, NO_VEHICLE, 3]
+    assert around.left.tolist() == [NO_VEHICLE, NO_VEHICLE, NO_VEHICLE, 2, NO_VEHICLE]
     assert around.beside_speed.tolist() == [12.0, 12.0, 12.0, 20.0, np.inf]
     assert around.n_beside.tolist() == [1, 1, 1, 3, 0]
 
@@ -37,7 +37,7 @@ def test_leaders_followers_and_neighbours_are_those_a_person_would_name():
 def test_a_leader_that_the_source_states_counts():
     table = scene(position=[10.0, 30.0, 50.0], lane=[0, 0, 0])
     table["leader_id"] = pd.array([2, pd.NA, pd.NA], dtype="Int64")
-    assert look_around(table, np.full(3, 20.0)).leader.tolist() == [2, NOBODY, NOBODY]
+    assert look_around(table, np.full(3, 20.0)).leader.tolist() == [2, NO_VEHICLE, NO_VEHICLE]
 
 
 def test_smoothing_keeps_a_parabola_and_takes_noise_away():
@@ -163,7 +163,7 @@ def test_of_smoothed_positions_few_moments_count(tables_of):
     assert data.stride == round(reading.APART * kernel / data.dt) > 1
     counts = data.weight.sum(axis=1) > 0
     assert counts[:: data.stride].any()
-    assert not counts[data.looks() == 0].any()
+    assert not counts[data.is_corrected() == 0].any()
     edge = round(reading.EDGE * kernel / data.dt)
     assert not counts[:edge].any()
     plain = reading.measure(tables)
@@ -195,7 +195,7 @@ def test_a_position_that_jumps_is_found_and_one_that_scatters_is_not():
 def test_nothing_counts_where_the_driver_or_the_leader_has_jumped(tables_of):
     ((measured, dt), *_) = tables_of()
     data = reading.measure([(measured, dt)])
-    vehicle, counts = np.unique(data.leader[(data.leader != NOBODY) & (data.weight > 0)], return_counts=True)
+    vehicle, counts = np.unique(data.leader[(data.leader != NO_VEHICLE) & (data.weight > 0)], return_counts=True)
     leader = vehicle[np.argmax(counts)]
     table = measured.copy()
     table.loc[(table["track_id"] == leader) & (table["time"] > 20.0), "position"] += 3.0

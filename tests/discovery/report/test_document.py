@@ -66,8 +66,8 @@ def test_the_terminal_says_what_is_missing_how_we_know_and_what_it_changes():
         "Response time beyond the model's: +0.65 s (+1.00 to +2.00) before.",
         "reaction delay delay [s] 0.700 0.90 0.600 to 0.800",
         "The columns themselves show: the <b>speed</b> column is late.",
-        "Leader acceleration explains the data as well; to tell them apart: faster changes <i>.",
-        "reaction delay 40.0 30.0 20.0 named leader acceleration 40.0 - - not told apart",
+        "Leader acceleration explains the data equally well; to distinguish: faster changes <i>.",
+        "reaction delay 40.0 30.0 20.0 named leader acceleration 40.0 - - not distinguished",
         "Fitted to 36 drivers and checked on 35 others",
         "Made for a test.",
     )
@@ -77,10 +77,10 @@ def test_the_terminal_says_what_is_missing_how_we_know_and_what_it_changes():
 
 
 def test_every_protocol_is_explained_and_has_its_measures_on_the_page():
-    section = folded("Errors by what is known of a driver")
+    section = folded("Errors by source of a driver's parameters")
     assert [table.title for table in section.tables] == ["Population", "First half", "In sample"]
-    assert section.notes[1].endswith("the second half; 4 drivers were seen too shortly and are left out.")
-    assert section.notes[2].endswith("nobody could be tested.")
+    assert section.notes[1].endswith("the second half; 4 drivers were recorded too briefly and are left out.")
+    assert section.notes[2].endswith("no driver could be tested.")
     assert [row.title for row in section.tables[1].rows[:4]] == [
         *(f"{name} gap error [m]" for name in ("mean", "median", "pooled")),
         "mean gap error as a share of the gap [-]",
@@ -89,13 +89,13 @@ def test_every_protocol_is_explained_and_has_its_measures_on_the_page():
 
 def test_a_verdict_from_before_there_were_protocols_is_shown():
     error = {key: value for key, value in VERDICT["error"].items() if key not in NEW}
-    assert "drivers' own noise alone makes 0.40" in printed(error=error)
-    assert "by what is known" not in printed(error=error)
+    assert "drivers' own noise alone gives 0.40" in printed(error=error)
+    assert "by source of a driver" not in printed(error=error)
 
 
 def test_the_page_has_what_is_folded_escapes_markup_and_has_no_nan():
     body = page_of(document(), DiscoverTask(), {}, data_id="abc")
-    for words in ("rises by 0.20 m/s^2", "faster changes", "rear pressure", "&lt;b&gt;speed", "surprise"):
+    for words in ("rises by 0.20 m/s^2", "faster changes", "rear pressure", "&lt;b&gt;speed", "z-score"):
         assert words in body
     assert not re.search(r"<b>speed</b>|<i>", body)
     assert not re.search(r"\bnan\b|\bNone\b", body.split("Complete configuration")[0])
@@ -117,11 +117,11 @@ def test_the_choice_of_the_lane_has_a_table_of_its_own():
         candidates=[*VERDICT["candidates"] * 7, *lanes],
         lane_choice={"changes": 400, "opportunities": 9000, "loss": LOSS},
     )
-    assert "Missing in the choice of the lane: keep right." in text
+    assert "Missing in lane choice: keep right." in text
     assert "gain of the right lane + bias" in text
     following, table = text.split("Candidates of lane choice")
     assert "(the first 12 of 14; candidates.parquet has all)" in following
-    assert "keep right 12.0 30.0 20.0 named politeness 12.0 30.0 20.0 not told apart" in table
+    assert "keep right 12.0 30.0 20.0 named politeness 12.0 30.0 20.0 not distinguished" in table
     assert "400 changes by choice in 9000 opportunities" in table
     assert "change -0.0500 (-0.0600 to -0.0400) nats" in table
 
@@ -133,7 +133,7 @@ def test_what_no_effect_of_the_library_does_is_said_to_be_in_no_model():
 
 
 def test_the_page_says_what_the_residual_depends_on_before_and_after():
-    seen, title = atlas(), "What the model leaves"
+    seen, title = atlas(), "What the model leaves unexplained"
     repaired = replace(seen, selected=[Selected("gap", "acceleration", 0.1, 0.1)])
     assert folded(title).paragraphs[1].endswith("finds a dependence on gap.")
     both = folded(title, atlases={"before": seen, "after": repaired})
@@ -145,7 +145,7 @@ def test_the_page_says_what_the_residual_depends_on_before_and_after():
 def test_the_error_of_an_effect_that_was_told_stands_under_its_name():
     error = VERDICT["error"] | {"after": None, "oracle": VERDICT["error"]["before"]}
     text = printed(effects=[], candidates=[], adequacy=None, lane_choice=None, error=error)
-    assert "before with the effect that was told change" in text
+    assert "before with the given effect change" in text
     assert "1.50 (1.00 to 2.00) m for the oracle" in text
 
 
@@ -160,17 +160,17 @@ def test_the_thresholds_of_a_verdict_have_their_meaning():
     ("word", "effects", "said"),
     [
         ("nothing", [], "nothing significant is missing"),
-        ("named", [], "an effect was told, and nothing looked for"),
-        ("named", [KEEP_RIGHT], "missing in the choice of the lane: keep right"),
+        ("named", [], "the given effect was fitted, and no other was searched for"),
+        ("named", [KEEP_RIGHT], "missing in lane choice: keep right"),
         (
             "unexplained",
             [REAR_GAP],
-            "unexplained; missing in the choice of the lane: lane choice dependence on rear_gap",
+            "unexplained; missing in lane choice: lane choice dependence on rear_gap",
         ),
         (
             "artefact",
             [{"name": "speed_lag", "kind": "artefact", "variables": []}, KEEP_RIGHT],
-            "fault of the measurement: speed lag; missing in the choice of the lane: keep right",
+            "fault of the measurement: speed lag; missing in lane choice: keep right",
         ),
     ],
 )
@@ -218,12 +218,12 @@ def compared(**changes):
 def test_what_the_usual_car_following_model_lacks_is_said_and_shown():
     text = printed(base=compared())
     parts = (
-        "The car-following model idm lacks what constant time headway has, +60 (+40 to +80) nats on 35 "
+        "The car-following model constant time headway predicts better than idm, +60 (+40 to +80) nats on 35 "
         "other drivers; missing in the model: "
         "reaction delay.",
         "Car-following models compared (GENERATED recordings) gain [nats] most likely in population [m]",
         "constant time headway +60.0 98.0 % 1.50 chosen +40.0 to +80.0",
-        "krauss +0 2.0 % - simulations speak against it",
+        "krauss +0 2.0 % - rejected by simulations",
         "Time gap at equilibrium under constant time headway: 1.50 s (1.00 to 2.00) at 10 m/s.",
     )
     for part in parts:
@@ -234,7 +234,7 @@ def test_what_the_usual_car_following_model_lacks_is_said_and_shown():
 def test_where_the_usual_model_stays_the_verdict_says_nothing_of_it():
     base = compared(chosen="idm", differs=False)
     assert "lacks" not in printed(base=base)
-    assert "No model surely is better than idm, which stays." in printed(base=base)
+    assert "No model is significantly better than idm, which is kept." in printed(base=base)
     assert "Car-following models compared" not in printed(base=None)
 
 

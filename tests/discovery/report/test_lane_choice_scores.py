@@ -11,7 +11,7 @@ from rearl_jax.discovery.lane_changes.mobil import UNITS, CalibratedMobil, Mobil
 from rearl_jax.discovery.lane_changes.prediction import PREDICTORS, Prediction
 from rearl_jax.discovery.report.error_block import Resampling
 from rearl_jax.discovery.report.lane_choice_scores import prediction_block, prediction_table
-from rearl_jax.discovery.report.lane_choice_section import lane_choice_section, surely_worse
+from rearl_jax.discovery.report.lane_choice_section import lane_choice_section, significantly_worse
 from rearl_jax.discovery.report.repaired import lane_change_values
 from rearl_jax.models.file import read_model, write_model
 from rearl_jax.models.record import LaneChangeValues
@@ -83,12 +83,12 @@ def test_the_table_has_a_row_per_driver():
 def test_a_model_that_is_surely_worse_than_the_constant_rate_is_named():
     block = prediction_block(predicted(wrong=True), OVER)
     assert block is not None
-    assert surely_worse(block) == ["hazard"]
+    assert significantly_worse(block) == ["hazard"]
     section = lane_choice_section({"lane_choice": {"changes": 40, "prediction": block}})
-    assert "Surely worse than the constant rate: calibrated hazard." in section.paragraphs[0]
+    assert "Significantly worse than the constant rate: calibrated hazard." in section.paragraphs[0]
     good = prediction_block(predicted(), OVER)
     assert good is not None
-    assert surely_worse(good) == []
+    assert significantly_worse(good) == []
 
 
 def test_the_section_has_models_strata_and_parameters():

@@ -30,7 +30,7 @@ def test_names_and_nothing_account_for_drivers_where_noise_alone_is_left(solver,
 def test_a_curve_a_doubt_or_what_was_taken_back_accounts_for_nothing(solver, calibrated):
     named, curve = (search_that_added(solver, calibrated, one) for one in (DELAY, CURVE))
     last = named.rounds[-1]
-    rival = replace(named.rounds[0].accepted[0], price=-100.0)
+    rival = replace(named.rounds[0].accepted[0], penalty=-100.0)
     beaten = replace(
         named.rounds[0], trials=[*named.rounds[0].trials, rival], exceeding=frozenset({rival.candidate.term})
     )

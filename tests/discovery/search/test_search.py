@@ -13,7 +13,7 @@ from rearl_jax.discovery.observe.fit import Fit, joint_fit
 from rearl_jax.discovery.observe.fit_state import replaced
 from rearl_jax.discovery.observe.kalman import Noise
 from rearl_jax.discovery.observe.noise import calibrate
-from rearl_jax.discovery.observe.uncertainty import interval, price, standard_deviations
+from rearl_jax.discovery.observe.uncertainty import complexity_penalty, interval, standard_deviations
 from rearl_jax.discovery.report.verdict import candidate_rows, verdict_of
 from rearl_jax.discovery.search import decision, families
 from rearl_jax.discovery.search.adequacy import Adequacy
@@ -64,9 +64,9 @@ def test_what_is_planted_in_the_model_is_what_the_screen_sees(solver, calibrated
     best = max(evidence, key=lambda key: evidence[key])
     assert best in (term, Term("dependence", "leader_acceleration"))
     assert evidence[term] > 10
-    place = layout.candidates[term].look.index(layout.places["leader_acceleration.gain"][0])
+    place = layout.candidates[term].directions.index(layout.places["leader_acceleration.gain"][0])
     assert found[term].fitted()[place] == pytest.approx(0.5, abs=0.25)
-    assert price(solver, replace(planted, sums=_sums(solver, planted)), layout.candidates[term].free) > 0
+    assert complexity_penalty(solver, replace(planted, sums=_sums(solver, planted)), layout.candidates[term].free) > 0
 
 
 def _sums(solver, state):
@@ -122,10 +122,10 @@ def test_null_counts_nats_above_what_nothing_gives():
 def trial(calibrated):
     """A trial with given gains."""
 
-    def make(name, fitted, checked, price=2.0, kind="driver", variable="speed", null_mean=0.0):
+    def make(name, fitted, checked, penalty=2.0, kind="driver", variable="speed", null_mean=0.0):
         candidate, fit = Candidate(Term(name), kind, (0,), (0,), (variable,)), Fit(None, *calibrated)
         return decision.Trial(
-            candidate, fit, np.asarray(fitted, float), np.asarray(checked, float), fit.state, price, null_mean
+            candidate, fit, np.asarray(fitted, float), np.asarray(checked, float), fit.state, penalty, null_mean
         )
 
     return make
@@ -153,7 +153,7 @@ def test_others_must_agree(trial):
     close = trial("e", [1.9] * 10, [2.0] * 10)
     best = decision.ranked([trial("f", [0.1] * 10, [0.1] * 10), close, broad])
     assert [one.candidate.term.effect for one in best] == ["b", "e"]
-    assert [one.candidate.term.effect for one in decision.not_told_apart(best)] == ["b", "e"]
+    assert [one.candidate.term.effect for one in decision.indistinguishable(best)] == ["b", "e"]
 
 
 def test_what_is_to_be_had_where_nothing_is_missing_does_not_count(trial):
@@ -389,7 +389,7 @@ def test_a_search_has_a_start_even_where_nothing_is_seen_of_a_candidate(solver, 
     from rearl_jax.discovery.search.screen import Score
 
     state, candidate = calibrated[0], solver.layout.candidates[Term(name)]
-    n, n_drivers = len(candidate.look), state.data.n_drivers
+    n, n_drivers = len(candidate.directions), state.data.n_drivers
     unseen = Score(np.zeros(n), np.zeros((n, n)), np.zeros((n_drivers, n)), np.zeros((n_drivers, n, n)))
     (start,) = starts(candidate, unseen, state, solver.layout)
     np.testing.assert_array_equal(start, state.theta)

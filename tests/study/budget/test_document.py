@@ -97,8 +97,8 @@ def test_steps_are_the_stated_order_and_the_references(tables):
     ("effects", "real", "said"),
     [
         (EFFECT, 0.4, "the order does not decide"),
-        (EFFECT, 0.1, "more than recordings differ"),
-        (EFFECT, 0.7, "less than recordings differ"),
+        (EFFECT, 0.1, "larger than between recorded scenes"),
+        (EFFECT, 0.7, "smaller than between recorded scenes"),
     ],
 )
 def test_findings_follow_from_the_figures(effects, real, said):
