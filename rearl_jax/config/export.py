@@ -30,6 +30,9 @@ class ExportConfig:
     """Drawn drivers, and their comparison in SUMO"""
 
     n_types: int = key(100, "drivers drawn from the population, each as probable as the others")
+    eidm: bool = key(
+        False, "write SUMO's EIDM in place of IDM, which also has noise of perception; idm and to=sumo only"
+    )
     seed: int = key(0, "seed of the drawn drivers, and of the comparison")
     compare: bool = key(False, "simulate the exported drivers in SUMO and here behind the same leaders; to=sumo only")
     n_leaders: int = key(20, "measured first vehicles of the comparison, taken from the recordings of data")
@@ -76,12 +79,14 @@ class ExportTask:
     export: ExportConfig = _group(ExportConfig)
 
     def check(self) -> None:
-        """Raise InvalidInputError for drivers given twice, for both variants at once, and for what is not compared."""
+        """Raise InvalidInputError for drivers given twice, both variants at once, and keys of another target."""
         has_drivers = self.driver != record_of("idm")()
         check_one_population(self.variant, self.model, "a file holds one population", has_drivers=has_drivers)
         if self.export.compare and self.to is not Target.sumo:
             message = "must be false: only exported drivers of to=sumo are compared"
             raise out_of_range("export.compare", message, True)
+        if self.export.eidm and self.to is not Target.sumo:
+            raise out_of_range("export.eidm", "must be false: EIDM is a model of to=sumo", True)
 
 
 @dataclass(unsafe_hash=True)

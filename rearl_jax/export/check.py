@@ -29,29 +29,43 @@ MIN_SPEED = 1.0
 
 
 def round_trip(
-    population: Population, leader_speed: Float[np.ndarray, "steps platoons"], n_followers: int, seed: int
+    population: Population,
+    leader_speed: Float[np.ndarray, "steps platoons"],
+    n_followers: int,
+    seed: int,
+    *,
+    extended: bool = False,
 ) -> pd.DataFrame:
     """Gaps in SUMO less those in this package: one row for car following alone, one with effects and noise if any.
 
     Columns: `compared`, `gap` (mean, here) and, of the absolute differences, `difference` (mean), `first` and `last`
     (mean of the first and of the last follower), `largest` [m]; `crashed` (share of
     followers whose gap falls below 0 in SUMO).
+
+    Args:
+        population: The drivers.
+        leader_speed: Speeds of the first vehicles [m/s].
+        n_followers: Followers of each.
+        seed: Seed of drivers and of SUMO.
+        extended: Whether to take SUMO's model with further terms.
     """
     bare = replace(population, effects=(), is_noisy=False)
-    rows = [_round_trip_row("car following", bare, bare, leader_speed, n_followers, seed)]
+    compared = {"car following": bare}
     if population.effects or population.is_noisy:
-        label = "with effects and noise"
-        rows.append(_round_trip_row(label, population, population, leader_speed, n_followers, seed))
-    return pd.DataFrame(rows)
+        compared["with effects and noise"] = population
+    return pd.DataFrame(
+        [_round_trip_row(label, own, leader_speed, n_followers, seed, extended) for label, own in compared.items()]
+    )
 
 
 def _round_trip_row(
-    label: str, here: Population, there: Population, leader_speed: np.ndarray, n_followers: int, seed: int
+    label: str, population: Population, leader_speed: np.ndarray, n_followers: int, seed: int, extended: bool
 ) -> dict[str, Any]:
-    start = start_platoons(here, leader_speed, n_followers, seed)
+    start = start_platoons(population, leader_speed, n_followers, seed)
     own, names = {}, []
     for number in range(leader_speed.shape[1]):
-        drawn = type_attributes(columns(there, start.drivers, n_followers + 1, number), there.effects)
+        drivers = columns(population, start.drivers, n_followers + 1, number)
+        drawn = type_attributes(drivers, population.effects, extended=extended)
         names.append([f"driver_{number}_{k}" for k in range(1, n_followers + 1)])
         own |= dict(zip(names[-1], drawn[1:], strict=True))
     ours = simulate(start, leader_speed)

@@ -4,7 +4,7 @@ Each type is one driver with all its parameters, so the correlations between the
 whose equation SUMO has are written.
 
 Sources: SUMO 1.28, "Definition of Vehicles, Vehicle Types, and Routes" (attributes) and the sources of `MSCFModel_IDM`,
-`MSCFModel_Krauss`, `MSCFModel_ACC` (equations).
+`MSCFModel_EIDM`, `MSCFModel_Krauss`, `MSCFModel_ACC` (equations).
 """
 
 import xml.etree.ElementTree as ET
@@ -14,6 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from rearl_jax.core.effects.effect import Effect
+from rearl_jax.core.effects.noise import PerceptionNoise
 from rearl_jax.core.effects.perception import ReactionDelay
 from rearl_jax.core.following import HARDEST_ACCELERATION, HARDEST_BRAKING
 from rearl_jax.export.drawn import DriverColumns, draw
@@ -76,22 +77,49 @@ MODELS = {
 }
 """SUMO's model with the same equation, by our name."""
 
+_NO_TERMS = {"ccoolness": "0", "sigmagap": "0", "sigmaleader": "0", "sigmaerror": "0", "treaction": "0"}
+
+EXTENDED = {
+    "idm": SumoModel(
+        "EIDM",
+        SETPOINTS | _BOUNDS,
+        {"delta": "4", **_NO_TERMS},
+        {
+            "equation": "the improved IDM, which keeps s0 + T v up to the desired speed; terms that are not used are 0",
+            "jam_gap": "less .3 m, which SUMO adds; at least .25 m",
+        },
+    )
+}
+"""SUMO's model with the equation and further terms, by our name. Source: Salles, Kaufmann & Reuss, "Extending the
+Intelligent Driver Model in SUMO and Verifying the Drive Off Trajectories with Aerial Measurements" (2020).
+"""
+
+ADDED_GAP = 0.3
+"""Distance [m] that EIDM keeps beyond `minGap`: .25 m that it takes off the gap, .05 m on the gap that it wants."""
+
+LEAST_GAP = 0.25
+"""Least `minGap` [m] with which EIDM sees a gap as it is."""
+
+UNITS_PER_SD = 2.0
+"""`sigmagap` and `sigmaleader` per standard deviation: EIDM's processes have a standard deviation of .5."""
+
 _NO_LANE_CHANGES = "SUMO's lane changing has no politeness, gain and braking of MOBIL: its defaults act"
 
 
-def to_sumo(population: Population, n_types: int, seed: int) -> Exported:
+def to_sumo(population: Population, n_types: int, seed: int, *, extended: bool = False) -> Exported:
     """A SUMO additional file with a distribution of vehicle types, drawn from a population with equal probability.
 
     Args:
         population: The drivers, as of `models.population.population_of_model`.
         n_types: Number of types.
         seed: Seed of the draw.
+        extended: Whether to take SUMO's model with further terms.
 
     Raises:
         InvalidInputError: SUMO has no car-following model with this equation.
     """
-    model = sumo_model(population.car_following)
-    drivers = type_attributes(draw(population, n_types, seed), population.effects)
+    model = sumo_model(population.car_following, extended=extended)
+    drivers = type_attributes(draw(population, n_types, seed), population.effects, extended=extended)
     types = {f"{DISTRIBUTION}_{number}": {"probability": "1", **own} for number, own in enumerate(drivers)}
     text = sumo_file(types, DISTRIBUTION)
     return Exported(text, tuple(_said(population, model)))
@@ -112,33 +140,43 @@ def sumo_file(types: Mapping[str, Mapping[str, str]], distribution: str | None =
     return '<?xml version="1.0" encoding="UTF-8"?>\n' + ET.tostring(root, encoding="unicode") + "\n"
 
 
-def sumo_model(car_following: str) -> SumoModel:
+def sumo_model(car_following: str, *, extended: bool = False) -> SumoModel:
     """SUMO's model with the equation of ours.
+
+    Args:
+        car_following: Our name.
+        extended: Whether to take the one with further terms.
 
     Raises:
         InvalidInputError: There is none.
     """
-    if car_following not in MODELS:
+    models = EXTENDED if extended else MODELS
+    if car_following not in models:
+        extension = " with further terms" if extended else ""
         raise InvalidInputError(
             Problem(
                 "equation-unknown-there",
-                "has an equation that no car-following model of SUMO has",
-                f"calibrate one of {', '.join(MODELS)}, or choose another target",
+                f"has an equation that no car-following model of SUMO{extension} has",
+                f"calibrate one of {', '.join(models)}, or choose another target",
                 key="car_following",
                 value=car_following,
             )
         )
-    return MODELS[car_following]
+    return models[car_following]
 
 
-def type_attributes(drivers: DriverColumns, effects: tuple[Effect, ...]) -> list[dict[str, str]]:
+def type_attributes(
+    drivers: DriverColumns, effects: tuple[Effect, ...], *, extended: bool = False
+) -> list[dict[str, str]]:
     """Attributes of one vehicle type per driver, without id and probability.
 
     Args:
         drivers: The drivers.
-        effects: Effects on them, of which a reaction delay becomes `actionStepLength`.
+        effects: Effects on them, of which a reaction delay becomes `actionStepLength`, or noise of perception is told
+            to a model with further terms.
+        extended: Whether to take SUMO's model with further terms.
     """
-    model = sumo_model(drivers.car_following)
+    model = sumo_model(drivers.car_following, extended=extended)
     same = {
         "carFollowModel": model.name,
         **model.fixed,
@@ -146,16 +184,15 @@ def type_attributes(drivers: DriverColumns, effects: tuple[Effect, ...]) -> list
         "speedFactor": "1",
         "speedDev": "0",
     }
-    delay = reaction_delay(effects)
-    if delay > 0:
-        same["actionStepLength"] = _number(ACTION_STEPS_PER_DELAY * delay)
+    for effect in effects:
+        same |= _effect_attributes(effect, model)
     return [
         {
             **same,
             "vClass": "truck" if drivers.is_truck[k] else "passenger",
             "length": _number(drivers.length[k]),
             **{
-                attribute: _number(-values[k] if attribute == "speedControlGain" else values[k])
+                attribute: _number(_there(values[k], attribute, model))
                 for name, values in drivers.values.items()
                 for attribute in model.attributes[name]
             },
@@ -170,12 +207,36 @@ half of one on average.
 """
 
 
-def reaction_delay(effects: tuple[Effect, ...]) -> float:
-    """Mean of both delays of the effect `reaction_delay` [s]; 0 without it."""
-    delays = [
-        float(np.mean([effect.delay, effect.own_delay])) for effect in effects if isinstance(effect, ReactionDelay)
-    ]
-    return sum(delays)
+def _effect_attributes(effect: Effect, model: SumoModel) -> dict[str, str]:
+    """Attributes that say an effect; none if the model has no such term.
+
+    Of a reaction delay it is the mean of both delays, where it is positive.
+    """
+    is_extended = model in EXTENDED.values()
+    if isinstance(effect, ReactionDelay) and not is_extended:
+        delay = float(np.mean([effect.delay, effect.own_delay]))
+        return {"actionStepLength": _number(ACTION_STEPS_PER_DELAY * delay)} if delay > 0 else {}
+    if isinstance(effect, PerceptionNoise) and is_extended:
+        gap, rate, time = (float(np.mean(value)) for value in (effect.gap_error, effect.rate_error, effect.time))
+        said = {"sigmagap": UNITS_PER_SD * gap, "sigmaleader": UNITS_PER_SD * rate, "tPersEstimate": time}
+        return {attribute: _number(value) for attribute, value in said.items()}
+    return {}
+
+
+_EFFECT_REMARKS = {
+    ReactionDelay.name: "not a delay: drivers act in steps of twice its length, on what is half of a step old on "
+    "average",
+    PerceptionNoise.name: "only above 3 m/s, where SUMO lets the errors change",
+}
+
+
+def _there(value: float, attribute: str, model: SumoModel) -> float:
+    """A parameter as SUMO wants it."""
+    if attribute == "speedControlGain":
+        return -value
+    if attribute == "minGap" and model in EXTENDED.values():
+        return max(value - ADDED_GAP, LEAST_GAP)
+    return value
 
 
 def _said(population: Population, model: SumoModel) -> list[Said]:
@@ -184,16 +245,12 @@ def _said(population: Population, model: SumoModel) -> list[Said]:
         Said(name, ", ".join(attributes), model.remarks.get(name, "")) for name, attributes in model.attributes.items()
     ]
     said += [Said("length", "length"), Said("class of vehicles", "vClass")]
-    delayed = [effect for effect in population.effects if isinstance(effect, ReactionDelay)]
-    for effect in delayed:
-        if reaction_delay((effect,)) > 0:
-            remark = "not a delay: drivers act in steps of twice its length, on what is half of a step old on average"
-            said.append(Said(effect.name, "actionStepLength", remark))
+    for effect in population.effects:
+        attributes = _effect_attributes(effect, model)
+        if attributes:
+            said.append(Said(effect.name, ", ".join(attributes), _EFFECT_REMARKS[effect.name]))
         else:
             said += unsaid_effects([effect.name], "SUMO")
-    said += unsaid_effects(
-        (effect.name for effect in population.effects if not isinstance(effect, ReactionDelay)), "SUMO"
-    )
     if population.is_noisy:
         said.append(Said("noise_sd, noise_time", None, "SUMO's sigma only slows drivers down"))
     return [*said, Said("lane changing", None, _NO_LANE_CHANGES)]

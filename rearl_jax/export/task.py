@@ -5,6 +5,7 @@ Writes into the study folder the file of the target (`types.add.xml`, `drivers.j
 `flow.parquet` (see `rearl_jax.export.check`), then `config.json` and, last of all, `summary.json`.
 """
 
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -51,6 +52,7 @@ def run(config: ExportTask) -> dict[str, Any]:
         check_sumo()
     population = population_of_task(config)
     file, write = WRITERS[config.to]
+    write = partial(to_sumo, extended=True) if options.eidm else write
     exported = write(population, options.n_types, options.seed)
     read = [] if config.model is None else [model_id(config.model)]
     read += [data_id(config.data)] if options.compare else []
@@ -63,7 +65,7 @@ def run(config: ExportTask) -> dict[str, Any]:
     tables = {"said": said}
     if options.compare:
         speed = leader_speeds(config.data, options.n_leaders, options.seconds)
-        tables["round_trip"] = round_trip(population, speed, options.n_followers, options.seed)
+        tables["round_trip"] = round_trip(population, speed, options.n_followers, options.seed, extended=options.eidm)
         tables["flow"] = flow(population, exported.text, speed, options.n_followers, options.seed)
     for name, table in tables.items():
         study.write_table(name, table, seeds=f"export.seed={options.seed}")

@@ -173,3 +173,47 @@ def test_what_no_key_can_read_is_named(rows, tmp_path, capsys):
     rows.to_json(tmp_path / "a.json", orient="records")
     with refused("not-a-table"):
         run(str(tmp_path / "a.json"))
+
+
+@pytest.fixture
+def two_carriageways(rows) -> pd.DataFrame:
+    """The rows, and the same again on the other carriageway."""
+    other = rows.assign(id=rows["id"] + 10, leader_id=rows["leader_id"] + 10 * (rows["leader_id"] > 0), direction=2)
+    return pd.concat([rows.assign(direction=1), other], ignore_index=True)
+
+
+@pytest.mark.parametrize("wrong", [["length", "width"], ["x", "y", "speed", "acceleration", "length", "width"]])
+def test_one_carriageway_in_feet_makes_no_table_in_feet(two_carriageways, tmp_path, wrong):
+    assert _taken(_found(tmp_path / "a.csv", two_carriageways))["length"] == ("length", None)
+    spoiled = two_carriageways.copy()
+    spoiled.loc[spoiled["direction"] == 2, wrong] /= 0.3048
+    with refused("wrong-units", column="length") as caught:
+        _found(tmp_path / "a.csv", spoiled)
+    assert "only in direction 2" in caught.value.problem.fault
+
+
+@pytest.mark.parametrize("names", [(1, -1), (0, 1), ("N", "S")])
+def test_two_carriageways_of_other_names_do_not_become_one(two_carriageways, tmp_path, names):
+    table = two_carriageways.assign(direction=two_carriageways["direction"].map(dict(zip((1, 2), names, strict=True))))
+    with refused("column-missing", column="direction"):
+        _found(tmp_path / "a.csv", table)
+
+
+def test_a_table_that_would_lose_many_rows_is_not_read(rows, tmp_path):
+    lines = rows[SHORT].to_csv(index=False).splitlines()
+    half = len(lines) // 2
+    mixed = [*lines[:half], *(line.replace(",", ";") for line in lines[half:])]
+    (tmp_path / "a.csv").write_text("\n".join(mixed), encoding="utf-8")
+    with refused("line-broken", row=half):
+        run(str(tmp_path / "a.csv"))
+
+
+def test_a_column_that_cannot_be_taken_says_why(rows, tmp_path):
+    words = rows[SHORT].assign(x=rows["x"].map(lambda x: f"1.{x:06.2f}".replace(".", "'")))
+    with refused("column-missing", column="position") as caught:
+        _found(tmp_path / "a.csv", words.rename(columns={"x": "position"}))
+    assert "holds no numbers" in caught.value.problem.fault
+    twice = rows[[*SHORT, "length"]].set_axis([*SHORT, "speed"], axis=1)
+    with refused("column-missing", column="speed") as caught:
+        _found(tmp_path / "a.csv", twice)
+    assert "occur twice: speed" in caught.value.problem.fault

@@ -40,11 +40,11 @@ def people():
     return population_of_keys(KEYS, MobilConfig(), F64, 10)
 
 
-def in_sumo(people, start, leaders, seed=0):
+def in_sumo(people, start, leaders, seed=0, extended=False):
     """The followers of the start in SUMO, each with its own type."""
     own, names = {}, []
     for platoon in range(N_LEADERS):
-        types = type_attributes(columns(people, start.drivers, N_FOLLOWERS + 1, platoon), ())[1:]
+        types = type_attributes(columns(people, start.drivers, N_FOLLOWERS + 1, platoon), (), extended=extended)[1:]
         names.append([f"{platoon}_{k}" for k in range(N_FOLLOWERS)])
         own |= dict(zip(names[-1], types, strict=True))
     return simulate_in_sumo(start, leaders, sumo_file(own), names, seed)
@@ -73,6 +73,16 @@ def test_idm_in_sumo_keeps_the_gaps_of_idm_here(people, leaders):
     # Other drivers would be seen.
     others = simulate(start_platoons(people, leaders, N_FOLLOWERS, 1), leaders)
     assert np.abs(theirs.gap - others.gap).mean() > 1.0
+
+
+def test_eidm_in_sumo_keeps_gaps_that_are_nearer_than_those_of_others(people, leaders):
+    pytest.importorskip("libsumo", reason="the extra `sumo` is not installed")
+    start = start_platoons(people, leaders, N_FOLLOWERS, 0)
+    ours, theirs = simulate(start, leaders), in_sumo(people, start, leaders, extended=True)
+    difference = np.abs(theirs.gap - ours.gap)
+    print(f"gap difference: {difference.mean():.3f} m, at most {difference.max():.3f} m")
+    # The improved IDM keeps another gap near the desired speed, so it is no more than near.
+    assert 0.02 < difference.mean() < 0.6
 
 
 def test_floating_car_data_is_read_as_it_is(tmp_path):
@@ -122,6 +132,8 @@ def test_what_cannot_be_exported_or_compared_is_refused(tmp_path):
         ExportTask(model="m.yaml", driver=KEYS).check()
     with refused("out-of-range", key="export.compare"):
         ExportTask(to=Target.highway_env, export=ExportConfig(compare=True)).check()
+    with refused("out-of-range", key="export.eidm"):
+        ExportTask(to=Target.openscenario, export=ExportConfig(eidm=True)).check()
 
 
 def test_a_missing_sumo_names_the_extra(monkeypatch):

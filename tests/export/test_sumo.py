@@ -13,7 +13,7 @@ from rearl_jax.export.drawn import DriverColumns
 from rearl_jax.export.said import unsaid_effects
 from rearl_jax.models.population import population_of_model
 from rearl_jax.models.record import EffectValues
-from tests.models.drivers import CURVE, GAIN, MOBIL, SD, drivers, model
+from tests.models.drivers import CURVE, GAIN, MOBIL, NOISE, SD, drivers, model
 from tests.refusal import refused
 
 F64 = np.dtype("float64")
@@ -60,6 +60,34 @@ def test_cruise_control_has_one_gain_in_all_modes_and_the_sign_of_sumo():
     assert {car[f"{mode}GainSpace"] for mode in ("gapControl", "gapClosingControl", "collisionAvoidance")} == {"0.1"}
     assert {car[f"{mode}GainSpeed"] for mode in ("gapControl", "gapClosingControl", "collisionAvoidance")} == {"0.5"}
     assert (car["speedControlGain"], car["accel"], car["decel"]) == ("-0.4", "6", "9")
+
+
+def test_eidm_has_idms_numbers_and_its_own_terms_only_where_the_model_has_them():
+    values = {"desired_speed": 30.0, "time_gap": 1.2, "jam_gap": 2.5, "max_accel": 1.4, "comfort_decel": 2.0}
+    car, _ = sumo.type_attributes(two("idm", **values), (), extended=True)
+    plain, _ = sumo.type_attributes(two("idm", **values), ())
+    assert (car["carFollowModel"], car["minGap"]) == ("EIDM", "2.2")
+    terms = {"ccoolness", "sigmagap", "sigmaleader", "sigmaerror", "treaction"}
+    assert {car[name] for name in terms} == {"0"}
+    assert set(car) - set(plain) == terms
+    assert {name for name, value in plain.items() if car[name] != value} == {"carFollowModel", "minGap"}
+    close, _ = sumo.type_attributes(two("idm", **(values | {"jam_gap": 0.4})), (), extended=True)
+    assert close["minGap"] == "0.25"
+    with refused("equation-unknown-there", key="car_following", value="krauss"):
+        sumo.sumo_model("krauss", extended=True)
+
+
+def test_eidm_says_noise_of_perception_and_no_delay():
+    people = population(NOISE, DELAY)
+    exported = to_sumo(people, 2, 0, extended=True)
+    one = ET.fromstring(exported.text.encode())[0][0]
+    # SUMO's processes have a standard deviation of .5.
+    assert [float(one.attrib[name]) for name in ("sigmagap", "sigmaleader", "tPersEstimate")] == [0.1, 0.02, 20.0]
+    assert "actionStepLength" not in one.attrib
+    said = {one.what: one.where for one in exported.said}
+    assert (said["perception_noise"], said["reaction_delay"]) == ("sigmagap, sigmaleader, tPersEstimate", None)
+    plain = {one.what: one.where for one in to_sumo(people, 2, 0).said}
+    assert (plain["perception_noise"], plain["reaction_delay"]) == (None, "actionStepLength")
 
 
 @pytest.mark.parametrize("name", sumo.MODELS)

@@ -50,7 +50,9 @@ def period_of(track: np.ndarray, frame: np.ndarray, time: np.ndarray) -> tuple[f
     known = np.flatnonzero(np.isfinite(track) & np.isfinite(frame) & np.isfinite(time))
     order = known[np.lexsort((frame[known], track[known]))]
     track, frame, time = track[order], frame[order], time[order]
-    starts = np.flatnonzero(np.r_[True, track[1:] != track[:-1]]) if len(track) else np.empty(0, np.int64)
+    if not len(track):
+        return None
+    starts = np.flatnonzero(np.r_[True, track[1:] != track[:-1]])
     spans, periods = [], []
     for start, stop in zip(starts, np.r_[starts[1:], len(track)], strict=True):
         # Medians of both ends: a single wrong time must not tilt the track.

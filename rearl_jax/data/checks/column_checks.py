@@ -28,6 +28,8 @@ _CHECKS: tuple[Check, ...] = (
     lateral_checks.wrong_across,
     unit_checks.wrong_acceleration,
 )
+ALONE = "only in "
+"""Beginning of what is said of one carriageway where the other is sound."""
 _OF_CARRIAGEWAYS = (lateral_checks.wrong_origin, lateral_checks.wrong_lateral)
 
 
@@ -40,7 +42,7 @@ def wrong_columns(table: pd.DataFrame, info: RecordingInfo) -> Finding | None:
         found = [_of_part(check, table, rows, info) for rows in carriageways]
         of_some = [finding for finding in found if finding is not None]
         if of_some and len(of_some) < len(found):
-            return of_some[0]
+            return replace(of_some[0], message=f"{ALONE}{of_some[0].message}")
         # Each carriageway has lanes and a left edge of its own.
         finding = None if check in _OF_CARRIAGEWAYS and carriageways else check(table, info)
         finding = finding or (of_some[0] if of_some else None)

@@ -15,7 +15,7 @@ FAR_FACTOR = (
 )
 MIN_FAR = 1000.0  # m, added to that distance
 APART = 100.0  # m from all positions of vehicles from which on a number of NUMBERS is a placeholder
-_PLACES = ("x", "y", "position", "lateral")
+_PLACES = ("position", "lateral", "x", "y")  # x and y may be filled in from the others
 
 
 def is_placeholder(values: np.ndarray) -> np.ndarray:

@@ -16,6 +16,8 @@ OVERLAPS = 0.005
 
 It is .0004 in NGSIM US-101, whose lengths are assumed, and 0 in I-80.
 """
+_CHANGE = 2.0  # m/s, a change of speed that is no noise
+_LENGTH_CHANGE = 1.0  # m, beyond what a camera measures differently from frame to frame
 _WIDTH = 1.8  # m, of a car whose width is unknown
 
 
@@ -23,6 +25,7 @@ def noted(recording: Recording) -> Recording:
     """The recording with notes on its leaders, lanes and overlapping vehicles behind its own notes, each once."""
     table = recording.table
     found = [*notes_on_leaders(table), *_on_lanes(table), *_on_overlaps(table), *_on_starts(table)]
+    found += [*_on_accelerations(table), *_on_changing_vehicles(table)]
     notes = tuple(dict.fromkeys([*recording.info.notes, *found]))
     return recording if notes == recording.info.notes else replace(recording, info=replace(recording.info, notes=notes))
 
@@ -61,6 +64,29 @@ def _on_starts(table: pd.DataFrame) -> list[str]:
         return []
     text = f"all {len(starts)} vehicles begin at the same time within {apart:.1f} m"
     return [f"{text}: the times of each vehicle may count from its own start"]
+
+
+def _on_accelerations(table: pd.DataFrame) -> list[str]:
+    """One acceleration throughout, where speeds change: what a program writes that computes none."""
+    values, speed = table["acceleration"].to_numpy(), table["speed"].to_numpy()
+    known = values[np.isfinite(values)]
+    if not known.size or np.ptp(known) > 0.0:
+        return []
+    by_track = pd.Series(speed).groupby(table["track_id"].to_numpy())
+    if float((by_track.max() - by_track.min()).max()) < _CHANGE:
+        return []
+    return [f"acceleration is {known[0]:g} m/s^2 in every row although speeds change: the column may hold nothing"]
+
+
+def _on_changing_vehicles(table: pd.DataFrame) -> list[str]:
+    """Vehicles of two classes, or whose length changes: tracks of two vehicles, or a camera that is not sure."""
+    track = table["track_id"].to_numpy()
+    lengths = table["length"].groupby(track)
+    changing = {
+        "class": table["vehicle_class"].astype(str).groupby(track).nunique() > 1,
+        f"length by more than {_LENGTH_CHANGE:g} m": lengths.max() - lengths.min() > _LENGTH_CHANGE,
+    }
+    return [f"{int(bad.sum())} vehicles change their {what}" for what, bad in changing.items() if bad.any()]
 
 
 def _next_at_same_place(table: pd.DataFrame) -> np.ndarray:

@@ -151,7 +151,9 @@ def wrong_size(table: pd.DataFrame, info: RecordingInfo) -> Finding | None:
             foot = SI_FACTOR["ft"]
             hint = " (feet?)" if low <= median * foot <= high else ""
             text = f"the median {name} of class {which} is {median:.2f} m, outside {low:g} to {high:g} m{hint}"
-            return unit_finding(name, chosen & ((values < low) | (values > high)), text, f"convert {name} to m")
+            return unit_finding(
+                name, chosen & ((values < low) | (values > high)), text, f"convert {name} to m, or leave the column out"
+            )
     return None
 
 

@@ -178,4 +178,6 @@ def _readable(path: Path) -> Iterator[None]:
     except (pa.ArrowException, OSError, UnicodeDecodeError) as error:
         message = str(error).partition("\n")[0]
         text = f"not a readable Parquet file ({message})"
-        raise bad_recording("not-parquet", text, "copy or write it again", path) from None
+        is_other = "magic bytes" in message
+        remedy = "copy or write it again" + (", or give it the ending of what it is, such as .csv" if is_other else "")
+        raise bad_recording("not-parquet", text, remedy, path) from None

@@ -32,6 +32,13 @@ from rearl_jax.data.problems import DROP_HINT, BadRecordingError, bad_recording,
 
 _MAX_INTEGER = 2.0**63  # beyond it a number is no 64-bit integer
 _BLOCK_BYTES = 2**20  # bytes
+_UNKNOWN = (
+    *("", "NA", "N/A", "n/a", "#N/A", "#N/A N/A", "#NA", "NULL", "Null", "null", "None", "NONE", "none", "<NA>", "nil"),
+    *("NaN", "NAN", "nan", "-NaN", "-nan", "1.#QNAN", "-1.#QNAN", "1.#IND", "-1.#IND"),  # of C libraries the last
+    *("-", "--", "---", ".", "?", "#DIV/0!", "#VALUE!", "#NUM!", "#REF!", "#NV", "#WERT!"),  # of spreadsheets the last
+)
+"""Fields that stand for an unknown value."""
+_THOUSANDS = re.compile(r"[+-]?\d{1,3}([.,' \u00a0\u2009\u202f]\d{3})+([.,]\d*)?")
 _UTF8 = ("utf-8", "utf-8-sig")
 
 
@@ -279,6 +286,7 @@ class _Lines:
             convert_options=csv.ConvertOptions(
                 include_columns=list(columns),
                 column_types=columns,
+                null_values=_UNKNOWN,
                 strings_can_be_null=True,
                 decimal_point=self.decimal_point,
             ),
@@ -301,5 +309,11 @@ class _Lines:
                 column = self.names[number] if number < len(self.names) else None
             elif part.startswith("Row #"):
                 row = int(part.removeprefix("Row #")) - self.header_lines
-        remedy = "the file is damaged: copy it again" if column is None else "write a number there"
-        return bad_recording("value-unreadable", message.splitlines()[0], remedy, self.path, column=column, row=row)
+        remedy = "the file is damaged: copy it again" if column is None else "write a number there, or leave it empty"
+        found = re.search(r"invalid value '(.*)'", message, re.DOTALL)
+        text = message.splitlines()[0] if found is None else f"{found[1][:80]!r} is not a number"
+        if found is not None and found[1].strip('" ') == column:
+            remedy = "the line repeats the names of the columns: remove it"
+        elif found is not None and _THOUSANDS.fullmatch(found[1]):
+            remedy = "write numbers without marks between thousands"
+        return bad_recording("value-unreadable", text, remedy, self.path, column=column, row=row)

@@ -155,7 +155,8 @@ def first_names(path: Path) -> list[str]:
 def damaged(path: Path, error: Exception) -> BadRecordingError:
     """The error for a file that cannot be decompressed."""
     text = f"the file cannot be read ({str(error) or type(error).__name__})"
-    return bad_recording("not-text", text, "the file is damaged: copy it again", path)
+    remedy = "unpack it with its password" if "password" in str(error) else "the file is damaged: copy it again"
+    return bad_recording("not-text", text, remedy, path)
 
 
 def fields_of(line: str, delimiter: str) -> list[str]:
@@ -198,7 +199,16 @@ def _layout(path: Path, size: int, changed: int) -> Layout:
         quote = "" if delimiter == BLANKS else '"'
         pairs = zip(fields_of(names, delimiter), units, strict=False)
         names = delimiter.join(f"{quote}{name}[{unit}]{quote}" if unit else name for name, unit in pairs)
+        rows = rows[1:]
+    names += delimiter * _unnamed(fields_of(names, delimiter), [fields_of(row, delimiter) for row in rows])
     return Layout(compression_of(path), encoding, is_sure, n_above, names, delimiter, decimal_point_of(rows, delimiter))
+
+
+def _unnamed(names: Sequence[str], rows: Sequence[Sequence[str]]) -> int:
+    """Number of empty fields at the ends of all rows for which the header has no names."""
+    further = {len(row) - len(names) for row in rows if not any(row[len(names) :])}
+    whole = len(further) == 1 and all(not any(row[len(names) :]) for row in rows)
+    return max(further.pop(), 0) if whole else 0
 
 
 def _units(fields: Sequence[str]) -> list[str]:
@@ -279,6 +289,8 @@ def _encoding(path: Path) -> tuple[str, bool]:
     """
     with opened(path) as file:
         head = file.read(_SAMPLE_BYTES)
+        if any(head.startswith(magic) for magic in _MAGIC):
+            raise bad_recording("not-text", "the file is compressed twice", "unpack it once", path)
         for mark, codec in _BYTE_ORDER_MARKS.items():
             if head.startswith(mark):
                 return codec, True

@@ -77,7 +77,10 @@ def proposal_of(sample: Sample) -> Proposal:
     clock = clock_of(sample.columns)
     motion = None if clock is None else motion_of(sample.columns, clock)
     if clock is None or (motion is None and not clock.by_name):
-        looked_for = "no column names vehicles along whose rows another rises by even steps, as times or frames do"
+        looked_for = (
+            "no column names vehicles along whose rows another rises by even steps, as times or frames do (the rows of "
+            "a vehicle must follow each other in time)"
+        )
         if wide := per_vehicle([column.name for column in sample.columns]):
             looked_for += f"; {', '.join(wide[:4])} look like columns of single vehicles: give each its own rows"
         found.missing = {"track_id": looked_for, "time": "the same"}
@@ -167,6 +170,9 @@ def _take_by_name(found: Proposal, columns: Sequence[FoundColumn]) -> None:
         candidates = named(numbers, canonical)
         if not candidates:
             found.missing[canonical] = "no column has such a name, and none changes as position and speed do together"
+            if wordy := named([column for column in free if column.kind == "words"], canonical):
+                example = wordy[0].texts.dropna().iloc[0]
+                found.missing[canonical] = f"the column {wordy[0].name} holds no numbers, such as {example!r}"
             if globe := [column.name for column in columns if is_on_globe(column.name)]:
                 found.missing[canonical] += f"; project {', '.join(globe)} onto the road, in m along and across it"
             continue
@@ -257,8 +263,11 @@ def _leader_id(found: Proposal, column: FoundColumn, clock: Clock, motion: Motio
 def _direction(found: Proposal, column: FoundColumn, clock: Clock, motion: Motion | None) -> str | None:
     numbers = np.unique(column.values[np.isfinite(column.values)])
     if column.kind != "numbers" or not set(numbers) <= {1.0, 2.0}:
-        words = ", ".join(map(str, column.texts.dropna().unique()[:3]))
-        return f"the carriageways are 1 and 2, not {words}"
+        words = column.texts.dropna().unique()
+        fault = f"the carriageways are 1 and 2, not {', '.join(map(str, words[:3]))}"
+        if len(words) == 2:  # one road of both would put vehicles into each other
+            found.missing["direction"] = f"{fault}: write 1 and 2 there, or read each direction as a table of its own"
+        return fault
     found.taken["direction"] = Taken(column.name, None, f"name; {', '.join(f'{number:g}' for number in numbers)}")
     return None
 

@@ -15,6 +15,8 @@ RANGES = {
     "width": {"m": (1.2, 2.9), "ft": (4.0, 9.5), "cm": (120.0, 290.0)},
 }
 """Median sizes of vehicles, by unit."""
+# Of the least median: a quarter of the vehicles below it are in another unit, as where carriageways have two of them.
+_LEAST_QUARTILE = 0.6
 
 
 @dataclass(frozen=True)
@@ -67,9 +69,11 @@ def sizes_of(columns: Sequence[FoundColumn]) -> Sizes:
     if boxes is not None:
         candidates = {"length": [boxes[0]], "width": [boxes[1]]}
     for name, (column, *_) in ((name, own) for name, own in candidates.items() if own):
-        median = float(np.nanmedian(column.values))
+        low, median = (float(quantile) for quantile in np.nanquantile(column.values, (0.25, 0.5)))
         stated = unit_in(column.name, "m")
         unit = stated or unit_of_median(name, median)
+        if not stated and unit is not None and low < _LEAST_QUARTILE * RANGES[name][unit][0]:
+            unit = unit_of_median(name, low)
         box = "" if boxes is None else "; of a box in a picture, as in highD"
         if unit is None:
             found.refused[column.name] = f"the median is {median:.4g}, which is no {name} of vehicles in m, ft or cm"

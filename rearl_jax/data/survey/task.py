@@ -44,6 +44,8 @@ def run(place: str) -> dict[str, Any]:
     print_sample(sample, proposal)
     if trial is None:
         name, why = next(iter(proposal.missing.items()))
+        if sample.twice:
+            why += f"; left out, because they occur twice: {', '.join(sample.twice)}"
         raise InvalidInputError(Problem("column-missing", why, column=name, file=place))
     if trial.error is not None:
         raise trial.error

@@ -3,6 +3,7 @@
 from dataclasses import dataclass, field, replace
 
 from rearl_jax.config.data import DataConfig, DataFormat, OnBad
+from rearl_jax.data.checks.column_checks import ALONE
 from rearl_jax.data.recordings import iterate_recordings
 from rearl_jax.data.survey.proposal import Proposal
 from rearl_jax.problems import ProblemError
@@ -10,8 +11,12 @@ from rearl_jax.problems import ProblemError
 _OPTIONAL = ("lateral", "lane", "acceleration", "width", "leader_id", "vehicle_class", "length", "direction")
 _OF_COLUMNS = ("wrong-units", "wrong-origin")
 """Faults of whole columns; others may be those of a few rows."""
+_IN_LENGTHS = ("length", "width", "lateral")
+"""Columns that tell the unit of the positions, which speeds in feet per second do not."""
 _MAX_DROPPED_SHARE = 0.05
 """Share of the rows that may be dropped before a column is left out instead."""
+_MAX_LOST_SHARE = 0.15
+"""Share of the rows that may be dropped at all: a table that loses more is not read but damaged."""
 _CAUSED_BY = {"y": "lateral"}
 """Columns that are filled in from others."""
 
@@ -56,11 +61,14 @@ def tried(root: str, proposal: Proposal, present: list[str]) -> Trial:
         if strict.error is None:
             return strict
         column = _optional_at_fault(strict.error, proposal)
+        if column in _IN_LENGTHS and strict.error.problem.fault.startswith(ALONE):
+            return strict  # without the column, two units would be read as one
         if column is not None and strict.error.code in _OF_COLUMNS:
             proposal.leave_out(column, strict.error.problem.fault)
             continue
         lenient = _read(replace(data, on_bad=OnBad.drop_row))
-        if lenient.error is None and (column is None or lenient.share_dropped <= _MAX_DROPPED_SHARE):
+        most = _MAX_LOST_SHARE if column is None else _MAX_DROPPED_SHARE
+        if lenient.error is None and lenient.share_dropped <= most:
             lenient.notes.append(f"data.on_bad=stop stops at: {strict.error.problem.message}")
             return lenient
         if column is None:

@@ -106,9 +106,13 @@ class TableFile:
         rows = spelling.renamed(rows)
         if "recording" in rows:
             rows = rows.iloc[np.flatnonzero(rows["recording"].to_numpy() == recording)]
+        if rows.empty:
+            text = "the table has no rows" + (" that are whole" if losses.counts else "")
+            raise bad_recording("no-rows", text, "remove the file or complete it", self.path)
         done = completed(rows, spelling, self._policy, str(self.path))
         rows, info = done.rows, stated.get(recording)
         if info is None:
+            self._require_known(stated)
             source = str(self.path), self.path.name
             rows, info = info_of_rows(recording, rows, *source, is_in_seconds=spelling.has_clock)
         info = replace(info, notes=tuple(dict.fromkeys([*info.notes, *done.notes, *self._remarks])))
@@ -116,6 +120,13 @@ class TableFile:
         info = with_labels(info, (*labels, *done.labels), [*further, *done.labels])
         table, dropped = validate(rows, info, self._policy, losses)
         return Recording(info, table, dropped)
+
+    def _require_known(self, stated: dict[str, RecordingInfo]) -> None:
+        """Raises BadRecordingError if all that is stated is of other recordings than those of the file."""
+        if stated and not set(stated) & (known := set(self.recordings())):
+            text = f"it states the recordings {', '.join(stated)}, and the table holds {', '.join(sorted(known)[:5])}"
+            file = sidecar(self.path) if self._is_csv else self.path
+            raise bad_recording("metadata-unusable", text, "correct the id, or remove what is stated", file)
 
     @cached_property
     def _columns(self) -> list[str]:
@@ -185,7 +196,9 @@ class TableFile:
             file = self.path
             stored = stored_text(file, f"rearl_jax.{METADATA}")
         try:
-            infos = [RecordingInfo.from_json(info, file=str(self.path)) for info in json.loads(stored or "[]")]
+            found = json.loads(stored or "[]")
+            objects = [found] if isinstance(found, dict) else found
+            infos = [RecordingInfo.from_json(info, file=str(self.path)) for info in objects]
         except (ValueError, TypeError, KeyError, AttributeError, RecursionError, OverflowError) as error:
             text = f"its statements about the recordings cannot be used: {type(error).__name__}: {error}"
             raise bad_recording(

@@ -12,9 +12,11 @@ import pandas as pd
 from rearl_jax.config.data import DataConfig
 from rearl_jax.data.checks import clock
 from rearl_jax.data.checks.lateral_checks import EDGE_TOLERANCE, USUAL_WIDTH
+from rearl_jax.data.checks.placeholders import is_placeholder
 from rearl_jax.data.problems import bad_recording
 from rearl_jax.data.roads.ring import unrolled
 from rearl_jax.data.tables.moments import seconds_of
+from rearl_jax.data.tables.row_info import DISTANT_ORIGIN
 from rearl_jax.data.tables.spelling import ENDS, Spelling, require_needed_columns
 from rearl_jax.data.tables.track_names import LABEL, numbered
 
@@ -62,7 +64,7 @@ def completed(rows: pd.DataFrame, spelling: Spelling, data: DataConfig, file: st
     rows = _in_si(rows, spelling, file)
     rows, of_frames = _with_frames(rows, spelling, file)
     rows, of_centres = _with_centres(rows, data)
-    if spelling.factors.get("lateral", 1.0) < 0.0:
+    if spelling.factors.get("lateral", 1.0) < 0.0 or _are_far(rows):
         rows, of_edge = _from_left_edge(rows)
         of_centres += of_edge
     if data.ring is not None:
@@ -132,8 +134,15 @@ def _with_centres(rows: pd.DataFrame, data: DataConfig) -> tuple[pd.DataFrame, l
     return rows.drop(columns=end).assign(position=position), [f"positions of the {end}, moved to the centre by lengths"]
 
 
+def _are_far(rows: pd.DataFrame) -> bool:
+    """True if lateral positions count from an origin far from the road, as coordinates of a map do."""
+    lateral = _numbers(pd.Series(rows["lateral"])) if "lateral" in rows else np.empty(0)
+    lateral = np.abs(lateral[np.isfinite(lateral) & ~is_placeholder(lateral)])
+    return bool(lateral.size and lateral.min() > DISTANT_ORIGIN)
+
+
 def _from_left_edge(rows: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
-    """The rows with lateral positions, whose axis was reversed, from the left edge by the lanes."""
+    """The rows with lateral positions, whose axis was reversed or begins elsewhere, from the left edge by the lanes."""
     lateral = _numbers(pd.Series(rows["lateral"]))
     lane = _numbers(pd.Series(rows["lane"])) if "lane" in rows else np.full(len(rows), np.nan)
     known = np.isfinite(lateral) & np.isfinite(lane)
@@ -146,7 +155,7 @@ def _from_left_edge(rows: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
         edge = float(np.nanquantile(lateral, 0.01)) - 0.5 * USUAL_WIDTH if np.isfinite(lateral).any() else 0.0
     if abs(edge) <= EDGE_TOLERANCE:
         return rows, []
-    return rows.assign(lateral=lateral - edge), [f"{edge:.1f} m subtracted from the reversed lateral positions"]
+    return rows.assign(lateral=lateral - edge), [f"{edge:.1f} m subtracted from the lateral positions"]
 
 
 def _with_defaults(rows: pd.DataFrame, data: DataConfig) -> tuple[pd.DataFrame, list[str]]:

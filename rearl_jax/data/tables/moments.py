@@ -10,6 +10,9 @@ from rearl_jax.data.problems import bad_recording
 _DAYS = ("%d.%m.%Y", "%d/%m/%Y", "%m/%d/%Y", "%d-%m-%Y", "%Y/%m/%d", "%Y.%m.%d", "%Y%m%d")
 _CLOCKS = ("%H:%M:%S.%f", "%I:%M:%S.%f %p")
 _FORMATS = (*(f"{day} {clock}" for day in _DAYS for clock in _CLOCKS), *_CLOCKS, "%M:%S.%f")
+_CYCLES = {**dict.fromkeys(_CLOCKS, 86400.0), "%M:%S.%f": 3600.0}
+"""Time after which times of day without a date begin anew [s]."""
+_NEAR_END = 0.1  # of that time: recordings that pass its end have times so near to it on both sides
 _NO_DAY = datetime(1900, 1, 1, tzinfo=UTC).timestamp()  # s; what times of day are parsed as
 _MAX_DAMAGED_SHARE = 0.05
 """Share of the times that may be unreadable before the column is not a column of times."""
@@ -54,7 +57,22 @@ def seconds_of(times: pd.Series, file: str, column: str) -> tuple[pd.Series, str
             text = f"the times can be read as {best} and as {form}"
             remedy = "write the dates as 2024-05-31"
             raise bad_recording("time-ambiguous", text, remedy, file, column=column)
-    return found[best], best
+    cycle = _CYCLES.get(best)
+    if cycle is None or (later := _past_the_end(found[best], cycle)) is None:
+        return found[best], best
+    return later, f"{best}, which begins anew on the way"
+
+
+def _past_the_end(seconds: pd.Series, cycle: float) -> pd.Series | None:
+    """Times of day that go on after the end of the day, or of the hour; None if they do not pass it."""
+    known = np.unique(seconds.dropna().to_numpy())
+    if not known.size or known[0] > _NEAR_END * cycle or known[-1] < (1.0 - _NEAR_END) * cycle:
+        return None
+    gaps = np.diff(known)
+    widest = int(np.argmax(gaps)) if gaps.size else 0
+    if not gaps.size or gaps[widest] <= 0.5 * cycle:
+        return None
+    return seconds.mask(seconds <= known[widest], seconds + cycle)
 
 
 def is_moment(texts: pd.Series) -> bool:

@@ -5,6 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 import pandas as pd
 
+from rearl_jax.data.checks.placeholders import is_placeholder
 from rearl_jax.data.problems import bad_recording
 
 LABEL = "track_name"
@@ -72,9 +73,16 @@ def numbered(rows: pd.DataFrame, file: str, spelling: Mapping[str, str]) -> tupl
 
 
 def _with_numeric_leaders(rows: pd.DataFrame, file: str, spelling: Mapping[str, str]) -> pd.DataFrame:
-    """The rows with numbers in `leader_id`; words for "no leader" become unknown."""
-    if "leader_id" not in rows or pd.api.types.is_numeric_dtype(rows["leader_id"]):
+    """The rows with numbers in `leader_id`; what stands for no leader becomes unknown: words, and 0, -1 or a
+    placeholder that is the id of no vehicle.
+    """
+    if "leader_id" not in rows:
         return rows
+    if pd.api.types.is_numeric_dtype(rows["leader_id"]):
+        leaders = pd.Series(rows["leader_id"])
+        numbers = leaders.to_numpy(np.float64, na_value=np.nan)
+        none = ((numbers == 0.0) | is_placeholder(numbers)) & ~leaders.isin(rows["track_id"]).to_numpy()
+        return rows.assign(leader_id=leaders.mask(none)) if none.any() else rows
     texts = _as_texts(pd.Series(rows["leader_id"]))
     numbers = pd.Series(pd.to_numeric(texts, errors="coerce"), index=rows.index).astype(np.float64)
     bad = (numbers.isna() & texts.notna() & ~texts.str.lower().isin(NO_LEADER)).to_numpy()

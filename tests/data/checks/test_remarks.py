@@ -39,3 +39,25 @@ def test_vehicles_that_all_begin_abreast_are_noted(vehicle_rows):
     (note,) = _notes(pd.concat(parts, ignore_index=True))
     assert note.startswith("all 13 vehicles begin at the same time")
     assert _notes(pd.concat(parts[:12], ignore_index=True)) == ()
+
+
+def test_an_acceleration_that_never_changes_is_noted_where_speeds_do(vehicle_rows):
+    braking = vehicle_rows.copy()
+    own = braking["track_id"] == 2
+    time = np.arange(100) / 10.0
+    braking.loc[own, "speed"] = 22.0 - 0.5 * time
+    braking.loc[own, "position"] = braking.loc[own, "x"] = 40.0 + 22.0 * time - 0.25 * time**2
+    (note,) = _notes(braking)
+    assert note.startswith("acceleration is 0 m/s^2 in every row")
+    braking.loc[own, "acceleration"] = -0.5
+    assert _notes(braking) == ()
+
+
+def test_vehicles_that_change_class_or_length_are_counted(vehicle_rows):
+    own = vehicle_rows["track_id"] == 2
+    flips = own & (vehicle_rows["frame"] % 2 == 0)
+    (note,) = _notes(vehicle_rows.assign(vehicle_class=vehicle_rows["vehicle_class"].mask(flips, "truck")))
+    assert note == "1 vehicles change their class"
+    (note,) = _notes(vehicle_rows.assign(length=vehicle_rows["length"].mask(flips, 6.0)))
+    assert note == "1 vehicles change their length by more than 1 m"
+    assert _notes(vehicle_rows.assign(length=vehicle_rows["length"].mask(flips, 4.7))) == ()

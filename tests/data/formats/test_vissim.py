@@ -71,7 +71,7 @@ def test_the_german_edition_is_read(tmp_path, comma, encoding):
         if name in ("position", "speed"):  # speeds are written with three places in another unit
             np.testing.assert_allclose(recording.table[name], expected[name], atol=0.001)
         else:
-            assert (recording.table[name] == expected[name]).all()
+            np.testing.assert_array_equal(recording.table[name], expected[name])
     assert not any("assumed" in note and "right" not in note and "wide" not in note for note in recording.info.notes)
     (tmp_path / "run_001.fzp").write_text(text.replace("GESCHW;", "TEMPO;"), encoding=encoding)
     with refused("column-missing", column="GESCHW"):

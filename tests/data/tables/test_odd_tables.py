@@ -1,0 +1,147 @@
+"""Odd tables: what stands for no leader or no value, clocks past midnight, far origins, damaged rows and files."""
+
+import gzip
+import json
+import zipfile
+
+import numpy as np
+import pandas as pd
+import pytest
+
+from rearl_jax import read_recordings
+from rearl_jax.config.data import DataConfig, DataFormat
+from rearl_jax.data.recordings import iterate_recordings
+from rearl_jax.data.tables.in_memory import in_memory
+from tests.refusal import refused
+
+
+def _read(rows: pd.DataFrame):
+    (recording,) = iterate_recordings(in_memory(rows, DataConfig(DataFormat.table, "unused")))
+    return recording
+
+
+def _in_file(path, **keys):
+    (recording,) = read_recordings(format="table", root=str(path), **keys)
+    return recording
+
+
+@pytest.fixture
+def rows(vehicle_rows) -> pd.DataFrame:
+    """Canonical rows with times [s]."""
+    return vehicle_rows.assign(time=vehicle_rows["frame"] / 10.0)
+
+
+@pytest.mark.parametrize("nobody", [-1, 0, 9999, 65535])
+def test_a_number_that_is_no_vehicle_stands_for_no_leader(rows, nobody):
+    stated = rows.assign(leader_id=rows["leader_id"].fillna(nobody).astype(np.int64))
+    found, expected = _read(stated), _read(rows)
+    assert found.info.notes == expected.info.notes
+    np.testing.assert_array_equal(found.table["leader_id"], expected.table["leader_id"])
+    known = stated.assign(leader_id=stated["leader_id"].replace(nobody, 77))
+    assert any("such as 77" in note for note in _read(known).info.notes)
+
+
+def test_a_number_that_is_a_vehicle_is_its_leader(rows):
+    rows = rows.replace({"track_id": {1: 0}, "leader_id": {1.0: 0.0}})
+    table = _read(rows).table
+    assert set(table.loc[table["track_id"] == 3, "leader_id"]) == {0}
+
+
+@pytest.mark.parametrize("mark", ["-", "--", "?", "None", "NULL", "#DIV/0!", "1.#QNAN"])
+def test_marks_of_unknown_values_are_no_numbers_and_can_be_dropped(rows, tmp_path, mark):
+    rows = rows.astype({"speed": object, "width": object})
+    rows.loc[120, "speed"] = mark
+    rows.loc[130, "width"] = mark  # may be unknown
+    rows.to_csv(tmp_path / "a.csv", index=False)
+    with refused("not-finite", column="speed", row=121):
+        _in_file(tmp_path / "a.csv")
+    assert _in_file(tmp_path / "a.csv", on_bad="drop_row").dropped["not_finite"] == 1
+
+
+def test_a_word_among_numbers_is_named(rows, tmp_path):
+    rows = rows.astype({"speed": object})
+    rows.loc[120, "speed"] = "fast"
+    rows.to_csv(tmp_path / "a.csv", index=False)
+    with refused("value-unreadable", column="speed", row=121, fault="'fast' is not a number"):
+        _in_file(tmp_path / "a.csv")
+
+
+@pytest.mark.parametrize("name", ["position", "lateral"])
+def test_a_placeholder_is_named_in_the_column_that_holds_it(rows, name):
+    rows = rows.drop(columns=["x", "y"]).assign(time=rows["frame"] / 10.0)
+    rows.loc[120:122, name] = -9999.0
+    with refused("out-of-range", column=name, row=121):
+        _read(rows)
+
+
+@pytest.mark.parametrize(("start", "form"), [("23:59:55", "%H:%M:%S.%f"), ("11:59:55", "%M:%S.%f")])
+def test_times_of_day_go_on_after_midnight_and_after_the_hour(rows, start, form):
+    moments = pd.Timestamp(f"2024-05-31 {start}") + pd.to_timedelta((rows["frame"] - 7) / 10.0, unit="s")
+    found = _read(rows.drop(columns="frame").assign(time=moments.dt.strftime(form)))
+    assert found.info.frame_rate == 10.0
+    assert any("begins anew" in note for note in found.info.notes)
+    np.testing.assert_allclose(found.table["position"], rows["position"])
+    early = moments - pd.Timedelta(seconds=30)  # ends before
+    found = _read(rows.drop(columns="frame").assign(time=early.dt.strftime(form)))
+    assert not any("begins anew" in note for note in found.info.notes)
+
+
+def test_lateral_positions_of_a_map_count_from_the_left_edge(rows):
+    found = _read(rows.drop(columns=["x", "y"]).assign(lateral=rows["lateral"] + 5_700_000.0))
+    np.testing.assert_allclose(found.table["lateral"], rows["lateral"], atol=1e-6)
+    assert any("subtracted from the lateral positions" in note for note in found.info.notes)
+
+
+def test_rows_with_further_empty_fields_are_whole(rows, tmp_path):
+    head, *lines = rows.to_csv(index=False).splitlines()
+    (tmp_path / "a.csv").write_text("\n".join([head, *(f"{line},," for line in lines)]), encoding="utf-8")
+    found, expected = _in_file(tmp_path / "a.csv").table, _read(rows).table
+    pd.testing.assert_frame_equal(found.drop(columns="recording"), expected.drop(columns="recording"))
+    (tmp_path / "a.csv").write_text("\n".join([head, *(f"{line},7" for line in lines)]), encoding="utf-8")
+    with refused("line-broken", row=1):
+        _in_file(tmp_path / "a.csv")
+
+
+def test_what_is_no_table_of_numbers_is_said_with_its_remedy(rows, tmp_path):
+    path = tmp_path / "a.csv"
+    head, *lines = rows.to_csv(index=False).splitlines()
+    path.write_text(head + "\n", encoding="utf-8")
+    with refused("no-rows", file=str(path)):
+        _in_file(path)
+    path.write_text("\n".join([head, *lines[:50], head, *lines[50:]]), encoding="utf-8")
+    with refused("value-unreadable", row=51) as caught:
+        _in_file(path)
+    assert "repeats the names" in caught.value.problem.remedy
+    marked = rows.assign(position=rows["position"].map(lambda x: f"1'{x:06.2f}"))
+    marked.to_csv(path, index=False)
+    with refused("value-unreadable", column="position", row=1) as caught:
+        _in_file(path)
+    assert "thousands" in caught.value.problem.remedy
+    (tmp_path / "b.csv.gz").write_bytes(gzip.compress(gzip.compress(b"a,b\n1,2\n")))
+    with refused("not-text", fault="the file is compressed twice"):
+        _in_file(tmp_path / "b.csv.gz")
+
+
+def test_statements_about_other_recordings_are_not_passed_over(rows, tmp_path):
+    path, beside = tmp_path / "a.csv", tmp_path / "a.csv.info.json"
+    rows.to_csv(path, index=False)
+    stated = {"id": "a", "frame_rate": 10.0, "lane_count": {"1": 3}, "road_length": 900.0}
+    stated |= {"source": "hand", "licence": "none", "attribution": "nobody"}
+    beside.write_text(json.dumps(stated), encoding="utf-8")  # one object, not a list of one
+    assert _in_file(path).info.road_length == 900.0
+    beside.write_text(json.dumps([stated | {"id": "b"}]), encoding="utf-8")
+    with refused("metadata-unusable", file=str(beside)):
+        _in_file(path)
+
+
+def test_an_archive_with_a_password_is_not_damaged(tmp_path):
+    path = tmp_path / "a.csv.zip"
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("a.csv", "a,b\n1,2\n")
+    content = bytearray(path.read_bytes())
+    content[6] |= 1  # the flags of the entry, and of the directory, say that it is encrypted
+    content[content.find(b"PK\x01\x02") + 8] |= 1
+    path.write_bytes(content)
+    with refused("not-text", file=str(path)) as caught:
+        _in_file(path)
+    assert "password" in caught.value.problem.remedy
