@@ -7,6 +7,7 @@ import os
 import platform
 import subprocess
 import sys
+import tempfile
 import warnings
 from collections.abc import Mapping
 from functools import cache
@@ -56,7 +57,13 @@ def available_cores() -> int:
 def cache_folder() -> Path:
     """The folder of compiled programs: `rearl_jax/jax` in XDG_CACHE_HOME, or in ~/.cache without it."""
     base = os.environ.get("XDG_CACHE_HOME")
-    return (Path(base) if base else Path.home() / ".cache") / "rearl_jax" / "jax"
+    if base:
+        return Path(base) / "rearl_jax" / "jax"
+    try:
+        home = Path.home()
+    except RuntimeError:  # no HOME, and a user id without an entry, as in a container
+        home = Path(tempfile.gettempdir()) / f"rearl_jax-{os.getuid()}"
+    return home / ".cache" / "rearl_jax" / "jax"
 
 
 def load_average() -> float | None:

@@ -1,6 +1,7 @@
 """The console script, tried on a small task of its own: `drive`, with records of every kind of key."""
 
 import json
+import logging
 import subprocess
 import sys
 import zipfile
@@ -145,6 +146,11 @@ def test_no_litter(cli):
         ("drive far road=wid", "choice-unknown", "road", "wide"),
         ("drive far study=(c", "value-unreadable", "study", ""),
         ("drive far study", "value-missing", "study", ""),
+        ("drive far roda", "value-missing", "roda", "road"),
+        ("drive far roda=wide", "key-unknown", "roda", "road"),
+        ("drive far road=", "choice-unknown", "road", ""),
+        ("drive far results=3", "wrong-type", "results", ""),
+        ("drive far road.lanes=1,3", "several-values", "road.lanes", ""),
         ("drive far --multirn", "option-unknown", None, ""),
         ("drive far --config-dir nowhere", "folder-missing", None, ""),
         ("drive fat", "task-unknown", "drive fat", "rearl drive far"),
@@ -323,6 +329,20 @@ def test_a_wrong_sweep_file(cli, tmp_path, content, code):
         cli.main(["drive", "far", "--sweep", "mine", "--traceback"])
     assert caught.value.code == code
     assert cli.ran == []
+
+
+def test_a_key_given_twice_is_told_and_the_last_one_counts(cli, capsys):
+    assert cli.main(["drive", "far", "limit=1", "side=left", "limit=2", "limit=3", "side=left"]) == 0
+    assert [config.limit for config in cli.ran] == [3]
+    assert capsys.readouterr().err.splitlines()[0].endswith(": limit=3")
+    assert cli.main(["drive", "far", "limit=1", "side=left", "side=left"]) == 0
+    assert "limit" not in capsys.readouterr().err
+
+
+def test_a_key_that_another_implies_is_told(cli, caplog):
+    logging.getLogger("rearl_jax").setLevel(logging.NOTSET)  # as a new process has it
+    assert cli.main(["drive", "far", "road.length=5"]) == 0
+    assert [record.args for record in caplog.records if record.name.endswith("composition")] == [("limit=50",)]
 
 
 def test_keys_of_a_group_imply_others_unless_they_are_given(cli):

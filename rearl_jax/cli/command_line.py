@@ -13,7 +13,7 @@ import sys
 from typing import Any, NoReturn
 
 from rearl_jax import tasks
-from rearl_jax.cli.composition import UsageError, compose_task
+from rearl_jax.cli.composition import UsageError, compose_task, repeated_keys
 from rearl_jax.cli.help import general_help, group_help, task_help, tasks_beginning_with
 from rearl_jax.cli.interruption import ended_by_signals, exit_code, name_of
 from rearl_jax.cli.multirun import run_many
@@ -80,6 +80,8 @@ def _dispatch(arguments: list[str]) -> int:
     if options.help:
         print(task_help(task, overrides))
         return DONE
+    for word in repeated_keys(overrides):
+        complain(f"{word.partition('=')[0]} is given more than once; the last one counts: {word}")
     if options.config and (options.multirun or options.sweep):
         conflict = "prints the configuration of one job: leave out -m and --sweep"
         raise UsageError(Problem("options-conflict", conflict, key="--config"))
@@ -119,12 +121,13 @@ def _is_file(word: str) -> bool:
 
 def _carry_out(task: Task, overrides: list[str], options: argparse.Namespace) -> tuple[int, dict[str, Any]]:
     """Exit code, and what `--json` shows."""
+    # First, as keys that imply others are logged while the configuration is composed.
+    logging.basicConfig(format="%(message)s")
+    logging.getLogger("rearl_jax").setLevel(logging.INFO)
     if options.multirun or options.sweep:
         folder, cells = run_many(task, overrides, options.config_dir)
         return DONE, multirun_object(task, folder, cells)
     config = compose_task(task, overrides, options.config_dir)
-    logging.basicConfig(format="%(message)s")
-    logging.getLogger("rearl_jax").setLevel(logging.INFO)
     folder, returned = run_task(task, config)
     is_failed = task.failures is not None and returned[task.failures] > 0
     return FAILED if is_failed else DONE, summary_object(task, folder, returned)

@@ -6,7 +6,7 @@ Errors are detected before Hydra runs if this allows a better message, with the 
 import functools
 import logging
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import make_dataclass, replace
 from pathlib import Path
@@ -34,7 +34,7 @@ def compose_task(task: Task, overrides: list[str], config_dir: str | None) -> An
     from omegaconf import OmegaConf
 
     overrides = with_implied(task, overrides)
-    check_overrides(task, overrides, config_dir)
+    check_overrides(task, overrides, config_dir, many=False)
     overrides = opened(task, overrides)
     if config_dir is not None:
         folder = Path(config_dir).resolve()
@@ -158,8 +158,21 @@ def _every_driver_key() -> Any:
     return make_dataclass("every_driver", [], bases=tuple(record_of(name) for name in MODELS))()
 
 
-def check_overrides(task: Task, overrides: list[str], config_dir: str | None) -> None:
-    """Refuse unreadable words and unknown keys before Hydra sees them, naming the nearest valid key."""
+def repeated_keys(overrides: list[str]) -> list[str]:
+    """The last word of every key that is given more than once with different values: it alone counts."""
+    last = {text.partition("=")[0]: text for text in overrides}
+    return list(dict.fromkeys(last[key] for text in overrides if last[key := text.partition("=")[0]] != text))
+
+
+def check_overrides(task: Task, overrides: list[str], config_dir: str | None, *, many: bool = True) -> None:
+    """Refuse unreadable words and unknown keys before Hydra sees them, naming the nearest valid key.
+
+    Args:
+        task: The task.
+        overrides: Words of the command line after the task.
+        config_dir: Folder of the user's own configuration files.
+        many: Whether a key may have several values, one for each job of a multirun.
+    """
     from hydra.core.override_parser.overrides_parser import OverridesParser
     from hydra.errors import HydraException
 
@@ -169,7 +182,8 @@ def check_overrides(task: Task, overrides: list[str], config_dir: str | None) ->
     known_groups = choices(task, config_dir)
     for text in overrides:
         if "=" not in text:
-            raise UsageError(Problem("value-missing", f"is not key=value; nearest: {nearest(text, keys)}", key=text))
+            close = nearest(text, [*keys, *known_groups])
+            raise UsageError(Problem("value-missing", f"is not key=value; nearest: {close}", key=text))
         try:
             override = OverridesParser.create().parse_override(text)
         except HydraException as error:
@@ -184,7 +198,25 @@ def check_overrides(task: Task, overrides: list[str], config_dir: str | None) ->
             remedy = f"write {text.lstrip('+~')}"
             raise UsageError(Problem("key-added", "would add or remove a key", remedy, key=text))
         if name not in keys and name not in known_groups and name not in records and not _inside(name, mappings):
-            raise UsageError(_no_such_key(task, name, overrides))
+            raise UsageError(_no_such_key(task, name, [*keys, *known_groups]))
+        if problem := _value_problem(override, keys, known_groups, many=many):
+            raise UsageError(problem)
+
+
+def _value_problem(
+    override: Any, keys: Iterable[str], known_groups: Mapping[str, Mapping[str, str]], *, many: bool
+) -> Problem | None:
+    """What is wrong with the value of a known key whatever its type is; None for nothing."""
+    name, value = override.key_or_group, override.input_line.partition("=")[2]
+    if override.is_sweep_override():
+        remedy = f"add -m for one job per value, or write {name}=[{value}] for a list"
+        return None if many else Problem("several-values", "has several values", remedy, key=name, value=value)
+    if name in known_groups and override.value() == "":
+        return Problem("choice-unknown", f"must be one of {', '.join(known_groups[name])}", key=name, value="''")
+    inside = sorted(key for key in keys if key.startswith(f"{name}."))
+    if inside and name not in known_groups and not isinstance(override.value(), dict):
+        return Problem("wrong-type", f"is a group of keys, such as {inside[0]}", key=name, value=value)
+    return None
 
 
 @contextmanager
@@ -205,9 +237,9 @@ def hydra_errors(task: Task, overrides: list[str]) -> Iterator[None]:
         raise UsageError(_problem(task, overrides, error)) from error
 
 
-def _no_such_key(task: Task, name: str, overrides: list[str], file: str | None = None) -> Problem:
-    close = nearest(name, keys_of(defaults_with(task, overrides)))
-    return Problem("key-unknown", f"is not a key of `rearl {task.words}`; nearest: {close}", key=name, file=file)
+def _no_such_key(task: Task, name: str, known: Iterable[str], file: str | None = None) -> Problem:
+    message = f"is not a key of `rearl {task.words}`; nearest: {nearest(name, known)}"
+    return Problem("key-unknown", message, key=name, file=file)
 
 
 def _problem(task: Task, overrides: list[str], error: BaseException) -> Problem:
@@ -224,5 +256,5 @@ def _problem(task: Task, overrides: list[str], error: BaseException) -> Problem:
     if name in keys:
         return Problem("wrong-type", f"must be {keys[name].type_name}: {reason}", key=name, file=file)
     if name:
-        return _no_such_key(task, name, overrides, file)
+        return _no_such_key(task, name, keys, file)
     return Problem("configuration-unreadable", reason, file=file or " ".join(overrides))

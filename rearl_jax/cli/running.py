@@ -76,10 +76,13 @@ def _is_own(cache: Path) -> bool:
 
 
 def is_for_user(error: BaseException) -> bool:
-    """True if the message of an error is meant for the user: raised by this package, or by the file system."""
-    if isinstance(error, (OSError, JobError, ProblemError)):
+    """True if the message of an error is meant for the user: raised by this package, or for want of files or memory.
+
+    Warnings of this package are raised under PYTHONWARNINGS=error.
+    """
+    if isinstance(error, (OSError, MemoryError, JobError, ProblemError)):
         return True
-    if not isinstance(error, (ValueError, ImportError)) or error.__traceback__ is None:
+    if not isinstance(error, (ValueError, ImportError, Warning)) or error.__traceback__ is None:
         return False
     last = error.__traceback__
     while last.tb_next is not None:
@@ -88,7 +91,9 @@ def is_for_user(error: BaseException) -> bool:
 
 
 def explained(error: BaseException) -> str:
-    """Message to the user about an error; for errors of the file system it includes a remedy."""
+    """Message to the user about an error; for want of memory and errors of the file system it includes a remedy."""
+    if isinstance(error, MemoryError):
+        return f"not enough memory ({error}): ask for fewer scenes, runs, vehicles or seconds at a time"
     if not isinstance(error, OSError) or error.errno is None:
         return str(error)
     message = str(error)
@@ -98,6 +103,10 @@ def explained(error: BaseException) -> str:
         )
     if error.errno in (errno.EACCES, errno.EPERM, errno.EROFS):
         return f"{message}: allow it, or name other folders, results.root=FOLDER for results, data.root for recordings"
+    if error.errno in (errno.EEXIST, errno.ENOTDIR):
+        return f"{message}: a file is where a folder must be; move it, or set another study=NAME or results.root=FOLDER"
+    if error.errno == errno.ENAMETOOLONG:
+        return f"{message}: choose a shorter study=NAME or results.root=FOLDER"
     return message
 
 

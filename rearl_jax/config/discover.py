@@ -70,5 +70,7 @@ class DiscoverConfig:
             if name not in CALIBRATED:
                 message = f"must be some of {', '.join(CALIBRATED)}, which have usual values to calibrate from"
                 raise out_of_range("base", message, name)
+        if self.base is not None and len(set(self.base)) < len(self.base):
+            raise out_of_range("base", "must name each model once", list(self.base))
         if self.by is not None and self.oracle is not None:
             raise out_of_range("by", "must be null if discover.oracle names the missing effect", self.by)

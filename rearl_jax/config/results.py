@@ -3,6 +3,7 @@
 from dataclasses import dataclass
 
 from rearl_jax.config._key import key
+from rearl_jax.problems import out_of_range
 
 
 @dataclass(unsafe_hash=True)
@@ -13,3 +14,8 @@ class ResultsConfig:
     resume: bool = key(
         False, "skip a finished study with the same configuration, data and code; jobs of a multirun always do"
     )
+
+    def check(self) -> None:
+        """Raise InvalidInputError for a value outside its range."""
+        if not self.root:
+            raise out_of_range("root", "must name a folder, or be . for the current one", repr(self.root))

@@ -10,14 +10,16 @@ import sys
 import time
 from pathlib import Path
 
+import numpy as np
 import pytest
 from rich.progress import Progress
 
+from rearl_jax import runtime
 from rearl_jax.cli import main
 from rearl_jax.cli.command_line import _how_to_go_on, _parser, _task
 from rearl_jax.cli.composition import check_overrides
 from rearl_jax.cli.interruption import Ended, ended_by_signals, exit_code, name_of
-from rearl_jax.cli.running import explained
+from rearl_jax.cli.running import explained, is_for_user
 from rearl_jax.progress import TimeLeftColumn, in_words
 from rearl_jax.tasks import TASKS
 
@@ -193,8 +195,28 @@ def test_help_says_exit_codes_and_every_task_has_examples_that_compose(capsys, m
 def test_errors_of_the_file_system_come_with_a_remedy():
     assert "free some space" in explained(OSError(errno.ENOSPC, "No space left on device", "/x"))
     assert "results.root=FOLDER" in explained(PermissionError(errno.EACCES, "Permission denied", "/x"))
+    assert "study=NAME" in explained(FileExistsError(errno.EEXIST, "File exists", "/x"))
+    assert "study=NAME" in explained(NotADirectoryError(errno.ENOTDIR, "Not a directory", "/x"))
+    assert "shorter" in explained(OSError(errno.ENAMETOOLONG, "File name too long", "/x"))
     assert explained(FileNotFoundError("say what is missing")) == "say what is missing"
     assert explained(ValueError("lanes must be 1")) == "lanes must be 1"
+
+
+def test_too_little_memory_is_no_fault_of_the_program():
+    with pytest.raises(MemoryError) as caught:
+        np.zeros(10**15)
+    assert is_for_user(caught.value)
+    assert "PiB" in explained(caught.value)
+
+
+def test_warnings_that_are_errors_are_told_in_one_sentence(monkeypatch, tmp_path):
+    (tmp_path / "file").touch()
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "file"))
+    monkeypatch.delenv("JAX_COMPILATION_CACHE_DIR", raising=False)
+    runtime._set_compilation_cache.cache_clear()
+    with pytest.raises(UserWarning) as caught:  # the tests turn warnings into errors
+        runtime._set_compilation_cache()
+    assert is_for_user(caught.value)
 
 
 @pytest.mark.parametrize(("seconds", "said"), [(0.4, "0 s"), (99, "99 s"), (720, "12 min"), (12_600, "3.5 h")])
