@@ -27,8 +27,8 @@ _STARTS = {
 _ENTERING = (
     "The picked vehicles of each second are simulated: a vehicle leaves the simulation when it is no longer picked, "
     "and the vehicle that is picked instead enters where it was recorded. A driver's desired speed is at most the "
-    "highest recorded speed of its vehicle, and exactly that for highway-env's drivers. Replayed vehicles do not react or "
-    "collide, and no metric counts them."
+    "highest recorded speed of its vehicle, and exactly that for highway-env's drivers. Replayed vehicles do not react "
+    "or collide, and no metric counts them."
 )
 
 _BOUNDARIES = {
