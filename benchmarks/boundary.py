@@ -28,7 +28,7 @@ from rearl_jax.timing.measurement import spread_of
 FREE = "free"
 
 GOALS = {"leaders": 1.15, "measured": 1.4}
-"""Most that the CPU time should be, by that on a free road; own choice."""
+"""Most that the CPU time should be, by that on a free road."""
 
 MEANINGS = {
     "cpu_ms_{boundary}": "CPU time of the rollouts, median of repetitions [ms]; boundary: free, leaders, measured",
@@ -42,7 +42,7 @@ MODEL = TrafficModel(n_lanes=6)
 """As many lanes as US-101 has with its auxiliary lane."""
 
 ENTERING = 0.03
-"""Share of vehicles whose place another one takes in a second; own choice, as on US-101."""
+"""Share of vehicles whose place another one takes in a second, as on US-101."""
 
 
 def run(config: BoundaryBenchmark) -> dict:

@@ -33,7 +33,7 @@ from rearl_jax.timing.process import fresh_environment
 TABLE = "bench_discover"
 
 HIDDEN = "reaction_delay"
-"""Effect that is hidden in the recordings; own choice."""
+"""Effect that is hidden in the recordings."""
 
 SPARE = 6
 """Vehicles per recording beyond those wanted: the first of each lane follows nobody, some follow too briefly."""

@@ -15,8 +15,7 @@ IDLE = 1
 """Action of the vehicle that HighJax leaves to a policy: it keeps lane and speed."""
 
 PAIRS_AT_A_TIME, LARGEST_BATCH = 200_000, 512
-"""Pairs of vehicles, which HighJax holds against each other, in the scenes simulated side by side, and most of these;
-own choice.
+"""Pairs of vehicles, which HighJax holds against each other, in the scenes simulated side by side, and most of these.
 """
 
 

@@ -46,15 +46,15 @@ LOOP_WITH_TWO = "rank_two_effects"
 """The closed loop of the matcher by rank, triggered every second, on that traffic."""
 
 TWO = ("reaction_delay", "several_leaders")
-"""Two effects of drivers that are often found; own choice."""
+"""Two effects of drivers that are often found."""
 
 DRIVER = (30.0, 1.5, 2.0, 1.4, 2.0)
-"""Desired speed [m/s], time gap [s], jam gap [m], acceleration and deceleration [m/s^2] of all; own choice near
+"""Desired speed [m/s], time gap [s], jam gap [m], acceleration and deceleration [m/s^2] of all; near
 Treiber, Hennecke & Helbing, Phys. Rev. E 62 (2000) 1805.
 """
 
 KNOTS = (5.0, 15.0, 25.0, 35.0)
-"""Speeds at which the curves have their values [m/s]; own choice."""
+"""Speeds at which the curves have their values [m/s]."""
 
 _QUIET = "_quiet"
 

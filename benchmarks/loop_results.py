@@ -12,7 +12,7 @@ from rearl_jax.timing.decision_steps import BASE, PAPER_MS
 from rearl_jax.timing.measurement import Series, Spread, spread_of
 
 GOAL = 0.25
-"""Most that the detection may cost, of what Base costs; own choice."""
+"""Most that the detection may cost, of what Base costs."""
 
 MEANINGS = {
     "references": "what the traffic was held against: synthetic references, no data were read",

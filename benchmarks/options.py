@@ -55,7 +55,7 @@ class CoreOptions:
         "summary.json of an earlier `python -m benchmarks core`, or its folder; exit code 1 where we are slower now",
     )
     reference: Peer = key(Peer.c, "program whose ratio to ours is held against the earlier one")
-    margin: float = key(0.15, "share of the earlier ratio that may be lost; own choice")
+    margin: float = key(0.15, "share of the earlier ratio that may be lost")
 
     def check(self) -> None:
         """Raise InvalidInputError for a value outside its range."""

@@ -31,7 +31,7 @@ TITLES |= {"libsumo": "SUMO", "highjax": "HighJax", GPU: "rearl_jax, GPU"}
 """Names in tables and figures; the keys are all programs there are."""
 
 GPU_VEHICLES = 2**20
-"""Vehicles in the scenarios a GPU simulates at a time; own choice."""
+"""Vehicles in the scenarios a GPU simulates at a time."""
 
 REMEDIES = {
     Peer.c: f"install {COMPILER}, e.g. apt-get install {COMPILER}",

@@ -27,7 +27,7 @@ A calibration of drivers, and traffic of the calibrated drivers:
     print(found.drivers[["desired_speed", "time_gap", "jam_gap"]].median())
     found.save("model.yaml")  # rearl_jax.evaluate(model="model.yaml", variant="calibrated")
 
-A discovery of what the drivers' model lacks:
+A discovery of what the driver model is missing:
 
     trajectories = pandas.read_parquet(folder)  # your own DataFrame
     found = rearl_jax.discover(trajectories)

@@ -7,7 +7,7 @@ from rearl_jax.decision import observation
 from rearl_jax.decision.observation import ObservationSpec
 
 RANGES = {"x": 100.0, "y": 16.0, "vx": 30.0, "vy": 30.0}
-"""Values that become 1 [m, m, m/s, m/s]. Own choice, narrower than highway-env's, so that small differences between
+"""Values that become 1 [m, m, m/s, m/s], narrower than highway-env's, so that small differences between
 neighbours are resolved; y is highway-env's for four lanes of 4 m.
 """
 

@@ -77,7 +77,7 @@ def document_of(
         (Section("Broad priors, by stratum"), _strata(tables), _STRATA),
         (Section("Broad priors", is_folded=True), _priors(summary), _PRIORS),
         (
-            Section("What was reported, by what was hidden"),
+            Section("Reported effects by hidden effect"),
             reported,
             {"hidden": "", "said": "reported", "n": "data sets"},
         ),

@@ -42,7 +42,7 @@ class CoreConfig:
 
     @property
     def lanes(self) -> int:
-        """Number of lanes; REARL's where neither the key nor a recording says it."""
+        """Number of lanes; REARL's if neither the key nor a recording states it."""
         return 4 if self.n_lanes is None else self.n_lanes
 
     def check(self) -> None:

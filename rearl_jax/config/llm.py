@@ -40,7 +40,9 @@ class PromptConfig:
     """Prompt of the language model"""
 
     template: str = key("", "Jinja file with the blocks system and user; empty = the shipped one")
-    next: bool = key(True, "include what each vehicle of the reference did in the next second; false = REARL's Eq. 9")
+    next: bool = key(
+        True, "include the action of each vehicle of the reference in the next second; false = REARL's Eq. 9"
+    )
     scene: bool = key(True, "include speed shares and mean spacing of scenario and reference")
 
 

@@ -71,7 +71,7 @@ class RealConfig:
     def check_discovery(self, options: DiscoverConfig) -> None:
         """Raise InvalidInputError for keys of discovery that the sets set themselves."""
         if options.oracle is not None:
-            raise out_of_range("discover.oracle", "must be null: what is missing is unknown", options.oracle)
+            raise out_of_range("discover.oracle", "must be null: the missing effects are unknown", options.oracle)
         for name in ("by", "same"):
             value = getattr(options, name)
             if value is not None and OWN not in self.sets:

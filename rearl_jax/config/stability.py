@@ -14,7 +14,7 @@ from rearl_jax.problems import out_of_range
 
 @dataclass(unsafe_hash=True)
 class StabilityConfig:
-    """Platoons, rings and queues that are simulated, and what is compared with recordings"""
+    """Platoons, rings and queues to simulate, and their comparison with recordings"""
 
     models: tuple[str, ...] = key(
         tuple(MODELS),

@@ -85,7 +85,7 @@ def flat_index(index: Int[Array, "places *scenarios"]) -> Int[Array, "places *sc
 def take_vehicles(values: Array, index: Int[Array, "places *scenarios"]) -> Array:
     """Each scenario's values at the given vehicle indices; the first vehicle's for NO_VEHICLE.
 
-    By flat indices, which cost half of what indices along two axes do on a CPU.
+    By flat indices, which take half the time of indices along two axes on a CPU.
     """
     if values.shape[0] == 1:
         return values

@@ -94,7 +94,7 @@ REQUIRED = tuple(c.name for c in COLUMNS if not c.nullable and c.name not in _MA
 def validate(
     table: pd.DataFrame, info: RecordingInfo, policy: DataConfig, losses: Losses | None = None
 ) -> tuple[pd.DataFrame, dict[str, int]]:
-    """Canonical table of the recording and the counts of what was left out.
+    """Canonical table of the recording and the counts of rows and tracks that were left out.
 
     The result has exactly COLUMNS and the labels of the recording, is sorted by (track_id, frame), unique, and no track
     has a gap. Under data.on_bad=drop_row a bad row is removed and the track cut there: the rest continues under a new
@@ -132,7 +132,7 @@ def validate(
     impossible = placeholders.impossible_rows(table)
     _require_sound_columns(table.iloc[np.flatnonzero(~impossible)] if impossible.any() else table, info)
     n_found = -1
-    # What is left of a track may fail where the whole did not; a result must pass when it is read again.
+    # The rest of a track may fail where the whole did not; a result must pass when it is read again.
     while n_found != losses.counts.total():
         n_found = losses.counts.total()
         table = checked(table, _RANGE_CHECKS)

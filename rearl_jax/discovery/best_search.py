@@ -50,7 +50,7 @@ class BestSearch:
     Attributes:
         solver: Solver of the chosen model.
         outcome: Result of the search.
-        adequacy: Measures of what the final model leaves unexplained.
+        adequacy: Measures of the errors that the final model does not explain.
         comparison: Comparison of the car-following models; None if there is only one.
         model_tests: The effects found, tested in other car-following models.
     """

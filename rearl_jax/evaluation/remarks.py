@@ -20,15 +20,15 @@ from rearl_jax.metrics.histograms import legacy_scale
 
 _STARTS = {
     InitialSource.seed: "drawn by eval.seed, run and scene alone",
-    InitialSource.scene: "the first snapshot of the scene, every driver wants at most the highest speed that its "
-    "vehicle is recorded at; runs of a scene differ in drivers drawn by eval.seed, run and scene, not in the start",
+    InitialSource.scene: "the first snapshot of the scene, with desired speeds of at most the highest recorded speed "
+    "of the vehicle; runs of a scene differ in drivers drawn by eval.seed, run and scene, not in the start",
 }
 
 _ENTERING = (
-    "Simulated are the picked vehicles of each second: a vehicle leaves the simulation when it is not picked any more, "
-    "and the one picked instead enters where it was recorded. A driver's desired speed is cut to the highest recorded "
-    "speed of its vehicle; highway-env's drivers want that speed. Replayed vehicles "
-    "react to nothing, collide with nothing and count in no metric."
+    "The picked vehicles of each second are simulated: a vehicle leaves the simulation when it is no longer picked, "
+    "and the vehicle that is picked instead enters where it was recorded. A driver's desired speed is at most the "
+    "highest recorded speed of its vehicle, and exactly that for highway-env's drivers. Replayed vehicles do not react "
+    "or collide, and no metric counts them."
 )
 
 _BOUNDARIES = {

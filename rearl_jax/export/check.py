@@ -104,7 +104,7 @@ def flow(
     }
     measured = {name: _Measured.of(motion) for name, motion in motions.items()}
     reference = measured["here"]
-    return pd.DataFrame([{"traffic": name, **own.beside(reference)} for name, own in measured.items()])
+    return pd.DataFrame([{"traffic": name, **own.compared_with(reference)} for name, own in measured.items()])
 
 
 def _other_drivers(population: Population, start: Start, leader_speed: np.ndarray, seed: int) -> Motion:
@@ -135,7 +135,7 @@ class _Measured:
         moves = (speed >= MIN_SPEED) & (gap > 0)
         return cls(speed, np.where(moves, gap, 0.0) / np.where(moves, speed, 1.0), moves)
 
-    def beside(self, reference: "_Measured") -> dict[str, float]:
+    def compared_with(self, reference: "_Measured") -> dict[str, float]:
         """Means and standard deviations, and distances to the distributions of other traffic."""
         headway = self.headway[self.moves]
         return {

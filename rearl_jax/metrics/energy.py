@@ -23,7 +23,7 @@ def energy_score(
 
     Args:
         samples: Simulations, each of all cases.
-        observed: What was observed.
+        observed: The observed value.
         distance: Distance of two of them, case by case; of negative type, as a mean of Euclidean distances is.
 
     Source: Gneiting & Raftery, J. Am. Stat. Assoc. 102 (2007) 359, section 4.3.

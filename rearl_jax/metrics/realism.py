@@ -2,7 +2,7 @@
 
 Waymo estimates, for every logged vehicle, how likely its logged values are under the distribution of the same
 vehicle's values in 32 simulations; the meta-metric is the weighted mean of the likelihoods of nine features
-(ten from 2025 on). What is kept here and what differs:
+(ten from 2025 on). Similarities and differences here:
 
 - Features: linear speed, linear acceleration, distance to the nearest object, time to collision, collision. The two
 angular features, the two map features and the traffic-light feature carry no information on a straight carriageway.

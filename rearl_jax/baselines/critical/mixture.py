@@ -4,7 +4,7 @@ from itertools import product
 from typing import NamedTuple
 
 GRID_STEPS = 5
-"""Steps of the grid from 0 to 1; five give 56 points. Own choice."""
+"""Steps of the grid from 0 to 1; five give 56 points."""
 
 
 class Mixture(NamedTuple):

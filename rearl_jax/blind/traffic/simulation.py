@@ -30,7 +30,7 @@ WANDER, WANDER_TIME = 0.25, 4.0
 """Standard deviation [m] and correlation time [s] of the lateral position in the lane."""
 
 SAMPLED = 5
-"""Sub-steps between two samples of what hidden effects cause."""
+"""Sub-steps between two samples of the effect on acceleration."""
 
 MARGIN = 60.0
 """Road [m] behind the last vehicle when the recording begins."""

@@ -31,7 +31,7 @@ def named_files(root: Path, endings: Sequence[str], wanted: str, usual: str) -> 
 
     Args:
         root: File or folder.
-        endings: Of the files of recordings.
+        endings: Endings of the names of recordings.
         wanted: Description of the file or folder that `data.root` must name.
         usual: The usual endings in words, such as `.csv or .txt`.
 
@@ -82,7 +82,7 @@ def recordings_missing(found: str, root: Path, wanted: str, endings: Sequence[st
         found: Content of the folder.
         root: The folder.
         wanted: Description of the file or folder that `data.root` must name.
-        endings: Of the files of recordings, to point out where else they are.
+        endings: Endings of the names of recordings, to name other folders that have some.
     """
     message = f"{found}: data.root must name {wanted}{_hint(root, endings)}"
     return MissingInputError(Problem("recordings-missing", message, file=str(root)))

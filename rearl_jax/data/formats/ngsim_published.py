@@ -210,7 +210,7 @@ def find_published(root: Path) -> list[Path]:
 
 
 def _converted(recording: str, rows: pd.DataFrame, path: Path) -> tuple[pd.DataFrame, RecordingInfo]:
-    """Columns of the schema from rows in feet, and what is known about the recording."""
+    """Columns of the schema from rows in feet, and metadata of the recording."""
     place = recording.rpartition("_")[0]
     source = {name: to_si(rows[name].to_numpy(), unit) for name, (_, unit, _) in _PUBLISHED.items() if unit}
     lane = rows["lane"].to_numpy(np.float64, na_value=np.nan)

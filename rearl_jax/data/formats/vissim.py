@@ -52,7 +52,7 @@ _REQUIRED = ("time", "vehicle", "link", "lane", "front", "speed")
 _UNSTATED = {"front": "m", "speed": "km/h", "length": "m", "acceleration": "m/s^2", "width": "m"}
 _SPELT = {"m/s2": "m/s^2", "m/s²": "m/s^2", "ft/s2": "ft/s^2", "ft/s²": "ft/s^2", "kmh": "km/h", "mi/h": "mph"}
 _SI = ("m", "m/s", "m/s^2")
-# Types of a new network; others are what their user makes of them. Source: PTV Vissim manual, Vehicle types.
+# Types of a new network; users define the meaning of others. Source: PTV Vissim manual, Vehicle types.
 _CLASS = {100: "car", 200: "truck", 300: "truck", 400: "other"}
 
 

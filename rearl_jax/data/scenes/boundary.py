@@ -1,7 +1,7 @@
 """Recorded traffic around the vehicles of scenes: vehicles that enter the simulation, and vehicles that are replayed.
 
 The simulated vehicles of a second are the picked ones of the snapshot at its beginning. Each has a place in the arrays,
-which it keeps. When it is not picked any more, because it has left the recording, its place goes to another picked
+which it keeps. When it is no longer picked, because it has left the recording, its place goes to another picked
 vehicle, which enters where it was recorded. All other vehicles are replayed, or only those ahead of the foremost
 simulated one of each lane.
 """

@@ -115,7 +115,7 @@ def _steps_over_speed(values: dict[str, np.ndarray], period: float) -> float | N
 def _from_upstream_edge(
     rows: pd.DataFrame, values: dict[str, np.ndarray]
 ) -> tuple[pd.DataFrame, float, tuple[str, ...]]:
-    """The rows with positions from the upstream edge of what is seen, the length of the road, and notes.
+    """The rows with positions from the upstream edge of the recorded stretch, the length of the road, and notes.
 
     Positions that already begin near 0 stay as they are.
     """

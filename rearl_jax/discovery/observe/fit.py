@@ -59,7 +59,7 @@ def joint_fit(solver: Solver, fit: Fit, data: Measured) -> Fit:
     All drivers together are needed for rare situations, such as the response to a cut-in.
     """
     state = fit.state
-    both = new_state(state.data.beside(data), solver.layout, fit.noise)
+    both = new_state(state.data.with_drivers(data), solver.layout, fit.noise)
     both.mean, both.theta, both.active = state.mean.copy(), state.theta, state.active
     both.spread = state.spread
     both.z = np.concatenate([state.z, both.mean[both.truck[state.data.n_drivers :]]])

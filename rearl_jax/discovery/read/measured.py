@@ -219,7 +219,7 @@ class Measured:
             **{name: getattr(self, name)[..., pieces] for name in BY_PIECE},
         )
 
-    def beside(self, other: "Measured") -> "Measured":
+    def with_drivers(self, other: "Measured") -> "Measured":
         """These drivers together with others of the same recordings, whose driver numbers are appended."""
         later = dataclasses.replace(other, driver=self.n_drivers + other.driver)
         return dataclasses.replace(self, **joined([self, later]))

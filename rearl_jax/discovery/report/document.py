@@ -255,7 +255,7 @@ def _candidate_table(title: str, rows: Sequence[Mapping[str, Any]], verdict: Map
 
 
 def _left_section(verdict: Mapping[str, Any], maps: pd.DataFrame | None) -> Section:
-    """Section of what the final model does not explain: measures of its innovations, and sparse regression over all
+    """Section on the remaining errors of the final model: measures of its innovations, and sparse regression over all
     variables.
     """
     sentences, tables, adequacy = [], [], verdict["adequacy"]

@@ -75,7 +75,7 @@ def verdict_of_groups(
 
 
 def _row(options: DiscoverConfig, name: str, verdict: Mapping[str, Any], parts: Parts) -> dict[str, Any]:
-    all_drivers = parts.fitted.beside(parts.checked).beside(parts.reported)
+    all_drivers = parts.fitted.with_drivers(parts.checked).with_drivers(parts.reported)
     persons = n_identified(all_drivers)
     return {
         "by": options.by,

@@ -48,7 +48,7 @@ Parts = Sequence[Residuals]
 
 @dataclass(frozen=True)
 class Adequacy:
-    """Measures of what the final model leaves unexplained.
+    """Measures of the errors that the final model does not explain.
 
     Attributes:
         kurtosis: Excess kurtosis of the innovations [-].

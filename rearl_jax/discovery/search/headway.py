@@ -3,7 +3,7 @@
 Most of the error of long predictions arises because models keep a constant time gap, while people keep a longer one for
 some time and then a shorter one. The times of these changes cannot be predicted, but a simulation can reproduce their
 size and duration. The division minimises the energy score of noisy simulations, which is lowest for the correct spread.
-Simulated is the second half of each drive, with the driver's own parameters of the first half: parameters of the whole
+The second half of each drive is simulated, with the driver's parameters from the first half: parameters of the whole
 drive follow its slow changes, so that a varying time gap would seem to be constant. The time gap at the start of
 a simulated drive determines where the variation begins.
 

@@ -240,12 +240,12 @@ def definitions_of(config: StudyBudgetTask, scenes: SceneSet, held_out: np.ndarr
     return (
         f"Road: {config.core.n_vehicles} vehicles on {config.core.lanes} lanes in all rows.",
         "Base: highway-env's start, drawn by eval.seed, run and scene, and the drivers of the keys driver and mobil.",
-        f"{TITLES[START]}: the first snapshot of the scene; every driver wants at most the highest speed that its "
-        "vehicle is recorded at, drivers without a desired speed of their own exactly that.",
+        f"{TITLES[START]}: the first snapshot of the scene; desired speeds are at most the highest recorded "
+        "speed of the vehicle, and exactly that for drivers without a desired speed of their own.",
         f"A vehicle of the first snapshot is picked for {np.median(stay):.0f} s of the {scenes.seconds} s of a scene "
-        "(median). Without recorded vehicles around, the first vehicles are simulated to the end and compared with "
-        "whoever is picked; with them a vehicle leaves when it is not picked any more, and the one picked instead "
-        "enters as recorded. Position errors are those of the vehicles of the first snapshot while they are picked, in "
+        "(median). Without replayed vehicles the first vehicles are simulated to the end and compared with the picked "
+        "ones; with them a vehicle leaves when it is no longer picked, and the vehicle that is picked instead enters "
+        "as recorded. Position errors are those of the vehicles of the first snapshot while they are picked, in "
         "all rows alike.",
         f"{TITLES[REARL]}: decisions of the matcher where the traffic differs too much from its reference; the same "
         "thresholds in all rows, percentiles of Base on threshold scenes.",

@@ -19,7 +19,7 @@ from rearl_jax.models.population import Population, population_of_keys, populati
 from rearl_jax.study.stability.analysis import Scheme
 
 DRAWN = {"desired_speed": 30.0, "accel_exponent": 4.0}
-"""Values of parameters that highway-env draws with the initial state: the middle of what it draws."""
+"""Values of parameters that highway-env draws with the initial state: the middle of its range."""
 
 NEAR_DESIRED = 0.98
 """Share of the desired speed up to which an equilibrium behind a leader is sought [-]."""

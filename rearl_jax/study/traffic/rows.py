@@ -56,7 +56,7 @@ PARTS = "traffic"
 
 DEFINITION = (
     "REARL on improved traffic: each carriageway makes its own scenes, which start as recorded, without rescaled "
-    "speeds; every driver wants at most the highest recorded speed of its vehicle; the thresholds of all these rows "
+    "speeds; desired speeds are at most the highest recorded speed of the vehicle; the thresholds of all these rows "
     "are percentiles of base from highway-env's start; components of the traffic as in `rearl study budget`"
 )
 """Differences of these rows from those of the paper."""

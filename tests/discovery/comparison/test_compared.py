@@ -142,5 +142,5 @@ def _found_under_idm(parts, *terms):
         trial = Trial(candidate, after, nothing, nothing, state, 0.0)
         rounds.append(Round(fit, {}, {}, {}, frozenset(), [trial], [trial]))
         fit = after
-    assert fit.state.theta[list(solver.layout.candidates[GAIN].look)] > 0.03  # IDM lacks it
+    assert fit.state.theta[list(solver.layout.candidates[GAIN].directions)] > 0.03  # IDM lacks it
     return Search(solver.layout, Null(dict.fromkeys(terms, 0.0), {}, 1), {}, parts.checked, rounds=rounds)

@@ -113,7 +113,10 @@ def test_parts_side_by_side_are_the_whole(tables_of):
     whole = reading.measure(tables_of())
     mixed = np.random.default_rng(0).permutation(whole.driver.max() + 1)[whole.driver]
     first, second = (np.flatnonzero(mixed % 3 == part) for part in (0, 1))
-    both, expected = whole.select(first).beside(whole.select(second)), whole.select(np.concatenate([first, second]))
+    both, expected = (
+        whole.select(first).with_drivers(whole.select(second)),
+        whole.select(np.concatenate([first, second])),
+    )
     assert both.n_drivers == expected.n_drivers > whole.select(first).n_drivers > 5
     for name in ("y", "weight", "smooth", "smooth_speed", "length", "is_truck", "vehicle", "leader", "recording"):
         np.testing.assert_array_equal(getattr(both, name), getattr(expected, name))
@@ -238,7 +241,7 @@ def test_labels_stay_with_their_drivers(recordings_of):
     assert set(first.same) == {0}
     assert sorted(set(data.same)) == [0, 1, 2]
     shuffled = data.select(np.random.default_rng(1).permutation(len(data.driver)))
-    both = first.beside(shuffled)
+    both = first.with_drivers(shuffled)
     for part, expected in ((slice(0, 12), first), (slice(12, None), data)):
         assert both.label("kind")[part].tolist() == expected.label("kind").tolist()
         assert both.same[part].tolist() == expected.same.tolist()

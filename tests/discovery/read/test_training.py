@@ -25,7 +25,7 @@ def in_two_pieces(data):
     later = replace(
         data, weight=data.weight * late, surroundings=replace(data.surroundings, time=data.surroundings.time + second)
     )
-    return later.beside(replace(data, weight=data.weight * ~late)), data.n_drivers
+    return later.with_drivers(replace(data, weight=data.weight * ~late)), data.n_drivers
 
 
 def test_a_half_is_tested_from_where_it_begins_and_nothing_counts_twice(data):

@@ -241,5 +241,5 @@ def test_where_the_usual_model_stays_the_verdict_says_nothing_of_it():
 def test_an_effect_that_depends_on_the_car_following_model_is_said_to():
     effects = [VERDICT["effects"][0] | {"depends_on_base": ["idm", "fvdm"]}]
     text = printed(base=compared(), effects=effects)
-    assert "reaction delay (depends on the car-following model: not under idm and fvdm)" in text
+    assert "reaction delay (depends on the car-following model: not found with idm and fvdm)" in text
     assert "Reaction delay holds beside constant time headway and not beside idm and fvdm" in text

@@ -41,7 +41,7 @@ def test_the_more_is_known_of_drivers_the_smaller_is_the_error(solver, fit, stat
 
 def test_other_runs_help_only_where_they_are_of_the_same_driver(solver, fit, state):
     split = halves(state.data)
-    runs, n = split.training.beside(split.test), state.data.n_drivers
+    runs, n = split.training.with_drivers(split.test), state.data.n_drivers
     everybody = np.ones(2 * n, bool)
 
     def mean_errors(identity):

@@ -47,7 +47,7 @@ def many(solver, calibrated):
     state, noise = calibrated
     data, z = state.data, state.z
     for _ in range(3):
-        data, z = data.beside(data), np.concatenate([z, z])
+        data, z = data.with_drivers(data), np.concatenate([z, z])
     more = new_state(data, solver.layout, noise)
     return replaced(more, z=z, mean=state.mean, spread=state.spread, theta=state.theta, active=state.active), noise
 

@@ -83,7 +83,9 @@ def test_candidates_on_top_of_what_was_added_are_scored_without_it(solver, calib
     solver.solve([added], iterations=15)
     (found,) = scores(solver, [added])
     assert abs(found[term].score[0]) < 1e-2 * np.sqrt(found[Term("asymmetry")].information[0, 0]) + 1.0
-    assert found[term].information[0, 0] < 1 / solver.layout.scale[list(solver.layout.candidates[term].look)][0] ** 2
+    assert (
+        found[term].information[0, 0] < 1 / solver.layout.scale[list(solver.layout.candidates[term].directions)][0] ** 2
+    )
 
 
 def test_the_screen_sees_with_everybody_what_the_fitted_alone_hardly_show(solver, calibrated):
