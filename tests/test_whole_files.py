@@ -83,6 +83,7 @@ def test_a_file_system_without_locks_is_said_and_used(tmp_path, monkeypatch, cap
 def test_a_full_disk_leaves_the_old_table_and_says_what_to_do(tmp_path):
     done = subprocess.run([sys.executable, "-c", FULL, str(tmp_path)], capture_output=True, text=True, check=True)
     assert "free some space, or write elsewhere with results.root=FOLDER" in done.stdout
+    assert "rows.parquet" in done.stdout
     assert sorted(path.name for path in (tmp_path / "mine").iterdir()) == ["config.json", "rows.parquet"]
     assert pd.read_parquet(tmp_path / "mine" / "rows.parquet")["a"].tolist() == [1, 2]
 
