@@ -72,8 +72,7 @@ def _on_accelerations(table: pd.DataFrame) -> list[str]:
     known = values[np.isfinite(values)]
     if not known.size or np.ptp(known) > 0.0:
         return []
-    by_track = pd.Series(speed).groupby(table["track_id"].to_numpy())
-    if float((by_track.max() - by_track.min()).max()) < _CHANGE:
+    if _ranges(speed, table["track_id"].to_numpy()).max() < _CHANGE:
         return []
     return [f"acceleration is {known[0]:g} m/s^2 in every row although speeds change: the column may hold nothing"]
 
@@ -81,12 +80,17 @@ def _on_accelerations(table: pd.DataFrame) -> list[str]:
 def _on_changing_vehicles(table: pd.DataFrame) -> list[str]:
     """Vehicles of two classes, or whose length changes: tracks of two vehicles, or a camera that is not sure."""
     track = table["track_id"].to_numpy()
-    lengths = table["length"].groupby(track)
     changing = {
         "class": table["vehicle_class"].astype(str).groupby(track).nunique() > 1,
-        f"length by more than {_LENGTH_CHANGE:g} m": lengths.max() - lengths.min() > _LENGTH_CHANGE,
+        f"length by more than {_LENGTH_CHANGE:g} m": _ranges(table["length"].to_numpy(), track) > _LENGTH_CHANGE,
     }
     return [f"{int(bad.sum())} vehicles change their {what}" for what, bad in changing.items() if bad.any()]
+
+
+def _ranges(values: np.ndarray, track: np.ndarray) -> np.ndarray:
+    """Largest less smallest value of each track; the rows of a track are together."""
+    starts = np.flatnonzero(~follows_row_before(track))
+    return np.maximum.reduceat(values, starts) - np.minimum.reduceat(values, starts)
 
 
 def _next_at_same_place(table: pd.DataFrame) -> np.ndarray:

@@ -22,8 +22,8 @@ def unrolled(rows: pd.DataFrame, circumference: float, file: str) -> tuple[pd.Da
     Raises:
         BadRecordingError: There are several lanes, or vehicles overtake each other or are not on the ring.
     """
-    track, frame, place = (_numbers(rows[name]) for name in ("track_id", "frame", "position"))
-    if "lane" in rows and len(np.unique(_numbers(rows["lane"]))) > 1:
+    track, frame, place = (_numbers(pd.Series(rows[name])) for name in ("track_id", "frame", "position"))
+    if "lane" in rows and len(np.unique(_numbers(pd.Series(rows["lane"])))) > 1:
         text = "a ring road is read with one lane only, and there are several"
         remedy = "give each lane a table of its own, or leave the column out: 'data.columns={lane: null}'"
         raise bad_recording("ring-lanes", text, remedy, file, column="lane")
