@@ -1,12 +1,11 @@
 """Figures of discovery in measured recordings on README and pages, beside the kept verdict."""
 
 import json
-import subprocess
-import sys
 
+import pandas as pd
 import pytest
 
-from tests.docs.blocks import DOCS, ROOT, blocks
+from tests.docs.blocks import DOCS, ROOT
 
 
 @pytest.fixture(scope="module")
@@ -80,23 +79,36 @@ def test_readme(verdict):
     assert f"(time gaps vary within a driver) {repaired}" in readme
 
 
-@pytest.mark.slow
-def test_known_time_gaps_of_cars(page):
-    (block,) = (one for one in blocks(DOCS / "discovery" / "recordings.md") if "facts_of(" in one.text)
-    printed = subprocess.run([sys.executable, "-c", block.text], capture_output=True, text=True, check=True).stdout
-    within = printed.splitlines()[-1]
-    assert f"{within} known time gaps are within .15 s" in page
-    assert f"{within} within .15 s after calibration" in text_of(ROOT / "README.md")
-    cars = {}
-    for row in map(str.split, printed.splitlines()):
-        if len(row) == 8 and row[2] in ("S", "L"):
-            cars.setdefault(row[1], {})[row[2]] = [float(value) for value in row[3:6]]
-    assert len(cars) == 10
-    for car, gaps in cars.items():
-        cells = " | ".join("{:.2f} ± {:.2f} | {:.2f}".format(*gaps[setting]) for setting in ("S", "L"))
-        assert f"| {car.replace('_', ' ')} | {cells} |" in page
-    assert sum(gaps["S"][2] < gaps["L"][2] for gaps in cars.values()) == 10
-    assert "in 10 of 10" in text_of(ROOT / "README.md")
+@pytest.fixture(scope="module")
+def real():
+    """Summary and table of the kept study of real traffic."""
+    folder = ROOT / "results" / "kept" / "study_real"
+    summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
+    return summary, pd.read_parquet(folder / "real.parquet").set_index(["set", "group"])
+
+
+def test_known_time_gaps_of_cars(real, page):
+    summary, _ = real
+    within = f"{summary['n_within']} of {summary['n_known']}"
+    shorter = f"{summary['n_shorter']} of {summary['n_cars']}"
+    said = f"{within} within .15 s after calibration; shorter in the short setting in {shorter} |"
+    assert said in text_of(ROOT / "README.md")
+    assert summary["n_shorter"] == summary["n_cars"]
+    assert "Every car keeps a shorter time gap in S than in L" in page
+    assert summary["is_leader_equal"]
+    assert f"Of {summary['leader_cars']} people who drove behind" in page
+
+
+def test_nothing_is_added_that_predicts_worse_for_sure(real, page):
+    _, table = real
+    assert not table["verdict"].isin(["named", "improved"]).any()
+    assert (table[[f"{name}_change_share_low" for name in ("population", "first_half")]] <= 0).all(axis=None)
+    for protocol in ("population", "first_half", "other_runs"):
+        unchanged = table.drop(index=[("i80", "all"), ("openacc", "S")])[f"{protocol}_change_share"].dropna()
+        assert (unchanged == 0).all()
+    assert table.loc[("openacc", "S"), "first_half_change_share_high"] < 0
+    other = table.loc[("openacc", "S"), ["other_runs_change_share_low", "other_runs_change_share_high"]]
+    assert other.iloc[0] < 0 < other.iloc[1]
 
 
 def known(verdict):
