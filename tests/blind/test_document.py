@@ -11,7 +11,7 @@ def test_the_terminal_shows_rates_with_intervals_what_was_said_and_how_it_was_se
     text = " ".join(text_of(document_of(SUMMARY, TABLES, PROTOCOL)).split())
     parts = (
         "Discovery was right about 2 of 3 data sets",
-        "effects named 2 3 66.7 ≥ 95 % no 9.00 to 99.0",
+        "effects named 2 3 66.7 ≥ 95 % no 9.0 to 99.0",
         "Code c0de, then master seed 7 (drawn), then truth sealed as abababababababab.",
         "3 of 5 data sets, the first in the study's random order.",
         "achieve 90.0 % of the largest possible reduction of the",
@@ -19,9 +19,9 @@ def test_the_terminal_shows_rates_with_intervals_what_was_said_and_how_it_was_se
         "Median time of a verdict: 1.5 s.",
         "Counted when the study was run, as cases.parquet has no ends of intervals: ",
         "data sets right wrong with a false effect share [%]",  # only outcomes that occur have a column
-        "named 3 2 1 1 33.3 9.00 to 99.0",
+        "named 3 2 1 1 33.3 9.0 to 99.0",
         "grade grade 1 bend grade 1 bend nothing 1",
-        "80.0 % to 90.0 % 3 85.0 66.7 9.00 to 99.0",
+        "80.0 % to 90.0 % 3 85.0 66.7 9.0 to 99.0",
     )
     places = [text.index(part) for part in parts]
     assert places == sorted(places)
