@@ -73,7 +73,7 @@ def test_a_study_without_remarks_is_reported_by_its_figures(study, tmp_path):
     study.write_table("fig7", long_table(RECORDS))
     study.write_summary({"n_scenes": 3})
     document = paper_document(read_finished(str(tmp_path), config.study))
-    assert document.verdict == "Errors of base beside Fig. 7 of the paper."
+    assert document.verdict == "Errors of base, compared with Fig. 7 of the paper."
     assert document.sections[0].tables[0].rows[0].cells == (
         Cell("0.2500", "0.2000 to 0.3000"),
         Cell("-"),

@@ -86,7 +86,7 @@ def test_kinds_that_are_absent_are_left_out():
         (0.0, "still brings traffic closer to the recording; its choices are not distinguished from keeping"),
         (0.1, "still brings traffic closer to the recording; its choices are closer than keeping"),
         (-0.1, "is not distinguished from traffic without REARL"),
-        (-0.2, "nothing left to do; its choices are farther than keeping"),
+        (-0.2, "of no use here; its choices are farther than keeping"),
     ],
 )
 def test_findings_follow_from_the_figures(gain, said):
