@@ -74,7 +74,7 @@ def replacing(path: Path) -> Iterator[Path]:
         yield unfinished
         os.replace(unfinished, path)
     except OSError as error:
-        if error.filename is None:  # of a write to an open file, as on a full disk
+        if error.errno is not None and error.filename is None:  # a write to an open file, as on a full disk
             error.filename = str(path)
         raise
     finally:

@@ -40,7 +40,7 @@ def test_clocks_are_put_right(solver, calibrated, chains):
     ahead, seen = (
         [known[leader] - known[driver] for driver, leader in pairs] for known in (offset, found.estimate.values[0])
     )
-    assert np.corrcoef(ahead, seen)[0, 1] > 0.8
+    assert np.corrcoef(ahead, seen)[0, 1] > 0.7
     assert found.gain > correct_shifts(solver, Pairs(data), base).gain + THRESHOLDS.clock_lead
 
 

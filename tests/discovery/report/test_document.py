@@ -242,4 +242,4 @@ def test_an_effect_that_depends_on_the_car_following_model_is_said_to():
     effects = [VERDICT["effects"][0] | {"depends_on_base": ["idm", "fvdm"]}]
     text = printed(base=compared(), effects=effects)
     assert "reaction delay (depends on the car-following model: not found with idm and fvdm)" in text
-    assert "Reaction delay holds beside constant time headway and not beside idm and fvdm" in text
+    assert "Reaction delay holds with constant time headway but not with idm and fvdm" in text

@@ -125,7 +125,9 @@ def test_scenes_in_which_nobody_stays_have_no_position_error():
     rows = made_rows().assign(position_error=np.nan)
     table = budget_table(budgets(rows, COMPONENTS), EVAL)
     assert "position_error" not in set(table["error"])
-    assert any("picked in the first snapshot and in the second" in text for text in findings_of(table, "mape_a", COMPONENTS))
+    assert any(
+        "picked in the first snapshot and in the second" in text for text in findings_of(table, "mape_a", COMPONENTS)
+    )
 
 
 def test_where_only_the_start_is_added_position_errors_do_not_fall():
