@@ -8,6 +8,8 @@ import numpy as np
 import pandas as pd
 from jaxtyping import Float, Int
 
+from rearl_jax.data.checks.typed_table import follows_row_before
+from rearl_jax.data.numbers import numbers_of
 from rearl_jax.data.problems import bad_recording
 
 
@@ -22,8 +24,8 @@ def unrolled(rows: pd.DataFrame, circumference: float, file: str) -> tuple[pd.Da
     Raises:
         BadRecordingError: There are several lanes, or vehicles overtake each other or are not on the ring.
     """
-    track, frame, place = (_numbers(pd.Series(rows[name])) for name in ("track_id", "frame", "position"))
-    if "lane" in rows and len(np.unique(_numbers(pd.Series(rows["lane"])))) > 1:
+    track, frame, place = (numbers_of(pd.Series(rows[name])) for name in ("track_id", "frame", "position"))
+    if "lane" in rows and len(np.unique(numbers_of(pd.Series(rows["lane"])))) > 1:
         text = "a ring road is read with one lane only, and there are several"
         remedy = "give each lane a table of its own, or leave the column out: 'data.columns={lane: null}'"
         raise bad_recording("ring-lanes", text, remedy, file, column="lane")
@@ -48,7 +50,7 @@ def _along(
     track: Int[np.ndarray, " rows"], frame: Int[np.ndarray, " rows"], place: Float[np.ndarray, " rows"], lap: float
 ) -> Float[np.ndarray, " rows"]:
     """Positions that grow from lap to lap [m], everybody less than a lap behind the vehicle seen longest."""
-    starts = np.flatnonzero(np.r_[True, np.diff(track) != 0])
+    starts = np.flatnonzero(~follows_row_before(track))
     counts = np.diff(np.r_[starts, len(track)])
     seams = -np.rint(np.diff(place, prepend=0.0) / lap)
     seams[starts] = 0.0
@@ -67,7 +69,7 @@ def _hindmost(
 ) -> Int[np.ndarray, " frames"]:
     """Row of the hindmost vehicle of every frame."""
     order = np.lexsort((at, frame))
-    is_first = np.r_[True, np.diff(frame[order]) != 0]
+    is_first = ~follows_row_before(frame[order])
     hindmost = order[is_first]
     foremost = order[np.r_[np.flatnonzero(is_first)[1:] - 1, len(order) - 1]]
     reach = at[foremost] - at[hindmost]
@@ -77,7 +79,3 @@ def _hindmost(
         remedy = "data.ring must be the length of one lap [m], and nobody may overtake or be counted twice"
         raise bad_recording("ring-overtaken", text, remedy, file, column="position")
     return hindmost
-
-
-def _numbers(column: pd.Series) -> np.ndarray:
-    return pd.Series(pd.to_numeric(column, errors="coerce")).to_numpy(np.float64, na_value=np.nan)

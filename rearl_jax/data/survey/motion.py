@@ -64,7 +64,7 @@ class Motion:
 
 def motion_of(columns: Sequence[FoundColumn], clock: Clock) -> Motion | None:
     """The position and speed that belong together best; None if no two columns do."""
-    pieces = _Pieces(clock)
+    pieces = Pieces(clock)
     if not pieces.time.size:
         return None
     used = {clock.track.name, clock.counted.name} | ({clock.frame.name} if clock.frame else set())
@@ -102,15 +102,16 @@ def told_by(motion: Motion, sizes: Sizes) -> Motion:
     return replace(motion, units=(unit, f"{unit}/s"))
 
 
-class _Pieces:
+class Pieces:
     """Rows between which steps are taken, and the time between them."""
 
-    def __init__(self, clock: Clock) -> None:
+    def __init__(self, clock: Clock, n_rows: int = _PIECE_ROWS, needed: Sequence[np.ndarray] = ()) -> None:
+        """Pieces of at most `n_rows` rows of a vehicle, without rows in which a needed column is unknown."""
         vehicles, counted = clock.vehicles, clock.counted.values
-        known = np.flatnonzero((vehicles >= 0) & np.isfinite(counted))
+        known = np.flatnonzero((vehicles >= 0) & np.isfinite([counted, *needed]).all(axis=0))
         self._order = known[np.lexsort((counted[known], vehicles[known]))]
         track = vehicles[self._order]
-        self.length = min(_PIECE_ROWS, max(len(track) // max(np.unique(track).size, 1) - 1, 1))
+        self.length = min(n_rows, max(len(track) // max(np.unique(track).size, 1) - 1, 1))
         self._same = track[self.length :] == track[: -self.length]
         self.time = (counted[self._order][self.length :] - counted[self._order][: -self.length])[self._same]
 
@@ -146,7 +147,7 @@ def _candidates(numbers: Sequence[FoundColumn]) -> Iterator[tuple[list[FoundColu
         yield positions or free, speeds or free, False
 
 
-def _motion(position: FoundColumn, speed: FoundColumn, clock: Clock, pieces: _Pieces) -> Motion | None:
+def _motion(position: FoundColumn, speed: FoundColumn, clock: Clock, pieces: Pieces) -> Motion | None:
     """The motion if the two columns belong together."""
     step, expected = pieces.steps(position.values), pieces.means(speed.values) * pieces.time
     known = np.isfinite(step) & np.isfinite(expected) & (expected != 0.0)

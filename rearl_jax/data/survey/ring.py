@@ -3,7 +3,7 @@
 import numpy as np
 
 from rearl_jax.data.survey.clock import Clock
-from rearl_jax.data.survey.motion import Motion
+from rearl_jax.data.survey.motion import Motion, Pieces
 from rearl_jax.data.units import SI_FACTOR
 
 SHORTEST_LAP = 50.0
@@ -16,14 +16,11 @@ TOLERANCE = 0.02
 
 def ring_of(motion: Motion, clock: Clock) -> float | None:
     """Length of one lap [m]; None unless all jumps of positions along tracks are jumps back by the same distance."""
-    vehicles, counted = clock.vehicles, clock.counted.values
     place, speed = motion.position.values, motion.speed.values
-    known = np.flatnonzero((vehicles >= 0) & np.isfinite(counted) & np.isfinite(place) & np.isfinite(speed))
-    order = known[np.lexsort((counted[known], vehicles[known]))]
-    same = np.diff(vehicles[order]) == 0
-    forward = (-1.0 if motion.is_reversed else 1.0) * np.diff(place[order])
-    driven = np.abs(motion.ratio * 0.5 * (speed[order][1:] + speed[order][:-1]) * np.diff(counted[order]))
-    short = (driven - forward)[same] * SI_FACTOR[motion.units[0]]
+    pieces = Pieces(clock, 1, (place, speed))
+    forward = (-1.0 if motion.is_reversed else 1.0) * pieces.steps(place)
+    driven = np.abs(motion.ratio * pieces.means(speed) * pieces.time)
+    short = (driven - forward) * SI_FACTOR[motion.units[0]]
     jumps = short[np.abs(short) > SHORTEST_LAP]
     if jumps.size < LEAST_SEAMS:
         return None

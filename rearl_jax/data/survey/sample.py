@@ -11,6 +11,7 @@ import pyarrow.parquet as pq
 from rearl_jax.data.files.columnar import column_names, is_parquet, read_columns
 from rearl_jax.data.files.delimited import first_rows
 from rearl_jax.data.files.text_layout import BLANKS, layout_of
+from rearl_jax.data.numbers import numbers_of
 from rearl_jax.data.problems import bad_recording
 from rearl_jax.data.tables.moments import is_moment, seconds_of
 
@@ -137,7 +138,7 @@ def _column(name: str, values: pd.Series) -> FoundColumn:
         return FoundColumn(name, "moments", seconds.to_numpy(np.float64), texts)
     if pd.api.types.is_timedelta64_dtype(values.dtype):
         return FoundColumn(name, "moments", (values / pd.Timedelta(seconds=1)).to_numpy(np.float64), texts)
-    numbers = pd.Series(pd.to_numeric(texts, errors="coerce")).to_numpy(np.float64, na_value=np.nan)
+    numbers = numbers_of(texts)
     if np.isfinite(numbers).sum() >= _MIN_NUMBER_SHARE * n_known:
         return FoundColumn(name, "numbers", numbers, texts)
     if is_moment(texts.dropna().iloc[:_SAMPLE_VALUES]):

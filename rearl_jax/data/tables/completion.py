@@ -13,6 +13,7 @@ from rearl_jax.config.data import DataConfig
 from rearl_jax.data.checks import clock
 from rearl_jax.data.checks.lateral_checks import EDGE_TOLERANCE, USUAL_WIDTH
 from rearl_jax.data.checks.placeholders import is_placeholder
+from rearl_jax.data.numbers import numbers_of
 from rearl_jax.data.problems import bad_recording
 from rearl_jax.data.roads.ring import unrolled
 from rearl_jax.data.tables.moments import seconds_of
@@ -95,13 +96,13 @@ def _in_si(rows: pd.DataFrame, spelling: Spelling, file: str) -> pd.DataFrame:
 
 def _with_frames(rows: pd.DataFrame, spelling: Spelling, file: str) -> tuple[pd.DataFrame, list[str]]:
     """The rows with frames that rise by 1, from the times where there are none."""
-    track = _numbers(pd.Series(rows["track_id"]))
+    track = numbers_of(pd.Series(rows["track_id"]))
     if "frame" not in rows:
         if "time" not in rows:
             text = "the table has neither frames nor times"
             remedy = "name the column of times: 'data.columns={time: NAME}'"
             raise bad_recording("column-missing", text, remedy, file, column="frame")
-        found = clock.frames_of(track, _numbers(pd.Series(rows["time"])))
+        found = clock.frames_of(track, numbers_of(pd.Series(rows["time"])))
         if found is None:
             text = "the times of a vehicle do not rise by multiples of one step, so frames cannot be derived from them"
             remedy = (
@@ -109,7 +110,7 @@ def _with_frames(rows: pd.DataFrame, spelling: Spelling, file: str) -> tuple[pd.
             )
             raise bad_recording("frames-unknown", text, remedy, file, column=spelling.columns.get("time", "time"))
         return rows.assign(frame=found[0]), ["frames counted from the times"]
-    frame = _numbers(pd.Series(rows["frame"]))
+    frame = numbers_of(pd.Series(rows["frame"]))
     known = np.isfinite(track) & np.isfinite(frame)
     order = np.flatnonzero(known)[np.lexsort((frame[known], track[known]))]
     steps = np.diff(frame[order])[np.diff(track[order]) == 0]
@@ -130,21 +131,21 @@ def _with_centres(rows: pd.DataFrame, data: DataConfig) -> tuple[pd.DataFrame, l
     if end is None:
         return rows, []
     length = rows["length"] if "length" in rows else data.default_length
-    position = _numbers(pd.Series(rows[end])) + ENDS[end] * np.asarray(length, dtype=np.float64)
+    position = numbers_of(pd.Series(rows[end])) + ENDS[end] * np.asarray(length, dtype=np.float64)
     return rows.drop(columns=end).assign(position=position), [f"positions of the {end}, moved to the centre by lengths"]
 
 
 def _are_far(rows: pd.DataFrame) -> bool:
     """True if lateral positions count from an origin far from the road, as coordinates of a map do."""
-    lateral = _numbers(pd.Series(rows["lateral"])) if "lateral" in rows else np.empty(0)
+    lateral = numbers_of(pd.Series(rows["lateral"])) if "lateral" in rows else np.empty(0)
     lateral = np.abs(lateral[np.isfinite(lateral) & ~is_placeholder(lateral)])
     return bool(lateral.size and lateral.min() > DISTANT_ORIGIN)
 
 
 def _from_left_edge(rows: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
     """The rows with lateral positions, whose axis was reversed or begins elsewhere, from the left edge by the lanes."""
-    lateral = _numbers(pd.Series(rows["lateral"]))
-    lane = _numbers(pd.Series(rows["lane"])) if "lane" in rows else np.full(len(rows), np.nan)
+    lateral = numbers_of(pd.Series(rows["lateral"]))
+    lane = numbers_of(pd.Series(rows["lane"])) if "lane" in rows else np.full(len(rows), np.nan)
     known = np.isfinite(lateral) & np.isfinite(lane)
     ranks = np.unique(lane[known])
     middle = np.array([np.median(lateral[known & (lane == rank)]) for rank in ranks])
@@ -174,7 +175,3 @@ def _with_defaults(rows: pd.DataFrame, data: DataConfig) -> tuple[pd.DataFrame, 
             rows = rows.assign(**{name: values})
             notes.append(meaning)
     return rows, [f"not in the table, assumed: {', '.join(notes)}"] if notes else []
-
-
-def _numbers(column: pd.Series) -> np.ndarray:
-    return pd.Series(pd.to_numeric(column, errors="coerce")).to_numpy(np.float64, na_value=np.nan)

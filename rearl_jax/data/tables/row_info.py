@@ -7,6 +7,7 @@ from rearl_jax.data.checks import clock
 from rearl_jax.data.checks.placeholders import is_placeholder
 from rearl_jax.data.checks.typed_table import MAX_LANES
 from rearl_jax.data.checks.unit_checks import MIN_SPEED, UNIT_RATIOS
+from rearl_jax.data.numbers import numbers_of
 from rearl_jax.data.problems import bad_recording
 from rearl_jax.data.records import RecordingInfo
 from rearl_jax.data.units import SI_FACTOR, to_si
@@ -40,7 +41,7 @@ def info_of_rows(
         text = "without metadata of the recording the frame rate is derived from the column time"
         remedy = "add the column time [s], or state the rate of the frames, such as 'data.units={frame: 25/s}'"
         raise bad_recording("frame-rate-unknown", text, remedy, file, column="time")
-    values = {name: _numbers(pd.Series(rows[name])) for name in _COLUMNS if name in rows}
+    values = {name: numbers_of(pd.Series(rows[name])) for name in _COLUMNS if name in rows}
     notes = [DERIVED]
     rate, unit = _frame_rate(values, file, is_in_seconds)
     if unit != "s":
@@ -72,10 +73,6 @@ def info_of_rows(
         file=file,
     )
     return rows, info
-
-
-def _numbers(column: pd.Series) -> np.ndarray:
-    return pd.Series(pd.to_numeric(column, errors="coerce")).to_numpy(np.float64, na_value=np.nan)
 
 
 def _frame_rate(values: dict[str, np.ndarray], file: str, is_in_seconds: bool) -> tuple[float, str]:

@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 
 from rearl_jax.data.checks.placeholders import is_placeholder
+from rearl_jax.data.numbers import numbers_of
 from rearl_jax.data.problems import bad_recording
 
 LABEL = "track_name"
@@ -117,7 +118,7 @@ def _as_texts(ids: pd.Series) -> pd.Series:
 
 def _whole_numbers(texts: pd.Series) -> np.ndarray:
     """Whole numbers up to MAX_EXACT_ID, NaN for other texts."""
-    numbers = pd.Series(pd.to_numeric(texts, errors="coerce")).to_numpy(np.float64, na_value=np.nan)
+    numbers = numbers_of(texts)
     fits = np.isfinite(numbers) & (np.abs(numbers) <= MAX_EXACT_ID)
     return np.where(fits & (numbers == np.rint(np.where(fits, numbers, 0.0))), numbers, np.nan)
 

@@ -8,13 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float, Int
 
+from rearl_jax.discovery.report.protocols import PREDICTING
 from rearl_jax.discovery.thresholds import THRESHOLDS
 
 DRAWS = 2000
 """Resamples of drivers."""
-
-PREDICTING = ("population", "first_half", "other_runs")
-"""Protocols that predict; a model that is worse than the best model in one of them is not chosen."""
 
 
 @dataclass(frozen=True)
@@ -25,7 +23,7 @@ class Choice:
         chosen: Index of the chosen model.
         better_share: Share of resamples of drivers in which each model is more likely than the first one [-].
         best_share: Share of resamples in which each model is the most likely one [-].
-        vetoed: Models whose simulations are worse than those of the best model.
+        vetoed: Models whose simulations are worse than those of the best model under one of the protocols that predict.
         mean_errors: Geometric mean over the protocols that predict of the mean gap error of each model [m].
     """
 

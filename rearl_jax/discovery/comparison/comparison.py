@@ -73,14 +73,17 @@ class Comparison:
         others = [index for index in range(len(self.priors)) if index != self.choice.chosen]
         return [self.priors[k] for k in sorted(others, key=lambda k: -float((self.gains[k] - chosen).sum()))]
 
+    def _index(self, prior: Prior) -> int:
+        return [known.name for known in self.priors].index(prior.name)
+
     def denies(self, prior: Prior) -> bool:
         """True if simulations of the checked drivers speak against a model in place of the chosen one."""
-        return self.choice.denies([one.name for one in self.priors].index(prior.name))
+        return self.choice.denies(self._index(prior))
 
     def going_on_with(self, prior: Prior) -> "Comparison":
         """The comparison with another choice; the model chosen before becomes the first rival."""
         others = tuple(name for name in self.rivals if name != prior.name)
-        choice = replace(self.choice, chosen=[known.name for known in self.priors].index(prior.name))
+        choice = replace(self.choice, chosen=self._index(prior))
         return replace(self, choice=choice, base=None, rivals=(self.prior.name, *others), before=self.prior.name)
 
 

@@ -5,10 +5,10 @@ from collections.abc import Mapping
 import numpy as np
 from jaxtyping import Float
 
-from rearl_jax.discovery.comparison.choice import PREDICTING, mean_prediction_error, resamples
+from rearl_jax.discovery.comparison.choice import mean_prediction_error, resamples
 from rearl_jax.discovery.observe.fit import recalibrated
 from rearl_jax.discovery.observe.solver import Solver
-from rearl_jax.discovery.report.protocols import prediction_errors
+from rearl_jax.discovery.report.protocols import PREDICTING, prediction_errors
 from rearl_jax.discovery.search.confirmation import with_first_additions
 from rearl_jax.discovery.search.procedure import Search
 from rearl_jax.discovery.thresholds import THRESHOLDS

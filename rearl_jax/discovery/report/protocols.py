@@ -29,6 +29,9 @@ PROTOCOLS = {
 }
 """Source of a driver's parameters and simulated drive, by protocol."""
 
+PREDICTING = tuple(name for name in PROTOCOLS if name != IN_SAMPLE)
+"""Protocols that predict."""
+
 SMALLEST_GAP = 0.1
 """Smallest divisor of relative errors [m]; it avoids division by zero for drivers who are not tested."""
 
