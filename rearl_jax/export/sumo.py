@@ -40,12 +40,14 @@ class SumoModel:
         attributes: Attributes that hold each parameter of ours.
         fixed: Further attributes, the same for all drivers.
         remarks: Differences between the two, by parameter or `equation`.
+        is_extended: Whether it has further terms: a gap beyond `minGap`, noise of perception.
     """
 
     name: str
     attributes: Mapping[str, tuple[str, ...]]
     fixed: Mapping[str, str]
     remarks: Mapping[str, str]
+    is_extended: bool = False
 
 
 MODELS = {
@@ -88,6 +90,7 @@ EXTENDED = {
             "equation": "the improved IDM, which keeps s0 + T v up to the desired speed; terms that are not used are 0",
             "jam_gap": "less .3 m, which SUMO adds; at least .25 m",
         },
+        is_extended=True,
     )
 }
 """SUMO's model with the equation and further terms, by our name. Source: Salles, Kaufmann & Reuss, "Extending the
@@ -212,11 +215,10 @@ def _effect_attributes(effect: Effect, model: SumoModel) -> dict[str, str]:
 
     Of a reaction delay it is the mean of both delays, where it is positive.
     """
-    is_extended = model in EXTENDED.values()
-    if isinstance(effect, ReactionDelay) and not is_extended:
+    if isinstance(effect, ReactionDelay) and not model.is_extended:
         delay = float(np.mean([effect.delay, effect.own_delay]))
         return {"actionStepLength": _number(ACTION_STEPS_PER_DELAY * delay)} if delay > 0 else {}
-    if isinstance(effect, PerceptionNoise) and is_extended:
+    if isinstance(effect, PerceptionNoise) and model.is_extended:
         gap, rate, time = (float(np.mean(value)) for value in (effect.gap_error, effect.rate_error, effect.time))
         said = {"sigmagap": UNITS_PER_SD * gap, "sigmaleader": UNITS_PER_SD * rate, "tPersEstimate": time}
         return {attribute: _number(value) for attribute, value in said.items()}
@@ -234,7 +236,7 @@ def _there(value: float, attribute: str, model: SumoModel) -> float:
     """A parameter as SUMO wants it."""
     if attribute == "speedControlGain":
         return -value
-    if attribute == "minGap" and model in EXTENDED.values():
+    if attribute == "minGap" and model.is_extended:
         return max(value - ADDED_GAP, LEAST_GAP)
     return value
 
