@@ -8,7 +8,6 @@ where they may have names.
 import logging
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 
 from rich.progress import Progress
 
@@ -23,7 +22,6 @@ from rearl_jax.discovery.comparison.dependence import (
 )
 from rearl_jax.discovery.comparison.predictions import best_predicting
 from rearl_jax.discovery.observe.base import Base
-from rearl_jax.discovery.observe.candidates import LENS
 from rearl_jax.discovery.observe.clocks import CLOCK_OFFSET
 from rearl_jax.discovery.observe.drivers import Prior
 from rearl_jax.discovery.observe.fit import Fit
@@ -31,7 +29,7 @@ from rearl_jax.discovery.observe.parts import Parts
 from rearl_jax.discovery.observe.solver import Solver, solver_of
 from rearl_jax.discovery.report import tables
 from rearl_jax.discovery.search.adequacy import Adequacy, adequacy
-from rearl_jax.discovery.search.confirmation import clocks_confirmed, confirmed, lens_confirmed
+from rearl_jax.discovery.search.confirmation import confirmed
 from rearl_jax.discovery.search.explanation import is_explained, names_more, prediction_of, predicts_better
 from rearl_jax.discovery.search.null import Null, null_of
 from rearl_jax.discovery.search.procedure import Report, Search, search
@@ -177,8 +175,7 @@ def _search(
             study.write_table(NULL_TABLE, tables.null_table(null), seeds=f"discover.seed={options.seed}")
         return null
 
-    run_search = partial(
-        search,
+    outcome = search(
         solver,
         parts.fitted,
         parts.checked,
@@ -187,12 +184,5 @@ def _search(
         lane_changes=options.lane_changes,
         calibrated=calibrated,
     )
-    outcome = run_search()
-    if not clocks_confirmed(solver, outcome, parts.checked, options.seed):
-        log.info("corrected clocks make simulations of the check drivers worse: clocks are not corrected")
-        outcome = run_search(excluded=frozenset({CLOCK_OFFSET}))
-    if not lens_confirmed(solver, outcome, options.seed):
-        log.info("a corrected camera distortion makes simulations of the check drivers worse: it is not corrected")
-        outcome = run_search(excluded=outcome.excluded | {LENS})
     report("reporting", 0, 1)
     return without_bounds(solver, confirmed(solver, outcome, options.seed), parts.fitted)

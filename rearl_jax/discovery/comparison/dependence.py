@@ -17,7 +17,7 @@ from rearl_jax.discovery.observe.candidates import Term
 from rearl_jax.discovery.observe.drivers import Prior
 from rearl_jax.discovery.observe.fit import Fit, recalibrated
 from rearl_jax.discovery.observe.fit_state import FitState, replaced
-from rearl_jax.discovery.observe.noise import levels_up_to, noise_levels, under_best_noise
+from rearl_jax.discovery.observe.noise import levels_up_to, under_best_noise
 from rearl_jax.discovery.observe.solver import Solver, solver_of
 from rearl_jax.discovery.observe.uncertainty import shares_at_bound
 from rearl_jax.discovery.read.measured import Measured
@@ -126,5 +126,5 @@ def _with_effect(solver: Solver, fit: Fit, trial: Trial) -> Fit:
     theta[places] = trial.fit.state.theta[places]
     state = replaced(fit.state, theta=theta, active=(*fit.state.active, trial.candidate.term))
     solver.solve([state], iterations=15, tolerance=0.3)
-    state, noise = under_best_noise(solver, state, noise_levels(fit.noise, levels_up_to(fit.noise)))
+    state, noise = under_best_noise(solver, state, fit.noise, levels_up_to(fit.noise))
     return Fit(trial.candidate, state, noise)

@@ -12,7 +12,7 @@ import numpy as np
 from rearl_jax.discovery.observe.candidates import LANE_CHANGES, Term
 from rearl_jax.discovery.observe.fit import Fit
 from rearl_jax.discovery.observe.fit_state import replaced
-from rearl_jax.discovery.observe.noise import ACCELERATIONS, calibrate, noise_levels, under_best_noise
+from rearl_jax.discovery.observe.noise import calibrate, under_best_noise
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.thresholds import THRESHOLDS
@@ -74,5 +74,5 @@ def _with_effect(solver: Solver, fit: Fit, term: Term) -> Fit:
     ]
     solver.solve(states, iterations=20, tolerance=0.1)
     best = min(states, key=lambda state: state.objective)
-    state, noise = under_best_noise(solver, best, noise_levels(fit.noise, ACCELERATIONS))
+    state, noise = under_best_noise(solver, best, fit.noise)
     return Fit(solver.layout.candidates[term], state, noise)

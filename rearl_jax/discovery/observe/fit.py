@@ -8,7 +8,7 @@ import numpy as np
 from rearl_jax.discovery.observe.candidates import Candidate
 from rearl_jax.discovery.observe.fit_state import FitState, new_state, replaced
 from rearl_jax.discovery.observe.kalman import Noise
-from rearl_jax.discovery.observe.noise import ACCELERATIONS, noise_levels, under_best_noise
+from rearl_jax.discovery.observe.noise import under_best_noise
 from rearl_jax.discovery.observe.observer import pieces_of
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.read.measured import Measured
@@ -64,5 +64,5 @@ def joint_fit(solver: Solver, fit: Fit, data: Measured) -> Fit:
     both.spread = state.spread
     both.z = np.concatenate([state.z, both.mean[both.truck[state.data.n_drivers :]]])
     solver.solve([both], iterations=15, tolerance=0.3)
-    both, noise = under_best_noise(solver, both, noise_levels(fit.noise, ACCELERATIONS), iterations=15)
+    both, noise = under_best_noise(solver, both, fit.noise, iterations=15)
     return replace(fit, state=both, noise=noise)

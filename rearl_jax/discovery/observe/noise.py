@@ -61,22 +61,66 @@ def best_noise(solver: Solver, state: FitState, tried: Sequence[Noise]) -> tuple
 
     Source: restricted likelihood, Patterson & Thompson, Biometrika 58 (1971) 545.
     """
-    # S is the variance that each observer expects, not the best fit, because the errors' size determines the noise.
-    trials = [with_noise(state, noise) for noise in tried]
-    solver.sums(trials)
-    likely = [float(trial.log_likelihood().sum()) - 0.5 * float(trial.log_width().sum()) for trial in trials]
+    likely = noise_likelihoods(solver, state, tried)
     best = int(np.argmax(likely))
     return tried[best], likely[best]
 
 
+def noise_likelihoods(solver: Solver, state: FitState, tried: Sequence[Noise]) -> list[float]:
+    """The log-likelihood [nats] of a state's innovations under each noise, as in `best_noise`."""
+    # S is the variance that each observer expects, not the best fit, because the errors' size determines the noise.
+    trials = [with_noise(state, noise) for noise in tried]
+    solver.sums(trials)
+    return [float(trial.log_likelihood().sum()) - 0.5 * float(trial.log_width().sum()) for trial in trials]
+
+
 def under_best_noise(
-    solver: Solver, state: FitState, tried: Sequence[Noise], *, iterations: int = 20, tolerance: float = 0.05
+    solver: Solver,
+    state: FitState,
+    noise: Noise,
+    levels: Sequence[float] = ACCELERATIONS,
+    *,
+    iterations: int = 20,
+    tolerance: float = 0.05,
 ) -> tuple[FitState, Noise]:
-    """The state solved again under the noise that is most likely at its present parameters, and that noise."""
-    noise, _ = best_noise(solver, state, tried)
+    """The state solved again under the noise that is most likely at its present parameters, and that noise.
+
+    Args:
+        solver: Solver of the car-following model.
+        state: A solved state.
+        noise: Noise from which the search begins.
+        levels: Tested standard deviations of the acceleration residual, ascending [m/s^2].
+        iterations, tolerance: As in `Solver.solve`.
+    """
+    noise = _climbed(solver, state, noise, levels)
     state = with_noise(state, noise)
     solver.solve([state], iterations=iterations, tolerance=tolerance)
     return state, noise
+
+
+def _climbed(solver: Solver, state: FitState, noise: Noise, levels: Sequence[float]) -> Noise:
+    """The most likely noise near a noise, by steps to the best neighbour among the levels and correlation times until
+    no neighbour is more likely. The likelihood has one maximum, so most of the table need not be computed.
+    """
+    times = sorted({*TIMES, noise.time})
+    likely: dict[tuple[int, int], float] = {}
+
+    def at(place: tuple[int, int]) -> Noise:
+        return replace(noise, acceleration=levels[place[0]], time=times[place[1]])
+
+    here = int(np.argmin(np.abs(np.asarray(levels) - noise.acceleration))), times.index(noise.time)
+    while True:
+        rows, columns = (
+            range(max(place - 1, 0), min(place + 2, size))
+            for place, size in zip(here, (len(levels), len(times)), strict=True)
+        )
+        around = [(row, column) for row in rows for column in columns]
+        new = [place for place in around if place not in likely]
+        likely |= dict(zip(new, noise_likelihoods(solver, state, [at(place) for place in new]), strict=True))
+        best = max(around, key=likely.__getitem__)
+        if likely[best] <= likely[here]:
+            return at(here)
+        here = best
 
 
 def under_best_time(solver: Solver, state: FitState, tried: Sequence[Noise]) -> tuple[FitState, Noise]:

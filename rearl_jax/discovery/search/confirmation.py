@@ -6,11 +6,9 @@ effect. A simulation accumulates the influence of an effect over time.
 
 from dataclasses import replace
 
-from rearl_jax.discovery.observe.candidates import LENS
 from rearl_jax.discovery.observe.closed_loop import gap_errors
 from rearl_jax.discovery.observe.fit import recalibrated
 from rearl_jax.discovery.observe.solver import Solver
-from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.search.procedure import Search, is_free
 from rearl_jax.discovery.search.simulation import share_worse
 from rearl_jax.discovery.thresholds import THRESHOLDS
@@ -43,30 +41,3 @@ def with_first_additions(outcome: Search, n: int) -> Search:
         return outcome
     rounds = [*outcome.rounds[:n], replace(outcome.rounds[n], accepted=[])]
     return replace(outcome, rounds=rounds, rejected=[*outcome.rejected, *outcome.added[n:]])
-
-
-def clocks_confirmed(solver: Solver, outcome: Search, checked: Measured, seed: int) -> bool:
-    """True if correcting the clocks of the checked drivers more likely reduces than increases their closed-loop gap
-    error; `checked` are the uncorrected drives. The search may mistake other irregularities for clock offsets; a
-    simulation does not.
-    """
-    if outcome.clocks is None:
-        return True
-    states = [
-        *recalibrated(solver, checked, [outcome.before]),
-        *recalibrated(solver, outcome.checked, [outcome.first]),
-    ]
-    before, after = gap_errors(solver, states)
-    return share_worse(before, after, seed=seed) < 0.5
-
-
-def lens_confirmed(solver: Solver, outcome: Search, seed: int) -> bool:
-    """True if the camera distortion more likely reduces than increases the closed-loop gap error of the checked
-    drivers. The search may mistake other irregularities for a distortion.
-    """
-    for turn in outcome.rounds:
-        if turn.chosen is not None and turn.chosen.candidate.term == LENS:
-            states = recalibrated(solver, outcome.checked, [turn.base, turn.chosen.fit])
-            before, after = gap_errors(solver, states)
-            return share_worse(before, after, seed=seed) < 0.5
-    return True

@@ -5,8 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 
-from rearl_jax.discovery.observe.candidates import Candidate
-from rearl_jax.discovery.observe.fit import Fit
+from rearl_jax.discovery.observe.base import Base
+from rearl_jax.discovery.observe.candidates import Candidate, Term
+from rearl_jax.discovery.observe.fit import Fit, recalibrated
 from rearl_jax.discovery.observe.fit_state import FitState
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.observe.uncertainty import complexity_penalty
@@ -90,6 +91,29 @@ def trial_of(
     fitted = bounded_gains(fit.state.penalised() - base.penalised(), base.data)
     checked = bounded_gains(other.penalised() - other_base.penalised(), other.data)
     return Trial(candidate, fit, fitted, checked, other, cost, null_mean)
+
+
+def lane_change_trials(solver: Solver, base: Base, checked: Measured) -> list[Trial]:
+    """Trials of the effects of lane changes, each against the model with those before it."""
+    if not base.extended:
+        return []
+    fits = [base.bare, *base.extended]
+    others = recalibrated(solver, checked, fits)
+    return [
+        trial_of(solver, after, before.state, other, other_before, 0.0)
+        for before, after, other_before, other in zip(fits[:-1], fits[1:], others[:-1], others[1:], strict=True)
+    ]
+
+
+def is_of_numerics(trial: Trial) -> bool:
+    """True if the trial is a reaction delay shorter than two time steps or than the kernel that smoothed the positions.
+
+    A driver without a delay whose decision is carried out one time step later responds just as late.
+    """
+    if trial.candidate.term != Term("reaction_delay"):
+        return False
+    data, delays = trial.fit.state.data, trial.fit.state.theta[list(trial.candidate.free)]
+    return bool(np.abs(delays).max() < max(2 * data.dt, data.smoothing))
 
 
 def ranked(trials: list[Trial]) -> list[Trial]:

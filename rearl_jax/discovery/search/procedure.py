@@ -2,6 +2,7 @@
 them on other drivers, add the best one.
 """
 
+import logging
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, field
 from functools import partial
@@ -11,20 +12,29 @@ import numpy as np
 from jaxtyping import Float
 
 from rearl_jax.discovery.observe.base import Base, base_of
-from rearl_jax.discovery.observe.candidates import EARLY_LEADER, Layout, Term
+from rearl_jax.discovery.observe.candidates import EARLY_LEADER, LENS, Layout, Term
 from rearl_jax.discovery.observe.clocks import CLOCK_OFFSET, Clocks
 from rearl_jax.discovery.observe.fit import Fit, joint_fit, recalibrated
 from rearl_jax.discovery.observe.fit_state import FitState
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.search.clock_check import ClockCheck, check_clocks, correct_shifts
-from rearl_jax.discovery.search.decision import Trial, believed, indistinguishable, trial_of
+from rearl_jax.discovery.search.decision import (
+    Trial,
+    believed,
+    indistinguishable,
+    is_of_numerics,
+    lane_change_trials,
+    trial_of,
+)
 from rearl_jax.discovery.search.families import confounded, with_families
 from rearl_jax.discovery.search.null import Null
 from rearl_jax.discovery.search.refit import nested, rebased, refit
 from rearl_jax.discovery.search.screen import Score, clock_evidence, evidences, scores
-from rearl_jax.discovery.search.simulation import simulated
+from rearl_jax.discovery.search.simulation import makes_simulations_worse, simulated
 from rearl_jax.discovery.thresholds import THRESHOLDS
+
+log = logging.getLogger(__name__)
 
 UNDERSTATED = frozenset({Term("reaction_delay")})
 """Candidates that are fitted whenever their evidence exceeds chance. Drivers who are calibrated without a delay imitate
@@ -240,12 +250,26 @@ def search(
         clocks = check_clocks(solver, base, checked)
     while len(outcome.added) <= THRESHOLDS.most_effects:
         turn = _round(solver, base, all_drivers.state, seen, outcome, report)
+        if turn.chosen is not None and turn.chosen.candidate.term == LENS:
+            (before,) = recalibrated(solver, outcome.checked, [turn.base])
+            if makes_simulations_worse(solver, before, turn.chosen.other):
+                log.info("a corrected camera distortion makes simulations of the check drivers worse: not corrected")
+                outcome.excluded |= {LENS}
+                continue
+        corrected = None
         if clocks is not None and not outcome.rounds and (turn.chosen is None or clocks.total > turn.chosen.total):
+            corrected = base_of(solver, clocks.fitted, lane_changes=lane_changes)
+            (before,), (after,) = (
+                recalibrated(solver, data, [fit]) for data, fit in ((checked, base), (clocks.checked, corrected.fit))
+            )
+            if makes_simulations_worse(solver, before, after):
+                log.info("corrected clocks make simulations of the check drivers worse: not corrected")
+                corrected, clocks = None, None
+        if clocks is not None and corrected is not None:
             # The data are replaced by those with corrected clocks, and the first round is repeated.
             outcome.clocks, outcome.checked = clocks, clocks.checked
-            of_lanes, clocks = base_of(solver, clocks.fitted, lane_changes=lane_changes), None
-            base = of_lanes.fit
-            outcome.lane_changes = lane_change_trials(solver, of_lanes, outcome.checked)
+            base, clocks = corrected.fit, None
+            outcome.lane_changes = lane_change_trials(solver, corrected, outcome.checked)
         else:
             outcome.rounds.append(turn)
             if turn.chosen is None or len(outcome.rounds) == rounds:
@@ -302,38 +326,15 @@ def _round(
         trials = [simulated_trials.get(trial.candidate.term, trial) for trial in trials]
         tried = with_families({trial.candidate.term for trial in accepted[:1]}, known)
         if tried <= fits.keys():
-            z_score |= {trial.candidate.term: 0.0 for trial in trials if _is_of_numerics(trial)}
+            z_score |= {trial.candidate.term: 0.0 for trial in trials if is_of_numerics(trial)}
             return screened(base=base, exceeding=exceeding, trials=trials, accepted=accepted, contradicted=contradicted)
-
-
-def lane_change_trials(solver: Solver, base: Base, checked: Measured) -> list[Trial]:
-    """Trials of the effects of lane changes, each against the model with those before it."""
-    if not base.extended:
-        return []
-    fits = [base.bare, *base.extended]
-    others = recalibrated(solver, checked, fits)
-    return [
-        trial_of(solver, after, before.state, other, other_before, 0.0)
-        for before, after, other_before, other in zip(fits[:-1], fits[1:], others[:-1], others[1:], strict=True)
-    ]
 
 
 def _is_significant(trial: Trial, exceeding: Collection[Term]) -> bool:
     """True if a candidate exceeds chance in the screen, or if its total gain after the fit is large enough."""
-    return not _is_of_numerics(trial) and (
+    return not is_of_numerics(trial) and (
         trial.candidate.term in exceeding or trial.total > THRESHOLDS.total_below_z_score
     )
-
-
-def _is_of_numerics(trial: Trial) -> bool:
-    """True if the trial is a reaction delay shorter than two time steps or than the kernel that smoothed the positions.
-
-    A driver without a delay whose decision is carried out one time step later responds just as late.
-    """
-    if trial.candidate.term != Term("reaction_delay"):
-        return False
-    data, delays = trial.fit.state.data, trial.fit.state.theta[list(trial.candidate.free)]
-    return bool(np.abs(delays).max() < max(2 * data.dt, data.smoothing))
 
 
 def _is_additional(trial: Trial, added: list[Trial]) -> bool:

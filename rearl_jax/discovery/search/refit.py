@@ -8,12 +8,9 @@ import numpy as np
 from rearl_jax.discovery.observe.candidates import Candidate, Layout, Term
 from rearl_jax.discovery.observe.fit import Fit
 from rearl_jax.discovery.observe.fit_state import FitState, replaced, with_noise
-from rearl_jax.discovery.observe.noise import levels_up_to, noise_levels, under_best_noise
+from rearl_jax.discovery.observe.noise import levels_up_to, under_best_noise
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.search.screen import Score
-
-TRIED = 7
-"""Number of noise levels tested with a candidate."""
 
 DELAYS = ((0.25, 0.25), (0.8, 0.8), (0.5, 0.0))
 """Reaction delays to the vehicle ahead and to the own speed that the search starts from [s]."""
@@ -125,7 +122,7 @@ def refit(
         ]
         solver.solve(states, iterations=15, tolerance=0.3)
         best = min(states, key=lambda state: state.objective)
-        again, noise = under_best_noise(solver, best, noise_levels(base.noise, levels_up_to(base.noise)[-TRIED:]))
+        again, noise = under_best_noise(solver, best, base.noise, levels_up_to(base.noise))
         # The best growth and share at the old noise level need not be the best at the new level.
         alternatives = (Fit(candidate, best, base.noise), Fit(candidate, again, noise))
         fits[candidate.term] = min(alternatives, key=lambda fit: fit.state.objective)

@@ -65,6 +65,20 @@ def is_contradicted(gains: Float[np.ndarray, " drivers"], borne: Float[np.ndarra
     return bool((_means(gains - borne, seed) < 0).mean() > THRESHOLDS.contradiction_share)
 
 
+def makes_simulations_worse(solver: Solver, before: FitState, after: FitState) -> bool:
+    """True if a corrected artefact more likely increases than reduces the closed-loop gap error of drivers.
+
+    One-step predictions may mistake other irregularities for an artefact; a simulation does not.
+
+    Args:
+        solver: Solver of the car-following model.
+        before: The drivers as measured, under the model without the artefact.
+        after: The same drivers with the artefact corrected.
+    """
+    first, second = gap_errors(solver, [before, after])
+    return share_worse(first, second) >= 0.5
+
+
 def share_worse(
     before: Float[np.ndarray, " drivers"],
     after: Float[np.ndarray, " drivers"],

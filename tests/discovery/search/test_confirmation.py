@@ -5,10 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from rearl_jax.discovery.observe.base import Base
 from rearl_jax.discovery.observe.candidates import LENS
-from rearl_jax.discovery.observe.fit import Fit
-from rearl_jax.discovery.search.clock_check import ClockCheck
-from rearl_jax.discovery.search.confirmation import clocks_confirmed, confirmed, lens_confirmed
+from rearl_jax.discovery.observe.clocks import CLOCK_OFFSET
+from rearl_jax.discovery.observe.fit import Fit, recalibrated
+from rearl_jax.discovery.search.confirmation import confirmed
+from rearl_jax.discovery.search.null import Null
+from rearl_jax.discovery.search.procedure import search
+from rearl_jax.discovery.search.simulation import makes_simulations_worse
 from tests.discovery.search.searches import search_that_added
 
 
@@ -62,18 +66,35 @@ def test_a_later_addition_that_makes_simulations_worse_goes_alone(solver, calibr
     assert left.last.state is [found.first.state, *(trial.fit.state for trial in found.added)][kept]
 
 
-def test_a_distortion_that_makes_simulations_worse_is_not_believed(solver, calibrated):
-    assert lens_confirmed(solver, search_with(solver, calibrated, 1.2), 0)  # there is none
+@pytest.mark.parametrize(("size", "is_worse"), [(0.0, False), (12.0, True)])
+def test_a_distortion_that_makes_simulations_worse_is_not_believed(solver, calibrated, size, is_worse):
     wave = np.cos(np.arange(len(solver.layout.candidates[LENS].free)))
-    assert lens_confirmed(solver, search_that_added(solver, calibrated, ("lens", 0.0 * wave)), 0)  # no worse
-    assert not lens_confirmed(solver, search_that_added(solver, calibrated, ("lens", 12.0 * wave)), 0)
+    found = search_that_added(solver, calibrated, ("lens", size * wave))
+    states = recalibrated(solver, found.checked, [found.first, found.last])
+    assert makes_simulations_worse(solver, *states) == is_worse
 
 
-def test_clocks_that_make_simulations_worse_are_not_believed(solver, calibrated):
-    data = calibrated[0].data
-    check = ClockCheck(Fit(None, *calibrated), 9.0, 9.0, 0.3, data, data)
-    found = replace(search_with(solver, calibrated, 0.0), clocks=check)
-    late = replace(data, surroundings=replace(data.surroundings, leader_rear=data.surroundings.leader_rear + 8.0))
-    assert not clocks_confirmed(solver, replace(found, checked=late), data, 0)
-    assert clocks_confirmed(solver, found, data, 0)  # no worse
-    assert clocks_confirmed(solver, replace(found, clocks=None), data, 0)
+@pytest.mark.parametrize(("shift", "is_worse"), [(0.0, False), (8.0, True)])
+def test_clocks_that_make_simulations_worse_are_not_believed(solver, calibrated, shift, is_worse):
+    fit, data = Fit(None, *calibrated), calibrated[0].data
+    late = replace(data, surroundings=replace(data.surroundings, leader_rear=data.surroundings.leader_rear + shift))
+    states = [recalibrated(solver, drives, [fit])[0] for drives in (data, late)]
+    assert makes_simulations_worse(solver, *states) == is_worse
+
+
+def test_the_round_is_repeated_without_a_distortion_that_simulations_deny(solver, calibrated, monkeypatch):
+    wave = np.cos(np.arange(len(solver.layout.candidates[LENS].free)))
+    found = search_that_added(solver, calibrated, ("lens", 12.0 * wave))
+    turns, excluded = [found.rounds[0], replace(found.rounds[0], accepted=[])], []
+
+    def round_of(solver, base, drivers, seen, outcome, report):
+        excluded.append(outcome.excluded)
+        return turns[len(excluded) - 1]
+
+    monkeypatch.setattr("rearl_jax.discovery.search.procedure._round", round_of)
+    monkeypatch.setattr("rearl_jax.discovery.search.procedure.clock_evidence", lambda *_: -1e9)
+    null = Null({CLOCK_OFFSET: 0.0}, {CLOCK_OFFSET: 1.0}, 1)
+    fitted = Base(found.first)
+    outcome = search(solver, found.checked, found.checked, lambda _: null, lambda *_: None, calibrated=fitted)
+    assert excluded == [frozenset(), frozenset({LENS})]
+    assert not outcome.added
