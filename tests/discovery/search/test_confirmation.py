@@ -83,16 +83,17 @@ def test_clocks_that_make_simulations_worse_are_not_believed(solver, calibrated,
 
 
 def test_the_round_is_repeated_without_a_distortion_that_simulations_deny(solver, calibrated, monkeypatch):
-    wave = np.cos(np.arange(len(solver.layout.candidates[LENS].free)))
-    found = search_that_added(solver, calibrated, ("lens", 12.0 * wave))
+    found = search_that_added(solver, calibrated, ("lens", 0.0))
     turns, excluded = [found.rounds[0], replace(found.rounds[0], accepted=[])], []
 
     def round_of(solver, base, drivers, seen, outcome, report):
         excluded.append(outcome.excluded)
         return turns[len(excluded) - 1]
 
-    monkeypatch.setattr("rearl_jax.discovery.search.procedure._round", round_of)
-    monkeypatch.setattr("rearl_jax.discovery.search.procedure.clock_evidence", lambda *_: -1e9)
+    module = "rearl_jax.discovery.search.procedure"
+    monkeypatch.setattr(f"{module}._round", round_of)
+    monkeypatch.setattr(f"{module}.makes_simulations_worse", lambda *_: True)
+    monkeypatch.setattr(f"{module}.clock_evidence", lambda *_: -1e9)
     null = Null({CLOCK_OFFSET: 0.0}, {CLOCK_OFFSET: 1.0}, 1)
     fitted = Base(found.first)
     outcome = search(solver, found.checked, found.checked, lambda _: null, lambda *_: None, calibrated=fitted)
