@@ -116,7 +116,8 @@ def _climbed(solver: Solver, state: FitState, noise: Noise, levels: Sequence[flo
         )
         around = [(row, column) for row in rows for column in columns]
         new = [place for place in around if place not in likely]
-        likely |= dict(zip(new, noise_likelihoods(solver, state, [at(place) for place in new]), strict=True))
+        if new:
+            likely |= dict(zip(new, noise_likelihoods(solver, state, [at(place) for place in new]), strict=True))
         best = max(around, key=likely.__getitem__)
         if likely[best] <= likely[here]:
             return at(here)

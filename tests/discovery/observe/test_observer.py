@@ -8,7 +8,7 @@ from scipy.linalg import solve_discrete_are
 
 from rearl_jax.discovery.observe.candidates import Term
 from rearl_jax.discovery.observe.kalman import CLOSED_LOOP, DAMPING, STIFFNESS, Gain, Noise
-from rearl_jax.discovery.observe.noise import ACCELERATIONS, best_noise, noise_levels, under_best_noise
+from rearl_jax.discovery.observe.noise import ACCELERATIONS, TIMES, best_noise, noise_levels, under_best_noise
 from rearl_jax.discovery.search.null import driver_noise, simulate_again
 
 
@@ -88,9 +88,10 @@ def test_derivatives_are_those_of_finite_differences(solver, calibrated, name):
     np.testing.assert_allclose(here.sums.gradient[:, k], gradient, rtol=1e-3, atol=1e-6)
 
 
+@pytest.mark.parametrize("levels", [ACCELERATIONS, ACCELERATIONS[:1], ACCELERATIONS[-2:]])
 @pytest.mark.parametrize("begin", [0.03, 0.2, 1.0])
-def test_the_most_likely_noise_is_found_from_any_level(solver, calibrated, begin):
+def test_the_most_likely_noise_is_found_from_any_level(solver, calibrated, begin, levels):
     state, noise = calibrated
-    _, found = under_best_noise(solver, state, replace(noise, acceleration=begin), iterations=0)
-    likeliest, _ = best_noise(solver, state, noise_levels(noise, ACCELERATIONS))
+    _, found = under_best_noise(solver, state, replace(noise, acceleration=begin, time=TIMES[1]), levels, iterations=0)
+    likeliest, _ = best_noise(solver, state, noise_levels(noise, levels))
     assert found == likeliest
