@@ -31,7 +31,7 @@ from rearl_jax.discovery.search.families import confounded, with_families
 from rearl_jax.discovery.search.null import Null
 from rearl_jax.discovery.search.refit import nested, rebased, refit
 from rearl_jax.discovery.search.screen import Score, clock_evidence, evidences, scores
-from rearl_jax.discovery.search.simulation import makes_simulations_worse, simulated
+from rearl_jax.discovery.search.simulation import is_wrong_lens, makes_simulations_worse, simulated
 from rearl_jax.discovery.thresholds import THRESHOLDS
 
 log = logging.getLogger(__name__)
@@ -250,12 +250,6 @@ def search(
         clocks = check_clocks(solver, base, checked)
     while len(outcome.added) <= THRESHOLDS.most_effects:
         turn = _round(solver, base, all_drivers.state, seen, outcome, report)
-        if turn.chosen is not None and turn.chosen.candidate.term == LENS:
-            (before,) = recalibrated(solver, outcome.checked, [turn.base])
-            if makes_simulations_worse(solver, before, turn.chosen.other):
-                log.info("a corrected camera distortion makes simulations of the check drivers worse: not corrected")
-                outcome.excluded |= {LENS}
-                continue
         corrected = None
         if clocks is not None and not outcome.rounds and (turn.chosen is None or clocks.total > turn.chosen.total):
             corrected = base_of(solver, clocks.fitted, lane_changes=lane_changes)
@@ -270,6 +264,10 @@ def search(
             outcome.clocks, outcome.checked = clocks, clocks.checked
             base, clocks = corrected.fit, None
             outcome.lane_changes = lane_change_trials(solver, corrected, outcome.checked)
+        elif is_wrong_lens(solver, turn.base, turn.chosen, outcome.checked):
+            log.info("a corrected camera distortion makes simulations of the check drivers worse: not corrected")
+            outcome.excluded |= {LENS}
+            continue
         else:
             outcome.rounds.append(turn)
             if turn.chosen is None or len(outcome.rounds) == rounds:

@@ -10,7 +10,9 @@ from dataclasses import replace
 import numpy as np
 from jaxtyping import Float
 
+from rearl_jax.discovery.observe.candidates import LENS
 from rearl_jax.discovery.observe.closed_loop import gap_errors
+from rearl_jax.discovery.observe.fit import Fit, recalibrated
 from rearl_jax.discovery.observe.fit_state import FitState
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.read.measured import Measured
@@ -77,6 +79,14 @@ def makes_simulations_worse(solver: Solver, before: FitState, after: FitState) -
     """
     first, second = gap_errors(solver, [before, after])
     return share_worse(first, second) >= 0.5
+
+
+def is_wrong_lens(solver: Solver, base: Fit, trial: Trial | None, checked: Measured) -> bool:
+    """True if a trial corrects a camera distortion and makes simulations of the checked drivers worse than `base`."""
+    if trial is None or trial.candidate.term != LENS:
+        return False
+    (before,) = recalibrated(solver, checked, [base])
+    return makes_simulations_worse(solver, before, trial.other)
 
 
 def share_worse(

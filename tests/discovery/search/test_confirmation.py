@@ -92,7 +92,7 @@ def test_the_round_is_repeated_without_a_distortion_that_simulations_deny(solver
 
     module = "rearl_jax.discovery.search.procedure"
     monkeypatch.setattr(f"{module}._round", round_of)
-    monkeypatch.setattr(f"{module}.makes_simulations_worse", lambda *_: True)
+    monkeypatch.setattr("rearl_jax.discovery.search.simulation.makes_simulations_worse", lambda *_: True)
     monkeypatch.setattr(f"{module}.clock_evidence", lambda *_: -1e9)
     null = Null({CLOCK_OFFSET: 0.0}, {CLOCK_OFFSET: 1.0}, 1)
     fitted = Base(found.first)
