@@ -3,12 +3,13 @@
 import math
 import operator
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
 import jax
 import numpy as np
 from jax.extend.core import jaxpr_as_fun
-from jax.sharding import Mesh, PartitionSpec
+from jax.sharding import Mesh, NamedSharding, PartitionSpec
 
 _LINE = 16
 """Numbers of float32 in a cache line of 64 bytes."""
@@ -31,6 +32,23 @@ def chunk_for(n_vehicles: int) -> int:
     return _LINE * min(max(odd, 1), 255)
 
 
+@dataclass(frozen=True, eq=False)
+class Placed:
+    """An argument of a `ScenarioMap` that is on the devices already, cut into chunks.
+
+    Attributes:
+        chunks: The chunks, the last one padded.
+        shape: Shape of the argument before it was cut.
+        width: Scenarios per chunk.
+        nbytes: Size on the devices [bytes].
+    """
+
+    chunks: tuple[jax.Array, ...]
+    shape: tuple[int, ...]
+    width: int
+    nbytes: int
+
+
 class ScenarioMap(Generic[Arguments, Result]):
     """A function of many scenarios, compiled once and run chunk by chunk over all local devices.
 
@@ -50,7 +68,7 @@ class ScenarioMap(Generic[Arguments, Result]):
             raise ValueError(f"chunk = {chunk}: a device must take at least one scenario at a time")
         self._devices = jax.local_devices()
         self._chunk = chunk
-        mesh = Mesh(np.array(self._devices), ("scenarios",))
+        self._mesh = mesh = Mesh(np.array(self._devices), ("scenarios",))
 
         def run(arguments: Arguments) -> Result:
             # Traced once, because the ranks of the results must be known to partition their last axes.
@@ -73,8 +91,25 @@ class ScenarioMap(Generic[Arguments, Result]):
         width = n_scenarios if n_scenarios == 1 else n_scenarios // len(self._devices)
         return jax.ShapeDtypeStruct((*others, width), leaf.dtype)
 
+    def width(self, n_scenarios: int) -> int:
+        """Scenarios per chunk, on all devices together."""
+        n_devices = len(self._devices)
+        return n_devices * min(self._chunk, math.ceil(n_scenarios / n_devices))
+
+    def place(self, argument: np.ndarray) -> Placed:
+        """An array with its own entry for every scenario on the devices, for several calls."""
+        n_scenarios = argument.shape[-1]
+        width = self.width(n_scenarios)
+        sharding = NamedSharding(self._mesh, _last_axis(argument, divided=True))
+        # Copied, because a device may use the memory of an array as it is, and would keep it from being released.
+        parts = (np.array(_cut(argument, start, width, n_scenarios)) for start in range(0, n_scenarios, width))
+        chunks = tuple(jax.device_put(part, sharding) for part in parts)
+        return Placed(chunks, argument.shape, width, sum(chunk.nbytes for chunk in chunks))
+
     def chunks(self, arguments: Arguments) -> Iterator[Result]:
-        """Results chunk by chunk, in order, as NumPy arrays; only one chunk's result is held at a time.
+        """Results chunk by chunk, in order, as NumPy arrays; the next chunk is computed meanwhile.
+
+        Arguments may be `Placed`.
 
         Raises:
             ValueError: If the leaves disagree about the number of scenarios, or there is none.
@@ -87,15 +122,17 @@ class ScenarioMap(Generic[Arguments, Result]):
                 "every argument needs the same number of scenarios in its last axis, or 1 for all,"
                 f" got {sorted(counts)}"
             )
-        n_devices = len(self._devices)
-        width = n_devices * min(self._chunk, math.ceil(n_scenarios / n_devices))
+        width = self.width(n_scenarios)
+
+        def begun(start: int) -> Result:
+            return self._run(jax.tree.map(lambda leaf: _cut(leaf, start, width, n_scenarios), arguments))
+
+        coming = begun(0)
         for start in range(0, n_scenarios, width):
-            stop = start + width
-            columns: np.ndarray | slice = slice(start, stop)
-            if stop > n_scenarios:
-                # The last chunk is padded with its own last scenario, so that one program serves all.
-                columns = np.minimum(np.arange(start, stop), n_scenarios - 1)
-            result = self._run(select_scenarios(arguments, columns, n_scenarios))
+            # The next chunk starts before this one is waited for, so that no core idles while its arguments are cut.
+            result, stop = coming, start + width
+            if stop < n_scenarios:
+                coming = begun(stop)
             valid = operator.itemgetter((..., slice(min(width, n_scenarios - start))))
             yield jax.tree.map(valid, jax.tree.map(np.asarray, result))
 
@@ -123,6 +160,31 @@ def select_scenarios(values: Values, columns: np.ndarray | slice, n_scenarios: i
     return jax.tree.map(chosen, values)
 
 
-def _last_axis(leaf: jax.Array | jax.ShapeDtypeStruct, *, divided: bool) -> PartitionSpec:
+def padded_scenarios(values: Values, width: int, n_scenarios: int) -> Values:
+    """Values with copies of the last scenario appended, so that one compiled program serves several numbers of them.
+
+    Args:
+        values: Arrays with the scenarios last; a last axis of length 1 applies to all scenarios.
+        width: Number of scenarios after padding.
+        n_scenarios: Number of scenarios.
+    """
+    return jax.tree.map(lambda leaf: _cut(leaf, 0, width, n_scenarios), values)
+
+
+def _cut(leaf: Any, start: int, width: int, n_scenarios: int) -> Any:
+    """The values of `width` scenarios from `start`; the last scenario is repeated where there are fewer."""
+    if isinstance(leaf, Placed):
+        if leaf.width != width:
+            raise ValueError(f"an argument is placed in chunks of {leaf.width} scenarios, the others of {width}")
+        return leaf.chunks[start // width]
+    if leaf.shape[-1] != n_scenarios:
+        return leaf
+    part = leaf[..., start : start + width]
+    missing = width - part.shape[-1]
+    # Joined, not fetched by indices, which takes longer than to compute with the values.
+    return part if not missing else np.concatenate([part, np.repeat(part[..., -1:], missing, axis=-1)], axis=-1)
+
+
+def _last_axis(leaf: jax.Array | jax.ShapeDtypeStruct | np.ndarray, *, divided: bool) -> PartitionSpec:
     """Partition along the last axis or, for a value common to all scenarios, a copy on every device."""
     return PartitionSpec(*(None,) * (leaf.ndim - 1), "scenarios" if divided else None)

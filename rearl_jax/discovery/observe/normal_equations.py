@@ -4,7 +4,8 @@ Least squares, the screen and the evidence need only these sums, so the products
 the derivatives are never stored.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any
 
 import jax
@@ -12,15 +13,19 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from rearl_jax.core.batch import ScenarioMap, select_scenarios
+from rearl_jax.core.batch import ScenarioMap, padded_scenarios
 from rearl_jax.core.effects.effect import Effect
 from rearl_jax.discovery.observe.candidates import CANDIDATE_EFFECTS, LENS, Knots, Layout, Term, effects_at, lens_at
 from rearl_jax.discovery.observe.observer import Pieces, innovations
+from rearl_jax.discovery.observe.placement import Placements
 from rearl_jax.discovery.observe.robust import kept_share, robust_square
 from rearl_jax.discovery.observe.sensitivity import sensitivity_sums
 
 _MADE: dict[tuple, dict[tuple, ScenarioMap]] = {}
 """Compiled programs by configuration: time step, elements of theta, car-following model."""
+
+_PLACED = Placements()
+"""Drives on the devices."""
 
 _SHAPES: set[tuple] = set()
 """Shapes compiled so far: configuration, program, number of steps and of pieces."""
@@ -28,6 +33,13 @@ _SHAPES: set[tuple] = set()
 MOST_SHAPES = 120
 """Largest number of compiled shapes that is kept: each needs about two hundred memory maps, and Linux allows a process
 65,530 (vm.max_map_count).
+"""
+
+
+Program = Callable[[Sequence[Pieces], dict], Any]
+"""A compiled program: a function of the pieces of one or several states, side by side, and of what differs between
+evaluations: `z`, `theta`, `deviation` [m] of the innovations and, for sensitivities, `following`, each with one entry
+per piece in its last axis.
 """
 
 
@@ -51,7 +63,7 @@ class Programs:
         """Indices of theta that belong to active candidates, in order."""
         return tuple(place for term in active for place in self.layout.candidates[term].free)
 
-    def innovations(self, active: tuple[Term, ...]) -> Callable[[dict], np.ndarray]:
+    def innovations(self, active: tuple[Term, ...]) -> Program:
         """Measured minus predicted positions [m] with these candidates."""
 
         def run(a: dict) -> Array:
@@ -59,7 +71,7 @@ class Programs:
 
         return self._program(("innovations", active), run, WIDEST)
 
-    def sums(self, active: tuple[Term, ...]) -> Callable[[dict], dict]:
+    def sums(self, active: tuple[Term, ...]) -> Program:
         """Sums with the derivatives by the drivers' own parameters and by those of the active candidates."""
         if not any(_remembers(term) for term in active):
             return self._sums_from_one_pass(active)
@@ -75,7 +87,7 @@ class Programs:
 
         return self._program(("sums", active), run, WIDEST if len(places) < 8 else WIDEST // 2)
 
-    def _sums_from_one_pass(self, active: tuple[Term, ...]) -> Callable[[dict], dict]:
+    def _sums_from_one_pass(self, active: tuple[Term, ...]) -> Program:
         """Sums as in `sums` if no effect has memory: one reverse pass per time step serves all directions."""
         places = self.free(active)
 
@@ -89,9 +101,7 @@ class Programs:
 
         return self._program(("sums", active), run, WIDEST)
 
-    def sensitivities(
-        self, places: tuple[int, ...], groups: tuple[tuple[int, ...], ...], n_kept: int
-    ) -> Callable[[dict], dict]:
+    def sensitivities(self, places: tuple[int, ...], groups: tuple[tuple[int, ...], ...], n_kept: int) -> Program:
         """`sensitivity.sensitivity_sums` for these indices of theta."""
 
         def run(a: dict) -> dict:
@@ -108,16 +118,21 @@ class Programs:
         lens = lens_at(numbers, knots) if LENS in active else None
         return innovations(pieces, self.layout.prior.drivers(z, pieces.is_truck), effects, lens, self.dt)
 
-    def _program(self, key: tuple, run: Callable[[dict], object], widest: int) -> Callable[[dict], Any]:
+    def _program(self, key: tuple, run: Callable[[dict], object], widest: int) -> Program:
+        def with_deviation(a: dict) -> object:
+            return run(a | {"pieces": replace(a["pieces"], deviation=a["deviation"])})
+
         if key not in self._made:
-            self._made[key] = ScenarioMap(run, chunk=widest)
+            self._made[key] = ScenarioMap(with_deviation, chunk=widest)
         program = self._made[key]
 
-        def call(arguments: dict) -> Any:
-            n, width = arguments["z"].shape[-1], _width(arguments["z"].shape[-1], widest)
-            _SHAPES.add((self._configuration, key, len(arguments["pieces"].y), width))
+        def call(parts: Sequence[Pieces], own: dict) -> Any:
+            n = own["z"].shape[-1]
+            width = _width(n, widest)
+            _SHAPES.add((self._configuration, key, len(parts[0].y), width))
             knots = jax.tree.map(lambda values: np.asarray(values)[:, None], self.layout.knots)
-            result = program(_widened(arguments | {"knots": knots}, n, width))
+            pieces = _PLACED.pieces(parts, program, width)
+            result = program(padded_scenarios(own, width, n) | {"knots": knots, "pieces": pieces})
             return jax.tree.map(lambda values: values[..., :n], result)
 
         return call
@@ -134,12 +149,6 @@ def _width(n: int, widest: int) -> int:
     cores = len(jax.local_devices())
     share = -(-n // cores)
     return n if share > widest else cores * next(width for width in _WIDTHS if width >= share)
-
-
-def _widened(arguments: dict, n: int, width: int) -> dict:
-    """Arguments padded with copies of their last piece."""
-    columns = np.minimum(np.arange(width), n - 1)
-    return select_scenarios(arguments, columns, n) if width > n else arguments
 
 
 def _remembers(term: Term) -> bool:

@@ -11,9 +11,7 @@ weight of f innovations.
 """
 
 from collections.abc import Sequence
-from dataclasses import replace
 
-import jax
 import numpy as np
 from jaxtyping import Int
 
@@ -49,51 +47,40 @@ class Solver:
         The states are changed in place; all must have the same active terms.
         """
         free = self.free(states[0])
-        self._evaluate(states)
+        self.sums(states)
         searches = [LevenbergMarquardt(state, self.layout, free) for state in states]
         for _ in range(iterations):
             running = [search for search in searches if search.is_running]
             if not running:
                 break
             points = [search.next_point() for search in running]
-            self._evaluate(points)
+            self.sums(points)
             for search, trial in zip(running, points, strict=True):
                 search.judge(trial, tolerance)
-
-    def sums(self, states: Sequence[FitState]) -> None:
-        """Computes the sums at the present parameters of each state, in place."""
-        # A few states use all cores; larger batches would only need more memory.
-        together = max(1, SIDE_BY_SIDE // len(states[0].data.driver))
-        for first in range(0, len(states), together):
-            self._evaluate(states[first : first + together])
 
     def sensitivity_sums(
         self, states: Sequence[FitState], places: tuple[int, ...], groups: tuple[tuple[int, ...], ...]
     ) -> list[dict[str, np.ndarray]]:
         """Sums of `sensitivity.sensitivity_sums` over each driver; all states must have the same added candidates."""
         n_kept = len(self.free(states[0]))
-        arguments = self._arguments(states, _joined([state.pieces for state in states]))
-        arguments["following"] = np.concatenate([following(state.data) for state in states], axis=-1)
-        return _by_driver(self.programs.sensitivities(places, groups, n_kept)(arguments), states)
+        own = _own(states) | {"following": np.concatenate([following(state.data) for state in states], axis=-1)}
+        return _by_driver(self.programs.sensitivities(places, groups, n_kept)(_pieces(states), own), states)
 
     def innovations(self, states: Sequence[FitState], gain: Gain | None = None) -> list[np.ndarray]:
         """Measured minus predicted positions [m] of each state, `[n_steps, n_pieces]`; with another gain if given."""
         pieces = [state.pieces if gain is None else replace_gain(state.pieces, gain) for state in states]
-        result = self.programs.innovations(states[0].active)(self._arguments(states, _joined(pieces)))
+        result = self.programs.innovations(states[0].active)(pieces, _own(states))
         return [result[..., columns] for columns in _columns(states)]
 
-    def _evaluate(self, states: Sequence[FitState]) -> None:
-        joined = _joined([state.pieces for state in states])
-        result = self.programs.sums(states[0].active)(self._arguments(states, joined))
-        for state, sums in zip(states, _by_driver(result, states), strict=True):
-            state.sums = DriverSums(**sums)
-
-    def _arguments(self, states: Sequence[FitState], joined: Pieces) -> dict:
-        z = np.concatenate([state.z[state.data.driver].T for state in states], axis=1)
-        n_pieces = [len(state.data.driver) for state in states]
-        theta = np.repeat(np.stack([state.theta for state in states], axis=1), n_pieces, axis=1)
-        deviation = np.concatenate([np.sqrt(state.variances)[state.data.driver] for state in states])
-        return {"z": z, "theta": theta, "pieces": replace(joined, deviation=deviation)}
+    def sums(self, states: Sequence[FitState]) -> None:
+        """Computes the sums at the present parameters of each state, in place."""
+        # A few states use all cores; larger batches would only need more memory.
+        together = max(1, SIDE_BY_SIDE // len(states[0].data.driver))
+        program = self.programs.sums(states[0].active)
+        for first in range(0, len(states), together):
+            part = states[first : first + together]
+            for state, sums in zip(part, _by_driver(program(_pieces(part), _own(part)), part), strict=True):
+                state.sums = DriverSums(**sums)
 
 
 def solver_of(data: Measured, prior: Prior = IDM_PRIOR) -> Solver:
@@ -101,13 +88,18 @@ def solver_of(data: Measured, prior: Prior = IDM_PRIOR) -> Solver:
     return Solver(Programs(layout_of(data, prior), data.dt))
 
 
-def _joined(parts: Sequence[Pieces]) -> Pieces:
-    """Pieces of several states side by side."""
-    if len(parts) == 1:
-        return parts[0]
-    known = max(part.known.shape[0] for part in parts)
-    parts = [replace(part, known=np.broadcast_to(part.known, (known, part.known.shape[1]))) for part in parts]
-    return jax.tree.map(lambda *leaves: np.concatenate(leaves, axis=-1), *parts)
+def _pieces(states: Sequence[FitState]) -> list[Pieces]:
+    return [state.pieces for state in states]
+
+
+def _own(states: Sequence[FitState]) -> dict[str, np.ndarray]:
+    """Values of each piece that differ between evaluations, states side by side."""
+    n_pieces = [len(state.data.driver) for state in states]
+    return {
+        "z": np.concatenate([state.z[state.data.driver].T for state in states], axis=1),
+        "theta": np.repeat(np.stack([state.theta for state in states], axis=1), n_pieces, axis=1),
+        "deviation": np.concatenate([np.sqrt(state.variances)[state.data.driver] for state in states]),
+    }
 
 
 def _by_driver(result: dict, states: Sequence[FitState]) -> list[dict[str, np.ndarray]]:
