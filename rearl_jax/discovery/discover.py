@@ -19,7 +19,7 @@ from rearl_jax.discovery.comparison.dependence import dependent_effects
 from rearl_jax.discovery.lane_changes import LaneChangeFindings
 from rearl_jax.discovery.observe.base import base_of
 from rearl_jax.discovery.observe.candidates import Term
-from rearl_jax.discovery.observe.drivers import prior_of
+from rearl_jax.discovery.observe.drivers import IDM_PRIOR, prior_of
 from rearl_jax.discovery.observe.parts import Parts
 from rearl_jax.discovery.observe.solver import Solver, solver_of
 from rearl_jax.discovery.observe.uncertainty import standard_deviations
@@ -27,7 +27,7 @@ from rearl_jax.discovery.read.gate import Finding
 from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.report import tables
 from rearl_jax.discovery.report.equilibrium import equilibrium_time_gaps
-from rearl_jax.discovery.report.error_block import Resampling, error_block
+from rearl_jax.discovery.report.error_block import IDM, Resampling, error_block
 from rearl_jax.discovery.report.errors import ModelErrors, model_errors
 from rearl_jax.discovery.report.lane_choice_scores import LANE_CHANGE_TABLE, prediction_block, prediction_table
 from rearl_jax.discovery.report.population import population_block
@@ -67,7 +67,7 @@ class PageData:
         search: Result of the search.
         parts: The drivers as measured.
         reported: The reported drivers, with corrected clocks if those of the fitted drivers were corrected.
-        errors: Errors of the models without (`before`) and with (`after`) the effects found.
+        errors: Errors of the models without (`before`) and with (`after`) the effects found, and of IDM (`idm`).
     """
 
     solver: Solver
@@ -144,6 +144,7 @@ def _discovery(config: DiscoverTask, parts: Parts, found: BestSearch, lanes: Lan
     variation = time_gap_variation(solver, outcome.last, options.seed)
     if outcome.added or outcome.clocks is not None or variation != CONSTANT_TIME_GAP:
         errors |= model_errors(solver, reported, {"after": outcome.last}, options.seed, variation)
+    errors[IDM] = _errors_of_idm(config, found, parts, errors["before"])
     resampling = Resampling(options.confidence, options.draws, options.seed)
     deviations = standard_deviations(solver, outcome.last.state).theta
     effects = _effects(deviations, outcome, adequacy, parts.findings, options.confidence)
@@ -205,6 +206,17 @@ def _discovery(config: DiscoverTask, parts: Parts, found: BestSearch, lanes: Lan
     if lanes.prediction is not None:
         written[LANE_CHANGE_TABLE] = prediction_table(lanes.prediction)
     return Discovery(config, parts.id, verdict, written, model, PageData(solver, outcome, parts, reported, errors))
+
+
+def _errors_of_idm(config: DiscoverTask, found: BestSearch, parts: Parts, before: ModelErrors) -> ModelErrors:
+    """Errors of IDM alone, calibrated to the same drivers: the usual model that others are compared with. They are the
+    errors `before` if IDM is the chosen model and the calibrated model contains no effects of lane changes.
+    """
+    if found.solver.layout.prior.name == IDM_PRIOR.name and not found.outcome.before.state.active:
+        return before
+    solver = solver_of(parts.fitted, IDM_PRIOR)
+    fit = base_of(solver, parts.fitted, lane_changes=False).fit
+    return model_errors(solver, parts.reported, {IDM: fit}, config.discover.seed)[IDM]
 
 
 def _doubts(outcome: Search, adequacy: Adequacy) -> list[str]:

@@ -16,6 +16,8 @@ PROTOCOL = {"n_drivers": 34, "left_out": 0} | {
                 ("change_share", -0.2),
                 ("population", 3.0),
                 ("population_share", -0.6),
+                ("idm", 1.6),
+                ("idm_share", -0.25),
             )
         }
         for statistic in ("mean", "median", "pooled")

@@ -79,6 +79,8 @@ def test_errors_are_told_under_every_protocol(discovered):
     drivers = table.groupby(["model", "protocol"]).size()
     assert (drivers["after"] == drivers["before"]).all()
     assert drivers["after"]["first_half"] == found["first_half"]["n_drivers"]
+    assert (drivers["idm"] == drivers["before"]).all()
+    assert mean["population"]["idm_share"]["value"] < 0
 
 
 def test_everything_is_written_and_finite(discovered):

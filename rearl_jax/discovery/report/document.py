@@ -9,6 +9,7 @@ from rearl_jax.config import DiscoverTask
 from rearl_jax.core.effects import EFFECTS
 from rearl_jax.discovery.lane_changes.candidates import LANE_CHOICE_DEPENDENCE
 from rearl_jax.discovery.report.base_section import base_section
+from rearl_jax.discovery.report.error_block import IDM
 from rearl_jax.discovery.report.groups_section import groups_section
 from rearl_jax.discovery.report.lane_choice_section import lane_choice_section
 from rearl_jax.discovery.report.population import population_section
@@ -165,16 +166,22 @@ def _headings(error: Mapping[str, Any]) -> tuple[str, str, str]:
 
 def _protocol_tables(error: Mapping[str, Any]) -> tuple[Table, ...]:
     """Table of the mean gap error by protocol; no table if the verdict has no protocols."""
+    tested = {name: errors for name, errors in error.get("protocols", {}).items() if errors is not None}
+    means = {name: errors["gap_rmse"]["mean"] for name, errors in tested.items()}
+    has_idm = any(mean.get(IDM, mean["before"]) != mean["before"] for mean in means.values())
     rows = []
-    for name, errors in error.get("protocols", {}).items():
-        if errors is not None:
-            mean = errors["gap_rmse"]["mean"]
-            cells = (Cell(str(errors["n_drivers"])), _cell(mean["population"]), _cell(mean["before"]))
-            rows.append(Row(spoken(name), (*cells, _cell(mean["after"]), _share_cell(mean["change_share"]))))
+    for name, mean in means.items():
+        cells = [Cell(str(tested[name]["n_drivers"])), *(_cell(mean[end]) for end in ("population", "before", "after"))]
+        cells.append(_share_cell(mean["change_share"]))
+        if has_idm:
+            cells += [_cell(mean[IDM]), _share_cell(mean[f"{IDM}_share"])]
+        rows.append(Row(spoken(name), tuple(cells)))
     before, after, _ = _headings(error)
-    headings = ("drivers", "population [m]", f"{before} [m]", f"{after} [m]", "change")
+    headings = ["drivers", "population [m]", f"{before} [m]", f"{after} [m]", "change"]
+    if has_idm:
+        headings += ["calibrated IDM [m]", f"{after} against it"]
     title = "Mean closed-loop gap error, by source of the driver's parameters"
-    return (Table(title, headings, tuple(rows)),) if rows else ()
+    return (Table(title, tuple(headings), tuple(rows)),) if rows else ()
 
 
 def _protocol_section(error: Mapping[str, Any]) -> Section:

@@ -13,6 +13,9 @@ from rearl_jax.discovery.report.protocols import IN_SAMPLE, PROTOCOL_MEASURES, P
 
 MAIN_MEASURE = "gap_rmse"
 
+IDM = "idm"
+"""Name of the calibrated IDM without any effect among the models whose errors are compared."""
+
 LEAST_REMOVABLE = 0.02
 """Smallest share of the squared error before that must exceed the drivers' own noise for an explained share to be
 stated [-].
@@ -70,6 +73,7 @@ def error_block(errors: Mapping[str, ModelErrors], confidence: float, draws: int
     """`error` of the verdict: every measure before and after, and the floor, with intervals over drivers."""
     last = "after" if "after" in errors else "oracle" if "oracle" in errors else "before"
     first, final, resampling = errors["before"], errors[last], Resampling(confidence, draws, seed)
+    idm = errors.get(IDM)
     figures = {
         name: resampling.change(first.by_driver[name], final.by_driver[name], POOLS.get(name, root_mean_square))
         for name in MEASURES
@@ -89,7 +93,10 @@ def error_block(errors: Mapping[str, ModelErrors], confidence: float, draws: int
         "oracle": main["after"] if last == "oracle" else None,
         "explained_share": explained_share(before, after, noise, confidence),
         "all": figures,
-        "protocols": {name: _protocol(first.protocols[name], final.protocols[name], resampling) for name in PROTOCOLS},
+        "protocols": {
+            name: _protocol(first.protocols[name], final.protocols[name], idm and idm.protocols[name], resampling)
+            for name in PROTOCOLS
+        },
         "response_time": {
             name: None if model.responses is None else model.responses.figure(confidence, draws, seed)
             for name, model in (("before", first), ("after", final))
@@ -123,29 +130,32 @@ def explained_share(
 
 
 def _protocol(
-    first: ProtocolErrors | None, final: ProtocolErrors | None, resampling: Resampling
+    first: ProtocolErrors | None, final: ProtocolErrors | None, idm: ProtocolErrors | None, resampling: Resampling
 ) -> dict[str, Any] | None:
     """Figures under one protocol; None if no driver could be tested."""
     if first is None or final is None:
         return None
-    return {"n_drivers": len(final.driver), "left_out": final.left_out} | {
-        measure: {
-            statistic: _compared(
-                first.population[measure], first.by_driver[measure], final.by_driver[measure], pool, resampling
-            )
-            for statistic, pool in STATISTICS.items()
+    figures: dict[str, Any] = {"n_drivers": len(final.driver), "left_out": final.left_out}
+    for measure in PROTOCOL_MEASURES:
+        before, after = first.by_driver[measure], final.by_driver[measure]
+        others = {"population": first.population[measure]}
+        if idm is not None:
+            others[IDM] = idm.by_driver[measure]
+        figures[measure] = {
+            statistic: _compared(before, after, others, pool, resampling) for statistic, pool in STATISTICS.items()
         }
-        for measure in PROTOCOL_MEASURES
-    }
+    return figures
 
 
 def _compared(
-    population: np.ndarray, before: np.ndarray, after: np.ndarray, pool: Pool, resampling: Resampling
+    before: np.ndarray, after: np.ndarray, others: Mapping[str, np.ndarray], pool: Pool, resampling: Resampling
 ) -> dict[str, dict[str, float]]:
-    """Figures before and after, their absolute and relative change, and the error with population parameters."""
-    with_population, first, last = (resampling.drawn(values, pool) for values in (population, before, after))
-    return resampling.change(before, after, pool) | {
-        "change_share": resampling.figure(last / first - 1),
-        "population": resampling.figure(with_population),
-        "population_share": resampling.figure(last / with_population - 1),
-    }
+    """Figures before and after, their absolute and relative change, and other errors on the same drives with the
+    relative difference of the error after from them.
+    """
+    first, last = resampling.drawn(before, pool), resampling.drawn(after, pool)
+    figures = resampling.change(before, after, pool) | {"change_share": resampling.figure(last / first - 1)}
+    for name, values in others.items():
+        other = resampling.drawn(values, pool)
+        figures |= {name: resampling.figure(other), f"{name}_share": resampling.figure(last / other - 1)}
+    return figures

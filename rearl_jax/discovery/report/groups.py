@@ -26,7 +26,7 @@ from rearl_jax.discovery.discover import Discovery
 from rearl_jax.discovery.observe.parts import Parts
 from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.read.split import n_identified, n_shared
-from rearl_jax.discovery.report.error_block import error_block
+from rearl_jax.discovery.report.error_block import IDM, error_block
 from rearl_jax.discovery.report.errors import ModelErrors
 from rearl_jax.discovery.report.protocols import ProtocolErrors
 from rearl_jax.discovery.report.tables import read_errors
@@ -108,7 +108,7 @@ def _most_common(data: Measured) -> dict[str, Any]:
 def _joined(groups: Sequence[Mapping[str, ModelErrors]]) -> dict[str, ModelErrors]:
     """Errors of the drivers of all groups; for a group without added effects, `after` equals `before`."""
     joined = {}
-    for model in ("before", "after"):
+    for model in ("before", "after", IDM):
         parts = [errors.get(model, errors["before"]) for errors in groups]
         by_driver = {name: np.concatenate([part.by_driver[name] for part in parts]) for name in parts[0].by_driver}
         floor = np.concatenate([part.floor for part in parts])

@@ -31,9 +31,10 @@ error        {measure, protocol, n_drivers, before, after, change, floor, noise_
              change of every measure, each driver with parameters calibrated to its drive; `protocols`: {population |
              first_half | other_runs | in_sample: {n_drivers, left_out, gap_rmse, gap_nrmse, speed_rmse}}, null if no
              driver could be tested; each measure is {mean | median | pooled: {before, after, change, change_share,
-             population, population_share}}, where `change_share` is the change as a share of before, `population` the
-             error on the same drives with population parameters in the model before, and `population_share` the
-             relative difference of after from it; `response_time`: {before, after} [s], delay of drivers behind the
+             population, population_share, idm, idm_share}}, where `change_share` is the change as a share of before,
+             `population` the error on the same drives with population parameters in the model before, `idm` that of
+             IDM alone calibrated to the same drivers, and `population_share` and `idm_share` the relative difference
+             of after from these; `response_time`: {before, after} [s], delay of drivers behind the
              model's acceleration, null if not identified
 population   {parameter: {value, unit, spread, told, at_bound}}: the calibrated drivers, see `population`
 time_gap_variation  {sd, time, noise_share, time_gap, energy_score}: variation within a driver, see `variation`

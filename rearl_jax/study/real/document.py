@@ -123,7 +123,12 @@ def _errors(named: pd.DataFrame) -> Section:
             continue
         columns = {"name": "", f"{protocol}_drivers": "drivers", f"{protocol}_before": "before [m]"}
         columns |= {f"{protocol}_after": "after [m]", f"{protocol}_change": "change [m]", "share": "change [%]"}
-        share = {f"share{end}": 100 * tested[f"{protocol}_change_share{end}"] for end in ("", "_low", "_high")}
+        columns |= {f"{protocol}_idm": "calibrated IDM [m]", "idm_share": "after against it [%]"}
+        share = {
+            f"{shown}{end}": 100 * tested[f"{protocol}_{name}{end}"]
+            for shown, name in (("share", "change_share"), ("idm_share", "idm_share"))
+            for end in ("", "_low", "_high")
+        }
         tables.append(table_of(f"{spoken(protocol)}: {words}", tested.assign(**share), columns))
     words = (
         "Root mean square error of the gap, simulated behind the measured leader; mean over the report drivers, "

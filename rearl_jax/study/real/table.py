@@ -11,8 +11,10 @@ from rearl_jax.discovery.report.protocols import PROTOCOLS
 WORSE = 0.01
 """Relative increase of the mean gap error above which the repaired model counts as worse [-]."""
 
-FIGURES = ("before", "after", "change", "change_share")
-"""Mean gap error over drivers before and after [m], its change [m], and its relative change [-]."""
+FIGURES = ("before", "after", "change", "change_share", "idm", "idm_share")
+"""Mean gap error over drivers before and after [m], its change [m] and its relative change [-], the error of IDM
+calibrated to the same drivers [m], and the relative difference of the error after from that [-].
+"""
 
 SPEEDS = ("10", "20")
 """Speeds at which equilibrium time gaps are stated [m/s]."""

@@ -89,6 +89,16 @@ def test_statistics_of_drivers_before_and_after():
         assert row["change"]["low"] <= row["change"]["value"] <= row["change"]["high"] < 0
 
 
+def test_the_final_model_is_compared_with_calibrated_idm():
+    errors = {"before": made(1.0, 0.1), "after": made(0.5, 0.1), "idm": made(2.0, 0.1)}
+    found = error_block(errors, 0.9, 200, 0)["protocols"]["first_half"]["gap_rmse"]["mean"]
+    assert found["idm"]["value"] == pytest.approx(2.0 * found["before"]["value"])
+    assert found["idm_share"]["value"] == pytest.approx(-0.75)
+    assert found["idm_share"]["high"] < 0
+    alone = error_block({name: errors[name] for name in ("before", "after")}, 0.9, 200, 0)
+    assert "idm" not in alone["protocols"]["first_half"]["gap_rmse"]["mean"]
+
+
 def test_the_table_has_every_driver_under_every_protocol():
     after = replace(made(0.5, 0.1), protocols=made(0.5, 0.1).protocols | {"first_half": None})
     table = error_table({"before": made(1.0, 0.1), "after": after})

@@ -24,6 +24,7 @@ def test_a_discovery_without_groups_is_one_row():
     assert made["effects"] == "reaction delay 0.700 s"
     assert made["population_before"] == 1.5
     assert (made["population_change_share"], made["population_change_share_low"]) == (-0.2, 1.25)
+    assert (made["population_idm"], made["population_idm_share"]) == (1.6, -0.25)
     assert made["first_half_drivers"] == 30
     assert made["other_runs_before"] is None
     assert (made["time_gap_10"], made["time_gap_20"]) == (1.5, None)
@@ -98,7 +99,7 @@ def test_the_document_has_every_group_protocol_and_fact(tables):
     assert [one.title for one in verdicts.tables[0].rows] == ["I-80, all", "FHWA, ACC", "FHWA, person"]
     assert [one.cells[-1].value for one in verdicts.tables[0].rows] == ["-", "population", "population"]
     assert len(errors.tables) == 3  # nobody has several runs
-    assert errors.tables[0].rows[0].cells[-1].value == "-20.0"
+    assert [cell.value for cell in errors.tables[0].rows[0].cells[-3:]] == ["-20.0", "1.60", "-25.0"]
     assert [one.cells[0].value for one in score.tables[0].rows] == ["1 of 3", "2 of 3", "8 of 9 cars", "yes, 9 persons"]
     assert len(time_gaps.tables[0].rows) == 3
     assert len(differences.tables[0].rows) == 3
