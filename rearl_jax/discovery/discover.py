@@ -16,6 +16,7 @@ from rearl_jax.discovery.claims import Claim
 from rearl_jax.discovery.comparison.compared import compared_table
 from rearl_jax.discovery.comparison.comparison import BASE_TABLE, base_block
 from rearl_jax.discovery.comparison.dependence import dependent_effects
+from rearl_jax.discovery.comparison.predictions import predicting_variation
 from rearl_jax.discovery.lane_changes import LaneChangeFindings
 from rearl_jax.discovery.observe.base import base_of
 from rearl_jax.discovery.observe.candidates import Term
@@ -46,7 +47,7 @@ from rearl_jax.discovery.report.verdict import (
     verdict_of,
 )
 from rearl_jax.discovery.search.adequacy import Adequacy
-from rearl_jax.discovery.search.headway import CONSTANT_TIME_GAP, time_gap_variation
+from rearl_jax.discovery.search.headway import CONSTANT_TIME_GAP
 from rearl_jax.discovery.search.lane_choice import lane_choice, with_lane_choice
 from rearl_jax.discovery.search.procedure import Search, in_time
 from rearl_jax.discovery.search.refit import rebased, refit
@@ -141,7 +142,7 @@ def _discovery(config: DiscoverTask, parts: Parts, found: BestSearch, lanes: Lan
     solver, outcome = found.solver, found.outcome
     reported = in_time(solver, outcome, parts.reported)
     errors = model_errors(solver, parts.reported, {"before": outcome.before}, options.seed)
-    variation = time_gap_variation(solver, outcome.last, options.seed)
+    variation = predicting_variation(solver, outcome, options.seed)
     if outcome.added or outcome.clocks is not None or variation != CONSTANT_TIME_GAP:
         errors |= model_errors(solver, reported, {"after": outcome.last}, options.seed, variation)
     errors[IDM] = _errors_of_idm(config, found, parts, errors["before"])

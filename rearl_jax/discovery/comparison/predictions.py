@@ -1,4 +1,4 @@
-"""Additions to a model that do not explain its drivers: only as many as surely are of use for other drivers."""
+"""Additions to a model that are kept only if other drivers are surely predicted better with them."""
 
 from collections.abc import Mapping
 
@@ -6,10 +6,12 @@ import numpy as np
 from jaxtyping import Float
 
 from rearl_jax.discovery.comparison.choice import mean_prediction_error, resamples
-from rearl_jax.discovery.observe.fit import recalibrated
+from rearl_jax.discovery.observe.fit import Fit, recalibrated
+from rearl_jax.discovery.observe.fit_state import FitState
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.report.protocols import PREDICTING, prediction_errors
 from rearl_jax.discovery.search.confirmation import with_first_additions
+from rearl_jax.discovery.search.headway import CONSTANT_TIME_GAP, TimeGapVariation, time_gap_variation
 from rearl_jax.discovery.search.procedure import Search
 from rearl_jax.discovery.thresholds import THRESHOLDS
 
@@ -29,14 +31,34 @@ def best_predicting(solver: Solver, outcome: Search, seed: int) -> Search:
         return outcome
     fits = [outcome.first, *(trial.fit for trial in outcome.added)]
     states = recalibrated(solver, outcome.checked, fits)
-    errors = [prediction_errors(solver, state, fit) for fit, state in zip(fits, states, strict=True)]
-    gap_errors = [
-        {name: of_protocol.by_driver["gap_rmse"] for name, of_protocol in of_fit.items() if of_protocol}
-        for of_fit in errors
-    ]
+    gap_errors = [_gap_errors(solver, state, fit) for fit, state in zip(fits, states, strict=True)]
     before, useful = gap_errors[0], [0]
     useful += [n for n, after in enumerate(gap_errors) if n and predict_surely_better(before, after, seed)]
     return with_first_additions(outcome, min(useful, key=lambda n: mean_prediction_error(gap_errors[n])))
+
+
+def predicting_variation(solver: Solver, outcome: Search, seed: int) -> TimeGapVariation:
+    """The variation of drivers' time gaps under the final model of a search.
+
+    The gap at the start of a drive predicts the variation only if the check drivers are surely predicted better with
+    it: of drivers who are off equilibrium for another reason, it tells nothing about their time gap.
+    """
+    fit = outcome.last
+    variation = time_gap_variation(solver, fit, seed)
+    if not variation.start_share:
+        return variation
+    (state,) = recalibrated(solver, outcome.checked, [fit])
+    before, after = (_gap_errors(solver, state, fit, tried) for tried in (CONSTANT_TIME_GAP, variation))
+    if predict_surely_better(before, after, seed):
+        return variation
+    return time_gap_variation(solver, fit, seed, start_shares=(0.0,))
+
+
+def _gap_errors(
+    solver: Solver, state: FitState, fit: Fit, variation: TimeGapVariation = CONSTANT_TIME_GAP
+) -> GapErrors:
+    errors = prediction_errors(solver, state, fit, variation=variation)
+    return {name: of_protocol.by_driver["gap_rmse"] for name, of_protocol in errors.items() if of_protocol}
 
 
 def predict_surely_better(before: GapErrors, after: GapErrors, seed: int) -> bool:

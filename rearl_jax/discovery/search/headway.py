@@ -10,7 +10,7 @@ a simulated drive determines where the variation begins.
 Source: estimation by the energy score, Gneiting & Raftery, J. Am. Stat. Assoc. 102 (2007) 359, section 9.1.
 """
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -139,9 +139,17 @@ def later_halves(solver: Solver, data: Measured, fit: Fit) -> FitState | None:
     return known_drivers(solver, halves(data.of_drivers(is_long)), fit) if is_long.any() else None
 
 
-def time_gap_variation(solver: Solver, fit: Fit, seed: int) -> TimeGapVariation:
+def time_gap_variation(
+    solver: Solver, fit: Fit, seed: int, start_shares: Sequence[float] = START_SHARES
+) -> TimeGapVariation:
     """The variation with the lowest geometric mean energy score of the fitted drivers (few poorly modelled drivers do
     not dominate this mean); no variation if the improvement is below two standard errors.
+
+    Args:
+        solver: Solver of the model.
+        fit: The model and its noise.
+        seed: Seed of the noise.
+        start_shares: Tested values of `TimeGapVariation.start_share`.
     """
     state = later_halves(solver, fit.state.data, fit)
     if state is None:
@@ -161,7 +169,7 @@ def time_gap_variation(solver: Solver, fit: Fit, seed: int) -> TimeGapVariation:
     best = best_of(replace(best, noise_share=share) for share in SHARES)
     best = best_of(replace(best, sd=sd) for sd in SIZES)
     if best.sd:
-        best = best_of(replace(best, start_share=share, time=time) for share in START_SHARES for time in TIMES)
+        best = best_of(replace(best, start_share=share, time=time) for share in start_shares for time in TIMES)
         best = best_of(replace(best, sd=sd) for sd in SIZES[1:])
     gained = scores[CONSTANT_TIME_GAP] - scores[best]
     is_sure = len(gained) > 1 and gained.mean() > 2 * gained.std(ddof=1) / np.sqrt(len(gained))

@@ -1,11 +1,12 @@
-"""What was found stays only as far as it predicts other drivers."""
+"""Additions to a model that are kept only as far as they predict other drivers."""
 
 import numpy as np
 import pytest
 
 from rearl_jax.discovery.comparison import predictions
-from rearl_jax.discovery.comparison.predictions import best_predicting, predict_surely_better
+from rearl_jax.discovery.comparison.predictions import best_predicting, predict_surely_better, predicting_variation
 from rearl_jax.discovery.report.protocols import ProtocolErrors
+from rearl_jax.discovery.search.headway import TimeGapVariation
 from tests.discovery.search.searches import search_that_added
 
 ADDED = (("reaction_delay", [0.7, 0.0]), ("approach_rate_gain", [0.5]), ("grade", [1.0]))
@@ -21,9 +22,9 @@ def test_as_many_additions_stay_as_predict_best(solver, calibrated, monkeypatch,
     found = search_that_added(solver, calibrated, *ADDED)
     assert len(found.added) == 3
     told = iter(errors)
-    monkeypatch.setattr(predictions, "recalibrated", lambda solver, data, fits: fits)
+    monkeypatch.setattr(predictions, "recalibrated", lambda solver, data, fits: [fit.state for fit in fits])
 
-    def predicted(*_):
+    def predicted(*_, **__):
         error, drivers = {"gap_rmse": next(told) * DRIVERS}, np.arange(len(DRIVERS))
         return {"population": ProtocolErrors(drivers, error, error, 0), "first_half": None, "other_runs": None}
 
@@ -43,6 +44,28 @@ def test_of_use_is_what_surely_predicts_better_and_nowhere_worse():
     assert not predict_surely_better(before, {"population": surely, "first_half": 1.05 * DRIVERS}, seed=1)
     assert not predict_surely_better(before, {"population": worse, "first_half": 0.9 * DRIVERS}, seed=1)
     assert not predict_surely_better({}, {}, seed=1)
+
+
+@pytest.mark.parametrize(("with_start", "kept"), [(1.5, 0.7), (1.999, 0.0), (2.1, 0.0)])
+def test_the_start_of_a_drive_is_used_only_where_it_predicts_others(solver, calibrated, monkeypatch, with_start, kept):
+    found = search_that_added(solver, calibrated)
+    monkeypatch.setattr(predictions, "recalibrated", lambda solver, data, fits: [fit.state for fit in fits])
+
+    def estimated(solver, fit, seed, start_shares=(0.0, 0.7)):
+        return TimeGapVariation(sd=0.3, start_share=max(start_shares))
+
+    def predicted(*_, variation):
+        error = (with_start if variation.start_share else 2.0) * DRIVERS + 0.1 * np.cos(3 * DRIVERS)
+        if variation.start_share:
+            error += 0.2 * np.sin(40 * DRIVERS)
+        of_all = ProtocolErrors(np.arange(len(DRIVERS)), {"gap_rmse": error}, {}, 0)
+        return {"population": of_all, "first_half": None, "other_runs": None}
+
+    monkeypatch.setattr(predictions, "time_gap_variation", estimated)
+    monkeypatch.setattr(predictions, "prediction_errors", predicted)
+    variation = predicting_variation(solver, found, seed=0)
+    assert variation.sd == 0.3
+    assert variation.start_share == kept
 
 
 @pytest.mark.slow
