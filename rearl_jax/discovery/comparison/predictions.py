@@ -1,6 +1,7 @@
 """Additions to a model that are kept only if other drivers are surely predicted better with them."""
 
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float
@@ -34,7 +35,9 @@ def best_predicting(solver: Solver, outcome: Search, seed: int) -> Search:
     gap_errors = [_gap_errors(solver, state, fit) for fit, state in zip(fits, states, strict=True)]
     before, useful = gap_errors[0], [0]
     useful += [n for n, after in enumerate(gap_errors) if n and predict_surely_better(before, after, seed)]
-    return with_first_additions(outcome, min(useful, key=lambda n: mean_prediction_error(gap_errors[n])))
+    kept = min(useful, key=lambda n: mean_prediction_error(gap_errors[n]))
+    removed = frozenset(trial.candidate.term for trial in outcome.added[kept:])
+    return replace(with_first_additions(outcome, kept), unpredictive=removed) if removed else outcome
 
 
 def predicting_variation(solver: Solver, outcome: Search, seed: int) -> TimeGapVariation:

@@ -9,6 +9,7 @@ from rearl_jax.config import DiscoverTask
 from rearl_jax.core.effects import EFFECTS
 from rearl_jax.discovery.lane_changes.candidates import LANE_CHOICE_DEPENDENCE
 from rearl_jax.discovery.report.base_section import base_section
+from rearl_jax.discovery.report.candidate_results import RESULTS
 from rearl_jax.discovery.report.error_block import IDM
 from rearl_jax.discovery.report.groups_section import groups_section
 from rearl_jax.discovery.report.lane_choice_section import lane_choice_section
@@ -254,11 +255,16 @@ def _candidate_table(title: str, rows: Sequence[Mapping[str, Any]], verdict: Map
     drawn = []
     for row in rows[:MOST_CANDIDATES]:
         figures = (NONE if row[name] is None else f"{row[name]:.1f}" for name in ("surprise", "gain", "check"))
-        mark = "not distinguished" if row["ambiguous"] else "named" if is_claimed(row, verdict) else ""
-        drawn.append(Row(described(row), (*map(Cell, figures), Cell(mark))))
+        drawn.append(Row(described(row), (*map(Cell, figures), Cell(_result(row, verdict)))))
     if len(rows) > len(drawn):
         title += f" (the first {MOST_CANDIDATES} of {len(rows)}; candidates.parquet has all)"
     return Table(title, ("z-score [σ]", "gain [nats]", "on others [nats]", "result"), tuple(drawn))
+
+
+def _result(row: Mapping[str, Any], verdict: Mapping[str, Any]) -> str:
+    if row["ambiguous"]:
+        return "not distinguished"
+    return "named" if is_claimed(row, verdict) else RESULTS.get(row.get("result", ""), "")
 
 
 def _left_section(verdict: Mapping[str, Any], maps: pd.DataFrame | None) -> Section:

@@ -5,10 +5,11 @@ verdict      named | improved | artefact | unexplained | nothing; improved: a cu
 effects      [{name, kind: driver | road | artefact | generic, parameters: {name: {value, low, high, unit}},
              variables, confidence, evidence, depends_on_base}]; low and high are null for parameters that were not
              estimated; `depends_on_base`: names of other car-following models under which the effect is not found
-candidates   [{name, kind, variables, evidence, surprise, gain, check, ambiguous, told_apart_by}], the best first;
-             candidates of car following precede those of lane choice. `surprise` is the z-score: of car following in
-             standard deviations of the null distribution, of lane choice in standard deviations of the slope between
-             drivers; `told_apart_by`: data that would distinguish the candidate from the named effect
+candidates   [{name, kind, variables, evidence, surprise, gain, check, ambiguous, told_apart_by, result}], the best
+             first; candidates of car following precede those of lane choice. `surprise` is the z-score: of car
+             following in standard deviations of the null distribution, of lane choice in standard deviations of the
+             slope between drivers; `told_apart_by`: data that would distinguish the candidate from the named effect;
+             `result`, of car following: added, or the test that failed, see `candidate_results.RESULTS`
 lane_changes [{name, parameters, gain, check, is_sure}]: effects of lane changes in the calibrated model; empty if too
              few leaders change
 unseen       [{name, parameter, strength, unit}]: smallest strength at which each effect would be detected in these data
@@ -66,6 +67,7 @@ from rearl_jax.discovery.observe.candidates import CANDIDATE_EFFECTS, EARLY_LEAD
 from rearl_jax.discovery.observe.clocks import CLOCK_OFFSET
 from rearl_jax.discovery.observe.uncertainty import interval
 from rearl_jax.discovery.read.gate import Finding
+from rearl_jax.discovery.report.candidate_results import result_of
 from rearl_jax.discovery.search.adequacy import Adequacy
 from rearl_jax.discovery.search.clock_check import ClockCheck
 from rearl_jax.discovery.search.decision import Trial
@@ -217,13 +219,14 @@ def candidate_rows(search: Search) -> list[dict[str, Any]]:
                 "check": None if trial is None else trial.check,
                 "ambiguous": term in ambiguous,
                 "told_apart_by": told_apart_by(term, chosen) if term in ambiguous else None,
+                "result": result_of(search, term),
             }
         )
     for term in chosen:
         for twin in TWINS.get(term.effect, ()):
             place, row = next((place, row) for place, row in enumerate(rows) if row["name"] == term.effect)
             others = {"name": twin, "ambiguous": True, "told_apart_by": told_apart_by(Term(twin), chosen)}
-            rows.insert(place + 1, row | others)
+            rows.insert(place + 1, row | others | {"result": "not_distinguished"})
     return rows
 
 

@@ -107,8 +107,10 @@ class Search:
         clocks: Clock offsets that the data were corrected for; None without a correction.
         rounds: One round per added effect, and usually a last one in which none was added.
         lane_changes: Trials of the effects of lane changes, each against the model without it.
-        rejected: Trials that were added and then removed, because they made the simulation of other drivers worse.
+        rejected: Trials that were added and then removed, because they made the simulation of other drivers worse or,
+            if in `unpredictive`, because they did not surely improve their prediction.
         excluded: Candidates, possibly clock offsets, that are not searched for.
+        unpredictive: Rejected effects with which predictions of other drivers are not surely better.
         of_bounds: Added effects that do not hold if drivers' parameters may leave their bounds.
     """
 
@@ -122,6 +124,7 @@ class Search:
     rejected: list[Trial] = field(default_factory=list)
     excluded: frozenset[Term] = frozenset()
     of_bounds: frozenset[Term] = frozenset()
+    unpredictive: frozenset[Term] = frozenset()
 
     @property
     def before(self) -> Fit:

@@ -1,0 +1,51 @@
+"""Result of each candidate of car following: added, or the test that it failed."""
+
+from collections.abc import Mapping
+
+from rearl_jax.discovery.observe.candidates import Term
+from rearl_jax.discovery.search.decision import Trial, is_of_numerics
+from rearl_jax.discovery.search.procedure import Search
+from rearl_jax.discovery.thresholds import THRESHOLDS
+
+RESULTS: Mapping[str, str] = {
+    "added": "added to the model",
+    "not_distinguished": "explains the data as well as the added one",
+    "predicts_no_better": "removed: others are not surely predicted better",
+    "contradicted": "simulations of others contradict it",
+    "of_numerics": "a delay within the time resolution",
+    "worse_on_others": "others are worse with it",
+    "too_little": "gains too little",
+    "surpassed": "another candidate gains more",
+    "within_chance": "within chance",
+    "not_fitted": "not fitted: weaker than those that were",
+}
+"""Meaning of the `result` of a candidate."""
+
+
+def result_of(search: Search, term: Term) -> str:
+    """Key of RESULTS for a candidate of car following; the test that decided last if it failed several."""
+    if any(trial.candidate.term == term for trial in search.added):
+        return "added"
+    if any(trial.candidate.term == term for turn in search.rounds for trial in turn.alternatives):
+        return "not_distinguished"
+    if term in search.unpredictive:
+        return "predicts_no_better"
+    denied = [*search.rejected, *(trial for turn in search.rounds for trial in turn.contradicted)]
+    if any(trial.candidate.term == term for trial in denied):
+        return "contradicted"
+    trials = [trial for turn in search.rounds for trial in turn.trials if trial.candidate.term == term]
+    if trials:
+        return _failed_test(trials[0], is_exceeding=term in search.rounds[0].exceeding)
+    return "not_fitted" if search.rounds[0].z_score[term] > THRESHOLDS.candidate_z_score else "within_chance"
+
+
+def _failed_test(trial: Trial, *, is_exceeding: bool) -> str:
+    if is_of_numerics(trial):
+        return "of_numerics"
+    if trial.check <= THRESHOLDS.worst_check:
+        return "worse_on_others"
+    if not trial.holds:
+        return "too_little"
+    if not is_exceeding and trial.total <= THRESHOLDS.total_below_z_score:
+        return "within_chance"
+    return "surpassed"
