@@ -49,7 +49,7 @@ def cli(monkeypatch, tmp_path):
 
     @dataclass(unsafe_hash=True)
     class ResultsConfig:
-        """Where results go."""
+        """The folder of results."""
 
         root: str = key("results", "folder of all studies")
         resume: bool = key(False, "leave a finished study alone")
@@ -446,7 +446,7 @@ def test_every_key_is_documented():
 
 
 def covering(swept):
-    """As few cells of a sweep as hold every value of every key."""
+    """The fewest cells of a sweep that hold every value of every key."""
     cells = range(max(map(len, swept.values())))
     return [{key: values[number % len(values)] for key, values in swept.items()} for number in cells]
 

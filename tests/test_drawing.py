@@ -1,4 +1,4 @@
-"""What figures share: size, sameness, and the mark of generated data."""
+"""Properties of all figures: size, sameness, and the mark of generated data."""
 
 from io import BytesIO
 

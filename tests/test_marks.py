@@ -36,7 +36,7 @@ def recipe(target, text):
 
 
 def pytest_calls(script, makefile):
-    """What follows the name of pytest in every call of a script, those of its `make` among them."""
+    """The arguments of pytest in every call of a script, those of its `make` included."""
     calls = []
     for line in shell_lines(script):
         words = shlex.split(line)
@@ -49,7 +49,7 @@ def pytest_calls(script, makefile):
 
 
 def expression(call, addopts):
-    """What a call selects by marks; refuses whatever else would choose among the tests, as names of files do."""
+    """The marks that a call selects; any other choice among the tests, such as by file name, is refused."""
     words = argparse.ArgumentParser(exit_on_error=False, allow_abbrev=False)
     words.add_argument("-m", default="")
     words.add_argument("-n")
@@ -61,7 +61,7 @@ def expression(call, addopts):
 
 
 def selects(expression, marks):
-    """Whether a test that bears these marks is run."""
+    """True if a test with these marks is run."""
     return not expression or Expression.compile(expression).evaluate(lambda name, **_: name in marks)
 
 

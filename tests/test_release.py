@@ -1,4 +1,4 @@
-"""What a release states about itself agrees with the version of the code."""
+"""Statements of a release about itself agree with the version of the code."""
 
 from pathlib import Path
 

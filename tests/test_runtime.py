@@ -8,7 +8,7 @@ import pytest
 
 
 def run(code: str, tmp_path, **environment: str) -> str:
-    """What the code prints, run with JAX and `runtime` in a process with a home of its own."""
+    """The output of code run with JAX and `runtime` in a process with a home of its own."""
     kept = {name: os.environ[name] for name in os.environ if not name.startswith(("JAX_", "XLA_", "XDG_"))}
     environment = {**kept, "JAX_PLATFORMS": "cpu", "HOME": str(tmp_path), **environment}
     command = [sys.executable, "-c", f"import jax, jax.numpy as jnp\nfrom rearl_jax import runtime\n{code}"]

@@ -137,7 +137,7 @@ class Fake:
 
 @pytest.fixture
 def log(monkeypatch):
-    """What sessions that only pretend were asked for."""
+    """Requests that sessions received which only pretend to be a server."""
     noted = []
 
     @contextmanager

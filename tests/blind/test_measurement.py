@@ -1,4 +1,4 @@
-"""What is released of the traffic: noise, derived columns, faults; and the files it is released in."""
+"""Released parts of the traffic: noise, derived columns, faults, and their files."""
 
 import json
 

@@ -1,4 +1,4 @@
-"""How a command ends: by a signal, with nobody reading, with a summary in JSON; and what it says then."""
+"""Ends of a command: by a signal, with nobody reading, with a summary in JSON; and its messages then."""
 
 import errno
 import json

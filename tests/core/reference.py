@@ -109,7 +109,7 @@ def clip(value, low, high):
 
 
 def ticks_to_exceed(timer, delay, dt):
-    """How often dt must be added to a float timer until it exceeds the delay."""
+    """Number of times that dt must be added to a float timer until it exceeds the delay."""
     ticks = 0
     while not timer > delay:
         timer += dt
@@ -166,7 +166,7 @@ def wants_lane(cars, me, lane, road):
 
 
 def is_in_the_way(me, other, target):
-    """Whether `other`, now on its way to `target`, makes `me` give up the same lane."""
+    """True if `other`, now on its way to `target`, makes `me` give up the same lane."""
     if other is me or other.lane == me.target or target != me.target:
         return False
     return 0 < other.x - me.x < wanted_gap(me, other, me)
@@ -259,7 +259,7 @@ def gap_between(low, high, other_low, other_high):
 
 
 def test_pair(one, other, road):
-    """Whether two cars overlap, the shift of `one` that parts them if they do or will, and the margin of the answer."""
+    """Overlap of two cars: whether there is one, the shift of `one` that parts them, and the margin of the answer."""
     bound = (math.hypot(one.length, one.width) + math.hypot(other.length, other.width)) / 2
     beyond = math.hypot(one.x - other.x, one.y - other.y) - bound - one.speed * road.dt
     first, second = corners(one), corners(other)

@@ -1,4 +1,4 @@
-"""What must not matter to traffic, and what must: symmetries of one tick and of many."""
+"""Symmetries of one tick and of many, and changes that must matter to traffic."""
 
 import jax
 import numpy as np

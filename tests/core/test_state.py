@@ -1,4 +1,4 @@
-"""What a state and a model refuse, and how they fill in what is not given."""
+"""States and models that are refused, and defaults of values that are not given."""
 
 import jax
 import numpy as np

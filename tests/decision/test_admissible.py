@@ -1,4 +1,4 @@
-"""Which actions are admissible, vehicle by vehicle."""
+"""Admissible actions, vehicle by vehicle."""
 
 from dataclasses import replace
 

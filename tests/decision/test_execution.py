@@ -1,4 +1,4 @@
-"""What an accepted action does, for how long, and what is left of it."""
+"""Effect and duration of an accepted action."""
 
 import jax
 import jax.numpy as jnp

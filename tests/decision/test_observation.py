@@ -1,4 +1,4 @@
-"""What a driver sees, against highway-env's own observation."""
+"""A driver's observation, against highway-env's own."""
 
 import jax
 import numpy as np

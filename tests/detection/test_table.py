@@ -1,4 +1,4 @@
-"""What is tabulated of the references."""
+"""The table of the references."""
 
 import jax
 import jax.numpy as jnp
@@ -45,7 +45,7 @@ def test_draws_are_those_of_any_other_batch_and_precision(raw):
 
 
 def test_draws_know_nothing_of_the_seconds_of_the_same_rollouts():
-    """What a policy draws from its key of a second agrees with the reference as often as chance has it."""
+    """Draws of a policy from its key of a second agree with the reference as often as by chance."""
     keys, n_references = rollout_keys(), 4
     found = draw_references(jnp.full(n_references, 0.25), keys)
     for second in (0, 1, 59):

@@ -47,7 +47,7 @@ def keep_right(recordings_of):
 
 @pytest.fixture(scope="session")
 def lane_findings(keep_right):
-    """What drivers mind who keep right."""
+    """Preferences of drivers who keep right."""
     from rearl_jax.discovery.lane_changes import lane_change_findings
 
     return lane_change_findings(keep_right)

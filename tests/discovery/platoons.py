@@ -101,7 +101,7 @@ def _rows(what: str, driver_noise: float, rng: np.random.Generator) -> pd.DataFr
 
 
 def _measured(rows: pd.DataFrame, noise: float, rng: np.random.Generator) -> pd.DataFrame:
-    """What a camera makes of it: positions with noise, speeds and accelerations derived from them."""
+    """The released table of a camera: positions with noise, speeds and accelerations derived from them."""
     table = rows.sort_values(["track_id", "frame"], ignore_index=True)
     if noise > 0:
         table["x"] += noise * rng.standard_normal(len(table))

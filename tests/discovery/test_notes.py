@@ -1,4 +1,4 @@
-"""What is said about many recordings at once."""
+"""Notes on many recordings at once."""
 
 from rearl_jax.discovery.compute import _each_once
 

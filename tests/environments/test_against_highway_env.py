@@ -28,7 +28,7 @@ def start_of(scenario):
 
 @pytest.fixture(scope="module")
 def driven():
-    """What highway-env and ours return in every second; the scenes last."""
+    """Returned values of highway-env and of this package in every second; scenes are the last axis."""
     options = highway.HighwayOptions(n_others=N_OTHERS, duration=SECONDS, dtype="float64")
     config = {"vehicles_count": N_OTHERS, "vehicles_density": DENSITY, "duration": SECONDS}
     actions = np.random.default_rng(7).choice(5, (SECONDS, len(SEEDS)), p=[0.25, 0.25, 0.2, 0.15, 0.15])

@@ -16,7 +16,7 @@ N_SCENES, N_FRAMES, N_SLOTS = 6, 12, 4
 
 @dataclass(frozen=True)
 class Done:
-    """What `rearl evaluate` did: its configuration, what it measured and printed, and its folder."""
+    """A run of `rearl evaluate`: its configuration, measures, printed text and folder."""
 
     config: object
     evaluation: object

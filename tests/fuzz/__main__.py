@@ -30,7 +30,7 @@ BAD = (Outcome.crashed, Outcome.silent)
 
 
 def target(name: str, folder: Path) -> Callable[[Random], Result]:
-    """What tries one input of the target.
+    """A function that tries one input of the target.
 
     Args:
         name: One of TARGETS.

@@ -204,7 +204,7 @@ def _other_type(source: Source, rng: Random) -> None:
 
 
 def _described(source: Source, rng: Random) -> None:
-    """What is stated about the recording: any JSON in any place of it."""
+    """Statements on the recording: any JSON in any place of them."""
     for texts in (source.texts, *source.metadata.values()):
         for name, text in texts.items():
             try:

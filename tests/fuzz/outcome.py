@@ -1,4 +1,4 @@
-"""What became of a fuzzed input: an error that a caller is told to expect, another one, or no end."""
+"""Outcome of a fuzzed input: an error that a caller is told to expect, another one, or no end."""
 
 import faulthandler
 import os
@@ -15,7 +15,7 @@ _PACKAGE = str(Path(rearl_jax.__file__).parent) + os.sep
 
 
 class Outcome(Enum):
-    """What became of an input."""
+    """Outcome of an input."""
 
     accepted = "accepted"
     refused = "refused"
@@ -31,7 +31,7 @@ Result = tuple[Outcome, str]
 
 
 def judged(error: Exception, expected: tuple[type[Exception], ...] = (ValueError, FileNotFoundError)) -> Result:
-    """Whether an error is one that the caller was told of: of the expected types, raised by the package, not empty."""
+    """True if an error is one that the caller was told of: of the expected types, raised by the package, not empty."""
     last = error.__traceback__
     ours = last
     while last is not None:

@@ -57,7 +57,7 @@ class Reader:
         return outcome, said
 
     def read(self, files: dict[str, bytes], policy: OnBad) -> Result:
-        """What the reader makes of files."""
+        """The reader's result for files."""
         shutil.rmtree(self._folder, ignore_errors=True)
         self._folder.mkdir(parents=True)
         for name, content in files.items():
@@ -79,7 +79,7 @@ class Reader:
 
 
 def _fault(recording: Recording) -> str:
-    """What no checked recording may hold."""
+    """Values that no checked recording may hold."""
     table = recording.table
     for column in COLUMNS:
         values = table[column.name]

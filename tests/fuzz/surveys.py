@@ -40,7 +40,7 @@ _MAX_ERROR = 0.03
 
 
 def survey(folder: Path) -> Callable[[Random], Result]:
-    """What tries one table in a folder."""
+    """A function that tries one table in a folder."""
 
     def try_one(rng: Random) -> Result:
         path = _written(folder, rng)
@@ -115,7 +115,7 @@ def _written(folder: Path, rng: Random) -> Path:
 
 
 def _faults(tables: list[pd.DataFrame]) -> str:
-    """How the tables differ from the traffic; empty if they do not."""
+    """Differences of the tables from the traffic; empty if there are none."""
     if len(tables) != 1 or len(tables[0]) != len(_TRUTH):
         return f"{[len(table) for table in tables]} rows"
     read = tables[0].sort_values(["track_id", "frame"])

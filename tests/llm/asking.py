@@ -33,5 +33,5 @@ def make_config(folder: Path, **changes) -> LlmConfig:
 
 
 def outcomes(answers: list[Answer]) -> list[tuple[int, str, str]]:
-    """What must be the same in every run: action, cause, digest."""
+    """Results that must be the same in every run: action, cause, digest."""
     return [(answer.action, answer.cause.name, answer.digest) for answer in answers]

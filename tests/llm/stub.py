@@ -19,7 +19,7 @@ from enum import Enum, auto
 
 
 class Fault(Enum):
-    """What can go wrong with one request."""
+    """Faults of one request."""
 
     too_many = auto()
     """429."""

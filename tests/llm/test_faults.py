@@ -24,7 +24,7 @@ SHORT = 0.25
 
 
 def healthy(tmp_path_factory, questions):
-    """What a server without faults answers."""
+    """Answers of a server without faults."""
     with Stub() as stub, Client(make_config(tmp_path_factory.mktemp("healthy")), stub.url) as client:
         return outcomes(client.submit(questions).result())
 
@@ -36,7 +36,7 @@ def expected(tmp_path_factory):
 
 @pytest.mark.parametrize("fault", Fault, ids=lambda fault: fault.name)
 def test_every_fault(tmp_path, expected, caplog, fault):
-    """Where it stays it is counted under its cause, said once, not kept; where it passes the answers are there."""
+    """A lasting fault is counted by its cause, reported once and not kept; after a passing one, answers are there."""
     cause = Cause.late if fault in TIMED_OUT else Cause.failed
     config = make_config(tmp_path, read_timeout=SHORT if fault in TIMED_OUT else 20.0, tries=2)
     with Stub(fault=lambda seen: fault if seen.number <= 4 else None) as stub:
@@ -247,7 +247,7 @@ def test_a_busy_server_is_not_down(tmp_path):
 
 
 def test_deadline(tmp_path, tmp_path_factory):
-    """What is back counts, the rest is late and its requests are ended: the next burst has the connections."""
+    """Answers in time count, late requests are ended: the next burst has the connections."""
     stuck = {f"some scenario 1 car {car}" for car in range(1, 5)}
 
     def fault(seen):

@@ -1,4 +1,4 @@
-"""What questions cost in the tokens of a real model, and how much of that a server can keep."""
+"""Tokens of questions for a real model, and the share of them that a server can keep."""
 
 import importlib.metadata
 from pathlib import Path

@@ -111,7 +111,7 @@ def test_a_bad_model_is_not_written(path):
 
 
 def _in(content, *path):
-    """What stands at a place of the file."""
+    """The value at a place of the file."""
     for part in path:
         content = content[part]
     return content

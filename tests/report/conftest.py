@@ -17,7 +17,7 @@ HOSTILE = "</script><script>alert(1)</script><!--"
 
 @dataclass(frozen=True)
 class Reported:
-    """What `rearl evaluate` and `rearl report` did; `before` is the page of the first."""
+    """Runs of `rearl evaluate` and `rearl report`; `before` is the page of the first."""
 
     config: object
     root: Path
@@ -76,7 +76,7 @@ def drifting():
 
 @pytest.fixture(scope="module", autouse=True)
 def only_drifting():
-    """What is simulated anew drifts too, in these tests only: later ones of the same process want traffic."""
+    """Traffic that is simulated anew drifts, in these tests only: later ones of the same process want other traffic."""
     with drifting():
         yield
 
@@ -103,7 +103,7 @@ def reported(tmp_path_factory):
 
 
 def report(root, study, **options):
-    """What the task gives back, and what it prints."""
+    """Return value and printed text of the task."""
     from rearl_jax.config import ReportTask
     from rearl_jax.config.report import FolderConfig, ReportConfig
     from rearl_jax.report.task import run

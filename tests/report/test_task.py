@@ -54,7 +54,7 @@ def check_alone(page):
 
 
 def words(page):
-    """What people read, without figures and scripts."""
+    """The visible text, without figures and scripts."""
     page = re.sub(r"<(script|style)\b.*?</\1>|base64,[^\"]*", "", page, flags=re.DOTALL)
     return re.sub(r"\s+", " ", re.sub(r"<[^>]+>", " ", page))
 

@@ -41,7 +41,7 @@ def jobs_of(process: subprocess.Popen) -> list[int]:
 
 
 def parts_in(root: Path) -> dict[Path, int]:
-    """When each part was written."""
+    """The time at which each part was written."""
     return {path: path.stat().st_mtime_ns for path in root.glob("s/eval.seed=*/runs/part-*.parquet")}
 
 

@@ -33,7 +33,7 @@ def jobs():
 
 @pytest.fixture(scope="session")
 def recorded(jobs):
-    """What highway-env made of them, by job; run in one worker process."""
+    """highway-env's results by job; run in one worker process."""
     from rearl_jax.validation import workers
 
     return dict(workers.run([job for part in jobs.values() for job in part], 1))
@@ -67,7 +67,7 @@ def replayed(recorded, monkeypatch):
 
 @dataclass(frozen=True)
 class Done:
-    """What one `rearl validate` did."""
+    """A run of `rearl validate`."""
 
     code: int
     printed: str

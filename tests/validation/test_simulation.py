@@ -17,7 +17,7 @@ LEAST = {"stress10": (15, 1, 3), "multi10": (70, 1, 2), "drivers10": (15, 1, 0)}
 
 @pytest.fixture(scope="module")
 def scenes(recorded, jobs):
-    """What highway-env made of the scenes, by set."""
+    """highway-env's results of the scenes, by set."""
     return {name: [recorded[job] for job in part] for name, part in jobs.items()}
 
 

@@ -1,4 +1,4 @@
-"""What a text of a language model means."""
+"""The meaning of a language model's text."""
 
 import pytest
 

@@ -67,7 +67,7 @@ def situations():
 
 @functools.cache
 def answers(name):
-    """What a model says in every situation, each by a driver of its own, and its derivatives; NumPy arrays."""
+    """A model's acceleration and its derivatives in every situation, each with a driver of its own; NumPy arrays."""
     gap, speed, rate = (jnp.asarray(row) for row in situations())
     values = drawn(name, len(gap))
 

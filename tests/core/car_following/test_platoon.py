@@ -78,7 +78,7 @@ class Platoon(NamedTuple):
 
     @property
     def dip(self):
-        """How much slower than before each vehicle is [m/s]."""
+        """Loss of speed of each vehicle since the start [m/s]."""
         return SPEED - self.speed
 
 

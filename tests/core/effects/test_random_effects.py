@@ -1,4 +1,4 @@
-"""What is random in drivers: its size, its memory, its place in the simulation, and what it may not depend on."""
+"""Random effects of drivers: size, memory, place in the simulation, and independence."""
 
 import math
 from dataclasses import fields, replace
@@ -23,7 +23,7 @@ def states():
 
 
 def remembered(states, name):
-    """What an effect remembers in the scenario in which it is on, after every tick."""
+    """Memory of an effect in the scenario in which it is on, after every tick."""
     held = states.memory.effects[NAMES.index(name)]
     scenario = NAMES.index(name)
     return jax.tree.map(lambda leaf: leaf[1:, ..., scenario] if leaf.ndim > 1 else leaf[1:], held)

@@ -141,7 +141,7 @@ def all_on():
 
 
 class Seen:
-    """What one driver sees in one recorded state, in plain loops."""
+    """The stimulus of one driver in one recorded state, in plain loops."""
 
     def __init__(self, states, now, me, scenario):
         x, y, v = states.x[now, :, scenario], states.y[now, :, scenario], states.speed[now, :, scenario]

@@ -52,7 +52,7 @@ def test_gaps_are_between_bumpers_or_a_note_says_they_seem_not_to_be(tmp_path):
 
 
 def test_a_vehicle_without_columns_divides_the_platoon(tmp_path):
-    """As in ZalaZone, where the leader and others of the order have no columns."""
+    """A file as in ZalaZone, in which the leader and others of the order have no columns."""
     table = openacc_files.columns(5)
     gone = {name: values for name, values in table.items() if not name.endswith("3") and name != "IVS2"}
     openacc_files.write(tmp_path, openacc_files.run_of(gone, n=5))

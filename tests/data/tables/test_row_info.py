@@ -1,4 +1,4 @@
-"""What rows tell of a recording: frame rates from rounded times, units of times, roads that begin far from 0."""
+"""Properties of a recording from its rows: frame rates from rounded times, units of times, roads far from 0."""
 
 import numpy as np
 import pytest

@@ -12,7 +12,7 @@ SIZE = 4
 
 @pytest.fixture(autouse=True)
 def few_replicates(monkeypatch):
-    """As few as can be below the threshold."""
+    """The largest number of drivers below the threshold."""
     monkeypatch.setattr(kinds, "REPLICATES", 19)
 
 

@@ -1,4 +1,4 @@
-"""What is found in generated recordings, and that nothing is found where nothing is."""
+"""Findings in generated recordings, and none in recordings without an effect."""
 
 import json
 

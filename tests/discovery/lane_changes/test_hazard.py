@@ -66,7 +66,7 @@ def test_strength_is_found_in_units_of_the_incentive(strength):
 
 
 def test_saturation_is_not_taken_for_a_second_effect():
-    """Where chances level off, a strong effect bends: tested along the curve, its bent part is no news."""
+    """A strong effect bends where chances level off; tested along the curve, the bend is no finding."""
     rng = np.random.default_rng(5)
     driver = np.repeat(np.arange(400), 40)
     gain, side = rng.normal(0.0, 0.5, len(driver)), rng.choice([-1.0, 1.0], len(driver))

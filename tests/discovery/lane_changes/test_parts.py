@@ -1,4 +1,4 @@
-"""Who is fitted, checked and reported."""
+"""Fitted, checked and reported drivers."""
 
 import numpy as np
 

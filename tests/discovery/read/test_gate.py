@@ -1,4 +1,4 @@
-"""What the columns show before any model."""
+"""Findings in the columns before any model."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Who is the leader next, and what a smoothed recording makes of the moment it changes."""
+"""The next leader, and the smoothed moment at which it changes."""
 
 import jax.numpy as jnp
 import numpy as np

@@ -41,7 +41,7 @@ def document(atlases=None, **changes):
 
 
 def printed(**changes):
-    """What the terminal shows, line breaks and rules left out."""
+    """The text on the terminal, without line breaks and rules."""
     return " ".join(text_of(document(**changes)).replace("─", "").split())
 
 

@@ -1,4 +1,4 @@
-"""What the verdict says of the calibrated drivers' own parameters."""
+"""The verdict's entry on the calibrated drivers' own parameters."""
 
 from dataclasses import replace
 

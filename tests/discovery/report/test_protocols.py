@@ -1,4 +1,4 @@
-"""What is known of a driver makes its prediction better, and what is known of somebody else does not."""
+"""Predictions improve with knowledge of a driver, and not with knowledge of another one."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Whether what drivers do beside the model is noise, or an answer to what the model wants."""
+"""Tests whether drivers' deviations from the model are noise or a response to what the model wants."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""What makes simulations of other drivers worse is not kept."""
+"""Additions that make simulations of other drivers worse are removed."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""Whether a search accounts for the drivers, and whether one beside another model does better."""
+"""Tests whether a search explains the drivers, and whether one with another model does better."""
 
 from dataclasses import replace
 
@@ -15,7 +15,7 @@ CURVE = ("dependence.speed", 0.1)
 
 
 def left(is_enough):
-    """What a search leaves: noise alone, or innovations that last."""
+    """The remainder of a search: noise alone, or innovations that last."""
     lasting = 0.0 if is_enough else 0.5
     return Adequacy(0.0, 0.1, 0.0, lasting, {}, 0.0, 0.0, (Term("reaction_delay"), 0.0), 10.0)
 

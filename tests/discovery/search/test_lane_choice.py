@@ -1,4 +1,4 @@
-"""What is found about the choice of the lane in the verdict, in the repaired model, and beside smoothed positions."""
+"""Findings on lane choice in the verdict, in the repaired model, and with smoothed positions."""
 
 from dataclasses import replace
 

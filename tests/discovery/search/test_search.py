@@ -204,7 +204,7 @@ def test_a_delay_of_less_than_a_time_step_is_of_the_numerics(trial, calibrated, 
 
 @pytest.mark.parametrize(("kinds", "doubtful"), [(("driver", "generic"), False), (("generic", "driver"), True)])
 def test_a_name_after_a_free_curve_is_doubtful(trial, solver, calibrated, kinds, doubtful):
-    """What the curve left may be of what the curve itself stands for."""
+    """The remainder of a curve may be a remainder of the effect that the curve stands for."""
     added = {kind: trial(kind, [0.6] * 10, [0.3] * 10, kind=kind, variable=kind) for kind in kinds}
     turns = [
         Round(Fit(None, *calibrated), {}, {}, {}, frozenset({Term(kind)}), [one], [one]) for kind, one in added.items()

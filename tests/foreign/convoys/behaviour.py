@@ -13,7 +13,7 @@ CLOCK_LIMIT = 0.5
 
 @dataclass(frozen=True)
 class Behaviour:
-    """What may differ from the plain model, every array [runs, vehicles]; the defaults of `plain` change nothing.
+    """Deviations from the plain model, every array [runs, vehicles]; the defaults of `plain` change nothing.
 
     Attributes:
         delay: Delay from what is perceived to the acceleration [s].

@@ -39,7 +39,7 @@ class Upgrades:
         return np.sum(self.slope * np.minimum(rising, falling), axis=-1)
 
     def values(self) -> dict[str, float]:
-        """Where the upgrades are and how steep."""
+        """Places and slopes of the upgrades."""
         values = {}
         for number, (start, end, slope) in enumerate(zip(self.start, self.end, self.slope, strict=True), start=1):
             values |= {f"upgrade_{number}_start_m": float(start), f"upgrade_{number}_end_m": float(end)}

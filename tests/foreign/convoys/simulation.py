@@ -59,7 +59,7 @@ class Motion:
 
 @dataclass(frozen=True)
 class _Perception:
-    """What a driver acts on, arrays [runs, followers]: gap [m], speeds [m/s], acceleration of the leader [m/s²].
+    """A driver's input, arrays [runs, followers]: gap [m], speeds [m/s], acceleration of the leader [m/s²].
 
     `needed` is the deceleration that keeps `STOPPING_MARGIN` free from now on [m/s²].
     """
@@ -112,7 +112,7 @@ class _Convoys:
         self.fresh = np.sqrt(1 - self.keep**2)
 
     def perceive(self, k: int, x: np.ndarray, v: np.ndarray, a: np.ndarray) -> _Perception:
-        """What the drivers see at step k, or saw of the vehicles ahead their reaction delay earlier.
+        """The drivers' input at step k, with vehicles ahead as they were one reaction delay earlier.
 
         Their own speed they feel without delay, as in Treiber, Kesting and Helbing (2006a).
         """

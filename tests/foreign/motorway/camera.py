@@ -1,4 +1,4 @@
-"""What fixed cameras make of the traffic: noise, seams, clocks, smoothing, speeds, lanes by marking.
+"""The measurement chain of fixed cameras: noise, seams, clocks, smoothing, speeds, lanes by marking.
 
 Sources
 -------

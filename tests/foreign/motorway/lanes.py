@@ -50,7 +50,7 @@ def expected_speed(traffic: Traffic, who: np.ndarray, lead: np.ndarray) -> np.nd
 
 
 def accepts(traffic: Traffic, i: int, lane: int) -> bool:
-    """Whether driver `i` accepts the gap in `lane`."""
+    """True if driver `i` accepts the gap in `lane`."""
     who = np.array([i])
     lead, follow = (int(k[0]) for k in neighbours(traffic, who, np.array([lane])))
     d, v = traffic.drivers, float(traffic.v[i])

@@ -24,7 +24,7 @@ import numpy as np
 
 @dataclass
 class Situation:
-    """What the drivers perceive; one entry per driver and lane that the driver attends to."""
+    """The drivers' input; one entry per driver and lane that the driver attends to."""
 
     v: np.ndarray  # own speed [m/s]
     gap: np.ndarray  # [m]

@@ -184,7 +184,7 @@ def summary(table: pd.DataFrame, setting: Setting, traffic: Traffic) -> dict:
 
 
 def implausible(figures: dict) -> list[str]:
-    """What of a summary no motorway shows."""
+    """Figures of a summary that no motorway shows."""
     limits = {
         "flow_per_lane_per_hour": (400, 2400),
         "mean_speed": (2.0, 35.0),

@@ -71,7 +71,7 @@ class Setting:
 
 @dataclass
 class View:
-    """What drivers attend to: one entry per vehicle in its lane, and one more in the other lane of a lane change."""
+    """The drivers' surroundings: one entry per vehicle in its lane, and one more in the other lane of a lane change."""
 
     veh: np.ndarray
     lane: np.ndarray
