@@ -174,6 +174,7 @@ def _discovery(config: DiscoverTask, parts: Parts, found: BestSearch, lanes: Lan
             "kurtosis": adequacy.kurtosis,
             "kurtosis_before": adequacy.kurtosis_before,
             "autocorrelation": adequacy.autocorrelation,
+            "autocorrelation_by_noise": adequacy.autocorrelation_by_noise,
             "unequal_noise": adequacy.unequal_noise,
             "misjudgement": adequacy.misjudgement,
             "staleness": adequacy.staleness,

@@ -63,7 +63,12 @@ VERDICT = {
         },
         "response_time": {"before": FIGURE | {"value": 0.65}, "after": None},
     },
-    "adequacy": {"kurtosis": 0.01, "autocorrelation": 0.0, "remaining": {"name": "dependence.gap", "surprise": 1.0}},
+    "adequacy": {
+        "kurtosis": 0.01,
+        "autocorrelation": 0.0,
+        "autocorrelation_by_noise": 0.0,
+        "remaining": {"name": "dependence.gap", "surprise": 1.0},
+    },
     "lane_choice": {"changes": 12, "opportunities": 345, "loss": None},
     "data": {
         "id": "abc",

@@ -275,8 +275,9 @@ def _left_section(verdict: Mapping[str, Any], maps: pd.DataFrame | None) -> Sect
     if adequacy is not None:
         name = spoken(adequacy["remaining"]["name"]).replace(".", " on ")
         sentences.append(
-            f"Innovations one time step apart correlate by {adequacy['autocorrelation']:+.3f}, their excess kurtosis "
-            f"is {adequacy['kurtosis']:+.2f} (both 0 for a right model); the strongest candidate left is {name} at "
+            f"Innovations one time step apart correlate by {adequacy['autocorrelation']:+.3f}, by "
+            f"{adequacy['autocorrelation_by_noise']:+.3f} with noise alone; their excess kurtosis is "
+            f"{adequacy['kurtosis']:+.2f} (0 for a right model); the strongest candidate left is {name} at "
             f"{adequacy['remaining']['surprise']:.1f} σ."
         )
     if maps is not None:

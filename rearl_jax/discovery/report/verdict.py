@@ -39,7 +39,8 @@ error        {measure, protocol, n_drivers, before, after, change, floor, noise_
              model's acceleration, null if not identified
 population   {parameter: {value, unit, spread, told, at_bound}}: the calibrated drivers, see `population`
 time_gap_variation  {sd, time, noise_share, time_gap, energy_score}: variation within a driver, see `variation`
-adequacy     {kurtosis, autocorrelation, misjudgement, staleness, remaining, ...}: remaining misfit of the final model
+adequacy     {kurtosis, autocorrelation, autocorrelation_by_noise, misjudgement, staleness, remaining, ...}: remaining
+             misfit of the final model
 lane_choice  {changes, opportunities, loss: {before, after, change}, prediction}: number of discretionary lane changes
              and of opportunities, and mean log-loss of the report drivers' choices [nats], null if there were too few;
              effects of lane choice are in `effects` and `candidates`, see `words.is_lane_choice`. `prediction`, for

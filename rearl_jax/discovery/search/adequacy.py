@@ -55,6 +55,8 @@ class Adequacy:
         kurtosis_deviation: Standard deviation of the kurtosis of normal innovations [-].
         kurtosis_before: Excess kurtosis without added effects [-].
         autocorrelation: Autocorrelation of innovations one time step apart [-].
+        autocorrelation_by_noise: The same of drives simulated with the final model and noise alone [-]; not zero if
+            positions were smoothed.
         unequal_noise: Dependence of the innovations' variance on the situation, in standard deviations [-].
         misjudgement: Growth of the noise with the response to a misjudged gap, in standard deviations [-].
         staleness: Growth of the noise with the error of a delayed decision, in standard deviations [-].
@@ -66,6 +68,7 @@ class Adequacy:
     kurtosis_deviation: float
     kurtosis_before: float
     autocorrelation: float
+    autocorrelation_by_noise: float
     unequal_noise: dict[str, float]
     misjudgement: float
     staleness: float
@@ -87,8 +90,8 @@ class Adequacy:
 
     @property
     def is_white(self) -> bool:
-        """True if innovations are not autocorrelated."""
-        return abs(self.autocorrelation) < THRESHOLDS.most_autocorrelation
+        """True if innovations are hardly more autocorrelated than by noise alone."""
+        return abs(self.autocorrelation - self.autocorrelation_by_noise) < THRESHOLDS.most_autocorrelation
 
     @property
     def is_enough(self) -> bool:
@@ -123,15 +126,13 @@ def adequacy(solver: Solver, search: Search, seed: int) -> Adequacy:
     fitted = of_parts[0]
     weight = state.data.weight
     innovation, before = standardised(fitted.innovation, state.data), standardised(before, state.data)
-    lag = state.data.stride
-    pair = weight[lag:] * weight[:-lag]
-    neighbours = (innovation[lag:] * innovation[:-lag] * pair).sum() / pair.sum()
     term = max(last.z_score, key=lambda key: last.z_score[key])
     return Adequacy(
         kurtosis=kurtosis(innovation, weight),
         kurtosis_deviation=float(np.sqrt(24.0 / weight.sum())),
         kurtosis_before=kurtosis(before, weight),
-        autocorrelation=float(neighbours),
+        autocorrelation=neighbours(fitted),
+        autocorrelation_by_noise=float(np.mean([neighbours(replicate[0]) for replicate in chance])),
         unequal_noise=unequal_noise(fitted.innovation, state.data),
         misjudgement=misjudgement(of_parts, chance),
         staleness=staleness(of_parts, chance),
@@ -159,6 +160,14 @@ def standardised(innovation: Float[np.ndarray, "steps pieces"], data: Measured) 
     first, last = np.maximum(row - half, 0), np.minimum(row + half + 1, len(innovation))
     local = (energy[last] - energy[first]) / np.maximum(count[last] - count[first], 1.0)
     return innovation / np.sqrt(np.maximum(local, 1e-12))
+
+
+def neighbours(residuals: Residuals) -> float:
+    """Autocorrelation of standardised innovations one time step apart [-]."""
+    data, lag = residuals.state.data, residuals.state.data.stride
+    innovation = standardised(residuals.innovation, data)
+    pair = data.weight[lag:] * data.weight[:-lag]
+    return float((innovation[lag:] * innovation[:-lag] * pair).sum() / pair.sum())
 
 
 def kurtosis(innovation: Float[np.ndarray, "steps pieces"], weight: Float[np.ndarray, "steps pieces"]) -> float:

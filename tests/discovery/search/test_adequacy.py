@@ -5,13 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from rearl_jax.config import DiscoverConfig
 from rearl_jax.discovery.observe.candidates import Term
 from rearl_jax.discovery.observe.fit import Fit
 from rearl_jax.discovery.observe.fit_state import with_noise
 from rearl_jax.discovery.observe.noise import calibrate
+from rearl_jax.discovery.observe.parts import measured_drivers
 from rearl_jax.discovery.observe.residuals import residuals_of
 from rearl_jax.discovery.observe.solver import solver_of
-from rearl_jax.discovery.search.adequacy import Adequacy, by_noise_alone, misjudgement, staleness
+from rearl_jax.discovery.search.adequacy import Adequacy, by_noise_alone, misjudgement, neighbours, staleness
 from rearl_jax.discovery.search.null import noise_alone
 from rearl_jax.discovery.thresholds import THRESHOLDS
 
@@ -63,8 +65,29 @@ def test_restless_drivers_are_not_taken_for_late_ones(solver, calibrated):
     assert abs(staleness([left], chance)) < staleness([left], silent)
 
 
+def test_the_right_model_of_smoothed_drives_leaves_correlated_innovations(recordings_of):
+    """Noise alone, smoothed alike, correlates them as much: that is no misfit."""
+    _, data = measured_drivers(recordings_of("smoothing"), DiscoverConfig())
+    assert data.smoothing > 0.2
+    solver = solver_of(data)
+    state, noise = calibrate(solver, data)
+    fit = Fit(None, state, noise)
+    measured = neighbours(residuals_of(solver, [state], [fit])[0])
+    by_noise = np.mean([neighbours(again) for (again,) in by_noise_alone(solver, [state], fit, 7)])
+    assert measured > THRESHOLDS.most_autocorrelation
+    assert abs(measured - by_noise) < THRESHOLDS.most_autocorrelation
+
+
+def test_innovations_of_sharp_drives_are_independent(solver, calibrated):
+    state, noise = calibrated
+    fit = Fit(None, state, noise)
+    for again in (residuals_of(solver, [state], [fit]), *by_noise_alone(solver, [state], fit, 7)):
+        assert abs(neighbours(again[0])) < 0.5 * THRESHOLDS.most_autocorrelation
+
+
 LEFT = {"kurtosis": 0.0, "kurtosis_deviation": 0.02, "kurtosis_before": 0.0, "autocorrelation": 0.01,
-        "unequal_noise": {}, "misjudgement": -1.0, "staleness": 0.5, "remaining": (Term("grade"), 1.0),
+        "autocorrelation_by_noise": 0.0, "unequal_noise": {}, "misjudgement": -1.0, "staleness": 0.5,
+        "remaining": (Term("grade"), 1.0),
         "driver_minutes": 70.0}  # fmt: skip
 
 
@@ -74,6 +97,8 @@ LEFT = {"kurtosis": 0.0, "kurtosis_deviation": 0.02, "kurtosis_before": 0.0, "au
         ({}, True),
         ({"autocorrelation": 0.3}, False),
         ({"autocorrelation": -0.3}, False),
+        ({"autocorrelation": 0.3, "autocorrelation_by_noise": 0.28}, True),
+        ({"autocorrelation": 0.01, "autocorrelation_by_noise": 0.28}, False),
         ({"misjudgement": 3.6}, False),
         ({"staleness": 3.6}, False),
         ({"staleness": 5.2, "driver_minutes": 700.0}, True),

@@ -17,7 +17,7 @@ CURVE = ("dependence.speed", 0.1)
 def left(is_enough):
     """The remainder of a search: noise alone, or innovations that last."""
     lasting = 0.0 if is_enough else 0.5
-    return Adequacy(0.0, 0.1, 0.0, lasting, {}, 0.0, 0.0, (Term("reaction_delay"), 0.0), 10.0)
+    return Adequacy(0.0, 0.1, 0.0, lasting, 0.0, {}, 0.0, 0.0, (Term("reaction_delay"), 0.0), 10.0)
 
 
 def test_names_and_nothing_account_for_drivers_where_noise_alone_is_left(solver, calibrated):

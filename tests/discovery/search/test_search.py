@@ -229,7 +229,10 @@ def test_a_curve_that_was_taken_back_leaves_its_dependence_and_an_effect_a_contr
 
 @pytest.mark.parametrize(("staleness", "expected"), [(0.0, "artefact"), (5.0, "unexplained")])
 def test_clocks_that_leave_more_than_noise_do_not_explain_it(solver, calibrated, staleness, expected):
-    fit, left = Fit(None, *calibrated), Adequacy(0.0, 0.02, 0.0, 0.0, {}, -1.0, staleness, (Term("grade"), 1.0), 70.0)
+    fit, left = (
+        Fit(None, *calibrated),
+        Adequacy(0.0, 0.02, 0.0, 0.0, 0.0, {}, -1.0, staleness, (Term("grade"), 1.0), 70.0),
+    )
     ends = Round(fit, {}, {}, {}, frozenset(), [], [])
     data = calibrated[0].data
     check = ClockCheck(fit, 40.0, 40.0, 0.2, data, data)
@@ -245,7 +248,7 @@ def test_clocks_need_not_leave_smooth_innovations_but_no_old_decisions(solver, c
     fit, data = Fit(None, *calibrated), calibrated[0].data
     ends = Round(fit, {}, {}, {}, frozenset(), [], [])
     found = Search(solver.layout, Null({}, {}, 1), {}, data, ClockCheck(fit, 9.0, 9.0, 0.2, data, data), rounds=[ends])
-    rough = Adequacy(0.3, 0.02, 0.3, 0.0, {}, -4.0, -1.0, (Term("grade"), 1.0), 70.0)
+    rough = Adequacy(0.3, 0.02, 0.3, 0.0, 0.0, {}, -4.0, -1.0, (Term("grade"), 1.0), 70.0)
     assert not rough.is_enough
     assert verdict_of(found, [], rough, is_lower=False) == "artefact"
     assert verdict_of(found, [], replace(rough, staleness=2.4), is_lower=False) == "unexplained"
@@ -254,7 +257,7 @@ def test_clocks_need_not_leave_smooth_innovations_but_no_old_decisions(solver, c
 
 @pytest.mark.parametrize(("z_score", "expected"), [(2.0, "named"), (12.0, "unexplained")])
 def test_what_leaves_shifts_between_pairs_is_not_named(trial, solver, calibrated, z_score, expected):
-    fit, left = Fit(None, *calibrated), Adequacy(0.0, 0.02, 0.0, 0.0, {}, -4.0, -1.0, (Term("grade"), 1.0), 70.0)
+    fit, left = Fit(None, *calibrated), Adequacy(0.0, 0.02, 0.0, 0.0, 0.0, {}, -4.0, -1.0, (Term("grade"), 1.0), 70.0)
     holds = replace(trial("holds", [0.6] * 10, [0.3] * 10), candidate=solver.layout.candidates[Term("several_leaders")])
     first = Round(fit, {}, {}, {}, frozenset(), [holds], [holds], 12.0)
     found = Search(solver.layout, Null({}, {}, 1), {}, calibrated[0].data)
@@ -271,7 +274,7 @@ def test_what_leaves_shifts_between_pairs_is_not_named(trial, solver, calibrated
 def test_a_curve_without_a_name_improves_a_model_if_the_error_is_surely_lower(
     trial, solver, calibrated, is_lower, expected
 ):
-    fit, left = Fit(None, *calibrated), Adequacy(0.0, 0.02, 0.0, 0.0, {}, -4.0, -1.0, (Term("grade"), 1.0), 70.0)
+    fit, left = Fit(None, *calibrated), Adequacy(0.0, 0.02, 0.0, 0.0, 0.0, {}, -4.0, -1.0, (Term("grade"), 1.0), 70.0)
     curve = trial("dependence", [0.6] * 10, [0.3] * 10, kind="generic", variable="gap")
     found = Search(solver.layout, Null({}, {}, 1), {}, calibrated[0].data)
     found.rounds = [Round(fit, {}, {}, {}, frozenset(), [curve], [curve]), Round(fit, {}, {}, {}, frozenset(), [], [])]
