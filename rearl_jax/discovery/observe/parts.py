@@ -18,7 +18,7 @@ from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.read.reading import EXACT_NOISE, measure, one_frame_rate
 from rearl_jax.discovery.read.smoothing import thinned
 from rearl_jax.discovery.read.smoothness import smoothness
-from rearl_jax.discovery.read.speed_sensor import SPEED_SENSOR, has_speed_sensor, with_fast_speeds
+from rearl_jax.discovery.read.speed_sensor import SPEED_SENSOR, errors_of_positions, has_speed_sensor, with_fast_speeds
 
 AUTO = "auto"
 """Value of `discover.by` for kinds of drivers that are found without labels."""
@@ -69,14 +69,21 @@ def measured_drivers(
     """
     one_frame_rate(recordings)
     tables = [thinned(recording) for recording in recordings]
-    findings = gate(tables)
+    findings, fused_errors = gate(tables), None
     if not any(finding.is_artefact for finding in findings) and has_speed_sensor(tables):
         findings.append(SPEED_SENSOR)
+        fused_errors = errors_of_positions(tables)
         tables = [with_fast_speeds(table) for table in tables]
     smooth = smoothness(tables)
     labels = labels_of(recordings, options)
     same = options.same or (same if same in labels else None)
-    known = partial(measure, position_lag=amount(findings, "position_lag"), labels=labels, same=same)
+    known = partial(
+        measure,
+        position_lag=amount(findings, "position_lag"),
+        labels=labels,
+        same=same,
+        fused_errors=fused_errors,
+    )
     data = _chosen(known(tables, smooth=smooth), options)
     if data.noise < EXACT_NOISE and _are_exact(data, prior):
         # A simulation without noise is as smooth as a smoothed recording, so smoothness proves nothing here.

@@ -14,6 +14,8 @@ import jax
 import numpy as np
 from jaxtyping import Bool, Float, Int
 
+from rearl_jax.discovery.read.fused_errors import FusedErrors
+
 _OF_LEADER = ("leader_rear", "leader_centre", "leader_speed", "leader_acceleration", "time_since_change")
 _OF_SECOND = ("second_rear", "second_speed", "third_speed")
 _OF_FOLLOWER = ("follower_front", "follower_speed")
@@ -117,6 +119,7 @@ class Measured:
         noise: Standard deviation of the measured positions [m].
         smoothing: Width of the kernel that positions were smoothed with before they were released [s]; 0 for none.
         jumps: Number of jumps of positions in the recordings; samples around them are excluded.
+        fused_errors: Errors of the positions of all vehicles, if they were fused with speeds; None if not.
         labels: Labels of each piece, equal for all pieces of a driver: texts, None where unknown.
     """
 
@@ -137,6 +140,7 @@ class Measured:
     noise: float
     smoothing: float = 0.0
     jumps: int = 0
+    fused_errors: FusedErrors | None = None
     labels: Mapping[str, np.ndarray] = field(default_factory=dict)
 
     @property

@@ -12,6 +12,7 @@ from rearl_jax.core.following import HARDEST_BRAKING
 from rearl_jax.core.leader_history import IN_SIGHT, MOST_GAP_LOST, NEVER_CHANGED, SLOWEST, TIME_GAPS
 from rearl_jax.core.order import NO_VEHICLE
 from rearl_jax.data.records import Recording
+from rearl_jax.discovery.read.fused_errors import FusedErrors
 from rearl_jax.discovery.read.measured import Measured, Surroundings, is_new, joined
 from rearl_jax.discovery.read.next_leaders import LONGEST_LEAD, handed_over, handovers
 from rearl_jax.discovery.read.smoothing import Thinned, cut_off, jumps, position_noise, smoothed_tracks, track_bounds
@@ -72,6 +73,7 @@ def measure(
     least_noise: float = LEAST_NOISE,
     labels: Mapping[str, Sequence[pd.Series]] = NO_LABELS,
     same: str | None = None,
+    fused_errors: FusedErrors | None = None,
 ) -> Measured:
     """All drivers of the recordings who follow a leader long enough.
 
@@ -82,6 +84,7 @@ def measure(
         least_noise: Smallest standard deviation of unsmoothed positions [m]; noise is added to reach it.
         labels: Labels of the tracks of each recording, by track_id.
         same: Label that identifies the same driver or car; None without such a label.
+        fused_errors: Errors of positions that were fused with speeds; None for positions that were not.
 
     Raises:
         ValueError: No driver follows a leader long enough.
@@ -115,6 +118,7 @@ def measure(
         raise InvalidInputError(Problem("nobody-follows", f"{message}or tracks cut into fragments", remedy))
     n_jumps = sum(int(part.jumps.sum()) for part in rows)
     whole = Measured(**joined(used), dt=dt, stride=stride, noise=noise, smoothing=smooth.drives, jumps=n_jumps)
+    whole = replace(whole, fused_errors=fused_errors)
     if same is not None:
         whole = replace(whole, identity=pd.factorize(whole.labels[same])[0].astype(np.int64))
     return whole.select(np.arange(len(whole.driver)))

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pandas as pd
+from jaxtyping import Float
 from scipy.linalg import solveh_banded
 
 from rearl_jax.data.records import Recording
@@ -13,6 +14,9 @@ of a second.
 
 AVERAGED = ("time", "position", "lateral", "x", "y", "speed", "acceleration")
 """Columns whose neighbouring frames are averaged."""
+
+SHORTEST_FILTERED = 6
+"""Largest number of time steps that are too few to be smoothed."""
 
 CUT_OFF = 3.44
 """Angular frequency [rad/s] above which motion is regarded as noise, for 0.1 m of noise at 10 Hz."""
@@ -115,11 +119,20 @@ def smoothed(position: np.ndarray, dt: float, angular_cut_off: float) -> tuple[n
     """
     n = len(position)
     x = position
-    if n > 6:
+    if n > SHORTEST_FILTERED:
         weight = (angular_cut_off * dt) ** -6.0
         x = solveh_banded(_penalty(n, weight), position - position[0]) + position[0]
     speed = np.gradient(x, dt) if n > 1 else np.zeros(n)
     return x, speed, np.gradient(speed, dt) if n > 1 else np.zeros(n)
+
+
+def low_pass(
+    values: Float[np.ndarray, "steps pieces"], dt: float, angular_cut_off: float
+) -> Float[np.ndarray, "steps pieces"]:
+    """The part of several series of one length below an angular frequency [rad/s], by the filter of `smoothed`."""
+    if len(values) <= SHORTEST_FILTERED:
+        return values
+    return np.asarray(solveh_banded(_penalty(len(values), (angular_cut_off * dt) ** -6.0), values))
 
 
 def smoothed_tracks(

@@ -12,6 +12,7 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from jaxtyping import Float
 
+from rearl_jax.discovery.read.fused_errors import FusedErrors, fused_errors
 from rearl_jax.discovery.read.gate import Finding
 from rearl_jax.discovery.read.smoothing import Thinned, smoothed, track_bounds
 from rearl_jax.discovery.thresholds import THRESHOLDS
@@ -66,6 +67,11 @@ def with_fast_speeds(table: Thinned) -> Thinned:
     rows, dt = table
     fused = [driven + smoothed(position - driven, dt, DRIFT)[0] for position, driven in _tracks([table])]
     return rows.assign(position=np.concatenate(fused) if fused else rows["position"]), dt
+
+
+def errors_of_positions(tables: Sequence[Thinned]) -> FusedErrors | None:
+    """Errors of positions that take their high-frequency part from the speeds; None if the tracks are too short."""
+    return fused_errors((position - driven for position, driven in _tracks(tables)), tables[0][1], DRIFT)
 
 
 def _tracks(

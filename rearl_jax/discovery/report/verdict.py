@@ -180,8 +180,9 @@ def verdict_of(search: Search, effects: Sequence[Claim], adequacy: Adequacy, *, 
         is_doubtful = any(search.is_doubtful(trial) for trial in search.added) or search.leaves_shifts
         is_stated = names <= {effect.name for effect in effects}
         return "named" if is_stated and adequacy.is_enough and not is_doubtful else "unexplained"
-    if any(effect.kind in ("driver", "road") for effect in effects):
-        return "named"  # effects of lane changes
+    if any(effect.kind in ("driver", "road") for effect in effects):  # effects of lane changes
+        is_doubtful = search.is_contradicted or search.leaves_more or search.leaves_shifts
+        return "named" if adequacy.is_enough and not is_doubtful else "unexplained"
     if added and all(is_free(trial) for trial in search.added) and is_lower:
         return "improved"
     if any(effect.kind == "artefact" and effect.evidence is None for effect in effects):

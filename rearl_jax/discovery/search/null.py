@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from jaxtyping import Float
 from scipy.ndimage import gaussian_filter1d
-from scipy.signal import lfilter
+from scipy.signal import bilinear, lfilter
 
 from rearl_jax.discovery.observe.candidates import Term
 from rearl_jax.discovery.observe.fit_state import FitState, replaced
@@ -20,6 +20,11 @@ from rearl_jax.discovery.thresholds import THRESHOLDS
 
 AT_ONCE = 1200
 """Pieces that are simulated and fitted in one batch."""
+
+FOLLOWER_GAINS = (0.125, 0.5, 0.125)
+"""Response of a following driver to the gap [1/s^2], to the speed difference [1/s] and, by a time headway of 1 s, to
+the own speed [1/s]. Source: Helly, Proc. Symp. Theory of Traffic Flow (1959).
+"""
 
 
 @dataclass(frozen=True)
@@ -100,16 +105,51 @@ def behind_noisy_drive(
 
 
 def simulate_again(solver: Solver, state: FitState, noise: Noise, rng: np.random.Generator) -> FitState:
-    """The state with simulated drives: its model behind the same leaders, with measurement noise."""
-    data = state.data
-    driven = data.y - behind_noisy_drive(solver, state, noise, rng)
-    y = driven + position_errors(noise, driven.shape, data.dt, rng)
+    """The state with simulated drives: its model behind the same leaders, measured again with errors."""
+    driven = state.data.y - behind_noisy_drive(solver, state, noise, rng)
+    data = measured_again(state.data, driven, rng)
+    y = data.y + position_errors(noise, driven.shape, data.dt, rng)
     frequency = cut_off(data.noise, data.dt)
     x, v = np.empty_like(y), np.empty_like(y)
     for piece in range(y.shape[1]):
         x[:, piece], v[:, piece], _ = smoothed(y[:, piece], data.dt, frequency)
-    pieces = replace(state.pieces, y=y, start=np.stack([x[0], v[0]]))
+    pieces = replace(state.pieces, y=y, start=np.stack([x[0], v[0]]), seen=data.halfway())
     return replaced(state, data=replace(data, y=y, smooth=x, smooth_speed=v), pieces=pieces)
+
+
+def measured_again(data: Measured, driven: Float[np.ndarray, "steps pieces"], rng: np.random.Generator) -> Measured:
+    """Measured data if the drivers had driven to other positions [m]; `smooth` and `smooth_speed` are not changed.
+
+    The vehicle behind responds to the other drive. Without this response, its position would tell less about the
+    driver's than a measured one does, and all that it tells would look like an influence on the driver. If positions
+    were fused with speeds, all have errors of that kind.
+    """
+    seen, farther = data.surroundings, response_of_follower(driven - data.smooth, data.dt)
+    seen = replace(
+        seen,
+        follower_front=seen.follower_front + farther * seen.has_follower,
+        follower_speed=seen.follower_speed + np.gradient(farther, data.dt, axis=0) * seen.has_follower,
+    )
+    if data.fused_errors is not None:
+        own, leader, second, follower = (data.fused_errors.drawn(driven.shape, data.dt, rng) for _ in range(4))
+        driven = driven + own
+        seen = replace(
+            seen,
+            leader_rear=seen.leader_rear + leader * seen.has_leader,
+            leader_centre=seen.leader_centre + leader * seen.has_leader,
+            second_rear=seen.second_rear + second * seen.has_second,
+            follower_front=seen.follower_front + follower * seen.has_follower,
+        )
+    return replace(data, y=driven, surroundings=seen)
+
+
+def response_of_follower(
+    displacement: Float[np.ndarray, "steps pieces"], dt: float
+) -> Float[np.ndarray, "steps pieces"]:
+    """Displacement of the vehicle behind [m] if a vehicle is displaced, by a linear car-following model."""
+    by_gap, by_approach, by_speed = FOLLOWER_GAINS
+    above, below = [by_approach, by_gap], [1.0, by_approach + by_speed, by_gap]
+    return np.asarray(lfilter(*bilinear(above, below, 1 / dt), displacement, axis=0))
 
 
 def noise_alone(solver: Solver, state: FitState, noise: Noise, replicates: int, seed: int) -> Iterator[list[FitState]]:
