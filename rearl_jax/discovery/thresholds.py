@@ -201,6 +201,11 @@ class Thresholds:
     correlation of 0.14 to 0.3.
     """
 
+    whole_acceleration: float = 1.0
+    """Share of the leader's acceleration that drivers add to their own at once [-], from which it is taken for an error
+    that the positions of both share.
+    """
+
     unexplained_z_score: float = 8.0
     """Standard deviations above the null mean at which an effect is missing even if no candidate fits it [-]."""
 

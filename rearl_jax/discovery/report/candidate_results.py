@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 
 from rearl_jax.discovery.observe.candidates import Term
-from rearl_jax.discovery.search.decision import Trial, is_of_numerics
+from rearl_jax.discovery.search.decision import Trial, copies_leader, is_of_numerics
 from rearl_jax.discovery.search.procedure import Search
 from rearl_jax.discovery.thresholds import THRESHOLDS
 
@@ -13,6 +13,7 @@ RESULTS: Mapping[str, str] = {
     "predicts_no_better": "removed: others are not surely predicted better",
     "contradicted": "simulations of others contradict it",
     "of_numerics": "a delay within the time resolution",
+    "copies_leader": "as hard as the leader, at once: positions of both may share an error",
     "worse_on_others": "others are worse with it",
     "too_little": "gains too little",
     "surpassed": "another candidate gains more",
@@ -42,6 +43,8 @@ def result_of(search: Search, term: Term) -> str:
 def _failed_test(trial: Trial, *, is_exceeding: bool) -> str:
     if is_of_numerics(trial):
         return "of_numerics"
+    if copies_leader(trial):
+        return "copies_leader"
     if trial.check <= THRESHOLDS.worst_check:
         return "worse_on_others"
     if not trial.holds:

@@ -116,6 +116,19 @@ def is_of_numerics(trial: Trial) -> bool:
     return bool(np.abs(delays).max() < max(2 * data.dt, data.smoothing))
 
 
+def copies_leader(trial: Trial) -> bool:
+    """True if the trial is a response to the leader's acceleration by which drivers accelerate at once as hard as the
+    leader, or harder.
+
+    No driver can, but measured positions do if they share an error, as those of a vehicle that was measured from its
+    leader.
+    """
+    if trial.candidate.term != Term("leader_acceleration"):
+        return False
+    gain = trial.fit.state.theta[trial.candidate.free[0]]
+    return bool(gain >= THRESHOLDS.whole_acceleration)
+
+
 def ranked(trials: list[Trial]) -> list[Trial]:
     """Supported candidates, the best first."""
     return sorted((trial for trial in trials if trial.holds), key=lambda trial: -trial.total)

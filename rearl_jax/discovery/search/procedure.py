@@ -22,6 +22,7 @@ from rearl_jax.discovery.search.clock_check import ClockCheck, check_clocks, cor
 from rearl_jax.discovery.search.decision import (
     Trial,
     believed,
+    copies_leader,
     indistinguishable,
     is_of_numerics,
     lane_change_trials,
@@ -333,7 +334,7 @@ def _round(
 
 def _is_significant(trial: Trial, exceeding: Collection[Term]) -> bool:
     """True if a candidate exceeds chance in the screen, or if its total gain after the fit is large enough."""
-    return not is_of_numerics(trial) and (
+    return not (is_of_numerics(trial) or copies_leader(trial)) and (
         trial.candidate.term in exceeding or trial.total > THRESHOLDS.total_below_z_score
     )
 

@@ -84,6 +84,17 @@ def test_a_delay_within_the_time_step_is_of_the_numerics(found):
     assert result_of(replace(searched, rounds=[first]), DELAY) == "of_numerics"
 
 
+@pytest.mark.parametrize(("gain", "said"), [(0.5, "surpassed"), (1.1, "copies_leader")])
+def test_who_accelerates_at_once_as_hard_as_the_leader_shares_its_error(found, gain, said):
+    term = Term("leader_acceleration")
+    searched, trial = with_trial(found, term, 30.0, 30.0)
+    theta = trial.fit.state.theta.copy()
+    theta[trial.candidate.free[0]] = gain
+    fit = replace(trial.fit, state=replace(trial.fit.state, theta=theta))
+    first = replace(searched.rounds[0], trials=[replace(trial, fit=fit)])
+    assert result_of(replace(searched, rounds=[first]), term) == said
+
+
 def test_candidates_that_were_not_fitted(found):
     assert result_of(found, LIMIT) == "not_fitted"
     assert result_of(found, GRADE) == "within_chance"
