@@ -42,54 +42,55 @@ def verdicts() -> str:
 
 
 PREDICTING = {
-    "population": "parameters of the population",
-    "first_half": "first half known",
-    "other_runs": "other runs",
+    "population": "Parameters of the population",
+    "first_half": "Parameters of the driver's first half, predicting the second",
+    "other_runs": "Parameters of the same driver's (car's) other runs",
 }
-"""Protocols that predict, and what readers see of them."""
+"""Protocols that predict, and their titles."""
+
+FIGURES = ("idm", "before", "after", "change_share", "idm_share")
 
 
 def recording_errors() -> str:
-    """Verdicts and gap errors of the kept studies of recordings and of their groups, in the protocols that predict."""
-    titles = " | ".join(f"{title} | after" for title in PREDICTING.values())
-    rows = [f"| recording | verdict | model | drivers | {titles} |", "|---" * (4 + 2 * len(PREDICTING)) + "|"]
+    """Gap errors of the kept studies of recordings and of their groups: a table for each protocol that predicts."""
+    heads = ("recording", "verdict", "drivers", "calibrated IDM", "chosen model", "", "final model", "change")
+    blocks = []
+    for protocol, title in PREDICTING.items():
+        rows = [*_rows_of_verdicts(protocol), *_rows_of_groups(protocol)]
+        lines = [" | ".join(cells) for cells in ((*heads, "against calibrated IDM"), ("---",) * 9, *rows)]
+        blocks.append("\n".join([f"**{title}**", "", *(f"| {line} |" for line in lines)]))
+    return "\n\n".join(blocks)
+
+
+def _rows_of_verdicts(protocol: str) -> Iterator[list[str]]:
+    """Rows of the kept discoveries under one protocol."""
     for study, verdict in _of("discover", "verdict.json"):
         parts = [(f"{group['by']} {group['value']}", group) for group in verdict.get("groups", [])]
         for name, one in parts or [("all drivers", verdict)]:
-            chosen, protocols = one["base"]["chosen"], one["error"]["protocols"]
-            cells = [
-                f"`{study}`, {name}",
-                f"`{one['verdict']}`",
-                chosen.replace("_", " "),
-                str(one["error"]["n_drivers"]),
-            ]
-            for protocol in PREDICTING:
-                tested = protocols[protocol]
-                cells += _errors(None if tested is None else tested["gap_rmse"]["mean"])
-            rows.append(f"| {' | '.join(cells)} |")
-    return "\n".join(rows + [row for folder, _ in _kept("study real") for row in _rows_of_groups(folder)])
+            tested = one["error"]["protocols"][protocol]
+            if tested is not None:
+                first = [f"`{study}`, {name}", f"`{one['verdict']}`", str(tested["n_drivers"])]
+                yield first + _errors(tested["gap_rmse"]["mean"], one["base"]["chosen"])
 
 
-def _errors(mean: Mapping[str, Any] | None) -> list[str]:
-    """Cells of the error before and after under one protocol."""
-    if mean is None:
-        return ["-", "-"]
-    return [metres(mean["before"]), f"{metres(mean['after'])}, {percent(mean['change_share'])}"]
-
-
-def _rows_of_groups(folder: Path) -> Iterator[str]:
-    """Rows of the groups of a kept study of real traffic."""
+def _rows_of_groups(protocol: str) -> Iterator[list[str]]:
+    """Rows of the groups of the kept studies of real traffic under one protocol."""
     ends = {"value": "", "low": "_low", "high": "_high"}
-    for row in pd.read_parquet(folder / "real.parquet").astype(object).to_dict("records"):
-        name = f"`{folder.name}`, {row['title']} {row['group']}"
-        cells = [name, f"`{row['verdict']}`", row["base"].replace("_", " "), str(row["population_drivers"])]
-        for protocol in PREDICTING:
+    for folder, _ in _kept("study real"):
+        for row in pd.read_parquet(folder / "real.parquet").astype(object).to_dict("records"):
+            if pd.isna(row[f"{protocol}_before"]):
+                continue
             mean = {
-                figure: {end: row[f"{protocol}_{figure}{suffix}"] for end, suffix in ends.items()}
-                for figure in ("before", "after", "change_share")
+                figure: {end: row[f"{protocol}_{figure}{suffix}"] for end, suffix in ends.items()} for figure in FIGURES
             }
-            cells += _errors(None if pd.isna(mean["before"]["value"]) else mean)
-        yield f"| {' | '.join(cells)} |"
+            first = [f"`{folder.name}`, {row['title']} {row['group']}", f"`{row['verdict']}`"]
+            yield [*first, str(row[f"{protocol}_drivers"]), *_errors(mean, row["base"])]
+
+
+def _errors(mean: Mapping[str, Any], chosen: str) -> list[str]:
+    """Cells of the errors of calibrated IDM, of the chosen model, of the final model, and of the changes."""
+    idm, before, after = (metres(mean[figure]) for figure in ("idm", "before", "after"))
+    return [idm, before, chosen.replace("_", " "), after, percent(mean["change_share"]), percent(mean["idm_share"])]
 
 
 def known_time_gaps() -> str:

@@ -137,7 +137,7 @@ class Fake:
 
 @pytest.fixture
 def log(monkeypatch):
-    """Requests that sessions received which only pretend to be a server."""
+    """Measurements requested of stand-ins that only pretend to measure."""
     noted = []
 
     @contextmanager
@@ -188,7 +188,7 @@ def test_benchmark_writes_everything_and_its_bar_ends_full(log, tmp_path, capsys
     assert set(effects["n_vehicles"]) == {3}
     assert set(effects["batch"]) == {8}
     assert written["effect_ratio_grade_n3_b8"] == pytest.approx(1.5)
-    table = table[table["measured"] != "effect"]  # where Base stands beside each of them
+    table = table[table["measured"] != "effect"]  # where Base is listed with each of them
     assert not table.duplicated(["measured", "program", "n_vehicles", "batch", "repetition"]).any()
     assert "synthetic" in results.read_metadata(folder / "bench_loop.parquet")["references"]
     assert (folder / "config.json").exists()

@@ -20,7 +20,7 @@ def task(root: Path, **blind) -> DiscoverBlindTask:
 
 
 class Stub:
-    """Names what the length of the first file says and the weather beside it, and counts how often it is asked."""
+    """A stand-in that names an effect by the length of the first file, adds the weather to it, and logs its calls."""
 
     def __init__(self, log: Path, die_after: int | None = None) -> None:
         self.log, self.die_after = log, die_after

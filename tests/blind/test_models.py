@@ -1,4 +1,4 @@
-"""The generator's own car-following models, beside those of the library, with which they share no code."""
+"""The generator's own car-following models, compared with those of the library, with which they share no code."""
 
 import jax.numpy as jnp
 import numpy as np

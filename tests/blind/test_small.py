@@ -17,6 +17,6 @@ def test_small_study_finds_what_is_hidden(summary):
     assert summary["n_cases"] == 5
     assert summary["n_right"] >= 4
     assert summary["n_wrong"] == summary["n_failed"] == 0
-    assert summary["n_false"] <= 1  # beside the variable of an effect that no list holds, a doubtful name may stand
+    assert summary["n_false"] <= 1  # a doubtful name, in addition to the variable of an unlisted effect
     hits = {score["name"]: score["hits"] for score in summary["scores"]}
     assert hits["control_false"] == hits["artefact_as_effect"] == 0

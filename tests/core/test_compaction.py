@@ -21,7 +21,7 @@ PLACES = room_for(N_VEHICLES, ONE_IN)
 
 
 def so_many(*numbers: int) -> jnp.ndarray:
-    """A given number of each scenario, anywhere."""
+    """Mask of vehicles with a given number of each scenario at random places."""
     rng = np.random.default_rng(0)
     return jnp.asarray(np.stack([rng.permutation(N_VEHICLES) < number for number in numbers], axis=1))
 

@@ -131,7 +131,7 @@ def corridor_uuid(path: Path) -> None:
 
 
 def probe_mph(path: Path) -> None:
-    """Miles per hour beside feet, times of day at 1 Hz, UTF-16 with tabs, as spreadsheets export."""
+    """Speeds in miles per hour, distances in feet, times of day at 1 Hz, UTF-16 with tabs, as spreadsheets export."""
     rows = truth(1.0, seconds=60.0)
     moments = pd.DatetimeIndex(np.datetime64("2023-03-01T07:30:00") + _milliseconds(rows))
     table = pd.DataFrame(

@@ -1,4 +1,4 @@
-"""Shipped recordings: they read, have the numbers their README states, stand beside their licence, and are small."""
+"""Shipped recordings: they read, have the numbers their README states, lie next to their licence, and are small."""
 
 import re
 import shutil

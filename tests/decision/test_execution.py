@@ -1,4 +1,4 @@
-"""Effect and duration of an accepted action."""
+"""Effect and duration of an accepted action, and its remains afterwards."""
 
 import jax
 import jax.numpy as jnp

@@ -90,7 +90,7 @@ def test_scenarios_do_not_depend_on_their_place_in_the_batch(start, table, model
 
 @pytest.mark.slow
 def test_a_drawn_reference_belongs_to_the_rollout_for_its_whole_time(start, table, lean, matched):
-    """Whatever the policy and whoever else is in the batch."""
+    """Independence of the policy and of the other rollouts in the batch."""
     frames, decisions = run(start, table, lean, PolicyName.matcher, mode=ReferenceMode.drawn)
     drawn = decisions.reference[0]
     assert (np.bincount(drawn, minlength=3) > 0).all()

@@ -1,4 +1,4 @@
-"""The picture of README beside the kept results it is drawn from."""
+"""The picture of README compared with the kept results it is drawn from."""
 
 import importlib.util
 import json

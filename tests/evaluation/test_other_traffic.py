@@ -1,4 +1,4 @@
-"""Scenes of another program's traffic beside recorded ones, scored by the metrics of the table."""
+"""Scenes of another program's traffic compared with recorded ones, scored by the metrics of the table."""
 
 from dataclasses import replace
 

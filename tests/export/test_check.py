@@ -1,4 +1,4 @@
-"""Exported drivers in SUMO beside the same here."""
+"""Exported drivers in SUMO compared with the same drivers here."""
 
 import json
 from dataclasses import replace

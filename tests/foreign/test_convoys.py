@@ -52,7 +52,7 @@ def following(effect: str) -> Following:
 
 
 def gains(effect: str, *stimuli: np.ndarray) -> np.ndarray:
-    """Least-squares gains of these stimuli 0.3 s before beside gap, speed and relative speed: medians over drivers.
+    """Least-squares gains of stimuli 0.3 s before, in addition to gap, speed and relative speed: medians over drivers.
 
     Only following above 5 m/s and below gaps of 60 m counts.
     """

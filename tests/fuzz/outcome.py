@@ -31,7 +31,7 @@ Result = tuple[Outcome, str]
 
 
 def judged(error: Exception, expected: tuple[type[Exception], ...] = (ValueError, FileNotFoundError)) -> Result:
-    """True if an error is one that the caller was told of: of the expected types, raised by the package, not empty."""
+    """Outcome of an error: refused if it is of an expected type, raised by the package and not empty; else crashed."""
     last = error.__traceback__
     ours = last
     while last is not None:

@@ -79,7 +79,7 @@ class Reader:
 
 
 def _fault(recording: Recording) -> str:
-    """Values that no checked recording may hold."""
+    """The first thing found that no checked recording may hold; empty if there is none."""
     table = recording.table
     for column in COLUMNS:
         values = table[column.name]

@@ -88,7 +88,7 @@ def vissim() -> Source:
 
 
 def sumo() -> Source:
-    """SUMO's floating car data as a table: fronts, lanes from the right, and the types beside it."""
+    """SUMO's floating car data as a table: fronts, lanes from the right, and the types in a file next to it."""
     here = traffic(10.0)
     table = pd.DataFrame(
         {

@@ -1,4 +1,4 @@
-"""Whatever a server does, every question gets an answer or a cause, and the answers are those of a healthy server."""
+"""Faults of a server: every question gets an answer or a cause, and the answers are those of a healthy server."""
 
 import functools
 import gc

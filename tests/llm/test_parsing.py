@@ -32,7 +32,7 @@ ANSWERS = {
     + ["<think>\n\n</think>\n\n3"],
     4: ["SLOWER", "The answer is 4.", "At 20.5 m/s I choose 4", "<p>4</p>"],
 }
-"""Texts by the action they choose: alone, beside a word that says so, in prose, code and JSON, behind thoughts."""
+"""Texts by the action they choose: alone, next to a word that says so, in prose, code and JSON, behind thoughts."""
 
 NOTHING = {
     Cause.unparsable: ["", " \n", "```", "```json\n```", "####", "I cannot decide.", "1. 1. 1.", "1 or 3", "0 1 3 4"]

@@ -40,8 +40,8 @@ def count_tokens(server, text):
 
 
 def test_most_of_a_question_is_shared(server, capsys):
-    """Beside the estimate for our wording by words, digits and marks: 850 tokens in all, 395 of them constant, 580 the
-    same for all scenarios of a reference, 255 new for the first car of a scenario and 190 for each further one.
+    """Comparison with the estimate for our wording by words, digits and marks: 850 tokens in all, 395 of them constant,
+    580 the same for all scenarios of a reference, 255 new for the first car of a scenario and 190 for each further one.
     """
     rng = np.random.default_rng(0)
     shape = (1, 5, 10)

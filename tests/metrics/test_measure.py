@@ -1,4 +1,4 @@
-"""Reductions: exact medians without sorting, counts beside every figure, no NaN from nothing."""
+"""Reductions: exact medians without sorting, a count with every value, no NaN from nothing."""
 
 import jax
 import jax.numpy as jnp

@@ -76,7 +76,7 @@ def drifting():
 
 @pytest.fixture(scope="module", autouse=True)
 def only_drifting():
-    """Traffic that is simulated anew drifts, in these tests only: later ones of the same process want other traffic."""
+    """Traffic that is simulated anew drifts, in these tests only: later ones in this process need real traffic."""
     with drifting():
         yield
 

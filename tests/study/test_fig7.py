@@ -1,4 +1,4 @@
-"""`rearl study fig7`: percentiles of the values written, beside the paper's."""
+"""`rearl study fig7`: percentiles of the values written, compared with the paper's."""
 
 import json
 

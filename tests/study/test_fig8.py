@@ -1,4 +1,4 @@
-"""`rearl study fig8`: clusters beside the paper's numbers."""
+"""`rearl study fig8`: clusters compared with the paper's numbers."""
 
 import json
 

@@ -39,7 +39,7 @@ def test_figures_are_those_of_the_evaluations_beside_the_papers(folder):
     assert table.loc[("base", "h_legacy"), "paper"] == 0.346
     assert pd.isna(table.loc[("base", "h"), "paper"])
     assert pd.isna(table.loc[("idle", "mape_a"), "paper"])
-    assert table.loc[("paper_ppo", "lcr"), "paper"] == 0.0138  # rows of the paper that stand beside none of ours
+    assert table.loc[("paper_ppo", "lcr"), "paper"] == 0.0138  # rows of the paper that correspond to none of ours
     assert pd.isna(table.loc[("paper_ppo", "lcr"), "ours"])
     assert pd.isna(table.loc[("base", "h"), "less_base"])
     assert table.loc[("idle", "h"), "less_base"] == pytest.approx(

@@ -1,4 +1,4 @@
-"""Random effects of drivers: size, memory, place in the simulation, and independence."""
+"""Random effects of drivers: size, memory, place in simulation, and independence of other vehicles and scenarios."""
 
 import math
 from dataclasses import fields, replace

@@ -37,7 +37,7 @@ def run_of(table: Mapping[str, Sequence], acc: str = "1", setting: str = "S", n:
 
 
 def write(folder: Path, text: str, name: str = "Vicolungo/part1.csv") -> Path:
-    """The folder of campaigns with a run, and the table of cars that is published beside runs."""
+    """The folder of campaigns with a run, and the table of cars that is published with runs."""
     path = folder / name
     path.parent.mkdir(parents=True, exist_ok=True)
     path.write_text(text)

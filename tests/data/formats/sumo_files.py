@@ -72,7 +72,7 @@ def csv_of(found: list[dict[str, str | float]]) -> str:
 
 
 def write(folder: Path, text: str, name: str = "fcd.xml", *, beside: bool = True) -> Path:
-    """The folder with a file of that text, and the route and network files beside it."""
+    """The folder with a file of that text, and the route and network files next to it."""
     (folder / name).write_text(text)
     if beside:
         (folder / "flow.rou.xml").write_text(TYPES)

@@ -266,7 +266,7 @@ def test_files_of_the_intersection_sets_are_named(tracks):
 
 @pytest.mark.slow
 def test_memory_does_not_grow_with_the_number_of_recordings(highd_files, tmp_path):
-    """The mean number of rows per recording of highD (37 million in 60)."""
+    """Recordings with as many rows as those of highD have on average (37 million in 60)."""
     highd_files(tmp_path, n_vehicles=1842, n_frames=335)
     for number in range(2, 9):
         for part in ("tracksMeta", "recordingMeta"):

@@ -1,4 +1,4 @@
-"""pNEUMA: wide rows, a straight stretch that the user names, what is lost beside it, and damaged files."""
+"""pNEUMA: wide rows, a straight stretch that the user names, what is lost outside it, and damaged files."""
 
 from itertools import islice
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""The generator's configuration, its totals beside those of highD, its independence of the core."""
+"""The generator's configuration, its totals compared with those of highD, its independence of the core."""
 
 import dataclasses
 

@@ -90,7 +90,7 @@ def test_a_vehicle_that_stays_is_simulated_to_the_end_and_nobody_takes_its_place
     kept = cut_boundary(recordings, scenes, np.arange(len(scenes)), options)
     np.testing.assert_array_equal(kept.track_id[0], [[1, 2]] * SECONDS)
     assert not kept.is_new[0].any()
-    assert 1 not in kept.replayed_id[0]  # nor is it replayed beside itself
+    assert 1 not in kept.replayed_id[0]  # nor is it replayed in addition to being simulated
     assert (kept.replayed_id[0, 2:] == 3).any(axis=1).all()  # whom nobody simulates now
     assert kept.lane[0, 2:, 0].tolist() == [NOT_RECORDED] * 2
 

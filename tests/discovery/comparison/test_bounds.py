@@ -1,4 +1,4 @@
-"""Effects named beside drivers at a bound of their parameters: only what holds without bounds is stated."""
+"""Effects named when many drivers are at a bound of their parameters: only what holds without bounds is stated."""
 
 from dataclasses import replace
 

@@ -12,7 +12,7 @@ SIZE = 4
 
 @pytest.fixture(autouse=True)
 def few_replicates(monkeypatch):
-    """The largest number of drivers below the threshold."""
+    """The fewest replicates with which a probability can be below the threshold."""
     monkeypatch.setattr(kinds, "REPLICATES", 19)
 
 

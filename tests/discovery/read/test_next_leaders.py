@@ -1,4 +1,4 @@
-"""The next leader, and the smoothed moment at which it changes."""
+"""The next leader, and the change of leader in a smoothed recording."""
 
 import jax.numpy as jnp
 import numpy as np

@@ -84,7 +84,7 @@ def test_a_time_gap_that_varies_is_found_and_scored_better(solver, varying):
 
 @pytest.fixture
 def slowly_varying(solver, many):
-    """Drivers whose time gap varies by a third over a quarter of a minute, with hardly any noise beside it, and who
+    """Drivers whose time gap varies by a third over a quarter of a minute, with hardly any other noise, and who
     keep it when their drives begin.
     """
     state, noise = many

@@ -76,7 +76,7 @@ def _sums(solver, state):
 
 @pytest.mark.slow
 def test_candidates_on_top_of_what_was_added_are_scored_without_it(solver, calibrated):
-    """Once an effect is in the model, its own direction has nothing left to say."""
+    """The direction of an effect that is in the model already has a score near zero."""
     state, _ = calibrated
     term = Term("speed_dependent_time_gap")
     added = replaced(state, active=(term,))
@@ -204,7 +204,7 @@ def test_a_delay_of_less_than_a_time_step_is_of_the_numerics(trial, calibrated, 
 
 @pytest.mark.parametrize(("kinds", "doubtful"), [(("driver", "generic"), False), (("generic", "driver"), True)])
 def test_a_name_after_a_free_curve_is_doubtful(trial, solver, calibrated, kinds, doubtful):
-    """The remainder of a curve may be a remainder of the effect that the curve stands for."""
+    """The remainder after a curve may belong to the effect that the curve stands for."""
     added = {kind: trial(kind, [0.6] * 10, [0.3] * 10, kind=kind, variable=kind) for kind in kinds}
     turns = [
         Round(Fit(None, *calibrated), {}, {}, {}, frozenset({Term(kind)}), [one], [one]) for kind, one in added.items()

@@ -6,5 +6,5 @@ behaviour (`effects.py`), a decision model of lane changes (`lanes.py`) and a me
 
     python -m tests.foreign.motorway FOLDER --effect NAME --seed N
 
-writes FOLDER/motorway.parquet, and the truth to FOLDER.truth.json beside the folder.
+writes FOLDER/motorway.parquet, and the truth to FOLDER.truth.json next to the folder.
 """

@@ -202,7 +202,7 @@ def implausible(figures: dict) -> list[str]:
 
 
 def write(folder: Path, table: pd.DataFrame, answer: dict) -> tuple[Path, Path]:
-    """Write FOLDER/motorway.parquet and, beside the folder, FOLDER.truth.json."""
+    """Write FOLDER/motorway.parquet and, next to the folder, FOLDER.truth.json."""
     folder.mkdir(parents=True, exist_ok=True)
     data, beside = folder / "motorway.parquet", folder.parent / f"{folder.name}.truth.json"
     table.to_parquet(data, index=False)
