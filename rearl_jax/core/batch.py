@@ -141,7 +141,7 @@ class ScenarioMap(Generic[Arguments, Result]):
         return jax.tree.map(lambda *parts: np.concatenate(parts, axis=-1), *self.chunks(arguments))
 
 
-def select_scenarios(values: Values, columns: np.ndarray | slice, n_scenarios: int, *, least_ndim: int = 1) -> Values:
+def select_scenarios(values: Values, columns: np.ndarray, n_scenarios: int, *, least_ndim: int = 1) -> Values:
     """Values of the selected scenarios; arrays with a last axis of length 1, which apply to all scenarios, are
     unchanged.
 

@@ -13,8 +13,8 @@ from dataclasses import dataclass
 import numpy as np
 from jaxtyping import Float
 from scipy.optimize import nnls
-from scipy.signal import lfilter
 
+from rearl_jax.discovery.read.lasting import lasting
 from rearl_jax.discovery.read.smoothing import low_pass
 
 LAGS = (1.0, 1.5, 2.0, 3.0, 5.0, 7.0, 10.0, 15.0, 20.0, 30.0, 40.0, 60.0)
@@ -50,12 +50,8 @@ class FusedErrors:
 
     def drawn(self, shape: tuple[int, int], dt: float, rng: np.random.Generator) -> Float[np.ndarray, "steps pieces"]:
         """Realisations [m], one for each piece."""
-        kept = np.exp(-dt / self.time)
-        shocks, white, steps = (rng.standard_normal(shape) for _ in range(3))
-        shocks[1:] *= np.sqrt(1 - kept**2)
-        lasting = np.asarray(lfilter([self.lasting], [1.0, -kept], shocks, axis=0))
-        of_position = lasting + self.white * white
-        of_speed = self.walk * np.sqrt(dt) * np.cumsum(steps, axis=0)
+        of_position = lasting(self.lasting, self.time, shape, dt, rng) + self.white * rng.standard_normal(shape)
+        of_speed = self.walk * np.sqrt(dt) * np.cumsum(rng.standard_normal(shape), axis=0)
         return of_speed + low_pass(of_position - of_speed, dt, self.cut_off)
 
 
@@ -91,6 +87,6 @@ def fused_errors(differences: Iterable[Float[np.ndarray, " steps"]], dt: float, 
         kept = np.exp(-lag / time)
         parts = np.stack([np.full_like(lag, 6.0), 2 * (3 - 4 * kept + kept**2), 2 * lag], axis=1)
         squares, misfit = nnls(parts * scale[:, None], weight)
-        white, lasting, walk = np.sqrt(squares).tolist()
-        fits.append((float(misfit), FusedErrors(white, lasting, time, walk, cut_off)))
+        white, size, walk = np.sqrt(squares).tolist()
+        fits.append((float(misfit), FusedErrors(white, size, time, walk, cut_off)))
     return min(fits, key=lambda fit: fit[0])[1]

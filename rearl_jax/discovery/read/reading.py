@@ -117,8 +117,15 @@ def measure(
         remedy = "run `rearl prepare` to see what was left out"
         raise InvalidInputError(Problem("nobody-follows", f"{message}or tracks cut into fragments", remedy))
     n_jumps = sum(int(part.jumps.sum()) for part in rows)
-    whole = Measured(**joined(used), dt=dt, stride=stride, noise=noise, smoothing=smooth.drives, jumps=n_jumps)
-    whole = replace(whole, fused_errors=fused_errors)
+    whole = Measured(
+        **joined(used),
+        dt=dt,
+        stride=stride,
+        noise=noise,
+        smoothing=smooth.drives,
+        jumps=n_jumps,
+        fused_errors=fused_errors,
+    )
     if same is not None:
         whole = replace(whole, identity=pd.factorize(whole.labels[same])[0].astype(np.int64))
     return whole.select(np.arange(len(whole.driver)))

@@ -120,16 +120,15 @@ def smoothed(position: np.ndarray, dt: float, angular_cut_off: float) -> tuple[n
     n = len(position)
     x = position
     if n > SHORTEST_FILTERED:
-        weight = (angular_cut_off * dt) ** -6.0
-        x = solveh_banded(_penalty(n, weight), position - position[0]) + position[0]
+        x = low_pass(position - position[0], dt, angular_cut_off) + position[0]
     speed = np.gradient(x, dt) if n > 1 else np.zeros(n)
     return x, speed, np.gradient(speed, dt) if n > 1 else np.zeros(n)
 
 
 def low_pass(
-    values: Float[np.ndarray, "steps pieces"], dt: float, angular_cut_off: float
-) -> Float[np.ndarray, "steps pieces"]:
-    """The part of several series of one length below an angular frequency [rad/s], by the filter of `smoothed`."""
+    values: Float[np.ndarray, "steps *series"], dt: float, angular_cut_off: float
+) -> Float[np.ndarray, "steps *series"]:
+    """The part of series below an angular frequency [rad/s], by the filter of `smoothed`; unchanged if too short."""
     if len(values) <= SHORTEST_FILTERED:
         return values
     return np.asarray(solveh_banded(_penalty(len(values), (angular_cut_off * dt) ** -6.0), values))

@@ -22,9 +22,10 @@ from rearl_jax.discovery.observe.drivers import Prior
 from rearl_jax.discovery.observe.fit import Fit, known_drivers
 from rearl_jax.discovery.observe.fit_state import FitState
 from rearl_jax.discovery.observe.solver import Solver
+from rearl_jax.discovery.read.lasting import lasting
 from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.read.training import halves, has_enough_data
-from rearl_jax.discovery.search.null import behind_noisy_drive, lasting
+from rearl_jax.discovery.search.null import behind_noisy_drive
 from rearl_jax.metrics.energy import energy_score
 
 REALISATIONS = 12

@@ -13,6 +13,7 @@ from rearl_jax.discovery.observe.fit_state import FitState, replaced
 from rearl_jax.discovery.observe.kalman import CLOSED_LOOP, Noise
 from rearl_jax.discovery.observe.observer import squared_leader_acceleration
 from rearl_jax.discovery.observe.solver import Solver
+from rearl_jax.discovery.read.lasting import lasting
 from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.read.smoothing import cut_off, smoothed
 from rearl_jax.discovery.search.screen import evidences, scores
@@ -71,16 +72,6 @@ def position_errors(
     if not noise.position_time:
         return noise.position * rng.standard_normal(shape)
     return lasting(noise.position, noise.position_time, shape, dt, rng)
-
-
-def lasting(
-    sd: float, time: float, shape: tuple[int, int], dt: float, rng: np.random.Generator
-) -> Float[np.ndarray, "steps pieces"]:
-    """Realisations of a stationary Ornstein-Uhlenbeck process of a standard deviation and a correlation time [s]."""
-    kept = np.exp(-dt / time)
-    shocks = rng.standard_normal(shape) * sd
-    shocks[1:] *= np.sqrt(1 - kept**2)
-    return np.asarray(lfilter([1.0], [1.0, -kept], shocks, axis=0))
 
 
 def smoothed_alike(known: Float[np.ndarray, "steps pieces"], data: Measured) -> Float[np.ndarray, "steps pieces"]:

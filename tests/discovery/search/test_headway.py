@@ -8,6 +8,7 @@ import pytest
 from rearl_jax.discovery.observe.closed_loop import simulated_error
 from rearl_jax.discovery.observe.fit import Fit
 from rearl_jax.discovery.observe.fit_state import new_state, replaced
+from rearl_jax.discovery.read.lasting import lasting
 from rearl_jax.discovery.read.training import halves
 from rearl_jax.discovery.report.error_block import Resampling
 from rearl_jax.discovery.report.variation import scored, variation_section
@@ -19,7 +20,7 @@ from rearl_jax.discovery.search.headway import (
     later_halves,
     time_gap_variation,
 )
-from rearl_jax.discovery.search.null import behind_noisy_drive, lasting
+from rearl_jax.discovery.search.null import behind_noisy_drive
 
 QUIET = 0.05
 """Noise of the acceleration of drivers whose time gap varies [m/s^2]."""
