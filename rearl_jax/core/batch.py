@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 from jax.extend.core import jaxpr_as_fun
 from jax.sharding import Mesh, NamedSharding, PartitionSpec
@@ -182,7 +183,10 @@ def _cut(leaf: Any, start: int, width: int, n_scenarios: int) -> Any:
     part = leaf[..., start : start + width]
     missing = width - part.shape[-1]
     # Joined, not fetched by indices, which takes longer than to compute with the values.
-    return part if not missing else np.concatenate([part, np.repeat(part[..., -1:], missing, axis=-1)], axis=-1)
+    if not missing:
+        return part
+    join = jnp.concatenate if isinstance(part, jax.Array) else np.concatenate  # NumPy cannot join random keys
+    return join([part, *[part[..., -1:]] * missing], axis=-1)
 
 
 def _last_axis(leaf: jax.Array | jax.ShapeDtypeStruct | np.ndarray, *, divided: bool) -> PartitionSpec:

@@ -94,6 +94,13 @@ def test_map_joins_any_number_of_scenarios_in_order(n_scenarios):
     np.testing.assert_array_equal(result["sum"], tree["a"].sum(0) + tree["b"])
 
 
+def test_map_takes_random_keys():
+    keys = jax.random.split(jax.random.key(3), 9)
+    drawn = ScenarioMap(jax.vmap(jax.random.uniform), chunk=2)(keys)
+    assert len(set(drawn.tolist())) == 9
+    np.testing.assert_allclose(drawn, jax.vmap(jax.random.uniform)(keys), rtol=1e-6)
+
+
 def test_map_compiles_once():
     traced = []
 

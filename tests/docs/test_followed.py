@@ -31,19 +31,28 @@ def documented_columns():
 
     On the page of result files, those that may be missing stand behind a semicolon.
     """
+    from rearl_jax.config.driver import MODELS
     from rearl_jax.metrics import METRICS
 
+    parameters = {
+        parameter.name + end for model in MODELS.values() for parameter in model.parameters for end in ("", "_log_sd")
+    }
     found, task = {}, ""
     for line in (DOCS / "reference" / "results.md").read_text(encoding="utf-8").splitlines():
         if line.startswith("## "):
             task = line.removeprefix("## rearl ")
         elif row := re.fullmatch(r"\| `(\w+)\.parquet` \| .+? \| (.+) \|", line):
             always, every = (
-                [re.sub(r"[A-Z]+", r"\\d+", name) for name in re.findall(r"`(\w+)`", part) if name != "_n"]
+                [
+                    re.sub(r"[A-Z]+", r"\\d+", name)
+                    for name in re.findall(r"`(\w+)`", part)
+                    if name not in ("_n", "_log_sd")
+                ]
                 for part in (row[2].partition(";")[0], row[2])
             )
             metrics = [name + end for name in METRICS for end in ("", "_n")] if "metrics.md" in row[2] else []
-            found[task, row[1]] = always + metrics, every + metrics
+            driver = parameters if "car-following.md" in row[2] else []
+            found[task, row[1]] = [*always, *metrics], [*every, *metrics, *driver]
     assert len(found) > 15
     return found
 
