@@ -40,6 +40,9 @@ log = logging.getLogger(__name__)
 
 NULL_TABLE = "null"
 
+LATER_REPLICATES = 12
+"""Simulated drives per null distribution once effects are added; its mean is then known to 0.3 standard deviations."""
+
 
 @dataclass(frozen=True)
 class BestSearch:
@@ -82,8 +85,8 @@ def _with_best_model(
     """Search with the car-following model that fits best, and a test of the effects found in other models.
 
     The search is repeated with another model in two cases: that model fits significantly better with the effects found
-    and simulations do not speak against it, or it explains the drivers by named effects where this one leaves a free
-    curve or a doubtful name.
+    and simulations do not speak against it, or it surely predicts better and explains by named effects what this one
+    leaves to a free curve or a doubtful name.
     """
     seed = config.discover.seed
     if len(priors) == 1:
@@ -114,7 +117,7 @@ def _with_best_model(
         named_adequacy = adequacy(other, named, seed)
         if names_more(before, named, named_adequacy, prediction_of(other, named), seed):
             log.info(
-                "with %s, the effects found have names, and the check drivers are predicted at least as well",
+                "with %s, the effects found have names, and the check drivers are predicted better",
                 prior.name,
             )
             comparison = comparison.going_on_with(prior)
@@ -136,7 +139,7 @@ def _first_round(
         other,
         parts.fitted,
         parts.checked,
-        lambda _: outcome.null,
+        lambda *_: outcome.null,
         _reported(bar, words),
         lane_changes=config.discover.lane_changes,
         excluded=frozenset({*excluded, CLOCK_OFFSET}),
@@ -167,12 +170,14 @@ def _search(
     report = _reported(bar, label)
     replicates = shown(bar, f"{label}simulated nulls")
 
-    def null_for(base: Fit) -> Null:
-        if study is not None and study.owns(NULL_TABLE):  # stored by an interrupted run
-            return tables.read_null(study.path / f"{NULL_TABLE}.parquet")
-        null = null_of(solver, base.state, base.noise, options.replicates, options.seed, replicates)
-        if study is not None:
-            study.write_table(NULL_TABLE, tables.null_table(null), seeds=f"discover.seed={options.seed}")
+    def null_for(base: Fit, n_added: int) -> Null:
+        store = study if not n_added else None
+        if store is not None and store.owns(NULL_TABLE):  # stored by an interrupted run
+            return tables.read_null(store.path / f"{NULL_TABLE}.parquet")
+        n = min(options.replicates, LATER_REPLICATES) if n_added else options.replicates
+        null = null_of(solver, base.state, base.noise, n, options.seed, replicates)
+        if store is not None:
+            store.write_table(NULL_TABLE, tables.null_table(null), seeds=f"discover.seed={options.seed}")
         return null
 
     outcome = search(

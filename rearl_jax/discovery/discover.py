@@ -243,7 +243,9 @@ def _effects(
         if not outcome.is_stated(trial) or not is_on(trial, theta, own, outcome.layout, confidence):
             continue
         reliability = doubtful if outcome.is_doubtful(trial) else highest
-        effects.append(named_trial(trial, rivals, theta, own, outcome.layout, confidence, reliability))
+        claim = named_trial(trial, rivals, theta, own, outcome.layout, confidence, reliability)
+        if claim.confidence >= THRESHOLDS.least_confidence:
+            effects.append(claim)
     return effects
 
 

@@ -213,6 +213,9 @@ class Thresholds:
     """Upper bound of the confidence in an effect if a dependence on its variables, or more than noise, remains [-].
     """
 
+    least_confidence: float = 0.05
+    """Lowest confidence of a stated effect [-]; with a lower one, another candidate is far more likely."""
+
     most_confidence: float = 0.98
     """Upper bound of a stated confidence [-], as reached by the procedure on generated data."""
 

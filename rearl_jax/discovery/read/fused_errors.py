@@ -7,12 +7,12 @@ that it has not. Drives that are simulated without missing effects are therefore
 Source: errors in variables, Fuller, Measurement Error Models (1987), chapter 1.
 """
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
-from scipy.optimize import nnls
+from scipy.optimize import nnls, root_scalar
 
 from rearl_jax.discovery.read.lasting import lasting
 from rearl_jax.discovery.read.smoothing import low_pass
@@ -26,6 +26,9 @@ LEAST_LAGS = 7
 TIMES = (5.0, 10.0, 20.0, 40.0, 80.0)
 """Tested correlation times of lasting errors [s]."""
 
+LONGEST_SPEED_TIME = 2.0
+"""Longest correlation time of errors of the speed [s]; slower ones cannot be told from driving."""
+
 LEAST_WINDOWS = 30
 """Smallest number of independent differences at a lag; longer lags are not used."""
 
@@ -38,7 +41,8 @@ class FusedErrors:
         white: Standard deviation of the white errors of the position [m].
         lasting: Standard deviation of its errors that last [m].
         time: Correlation time of the lasting errors [s].
-        walk: Standard deviation of the integrated errors of the speed after one second [m/s^0.5].
+        walk: Standard deviation of the integrated errors of the speed, over the root of the time [m/s^0.5].
+        speed_time: Correlation time of the errors of the speed [s]; 0 if they are white.
         cut_off: Angular frequency below which the position is used, and above which the integrated speed [rad/s].
     """
 
@@ -46,16 +50,25 @@ class FusedErrors:
     lasting: float
     time: float
     walk: float
+    speed_time: float
     cut_off: float
 
     def drawn(self, shape: tuple[int, int], dt: float, rng: np.random.Generator) -> Float[np.ndarray, "steps pieces"]:
         """Realisations [m], one for each piece."""
         of_position = lasting(self.lasting, self.time, shape, dt, rng) + self.white * rng.standard_normal(shape)
-        of_speed = self.walk * np.sqrt(dt) * np.cumsum(rng.standard_normal(shape), axis=0)
+        kept = np.exp(-dt / self.speed_time) if self.speed_time else 0.0
+        size = self.walk * np.sqrt((1 - kept) / (1 + kept) / dt)
+        speed = lasting(size, self.speed_time, shape, dt, rng) if kept else size * rng.standard_normal(shape)
+        of_speed = dt * np.cumsum(speed, axis=0)
         return of_speed + low_pass(of_position - of_speed, dt, self.cut_off)
 
 
-def fused_errors(differences: Iterable[Float[np.ndarray, " steps"]], dt: float, cut_off: float) -> FusedErrors | None:
+def fused_errors(
+    differences: Sequence[Float[np.ndarray, " steps"]],
+    speeds: Sequence[Float[np.ndarray, " steps"]],
+    dt: float,
+    cut_off: float,
+) -> FusedErrors | None:
     """Errors from each track's position minus its integrated speed [m]; None if the tracks are too short.
 
     Second differences are used, because a constant error of the speed adds a constant slope. Their variance at a lag L
@@ -63,18 +76,17 @@ def fused_errors(differences: Iterable[Float[np.ndarray, " steps"]], dt: float, 
 
     Args:
         differences: Position minus integrated speed of each track.
+        speeds: Measured speed of each track [m/s].
         dt: Time step [s].
         cut_off: Angular frequency at which the two were fused [rad/s].
     """
-    tracks, lags, variances, windows = list(differences), [], [], []
+    lags, variances, windows = [], [], []
     for lag in LAGS:
         step = max(1, round(lag / dt))
-        second = [track[2 * step :] - 2 * track[step:-step] + track[: -2 * step] for track in tracks]
-        values = np.concatenate([np.empty(0), *second])
+        values = _second_differences(differences, step)
         if len(values) < LEAST_WINDOWS * step:
             break
-        # From the median, because positions jump where a receiver loses satellites.
-        variances.append((float(np.median(np.abs(values))) / 0.6745) ** 2)
+        variances.append(_variance(values))
         lags.append(step * dt)
         windows.append(len(values) / step)
     if len(lags) < LEAST_LAGS or min(variances) <= 0:
@@ -88,5 +100,38 @@ def fused_errors(differences: Iterable[Float[np.ndarray, " steps"]], dt: float, 
         parts = np.stack([np.full_like(lag, 6.0), 2 * (3 - 4 * kept + kept**2), 2 * lag], axis=1)
         squares, misfit = nnls(parts * scale[:, None], weight)
         white, size, walk = np.sqrt(squares).tolist()
-        fits.append((float(misfit), FusedErrors(white, size, time, walk, cut_off)))
-    return min(fits, key=lambda fit: fit[0])[1]
+        fits.append((float(misfit), white, size, time, walk))
+    _, white, size, time, walk = min(fits)
+    speed_time = _speed_time(walk, _variance(_second_differences(speeds, 1)), dt)
+    return FusedErrors(white, size, time, walk, speed_time, cut_off)
+
+
+def _speed_time(walk: float, variance: float, dt: float) -> float:
+    """Correlation time of the errors of the speed [s], from their growth and the variance of their second differences
+    over one time step [m^2/s^2]. Drivers change the acceleration slowly, so nearly all of this variance is of errors.
+
+    An error of variance s^2, of which a share k is kept from step to step, has second differences of variance
+    2 s^2 (1 - k) (3 - k), and its integral grows by s^2 dt^2 (1 + k) / (1 - k) per time step.
+    """
+
+    def excess(kept: float) -> float:
+        return 2 * walk**2 / dt * (1 - kept) ** 2 * (3 - kept) / (1 + kept) - variance
+
+    if excess(0.0) <= 0:
+        return 0.0
+    most = float(np.exp(-dt / LONGEST_SPEED_TIME))
+    if excess(most) >= 0:
+        return LONGEST_SPEED_TIME
+    return -dt / float(np.log(root_scalar(excess, bracket=(0.0, most)).root))
+
+
+def _second_differences(tracks: Sequence[Float[np.ndarray, " steps"]], step: int) -> Float[np.ndarray, " differences"]:
+    """Second differences over a number of time steps, of all tracks."""
+    return np.concatenate(
+        [np.empty(0), *(track[2 * step :] - 2 * track[step:-step] + track[: -2 * step] for track in tracks)]
+    )
+
+
+def _variance(values: Float[np.ndarray, " differences"]) -> float:
+    """Variance from the median of sizes, because positions jump where a receiver loses satellites."""
+    return (float(np.median(np.abs(values))) / 0.6745) ** 2

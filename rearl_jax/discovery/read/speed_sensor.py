@@ -71,7 +71,14 @@ def with_fast_speeds(table: Thinned) -> Thinned:
 
 def errors_of_positions(tables: Sequence[Thinned]) -> FusedErrors | None:
     """Errors of positions that take their high-frequency part from the speeds; None if the tracks are too short."""
-    return fused_errors((position - driven for position, driven in _tracks(tables)), tables[0][1], DRIFT)
+    dt = tables[0][1]
+    differences = [position - driven for position, driven in _tracks(tables)]
+    speeds = [
+        table["speed"].to_numpy()[start:stop]
+        for table, _ in tables
+        for start, stop in zip(*track_bounds(table), strict=True)
+    ]
+    return fused_errors(differences, speeds, dt, DRIFT)
 
 
 def _tracks(

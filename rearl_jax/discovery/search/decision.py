@@ -14,6 +14,9 @@ from rearl_jax.discovery.observe.uncertainty import complexity_penalty
 from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.thresholds import THRESHOLDS
 
+OF_FOLLOWER = frozenset({"follower_gap", "follower_approach_rate"})
+"""Variables that depend on the vehicle behind."""
+
 
 @dataclass(frozen=True)
 class Trial:
@@ -56,8 +59,15 @@ class Trial:
 
     @property
     def overall(self) -> float:
-        """Total gain of one-step predictions and simulations with equal weight [nats]."""
-        return self.total + (0.0 if self.simulated is None else float(self.simulated.sum()))
+        """Total gain of one-step predictions and simulations with equal weight [nats].
+
+        A vehicle behind follows the recorded drive, so a simulated driver who responds to it stays near the record in
+        any case: with such candidates, only worse simulations count.
+        """
+        of_simulations = 0.0 if self.simulated is None else float(self.simulated.sum())
+        if OF_FOLLOWER & set(self.candidate.variables):
+            of_simulations = min(of_simulations, 0.0)
+        return self.total + of_simulations
 
     def beats(self, other: "Trial") -> bool:
         """True if the overall gain exceeds that of another trial by more than `indistinct_total`."""

@@ -12,7 +12,7 @@ from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.search.adequacy import Adequacy
 from rearl_jax.discovery.search.decision import bounded_gains
 from rearl_jax.discovery.search.procedure import Search, is_free
-from rearl_jax.discovery.search.simulation import share_worse, simulated_gains
+from rearl_jax.discovery.search.simulation import resampled_means, share_worse, simulated_gains
 from rearl_jax.discovery.thresholds import THRESHOLDS
 
 
@@ -50,15 +50,20 @@ def is_explained(outcome: Search, adequacy: Adequacy) -> bool:
 
 
 def predicts_better(before: Prediction, after: Prediction, seed: int) -> bool:
-    """True if a search with another model predicts the check drivers better, one time step ahead and in simulations
-    taken together, and its simulations are not significantly worse.
+    """True if a search with another model surely predicts the check drivers better, one time step ahead and in
+    simulations taken together, and its simulations are not significantly worse.
     """
     gains = bounded_gains(after.log_likelihood - before.log_likelihood, after.data)
     of_simulations = simulated_gains(before.gap_error, after.gap_error, after.data)
     worse = share_worse(before.gap_error, after.gap_error, THRESHOLDS.borne_growth, seed)
-    return float(gains.sum() + of_simulations.sum()) > 0 and worse < THRESHOLDS.rejection_share
+    better = (resampled_means(gains + of_simulations, seed) > 0).mean()
+    return bool(better >= THRESHOLDS.base_confidence and worse < THRESHOLDS.rejection_share)
 
 
 def names_more(before: Prediction, named: Search, adequacy: Adequacy, after: Prediction, seed: int) -> bool:
-    """True if a search with another model explains the drivers by at least one named effect and predicts better."""
-    return bool(named.added) and is_explained(named, adequacy) and predicts_better(before, after, seed)
+    """True if a search with another model explains the drivers by effects of drivers or roads alone, by at least one,
+    and predicts better. An artefact of the recording that shows with that model only speaks against the model.
+    """
+    kinds = {trial.candidate.kind for trial in named.added}
+    is_named = bool(kinds) and kinds <= {"driver", "road"}
+    return is_named and is_explained(named, adequacy) and predicts_better(before, after, seed)

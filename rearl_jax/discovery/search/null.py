@@ -143,9 +143,28 @@ def response_of_follower(
     return np.asarray(lfilter(*bilinear(above, below, 1 / dt), displacement, axis=0))
 
 
+def matched_noise(solver: Solver, state: FitState, noise: Noise, rng: np.random.Generator) -> Noise:
+    """The drivers' noise for which simulated innovations vary as much as measured ones, or as the fitted noise makes
+    them vary if that is more.
+
+    The noise was fitted to drives whose positions have errors, so it accounts for these errors too. If positions were
+    fused with speeds, the errors are drawn separately and must not count twice.
+    """
+    if state.data.fused_errors is None:
+        return noise
+    exact, still = replace(state, data=replace(state.data, fused_errors=None)), replace(noise, acceleration=0.0)
+    simulated = [simulate_again(solver, *each, rng) for each in ((state, noise), (exact, noise), (state, still))]
+    measured, both, without, errors = (
+        float((innovation**2 * state.data.weight).sum()) for innovation in solver.innovations([state, *simulated])
+    )
+    share = np.clip((max(measured, without) - errors) / max(both - errors, 1e-12), 0.0, 1.0)
+    return replace(noise, acceleration=noise.acceleration * float(np.sqrt(share)))
+
+
 def noise_alone(solver: Solver, state: FitState, noise: Noise, replicates: int, seed: int) -> Iterator[list[FitState]]:
     """Simulated drives of a calibrated state without missing effects, calibrated again in batches."""
     group = max(1, AT_ONCE // max(1, len(state.data.driver)))
+    noise = matched_noise(solver, state, noise, np.random.default_rng([seed, replicates]))
     for first in range(0, replicates, group):
         states = [
             simulate_again(solver, state, noise, np.random.default_rng([seed, replicate]))

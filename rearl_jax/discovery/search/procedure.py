@@ -3,7 +3,7 @@ them on other drivers, add the best one.
 """
 
 import logging
-from collections.abc import Callable, Collection
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import partial
 from itertools import takewhile
@@ -22,8 +22,6 @@ from rearl_jax.discovery.search.clock_check import ClockCheck, check_clocks, cor
 from rearl_jax.discovery.search.decision import (
     Trial,
     believed,
-    copies_leader,
-    indistinguishable,
     is_of_numerics,
     lane_change_trials,
     trial_of,
@@ -31,6 +29,7 @@ from rearl_jax.discovery.search.decision import (
 from rearl_jax.discovery.search.families import confounded, with_families
 from rearl_jax.discovery.search.null import Null
 from rearl_jax.discovery.search.refit import nested, rebased, refit
+from rearl_jax.discovery.search.round import Round, is_significant
 from rearl_jax.discovery.search.screen import Score, clock_evidence, evidences, scores
 from rearl_jax.discovery.search.simulation import is_wrong_lens, makes_simulations_worse, simulated
 from rearl_jax.discovery.thresholds import THRESHOLDS
@@ -45,64 +44,13 @@ most of it, so the score at a delay of zero understates it.
 Report = Callable[[str, int, int], None]
 
 
-@dataclass(frozen=True)
-class Round:
-    """One round of the search: the candidates are screened, and the best one that is accepted is added to the model.
-
-    Attributes:
-        base: The model at the beginning of the round.
-        evidence: Evidence for every candidate [nats].
-        excess: Evidence for every candidate above the null's mean [nats].
-        z_score: The excess in standard deviations of the null [-].
-        exceeding: Candidates whose evidence exceeds chance, with their families.
-        trials: All candidates that were fitted.
-        accepted: Accepted trials, the best first.
-        clock_z_score: As `z_score`, for clock offsets.
-        contradicted: Trials that the innovations support and simulations contradict.
-    """
-
-    base: Fit
-    evidence: dict[Term, float]
-    excess: dict[Term, float]
-    z_score: dict[Term, float]
-    exceeding: frozenset[Term]
-    trials: list[Trial]
-    accepted: list[Trial]
-    clock_z_score: float = 0.0
-    contradicted: list[Trial] = field(default_factory=list)
-
-    @property
-    def chosen(self) -> Trial | None:
-        """The trial whose candidate is added; None if no trial is accepted."""
-        return self.accepted[0] if self.accepted else None
-
-    @property
-    def possible(self) -> list[Trial]:
-        """All trials that simulations do not contradict."""
-        denied = {trial.candidate.term for trial in self.contradicted}
-        return [trial for trial in self.trials if trial.candidate.term not in denied]
-
-    @property
-    def is_beaten(self) -> bool:
-        """True if a significant trial that was not added is better than the added one."""
-        chosen = self.chosen
-        return chosen is not None and any(
-            trial.beats(chosen) and _is_significant(trial, self.exceeding) for trial in self.possible
-        )
-
-    @property
-    def alternatives(self) -> list[Trial]:
-        """Trials that the data cannot distinguish from the added one."""
-        return indistinguishable(self.accepted)[1:] if self.accepted else []
-
-
 @dataclass
 class Search:
     """Result of a search, round by round.
 
     Attributes:
         layout: The candidates and their parameters.
-        null: Distribution of the evidence if no effect is missing.
+        null: Distribution of the evidence under the calibrated model if no effect is missing.
         first_scores: Scores of all candidates under the calibrated model.
         checked: The checked drivers, with corrected clocks if those of the fitted drivers were corrected.
         clocks: Clock offsets that the data were corrected for; None without a correction.
@@ -218,7 +166,7 @@ def search(
     solver: Solver,
     fitted: Measured,
     checked: Measured,
-    null_for: Callable[[Fit], Null],
+    null_for: Callable[[Fit, int], Null],
     report: Report,
     *,
     lane_changes: bool = True,
@@ -232,7 +180,7 @@ def search(
         solver: Solver of the car-following model.
         fitted: Drivers that all models are fitted to.
         checked: Other drivers, for the check.
-        null_for: Function from the calibrated model to its null distribution.
+        null_for: Function from a calibrated model and the number of effects added to it to its null distribution.
         report: Called with a description of the present step, the number of its parts done, and that of all parts.
         lane_changes: Whether the calibrated model contains the effects of lane changes.
         calibrated: The calibrated model if it is known; None to calibrate it.
@@ -243,7 +191,7 @@ def search(
     of_lanes = calibrated or base_of(solver, fitted, lane_changes=lane_changes)
     base = of_lanes.fit
     all_drivers = joint_fit(solver, base, checked)
-    null = null_for(all_drivers)
+    null = null_for(all_drivers, 0)
     (seen,) = scores(solver, [all_drivers.state])
     outcome = Search(solver.layout, null, seen, checked, excluded=excluded)
     outcome.lane_changes = lane_change_trials(solver, of_lanes, checked)
@@ -253,7 +201,7 @@ def search(
         report("comparing clocks", 0, 1)
         clocks = check_clocks(solver, base, checked)
     while len(outcome.added) <= THRESHOLDS.most_effects:
-        turn = _round(solver, base, all_drivers.state, seen, outcome, report)
+        turn = _round(solver, base, all_drivers.state, seen, null, outcome, report)
         corrected = None
         if clocks is not None and not outcome.rounds and (turn.chosen is None or clocks.total > turn.chosen.total):
             corrected = base_of(solver, clocks.fitted, lane_changes=lane_changes)
@@ -279,6 +227,9 @@ def search(
             base = turn.chosen.fit
         all_drivers = joint_fit(solver, base, outcome.checked)
         (seen,) = scores(solver, [all_drivers.state])
+        if outcome.added and fitted.fused_errors is not None:
+            # What the added effect explains had counted as drivers' noise, beside which errors of positions show less.
+            null = null_for(all_drivers, len(outcome.added))
     return outcome
 
 
@@ -288,10 +239,16 @@ def in_time(solver: Solver, outcome: Search, data: Measured) -> Measured:
 
 
 def _round(
-    solver: Solver, base: Fit, all_drivers: FitState, seen: dict[Term, Score], outcome: Search, report: Report
+    solver: Solver,
+    base: Fit,
+    all_drivers: FitState,
+    seen: dict[Term, Score],
+    null: Null,
+    outcome: Search,
+    report: Report,
 ) -> Round:
-    """The next round, from a model and its scores."""
-    layout, null, added = solver.layout, outcome.null, outcome.added
+    """The next round, from a model, its scores and their null distribution."""
+    layout, added = solver.layout, outcome.added
     report(f"searching for effects, round {len(added) + 1}", 0, 1)
     excluded = {EARLY_LEADER, *base.state.active, *outcome.excluded - {CLOCK_OFFSET}}
     remaining = {CLOCK_OFFSET, *layout.candidates} - excluded
@@ -320,7 +277,7 @@ def _round(
             for (term, fit), other in zip(fits.items(), others, strict=True)
         ]
         accepted = believed(
-            [trial for trial in trials if _is_significant(trial, exceeding) and _is_additional(trial, added)]
+            [trial for trial in trials if is_significant(trial, exceeding) and _is_additional(trial, added)]
         )
         # A candidate is added only after all candidates that it is easily confused with have been tried.
         accepted, contradicted = simulated(solver, other_base, accepted)
@@ -330,13 +287,6 @@ def _round(
         if tried <= fits.keys():
             z_score |= {trial.candidate.term: 0.0 for trial in trials if is_of_numerics(trial)}
             return screened(base=base, exceeding=exceeding, trials=trials, accepted=accepted, contradicted=contradicted)
-
-
-def _is_significant(trial: Trial, exceeding: Collection[Term]) -> bool:
-    """True if a candidate exceeds chance in the screen, or if its total gain after the fit is large enough."""
-    return not (is_of_numerics(trial) or copies_leader(trial)) and (
-        trial.candidate.term in exceeding or trial.total > THRESHOLDS.total_below_z_score
-    )
 
 
 def _is_additional(trial: Trial, added: list[Trial]) -> bool:

@@ -64,7 +64,7 @@ def is_contradicted(gains: Float[np.ndarray, " drivers"], borne: Float[np.ndarra
 
     The contribution of each driver is bounded, so that one driver with a failed simulation does not decide.
     """
-    return bool((_means(gains - borne, seed) < 0).mean() > THRESHOLDS.contradiction_share)
+    return bool((resampled_means(gains - borne, seed) < 0).mean() > THRESHOLDS.contradiction_share)
 
 
 def makes_simulations_worse(solver: Solver, before: FitState, after: FitState) -> bool:
@@ -98,10 +98,10 @@ def share_worse(
     """Share of resamples of drivers in which the squared error grows by more than the share `borne` of its value before
     [-].
     """
-    return float((_means(after**2 - before**2, seed) > borne * (before**2).mean()).mean())
+    return float((resampled_means(after**2 - before**2, seed) > borne * (before**2).mean()).mean())
 
 
-def _means(values: Float[np.ndarray, " drivers"], seed: int) -> Float[np.ndarray, " draws"]:
+def resampled_means(values: Float[np.ndarray, " drivers"], seed: int) -> Float[np.ndarray, " draws"]:
     """Means over resamples of drivers."""
     drawn = np.random.default_rng(seed).integers(0, len(values), (DRAWS, len(values)))
     return values[drawn].mean(axis=1)

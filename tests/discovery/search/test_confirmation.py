@@ -86,7 +86,7 @@ def test_the_round_is_repeated_without_a_distortion_that_simulations_deny(solver
     found = search_that_added(solver, calibrated, ("lens", 0.0))
     turns, excluded = [found.rounds[0], replace(found.rounds[0], accepted=[])], []
 
-    def round_of(solver, base, drivers, seen, outcome, report):
+    def round_of(solver, base, drivers, seen, null, outcome, report):
         excluded.append(outcome.excluded)
         return turns[len(excluded) - 1]
 
@@ -96,6 +96,6 @@ def test_the_round_is_repeated_without_a_distortion_that_simulations_deny(solver
     monkeypatch.setattr(f"{module}.clock_evidence", lambda *_: -1e9)
     null = Null({CLOCK_OFFSET: 0.0}, {CLOCK_OFFSET: 1.0}, 1)
     fitted = Base(found.first)
-    outcome = search(solver, found.checked, found.checked, lambda _: null, lambda *_: None, calibrated=fitted)
+    outcome = search(solver, found.checked, found.checked, lambda *_: null, lambda *_: None, calibrated=fitted)
     assert excluded == [frozenset(), frozenset({LENS})]
     assert not outcome.added

@@ -53,6 +53,14 @@ def test_names_are_preferred_where_they_predict_as_well(solver, calibrated, gain
     before, after = Prediction(np.zeros(n), np.ones(n), data), Prediction(np.full(n, gain / n), np.full(n, error), data)
     assert names_more(before, named, left(is_enough=True), after, 0) is expected
     assert not names_more(before, named, left(is_enough=False), after, 0)
+    turn = named.rounds[0]
+    artefact = replace(turn.accepted[0], candidate=replace(turn.accepted[0].candidate, kind="artefact"))
+    distorted = replace(named, rounds=[replace(turn, accepted=[artefact]), *named.rounds[1:]])
+    assert not names_more(before, distorted, left(is_enough=True), after, 0)
+    uneven = np.where(np.arange(n) == 0, 1.5 * n, -1.0) * np.sign(gain)
+    assert (uneven.sum() > 0) == (gain > 0)
+    unsure = replace(after, log_likelihood=uneven, gap_error=np.ones(n))
+    assert not names_more(before, named, left(is_enough=True), unsure, 0), "one driver decides"
 
 
 def test_another_search_without_names_is_not_preferred(solver, calibrated):

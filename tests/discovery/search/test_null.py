@@ -7,7 +7,7 @@ import pytest
 
 from rearl_jax.discovery.observe.fit_state import new_state
 from rearl_jax.discovery.read.fused_errors import FusedErrors
-from rearl_jax.discovery.search.null import measured_again, response_of_follower, simulate_again
+from rearl_jax.discovery.search.null import matched_noise, measured_again, response_of_follower, simulate_again
 
 DT = 0.1
 
@@ -44,7 +44,7 @@ def test_the_vehicle_behind_follows_the_simulated_drive(solver, calibrated):
 
 def test_fused_positions_of_all_vehicles_have_errors_of_their_own(solver, calibrated):
     state, _ = calibrated
-    data = replace(state.data, fused_errors=FusedErrors(0.1, 0.5, 20.0, 0.03, 0.3))
+    data = replace(state.data, fused_errors=FusedErrors(0.1, 0.5, 20.0, 0.03, 0.0, 0.3))
     again = measured_again(data, data.smooth, np.random.default_rng(0))
     led = data.surroundings.has_leader > 0
     own, leader = again.y - data.smooth, again.surroundings.leader_rear - data.surroundings.leader_rear
@@ -57,3 +57,20 @@ def test_fused_positions_of_all_vehicles_have_errors_of_their_own(solver, calibr
         solver, new_state(data, solver.layout, calibrated[1]), calibrated[1], np.random.default_rng(2)
     )
     assert not np.allclose(simulated.pieces.seen.leader_rear, state.pieces.seen.leader_rear)
+
+
+def test_errors_that_are_drawn_separately_do_not_count_as_drivers_noise(solver, calibrated):
+    state, noise = calibrated
+    assert matched_noise(solver, state, noise, np.random.default_rng(0)) == noise
+    data = replace(state.data, fused_errors=FusedErrors(0.0, 0.05, 20.0, 0.003, 0.0, 0.3))
+    fused = replace(state, data=data)
+    less = matched_noise(solver, fused, noise, np.random.default_rng(0))
+    assert replace(less, acceleration=noise.acceleration) == noise
+    assert 0 < less.acceleration < 0.95 * noise.acceleration
+    again = simulate_again(solver, fused, less, np.random.default_rng(3))
+    measured, simulated, unmatched = solver.innovations(
+        [fused, again, simulate_again(solver, fused, noise, np.random.default_rng(3))]
+    )
+    counts = data.weight > 0
+    assert simulated[counts].std() == pytest.approx(measured[counts].std(), rel=0.1)
+    assert unmatched[counts].std() > simulated[counts].std()

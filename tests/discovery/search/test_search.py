@@ -19,8 +19,9 @@ from rearl_jax.discovery.search import decision, families
 from rearl_jax.discovery.search.adequacy import Adequacy
 from rearl_jax.discovery.search.clock_check import ClockCheck
 from rearl_jax.discovery.search.null import Null, simulate_again, summarise
-from rearl_jax.discovery.search.procedure import Round, Search
+from rearl_jax.discovery.search.procedure import Search
 from rearl_jax.discovery.search.refit import nested
+from rearl_jax.discovery.search.round import Round
 from rearl_jax.discovery.search.screen import evidences, scores
 from rearl_jax.discovery.search.simulation import is_contradicted, simulated_gains
 from rearl_jax.discovery.thresholds import THRESHOLDS
