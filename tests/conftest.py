@@ -20,7 +20,7 @@ given out first, in this order, and the folders of `LONG` after them, so that no
 LONG = ("core", "discovery", "sweep", "baselines", "docs", "llm", "report")
 
 COMPILED = Path(__file__).parents[1] / ".pytest_cache" / "compiled"
-"""Where the tests keep compiled programs, for one another and for the next run: most of their time is compiling."""
+"""Folder of compiled programs, kept for other tests and the next run: most of the time of a test is compiling."""
 MAPPED = Path("/proc/self/maps")
 MOST_MAPPED = 32_000
 """Memory mappings of a process from which on compiled programs are given up: half of what Linux allows it by default

@@ -17,7 +17,7 @@ ELSEWHERE = frozenset({"llm", "gpu"})
 SETTINGS = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["tool"]["pytest"]["ini_options"]
 MARKS = [line.partition(":")[0].strip() for line in SETTINGS["markers"]]
 SUBSETS = [frozenset(some) for n in range(len(MARKS) + 1) for some in combinations(MARKS, n)]
-"""Whatever marks one test can bear."""
+"""All sets of marks that one test can bear."""
 
 
 def shell_lines(text):

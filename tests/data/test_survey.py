@@ -104,7 +104,7 @@ FOUND = {
         "leader_id".split()
     },
 }
-"""What each column of the ten tables is, with its unit; what is not named is nothing canonical."""
+"""Each column of the ten tables with its unit; columns that are not named are nothing canonical."""
 
 LAYOUTS = {
     "drone_kmh.csv": ("Windows-1252 (not certain)", "semicolon", "decimal comma"),

@@ -15,7 +15,7 @@ FACTORS = (3.28084, 3.6, 25.0)
 """Feet in a metre, km/h in m/s, frames in a second."""
 
 UNKNOWN = ("nan", "NaN", "-nan", "", "inf", "-inf", "NA", "null", "None", "#N/A")
-"""What writers put where they know no number."""
+"""Entries that writers put in place of an unknown number."""
 
 ODD = (
     *UNKNOWN,

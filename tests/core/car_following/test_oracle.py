@@ -28,7 +28,7 @@ RANGES = {
     "approach_gain": (0.02, 2.0),
     "speed_gain": (0.05, 2.0),
 }
-"""Where the parameters are drawn from, wide enough for stable and unstable platoons."""
+"""Ranges that the parameters are drawn from, wide enough for stable and unstable platoons."""
 
 GAPS = (-6.0, -5.0, -0.3, 0.0, 1e-9, 0.3, 0.5, 0.51, 2.0, 9.0, 40.0, 300.0)
 SPEEDS = (-3.0, -1e-6, 0.0, 1e-9, 0.4, 5.0, 14.0, 27.0, 50.0)

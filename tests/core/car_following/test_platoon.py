@@ -31,7 +31,7 @@ DIP = 0.02
 N_WAVES = 2
 N_SECONDS = 230
 FREQUENCIES = np.linspace(0.15, 2.0, 500)
-"""Where the most amplified frequency is looked for [rad/s]; below, everything passes unchanged."""
+"""Frequencies among which the most amplified one is searched [rad/s]; below, everything passes unchanged."""
 
 UNSTABLE, STABLE = "unstable", "stable"
 
@@ -51,7 +51,7 @@ CASES = {
     "gipps": {STABLE: {}},
     "krauss": {UNSTABLE: {"comfort_decel": 15.0, "time_gap": 1.5}},
 }
-"""What differs from the usual values; one program per model, with its cases side by side."""
+"""Parameters that differ from the usual values; one program per model, with its cases side by side."""
 
 HASTE = {"xla_backend_optimization_level": 0}
 """Options of the compiler, which takes longer than the simulation."""

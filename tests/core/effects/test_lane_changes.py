@@ -24,7 +24,7 @@ NAMES = ("keep_right", "no_passing_on_the_right", "politeness", "moving_over", "
 NAMES += ("early_response",)
 THRESHOLD = 0.2
 NEAR = 1e-6
-"""How near to the predicted turn of a decision it is looked at."""
+"""Distance from the predicted turn of a decision at which it is tested."""
 
 
 def ratio(gap, v, dv):

@@ -73,7 +73,7 @@ ON = {
 NAMES = tuple(ON)
 CURVES = ("dependence", "time_gap_dependence")
 N_VALUES = {"dependence": 3, "time_gap_dependence": 3, "closed_course": 4}
-"""How many values those effects have that are made of several."""
+"""Number of values of the effects that have several."""
 
 KNOTS = (5.0, 15.0, 25.0)
 
