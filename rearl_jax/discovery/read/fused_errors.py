@@ -58,8 +58,7 @@ class FusedErrors:
         of_position = lasting(self.lasting, self.time, shape, dt, rng) + self.white * rng.standard_normal(shape)
         kept = np.exp(-dt / self.speed_time) if self.speed_time else 0.0
         size = self.walk * np.sqrt((1 - kept) / (1 + kept) / dt)
-        speed = lasting(size, self.speed_time, shape, dt, rng) if kept else size * rng.standard_normal(shape)
-        of_speed = dt * np.cumsum(speed, axis=0)
+        of_speed = dt * np.cumsum(lasting(size, self.speed_time, shape, dt, rng), axis=0)
         return of_speed + low_pass(of_position - of_speed, dt, self.cut_off)
 
 

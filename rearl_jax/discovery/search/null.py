@@ -69,8 +69,6 @@ def position_errors(
     noise: Noise, shape: tuple[int, int], dt: float, rng: np.random.Generator
 ) -> Float[np.ndarray, "steps pieces"]:
     """Realisations of the errors of measured positions [m]."""
-    if not noise.position_time:
-        return noise.position * rng.standard_normal(shape)
     return lasting(noise.position, noise.position_time, shape, dt, rng)
 
 
