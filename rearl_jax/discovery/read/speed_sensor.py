@@ -45,7 +45,7 @@ def has_speed_sensor(tables: Sequence[Thinned]) -> bool:
     """True if speeds are smoother than positions and are not a filter of the positions."""
     of_position, of_speed, dt = [], [], tables[0][1]
     reach = round(FILTER_TIME / dt)
-    for position, driven in _tracks(tables):
+    for position, _, driven in _tracks(tables):
         if len(position) * dt < LEAST_TIME:
             continue
         fast, other = (values - smoothed(values, dt, FAST)[0] for values in (position, driven))
@@ -65,31 +65,27 @@ def has_speed_sensor(tables: Sequence[Thinned]) -> bool:
 def with_fast_speeds(table: Thinned) -> Thinned:
     """The table with positions whose high-frequency part is the integrated speed."""
     rows, dt = table
-    fused = [driven + smoothed(position - driven, dt, DRIFT)[0] for position, driven in _tracks([table])]
+    fused = [driven + smoothed(position - driven, dt, DRIFT)[0] for position, _, driven in _tracks([table])]
     return rows.assign(position=np.concatenate(fused) if fused else rows["position"]), dt
 
 
 def errors_of_positions(tables: Sequence[Thinned]) -> FusedErrors | None:
     """Errors of positions that take their high-frequency part from the speeds; None if the tracks are too short."""
-    dt = tables[0][1]
-    differences = [position - driven for position, driven in _tracks(tables)]
-    speeds = [
-        table["speed"].to_numpy()[start:stop]
-        for table, _ in tables
-        for start, stop in zip(*track_bounds(table), strict=True)
-    ]
-    return fused_errors(differences, speeds, dt, DRIFT)
+    tracks = list(_tracks(tables))
+    differences, speeds = [position - driven for position, _, driven in tracks], [speed for _, speed, _ in tracks]
+    return fused_errors(differences, speeds, tables[0][1], DRIFT)
 
 
 def _tracks(
     tables: Sequence[Thinned],
-) -> Iterator[tuple[Float[np.ndarray, " steps"], Float[np.ndarray, " steps"]]]:
-    """Positions of each track [m], and the integral of its speeds since its start [m]."""
+) -> Iterator[tuple[Float[np.ndarray, " steps"], Float[np.ndarray, " steps"], Float[np.ndarray, " steps"]]]:
+    """Positions of each track [m], its speeds [m/s], and their integral since its start [m]."""
     for table, dt in tables:
         position, speed = table["position"].to_numpy(), table["speed"].to_numpy()
         for start, stop in zip(*track_bounds(table), strict=True):
             track_speed = speed[start:stop]
             yield (
                 position[start:stop],
+                track_speed,
                 np.concatenate([[0.0], np.cumsum((track_speed[1:] + track_speed[:-1]) / 2) * dt]),
             )
