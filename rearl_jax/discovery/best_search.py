@@ -20,7 +20,7 @@ from rearl_jax.discovery.comparison.dependence import (
     effects_in_other_models,
     without_bounds,
 )
-from rearl_jax.discovery.comparison.predictions import best_predicting
+from rearl_jax.discovery.comparison.predictions import predictive
 from rearl_jax.discovery.observe.base import Base
 from rearl_jax.discovery.observe.clocks import CLOCK_OFFSET
 from rearl_jax.discovery.observe.drivers import Prior
@@ -32,7 +32,8 @@ from rearl_jax.discovery.search.adequacy import Adequacy, adequacy
 from rearl_jax.discovery.search.confirmation import confirmed
 from rearl_jax.discovery.search.explanation import is_explained, names_more, prediction_of, predicts_better
 from rearl_jax.discovery.search.null import Null, null_of
-from rearl_jax.discovery.search.procedure import Report, Search, search
+from rearl_jax.discovery.search.outcome import Search
+from rearl_jax.discovery.search.procedure import NullFor, Report, search
 from rearl_jax.progress import shown
 from rearl_jax.results import Study
 
@@ -67,16 +68,21 @@ def best_search(
     config: DiscoverTask, study: Study | None, priors: Sequence[Prior], parts: Parts, bar: Progress, label: str
 ) -> BestSearch:
     """Search with the car-following model that fits best, and a test of the effects found in other models. Effects
-    that do not explain the drivers are kept only as far as they predict the check drivers.
+    that do not explain the drivers are kept only if they predict the check drivers better.
     """
     best = _with_best_model(config, study, priors, parts, bar, label)
     if is_explained(best.outcome, best.adequacy):
         return best
-    outcome = best_predicting(best.solver, best.outcome, config.discover.seed)
-    if outcome is best.outcome:
+    solver, options = best.solver, config.discover
+    null_for = _null_for(config, None, solver, bar, label)
+    outcome = predictive(solver, best.outcome, options.seed, null_for, _reported(bar, label))
+    if not outcome.unpredictive and len(outcome.added) == len(best.outcome.added):
         return best
-    log.info("predictions are best with %s of %s effects", len(outcome.added), len(best.outcome.added))
-    return replace(best, outcome=outcome, adequacy=adequacy(best.solver, outcome, config.discover.seed))
+    log.info("%s of %s effects predict other drivers better", len(outcome.added), len(best.outcome.added))
+    outcome = without_bounds(solver, outcome, parts.fitted)
+    others = () if best.comparison is None else best.comparison.others
+    model_tests = effects_in_other_models(solver, outcome, others, parts.fitted)
+    return replace(best, outcome=outcome, adequacy=adequacy(solver, outcome, options.seed), model_tests=model_tests)
 
 
 def _with_best_model(
@@ -168,26 +174,32 @@ def _search(
     """
     options = config.discover
     report = _reported(bar, label)
-    replicates = shown(bar, f"{label}simulated nulls")
-
-    def null_for(base: Fit, n_added: int) -> Null:
-        store = study if not n_added else None
-        if store is not None and store.owns(NULL_TABLE):  # stored by an interrupted run
-            return tables.read_null(store.path / f"{NULL_TABLE}.parquet")
-        n = min(options.replicates, LATER_REPLICATES) if n_added else options.replicates
-        null = null_of(solver, base.state, base.noise, n, options.seed, replicates)
-        if store is not None:
-            store.write_table(NULL_TABLE, tables.null_table(null), seeds=f"discover.seed={options.seed}")
-        return null
-
     outcome = search(
         solver,
         parts.fitted,
         parts.checked,
-        null_for,
+        _null_for(config, study, solver, bar, label),
         report,
         lane_changes=options.lane_changes,
         calibrated=calibrated,
     )
     report("reporting", 0, 1)
     return without_bounds(solver, confirmed(solver, outcome, options.seed), parts.fitted)
+
+
+def _null_for(config: DiscoverTask, study: Study | None, solver: Solver, bar: Progress, label: str) -> NullFor:
+    """Null distributions by simulated drives; the one without added effects is stored in the study."""
+    options = config.discover
+
+    def null_for(base: Fit, n_added: int) -> Null:
+        store = study if not n_added else None
+        if store is not None and store.owns(NULL_TABLE):  # stored by an interrupted run
+            return tables.read_null(store.path / f"{NULL_TABLE}.parquet")
+        replicates = shown(bar, f"{label}simulated nulls")
+        n = min(options.replicates, LATER_REPLICATES) if n_added else options.replicates
+        null = null_of(solver, base.state, base.noise, n, options.seed, replicates)
+        if store is not None:
+            store.write_table(NULL_TABLE, tables.null_table(null), seeds=f"discover.seed={options.seed}")
+        return null
+
+    return null_for

@@ -49,7 +49,8 @@ from rearl_jax.discovery.report.verdict import (
 from rearl_jax.discovery.search.adequacy import Adequacy
 from rearl_jax.discovery.search.headway import CONSTANT_TIME_GAP
 from rearl_jax.discovery.search.lane_choice import lane_choice, with_lane_choice
-from rearl_jax.discovery.search.procedure import Search, in_time
+from rearl_jax.discovery.search.outcome import Search
+from rearl_jax.discovery.search.procedure import in_time
 from rearl_jax.discovery.search.refit import rebased, refit
 from rearl_jax.discovery.search.screen import scores
 from rearl_jax.discovery.thresholds import THRESHOLDS

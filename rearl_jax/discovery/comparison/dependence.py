@@ -22,7 +22,7 @@ from rearl_jax.discovery.observe.solver import Solver, solver_of
 from rearl_jax.discovery.observe.uncertainty import shares_at_bound
 from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.search.decision import Trial, bounded_gains, trial_of
-from rearl_jax.discovery.search.procedure import Search
+from rearl_jax.discovery.search.outcome import Search
 from rearl_jax.discovery.search.refit import nested, rebased
 from rearl_jax.discovery.thresholds import THRESHOLDS
 

@@ -1,43 +1,45 @@
 """Additions to a model that are kept only if other drivers are surely predicted better with them."""
 
-from collections.abc import Mapping
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from jaxtyping import Float
 
-from rearl_jax.discovery.comparison.choice import mean_prediction_error, resamples
+from rearl_jax.discovery.comparison.choice import resamples
 from rearl_jax.discovery.observe.fit import Fit, recalibrated
 from rearl_jax.discovery.observe.fit_state import FitState
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.report.protocols import PREDICTING, prediction_errors
-from rearl_jax.discovery.search.confirmation import with_first_additions
+from rearl_jax.discovery.search.decision import Trial
 from rearl_jax.discovery.search.headway import CONSTANT_TIME_GAP, TimeGapVariation, time_gap_variation
-from rearl_jax.discovery.search.procedure import Search
+from rearl_jax.discovery.search.outcome import Search
+from rearl_jax.discovery.search.procedure import NullFor, Report, with_predictive_effects
 from rearl_jax.discovery.thresholds import THRESHOLDS
 
 GapErrors = Mapping[str, Float[np.ndarray, " drivers"]]
 """Gap error of each tested driver [m], by protocol."""
 
 
-def best_predicting(solver: Solver, outcome: Search, seed: int) -> Search:
-    """The search with as many of its additions, in their order, as predict the checked drivers best; without additions
-    unless these predict them surely better.
+def predictive(solver: Solver, outcome: Search, seed: int, null_for: NullFor, report: Report) -> Search:
+    """The search with only those additions that surely predict the checked drivers better, see
+    `with_predictive_effects`.
 
     Evidence comes from one-step predictions, and calibrated parameters can compensate for wrong effects in simulations.
     An effect that may not be the right one must improve predictions for drivers, or parts of drives, to which no
     parameter was calibrated.
     """
-    if not outcome.added:
-        return outcome
-    fits = [outcome.first, *(trial.fit for trial in outcome.added)]
-    states = recalibrated(solver, outcome.checked, fits)
-    gap_errors = [_gap_errors(solver, state, fit) for fit, state in zip(fits, states, strict=True)]
-    before, useful = gap_errors[0], [0]
-    useful += [n for n, after in enumerate(gap_errors) if n and predict_surely_better(before, after, seed)]
-    kept = min(useful, key=lambda n: mean_prediction_error(gap_errors[n]))
-    removed = frozenset(trial.candidate.term for trial in outcome.added[kept:])
-    return replace(with_first_additions(outcome, kept), unpredictive=removed) if removed else outcome
+
+    def errors_of(fit: Fit) -> GapErrors:
+        (state,) = recalibrated(solver, outcome.checked, [fit])
+        return _gap_errors(solver, state, fit)
+
+    def most_predictive(base: Fit, trials: Sequence[Trial]) -> Trial | None:
+        if not trials:
+            return None
+        before = errors_of(base)
+        return next((trial for trial in trials if predict_surely_better(before, errors_of(trial.fit), seed)), None)
+
+    return with_predictive_effects(solver, outcome, most_predictive, null_for, report)
 
 
 def predicting_variation(solver: Solver, outcome: Search, seed: int) -> TimeGapVariation:

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 
 from rearl_jax.discovery.observe.candidates import Term
 from rearl_jax.discovery.search.decision import Trial, copies_leader, is_of_numerics
-from rearl_jax.discovery.search.procedure import Search
+from rearl_jax.discovery.search.outcome import Search
 from rearl_jax.discovery.thresholds import THRESHOLDS
 
 RESULTS: Mapping[str, str] = {

@@ -14,7 +14,7 @@ from rearl_jax.discovery.observe.uncertainty import standard_deviations
 from rearl_jax.discovery.report.errors import MEASURES, ModelErrors
 from rearl_jax.discovery.report.protocols import IN_SAMPLE, PROTOCOL_MEASURES, PROTOCOLS, ProtocolErrors
 from rearl_jax.discovery.search.null import Null
-from rearl_jax.discovery.search.procedure import Search
+from rearl_jax.discovery.search.outcome import Search
 
 
 def null_table(null: Null) -> pd.DataFrame:

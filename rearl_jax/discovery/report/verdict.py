@@ -73,7 +73,7 @@ from rearl_jax.discovery.search.adequacy import Adequacy
 from rearl_jax.discovery.search.clock_check import ClockCheck
 from rearl_jax.discovery.search.decision import Trial
 from rearl_jax.discovery.search.families import told_apart_by
-from rearl_jax.discovery.search.procedure import Search, is_free
+from rearl_jax.discovery.search.outcome import Search, is_free
 from rearl_jax.discovery.thresholds import THRESHOLDS
 
 MISJUDGED = (

@@ -9,7 +9,7 @@ from dataclasses import replace
 from rearl_jax.discovery.observe.closed_loop import gap_errors
 from rearl_jax.discovery.observe.fit import recalibrated
 from rearl_jax.discovery.observe.solver import Solver
-from rearl_jax.discovery.search.procedure import Search, is_free
+from rearl_jax.discovery.search.outcome import Search, is_free
 from rearl_jax.discovery.search.simulation import share_worse
 from rearl_jax.discovery.thresholds import THRESHOLDS
 
@@ -32,12 +32,8 @@ def confirmed(solver: Solver, outcome: Search, seed: int) -> Search:
         kept -= 1
     while kept and share_worse(errors[0], errors[kept], THRESHOLDS.borne_growth, seed) >= THRESHOLDS.rejection_share:
         kept -= 1
-    return with_first_additions(outcome, kept)
-
-
-def with_first_additions(outcome: Search, n: int) -> Search:
-    """The search with its first n additions; the others are rejected."""
-    if n == len(outcome.added):
+    if kept == len(outcome.added):
         return outcome
-    rounds = [*outcome.rounds[:n], replace(outcome.rounds[n], accepted=[])]
-    return replace(outcome, rounds=rounds, rejected=[*outcome.rejected, *outcome.added[n:]])
+    last = outcome.rounds[kept]
+    rounds = [*outcome.rounds[:kept], replace(last, accepted=[], dropped=last.accepted)]
+    return replace(outcome, rounds=rounds, rejected=[*outcome.rejected, *outcome.added[kept:]])

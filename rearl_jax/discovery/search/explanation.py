@@ -11,7 +11,7 @@ from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.search.adequacy import Adequacy
 from rearl_jax.discovery.search.decision import bounded_gains
-from rearl_jax.discovery.search.procedure import Search, is_free
+from rearl_jax.discovery.search.outcome import Search, is_free
 from rearl_jax.discovery.search.simulation import resampled_means, share_worse, simulated_gains
 from rearl_jax.discovery.thresholds import THRESHOLDS
 

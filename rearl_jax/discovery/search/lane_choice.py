@@ -9,7 +9,7 @@ from rearl_jax.discovery.lane_changes import KnownDrivers, LaneChangeFindings, l
 from rearl_jax.discovery.observe.fit import recalibrated
 from rearl_jax.discovery.observe.parts import Parts
 from rearl_jax.discovery.observe.solver import Solver
-from rearl_jax.discovery.search.procedure import Search
+from rearl_jax.discovery.search.outcome import Search
 
 
 def lane_choice(

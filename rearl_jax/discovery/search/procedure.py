@@ -3,22 +3,17 @@ them on other drivers, add the best one.
 """
 
 import logging
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from functools import partial
-from itertools import takewhile
-
-import numpy as np
-from jaxtyping import Float
 
 from rearl_jax.discovery.observe.base import Base, base_of
-from rearl_jax.discovery.observe.candidates import EARLY_LEADER, LENS, Layout, Term
+from rearl_jax.discovery.observe.candidates import EARLY_LEADER, LENS, Term
 from rearl_jax.discovery.observe.clocks import CLOCK_OFFSET, Clocks
 from rearl_jax.discovery.observe.fit import Fit, joint_fit, recalibrated
-from rearl_jax.discovery.observe.fit_state import FitState
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.read.measured import Measured
-from rearl_jax.discovery.search.clock_check import ClockCheck, check_clocks, correct_shifts
+from rearl_jax.discovery.search.clock_check import check_clocks, correct_shifts
 from rearl_jax.discovery.search.decision import (
     Trial,
     believed,
@@ -28,6 +23,7 @@ from rearl_jax.discovery.search.decision import (
 )
 from rearl_jax.discovery.search.families import confounded, with_families
 from rearl_jax.discovery.search.null import Null
+from rearl_jax.discovery.search.outcome import Search, is_free
 from rearl_jax.discovery.search.refit import nested, rebased, refit
 from rearl_jax.discovery.search.round import Round, is_significant
 from rearl_jax.discovery.search.screen import Score, clock_evidence, evidences, scores
@@ -43,130 +39,15 @@ most of it, so the score at a delay of zero understates it.
 
 Report = Callable[[str, int, int], None]
 
-
-@dataclass
-class Search:
-    """Result of a search, round by round.
-
-    Attributes:
-        layout: The candidates and their parameters.
-        null: Distribution of the evidence under the calibrated model if no effect is missing.
-        first_scores: Scores of all candidates under the calibrated model.
-        checked: The checked drivers, with corrected clocks if those of the fitted drivers were corrected.
-        clocks: Clock offsets that the data were corrected for; None without a correction.
-        rounds: One round per added effect, and usually a last one in which none was added.
-        lane_changes: Trials of the effects of lane changes, each against the model without it.
-        rejected: Trials that were added and then removed, because they made the simulation of other drivers worse or,
-            if in `unpredictive`, because they did not surely improve their prediction.
-        excluded: Candidates, possibly clock offsets, that are not searched for.
-        unpredictive: Rejected effects with which predictions of other drivers are not surely better.
-        of_bounds: Added effects that do not hold if drivers' parameters may leave their bounds.
-    """
-
-    layout: Layout
-    null: Null
-    first_scores: dict[Term, Score]
-    checked: Measured
-    clocks: ClockCheck | None = None
-    rounds: list[Round] = field(default_factory=list)
-    lane_changes: list[Trial] = field(default_factory=list)
-    rejected: list[Trial] = field(default_factory=list)
-    excluded: frozenset[Term] = frozenset()
-    of_bounds: frozenset[Term] = frozenset()
-    unpredictive: frozenset[Term] = frozenset()
-
-    @property
-    def before(self) -> Fit:
-        """The calibrated model on the data as measured, without corrected clocks."""
-        return self.first if self.clocks is None else self.clocks.base
-
-    @property
-    def first(self) -> Fit:
-        """The calibrated model without added effects, on the data that were searched."""
-        return self.rounds[0].base
-
-    @property
-    def last(self) -> Fit:
-        """The model with all added effects."""
-        chosen = self.rounds[-1].chosen
-        return chosen.fit if chosen is not None else self.rounds[-1].base
-
-    @property
-    def added(self) -> list[Trial]:
-        """Added trials, in their order."""
-        return [turn.chosen for turn in self.rounds if turn.chosen is not None]
-
-    def fitted_trials(
-        self, deviations: Float[np.ndarray, " free"]
-    ) -> list[tuple[Trial, list[Trial], Float[np.ndarray, " own"]]]:
-        """Effects of the final model, those of lane changes first: the trial of each, the trials it competed with, and
-        the standard deviations of its parameters.
-
-        Args:
-            deviations: Standard deviations of the parameters of all effects, concatenated.
-        """
-        trials = [(trial, [trial]) for trial in self.lane_changes]
-        trials += [(turn.chosen, turn.possible) for turn in self.rounds if turn.chosen is not None]
-        stops = np.cumsum([len(trial.candidate.free) for trial, _ in trials], dtype=int)
-        parts = np.split(deviations, stops)[:-1]
-        return [(trial, rivals, part) for (trial, rivals), part in zip(trials, parts, strict=True)]
-
-    def is_stated(self, trial: Trial) -> bool:
-        """True if a trial may be reported as an effect of drivers. An effect of lane changes may be if it holds, but
-        not the early response to the next leader, because the recording decides when its lane column changes.
-        """
-        if not any(trial is other for other in self.lane_changes):
-            return True
-        return trial.holds and trial.candidate.term != EARLY_LEADER
-
-    @property
-    def is_contradicted(self) -> bool:
-        """True if an effect or artefact that the innovations support makes the simulation of drivers worse."""
-        denied = self.rounds[-1].contradicted if not self.added else []
-        return any(not is_free(trial) for trial in (*self.rejected, *denied))
-
-    @property
-    def leaves_shifts(self) -> bool:
-        """True if time shifts between vehicles remain that neither clock offsets nor added effects explain."""
-        return self.clocks is None and self.rounds[-1].clock_z_score > THRESHOLDS.unexplained_z_score
-
-    @property
-    def leaves_more(self) -> bool:
-        """True if the evidence for some candidate still exceeds chance although no candidate is confirmed by the other
-        drivers.
-        """
-        return any(z_score > THRESHOLDS.unexplained_z_score for z_score in self.rounds[-1].z_score.values())
-
-    def is_doubtful(self, trial: Trial) -> bool:
-        """True if the name of an effect is in doubt.
-
-        There are five reasons: it does not hold if drivers' parameters may leave their bounds; simulations contradict a
-        trial; a trial that was not added is better; a free curve was added earlier, whose remainder it may be; or a
-        free curve over one of its variables was needed in addition, so that the dependence on it is another one.
-        """
-        if trial.candidate.term in self.of_bounds:
-            return True
-        if self.is_contradicted or any(turn.is_beaten for turn in self.rounds if turn.chosen is trial):
-            return True
-        earlier = takewhile(lambda other: other is not trial, self.added)
-        if not is_free(trial) and any(is_free(other) for other in earlier):
-            return True
-        curves = [other.candidate for other in (*self.added, *self.rejected) if is_free(other)]
-        return any(
-            set(curve.variables) & set(trial.candidate.variables) for curve in curves if curve != trial.candidate
-        )
-
-
-def is_free(trial: Trial) -> bool:
-    """True if the trial is of a free curve, which can imitate any effect and the remainder of any effect."""
-    return trial.candidate.kind == "generic"
+NullFor = Callable[[Fit, int], Null]
+"""Function from a calibrated model and the number of effects added to it to its null distribution."""
 
 
 def search(
     solver: Solver,
     fitted: Measured,
     checked: Measured,
-    null_for: Callable[[Fit, int], Null],
+    null_for: NullFor,
     report: Report,
     *,
     lane_changes: bool = True,
@@ -180,7 +61,7 @@ def search(
         solver: Solver of the car-following model.
         fitted: Drivers that all models are fitted to.
         checked: Other drivers, for the check.
-        null_for: Function from a calibrated model and the number of effects added to it to its null distribution.
+        null_for: Null distributions, see `NullFor`.
         report: Called with a description of the present step, the number of its parts done, and that of all parts.
         lane_changes: Whether the calibrated model contains the effects of lane changes.
         calibrated: The calibrated model if it is known; None to calibrate it.
@@ -193,6 +74,7 @@ def search(
     all_drivers = joint_fit(solver, base, checked)
     null = null_for(all_drivers, 0)
     (seen,) = scores(solver, [all_drivers.state])
+    screen = _Screen(all_drivers, seen, null)
     outcome = Search(solver.layout, null, seen, checked, excluded=excluded)
     outcome.lane_changes = lane_change_trials(solver, of_lanes, checked)
     clocks = None
@@ -201,7 +83,7 @@ def search(
         report("comparing clocks", 0, 1)
         clocks = check_clocks(solver, base, checked)
     while len(outcome.added) <= THRESHOLDS.most_effects:
-        turn = _round(solver, base, all_drivers.state, seen, null, outcome, report)
+        turn = _round(solver, base, screen, outcome, report)
         corrected = None
         if clocks is not None and not outcome.rounds and (turn.chosen is None or clocks.total > turn.chosen.total):
             corrected = base_of(solver, clocks.fitted, lane_changes=lane_changes)
@@ -225,12 +107,55 @@ def search(
             if turn.chosen is None or len(outcome.rounds) == rounds:
                 break
             base = turn.chosen.fit
-        all_drivers = joint_fit(solver, base, outcome.checked)
-        (seen,) = scores(solver, [all_drivers.state])
-        if outcome.added and fitted.fused_errors is not None:
-            # What the added effect explains had counted as drivers' noise, beside which errors of positions show less.
-            null = null_for(all_drivers, len(outcome.added))
+        screen = _screen(solver, base, outcome, null_for)
     return outcome
+
+
+def with_predictive_effects(
+    solver: Solver,
+    outcome: Search,
+    most_predictive: Callable[[Fit, Sequence[Trial]], Trial | None],
+    null_for: NullFor,
+    report: Report,
+) -> Search:
+    """The search with only those additions that predict other drivers better. Where one does not, the next best trial
+    of its round takes its place, and the rounds after it are repeated without the candidate.
+
+    Args:
+        solver: Solver of the car-following model.
+        outcome: The search.
+        most_predictive: The first of some trials, the best first, that predicts other drivers better than the model it
+            was added to; None if none does.
+        null_for: Null distributions, see `NullFor`.
+        report: As in `search`.
+    """
+    kept = replace(outcome, rounds=[], rejected=list(outcome.rejected))
+    stored = list(outcome.rounds)
+    turn = stored.pop(0)
+    while True:
+        report(f"predicting other drivers, round {len(kept.added) + 1}", 0, 1)
+        rejected = {trial.candidate.term for trial in kept.rejected}
+        possible = [trial for trial in (*turn.dropped, *turn.accepted) if trial.candidate.term not in rejected]
+        chosen = most_predictive(turn.base, possible)
+        first = len(possible) if chosen is None else possible.index(chosen)
+        failed, accepted = possible[:first], possible[first:]
+        if failed or chosen is not turn.chosen:
+            stored.clear()
+        terms = frozenset(trial.candidate.term for trial in failed)
+        kept = replace(
+            kept,
+            rounds=[*kept.rounds, replace(turn, accepted=accepted, dropped=[*turn.dropped, *failed])],
+            rejected=[*kept.rejected, *failed],
+            unpredictive=kept.unpredictive | terms,
+            excluded=kept.excluded | terms,
+        )
+        if chosen is None:
+            return kept
+        turn = (
+            stored.pop(0)
+            if stored
+            else _round(solver, chosen.fit, _screen(solver, chosen.fit, kept, null_for), kept, report)
+        )
 
 
 def in_time(solver: Solver, outcome: Search, data: Measured) -> Measured:
@@ -238,21 +163,35 @@ def in_time(solver: Solver, outcome: Search, data: Measured) -> Measured:
     return data if outcome.clocks is None else correct_shifts(solver, Clocks(data), outcome.clocks.base).data
 
 
-def _round(
-    solver: Solver,
-    base: Fit,
-    all_drivers: FitState,
-    seen: dict[Term, Score],
-    null: Null,
-    outcome: Search,
-    report: Report,
-) -> Round:
-    """The next round, from a model, its scores and their null distribution."""
-    layout, added = solver.layout, outcome.added
+@dataclass(frozen=True)
+class _Screen:
+    """Scores of all candidates under a model that is calibrated to the fitted and the checked drivers, and their null
+    distribution.
+    """
+
+    all_drivers: Fit
+    seen: dict[Term, Score]
+    null: Null
+
+
+def _screen(solver: Solver, base: Fit, outcome: Search, null_for: NullFor) -> _Screen:
+    all_drivers, null = joint_fit(solver, base, outcome.checked), outcome.null
+    (seen,) = scores(solver, [all_drivers.state])
+    if outcome.added and base.state.data.fused_errors is not None:
+        # What the added effect explains had counted as drivers' noise, beside which errors of positions show less.
+        null = null_for(all_drivers, len(outcome.added))
+    return _Screen(all_drivers, seen, null)
+
+
+def _round(solver: Solver, base: Fit, screen: _Screen, outcome: Search, report: Report) -> Round:
+    """The next round, from a model and the scores of candidates under it."""
+    layout, added, seen, null = solver.layout, outcome.added, screen.seen, screen.null
     report(f"searching for effects, round {len(added) + 1}", 0, 1)
     excluded = {EARLY_LEADER, *base.state.active, *outcome.excluded - {CLOCK_OFFSET}}
     remaining = {CLOCK_OFFSET, *layout.candidates} - excluded
-    evidence = {term: value for term, value in evidences(all_drivers, seen, layout).items() if term in remaining}
+    evidence = {
+        term: value for term, value in evidences(screen.all_drivers.state, seen, layout).items() if term in remaining
+    }
     exceeds = {term for term, z_score in null.z_scores(evidence).items() if z_score > THRESHOLDS.candidate_z_score}
     clock_z_score = null.z_scores({CLOCK_OFFSET: evidence.pop(CLOCK_OFFSET)})[CLOCK_OFFSET]
     excess, z_score, known = null.excess(evidence), null.z_scores(evidence), set(evidence)

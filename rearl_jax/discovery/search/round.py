@@ -20,9 +20,10 @@ class Round:
         z_score: The excess in standard deviations of the null [-].
         exceeding: Candidates whose evidence exceeds chance, with their families.
         trials: All candidates that were fitted.
-        accepted: Accepted trials, the best first.
+        accepted: Accepted trials that no later test rejected, the best first.
         clock_z_score: As `z_score`, for clock offsets.
         contradicted: Trials that the innovations support and simulations contradict.
+        dropped: Trials that were accepted and that a later test rejected, or that were less good than such a trial.
     """
 
     base: Fit
@@ -34,6 +35,7 @@ class Round:
     accepted: list[Trial]
     clock_z_score: float = 0.0
     contradicted: list[Trial] = field(default_factory=list)
+    dropped: list[Trial] = field(default_factory=list)
 
     @property
     def chosen(self) -> Trial | None:

@@ -1,11 +1,15 @@
-"""Additions to a model that are kept only as far as they predict other drivers."""
+"""Additions to a model that are kept only if they predict other drivers."""
+
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from rearl_jax.discovery.comparison import predictions
-from rearl_jax.discovery.comparison.predictions import best_predicting, predict_surely_better, predicting_variation
+from rearl_jax.discovery.comparison.predictions import predict_surely_better, predicting_variation, predictive
+from rearl_jax.discovery.observe.candidates import Term
 from rearl_jax.discovery.report.protocols import ProtocolErrors
+from rearl_jax.discovery.search import procedure
 from rearl_jax.discovery.search.headway import TimeGapVariation
 from tests.discovery.search.searches import search_that_added
 
@@ -15,24 +19,69 @@ ADDED = (("reaction_delay", [0.7, 0.0]), ("approach_rate_gain", [0.5]), ("grade"
 DRIVERS = np.linspace(0.5, 1.5, 12)
 
 
-@pytest.mark.parametrize(
-    ("errors", "kept"), [((2.0, 1.8, 1.9, 1.7), 3), ((2.0, 1.8, 1.9, 1.85), 1), ((2.0, 2.1, 2.2, 2.01), 0)]
-)
-def test_as_many_additions_stay_as_predict_best(solver, calibrated, monkeypatch, errors, kept):
-    found = search_that_added(solver, calibrated, *ADDED)
-    assert len(found.added) == 3
-    told = iter(errors)
+def quiet(*_):
+    """Progress that nobody sees."""
+
+
+def no_null(*_):
+    """Nulls of a search that makes no rounds of its own."""
+    raise AssertionError
+
+
+def told(monkeypatch, errors):
+    """Makes the mean gap error of each model the one in `errors` of its last added candidate [m]."""
     monkeypatch.setattr(predictions, "recalibrated", lambda solver, data, fits: [fit.state for fit in fits])
 
-    def predicted(*_, **__):
-        error, drivers = {"gap_rmse": next(told) * DRIVERS}, np.arange(len(DRIVERS))
+    def predicted(solver, state, fit, **_):
+        name = "" if fit.candidate is None else fit.candidate.term.effect
+        error, drivers = {"gap_rmse": errors[name] * DRIVERS}, np.arange(len(DRIVERS))
         return {"population": ProtocolErrors(drivers, error, error, 0), "first_half": None, "other_runs": None}
 
     monkeypatch.setattr(predictions, "prediction_errors", predicted)
-    left = best_predicting(solver, found, seed=0)
-    assert [trial.candidate for trial in left.added] == [trial.candidate for trial in found.added[:kept]]
-    assert [trial.candidate for trial in left.rejected] == [trial.candidate for trial in found.added[kept:]]
-    assert left.is_contradicted == (kept < 3)
+
+
+def names_of(trials):
+    return [trial.candidate.term.effect for trial in trials]
+
+
+def test_additions_stay_if_each_predicts_better(solver, calibrated, monkeypatch):
+    found = search_that_added(solver, calibrated, *ADDED)
+    told(monkeypatch, {"": 2.0, "reaction_delay": 1.8, "approach_rate_gain": 1.7, "grade": 1.6})
+    left = predictive(solver, found, 0, no_null, quiet)
+    assert names_of(left.added) == ["reaction_delay", "approach_rate_gain", "grade"]
+    assert not left.unpredictive
+    assert left.is_contradicted is False
+
+
+def test_the_next_best_candidate_takes_the_place_of_one_that_predicts_no_better(solver, calibrated, monkeypatch):
+    found = search_that_added(solver, calibrated, *ADDED)
+    (grade,) = search_that_added(solver, calibrated, ADDED[2]).added
+    first = replace(found.rounds[0], accepted=[found.added[0], grade])
+    found = replace(found, rounds=[first, *found.rounds[1:]])
+    told(monkeypatch, {"": 2.0, "reaction_delay": 2.01, "grade": 1.8})
+    later = []
+
+    def next_round(solver, base, screen, outcome, report):
+        later.append((names_of(outcome.added), outcome.excluded))
+        return replace(found.rounds[-1], base=base)
+
+    monkeypatch.setattr(procedure, "_screen", lambda *_: None)
+    monkeypatch.setattr(procedure, "_round", next_round)
+    left = predictive(solver, found, 0, no_null, quiet)
+    assert names_of(left.added) == ["grade"]
+    assert names_of(left.rejected) == ["reaction_delay"]
+    assert later == [(["grade"], frozenset({Term("reaction_delay")}))]
+    assert left.unpredictive == {Term("reaction_delay")}
+    assert left.is_contradicted
+
+
+def test_without_a_candidate_that_predicts_better_none_stays(solver, calibrated, monkeypatch):
+    found = search_that_added(solver, calibrated, *ADDED)
+    told(monkeypatch, {"": 2.0, "reaction_delay": 2.01})
+    left = predictive(solver, found, 0, no_null, quiet)
+    assert not left.added
+    assert names_of(left.rejected) == ["reaction_delay"]
+    assert len(left.rounds) == 1
 
 
 def test_of_use_is_what_surely_predicts_better_and_nowhere_worse():
@@ -71,7 +120,6 @@ def test_the_start_of_a_drive_is_used_only_where_it_predicts_others(solver, cali
 @pytest.mark.slow
 def test_a_delay_that_nobody_has_predicts_worse(solver, calibrated):
     found = search_that_added(solver, calibrated, ("reaction_delay", [1.2, 1.2]))
-    left = best_predicting(solver, found, seed=0)
+    left = predictive(solver, found, 0, no_null, quiet)
     assert not left.added
     assert len(left.rejected) == 1
-    assert best_predicting(solver, left, seed=0) is left

@@ -86,7 +86,7 @@ def test_the_round_is_repeated_without_a_distortion_that_simulations_deny(solver
     found = search_that_added(solver, calibrated, ("lens", 0.0))
     turns, excluded = [found.rounds[0], replace(found.rounds[0], accepted=[])], []
 
-    def round_of(solver, base, drivers, seen, null, outcome, report):
+    def round_of(solver, base, screen, outcome, report):
         excluded.append(outcome.excluded)
         return turns[len(excluded) - 1]
 

@@ -19,7 +19,7 @@ from rearl_jax.discovery.search import decision, families
 from rearl_jax.discovery.search.adequacy import Adequacy
 from rearl_jax.discovery.search.clock_check import ClockCheck
 from rearl_jax.discovery.search.null import Null, simulate_again, summarise
-from rearl_jax.discovery.search.procedure import Search
+from rearl_jax.discovery.search.outcome import Search
 from rearl_jax.discovery.search.refit import nested
 from rearl_jax.discovery.search.round import Round
 from rearl_jax.discovery.search.screen import evidences, scores

@@ -1,0 +1,135 @@
+"""Result of a search for missing effects."""
+
+from dataclasses import dataclass, field
+from itertools import takewhile
+
+import numpy as np
+from jaxtyping import Float
+
+from rearl_jax.discovery.observe.candidates import EARLY_LEADER, Layout, Term
+from rearl_jax.discovery.observe.fit import Fit
+from rearl_jax.discovery.read.measured import Measured
+from rearl_jax.discovery.search.clock_check import ClockCheck
+from rearl_jax.discovery.search.decision import Trial
+from rearl_jax.discovery.search.null import Null
+from rearl_jax.discovery.search.round import Round
+from rearl_jax.discovery.search.screen import Score
+from rearl_jax.discovery.thresholds import THRESHOLDS
+
+
+@dataclass
+class Search:
+    """Result of a search, round by round.
+
+    Attributes:
+        layout: The candidates and their parameters.
+        null: Distribution of the evidence under the calibrated model if no effect is missing.
+        first_scores: Scores of all candidates under the calibrated model.
+        checked: The checked drivers, with corrected clocks if those of the fitted drivers were corrected.
+        clocks: Clock offsets that the data were corrected for; None without a correction.
+        rounds: One round per added effect, and usually a last one in which none was added.
+        lane_changes: Trials of the effects of lane changes, each against the model without it.
+        rejected: Trials that were added and then removed, because they made the simulation of other drivers worse or,
+            if in `unpredictive`, because they did not surely improve their prediction.
+        excluded: Candidates, possibly clock offsets, that are not searched for.
+        unpredictive: Rejected effects with which other drivers are not surely predicted better.
+        of_bounds: Added effects that do not hold if drivers' parameters may leave their bounds.
+    """
+
+    layout: Layout
+    null: Null
+    first_scores: dict[Term, Score]
+    checked: Measured
+    clocks: ClockCheck | None = None
+    rounds: list[Round] = field(default_factory=list)
+    lane_changes: list[Trial] = field(default_factory=list)
+    rejected: list[Trial] = field(default_factory=list)
+    excluded: frozenset[Term] = frozenset()
+    of_bounds: frozenset[Term] = frozenset()
+    unpredictive: frozenset[Term] = frozenset()
+
+    @property
+    def before(self) -> Fit:
+        """The calibrated model on the data as measured, without corrected clocks."""
+        return self.first if self.clocks is None else self.clocks.base
+
+    @property
+    def first(self) -> Fit:
+        """The calibrated model without added effects, on the data that were searched."""
+        return self.rounds[0].base
+
+    @property
+    def last(self) -> Fit:
+        """The model with all added effects."""
+        chosen = self.rounds[-1].chosen
+        return chosen.fit if chosen is not None else self.rounds[-1].base
+
+    @property
+    def added(self) -> list[Trial]:
+        """Added trials, in their order."""
+        return [turn.chosen for turn in self.rounds if turn.chosen is not None]
+
+    def fitted_trials(
+        self, deviations: Float[np.ndarray, " free"]
+    ) -> list[tuple[Trial, list[Trial], Float[np.ndarray, " own"]]]:
+        """Effects of the final model, those of lane changes first: the trial of each, the trials it competed with, and
+        the standard deviations of its parameters.
+
+        Args:
+            deviations: Standard deviations of the parameters of all effects, concatenated.
+        """
+        trials = [(trial, [trial]) for trial in self.lane_changes]
+        trials += [(turn.chosen, turn.possible) for turn in self.rounds if turn.chosen is not None]
+        stops = np.cumsum([len(trial.candidate.free) for trial, _ in trials], dtype=int)
+        parts = np.split(deviations, stops)[:-1]
+        return [(trial, rivals, part) for (trial, rivals), part in zip(trials, parts, strict=True)]
+
+    def is_stated(self, trial: Trial) -> bool:
+        """True if a trial may be reported as an effect of drivers. An effect of lane changes may be if it holds, but
+        not the early response to the next leader, because the recording decides when its lane column changes.
+        """
+        if not any(trial is other for other in self.lane_changes):
+            return True
+        return trial.holds and trial.candidate.term != EARLY_LEADER
+
+    @property
+    def is_contradicted(self) -> bool:
+        """True if an effect or artefact that the innovations support makes the simulation of drivers worse."""
+        denied = self.rounds[-1].contradicted if not self.added else []
+        return any(not is_free(trial) for trial in (*self.rejected, *denied))
+
+    @property
+    def leaves_shifts(self) -> bool:
+        """True if time shifts between vehicles remain that neither clock offsets nor added effects explain."""
+        return self.clocks is None and self.rounds[-1].clock_z_score > THRESHOLDS.unexplained_z_score
+
+    @property
+    def leaves_more(self) -> bool:
+        """True if the evidence for some candidate still exceeds chance although no candidate is confirmed by the other
+        drivers.
+        """
+        return any(z_score > THRESHOLDS.unexplained_z_score for z_score in self.rounds[-1].z_score.values())
+
+    def is_doubtful(self, trial: Trial) -> bool:
+        """True if the name of an effect is in doubt.
+
+        There are five reasons: it does not hold if drivers' parameters may leave their bounds; simulations contradict a
+        trial; a trial that was not added is better; a free curve was added earlier, whose remainder it may be; or a
+        free curve over one of its variables was needed in addition, so that the dependence on it is another one.
+        """
+        if trial.candidate.term in self.of_bounds:
+            return True
+        if self.is_contradicted or any(turn.is_beaten for turn in self.rounds if turn.chosen is trial):
+            return True
+        earlier = takewhile(lambda other: other is not trial, self.added)
+        if not is_free(trial) and any(is_free(other) for other in earlier):
+            return True
+        curves = [other.candidate for other in (*self.added, *self.rejected) if is_free(other)]
+        return any(
+            set(curve.variables) & set(trial.candidate.variables) for curve in curves if curve != trial.candidate
+        )
+
+
+def is_free(trial: Trial) -> bool:
+    """True if the trial is of a free curve, which can imitate any effect and the remainder of any effect."""
+    return trial.candidate.kind == "generic"
