@@ -20,8 +20,9 @@ from rearl_jax.discovery.comparison.dependence import (
     effects_in_other_models,
     without_bounds,
 )
-from rearl_jax.discovery.comparison.predictions import predictive
+from rearl_jax.discovery.comparison.predictions import clocks_predict_better, predictive
 from rearl_jax.discovery.observe.base import Base
+from rearl_jax.discovery.observe.candidates import Term
 from rearl_jax.discovery.observe.clocks import CLOCK_OFFSET
 from rearl_jax.discovery.observe.drivers import Prior
 from rearl_jax.discovery.observe.fit import Fit
@@ -67,16 +68,19 @@ class BestSearch:
 def best_search(
     config: DiscoverTask, study: Study | None, priors: Sequence[Prior], parts: Parts, bar: Progress, label: str
 ) -> BestSearch:
-    """Search with the car-following model that fits best, and a test of the effects found in other models. Effects
-    that do not explain the drivers are kept only if they predict the check drivers better.
+    """Search with the car-following model that fits best, and a test of the effects found in other models. Clock
+    offsets and effects that do not explain the drivers are kept only if they predict the check drivers better.
     """
     best = _with_best_model(config, study, priors, parts, bar, label)
     if is_explained(best.outcome, best.adequacy):
         return best
-    solver, options = best.solver, config.discover
+    solver, options, outcome = best.solver, config.discover, best.outcome
+    if not clocks_predict_better(solver, outcome, parts.checked, options.seed):
+        log.info("other drivers are not surely predicted better with corrected clocks: the search is repeated without")
+        outcome = _search(config, None, solver, parts, bar, label, excluded=frozenset({CLOCK_OFFSET}))
     null_for = _null_for(config, None, solver, bar, label)
-    outcome = predictive(solver, best.outcome, options.seed, null_for, _reported(bar, label))
-    if not outcome.unpredictive and len(outcome.added) == len(best.outcome.added):
+    outcome = predictive(solver, outcome, options.seed, null_for, _reported(bar, label))
+    if outcome is best.outcome:
         return best
     log.info("%s of %s effects predict other drivers better", len(outcome.added), len(best.outcome.added))
     outcome = without_bounds(solver, outcome, parts.fitted)
@@ -168,9 +172,10 @@ def _search(
     label: str,
     *,
     calibrated: Base | None = None,
+    excluded: frozenset[Term] = frozenset(),
 ) -> Search:
-    """Search for effects of car following with one car-following model; None for `calibrated` calibrates it. The lines
-    of the bar begin with `label`.
+    """Search for effects of car following with one car-following model; None for `calibrated` calibrates it, and
+    `excluded` are not searched for. The lines of the bar begin with `label`.
     """
     options = config.discover
     report = _reported(bar, label)
@@ -182,6 +187,7 @@ def _search(
         report,
         lane_changes=options.lane_changes,
         calibrated=calibrated,
+        excluded=excluded,
     )
     report("reporting", 0, 1)
     return without_bounds(solver, confirmed(solver, outcome, options.seed), parts.fitted)

@@ -9,6 +9,7 @@ from rearl_jax.discovery.comparison.choice import resamples
 from rearl_jax.discovery.observe.fit import Fit, recalibrated
 from rearl_jax.discovery.observe.fit_state import FitState
 from rearl_jax.discovery.observe.solver import Solver
+from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.report.protocols import PREDICTING, prediction_errors
 from rearl_jax.discovery.search.decision import Trial
 from rearl_jax.discovery.search.headway import CONSTANT_TIME_GAP, TimeGapVariation, time_gap_variation
@@ -30,8 +31,7 @@ def predictive(solver: Solver, outcome: Search, seed: int, null_for: NullFor, re
     """
 
     def errors_of(fit: Fit) -> GapErrors:
-        (state,) = recalibrated(solver, outcome.checked, [fit])
-        return _gap_errors(solver, state, fit)
+        return _gap_errors_of(solver, outcome.checked, fit)
 
     def most_predictive(base: Fit, trials: Sequence[Trial]) -> Trial | None:
         if not trials:
@@ -40,6 +40,16 @@ def predictive(solver: Solver, outcome: Search, seed: int, null_for: NullFor, re
         return next((trial for trial in trials if predict_surely_better(before, errors_of(trial.fit), seed)), None)
 
     return with_predictive_effects(solver, outcome, most_predictive, null_for, report)
+
+
+def clocks_predict_better(solver: Solver, outcome: Search, checked: Measured, seed: int) -> bool:
+    """True if no clocks were corrected, or if the checked drivers (with clocks as measured in `checked`) are surely
+    predicted better with corrected clocks.
+    """
+    if outcome.clocks is None:
+        return True
+    before = _gap_errors_of(solver, checked, outcome.before)
+    return predict_surely_better(before, _gap_errors_of(solver, outcome.checked, outcome.first), seed)
 
 
 def predicting_variation(solver: Solver, outcome: Search, seed: int) -> TimeGapVariation:
@@ -57,6 +67,12 @@ def predicting_variation(solver: Solver, outcome: Search, seed: int) -> TimeGapV
     if predict_surely_better(before, after, seed):
         return variation
     return time_gap_variation(solver, fit, seed, start_shares=(0.0,))
+
+
+def _gap_errors_of(solver: Solver, data: Measured, fit: Fit) -> GapErrors:
+    """Errors of a model for drivers that it was not fitted to."""
+    (state,) = recalibrated(solver, data, [fit])
+    return _gap_errors(solver, state, fit)
 
 
 def _gap_errors(

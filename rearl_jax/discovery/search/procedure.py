@@ -119,7 +119,8 @@ def with_predictive_effects(
     report: Report,
 ) -> Search:
     """The search with only those additions that predict other drivers better. Where one does not, the next best trial
-    of its round takes its place, and the rounds after it are repeated without the candidate.
+    of its round takes its place, and the rounds after it are repeated without the candidate. It is the search itself if
+    all additions do.
 
     Args:
         solver: Solver of the car-following model.
@@ -150,7 +151,8 @@ def with_predictive_effects(
             excluded=kept.excluded | terms,
         )
         if chosen is None:
-            return kept
+            is_unchanged = not kept.unpredictive and len(kept.added) == len(outcome.added)
+            return outcome if is_unchanged else kept
         turn = (
             stored.pop(0)
             if stored

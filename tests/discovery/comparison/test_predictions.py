@@ -6,10 +6,16 @@ import numpy as np
 import pytest
 
 from rearl_jax.discovery.comparison import predictions
-from rearl_jax.discovery.comparison.predictions import predict_surely_better, predicting_variation, predictive
+from rearl_jax.discovery.comparison.predictions import (
+    clocks_predict_better,
+    predict_surely_better,
+    predicting_variation,
+    predictive,
+)
 from rearl_jax.discovery.observe.candidates import Term
 from rearl_jax.discovery.report.protocols import ProtocolErrors
 from rearl_jax.discovery.search import procedure
+from rearl_jax.discovery.search.clock_check import ClockCheck
 from rearl_jax.discovery.search.headway import TimeGapVariation
 from tests.discovery.search.searches import search_that_added
 
@@ -47,10 +53,7 @@ def names_of(trials):
 def test_additions_stay_if_each_predicts_better(solver, calibrated, monkeypatch):
     found = search_that_added(solver, calibrated, *ADDED)
     told(monkeypatch, {"": 2.0, "reaction_delay": 1.8, "approach_rate_gain": 1.7, "grade": 1.6})
-    left = predictive(solver, found, 0, no_null, quiet)
-    assert names_of(left.added) == ["reaction_delay", "approach_rate_gain", "grade"]
-    assert not left.unpredictive
-    assert left.is_contradicted is False
+    assert predictive(solver, found, 0, no_null, quiet) is found
 
 
 def test_the_next_best_candidate_takes_the_place_of_one_that_predicts_no_better(solver, calibrated, monkeypatch):
@@ -82,6 +85,23 @@ def test_without_a_candidate_that_predicts_better_none_stays(solver, calibrated,
     assert not left.added
     assert names_of(left.rejected) == ["reaction_delay"]
     assert len(left.rounds) == 1
+
+
+def test_clocks_stay_corrected_only_if_that_predicts_better(solver, calibrated, monkeypatch):
+    found = search_that_added(solver, calibrated)
+    fit, checked = found.first, found.checked
+    assert clocks_predict_better(solver, found, checked, 0)
+    corrected = replace(found, clocks=ClockCheck(fit, 1.0, 1.0, 0.3, checked, checked))
+    monkeypatch.setattr(predictions, "recalibrated", lambda solver, data, fits: [fit.state for fit in fits])
+    for after, expected in ((1.8, True), (2.01, False)):
+        mean_errors = iter((2.0, after))
+
+        def predicted(*_, mean_errors=mean_errors, **__):
+            error, drivers = {"gap_rmse": next(mean_errors) * DRIVERS}, np.arange(len(DRIVERS))
+            return {"population": ProtocolErrors(drivers, error, error, 0), "first_half": None, "other_runs": None}
+
+        monkeypatch.setattr(predictions, "prediction_errors", predicted)
+        assert clocks_predict_better(solver, corrected, checked, 0) is expected
 
 
 def test_of_use_is_what_surely_predicts_better_and_nowhere_worse():
