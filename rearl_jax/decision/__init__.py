@@ -1,1 +1,3 @@
-"""Decisions: admissible actions of the vehicles that need a decision, choice by a policy, execution."""
+"""The closed loop: once a second it determines which vehicles need a decision and their admissible actions, lets a
+policy choose one action per vehicle, and executes it as a target speed or lane.
+"""

@@ -22,7 +22,7 @@ from rearl_jax.discovery.comparison.dependence import (
 )
 from rearl_jax.discovery.comparison.predictions import clocks_predict_better, predictive
 from rearl_jax.discovery.observe.base import Base
-from rearl_jax.discovery.observe.candidates import Term
+from rearl_jax.discovery.observe.candidates import NAMED_KINDS, Term
 from rearl_jax.discovery.observe.clocks import CLOCK_OFFSET
 from rearl_jax.discovery.observe.drivers import Prior
 from rearl_jax.discovery.observe.fit import Fit
@@ -123,7 +123,9 @@ def _with_best_model(
         first_round = _first_round(config, outcome, other, parts, bar, words)
         if not first_round.added or not predicts_better(before, prediction_of(other, first_round), seed):
             continue
-        named = _search(config, None, other, parts, bar, words)
+        named = _search(config, None, other, parts, bar, words, names_only=True)
+        if not named.is_named:
+            continue
         named_adequacy = adequacy(other, named, seed)
         if names_more(before, named, named_adequacy, prediction_of(other, named), seed):
             log.info(
@@ -144,7 +146,7 @@ def _first_round(
     It takes a small part of the time of a whole search, because no nulls are simulated and no curves are fitted.
     """
     kinds, known = other.layout.candidates, outcome.null.mean
-    excluded = {term for term in kinds if term not in known or kinds[term].kind not in ("driver", "road")}
+    excluded = {term for term in kinds if term not in known or kinds[term].kind not in NAMED_KINDS}
     return search(
         other,
         parts.fitted,
@@ -173,9 +175,10 @@ def _search(
     *,
     calibrated: Base | None = None,
     excluded: frozenset[Term] = frozenset(),
+    names_only: bool = False,
 ) -> Search:
-    """Search for effects of car following with one car-following model; None for `calibrated` calibrates it, and
-    `excluded` are not searched for. The lines of the bar begin with `label`.
+    """Search for effects of car following with one car-following model; None for `calibrated` calibrates it, and the
+    other arguments are those of `search`. The lines of the bar begin with `label`.
     """
     options = config.discover
     report = _reported(bar, label)
@@ -188,6 +191,7 @@ def _search(
         lane_changes=options.lane_changes,
         calibrated=calibrated,
         excluded=excluded,
+        names_only=names_only,
     )
     report("reporting", 0, 1)
     return without_bounds(solver, confirmed(solver, outcome, options.seed), parts.fitted)

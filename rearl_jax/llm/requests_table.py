@@ -1,7 +1,7 @@
-"""Table of the questions and their results with one row per request, and the counts so far.
+"""Table of the requests of a run with one row per question and vote, and the progress of the client.
 
-Rows contain only the columns of the table, because a study may have a hundred thousand questions of several thousand
-characters.
+The table leaves out the texts of the questions, because a study may have a hundred thousand questions of several
+thousand characters each.
 """
 
 from collections.abc import Mapping, Sequence
@@ -31,27 +31,37 @@ COLUMNS = {
     "from_cache": "bool",
     "was_sent": "bool",
 }
-"""Columns of the table and their types in pandas; those not described here are the fields of `Question` and `Reply`.
+"""Columns of the table and their types in pandas.
 
-`second` is that of the simulation, missing if it was not given; `vote` counts from 0; `thinking_length` is that of the
-reasoning [characters]; `action` and `cause` refer to this reply alone; `was_sent` is false if the answer was stored or
-an equal question was sent. `latency` and tokens summed over the rows with `was_sent` are those of the server.
+- `digest`: hash of the request, as in `Answer`; rows of equal requests have the same.
+- `second`: simulated time of the question [s]; missing if it was not given.
+- `vote`: number of the vote on the question, from 0.
+- `thinking_length`: length of the reasoning that the server returned [characters].
+- `action` and `cause` are read from this reply, before the votes of a question are combined.
+- `was_sent`: true in the first row of a request that was sent to the server; false if it was not sent, because its
+  answer came from the cache for example, or if an earlier row has the same request. Sums of `latency` and of tokens
+  over the rows with `was_sent` therefore count every request once.
+
+The other columns are fields of `Question` and `Reply`.
 """
 
 
 @dataclass(frozen=True)
 class Counts:
-    """Progress of a client.
+    """Progress of a client of the language model: totals since its start, except `waiting` and `in_flight`, which are
+    present numbers.
+
+    A request is one vote on a question. Equal requests of the same time count as one.
 
     Attributes:
-        questions: Questions submitted so far.
-        answers: Questions with an answer or a cause.
-        causes: Number of these questions by cause.
-        kept: Chats whose answer was already stored.
-        sent: Chats that were sent.
-        tries: Times a chat was sent.
-        waiting: Chats that are not sent yet.
-        in_flight: Chats whose reply is pending.
+        questions: Questions submitted.
+        answers: Questions whose result is known, with or without a usable answer.
+        causes: Number of the questions in `answers` by result: `answered`, or the cause why there is no usable answer.
+        kept: Requests whose answer was found in the cache, so that they were not sent.
+        sent: Requests that were sent, not counting repetitions after a failure.
+        tries: Times that any request was sent, with repetitions.
+        waiting: Requests that are still to be sent.
+        in_flight: Requests that were sent and have no final reply yet.
     """
 
     questions: int
@@ -65,15 +75,15 @@ class Counts:
 
 
 def request_row(question: Question, reply: Reply, **others: Any) -> tuple[Any, ...]:
-    """The row of one reply to one question, in the order of COLUMNS; `others` are the columns that neither record
-    contains.
+    """Row of one reply to one question, in the order of COLUMNS; `others` are the columns that neither `question` nor
+    `reply` contains.
     """
     values = vars(question) | vars(reply) | {"thinking_length": len(reply.thinking)} | others
     return tuple(values[name] for name in COLUMNS)
 
 
 def requests_frame(rows: Sequence[tuple[Any, ...]]) -> "pandas.DataFrame":
-    """The table of some rows, in their order, with the columns and types of COLUMNS."""
+    """Table of the rows, in their order, with the columns and types of COLUMNS."""
     import pandas
 
     values = zip(*rows, strict=True) if rows else [()] * len(COLUMNS)

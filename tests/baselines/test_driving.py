@@ -81,6 +81,7 @@ def test_a_rollout_is_what_its_actions_do(start, network, model):
     np.testing.assert_array_equal(frames.lane, replayed.lane)
 
 
+@pytest.mark.slow
 def test_every_recorded_action_was_admissible(start, network, model):
     state, drivers = start
     run = jax.jit(lambda key: collect(state, drivers, network, key, model, DrivingOptions(), n_seconds=8))
@@ -104,6 +105,7 @@ def test_crashed_vehicles_decide_nothing(start, network, model):
     assert (np.asarray(frames.crashed)[:, 3, 5]).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["mdp", "idm_capped"])
 def test_how_target_speeds_are_followed(name, model):
     """Told to keep 30 m/s behind a vehicle at 10 m/s: blind it drives through, capped it brakes."""

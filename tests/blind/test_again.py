@@ -33,6 +33,7 @@ def folder(before, tmp_path):
     return tmp_path / "copy"
 
 
+@pytest.mark.slow
 def test_a_study_judged_again_is_the_same(finished, before, folder, capsys):
     summary = finished[1]
     shutil.rmtree(folder / "verdicts")

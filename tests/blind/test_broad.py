@@ -171,6 +171,7 @@ def study(tmp_path_factory):
     return root, run_with(task(root, **SMALL, n_sets=4), Stub(root / "asked.txt"))
 
 
+@pytest.mark.slow
 def test_a_study_gives_rates_by_stratum(study):
     root, summary = study
     strata = pd.read_parquet(root / "blind" / "strata.parquet").set_index("stratum")
@@ -190,6 +191,7 @@ def test_a_study_gives_rates_by_stratum(study):
     assert not (root / "blind" / sealing.UNSEALED).exists()
 
 
+@pytest.mark.slow
 def test_a_study_judged_again_is_the_same(study):
     root, summary = study
     again = judge_again(root / "blind")

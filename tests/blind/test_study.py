@@ -176,6 +176,7 @@ def test_a_study_can_be_run_in_portions(tmp_path, finished, capsys):
     pd.testing.assert_frame_equal(ours, theirs)
 
 
+@pytest.mark.slow
 def test_a_data_set_that_discovery_stumbles_over_is_counted(tmp_path):
     def discover(data, study, oracle=None):
         raise ValueError("too few drivers")

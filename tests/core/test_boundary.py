@@ -52,7 +52,7 @@ def traffic(n_vehicles, kind):
     ("kind", "n_vehicles", "lane_changes"),
     [
         ("highway_env", 6, True),
-        ("gaps", 6, False),
+        pytest.param("gaps", 6, False, marks=pytest.mark.thorough),
         pytest.param("highway_env", LARGEST_SMALL_TRAFFIC + 5, True, marks=pytest.mark.thorough),
         pytest.param("gaps", LARGEST_SMALL_TRAFFIC + 5, False, marks=pytest.mark.thorough),
     ],
@@ -92,7 +92,7 @@ def test_a_boundary_without_vehicles_is_a_free_road(kind):
         np.testing.assert_array_equal(values, getattr(free, name), err_msg=name)
 
 
-@pytest.mark.parametrize("dtype", ["float32", "float64"])
+@pytest.mark.parametrize("dtype", ["float32", pytest.param("float64", marks=pytest.mark.thorough)])
 def test_decisions_in_blocks_are_those_of_all(dtype, monkeypatch):
     rng = np.random.default_rng(4)
     n_vehicles, n_scenarios, n_places = 6, 40, 5
@@ -159,6 +159,7 @@ def test_vehicles_enter_in_the_places_of_others_and_remember_nothing(kind):
         np.testing.assert_array_equal(np.asarray(leader)[stays], np.asarray(before.memory.leader_history.leader)[stays])
 
 
+@pytest.mark.slow
 def test_vehicles_that_collided_are_counted_when_others_take_their_place():
     state, drivers = traffic(6, "highway_env")
     is_crashed, is_new = np.zeros((6, 2), bool), np.zeros((3, 6, 2), bool)

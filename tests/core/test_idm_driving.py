@@ -20,6 +20,7 @@ HASTE = {"xla_backend_optimization_level": 0}
 """Options of the compiler, which takes longer than the simulation."""
 
 
+@pytest.mark.slow
 def test_where_more_are_due_than_have_places_all_decide(monkeypatch):
     state, drivers = spawn(jax.random.split(jax.random.key(5), 6), MODEL, n_vehicles=N_VEHICLES, density=1.5)
     state = sort_if_large(replace(state, ticks_to_decision=jnp.zeros_like(state.ticks_to_decision)))

@@ -115,6 +115,7 @@ def test_pictures_show_recorded_vehicles(episodes, measured):
     assert (picture == np.array(rendering._REPLAYED, np.uint8)).all(axis=-1).any()
 
 
+@pytest.mark.slow
 def test_the_functional_environment_is_the_same_traffic(scenes, table, cached):
     env = FunctionalHighway(scenes, "measured", table, **OPTIONS)
     params = env.default_params.replace(max_steps_in_episode=50)

@@ -1,4 +1,4 @@
-"""A run in which no question gets a usable answer is stopped with the reason; one with answers goes on."""
+"""A run in which no question gets a usable answer is stopped with the reason; a run with usable answers goes on."""
 
 import pytest
 
@@ -12,59 +12,82 @@ from tests.llm.asking import make_config, make_questions
 from tests.llm.stub import Stub
 from tests.refusal import refused
 
+MOST_REFUSED = 8
+"""Number of refused requests that stops a run."""
 
-def check(causes, *, is_finished=False, in_a_row=0, reasons=None, any_text=False):
-    counts = Counts(sum(causes.values()), sum(causes.values()), causes, 0, 0, 0, 0, 0)
-    limits = {"refused_in_a_row": in_a_row, "most_refused": 8}
-    check_usable(counts, reasons or {}, is_finished=is_finished, any_text=any_text, **limits)
+REFUSAL = "HTTP 402: no credit"
+
+
+def check(n_by_cause, *, is_finished=False, refused_in_a_row=0, reasons=None, any_text=False):
+    """`check_usable` for a run with this number of questions by cause."""
+    n_questions = sum(n_by_cause.values())
+    counts = Counts(
+        questions=n_questions,
+        answers=n_questions,
+        causes=n_by_cause,
+        kept=0,
+        sent=0,
+        tries=0,
+        waiting=0,
+        in_flight=0,
+    )
+    check_usable(
+        counts,
+        reasons or {},
+        is_finished=is_finished,
+        any_text=any_text,
+        refused_in_a_row=refused_in_a_row,
+        most_refused=MOST_REFUSED,
+    )
 
 
 @pytest.mark.parametrize(
-    "case",
+    ("n_by_cause", "is_finished", "refused_in_a_row"),
     [
         ({}, False, 0),
         ({}, True, 0),
         ({Cause.late: MAX_UNUSABLE - 1}, False, 0),
-        ({Cause.refused: 7}, False, 7),
+        ({Cause.refused: MOST_REFUSED - 1}, False, MOST_REFUSED - 1),
         ({Cause.answered: 1, Cause.unparsable: 5000}, True, 0),
-        ({Cause.answered: 1, Cause.refused: 5000}, True, 7),
+        ({Cause.answered: 1, Cause.refused: 5000}, True, MOST_REFUSED - 1),
     ],
 )
-def test_a_run_that_may_go_on(case):
-    causes, is_finished, in_a_row = case
-    check(causes, is_finished=is_finished, in_a_row=in_a_row)
+def test_a_run_with_usable_answers_or_few_questions_goes_on(n_by_cause, is_finished, refused_in_a_row):
+    check(n_by_cause, is_finished=is_finished, refused_in_a_row=refused_in_a_row)
 
 
 @pytest.mark.parametrize(
-    ("case", "code"),
+    ("n_by_cause", "is_finished", "refused_in_a_row", "code"),
     [
-        (({Cause.late: MAX_UNUSABLE}, False, 0), "answers-unusable"),
-        (({Cause.unparsable: 1}, True, 0), "answers-unusable"),
-        (({Cause.not_kept: 3}, True, 0), "answers-unusable"),
-        (({Cause.refused: 8}, False, 0), "requests-refused"),
-        (({Cause.answered: 50, Cause.refused: 8}, False, 8), "requests-refused"),
+        ({Cause.late: MAX_UNUSABLE}, False, 0, "answers-unusable"),
+        ({Cause.unparsable: 1}, True, 0, "answers-unusable"),
+        ({Cause.not_kept: 3}, True, 0, "answers-unusable"),
+        ({Cause.refused: MOST_REFUSED}, False, 0, "requests-refused"),
+        ({Cause.answered: 50, Cause.refused: MOST_REFUSED}, False, MOST_REFUSED, "requests-refused"),
     ],
 )
-def test_a_run_that_is_stopped(case, code):
-    causes, is_finished, in_a_row = case
+def test_a_run_without_usable_answers_or_with_refused_requests_is_stopped(
+    n_by_cause, is_finished, refused_in_a_row, code
+):
+    reasons = dict.fromkeys(Cause, REFUSAL)
     with refused(code) as caught:
-        check(causes, is_finished=is_finished, in_a_row=in_a_row, reasons=dict.fromkeys(Cause, "HTTP 402: no credit"))
-    assert "HTTP 402: no credit" in caught.value.problem.fault
+        check(n_by_cause, is_finished=is_finished, refused_in_a_row=refused_in_a_row, reasons=reasons)
+    assert REFUSAL in caught.value.problem.fault
     assert is_for_user(caught.value)
 
 
-def test_a_text_may_be_enough():
+def test_an_unparsable_answer_counts_as_usable_if_any_text_does():
     check({Cause.unparsable: 500}, is_finished=True, any_text=True)
     with refused("answers-unusable"):
         check({Cause.failed: 3}, is_finished=True, any_text=True)
 
 
-def test_credit_that_runs_out_stops_the_run_and_keeps_the_answers(tmp_path):
+def test_a_run_without_credit_is_stopped_and_its_answers_are_stored(tmp_path):
     config = make_config(tmp_path, breaker_failures=3)
     with Stub() as stub, Client(config, stub.url) as client:
         client.submit(make_questions(20)).result()
         client.check_usable(is_finished=False)
-        stub.fault = lambda seen: 402
+        stub.fault = lambda seen: 402  # HTTP status: payment required
         client.submit(make_questions(5, "later")).result()
         with refused("requests-refused") as caught:
             client.check_usable(is_finished=False)
@@ -77,7 +100,7 @@ def test_credit_that_runs_out_stops_the_run_and_keeps_the_answers(tmp_path):
         client.check_usable(is_finished=True)
 
 
-def test_a_replay_of_other_questions_is_no_run(tmp_path):
+def test_a_replay_without_stored_answers_is_stopped(tmp_path):
     with Stub() as stub, Client(make_config(tmp_path), stub.url) as client:
         client.submit(make_questions(1)).result()
     with Client(make_config(tmp_path), "", replay=True) as client:
@@ -86,9 +109,9 @@ def test_a_replay_of_other_questions_is_no_run(tmp_path):
             client.check_usable(is_finished=True)
 
 
-def test_the_last_answer_is_shown(tmp_path):
-    message = {"choices": [{"message": {"content": "1. 1. 1."}}]}
-    with Stub(say=lambda body: message) as stub, Client(make_config(tmp_path), stub.url) as client:
+def test_the_message_of_a_stopped_run_quotes_the_last_answer(tmp_path):
+    answer = {"choices": [{"message": {"content": "1. 1. 1."}}]}
+    with Stub(say=lambda body: answer) as stub, Client(make_config(tmp_path), stub.url) as client:
         client.submit(make_questions(3)).result()
         client.check_usable(is_finished=False)
         with pytest.raises(InvalidInputError, match=r"1\. 1\. 1\."):

@@ -1,4 +1,6 @@
-"""`rearl study table1` with two rows: files, figures against the rows' own, and a study that was killed."""
+"""`rearl study table1` with two rows: its files, its numbers compared with the evaluations of the rows, and a study
+that was interrupted.
+"""
 
 import json
 import re
@@ -16,12 +18,29 @@ from rearl_jax.results import read_metadata
 pytestmark = pytest.mark.thorough
 
 
+STUDY = "study_table1"
+"""Folder of the study below that of all results."""
+
+
 @pytest.fixture
-def folder(table1):
-    return table1[0] / "study_table1"
+def results(table1):
+    """Folder of all results."""
+    return table1[0]
 
 
-def test_every_file_is_there(folder):
+@pytest.fixture
+def printed(table1):
+    """Output of the command."""
+    return table1[1]
+
+
+@pytest.fixture
+def folder(results):
+    """Folder of the study."""
+    return results / STUDY
+
+
+def test_the_study_writes_all_its_files(folder):
     names = {path.name for path in folder.iterdir()}
     assert names == {"config.json", "page.html", "rows", "summary.json", "table1.parquet", "table1.png"}
     assert {path.name for path in (folder / "rows").iterdir() if path.is_dir()} == {"base", "idle"}
@@ -29,17 +48,17 @@ def test_every_file_is_there(folder):
     assert read_metadata(folder / "table1.parquet")["generated"] == "false"
 
 
-def test_figures_are_those_of_the_evaluations_beside_the_papers(folder):
+def test_the_table_has_the_values_of_the_rows_evaluations_and_of_the_paper(folder):
     table = pd.read_parquet(folder / "table1.parquet").set_index(["row", "metric"])
     for name, method in (("base", "base"), ("idle", "rearl")):
-        own = pd.read_parquet(folder / "rows" / name / "summary.parquet").set_index(["method", "metric"])
+        evaluation = pd.read_parquet(folder / "rows" / name / "summary.parquet").set_index(["method", "metric"])
         for metric in ("h", "mape_a", "thw", "lcr"):
-            assert table.loc[(name, metric), "ours"] == own.loc[(method, metric), "value"]
-            assert table.loc[(name, metric), "low"] == own.loc[(method, metric), "low"]
+            assert table.loc[(name, metric), "ours"] == evaluation.loc[(method, metric), "value"]
+            assert table.loc[(name, metric), "low"] == evaluation.loc[(method, metric), "low"]
     assert table.loc[("base", "h_legacy"), "paper"] == 0.346
     assert pd.isna(table.loc[("base", "h"), "paper"])
     assert pd.isna(table.loc[("idle", "mape_a"), "paper"])
-    assert table.loc[("paper_ppo", "lcr"), "paper"] == 0.0138  # rows of the paper that correspond to none of ours
+    assert table.loc[("paper_ppo", "lcr"), "paper"] == 0.0138  # a row of the paper only
     assert pd.isna(table.loc[("paper_ppo", "lcr"), "ours"])
     assert pd.isna(table.loc[("base", "h"), "less_base"])
     assert table.loc[("idle", "h"), "less_base"] == pytest.approx(
@@ -49,7 +68,7 @@ def test_figures_are_those_of_the_evaluations_beside_the_papers(folder):
     assert np.isfinite(numbers).all()
 
 
-def test_summary_is_flat_and_says_the_same(folder):
+def test_summary_json_is_flat_and_has_the_values_of_the_table(folder):
     summary = json.loads((folder / "summary.json").read_text())
     table = pd.read_parquet(folder / "table1.parquet").set_index(["row", "metric"])
     assert all(isinstance(value, (str, int, float, bool, type(None))) for value in summary.values())
@@ -60,64 +79,65 @@ def test_summary_is_flat_and_says_the_same(folder):
     assert summary["base_h_less_base"] is None
 
 
-def test_what_is_printed_never_claims_comparability(table1, folder):
-    printed = " ".join(table1[1].split())
-    assert "Only the signs of differences and the order of methods can be compared with the paper" in printed
-    assert "traffic model, Hellinger distance, MAPE, decisions" in printed
-    assert "paper: Base" in printed
-    assert "closer than base" in printed
-    assert printed.count("real against real") >= 1
-    assert "…" not in table1[1]
-    assert printed.count("held-out scenes (of") == 0  # the rows' own tables are on their own pages
+def test_output_and_page_state_what_can_be_compared_with_the_paper(results, folder, printed):
+    words = " ".join(printed.split())
+    assert "Only the signs of differences and the order of methods can be compared with the paper" in words
+    assert "traffic model, Hellinger distance, MAPE, decisions" in words
+    assert "paper: Base" in words
+    assert "closer than base" in words
+    assert "real against real" in words
+    assert "…" not in printed
+    assert "held-out scenes (of" not in words  # the heading of a row's table, which is on the page of the row
     page = (folder / "page.html").read_text(encoding="utf-8")
     assert "What differs from the paper" in page
     assert "more is not better" in page
     assert "H legacy = 0.385 H" in page
     assert "CC BY-SA 4.0" in page
     assert not re.search(r"<(?:script|link|iframe|object)\b", page)
-    document = paper_document(read_finished(str(table1[0]), "study_table1"))
-    assert text_of(document) in table1[1]  # the report is of the same words
+    document = paper_document(read_finished(str(results), STUDY))
+    assert text_of(document) in printed  # `rearl report` repeats the text of the study
 
 
 @pytest.mark.slow
-def test_a_killed_study_goes_on_and_equals_one_that_was_not(table1, rearl, two_rows, tmp_path):
-    root = tmp_path / "killed"
-    shutil.copytree(table1[0], root)
-    folder = root / "study_table1"
+def test_an_interrupted_study_continues_to_the_results_of_an_uninterrupted_study(
+    results, folder, rearl, two_rows, tmp_path
+):
+    interrupted = tmp_path / "interrupted"
+    shutil.copytree(results, interrupted)
+    continued = interrupted / STUDY
     for name in ("summary.json", "table1.parquet", "table1.png", "page.html"):
-        (folder / name).unlink()
-    (folder / "rows" / "idle" / "summary.json").unlink()  # written last: this row was being written
-    finished = folder / "rows" / "base" / "runs.parquet"
-    before = finished.stat().st_mtime_ns
-    rearl(root, "study", "table1", *two_rows)
-    assert finished.stat().st_mtime_ns == before
-    assert (folder / "rows" / "idle" / "runs.parquet").stat().st_mtime_ns > before
-    pd.testing.assert_frame_equal(
-        pd.read_parquet(folder / "table1.parquet"), pd.read_parquet(table1[0] / "study_table1" / "table1.parquet")
-    )
-    assert json.loads((folder / "summary.json").read_text()) == json.loads(
-        (table1[0] / "study_table1" / "summary.json").read_text()
-    )
+        (continued / name).unlink()
+    (continued / "rows" / "idle" / "summary.json").unlink()  # the last file of a row, which is unfinished without it
+    base_runs = continued / "rows" / "base" / "runs.parquet"
+    written_at = base_runs.stat().st_mtime_ns
+    rearl(interrupted, "study", "table1", *two_rows)
+    assert base_runs.stat().st_mtime_ns == written_at
+    assert (continued / "rows" / "idle" / "runs.parquet").stat().st_mtime_ns > written_at
+    tables = [pd.read_parquet(path / "table1.parquet") for path in (continued, folder)]
+    pd.testing.assert_frame_equal(*tables)
+    summaries = [json.loads((path / "summary.json").read_text()) for path in (continued, folder)]
+    assert summaries[0] == summaries[1]
 
 
-def test_fig6_uses_the_rows_of_table1(table1, rearl, two_rows, tmp_path):
+def test_fig6_uses_the_rows_of_table1(results, rearl, two_rows, tmp_path):
     root = tmp_path / "results"
-    shutil.copytree(table1[0], root)
-    kept = root / "study_table1" / "rows" / "idle" / "runs.parquet"
-    before = kept.stat().st_mtime_ns
-    printed = rearl(root, "study", "fig6", "table1.kept_in=study_table1", *two_rows)
-    assert kept.stat().st_mtime_ns == before
+    shutil.copytree(results, root)
+    rows = root / STUDY / "rows"
+    idle_runs = rows / "idle" / "runs.parquet"
+    written_at = idle_runs.stat().st_mtime_ns
+    printed = rearl(root, "study", "fig6", f"table1.kept_in={STUDY}", *two_rows)
+    assert idle_runs.stat().st_mtime_ns == written_at
     assert "page.html lists what differs: Fig. 6, data" in " ".join(printed.split())
     assert text_of(paper_document(read_finished(str(root), "study_fig6"))) in printed
-    folder = root / "study_fig6"
-    assert not (folder / "rows").exists()
-    table = pd.read_parquet(folder / "fig6.parquet")
+    fig6 = root / "study_fig6"
+    assert not (fig6 / "rows").exists()
+    table = pd.read_parquet(fig6 / "fig6.parquet")
     assert set(table["row"]) == {"base", "idle", "real_vs_real"}
     h = table[(table["row"] == "base") & (table["metric"] == "h")]
-    assert h["second"].tolist() == list(range(4, 60))  # the first full window ends at second 4
-    frames = pd.read_parquet(kept.parent.parent / "base" / "frames.parquet").query("method == 'base'")
-    wanted = frames.groupby("frame")["h"].mean().dropna()
-    np.testing.assert_allclose(h["ours"].to_numpy(float), wanted.to_numpy(float), rtol=1e-6)
+    assert h["second"].tolist() == list(range(4, 60))  # the first window of 5 s has the seconds 0 to 4
+    frames = pd.read_parquet(rows / "base" / "frames.parquet").query("method == 'base'")
+    expected = frames.groupby("frame")["h"].mean().dropna()
+    np.testing.assert_allclose(h["ours"].to_numpy(float), expected.to_numpy(float), rtol=1e-6)
     assert (h["low"] <= h["ours"]).all()
     assert (h["ours"] <= h["high"]).all()
     assert table["paper"].isna().all()

@@ -13,7 +13,7 @@ from jaxtyping import Float
 
 from rearl_jax.discovery.comparison.choice import is_beaten
 from rearl_jax.discovery.comparison.compared import calibrated_alike
-from rearl_jax.discovery.observe.candidates import Term
+from rearl_jax.discovery.observe.candidates import NAMED_KINDS, Term
 from rearl_jax.discovery.observe.drivers import Prior
 from rearl_jax.discovery.observe.fit import Fit, recalibrated
 from rearl_jax.discovery.observe.fit_state import FitState, replaced
@@ -94,7 +94,7 @@ def better_model(others: Sequence[ModelTest], seed: int) -> Prior | None:
 
 def _named(outcome: Search) -> list[Term]:
     """Terms of the added effects that have a name."""
-    return [trial.candidate.term for trial in outcome.added if trial.candidate.kind in ("driver", "road")]
+    return [trial.candidate.term for trial in outcome.added if trial.candidate.kind in NAMED_KINDS]
 
 
 def _tested_in(solver: Solver, prior: Prior, outcome: Search, chosen: FitState) -> ModelTest:

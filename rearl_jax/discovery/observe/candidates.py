@@ -113,6 +113,10 @@ LENS = Term("lens")
 """Distortion of positions by the camera."""
 
 
+NAMED_KINDS = frozenset({"driver", "road"})
+"""Kinds of candidates that are named effects of traffic; the others are free curves and artefacts of the recording."""
+
+
 @dataclass(frozen=True)
 class Candidate:
     """An effect that may be missing.

@@ -64,7 +64,15 @@ import numpy as np
 
 from rearl_jax.core.effects import EFFECTS
 from rearl_jax.discovery.claims import Claim, Estimate, share_of
-from rearl_jax.discovery.observe.candidates import CANDIDATE_EFFECTS, EARLY_LEADER, TWINS, Candidate, Layout, Term
+from rearl_jax.discovery.observe.candidates import (
+    CANDIDATE_EFFECTS,
+    EARLY_LEADER,
+    NAMED_KINDS,
+    TWINS,
+    Candidate,
+    Layout,
+    Term,
+)
 from rearl_jax.discovery.observe.clocks import CLOCK_OFFSET
 from rearl_jax.discovery.observe.uncertainty import interval
 from rearl_jax.discovery.read.gate import Finding
@@ -175,12 +183,12 @@ def verdict_of(search: Search, effects: Sequence[Claim], adequacy: Adequacy, *, 
         is_lower: Whether the error of the reported drivers is significantly lower than before.
     """
     added = [trial.candidate.kind for trial in search.added]
-    names = {trial.candidate.term.effect for trial in search.added if trial.candidate.kind in ("driver", "road")}
+    names = {trial.candidate.term.effect for trial in search.added if trial.candidate.kind in NAMED_KINDS}
     if names:
         is_doubtful = any(search.is_doubtful(trial) for trial in search.added) or search.leaves_shifts
         is_stated = names <= {effect.name for effect in effects}
         return "named" if is_stated and adequacy.is_enough and not is_doubtful else "unexplained"
-    if any(effect.kind in ("driver", "road") for effect in effects):  # effects of lane changes
+    if any(effect.kind in NAMED_KINDS for effect in effects):  # effects of lane changes
         is_doubtful = search.is_contradicted or search.leaves_more or search.leaves_shifts
         return "named" if adequacy.is_enough and not is_doubtful else "unexplained"
     if added and all(is_free(trial) for trial in search.added) and is_lower:

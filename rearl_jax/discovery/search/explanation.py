@@ -64,6 +64,4 @@ def names_more(before: Prediction, named: Search, adequacy: Adequacy, after: Pre
     """True if a search with another model explains the drivers by effects of drivers or roads alone, by at least one,
     and predicts better. An artefact of the recording that shows with that model only speaks against the model.
     """
-    kinds = {trial.candidate.kind for trial in named.added}
-    is_named = bool(kinds) and kinds <= {"driver", "road"}
-    return is_named and is_explained(named, adequacy) and predicts_better(before, after, seed)
+    return named.is_named and is_explained(named, adequacy) and predicts_better(before, after, seed)

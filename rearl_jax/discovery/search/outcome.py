@@ -6,7 +6,7 @@ from itertools import takewhile
 import numpy as np
 from jaxtyping import Float
 
-from rearl_jax.discovery.observe.candidates import EARLY_LEADER, Layout, Term
+from rearl_jax.discovery.observe.candidates import EARLY_LEADER, NAMED_KINDS, Layout, Term
 from rearl_jax.discovery.observe.fit import Fit
 from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.search.clock_check import ClockCheck
@@ -91,6 +91,12 @@ class Search:
         if not any(trial is other for other in self.lane_changes):
             return True
         return trial.holds and trial.candidate.term != EARLY_LEADER
+
+    @property
+    def is_named(self) -> bool:
+        """True if effects were found, and all of them are named effects of drivers or of the road."""
+        kinds = {trial.candidate.kind for trial in self.added}
+        return bool(kinds) and kinds <= NAMED_KINDS
 
     @property
     def is_contradicted(self) -> bool:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 from rearl_jax.discovery.observe.base import Base, base_of
-from rearl_jax.discovery.observe.candidates import EARLY_LEADER, LENS, Term
+from rearl_jax.discovery.observe.candidates import EARLY_LEADER, LENS, NAMED_KINDS, Term
 from rearl_jax.discovery.observe.clocks import CLOCK_OFFSET, Clocks
 from rearl_jax.discovery.observe.fit import Fit, joint_fit, recalibrated
 from rearl_jax.discovery.observe.solver import Solver
@@ -54,6 +54,7 @@ def search(
     calibrated: Base | None = None,
     excluded: frozenset[Term] = frozenset(),
     rounds: int | None = None,
+    names_only: bool = False,
 ) -> Search:
     """Rounds until no candidate exceeds chance, or none of those that do is accepted.
 
@@ -67,6 +68,7 @@ def search(
         calibrated: The calibrated model if it is known; None to calibrate it.
         excluded: Candidates, possibly clock offsets, that are not searched for.
         rounds: Largest number of rounds; None for no limit.
+        names_only: Whether the search ends once a free curve or an artefact is added, because only named effects count.
     """
     report("calibrating drivers", 0, 1)
     of_lanes = calibrated or base_of(solver, fitted, lane_changes=lane_changes)
@@ -105,6 +107,8 @@ def search(
         else:
             outcome.rounds.append(turn)
             if turn.chosen is None or len(outcome.rounds) == rounds:
+                break
+            if names_only and turn.chosen.candidate.kind not in NAMED_KINDS:
                 break
             base = turn.chosen.fit
         screen = _screen(solver, base, outcome, null_for)

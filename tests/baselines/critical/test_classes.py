@@ -131,6 +131,7 @@ def test_the_first_decision_is_when_highway_envs_timer_says(drawn, model, delay)
     assert (ticks == wanted).mean() > 0.95
 
 
+@pytest.mark.slow
 def test_classes_drive_as_they_are_called(drawn, model):
     """Aggressive drivers are faster than defensive ones, and their lanes are others."""
     simulate = jax.jit(lambda state, drivers: rollout(state, drivers, model, n_seconds=12)[1])

@@ -73,6 +73,7 @@ def compared(driven_by, tmp_path_factory):
     return compare
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", [pytest.param("idm", marks=pytest.mark.thorough), "constant_time_headway"])
 def test_drivers_keep_the_model_they_drive_by(compared, name):
     parts, found, _ = compared(name)
@@ -95,6 +96,7 @@ def test_drivers_keep_the_model_they_drive_by(compared, name):
         assert found.base is None
 
 
+@pytest.mark.slow
 def test_a_killed_run_makes_the_same_choice_without_comparing_again(compared, monkeypatch):
     (parts, first, study), options = compared("constant_time_headway"), DiscoverConfig()
     assert study.owns(BASE_TABLE)

@@ -69,6 +69,7 @@ def test_one_kind_is_one_kind(n_seeds):
     assert several <= 1
 
 
+@pytest.mark.slow
 def test_drivers_of_whom_nothing_is_known_do_not_count():
     likelihoods, second = _drivers(90, 5.0, 2)
     blind = DriverLikelihoods(np.zeros((60, SIZE, SIZE)), np.zeros((60, SIZE)))

@@ -28,6 +28,7 @@ def test_candidates_are_effects_of_the_library_in_its_units():
             assert all(known[shape].unit == unit for shape, _, unit in form.shape)
 
 
+@pytest.mark.slow
 def test_keep_right_is_named_with_its_strength(lane_findings):
     found = lane_findings
     assert found.n_changes >= 150
@@ -56,6 +57,7 @@ def test_parts_of_a_verdict_are_plain_and_complete(lane_findings):
     assert surprises == sorted(surprises, reverse=True)
 
 
+@pytest.mark.slow
 def test_nothing_is_named_in_a_control(recordings_of):
     found = lane_change_findings(recordings_of(None, **{**FREE_CHANGES, "n_vehicles": 150, "duration": 75.0}))
     assert found.n_changes >= 150

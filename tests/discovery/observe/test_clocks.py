@@ -26,6 +26,7 @@ def chains(measured_of):
     return late(data, offset)
 
 
+@pytest.mark.slow
 def test_clocks_are_put_right(solver, calibrated, chains):
     data, offset = chains
     base = Fit(None, *calibrated)

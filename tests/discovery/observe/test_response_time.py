@@ -18,6 +18,7 @@ def response_of(tables):
     return responses(solver, calibrate(solver, data)[0])
 
 
+@pytest.mark.slow
 def test_a_planted_delay_is_read(tables_of):
     found = response_of(tables_of("reaction_delay"))
     figure = found.figure(0.9, 200, 0)

@@ -218,6 +218,7 @@ def test_nothing_counts_where_the_driver_or_the_leader_has_jumped(tables_of):
     )
 
 
+@pytest.mark.slow
 def test_a_simulation_without_noise_is_not_taken_for_smoothed(recordings_of):
     exact = recordings_of(driver_noise=0.0, position_noise=0.0)
     assert smoothness([smoothing.thinned(recording) for recording in exact]).drives > 0.4

@@ -37,6 +37,7 @@ def test_old_decisions_and_misjudged_gaps_do(measured_of, name):
     assert max(growth_in(data, solver, calibrate(solver, data))) > 2.0
 
 
+@pytest.mark.slow
 def test_every_driver_has_a_vote_whichever_part_they_are_in(measured_of):
     data = measured_of("action_points")
     solver = solver_of(data)
@@ -65,6 +66,7 @@ def test_restless_drivers_are_not_taken_for_late_ones(solver, calibrated):
     assert abs(staleness([left], chance)) < staleness([left], silent)
 
 
+@pytest.mark.slow
 def test_the_right_model_of_smoothed_drives_leaves_correlated_innovations(recordings_of):
     """Noise alone, smoothed alike, correlates them as much: that is no misfit."""
     _, data = measured_drivers(recordings_of("smoothing"), DiscoverConfig())

@@ -82,6 +82,7 @@ def test_clocks_that_make_simulations_worse_are_not_believed(solver, calibrated,
     assert makes_simulations_worse(solver, *states) == is_worse
 
 
+@pytest.mark.slow
 def test_the_round_is_repeated_without_a_distortion_that_simulations_deny(solver, calibrated, monkeypatch):
     found = search_that_added(solver, calibrated, ("lens", 0.0))
     turns, excluded = [found.rounds[0], replace(found.rounds[0], accepted=[])], []

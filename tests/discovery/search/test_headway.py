@@ -62,6 +62,7 @@ def varying(solver, many):
     return Fit(None, other, replace(noise, acceleration=0.3))
 
 
+@pytest.mark.slow
 def test_a_time_gap_that_varies_is_found_and_scored_better(solver, varying):
     found = time_gap_variation(solver, varying, 0)
     assert 0.15 <= found.sd <= 0.65

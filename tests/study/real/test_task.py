@@ -72,6 +72,7 @@ def test_every_set_is_a_discovery_in_its_own_folder(config, done, tmp_path):
     assert "Apache" in (folder / "page.html").read_text()
 
 
+@pytest.mark.slow
 def test_what_is_finished_is_not_done_again(config, done):
     first = task.run(config)
     n_asked = len(done)

@@ -69,6 +69,7 @@ def made_pairs(followers, delay_steps):
     return Pairs(leader, follower, np.arange(followers), 0, 1.0)
 
 
+@pytest.mark.slow
 def test_the_model_is_held_against_the_recording():
     (case,) = cases_of(StudyStabilityTask(stability=StabilityConfig(models=("idm",))))
     wide = measured_table(case, made_pairs(8, 10), 9.0, 0)

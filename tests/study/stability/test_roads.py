@@ -17,6 +17,7 @@ def case():
     return case
 
 
+@pytest.mark.slow
 def test_a_ring_in_equilibrium_stays_in_it_and_a_disturbance_passes_the_seam(case):
     n, speed = 5, 10.0
     spacing = case.length + float(case.equilibrium_gaps(np.array([speed]))[0])
@@ -38,6 +39,7 @@ def test_a_ring_in_equilibrium_stays_in_it_and_a_disturbance_passes_the_seam(cas
     assert not motion.overlaps.any()
 
 
+@pytest.mark.slow
 def test_vehicles_that_cannot_stop_overlap_once(case):
     position = np.array([[40.0], [0.0]])
     motion = drive(case.typical, position, np.array([[0.0], [35.0]]), seconds=10, seed=0)
