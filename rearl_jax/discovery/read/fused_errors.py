@@ -15,7 +15,7 @@ from jaxtyping import Float
 from scipy.optimize import nnls, root_scalar
 
 from rearl_jax.discovery.read.lasting import lasting
-from rearl_jax.discovery.read.smoothing import low_pass
+from rearl_jax.discovery.read.smoothing import low_pass, robust_deviation
 
 LAGS = (1.0, 1.5, 2.0, 3.0, 5.0, 7.0, 10.0, 15.0, 20.0, 30.0, 40.0, 60.0)
 """Lags at which differences of the two columns are compared [s]."""
@@ -85,7 +85,8 @@ def fused_errors(
         values = _second_differences(differences, step)
         if len(values) < LEAST_WINDOWS * step:
             break
-        variances.append(_variance(values))
+        # Positions jump where a receiver loses satellites.
+        variances.append(robust_deviation(values) ** 2)
         lags.append(step * dt)
         windows.append(len(values) / step)
     if len(lags) < LEAST_LAGS or min(variances) <= 0:
@@ -101,7 +102,7 @@ def fused_errors(
         white, size, walk = np.sqrt(squares).tolist()
         fits.append((float(misfit), white, size, time, walk))
     _, white, size, time, walk = min(fits)
-    speed_time = _speed_time(walk, _variance(_second_differences(speeds, 1)), dt)
+    speed_time = _speed_time(walk, robust_deviation(_second_differences(speeds, 1)) ** 2, dt)
     return FusedErrors(white, size, time, walk, speed_time, cut_off)
 
 
@@ -129,8 +130,3 @@ def _second_differences(tracks: Sequence[Float[np.ndarray, " steps"]], step: int
     return np.concatenate(
         [np.empty(0), *(track[2 * step :] - 2 * track[step:-step] + track[: -2 * step] for track in tracks)]
     )
-
-
-def _variance(values: Float[np.ndarray, " differences"]) -> float:
-    """Variance from the median of sizes, because positions jump where a receiver loses satellites."""
-    return (float(np.median(np.abs(values))) / 0.6745) ** 2

@@ -77,7 +77,14 @@ def position_noise(position: np.ndarray, starts: np.ndarray, stops: np.ndarray) 
     Source: the fourth difference of white noise of variance 1 has variance 70; motion hardly has any.
     """
     parts = [np.diff(position[a:b], 4) for a, b in zip(starts, stops, strict=True) if b - a > 4]
-    return float(np.median(np.abs(np.concatenate(parts))) / 0.6745 / np.sqrt(70.0)) if parts else 0.0
+    return robust_deviation(np.concatenate(parts)) / float(np.sqrt(70.0)) if parts else 0.0
+
+
+def robust_deviation(values: Float[np.ndarray, " n"]) -> float:
+    """Standard deviation of normal values with mean zero from the median of their sizes, on which a few large values
+    have no influence. Source: Hampel, J. Am. Stat. Assoc. 69 (1974) 383.
+    """
+    return float(np.median(np.abs(values))) / 0.6745
 
 
 def jumps(position: np.ndarray, dt: float) -> np.ndarray:
@@ -87,9 +94,8 @@ def jumps(position: np.ndarray, dt: float) -> np.ndarray:
     """
     jumped = np.zeros(len(position), bool)
     if len(position) > 3:
-        third = np.abs(np.diff(position, 3))
-        deviation = float(np.median(third)) / 0.6745
-        jumped[2:-1] = third > max(JUMP * dt**2, JUMP_NOISE * deviation)
+        third = np.diff(position, 3)
+        jumped[2:-1] = np.abs(third) > max(JUMP * dt**2, JUMP_NOISE * robust_deviation(third))
     return jumped
 
 
