@@ -27,7 +27,7 @@ def predictive(solver: Solver, outcome: Search, seed: int, null_for: NullFor, re
 
     Evidence comes from one-step predictions, and calibrated parameters can compensate for wrong effects in simulations.
     An effect that may not be the right one must improve predictions for drivers, or parts of drives, to which no
-    parameter was calibrated.
+    parameter was calibrated. A response to the vehicle behind cannot show that, see `Trial.is_of_follower`.
     """
 
     def errors_of(fit: Fit) -> GapErrors:
@@ -37,7 +37,14 @@ def predictive(solver: Solver, outcome: Search, seed: int, null_for: NullFor, re
         if not trials:
             return None
         before = errors_of(base)
-        return next((trial for trial in trials if predict_surely_better(before, errors_of(trial.fit), seed)), None)
+        return next(
+            (
+                trial
+                for trial in trials
+                if not trial.is_of_follower and predict_surely_better(before, errors_of(trial.fit), seed)
+            ),
+            None,
+        )
 
     return with_predictive_effects(solver, outcome, most_predictive, null_for, report)
 

@@ -58,14 +58,17 @@ class Trial:
         return self.gain + self.check - self.null_mean
 
     @property
-    def overall(self) -> float:
-        """Total gain of one-step predictions and simulations with equal weight [nats].
-
-        A vehicle behind follows the recorded drive, so a simulated driver who responds to it stays near the record in
-        any case: with such candidates, only worse simulations count.
+    def is_of_follower(self) -> bool:
+        """True for a response to the vehicle behind. That vehicle follows the recorded drive, so a simulated driver who
+        responds to it stays near the record in any case: better simulations do not count.
         """
+        return bool(OF_FOLLOWER & set(self.candidate.variables))
+
+    @property
+    def overall(self) -> float:
+        """Total gain of one-step predictions and simulations with equal weight [nats], see `is_of_follower`."""
         of_simulations = 0.0 if self.simulated is None else float(self.simulated.sum())
-        if OF_FOLLOWER & set(self.candidate.variables):
+        if self.is_of_follower:
             of_simulations = min(of_simulations, 0.0)
         return self.total + of_simulations
 

@@ -87,6 +87,14 @@ def test_without_a_candidate_that_predicts_better_none_stays(solver, calibrated,
     assert len(left.rounds) == 1
 
 
+def test_a_response_to_the_vehicle_behind_cannot_show_that_it_predicts(solver, calibrated, monkeypatch):
+    found = search_that_added(solver, calibrated, ("rear_pressure", 0.3))
+    told(monkeypatch, {"": 2.0, "rear_pressure": 1.5})
+    left = predictive(solver, found, 0, no_null, quiet)
+    assert not left.added
+    assert left.unpredictive == {Term("rear_pressure")}
+
+
 def test_clocks_stay_corrected_only_if_that_predicts_better(solver, calibrated, monkeypatch):
     found = search_that_added(solver, calibrated)
     fit, checked = found.first, found.checked
