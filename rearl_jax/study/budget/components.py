@@ -22,7 +22,7 @@ from rearl_jax.config.budget import (
 
 TITLES: Mapping[str, str] = {
     START: "start and desired speeds as recorded",
-    BOUNDARY: "recorded vehicles around",
+    BOUNDARY: "replayed neighbours",
     CALIBRATED: "calibrated drivers",
     FOUND: "what discovery found",
     LANE_CHANGES: "calibrated lane changes",

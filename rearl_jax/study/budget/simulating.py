@@ -144,7 +144,7 @@ def as_simulated(setting: Setting, row: Row) -> SimulatedRow:
 
 
 def free(config: StudyBudgetTask) -> StudyBudgetTask:
-    """The configuration without recorded vehicles around."""
+    """The configuration without replayed neighbours."""
     return replace(config, scenes=replace(config.scenes, boundary=BoundarySource.free))
 
 

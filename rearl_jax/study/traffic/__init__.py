@@ -1,1 +1,1 @@
-"""REARL on better traffic: how much is left for decisions to do, as rows of `rearl study table1`."""
+"""REARL on a better traffic model: how much is left for decisions to do, as rows of `rearl study table1`."""

@@ -35,9 +35,9 @@ _UNITS = {"position_error": "m", "interventions": "1/min", "changes": "1/min"}
 
 TITLES_OF_KINDS = {
     "base": "Base",
-    "boundary": "recorded vehicles around",
+    "boundary": "replayed neighbours",
     "calibrated": "calibrated drivers",
-    "both": "calibrated drivers, recorded vehicles around",
+    "both": "calibrated drivers, replayed neighbours",
 }
 
 TITLES_OF_POLICIES = {
@@ -145,4 +145,4 @@ def sections_on_traffic(own: pd.DataFrame, intervals: str) -> tuple[Section, ...
     less = Table(
         f"Difference from the same traffic without REARL, paired over scenes; {intervals}", headings, tuple(changes)
     )
-    return (Section("REARL on better traffic", tables=(figures, less)),)
+    return (Section("REARL on a better traffic model", tables=(figures, less)),)

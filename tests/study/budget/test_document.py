@@ -164,5 +164,5 @@ def test_page_and_figure(tables, generated):
     png = draw_waterfall(table, "mape_a", generated=generated)
     assert png.startswith(b"\x89PNG")
     page = page_of(document, StudyBudgetTask(), {"waterfall": png}, data_id="x")
-    assert "recorded vehicles around" in page
+    assert "replayed neighbours" in page
     assert "rearl study budget" in page

@@ -1,4 +1,4 @@
-"""Figures, rows, sections and findings of REARL on better traffic, from rows whose figures are made."""
+"""Figures, rows, sections and findings of REARL on a better traffic model, from rows whose figures are made."""
 
 from dataclasses import replace
 
@@ -122,7 +122,7 @@ def test_the_rows_of_the_paper_stay_as_they_are():
     assert title not in alone
     assert alone.startswith(both.split(title)[0].rstrip())
     assert "0.500" in both.split(title)[0]
-    assert "repaired drivers, recorded vehicles around: matcher" in " ".join(both.split())
+    assert "repaired drivers, replayed neighbours: matcher" in " ".join(both.split())
 
 
 def test_scenes_start_and_drive_as_recorded_whatever_the_rows_of_the_paper_do():
