@@ -71,7 +71,8 @@ def layout_of(data: Measured, prior: Prior = IDM_PRIOR) -> Layout:
             where = builder.places[f"time_gap.{variable}"]
             builder.candidate(Term("time_gap_dependence", variable), "generic", where, where, (variable,))
     builder.curve("lens", LENS_KNOTS, 2.0)
-    builder.candidate(LENS, "artefact", builder.places["lens"], builder.places["lens"], ("position",))
+    if data.fused_errors is None:  # else every vehicle measures its own position, and no camera can distort it
+        builder.candidate(LENS, "artefact", builder.places["lens"], builder.places["lens"], ("position",))
     low, high, off, scale, unit = (np.array(part) for part in zip(*builder.rows, strict=True))
     return Layout(
         candidates=builder.candidates,

@@ -6,9 +6,11 @@ import numpy as np
 import pytest
 from scipy.linalg import solve_discrete_are
 
-from rearl_jax.discovery.observe.candidates import Term
+from rearl_jax.discovery.observe.candidates import LENS, Term
 from rearl_jax.discovery.observe.kalman import CLOSED_LOOP, DAMPING, STIFFNESS, Gain, Noise
 from rearl_jax.discovery.observe.noise import ACCELERATIONS, TIMES, best_noise, noise_levels, under_best_noise
+from rearl_jax.discovery.observe.solver import solver_of
+from rearl_jax.discovery.read.fused_errors import FusedErrors
 from rearl_jax.discovery.search.null import driver_noise, simulate_again
 
 
@@ -95,3 +97,10 @@ def test_the_most_likely_noise_is_found_from_any_level(solver, calibrated, begin
     _, found = under_best_noise(solver, state, replace(noise, acceleration=begin, time=TIMES[1]), levels, iterations=0)
     likeliest, _ = best_noise(solver, state, noise_levels(noise, levels))
     assert found == likeliest
+
+
+def test_no_camera_distorts_positions_that_every_vehicle_measures_itself(calibrated):
+    data = calibrated[0].data
+    assert LENS in solver_of(data).layout.candidates
+    measured_by_vehicles = replace(data, fused_errors=FusedErrors(0.1, 0.5, 20.0, 0.03, 0.0, 0.3))
+    assert LENS not in solver_of(measured_by_vehicles).layout.candidates
