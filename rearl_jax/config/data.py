@@ -112,6 +112,16 @@ class DataConfig:
             )
         },
     )
+    classes: dict[Any, Any] = field(
+        default_factory=dict,
+        hash=False,
+        metadata={
+            "help": (
+                "classes of vehicles by the code or word of a foreign table, for data=table, as in "
+                "'data.classes={1: car, 2: truck}'"
+            )
+        },
+    )
 
     def check(self) -> None:
         """Raise InvalidInputError for a value out of range."""

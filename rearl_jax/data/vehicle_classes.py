@@ -45,6 +45,11 @@ def class_of(word: object) -> object:
     return plain if plain in CLASSES else SYNONYMS.get(plain, word)
 
 
+def code_of(word: object) -> str:
+    """A code or word for a class as text; 1.0 and "1.0" are the code 1."""
+    return str(word).strip().removesuffix(".0")
+
+
 def classes_of(words: pd.Series) -> pd.Series:
     """The classes that the words of a column name, each word looked up once."""
     if words.isin(CLASSES).all():

@@ -20,7 +20,7 @@ from rearl_jax.discovery.comparison.dependence import (
     effects_in_other_models,
     without_bounds,
 )
-from rearl_jax.discovery.comparison.predictions import clocks_predict_better, predictive
+from rearl_jax.discovery.comparison.predictions import clocks_predict_better, predicting_effects
 from rearl_jax.discovery.observe.base import Base
 from rearl_jax.discovery.observe.candidates import NAMED_KINDS, Term
 from rearl_jax.discovery.observe.clocks import CLOCK_OFFSET
@@ -79,7 +79,7 @@ def best_search(
         log.info("other drivers are not surely predicted better with corrected clocks: the search is repeated without")
         outcome = _search(config, None, solver, parts, bar, label, excluded=frozenset({CLOCK_OFFSET}))
     null_for = _null_for(config, None, solver, bar, label)
-    outcome = predictive(solver, outcome, options.seed, null_for, _reported(bar, label))
+    outcome = predicting_effects(solver, outcome, options.seed, null_for, _reported(bar, label))
     if outcome is best.outcome:
         return best
     log.info("%s of %s effects predict other drivers better", len(outcome.added), len(best.outcome.added))

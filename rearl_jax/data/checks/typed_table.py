@@ -10,7 +10,7 @@ from rearl_jax.config.data import DataConfig
 from rearl_jax.data.checks.clock import resolution
 from rearl_jax.data.problems import Finding
 from rearl_jax.data.records import RecordingInfo
-from rearl_jax.data.vehicle_classes import CLASSES
+from rearl_jax.data.vehicle_classes import CLASSES, code_of
 
 NULLABLE = frozenset({"lateral", "lane", "acceleration", "width", "leader_id"})
 NUMBERED = frozenset({"track_id", "frame", "direction", "lane", "leader_id"})
@@ -50,12 +50,13 @@ def unknown_class(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) 
     if not bad.any():
         return None
     value = table["vehicle_class"].iloc[int(np.argmax(bad))]
+    remedy = f"use one of {', '.join(CLASSES)}, or say what it is: 'data.classes={{{code_of(value)}: car}}'"
     return Finding(
         "unknown_class",
         "vehicle_class",
         bad,
         f"class {value!r} is unknown",
-        f"use one of {', '.join(CLASSES)}",
+        remedy,
     )
 
 

@@ -79,7 +79,7 @@ def read_csv(
         path: The file, its first line names the columns.
         columns: Name, as in the file, and type of every column to read.
         on_bad: stop makes a broken line an error.
-        quoted: Whether double quotes enclose fields.
+        quoted: Whether quotes enclose fields.
 
     Raises:
         BadRecordingError: A column is missing or there twice, a value does not have the type of its column, the file
@@ -88,7 +88,8 @@ def read_csv(
     present = read_header(path)
     require_columns(present, tuple(columns), str(path))
     _require_once(present, columns, path)
-    return replace(_lines_of(path, present), quoted=quoted).table(columns, on_bad)
+    lines = _lines_of(path, present)
+    return (lines if quoted else replace(lines, quote=None)).table(columns, on_bad)
 
 
 def _require_once(names: Sequence[str], columns: dict[str, pa.DataType], path: Path) -> None:
@@ -129,7 +130,7 @@ def read_below(
     if len(first) > len(names) and not "".join(first[len(names) :]).strip():
         names += [""] * (len(first) - len(names))
     skipped, mark = n_above if content is None else 0, decimal_point_of(lines, delimiter)
-    return _Lines(path, names, content, delimiter, mark, skipped, quoted=False).table(columns, on_bad)
+    return _Lines(path, names, content, delimiter, mark, skipped, quote=None).table(columns, on_bad)
 
 
 def first_rows(path: Path, number: int) -> tuple[pd.DataFrame, int]:
@@ -162,17 +163,18 @@ def first_rows(path: Path, number: int) -> tuple[pd.DataFrame, int]:
 def _lines_of(path: Path, names: list[str]) -> "_Lines":
     """The lines of a file below its header; in memory if Arrow cannot read the file itself."""
     layout = layout_of(path)
+    of_file = layout.delimiter, layout.decimal_point, layout.header_lines, layout.quote
     if not layout.compression and layout.encoding in _UTF8 and layout.delimiter != BLANKS:
-        return _Lines(path, names, None, layout.delimiter, layout.decimal_point, layout.header_lines)
+        return _Lines(path, names, None, *of_file)
     try:
         with text_of(path) as file:
             if layout.delimiter != BLANKS:
                 content = file.read().encode()
-                return _Lines(path, names, content, layout.delimiter, layout.decimal_point, layout.header_lines)
+                return _Lines(path, names, content, *of_file)
             content = "\n".join("\t".join(line.split()) for line in islice(file, layout.header_lines, None)).encode()
     except (*DAMAGED, UnicodeDecodeError) as error:
         raise damaged(path, error) from None
-    return _Lines(path, names, content, "\t", layout.decimal_point)
+    return _Lines(path, names, content, "\t", layout.decimal_point, quote=layout.quote)
 
 
 def read_blank_separated(
@@ -205,7 +207,7 @@ class _Lines:
         delimiter: Separator of fields.
         decimal_point: Mark before the fraction of a number.
         header_lines: Lines before the first row.
-        quoted: Whether fields may be quoted.
+        quote: Mark that encloses fields; None if none does.
     """
 
     path: Path
@@ -214,7 +216,7 @@ class _Lines:
     delimiter: str = ","
     decimal_point: str = "."
     header_lines: int = 0
-    quoted: bool = True
+    quote: str | None = '"'
 
     def table(self, columns: dict[str, pa.DataType], on_bad: OnBad) -> tuple[pa.Table, int]:
         """The columns, and the number of lines skipped."""
@@ -280,7 +282,7 @@ class _Lines:
             ),
             parse_options=csv.ParseOptions(
                 delimiter=self.delimiter,
-                quote_char='"' if self.quoted else False,
+                quote_char=self.quote or False,
                 invalid_row_handler=None if broken is None else skip,
             ),
             convert_options=csv.ConvertOptions(

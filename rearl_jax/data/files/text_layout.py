@@ -1,4 +1,4 @@
-"""Layout of a text table: compression, encoding, lines before the header, delimiter and decimal mark."""
+"""Layout of a text table: compression, encoding, lines before the header, delimiter, decimal mark and quotes."""
 
 import bz2
 import codecs
@@ -47,6 +47,7 @@ _NUMBER = re.compile(r"[+-]?\d*(?:([.,])\d+|\d)(?:[eE][+-]?\d+)?")
 _JSON = re.compile(r'\s*(\[\s*)?(\{\s*("|$)|\[\s*$)|\s*\[\s*$')
 _BRACKETED = re.compile(r"[\[(<{]\s*(.*?)\s*[\])>}]")
 _NO_UNIT = frozenset({"", "-", "--", "1", "n/a", "none", "id", "text", "string"})
+_SINGLE_QUOTED = re.compile(r"'[^']*'")
 _PREAMBLE = re.compile(r"#.*|sep=.", re.IGNORECASE)
 
 
@@ -62,6 +63,7 @@ class Layout:
         header: Names of the columns, each with its unit in brackets if a line below the names states the units.
         delimiter: Separator of fields; BLANKS for any number of blanks.
         decimal_point: Mark before the fraction of a number.
+        quote: Mark that encloses fields, where any are enclosed.
     """
 
     compression: str
@@ -71,6 +73,7 @@ class Layout:
     header: str
     delimiter: str
     decimal_point: str
+    quote: str = '"'
 
     @property
     def encoding_name(self) -> str:
@@ -160,14 +163,26 @@ def damaged(path: Path, error: Exception) -> BadRecordingError:
 
 
 def fields_of(line: str, delimiter: str) -> list[str]:
-    """The fields of a line, without quotes and without blanks around them."""
+    """The fields of a line, without single or double quotes and without blanks around them."""
     if delimiter == BLANKS:
         return line.split()
     try:
         found = next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])
     except csv.Error:
         return line.split(delimiter)
-    return [field.strip() for field in found]
+    return [_without_single_quotes(field.strip()) for field in found]
+
+
+def _without_single_quotes(field: str) -> str:
+    return field[1:-1] if _SINGLE_QUOTED.fullmatch(field) else field
+
+
+def _quote(rows: Sequence[str], delimiter: str) -> str:
+    """A single quote if it encloses a field of every row, and else only stands inside fields; else a double quote."""
+    fields = [[field.strip() for field in row.split(delimiter)] for row in rows]
+    enclosed = bool(fields) and all(any(map(_SINGLE_QUOTED.fullmatch, row)) for row in fields)
+    unclosed = [field for row in fields for field in row if field[:1] == "'" and not _SINGLE_QUOTED.fullmatch(field)]
+    return "'" if enclosed and not unclosed else '"'
 
 
 @lru_cache(maxsize=256)
@@ -201,7 +216,8 @@ def _layout(path: Path, size: int, changed: int) -> Layout:
         names = delimiter.join(f"{quote}{name}[{unit}]{quote}" if unit else name for name, unit in pairs)
         rows = rows[1:]
     names += delimiter * _unnamed(fields_of(names, delimiter), [fields_of(row, delimiter) for row in rows])
-    return Layout(compression_of(path), encoding, is_sure, n_above, names, delimiter, decimal_point_of(rows, delimiter))
+    mark, quote = decimal_point_of(rows, delimiter), _quote(rows, delimiter)
+    return Layout(compression_of(path), encoding, is_sure, n_above, names, delimiter, mark, quote)
 
 
 def _unnamed(names: Sequence[str], rows: Sequence[Sequence[str]]) -> int:

@@ -15,7 +15,7 @@ from rearl_jax.data.survey.sample import FoundColumn, Sample
 from rearl_jax.data.survey.sizes import Sizes, sizes_of
 from rearl_jax.data.tables.track_names import NO_LEADER
 from rearl_jax.data.units import SI_FACTOR
-from rearl_jax.data.vehicle_classes import CLASSES, class_of
+from rearl_jax.data.vehicle_classes import CLASSES, class_of, code_of
 
 _CANONICAL = tuple(column.name for column in COLUMNS)
 _LEADERS_THERE = 0.5  # share of the stated leaders that must be vehicles of the table
@@ -242,7 +242,9 @@ def _vehicle_class(found: Proposal, column: FoundColumn, clock: Clock, motion: M
     words = column.texts.dropna().unique()
     unknown = [word for word in words if class_of(word) not in CLASSES]
     if unknown:
-        return f"{', '.join(map(str, unknown[:3]))} is no class that is known ({', '.join(CLASSES)})"
+        stated = ", ".join(f"{code_of(word)}: {CLASSES[0]}" for word in unknown[:3])
+        words, known = ", ".join(map(str, unknown[:3])), ", ".join(CLASSES)
+        return f"{words} is no class that is known ({known}): say what it is with 'data.classes={{{stated}}}'"
     found.taken["vehicle_class"] = Taken(column.name, None, f"name; {', '.join(map(str, words[:4]))}")
     return None
 

@@ -156,7 +156,7 @@ class TableFile:
         return self._kept[labels]
 
     def _read_csv(self, types: dict[str, pa.DataType]) -> tuple[pa.Table, int]:
-        """The columns; ids and times as texts if they are not numbers, or lose digits as such."""
+        """The columns; ids and times as texts if they are not numbers, or lose digits or leading zeros as such."""
         columns = self._spelling.columns
         ids = [columns[name] for name in IDS if name in columns]
         try:
@@ -168,9 +168,18 @@ class TableFile:
             if types[at_fault[0]] == pa.string():
                 raise
             return self._read_csv(types | dict.fromkeys(at_fault, pa.string()))
-        if any(_loses_digits(rows[source]) for source in ids):
+        if any(_loses_digits(rows[source]) for source in ids) or self._repeats_ids(rows):
             return self._read_csv(types | dict.fromkeys(ids, pa.string()))
         return rows, n_broken
+
+    def _repeats_ids(self, rows: pa.Table) -> bool:
+        """True if an id that was read as a number occurs twice at the same time, as 7 and 007 do."""
+        named = (self._spelling.columns.get(name) for name in ("recording", "track_id", "frame", "time"))
+        key = [source for source in named if source in rows.column_names]
+        track = self._spelling.columns["track_id"]
+        if len(key) < 2 or not pa.types.is_floating(rows[track].type):
+            return False
+        return bool(rows.select(key).to_pandas().duplicated().any())
 
     def _parquet_rows(self, recording: str, labels: tuple[str, ...]) -> pd.DataFrame:
         columns = self._spelling.columns

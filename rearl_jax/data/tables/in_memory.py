@@ -39,7 +39,7 @@ def in_memory(table: pd.DataFrame, data: DataConfig) -> TableInMemory:
     """The data set of a table, with what `data` says about bad rows, jumps and lengths.
 
     Raises:
-        InvalidInputError: `data.columns` or `data.units` cannot be used.
+        InvalidInputError: `data.columns`, `data.units` or `data.classes` cannot be used.
         BadRecordingError: A column is missing.
     """
     spelling = spelling_of(data, [str(name) for name in table.columns], NAME)

@@ -1,9 +1,10 @@
-"""Names and units of a foreign table: what `data.columns` and `data.units` say of its columns."""
+"""Names, units and classes of a foreign table: what `data.columns`, `data.units` and `data.classes` say of it."""
 
 import difflib
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any
 
 import pandas as pd
 
@@ -11,6 +12,7 @@ from rearl_jax.config.data import DataConfig
 from rearl_jax.data.problems import BadRecordingError
 from rearl_jax.data.schema import COLUMNS
 from rearl_jax.data.units import UNITS, factor_of
+from rearl_jax.data.vehicle_classes import CLASSES, class_of, code_of
 from rearl_jax.problems import InvalidInputError, Problem
 
 ENDS = {"front": -0.5, "rear": 0.5}
@@ -33,11 +35,13 @@ class Spelling:
         columns: Name in the table of every canonical column that it holds, by canonical name.
         factors: Factor to SI of the columns whose unit is stated, by canonical name.
         leftmost: Number of the leftmost lane, if stated; the sign in `factors` gives the direction of counting.
+        classes: Class of vehicles by its code or word in the table, where stated.
     """
 
     columns: Mapping[str, str]
     factors: Mapping[str, float]
     leftmost: int | None = None
+    classes: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def has_clock(self) -> bool:
@@ -50,22 +54,28 @@ class Spelling:
         return {name: source for name, source in self.columns.items() if source != name}
 
     def renamed(self, rows: pd.DataFrame) -> pd.DataFrame:
-        """Rows under the names of the table, under canonical names; what else has such a name is left out."""
+        """Rows under the names of the table, under canonical names and with stated classes; what else has such a name
+        is left out.
+        """
         taken = set(self.columns.values())
         others = [name for name in rows.columns if name in _NAMES and name not in taken]
-        return rows.drop(columns=others).rename(columns={source: name for name, source in self.columns.items()})
+        rows = rows.drop(columns=others).rename(columns={source: name for name, source in self.columns.items()})
+        if self.classes and "vehicle_class" in rows:
+            words = pd.Series(rows["vehicle_class"]).astype(object)
+            rows = rows.assign(vehicle_class=words.map(lambda word: self.classes.get(code_of(word), word)))
+        return rows
 
 
 def spelling_of(data: DataConfig, present: Sequence[str], file: str) -> Spelling:
     """The columns of a table with these names; what no key names has its canonical name.
 
     Args:
-        data: `columns` and `units`.
+        data: `columns`, `units` and `classes`.
         present: Names of all columns of the table.
         file: For messages.
 
     Raises:
-        InvalidInputError: A key names no canonical column, two name the same column, or a unit is unknown.
+        InvalidInputError: A key names no canonical column, two name the same column, or a unit or class is unknown.
         BadRecordingError: A key names a column that is not there.
     """
     _require_canonical(data.columns, "data.columns", (*_NAMES, *ENDS))
@@ -108,7 +118,17 @@ def spelling_of(data: DataConfig, present: Sequence[str], file: str) -> Spelling
             message = f"is the unit of a column that is not there: name it with data.columns.{name}"
             raise InvalidInputError(Problem("column-missing", message, key=f"data.units.{name}", file=file))
         factors[name] = factor
-    return Spelling(columns, factors, leftmost)
+    return Spelling(columns, factors, leftmost, _classes(data.classes))
+
+
+def _classes(given: Mapping[Any, object]) -> dict[str, str]:
+    """Classes by their code in a table, as `data.classes` states them."""
+    classes = {code_of(code): str(class_of(str(word).strip())) for code, word in given.items()}
+    for code, word in classes.items():
+        if word not in CLASSES:
+            message = f"must be one of {', '.join(CLASSES)}"
+            raise InvalidInputError(Problem("class-unknown", message, key=f"data.classes.{code}", value=word))
+    return classes
 
 
 def require_needed_columns(present: Sequence[str], file: str) -> None:

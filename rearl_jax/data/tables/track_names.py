@@ -54,7 +54,7 @@ def numbered(rows: pd.DataFrame, file: str, spelling: Mapping[str, str]) -> tupl
         )
     codes, names = pd.factorize(texts)
     rows = rows.assign(track_id=np.where(codes < 0, np.nan, codes + 1.0), **{LABEL: texts})
-    kind = "numbers beyond 2^53" if is_number[known].any() or _are_digits(pd.Series(texts[known])) else "names"
+    kind = _kind(pd.Series(texts[known]), is_number[known])
     notes = [
         f"ids of tracks are {kind}: {len(names)} tracks numbered in order of appearance, "
         f"1 is {names[0]}; the label {LABEL} holds them"
@@ -127,6 +127,13 @@ def _are_distinct(texts: pd.Series, numbers: np.ndarray) -> bool:
     """True if different ids are different numbers; 12 and 12.0 are the same id, 7 and 007 are not."""
     plain = texts.str.replace(r"\.0*$", "", regex=True)
     return plain.nunique() == np.unique(numbers).size
+
+
+def _kind(texts: pd.Series, is_number: np.ndarray) -> str:
+    """What ids are that cannot stay as they are."""
+    if is_number.all():
+        return "numbers with leading zeros"
+    return "numbers beyond 2^53" if is_number.any() or _are_digits(texts) else "names"
 
 
 def _are_digits(texts: pd.Series) -> bool:

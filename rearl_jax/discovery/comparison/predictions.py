@@ -21,7 +21,7 @@ GapErrors = Mapping[str, Float[np.ndarray, " drivers"]]
 """Gap error of each tested driver [m], by protocol."""
 
 
-def predictive(solver: Solver, outcome: Search, seed: int, null_for: NullFor, report: Report) -> Search:
+def predicting_effects(solver: Solver, outcome: Search, seed: int, null_for: NullFor, report: Report) -> Search:
     """The search with only those additions that surely predict the checked drivers better, see
     `with_predictive_effects`.
 

@@ -187,8 +187,6 @@ def test_ids_of_any_kind_are_numbered_and_kept(foreign, tmp_path, kind, ending):
     rows = foreign.assign(**{"Vehicle ID": ids, "ahead": leader})
     path = tmp_path / f"a{ending}"
     if ending == ".csv":
-        if kind == "leading zeros":
-            pytest.skip("a text table does not say that 007 is no number")
         rows.to_csv(path, index=False)
     else:
         rows.to_parquet(path)

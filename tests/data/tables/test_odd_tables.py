@@ -145,3 +145,41 @@ def test_an_archive_with_a_password_is_not_damaged(tmp_path):
     with refused("not-text", file=str(path)) as caught:
         _in_file(path)
     assert "password" in caught.value.problem.remedy
+
+
+@pytest.mark.parametrize("names", [True, False])
+def test_single_quotes_enclose_fields(rows, tmp_path, names):
+    rows.to_csv(tmp_path / "a.csv", index=False)
+    header, *lines = (tmp_path / "a.csv").read_text().splitlines()
+
+    def enclosed(line):
+        return ",".join(f"'{field}'" for field in line.split(","))
+
+    text = [enclosed(header) if names else header, *map(enclosed, lines)]
+    (tmp_path / "b.csv").write_text("\n".join(text))
+    found, expected = _in_file(tmp_path / "b.csv"), _in_file(tmp_path / "a.csv")
+    pd.testing.assert_frame_equal(found.table.drop(columns="recording"), expected.table.drop(columns="recording"))
+
+
+def test_an_apostrophe_in_a_word_encloses_nothing(rows, tmp_path):
+    rows.assign(driver="'s van").to_csv(tmp_path / "a.csv", index=False)
+    data = DataConfig(DataFormat.table, str(tmp_path / "a.csv"))
+    (found,) = iterate_recordings(data, labels=("driver",))
+    assert set(found.labels["driver"]) == {"'s van"}
+
+
+@pytest.mark.parametrize("ending", ["csv", "parquet"])
+@pytest.mark.parametrize("codes", [{1: "car", 2: "lkw"}, {"1": "car", "2": "truck"}])
+def test_codes_of_classes_are_what_is_stated(rows, tmp_path, ending, codes):
+    code = np.where(rows["track_id"] == 1, 1, 2)
+    path = tmp_path / f"a.{ending}"
+    table = rows.assign(vehicle_class=code)
+    table.to_csv(path, index=False) if ending == "csv" else table.to_parquet(path)
+    with refused("unknown-class", column="vehicle_class") as stopped:
+        _in_file(path)
+    assert "data.classes={" in stopped.value.problem.remedy
+    found = _in_file(path, classes=codes).table
+    assert set(found.loc[found["track_id"] == 1, "vehicle_class"]) == {"car"}
+    assert set(found.loc[found["track_id"] != 1, "vehicle_class"]) == {"truck"}
+    with refused("class-unknown", key="data.classes.2"):
+        _in_file(path, classes={1: "car", 2: "tank"})

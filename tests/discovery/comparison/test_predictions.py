@@ -9,8 +9,8 @@ from rearl_jax.discovery.comparison import predictions
 from rearl_jax.discovery.comparison.predictions import (
     clocks_predict_better,
     predict_surely_better,
+    predicting_effects,
     predicting_variation,
-    predictive,
 )
 from rearl_jax.discovery.observe.candidates import Term
 from rearl_jax.discovery.report.protocols import ProtocolErrors
@@ -53,7 +53,7 @@ def names_of(trials):
 def test_additions_stay_if_each_predicts_better(solver, calibrated, monkeypatch):
     found = search_that_added(solver, calibrated, *ADDED)
     told(monkeypatch, {"": 2.0, "reaction_delay": 1.8, "approach_rate_gain": 1.7, "grade": 1.6})
-    assert predictive(solver, found, 0, no_null, quiet) is found
+    assert predicting_effects(solver, found, 0, no_null, quiet) is found
 
 
 def test_the_next_best_candidate_takes_the_place_of_one_that_predicts_no_better(solver, calibrated, monkeypatch):
@@ -70,7 +70,7 @@ def test_the_next_best_candidate_takes_the_place_of_one_that_predicts_no_better(
 
     monkeypatch.setattr(procedure, "_screen", lambda *_: None)
     monkeypatch.setattr(procedure, "_round", next_round)
-    left = predictive(solver, found, 0, no_null, quiet)
+    left = predicting_effects(solver, found, 0, no_null, quiet)
     assert names_of(left.added) == ["grade"]
     assert names_of(left.rejected) == ["reaction_delay"]
     assert later == [(["grade"], frozenset({Term("reaction_delay")}))]
@@ -81,7 +81,7 @@ def test_the_next_best_candidate_takes_the_place_of_one_that_predicts_no_better(
 def test_without_a_candidate_that_predicts_better_none_stays(solver, calibrated, monkeypatch):
     found = search_that_added(solver, calibrated, *ADDED)
     told(monkeypatch, {"": 2.0, "reaction_delay": 2.01})
-    left = predictive(solver, found, 0, no_null, quiet)
+    left = predicting_effects(solver, found, 0, no_null, quiet)
     assert not left.added
     assert names_of(left.rejected) == ["reaction_delay"]
     assert len(left.rounds) == 1
@@ -90,7 +90,7 @@ def test_without_a_candidate_that_predicts_better_none_stays(solver, calibrated,
 def test_a_response_to_the_vehicle_behind_cannot_show_that_it_predicts(solver, calibrated, monkeypatch):
     found = search_that_added(solver, calibrated, ("rear_pressure", 0.3))
     told(monkeypatch, {"": 2.0, "rear_pressure": 1.5})
-    left = predictive(solver, found, 0, no_null, quiet)
+    left = predicting_effects(solver, found, 0, no_null, quiet)
     assert not left.added
     assert left.unpredictive == {Term("rear_pressure")}
 
@@ -148,6 +148,6 @@ def test_the_start_of_a_drive_is_used_only_where_it_predicts_others(solver, cali
 @pytest.mark.slow
 def test_a_delay_that_nobody_has_predicts_worse(solver, calibrated):
     found = search_that_added(solver, calibrated, ("reaction_delay", [1.2, 1.2]))
-    left = predictive(solver, found, 0, no_null, quiet)
+    left = predicting_effects(solver, found, 0, no_null, quiet)
     assert not left.added
     assert len(left.rejected) == 1
