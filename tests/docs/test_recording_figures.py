@@ -108,12 +108,10 @@ def test_nothing_is_added_that_predicts_worse_for_sure(real, page):
     assert max(people[f"{name}_change_share_high"] for name in ("population", "first_half", "other_runs")) < 0
     assert (table[[f"{name}_change_share_low" for name in ("population", "first_half")]] <= 0).all(axis=None)
     for protocol in ("population", "first_half", "other_runs"):
-        found = [("i80", "all"), ("openacc", "S"), ("openacc_people", "people")]
-        unchanged = table.drop(index=found)[f"{protocol}_change_share"].dropna()
-        assert (unchanged == 0).all()
-    assert table.loc[("openacc", "S"), "first_half_change_share_high"] < 0
-    other = table.loc[("openacc", "S"), ["other_runs_change_share_low", "other_runs_change_share_high"]]
-    assert other.iloc[0] < 0 < other.iloc[1]
+        unchanged = table.drop(index=[("i80", "all"), ("openacc_people", "people")])[f"{protocol}_change_share"]
+        assert (unchanged.dropna() == 0).all()
+    assert "Nothing is added to these models" in page
+    assert real[0]["n_worse"] == 0
 
 
 def test_the_place_that_people_slow_at(real):
