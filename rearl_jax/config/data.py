@@ -46,6 +46,10 @@ class OnBad(Enum):
     drop_row = "drop_row"
 
 
+OF_FOREIGN_TABLES = ("columns", "units", "classes")
+"""Keys of DataConfig that describe foreign tables."""
+
+
 @dataclass(unsafe_hash=True)
 class DataConfig:
     """Recordings to read."""

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from fnmatch import fnmatchcase
 from pathlib import Path
 
-from rearl_jax.config.data import DataConfig
+from rearl_jax.config.data import OF_FOREIGN_TABLES, DataConfig
 from rearl_jax.data.checks.copies import Copies
 from rearl_jax.data.checks.remarks import noted
 from rearl_jax.data.reader import Entry
@@ -80,9 +80,9 @@ def data_id(data: DataConfig) -> str:
     if cut != (DataConfig.window, DataConfig.section, DataConfig.stretch):
         policy += cut
     digest = hashlib.sha256(repr(policy).encode())
-    for key, given in (("columns", data.columns), ("units", data.units)):
-        if given:
-            digest.update(repr((key, sorted((name, str(value)) for name, value in given.items()))).encode())
+    for key in OF_FOREIGN_TABLES:
+        if given := getattr(data, key):
+            digest.update(repr((key, sorted((str(name), str(value)) for name, value in given.items()))).encode())
     if isinstance(data, TableInMemory):
         digest.update(str(data.root).encode())
         return f"{data.format.name}-{digest.hexdigest()[:12]}"
@@ -111,7 +111,7 @@ def _selected(data: DataConfig) -> list[Entry]:
     if isinstance(data, TableInMemory):
         entries = list(in_memory.entries(data))
     else:
-        for key in ("columns", "units"):
+        for key in OF_FOREIGN_TABLES:
             if getattr(data, key) and data.format.name != "table":
                 message = "is for foreign tables: choose data=table, or leave it out"
                 problem = Problem("key-without-effect", message, key=f"data.{key}", value=f"data={data.format.name}")

@@ -78,15 +78,23 @@ def best_search(
     if not clocks_predict_better(solver, outcome, parts.checked, options.seed):
         log.info("other drivers are not surely predicted better with corrected clocks: the search is repeated without")
         outcome = _search(config, None, solver, parts, bar, label, excluded=frozenset({CLOCK_OFFSET}))
+        best = _tested(best, outcome, parts, options.seed)
+        if is_explained(outcome, best.adequacy):
+            return best
     null_for = _null_for(config, None, solver, bar, label)
     outcome = predicting_effects(solver, outcome, options.seed, null_for, _reported(bar, label))
     if outcome is best.outcome:
         return best
-    log.info("%s of %s effects predict other drivers better", len(outcome.added), len(best.outcome.added))
-    outcome = without_bounds(solver, outcome, parts.fitted)
+    left_out = ", ".join(sorted(map(str, outcome.unpredictive)))
+    log.info("left out, because other drivers are not surely predicted better: %s", left_out or "nothing")
+    return _tested(best, without_bounds(solver, outcome, parts.fitted), parts, options.seed)
+
+
+def _tested(best: BestSearch, outcome: Search, parts: Parts, seed: int) -> BestSearch:
+    """Another search with the same model, with its adequacy and its effects tested in other models."""
     others = () if best.comparison is None else best.comparison.others
-    model_tests = effects_in_other_models(solver, outcome, others, parts.fitted)
-    return replace(best, outcome=outcome, adequacy=adequacy(solver, outcome, options.seed), model_tests=model_tests)
+    model_tests = effects_in_other_models(best.solver, outcome, others, parts.fitted)
+    return replace(best, outcome=outcome, adequacy=adequacy(best.solver, outcome, seed), model_tests=model_tests)
 
 
 def _with_best_model(
@@ -123,7 +131,7 @@ def _with_best_model(
         first_round = _first_round(config, outcome, other, parts, bar, words)
         if not first_round.added or not predicts_better(before, prediction_of(other, first_round), seed):
             continue
-        named = _search(config, None, other, parts, bar, words, names_only=True)
+        named = _search(config, None, other, parts, bar, words, excluded=frozenset({CLOCK_OFFSET}), names_only=True)
         if not named.is_named:
             continue
         named_adequacy = adequacy(other, named, seed)

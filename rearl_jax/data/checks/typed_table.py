@@ -6,7 +6,7 @@ Row checks mark rows, step checks mark the row after a bad step; both may be dro
 import numpy as np
 import pandas as pd
 
-from rearl_jax.config.data import DataConfig
+from rearl_jax.config.data import DataConfig, DataFormat
 from rearl_jax.data.checks.clock import resolution
 from rearl_jax.data.problems import Finding
 from rearl_jax.data.records import RecordingInfo
@@ -50,7 +50,9 @@ def unknown_class(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) 
     if not bad.any():
         return None
     value = table["vehicle_class"].iloc[int(np.argmax(bad))]
-    remedy = f"use one of {', '.join(CLASSES)}, or say what it is: 'data.classes={{{code_of(value)}: car}}'"
+    remedy = f"use one of {', '.join(CLASSES)}"
+    if policy.format is DataFormat.table:
+        remedy += f", or say what it is: 'data.classes={{{code_of(value)}: car}}'"
     return Finding(
         "unknown_class",
         "vehicle_class",

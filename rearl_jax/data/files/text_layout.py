@@ -177,12 +177,17 @@ def _without_single_quotes(field: str) -> str:
     return field[1:-1] if _SINGLE_QUOTED.fullmatch(field) else field
 
 
-def _quote(rows: Sequence[str], delimiter: str) -> str:
-    """A single quote if it encloses a field of every row, and else only stands inside fields; else a double quote."""
-    fields = [[field.strip() for field in row.split(delimiter)] for row in rows]
-    enclosed = bool(fields) and all(any(map(_SINGLE_QUOTED.fullmatch, row)) for row in fields)
-    unclosed = [field for row in fields for field in row if field[:1] == "'" and not _SINGLE_QUOTED.fullmatch(field)]
-    return "'" if enclosed and not unclosed else '"'
+def _quote(header: str, rows: Sequence[str], delimiter: str) -> str:
+    """A single quote if no line has a double quote, and the fields that single quotes enclose make all rows as long as
+    the header; else a double quote.
+    """
+    lines = [line for line in (header, *rows) if line.strip()]
+    if delimiter == BLANKS or any('"' in line for line in lines) or not any("'" in row for row in rows):
+        return '"'
+    fields = [next(csv.reader([line], delimiter=delimiter, quotechar="'", skipinitialspace=True)) for line in lines]
+    enclosed = [sum(f"'{field}'" in line for field in row) for line, row in zip(lines, fields, strict=True)]
+    are_all = all(line.count("'") <= 2 * n for line, n in zip(lines, enclosed, strict=True))
+    return "'" if are_all and len(set(map(len, fields))) == 1 else '"'
 
 
 @lru_cache(maxsize=256)
@@ -216,7 +221,7 @@ def _layout(path: Path, size: int, changed: int) -> Layout:
         names = delimiter.join(f"{quote}{name}[{unit}]{quote}" if unit else name for name, unit in pairs)
         rows = rows[1:]
     names += delimiter * _unnamed(fields_of(names, delimiter), [fields_of(row, delimiter) for row in rows])
-    mark, quote = decimal_point_of(rows, delimiter), _quote(rows, delimiter)
+    mark, quote = decimal_point_of(rows, delimiter), _quote(name_line, rows, delimiter)
     return Layout(compression_of(path), encoding, is_sure, n_above, names, delimiter, mark, quote)
 
 

@@ -4,7 +4,7 @@ import re
 import shlex
 from collections.abc import Mapping
 
-from rearl_jax.config.data import DataConfig, OnBad
+from rearl_jax.config.data import OF_FOREIGN_TABLES, DataConfig, OnBad
 
 _PLAIN = re.compile(r"[A-Za-z_./][A-Za-z0-9_./-]*")
 _VALUES = frozenset({"null", "true", "false", "yes", "no", "on", "off", "y", "n", "nan", "inf"})
@@ -16,8 +16,8 @@ def command_of(data: DataConfig) -> str:
     words = ["rearl", "prepare", f"data={data.format.name}"]
     if data.root is not None:
         words.append(f"data.root={_quoted(data.root)}")
-    for key, given in (("columns", data.columns), ("units", data.units)):
-        if given:
+    for key in OF_FOREIGN_TABLES:
+        if given := getattr(data, key):
             words.append(f"data.{key}={mapping_text(given)}")
     if data.ring is not None:
         words.append(f"data.ring={data.ring:.10g}")

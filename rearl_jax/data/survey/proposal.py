@@ -244,7 +244,8 @@ def _vehicle_class(found: Proposal, column: FoundColumn, clock: Clock, motion: M
     if unknown:
         stated = ", ".join(f"{code_of(word)}: {CLASSES[0]}" for word in unknown[:3])
         words, known = ", ".join(map(str, unknown[:3])), ", ".join(CLASSES)
-        return f"{words} is no class that is known ({known}): say what it is with 'data.classes={{{stated}}}'"
+        remedy = f"'data.columns={{vehicle_class: {column.name}}}' 'data.classes={{{stated}}}'"
+        return f"{words} is no class that is known ({known}): say what it is with {remedy}"
     found.taken["vehicle_class"] = Taken(column.name, None, f"name; {', '.join(map(str, words[:4]))}")
     return None
 

@@ -156,7 +156,9 @@ class TableFile:
         return self._kept[labels]
 
     def _read_csv(self, types: dict[str, pa.DataType]) -> tuple[pa.Table, int]:
-        """The columns; ids and times as texts if they are not numbers, or lose digits or leading zeros as such."""
+        """The columns; ids and times as texts if they are not numbers, lose digits as such, or are ids of different
+        vehicles at the same time that are the same number, as 7 and 007.
+        """
         columns = self._spelling.columns
         ids = [columns[name] for name in IDS if name in columns]
         try:
@@ -168,8 +170,13 @@ class TableFile:
             if types[at_fault[0]] == pa.string():
                 raise
             return self._read_csv(types | dict.fromkeys(at_fault, pa.string()))
-        if any(_loses_digits(rows[source]) for source in ids) or self._repeats_ids(rows):
+        if any(_loses_digits(rows[source]) for source in ids):
             return self._read_csv(types | dict.fromkeys(ids, pa.string()))
+        if self._repeats_ids(rows):
+            track = columns["track_id"]
+            texts, n_broken_texts = self._read_csv(types | dict.fromkeys(ids, pa.string()))
+            if len(texts[track].unique()) > len(rows[track].unique()):
+                return texts, n_broken_texts
         return rows, n_broken
 
     def _repeats_ids(self, rows: pa.Table) -> bool:

@@ -62,7 +62,8 @@ class Spelling:
         rows = rows.drop(columns=others).rename(columns={source: name for name, source in self.columns.items()})
         if self.classes and "vehicle_class" in rows:
             words = pd.Series(rows["vehicle_class"]).astype(object)
-            rows = rows.assign(vehicle_class=words.map(lambda word: self.classes.get(code_of(word), word)))
+            known = {word: self.classes.get(code_of(word), word) for word in words.dropna().unique()}
+            rows = rows.assign(vehicle_class=words.map(known))
         return rows
 
 
@@ -118,6 +119,9 @@ def spelling_of(data: DataConfig, present: Sequence[str], file: str) -> Spelling
             message = f"is the unit of a column that is not there: name it with data.columns.{name}"
             raise InvalidInputError(Problem("column-missing", message, key=f"data.units.{name}", file=file))
         factors[name] = factor
+    if data.classes and "vehicle_class" not in columns:
+        message = "are the classes of a column that is not there: name it with data.columns.vehicle_class"
+        raise InvalidInputError(Problem("column-missing", message, key="data.classes", file=file))
     return Spelling(columns, factors, leftmost, _classes(data.classes))
 
 

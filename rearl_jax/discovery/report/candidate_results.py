@@ -10,7 +10,7 @@ from rearl_jax.discovery.thresholds import THRESHOLDS
 RESULTS: Mapping[str, str] = {
     "added": "added to the model",
     "not_distinguished": "explains the data as well as the added one",
-    "predicts_no_better": "removed: others are not surely predicted better",
+    "predicts_no_better": "left out: others are not surely predicted better",
     "contradicted": "simulations of others contradict it",
     "of_numerics": "a delay within the time resolution",
     "copies_leader": "as hard as the leader, at once: positions of both may share an error",

@@ -32,6 +32,8 @@ def _following_words(word: str, effects: Sequence[Mapping[str, Any]]) -> str:
         return f"missing in the model: {_names(effects)}"
     if word == "artefact":
         return f"fault of the measurement: {_names(effects)}"
+    if word == "improved":
+        return "other drivers are predicted better with " + (_names(effects) or "a curve without a name")
     if word == "unexplained":
         variables = sorted({name for effect in effects for name in effect["variables"]})
         return f"unexplained, depends on {', '.join(variables)}" if variables else "unexplained"

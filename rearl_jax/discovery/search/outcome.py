@@ -100,7 +100,9 @@ class Search:
 
     @property
     def is_contradicted(self) -> bool:
-        """True if an effect or artefact that the innovations support makes the simulation of drivers worse."""
+        """True if an effect or artefact that the innovations support makes the simulation of drivers worse, or does not
+        predict other drivers better where that was required.
+        """
         denied = self.rounds[-1].contradicted if not self.added else []
         return any(not is_free(trial) for trial in (*self.rejected, *denied))
 

@@ -10,7 +10,7 @@ import pytest
 
 from rearl_jax import read_recordings
 from rearl_jax.config.data import DataConfig, DataFormat
-from rearl_jax.data.recordings import iterate_recordings
+from rearl_jax.data.recordings import data_id, iterate_recordings
 from rearl_jax.data.tables.in_memory import in_memory
 from tests.refusal import refused
 
@@ -147,18 +147,36 @@ def test_an_archive_with_a_password_is_not_damaged(tmp_path):
     assert "password" in caught.value.problem.remedy
 
 
-@pytest.mark.parametrize("names", [True, False])
-def test_single_quotes_enclose_fields(rows, tmp_path, names):
+@pytest.mark.parametrize("kind", ["all", "rows", "words", "with commas"])
+def test_single_quotes_enclose_fields(rows, tmp_path, kind):
+    rows = rows.assign(driver="a, b" if kind == "with commas" else "ab")
     rows.to_csv(tmp_path / "a.csv", index=False)
     header, *lines = (tmp_path / "a.csv").read_text().splitlines()
-
-    def enclosed(line):
-        return ",".join(f"'{field}'" for field in line.split(","))
-
-    text = [enclosed(header) if names else header, *map(enclosed, lines)]
-    (tmp_path / "b.csv").write_text("\n".join(text))
-    found, expected = _in_file(tmp_path / "b.csv"), _in_file(tmp_path / "a.csv")
+    if kind in ("words", "with commas"):
+        lines = [line.replace('"a, b"', "'a, b'").replace("ab", "'ab'") for line in lines]
+    else:
+        header, *lines = (",".join(f"'{field}'" for field in line.split(",")) for line in (header, *lines))
+        header = header.replace("'", "") if kind == "rows" else header
+    (tmp_path / "b.csv").write_text("\n".join([header, *lines]))
+    expected, found = (
+        next(iter(iterate_recordings(DataConfig(DataFormat.table, str(tmp_path / name)), labels=("driver",))))
+        for name in ("a.csv", "b.csv")
+    )
     pd.testing.assert_frame_equal(found.table.drop(columns="recording"), expected.table.drop(columns="recording"))
+    pd.testing.assert_frame_equal(found.labels, expected.labels)
+
+
+def test_a_quoted_word_inside_a_text_encloses_nothing(rows, tmp_path):
+    rows.assign(driver="fast, 'calm', old").to_csv(tmp_path / "a.csv", index=False)
+    (found,) = iterate_recordings(DataConfig(DataFormat.table, str(tmp_path / "a.csv")), labels=("driver",))
+    assert set(found.labels["driver"]) == {"fast, 'calm', old"}
+
+
+def test_a_row_that_is_there_twice_makes_no_words_of_ids(rows, tmp_path):
+    stated = rows.assign(leader_id=rows["leader_id"].fillna(0).astype(np.int64))
+    pd.concat([stated, stated.iloc[[50]]]).to_csv(tmp_path / "a.csv", index=False)
+    found = _in_file(tmp_path / "a.csv", on_bad="drop_row").table
+    np.testing.assert_array_equal(found["leader_id"].isna(), _read(rows).table["leader_id"].isna())
 
 
 def test_an_apostrophe_in_a_word_encloses_nothing(rows, tmp_path):
@@ -181,5 +199,10 @@ def test_codes_of_classes_are_what_is_stated(rows, tmp_path, ending, codes):
     found = _in_file(path, classes=codes).table
     assert set(found.loc[found["track_id"] == 1, "vehicle_class"]) == {"car"}
     assert set(found.loc[found["track_id"] != 1, "vehicle_class"]) == {"truck"}
+    assert data_id(DataConfig(DataFormat.table, str(path), classes=codes)) != data_id(
+        DataConfig(DataFormat.table, str(path), classes={1: "truck", 2: "truck"})
+    )
+    with refused("column-missing", key="data.classes"):
+        _in_file(path, classes=codes, columns={"vehicle_class": None})
     with refused("class-unknown", key="data.classes.2"):
         _in_file(path, classes={1: "car", 2: "tank"})

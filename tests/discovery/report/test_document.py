@@ -162,6 +162,12 @@ def test_the_thresholds_of_a_verdict_have_their_meaning():
         ("nothing", [], "nothing significant is missing"),
         ("named", [], "the given effect was fitted, and no other was searched for"),
         ("named", [KEEP_RIGHT], "missing in lane choice: keep right"),
+        ("improved", [], "other drivers are predicted better with a curve without a name"),
+        (
+            "improved",
+            [CURVE | {"variables": ["position"]}],
+            "other drivers are predicted better with dependence on position",
+        ),
         (
             "unexplained",
             [REAR_GAP],
