@@ -156,8 +156,9 @@ def test_the_start_of_a_drive_is_used_only_where_it_predicts_others(solver, cali
 
 
 @pytest.mark.slow
-def test_a_delay_that_nobody_has_predicts_worse(solver, calibrated):
+def test_a_delay_that_nobody_has_predicts_worse(solver, calibrated, monkeypatch):
     found = search_that_added(solver, calibrated, ("reaction_delay", [1.2, 1.2]))
+    without_others(monkeypatch, found)
     left = predicting_effects(solver, found, 0, no_null, quiet)
     assert not left.added
     assert len(left.rejected) == 1
