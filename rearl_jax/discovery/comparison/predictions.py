@@ -1,6 +1,6 @@
 """Additions to a model that are kept only if other drivers are surely predicted better with them."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from jaxtyping import Float
@@ -30,19 +30,23 @@ def predicting_effects(solver: Solver, outcome: Search, seed: int, null_for: Nul
     parameter was calibrated. A response to the vehicle behind cannot show that, see `Trial.is_of_follower`.
     """
 
-    known: list[tuple[Fit, GapErrors]] = []
-
     def errors_of(fit: Fit) -> GapErrors:
-        errors = next((errors for other, errors in known if other is fit), None)
-        if errors is None:
-            errors = _gap_errors_of(solver, outcome.checked, fit)
-            known.append((fit, errors))
-        return errors
+        return _gap_errors_of(solver, outcome.checked, fit)
 
-    def predicts_better(base: Fit, trial: Trial) -> bool:
-        return not trial.is_of_follower and predict_surely_better(errors_of(base), errors_of(trial.fit), seed)
+    def most_predictive(base: Fit, trials: Sequence[Trial]) -> Trial | None:
+        if not trials:
+            return None
+        before = errors_of(base)
+        return next(
+            (
+                trial
+                for trial in trials
+                if not trial.is_of_follower and predict_surely_better(before, errors_of(trial.fit), seed)
+            ),
+            None,
+        )
 
-    return with_predictive_effects(solver, outcome, predicts_better, null_for, report)
+    return with_predictive_effects(solver, outcome, most_predictive, null_for, report)
 
 
 def clocks_predict_better(solver: Solver, outcome: Search, checked: Measured, seed: int) -> bool:

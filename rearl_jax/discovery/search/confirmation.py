@@ -35,5 +35,5 @@ def confirmed(solver: Solver, outcome: Search, seed: int) -> Search:
     if kept == len(outcome.added):
         return outcome
     last = outcome.rounds[kept]
-    rounds = [*outcome.rounds[:kept], replace(last, accepted=[], dropped=last.accepted[:1])]
+    rounds = [*outcome.rounds[:kept], replace(last, accepted=[], dropped=last.accepted)]
     return replace(outcome, rounds=rounds, rejected=[*outcome.rejected, *outcome.added[kept:]])

@@ -3,7 +3,7 @@ them on other drivers, add the best one.
 """
 
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -118,45 +118,50 @@ def search(
 def with_predictive_effects(
     solver: Solver,
     outcome: Search,
-    predicts_better: Callable[[Fit, Trial], bool],
+    most_predictive: Callable[[Fit, Sequence[Trial]], Trial | None],
     null_for: NullFor,
     report: Report,
 ) -> Search:
-    """The search with only those additions that predict other drivers better. Where one does not, its round and those
-    after it are repeated without its candidate. It is the search itself if all additions do.
+    """The search with only those additions that predict other drivers better. Where one does not, the next best trial
+    of its round takes its place, and the rounds after it are repeated without the candidate. It is the search itself if
+    all additions do.
 
     Args:
         solver: Solver of the car-following model.
         outcome: The search.
-        predicts_better: Whether other drivers are predicted better with a trial than by the model it was added to.
+        most_predictive: The first of some trials, the best first, that predicts other drivers better than the model it
+            was added to; None if none does.
         null_for: Null distributions, see `NullFor`.
         report: As in `search`.
     """
-    rejected = frozenset(trial.candidate.term for trial in outcome.rejected)
-    kept = replace(outcome, rounds=[], rejected=list(outcome.rejected), excluded=outcome.excluded | rejected)
-    stored, screen = list(outcome.rounds), None
+    kept = replace(outcome, rounds=[], rejected=list(outcome.rejected))
+    stored = list(outcome.rounds)
     turn = stored.pop(0)
-    while turn.chosen is not None:
-        base, chosen = turn.base, turn.chosen
+    while True:
         report(f"predicting other drivers, round {len(kept.added) + 1}", 0, 1)
-        if predicts_better(base, chosen):
-            kept, screen = replace(kept, rounds=[*kept.rounds, turn]), None
-            if stored:
-                turn = stored.pop(0)
-            else:
-                screen = _screen(solver, chosen.fit, kept, null_for)
-                turn = _round(solver, chosen.fit, screen, kept, report)
-            continue
-        term, stored = frozenset({chosen.candidate.term}), []
+        rejected = {trial.candidate.term for trial in kept.rejected}
+        possible = [trial for trial in (*turn.dropped, *turn.accepted) if trial.candidate.term not in rejected]
+        chosen = most_predictive(turn.base, possible)
+        first = len(possible) if chosen is None else possible.index(chosen)
+        failed, accepted = possible[:first], possible[first:]
+        if failed or chosen is not turn.chosen:
+            stored.clear()
+        terms = frozenset(trial.candidate.term for trial in failed)
         kept = replace(
             kept,
-            rejected=[*kept.rejected, chosen],
-            unpredictive=kept.unpredictive | term,
-            excluded=kept.excluded | term,
+            rounds=[*kept.rounds, replace(turn, accepted=accepted, dropped=[*turn.dropped, *failed])],
+            rejected=[*kept.rejected, *failed],
+            unpredictive=kept.unpredictive | terms,
+            excluded=kept.excluded | terms,
         )
-        screen = screen or _screen(solver, base, kept, null_for)
-        turn = turn.repeated(_round(solver, base, screen, kept, report))
-    return replace(kept, rounds=[*kept.rounds, turn]) if kept.unpredictive else outcome
+        if chosen is None:
+            is_unchanged = not kept.unpredictive and len(kept.added) == len(outcome.added)
+            return outcome if is_unchanged else kept
+        turn = (
+            stored.pop(0)
+            if stored
+            else _round(solver, chosen.fit, _screen(solver, chosen.fit, kept, null_for), kept, report)
+        )
 
 
 def in_time(solver: Solver, outcome: Search, data: Measured) -> Measured:

@@ -1,7 +1,7 @@
 """One round of the search for missing effects."""
 
 from collections.abc import Collection
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 from rearl_jax.discovery.observe.candidates import Term
 from rearl_jax.discovery.observe.fit import Fit
@@ -20,10 +20,10 @@ class Round:
         z_score: The excess in standard deviations of the null [-].
         exceeding: Candidates whose evidence exceeds chance, with their families.
         trials: All candidates that were fitted.
-        accepted: Accepted trials, the best first; none if the best one was removed.
+        accepted: Accepted trials that no later test rejected, the best first.
         clock_z_score: As `z_score`, for clock offsets.
         contradicted: Trials that the innovations support and simulations contradict.
-        dropped: Trials that were added and that a later test removed.
+        dropped: Trials that were accepted and that a later test rejected, or that were less good than such a trial.
     """
 
     base: Fit
@@ -47,20 +47,6 @@ class Round:
         """All trials that neither simulations nor later tests contradict."""
         denied = {trial.candidate.term for trial in (*self.contradicted, *self.dropped)}
         return [trial for trial in self.trials if trial.candidate.term not in denied]
-
-    def repeated(self, again: "Round") -> "Round":
-        """The round without the trial that it chose: `again`, which was made without the candidate of that trial, with
-        what is known of the candidate.
-        """
-        assert self.chosen is not None
-        return replace(
-            again,
-            evidence=self.evidence | again.evidence,
-            excess=self.excess | again.excess,
-            z_score=self.z_score | again.z_score,
-            trials=[*again.trials, self.chosen],
-            dropped=[*self.dropped, self.chosen],
-        )
 
     @property
     def is_beaten(self) -> bool:
