@@ -19,11 +19,29 @@ def key(default: Any, help: str) -> Any:
     Raises:
         ValueError: The text is empty or longer than one line, or the default is a list or dict.
     """
-    if not help.strip() or "\n" in help:
-        raise ValueError(f"the help text of a configuration key must be one non-empty line, got {help!r}")
+    metadata = _documented(help)
     if isinstance(default, (list, dict, set)):
         raise ValueError(f"the default {default!r} is mutable: write a tuple, or a record for named values")
-    metadata = {"help": help}
     if callable(default):
         return field(default_factory=default, metadata=metadata)
     return field(default=default, metadata=metadata)
+
+
+def mapping_key(help: str) -> Any:
+    """Dataclass field for a mapping, empty by default; it is mutable, so it is left out of the hash of its record, but
+    not of equality.
+
+    Args:
+        help: As of `key`.
+
+    Raises:
+        ValueError: The text is empty or longer than one line.
+    """
+    return field(default_factory=dict, hash=False, metadata=_documented(help))
+
+
+def _documented(help: str) -> dict[str, str]:
+    """Metadata of a field with its help text."""
+    if not help.strip() or "\n" in help:
+        raise ValueError(f"the help text of a configuration key must be one non-empty line, got {help!r}")
+    return {"help": help}

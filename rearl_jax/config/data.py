@@ -1,12 +1,12 @@
 """Configuration of the recordings: format, place, treatment of bad rows."""
 
 import pkgutil
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from enum import Enum, EnumMeta
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rearl_jax.config._key import key
+from rearl_jax.config._key import key, mapping_key
 from rearl_jax.config._ranges import check_positive, check_within
 from rearl_jax.problems import InvalidInputError, Problem, out_of_range
 
@@ -94,37 +94,18 @@ class DataConfig:
         "length of one lap of a ring road of one lane [m], for data=table, null = a road with two ends; `rearl prepare "
         "FILE` finds it where positions begin anew with every lap",
     )
-    # Mutable, so excluded from the hash but not from equality.
-    columns: dict[str, Any] = field(
-        default_factory=dict,
-        hash=False,
-        metadata={
-            "help": (
-                "names of foreign columns by canonical name, for data=table, as in "
-                "'data.columns={track_id: Vehicle ID, position: x_m}', null = none; `rearl prepare FILE` finds them"
-            )
-        },
+    columns: dict[str, Any] = mapping_key(
+        "names of foreign columns by canonical name, for data=table, as in "
+        "'data.columns={track_id: Vehicle ID, position: x_m}', null = none; `rearl prepare FILE` finds them"
     )
-    units: dict[str, Any] = field(
-        default_factory=dict,
-        hash=False,
-        metadata={
-            "help": (
-                "units of foreign columns by canonical name, for data=table, as in "
-                "'data.units={speed: km/h, time: ms}', frame: 25/s for the frame rate, "
-                "0.1 s for a multiple, -m for a reversed axis, lane: from 1 if that is the leftmost; SI for all others"
-            )
-        },
+    units: dict[str, Any] = mapping_key(
+        "units of foreign columns by canonical name, for data=table, as in "
+        "'data.units={speed: km/h, time: ms}', frame: 25/s for the frame rate, "
+        "0.1 s for a multiple, -m for a reversed axis, lane: from 1 if that is the leftmost; SI for all others"
     )
-    classes: dict[Any, Any] = field(
-        default_factory=dict,
-        hash=False,
-        metadata={
-            "help": (
-                "classes of vehicles by the code or word of a foreign table, for data=table, as in "
-                "'data.classes={1: car, 2: truck}'"
-            )
-        },
+    classes: dict[Any, Any] = mapping_key(
+        "classes of vehicles by the code or word of a foreign table, for data=table, as in "
+        "'data.classes={1: car, 2: truck}'"
     )
 
     def check(self) -> None:

@@ -6,11 +6,11 @@ from the declaration. A new model needs one new file here.
 
 import pkgutil
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields, make_dataclass
+from dataclasses import dataclass, fields, make_dataclass
 from importlib import import_module
 from typing import Any
 
-from rearl_jax.config._key import key
+from rearl_jax.config._key import key, mapping_key
 from rearl_jax.config._schema import nearest
 from rearl_jax.config.driver.declaration import DriverModel, DriverParameter
 from rearl_jax.problems import InvalidInputError, Problem, out_of_range
@@ -34,17 +34,10 @@ class DriverConfig:
     """Car following, sizes and classes of the drivers."""
 
     model: str = key(DEFAULT, "car-following model; driver=NAME chooses it")
-    # Mutable, so excluded from the hash but not from equality.
-    classes: dict[str, Any] = field(
-        default_factory=dict,
-        hash=False,
-        metadata={
-            "help": (
-                "additional classes of drivers by name, each with its share of all vehicles and the keys that "
-                "differ, as in "
-                "'driver.classes={truck: {share: 0.1, time_gap: 1.8, length: 12}}'; all others have the keys below"
-            )
-        },
+    classes: dict[str, Any] = mapping_key(
+        "additional classes of drivers by name, each with its share of all vehicles and the keys that "
+        "differ, as in "
+        "'driver.classes={truck: {share: 0.1, time_gap: 1.8, length: 12}}'; all others have the keys below"
     )
     length: float = key(5.0, "mean length of the vehicles [m]; highway-env 1.12.1, Vehicle.LENGTH")
     length_sd: float = key(0.0, "standard deviation of the length between vehicles [m]")

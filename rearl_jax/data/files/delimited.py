@@ -174,7 +174,7 @@ def _lines_of(path: Path, names: list[str]) -> "_Lines":
             content = "\n".join("\t".join(line.split()) for line in islice(file, layout.header_lines, None)).encode()
     except (*DAMAGED, UnicodeDecodeError) as error:
         raise damaged(path, error) from None
-    return _Lines(path, names, content, "\t", layout.decimal_point, quote=layout.quote)
+    return _Lines(path, names, content, "\t", layout.decimal_point)
 
 
 def read_blank_separated(
