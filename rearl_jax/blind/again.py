@@ -81,8 +81,8 @@ def read_study(folder: Path) -> tuple[Protocol, KeptResults]:
     """
     protocol = stored_protocol(folder)
     if protocol is None:
-        said = "has no protocol.json that can be read: name the folder of a blind study"
-        raise InvalidInputError(Problem("no-protocol", said, file=str(folder)))
+        message = "has no protocol.json that can be read: name the folder of a blind study"
+        raise InvalidInputError(Problem("no-protocol", message, file=str(folder)))
     truths = open_truth(folder, protocol)
     table = pd.read_parquet(folder / "cases.parquet")
     return protocol, KeptResults(
@@ -116,8 +116,8 @@ def judge_again(folder: Path) -> dict[str, Any]:
     for name, table in results.tables().items():
         _write_table(folder / f"{name}.parquet", table, provenance)
     written = [name for name in TABLES if (folder / f"{name}.parquet").is_file()]
-    shown = {name: pd.read_parquet(folder / f"{name}.parquet") for name in written}
-    document = document_of(summary, shown, vars(protocol))
+    tables = {name: pd.read_parquet(folder / f"{name}.parquet") for name in written}
+    document = document_of(summary, tables, vars(protocol))
     _write_text(folder / "page.html", page_of(document, config, draw_figures(results), made_by=made_by))
     _write_text(folder / "summary.json", json.dumps(summary, indent=2, allow_nan=False) + "\n")
     print_document(document)

@@ -122,18 +122,18 @@ def list_cases(blind: BlindConfig, master_seed: int) -> list[Case]:
     Raises:
         ValueError: `blind.sets` selects no data set.
     """
-    every = list(_broad_kinds(blind, master_seed)) if blind.priors is StudyPriors.broad else _kinds(blind.size)
-    kinds = [kind for kind in every if fnmatchcase(kind.group, blind.sets)]
+    all_kinds = list(_broad_kinds(blind, master_seed)) if blind.priors is StudyPriors.broad else _kinds(blind.size)
+    kinds = [kind for kind in all_kinds if fnmatchcase(kind.group, blind.sets)]
     kinds = [kind for kind in kinds if blind.sumo or kind.source != "sumo"]
     if not kinds:
-        groups = ", ".join(dict.fromkeys(kind.group for kind in every))
+        groups = ", ".join(dict.fromkeys(kind.group for kind in all_kinds))
         raise out_of_range("blind.sets", f"must select some of {groups}", blind.sets)
     seeds = np.random.SeedSequence(master_seed).generate_state(len(kinds) + 1)
     cases = []
     for number, (kind, seed) in enumerate(zip(kinds, seeds, strict=False)):
         name = hashlib.sha256(f"{master_seed} {number}".encode()).hexdigest()[:10]
         cases.append(replace(kind, name=name, seed=int(seed)))
-    return [cases[place] for place in np.random.default_rng(int(seeds[-1])).permutation(len(cases))]
+    return [cases[index] for index in np.random.default_rng(int(seeds[-1])).permutation(len(cases))]
 
 
 def _broad_kinds(blind: BlindConfig, master_seed: int) -> Iterator[Case]:

@@ -35,7 +35,7 @@ def by_set(cases: Iterable[Judged]) -> list[dict]:
     the data sets, with the bounds `low` and `high` of its interval.
     """
     by_name: dict[str, list[Judged]] = {}
-    for case in sorted(cases, key=_place_of_set):
+    for case in sorted(cases, key=_sort_key):
         for name in (*((ALL_LISTED,) if case.is_listed else ()), set_name(case)):
             by_name.setdefault(name, []).append(case)
     rows = []
@@ -63,7 +63,7 @@ def set_name(case: Judged) -> str:
     return MEASURED_CAUSE if case.truth["planted"][0]["variables"] else NO_CAUSE
 
 
-def _place_of_set(case: Judged) -> tuple[int, int, str]:
+def _sort_key(case: Judged) -> tuple[int, int, str]:
     groups = [*REPEATS[StudySize.full], BROAD, BROAD_CONTROL]
     model = SUMO_MODELS.index(case.truth["variant"]) if case.is_sumo else 0
     return groups.index(case.group), model, set_name(case)

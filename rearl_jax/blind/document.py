@@ -65,7 +65,7 @@ def document_of(
     sets = tables["sets"]
     counts = {f"n_{outcome}": outcome for outcome in OUTCOMES if sets[f"n_{outcome}"].to_numpy().any()}
     outcomes = {"set": "", "n": "data sets", **counts, "n_false": "with a false effect", "rate": "share [%]"}
-    reported = tables["confusion"].melt("hidden", var_name="said", value_name="n", ignore_index=False)
+    reported = tables["confusion"].melt("hidden", var_name="reported", value_name="n", ignore_index=False)
     reported = reported.query("n > 0").sort_index(kind="stable")
     words = (
         "With a false effect: data sets with at least one wrongly reported effect, whatever their outcome, because it "
@@ -79,7 +79,7 @@ def document_of(
         (
             Section("Reported effects by hidden effect"),
             reported,
-            {"hidden": "", "said": "reported", "n": "data sets"},
+            {"hidden": "", "reported": "reported", "n": "data sets"},
         ),
         (Section("Reported effects by their stated confidence"), _claims(tables["calibration"]), _CLAIMS),
         (

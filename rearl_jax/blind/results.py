@@ -85,13 +85,13 @@ class BlindResults:
     def confusion(self) -> pd.DataFrame:
         """Number of data sets by hidden effect (rows, `hidden`) and verdict (columns)."""
         chosen = [case for case in self.cases if case.group in SHOWN_GROUPS]
-        hidden = dict.fromkeys(row_name(case) for case in sorted(chosen, key=_place))
-        said = [(row_name(case), column_name(case)) for case in chosen]
-        known = {column for _, column in said}
+        hidden = dict.fromkeys(row_name(case) for case in sorted(chosen, key=_sort_key))
+        reported = [(row_name(case), column_name(case)) for case in chosen]
+        known = {column for _, column in reported}
         columns = [name for name in dict.fromkeys([*hidden, *sorted(known)]) if name in known]
         columns.sort(key=lambda name: _LAST.index(name) if name in _LAST else -1)
         counts = pd.DataFrame(0, index=list(hidden), columns=columns)
-        for row, column in said:
+        for row, column in reported:
             counts.loc[row, column] += 1
         return counts.rename_axis("hidden").reset_index()
 
@@ -141,7 +141,7 @@ def column_name(case: Judged) -> str:
     return case.judgement.shown
 
 
-def _place(case: Judged) -> tuple[int, str]:
+def _sort_key(case: Judged) -> tuple[int, str]:
     return SHOWN_GROUPS.index(case.group), row_name(case)
 
 

@@ -30,7 +30,7 @@ def by_stratum(cases: Iterable[Judged]) -> list[dict]:
         if case.group in (BROAD, BROAD_CONTROL):
             for name in _strata(case):
                 members.setdefault(name, []).append(case)
-    return [{"stratum": name, **_row(members[name])} for name in sorted(members, key=_place)]
+    return [{"stratum": name, **_row(members[name])} for name in sorted(members, key=_sort_key)]
 
 
 def redraws(cases: Iterable[Judged]) -> dict[str, int]:
@@ -57,7 +57,7 @@ def _strata(case: Judged) -> Iterator[str]:
         yield "large effect" if is_large else "small effect"
 
 
-def _place(stratum: str) -> tuple[bool, str]:
+def _sort_key(stratum: str) -> tuple[bool, str]:
     return stratum != ALL, stratum
 
 

@@ -161,8 +161,8 @@ def _order(
 ) -> dict[str, Any]:
     """Parameters of one simulation as plain values."""
     own = np.flatnonzero(fleet.recording == number)
-    every = round(STEP / SUB_STEP)
-    leader_speeds = profiles[number * scenario.n_lanes : (number + 1) * scenario.n_lanes, ::every]
+    stride = round(STEP / SUB_STEP)
+    leader_speeds = profiles[number * scenario.n_lanes : (number + 1) * scenario.n_lanes, ::stride]
     names = ("desired_speed", "time_gap", "jam_gap", "max_accel", "comfort_decel", "length", "width")
     return (
         asdict(rules)
@@ -174,7 +174,7 @@ def _order(
             "speed": speed[own].tolist(),
             "lane": fleet.lane[own].tolist(),
             "rank": fleet.rank[own].tolist(),
-            "heads": leader_speeds.tolist(),
+            "platoon_leader_speeds": leader_speeds.tolist(),
         }
         | {name: getattr(fleet, name)[own].tolist() for name in names}
     )

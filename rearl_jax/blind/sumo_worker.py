@@ -53,25 +53,25 @@ def _network(order: dict[str, Any], edges: list[tuple[str, float, float, float]]
     """A straight road as a network file; SUMO counts lanes from the right."""
     n = order["n_lanes"]
     ys = [3.75 * (k - n) + 1.875 for k in range(n)]
-    shown = []
+    edge_elements = []
     for name, start, end, limit in edges:
         lanes = "".join(
             f'<lane id="{name}_{k}" index="{k}" speed="{limit}" length="{end - start}" width="3.75"'
             f' shape="{start},{y} {end},{y}"/>'
             for k, y in enumerate(ys)
         )
-        shown.append(f'<edge id="{name}" from="j{start}" to="j{end}" priority="1">{lanes}</edge>')
-    places = [edges[0][1], *(end for _, _, end, _ in edges)]
+        edge_elements.append(f'<edge id="{name}" from="j{start}" to="j{end}" priority="1">{lanes}</edge>')
+    junction_positions = [edges[0][1], *(end for _, _, end, _ in edges)]
     incoming = ["", *(" ".join(f"{name}_{k}" for k in range(n)) for name, *_ in edges)]
     junctions, links = [], []
-    for number, (place, lanes) in enumerate(zip(places, incoming, strict=True)):
-        is_inner = 0 < number < len(places) - 1
+    for number, (x, lanes) in enumerate(zip(junction_positions, incoming, strict=True)):
+        is_inner = 0 < number < len(junction_positions) - 1
         requests = "".join(
             f'<request index="{k}" response="{"0" * n}" foes="{"0" * n}" cont="0"/>' for k in range(n) if is_inner
         )
         junctions.append(
-            f'<junction id="j{place}" type="{"priority" if is_inner else "dead_end"}" x="{place}" y="0"'
-            f' incLanes="{lanes}" intLanes="" shape="{place},0 {place},{-3.75 * n}">{requests}</junction>'
+            f'<junction id="j{x}" type="{"priority" if is_inner else "dead_end"}" x="{x}" y="0"'
+            f' incLanes="{lanes}" intLanes="" shape="{x},0 {x},{-3.75 * n}">{requests}</junction>'
         )
     for (before, *_), (after, *_) in zip(edges, edges[1:], strict=False):
         links += [
@@ -81,7 +81,7 @@ def _network(order: dict[str, Any], edges: list[tuple[str, float, float, float]]
     return (
         '<net version="1.20"><location netOffset="0,0" '
         f'convBoundary="0,{-3.75 * n},{LENGTH},0" origBoundary="0,0,0,0" projParameter="!"/>'
-        f"{''.join(shown)}{''.join(junctions)}{''.join(links)}</net>"
+        f"{''.join(edge_elements)}{''.join(junctions)}{''.join(links)}</net>"
     )
 
 
@@ -128,7 +128,7 @@ def _simulate(order: dict[str, Any], network: Path, routes: Path) -> dict[str, n
         for name in platoon_leaders:
             sumo.vehicle.setSpeedMode(name, 0)
         rows: dict[str, list[list[float]]] = {"position": [], "speed": [], "acceleration": [], "lane": []}
-        for speeds in np.transpose(order["heads"])[1:]:
+        for speeds in np.transpose(order["platoon_leader_speeds"])[1:]:
             for name, speed in zip(platoon_leaders, speeds.tolist(), strict=True):
                 sumo.vehicle.setSpeed(name, speed)
             sumo.simulationStep()

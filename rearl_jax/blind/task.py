@@ -78,8 +78,8 @@ def _judged(
 ) -> tuple[Protocol, BlindResults]:
     # The truth of all data sets is sealed, so that stopping early reveals nothing about the remaining ones.
     whole = replace(config, blind=replace(config.blind, first=None))
-    protocol, every_case = open_study(study.path, config_hash(whole), config.blind, shown(bar, "truth"))
-    cases = every_case[: config.blind.first]
+    protocol, all_cases = open_study(study.path, config_hash(whole), config.blind, shown(bar, "truth"))
+    cases = all_cases[: config.blind.first]
     left = time_left(count_finished(study.path, cases), time.perf_counter())
     line = bar.add_task("data sets", total=len(cases))
 
@@ -87,7 +87,7 @@ def _judged(
         bar.update(line, description=f"data sets{left(done, total)}", completed=done, total=total)
 
     run_cases(study.path, config.study, cases, discover, config.blind, watch)
-    return protocol, BlindResults(judge_cases(study.path, protocol, cases), len(every_case))
+    return protocol, BlindResults(judge_cases(study.path, protocol, cases), len(all_cases))
 
 
 def discovery_of(config: DiscoverBlindTask) -> Discover:

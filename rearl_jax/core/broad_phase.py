@@ -55,7 +55,7 @@ def sweep_and_prune(
     """
     order = state.order
     by_place = jax.tree.map(lambda values: take_vehicles(values, order), boxes)
-    reach = by_place.reach_x + jnp.abs(by_place.moved)
+    reach = by_place.reach_x + jnp.abs(by_place.scaled_displacement)
     farthest = by_place.x + reach + _largest(reach)
     no_vehicle = jnp.zeros(order.shape, jnp.uint32), jnp.zeros(order.shape, bool)
     candidates, has_more = if_any(body.collides, lambda: _first_window(by_place, farthest), no_vehicle)

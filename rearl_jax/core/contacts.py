@@ -1,4 +1,8 @@
-"""Two tests of contact: bounding boxes for the broad phase, rectangles for the narrow phase."""
+"""Two tests of contact: axis-aligned boxes for the broad phase, rectangles for the narrow phase.
+
+The test of boxes is fast and misses no contact; pairs that pass it are tested as rectangles, in the order of operations
+of highway-env.
+"""
 
 import equinox as eqx
 import jax
@@ -13,90 +17,96 @@ from rearl_jax.core.rectangles import Rectangle, separate
 from rearl_jax.core.state import TrafficState
 
 ROUNDING_MARGIN = 1e-3
-"""Margin [m] of the bounding-box test, far above rounding errors of distances between touching vehicles."""
+"""Addition to the boxes [m], far above the rounding errors of distances, so that rounding cannot hide a contact."""
 
 
 class BoundingBox(eqx.Module):
-    """Axis-aligned bounding box of a vehicle with its displacement in a time step, all in m.
+    """Axis-aligned bounding box of a vehicle, and its displacement in a time step, all in m.
 
     Attributes:
         x: Centre along the road.
         y: Centre across the road.
-        reach_x: Half the length of the box, plus the part of a time step's displacement not contained in `moved`.
-        reach_y: Half the width of the box, plus the corresponding part of a time step's displacement.
-        moved: sqrt(2) times the displacement in a time step, taken as if it were along the road.
+        reach_x: Half the length of the box, plus the bound of the error of `scaled_displacement` and ROUNDING_MARGIN.
+        reach_y: Half the width of the box, plus the same.
+        scaled_displacement: sqrt(2) times the displacement in a time step, as if the vehicle drove along the road.
     """
 
     x: Float[Array, "vehicles *scenarios"]
     y: Float[Array, "vehicles *scenarios"]
     reach_x: Float[Array, "vehicles *scenarios"]
     reach_y: Float[Array, "vehicles *scenarios"]
-    moved: Float[Array, "vehicles *scenarios"]
+    scaled_displacement: Float[Array, "vehicles *scenarios"]
 
 
 def bounding_boxes(state: TrafficState, body: Body, model: TrafficModel) -> BoundingBox:
     """Boxes of all vehicles.
 
-    Upper bounds replace sine and cosine: |sin h| <= min(|h|, 1), and 1 - cos h <= min(h^2 / 2, 2).
+    For a heading h, bounds that are faster to compute replace sine and cosine: |sin h| <= min(|h|, 1), and
+    1 - cos h <= min(h^2 / 2, 2).
 
     Args:
         state: The traffic.
         body: Sizes of the vehicles.
         model: Traffic model; only its time step is used.
     """
-    size = jnp.abs(state.heading)
-    sine, missing_cosine = jnp.minimum(size, 1.0), jnp.minimum(size * size / 2, 2.0)
-    moved = state.speed * (float(np.sqrt(2)) * model.dt)
-    aside = jnp.abs(moved) * (sine + missing_cosine) + ROUNDING_MARGIN
+    abs_heading = jnp.abs(state.heading)
+    sine_bound, one_minus_cosine_bound = jnp.minimum(abs_heading, 1.0), jnp.minimum(abs_heading * abs_heading / 2, 2.0)
+    scaled_displacement = state.speed * (float(np.sqrt(2)) * model.dt)
+    displacement_error = jnp.abs(scaled_displacement) * (sine_bound + one_minus_cosine_bound) + ROUNDING_MARGIN
     return BoundingBox(
         x=state.x,
         y=state.y,
-        reach_x=body.length / 2 + body.width / 2 * sine + aside,
-        reach_y=body.length / 2 * sine + body.width / 2 + aside,
-        moved=moved,
+        reach_x=body.length / 2 + body.width / 2 * sine_bound + displacement_error,
+        reach_y=body.length / 2 * sine_bound + body.width / 2 + displacement_error,
+        scaled_displacement=scaled_displacement,
     )
 
 
 def may_touch(first: BoundingBox, second: BoundingBox) -> Array:
     """Necessary condition for two vehicles to touch now or in the coming time step.
 
-    Rectangles a distance D apart have a gap of at least D / sqrt(2) along one of their edge normals, and the full test
-    lengthens intervals by no more than the relative displacement r of one time step. So they cannot touch if boxes
-    around them are more than sqrt(2) |r| apart in x or in y. |r| is at most the difference of the displacements, as if
-    both were along the road, and what the boxes have been enlarged by for their headings.
+    If the distance between two rectangles is D, their projections on one of their edge normals are at least
+    D / sqrt(2) apart. The narrow phase lengthens these projections by at most the length |r| of the relative
+    displacement in a time step. So the vehicles cannot touch if their boxes are more than sqrt(2) |r| apart in x or in
+    y. sqrt(2) |r| is at most the difference of the scaled displacements, plus the errors of both, which the boxes
+    already include.
     """
-    moved_apart = jnp.abs(second.moved - first.moved)
-    near_x = jnp.abs(second.x - first.x) <= second.reach_x + first.reach_x + moved_apart
-    near_y = jnp.abs(second.y - first.y) <= second.reach_y + first.reach_y + moved_apart
+    relative_displacement = jnp.abs(second.scaled_displacement - first.scaled_displacement)
+    near_x = jnp.abs(second.x - first.x) <= second.reach_x + first.reach_x + relative_displacement
+    near_y = jnp.abs(second.y - first.y) <= second.reach_y + first.reach_y + relative_displacement
     return near_x & near_y
 
 
-def overlaps_next(boxes: BoundingBox, following: BoundingBox, n_next: int) -> UInt32[Array, "places *scenarios"]:
-    """For each vehicle the next places whose boxes overlap its own (`may_touch`), as bits, the next one lowest.
+def overlaps_next(boxes: BoundingBox, following: BoundingBox, n_next: int) -> UInt32[Array, "vehicles *scenarios"]:
+    """Overlaps (`may_touch`) of each box with the next ones in the array, as bits: the lowest bit is the next box.
 
     Args:
-        boxes: Boxes by place.
-        following: Boxes after the first place, by place, with `n_next` beyond the last.
-        n_next: Places to test.
+        boxes: Boxes in the order of the array.
+        following: The boxes from the second on, and `n_next` boxes after the last.
+        n_next: Number of next boxes that each is tested against.
     """
-    n_places = boxes.x.shape[0]
+    n_boxes = boxes.x.shape[0]
     overlaps = jnp.zeros(boxes.x.shape, jnp.uint32)
-    for places in range(n_next):
-        other = jax.tree.map(lambda values, k=places: values[k : k + n_places], following)
-        overlaps = overlaps | jnp.where(may_touch(boxes, other), jnp.uint32(1 << places), jnp.uint32(0))
+    for offset in range(n_next):
+        other = jax.tree.map(lambda values, k=offset: values[k : k + n_boxes], following)
+        overlaps = overlaps | jnp.where(may_touch(boxes, other), jnp.uint32(1 << offset), jnp.uint32(0))
     return overlaps
 
 
 def contact(
     first: Rectangle, second: Rectangle, is_pair: Bool[Array, " pairs"], model: TrafficModel
 ) -> tuple[Array, Array, Array, Array]:
-    """Contact now, contact within a time step, and the shift of `first` that prevents it (x, y) [m].
+    """Contact of pairs of vehicles.
 
     Args:
-        first: Vehicles of lower list index.
-        second: Partners of `first`, in the same order.
+        first: First vehicle of each pair, the one with the lower list index.
+        second: Second vehicle of each pair.
         is_pair: Whether each pair is tested.
         model: Traffic model; only its time step is used.
+
+    Returns:
+        Whether the vehicles touch, whether they will touch within the time step, and the shift of the first vehicle
+        along and across the road [m] that prevents the contact.
     """
 
     def test() -> tuple[Array, Array, Array, Array]:
@@ -106,7 +116,7 @@ def contact(
         is_tested = is_pair & is_near & (first.collides | second.collides)
         return touches & is_tested, will_touch & is_tested, shift_x, shift_y
 
-    nowhere, nothing = jnp.zeros(second.x.shape, bool), jnp.zeros_like(second.x)
-    # A branch is compiled separately, so the test has the same rounding wherever it is called. If it were fused into
-    # its callers, vehicles in resting contact could be pushed by one caller and not by another.
-    return if_any(is_pair, test, (nowhere, nowhere, nothing, nothing))
+    no_contact, no_shift = jnp.zeros(second.x.shape, bool), jnp.zeros_like(second.x)
+    # A branch is compiled separately, so the test rounds in the same way for all callers. If XLA fused it with the code
+    # around it, the last digit, which decides about vehicles that just touch, could depend on the caller.
+    return if_any(is_pair, test, (no_contact, no_contact, no_shift, no_shift))

@@ -132,9 +132,9 @@ def stimulus(
         has_changer=flag(changer.is_there),
         changer_gap=bumper_gap(changer, vehicles),
         changer_speed=changer.vehicle.speed,
-        has_wanted=flag(wishes & wanted.is_there),
-        wanted_gap=bumper_gap(wanted, vehicles),
-        wanted_speed=wanted.vehicle.speed,
+        has_new_leader=flag(wishes & wanted.is_there),
+        new_leader_gap=bumper_gap(wanted, vehicles),
+        new_leader_speed=wanted.vehicle.speed,
     )
 
 

@@ -1,1 +1,3 @@
-"""Repaired traffic models: the drivers and effects that discovery has found, as a file and as simulated traffic."""
+"""Repaired traffic models: the effects that discovery found and the drivers calibrated with them, as a file and as
+simulated traffic.
+"""

@@ -145,7 +145,7 @@ class _Reader:
         """A list of numbers within bounds."""
         if not isinstance(value, list) or not value:
             raise self.refuse("wrong-type", key, f"must be a list of numbers, got {value!r}")
-        return [self.number(item, f"{key}[{place}]", low, high) for place, item in enumerate(value)]
+        return [self.number(item, f"{key}[{index}]", low, high) for index, item in enumerate(value)]
 
     def text(self, value: Any, key: str) -> str:
         """A text that is not empty."""
@@ -192,12 +192,12 @@ def _checked(path: Path, content: Any) -> RepairedModel:
                 )
     if not isinstance(whole["effects"], list):
         raise reader.refuse("wrong-type", "effects", f"must be a list, [] for none, got {whole['effects']!r}")
-    effects = [_effect(reader, value, f"effects[{place}]") for place, value in enumerate(whole["effects"])]
+    effects = [_effect(reader, value, f"effects[{index}]") for index, value in enumerate(whole["effects"])]
     called = [(effect.name, effect.variable) for effect in effects]
-    for place, name in enumerate(called):
-        if name in called[:place]:
+    for index, name in enumerate(called):
+        if name in called[:index]:
             raise reader.refuse(
-                "effect-twice", f"effects[{place}].name", f"{name[0]} occurs twice: write each effect once"
+                "effect-twice", f"effects[{index}].name", f"{name[0]} occurs twice: write each effect once"
             )
     return RepairedModel(
         Source(**{name: reader.text(source[name], f"source.{name}") for name in names}),
@@ -238,7 +238,7 @@ def _drivers(reader: _Reader, value: Any, key: str, model: DriverModel) -> Drive
     name, rows, size = f"{key}.log_covariance", part["log_covariance"], len(model.names)
     if not isinstance(rows, list) or len(rows) != size:
         raise reader.refuse("wrong-length", name, f"must have {size} rows, in the order {names}")
-    covariance = [reader.numbers(row, f"{name}[{place}]", -25.0, 25.0) for place, row in enumerate(rows)]
+    covariance = [reader.numbers(row, f"{name}[{index}]", -25.0, 25.0) for index, row in enumerate(rows)]
     if {len(row) for row in covariance} != {size}:
         raise reader.refuse("wrong-length", name, f"must have {size} columns, in the order {names}")
     matrix = np.array(covariance)

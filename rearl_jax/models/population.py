@@ -1,4 +1,11 @@
-"""Populations of drivers as arrays: from a repaired model's file, or from the keys `driver` and `mobil`."""
+"""Populations of drivers as arrays: from the file of a repaired model, or from the keys `driver` and `mobil`.
+
+A repaired model is a traffic model with the effects that discovery found, and with drivers calibrated together with
+these effects (`models.record.RepairedModel`).
+
+The last axis of the arrays, `*shared`, does not exist in the results of this module. `evaluation.rollouts` appends it
+with length 1 to arrays that are the same for all scenarios.
+"""
 
 import math
 from collections.abc import Mapping
@@ -25,41 +32,41 @@ class LaneChanging(eqx.Module):
         politeness: Weight of the followers' gain [-].
         gain_threshold: Smallest gain of a change [m/s^2].
         safe_decel: Largest deceleration of the new follower [m/s^2].
-        delay: Time between two decisions [s].
-        period: Time between two decisions in ticks.
+        delay: Time between two decisions [s]; the time of the first decision depends on it.
+        period: The same in time steps, as highway-env's timer counts them (`core.timer`).
     """
 
-    politeness: Float[Array | np.ndarray, "*one"]
-    gain_threshold: Float[Array | np.ndarray, "*one"]
-    safe_decel: Float[Array | np.ndarray, "*one"]
-    delay: Float[Array | np.ndarray, "*one"]
-    period: Int[Array | np.ndarray, "*one"]
+    politeness: Float[Array | np.ndarray, "*shared"]
+    gain_threshold: Float[Array | np.ndarray, "*shared"]
+    safe_decel: Float[Array | np.ndarray, "*shared"]
+    delay: Float[Array | np.ndarray, "*shared"]
+    period: Int[Array | np.ndarray, "*shared"]
 
 
 class Population(eqx.Module):
-    """Drivers by class, and their effects, as arrays. Parameters are log-normal.
+    """Classes of drivers and their effects, as arrays. In each class the parameters of car following are log-normal.
 
     Attributes:
-        shares: Shares of all classes but the first, which has the rest [-].
-        median: Medians of the drivers' parameters; nan for parameters drawn with the initial state.
-        factor: Lower triangular factor of the covariance of their logarithms.
-        noise: Standard deviation [m/s^2] and correlation time [s] of the acceleration's noise.
-        length: Mean and standard deviation of the length [m].
-        is_truck: Whether each class is trucks.
+        shares: Shares of all classes except the first [-]; the first has the remaining drivers.
+        median: Medians of the parameters; nan for a parameter whose values are drawn with the initial state instead.
+        factor: Lower triangular factor of the covariance of the parameters' logarithms.
+        noise: Standard deviation [m/s^2] and correlation time [s] of the acceleration noise.
+        length: Mean and standard deviation of the vehicle length [m].
+        is_truck: Whether the vehicles of each class are trucks.
         effects: Effects in addition to car following.
         lane_changing: MOBIL parameters; None for highway-env's.
         car_following: Name of the car-following model.
-        drawn: Names of parameters drawn with the initial state, in all classes.
-        is_noisy: Whether there is any noise.
-        is_resized: Whether vehicle lengths differ from highway-env's 5 m.
+        drawn: Names of the parameters that are drawn with the initial state in all classes.
+        is_noisy: Whether any class has acceleration noise.
+        is_resized: Whether any vehicle length differs from highway-env's 5 m.
     """
 
-    shares: Float[Array | np.ndarray, "others *one"]
-    median: Float[Array | np.ndarray, "classes parameters *one"]
-    factor: Float[Array | np.ndarray, "classes parameters parameters *one"]
-    noise: Float[Array | np.ndarray, "classes two *one"]
-    length: Float[Array | np.ndarray, "classes two *one"]
-    is_truck: Bool[Array | np.ndarray, "classes *one"]
+    shares: Float[Array | np.ndarray, "others *shared"]
+    median: Float[Array | np.ndarray, "classes parameters *shared"]
+    factor: Float[Array | np.ndarray, "classes parameters parameters *shared"]
+    noise: Float[Array | np.ndarray, "classes sd_and_time *shared"]
+    length: Float[Array | np.ndarray, "classes mean_and_sd *shared"]
+    is_truck: Bool[Array | np.ndarray, "classes *shared"]
     effects: tuple[Effect, ...]
     lane_changing: LaneChanging | None
     car_following: str = eqx.field(static=True)
@@ -76,27 +83,29 @@ def population_of_model(
     lane_changing: LaneChanging | None = None,
     ticks_per_second: int = 15,
 ) -> Population:
-    """The drivers of a repaired model, or those that were calibrated without effects.
+    """The drivers in the file of a repaired model, with or without its effects.
 
     Args:
         model: The model.
         dtype: Floating type of the simulation.
-        with_effects: Whether to take the drivers calibrated with the effects, and the effects. The effects `politeness`
-            and `keep_right` take the place of the MOBIL parameters that do the same.
-        lane_changing: MOBIL parameters in the place of the model's, its bias included; None for the model's, and for
-            highway-env's where it has none.
-        ticks_per_second: Clock of the simulation [1/s].
+        with_effects: True for the effects and the drivers calibrated together with them; False for the drivers
+            calibrated without effects. The effects `politeness` and `keep_right` replace politeness and bias of the
+            model's lane changing.
+        lane_changing: MOBIL parameters that replace those of the model, including its bias; None for the model's own,
+            or highway-env's if the model has none.
+        ticks_per_second: Time steps per second [1/s].
     """
     classes = model.population if with_effects else model.baseline
-    chosen = list(model.effects) if with_effects else []
+    effect_values = list(model.effects) if with_effects else []
     if lane_changing is None and model.lane_changing is not None:
-        calibrated, names = model.lane_changing, {effect.name for effect in chosen}
+        calibrated, names = model.lane_changing, {effect.name for effect in effect_values}
         politeness = 0.0 if Politeness.name in names else calibrated.politeness
         mobil = MobilConfig(politeness, calibrated.gain_threshold, calibrated.safe_decel, calibrated.delay)
         lane_changing = lane_changing_of(mobil, dtype, ticks_per_second)
         if calibrated.bias and KeepRight.name not in names:
-            chosen.append(EffectValues(KeepRight.name, {"bias": calibrated.bias}))
-    effects = tuple(effect_of(values, dtype) for values in chosen)
+            # MOBIL has no bias to one side, so the effect takes over the bias of the model.
+            effect_values.append(EffectValues(KeepRight.name, {"bias": calibrated.bias}))
+    effects = tuple(effect_of(values, dtype) for values in effect_values)
     ordered = {name: classes[name] for name in (CAR, TRUCK) if name in classes}
     medians = [[math.exp(drivers.log_mean[name]) for name in model.parameters] for drivers in ordered.values()]
     return _population(ordered, medians, model.car_following, dtype, effects, lane_changing)
@@ -105,33 +114,35 @@ def population_of_model(
 def population_of_keys(
     driver: DriverConfig, mobil: MobilConfig, dtype: np.dtype, ticks_per_second: int
 ) -> Population | None:
-    """The drivers of a configuration; None if they are highway-env's.
+    """The drivers described by configuration keys; None if all keys have the values of highway-env's drivers.
 
     Args:
-        driver: Car following, sizes, classes.
-        mobil: Lane changing.
+        driver: Keys of car following, vehicle sizes and classes.
+        mobil: Keys of lane changing.
         dtype: Floating type of the simulation.
-        ticks_per_second: Clock of the simulation [1/s].
+        ticks_per_second: Time steps per second [1/s].
     """
     if driver.is_default and mobil.is_default:
         return None
     others = {
         name: _class(driver, name, float(keys_of_class["share"])) for name, keys_of_class in driver.classes.items()
     }
-    car_share = max(1.0 - sum(drivers.share for drivers in others.values()), 0.0)
-    classes = {CAR if CAR not in others else "": _class(driver, None, car_share), **others}
+    # The first class has the remaining drivers. It is called `car` unless the keys define another class of this name.
+    remaining_share = max(1.0 - sum(drivers.share for drivers in others.values()), 0.0)
+    classes = {CAR if CAR not in others else "": _class(driver, None, remaining_share), **others}
+    # Directly from the keys, without the rounding errors of exp(log(median)).
     medians = [_medians(driver, name) for name in (None, *others)]
     lane_changing = lane_changing_of(mobil, dtype, ticks_per_second)
     return _population(classes, medians, driver.model, dtype, (), lane_changing)
 
 
 def lane_changing_of(mobil: MobilConfig, dtype: np.dtype, ticks_per_second: int) -> LaneChanging | None:
-    """The MOBIL parameters of a configuration; None for highway-env's."""
+    """The MOBIL parameters of the keys as arrays; None if they are highway-env's."""
     return None if mobil.is_default else lane_changing_values(mobil, dtype, ticks_per_second)
 
 
 def lane_changing_values(mobil: MobilConfig, dtype: np.dtype, ticks_per_second: int) -> LaneChanging:
-    """The MOBIL parameters of a configuration, also if they are highway-env's."""
+    """The MOBIL parameters of the keys as arrays, also if they are highway-env's."""
     return LaneChanging(
         politeness=np.array(mobil.politeness, dtype),
         gain_threshold=np.array(mobil.gain_threshold, dtype),
@@ -142,8 +153,9 @@ def lane_changing_values(mobil: MobilConfig, dtype: np.dtype, ticks_per_second: 
 
 
 def effect_of(values: EffectValues, dtype: np.dtype) -> Effect:
-    """The effect of a model file, for traffic with one scenario axis."""
+    """An effect of a model file, with arrays for traffic with one axis of scenarios."""
     numbers: dict[str, Any] = {name: jnp.asarray(value, dtype) for name, value in values.parameters.items()}
+    # Values of a curve have an axis of knots, before the axes of vehicles and scenarios.
     numbers |= {name: value[:, None, None] for name, value in numbers.items() if name == "values"}
     if values.variable is not None:
         numbers["variable"] = values.variable
@@ -151,7 +163,7 @@ def effect_of(values: EffectValues, dtype: np.dtype) -> Effect:
 
 
 def _class(driver: DriverConfig, name: str | None, share: float) -> DriverClass:
-    """One class of drivers."""
+    """The drivers of one class, described by configuration keys; without a name, those outside all classes."""
     values, medians = driver.values(name), _medians(driver, name)
     log_mean = dict(zip(driver.declaration.names, map(math.log, medians), strict=True))
     covariance = np.diag([_log_variance(values, parameter) for parameter in driver.declaration.names]).tolist()
@@ -162,13 +174,14 @@ def _class(driver: DriverConfig, name: str | None, share: float) -> DriverClass:
 def _medians(driver: DriverConfig, name: str | None) -> list[float]:
     """Medians of the parameters of a class; nan for parameters drawn with the initial state."""
     values = driver.values(name)
-    # The keys are mean and standard deviation of the parameter itself, not of its logarithm.
+    # The keys state mean and standard deviation of the parameter itself. If V is the variance of its logarithm, the
+    # median is mean exp(-V / 2).
     means = {name: math.nan if value is None else value for name, value in values.items()}
     return [means[name] * math.exp(-_log_variance(values, name) / 2) for name in driver.declaration.names]
 
 
 def _log_variance(values: Mapping[str, float | None], name: str) -> float:
-    """Variance of the logarithm of a log-normal parameter."""
+    """Variance of the logarithm of a log-normal parameter, from mean and standard deviation of the parameter."""
     value, sd = values[name], values[f"{name}_sd"]
     return math.log1p((sd / value) ** 2) if value and sd else 0.0
 
@@ -182,17 +195,17 @@ def _population(
     lane_changing: LaneChanging | None,
 ) -> Population:
     names = MODELS[car_following].names
-    every = list(classes.values())
+    drivers_of_classes = list(classes.values())
 
     def table(*columns: str) -> np.ndarray:
-        return np.array([[getattr(drivers, name) for name in columns] for drivers in every], dtype)
+        return np.array([[getattr(drivers, name) for name in columns] for drivers in drivers_of_classes], dtype)
 
     median = np.array(medians, dtype)
     length = table("length", "length_sd")
     return Population(
-        shares=np.array([drivers.share for drivers in every[1:]], dtype),
+        shares=np.array([drivers.share for drivers in drivers_of_classes[1:]], dtype),
         median=median,
-        factor=np.stack([_factor(drivers) for drivers in every]).astype(dtype),
+        factor=np.stack([_factor(drivers) for drivers in drivers_of_classes]).astype(dtype),
         noise=table("noise_sd", "noise_time"),
         length=length,
         is_truck=np.array([name == TRUCK for name in classes]),
@@ -200,13 +213,13 @@ def _population(
         lane_changing=lane_changing,
         car_following=car_following,
         drawn=tuple(name for name, column in zip(names, median.T, strict=True) if np.isnan(column).all()),
-        is_noisy=any(drivers.noise_sd > 0 for drivers in every),
+        is_noisy=any(drivers.noise_sd > 0 for drivers in drivers_of_classes),
         is_resized=bool((length != (5.0, 0.0)).any()),
     )
 
 
 def _factor(drivers: DriverClass) -> np.ndarray:
-    """Lower triangular L with L L' the covariance, which need not have full rank."""
+    """Lower triangular matrix L with L L^T equal to the covariance, which may lack full rank."""
     values, vectors = np.linalg.eigh(np.array(drivers.log_covariance))
     _, upper = np.linalg.qr((vectors * np.sqrt(np.maximum(values, 0.0))).T)
     return (upper * np.where(np.diag(upper) < 0, -1.0, 1.0)[:, None]).T

@@ -87,15 +87,15 @@ class DrawnDrivers(NamedTuple):
     """Drivers drawn from a population.
 
     Attributes:
-        values: Values of the parameters of their car-following model by name, within their bounds; nan for what stays
-            as it is drawn with the initial state.
-        noise: Standard deviation [m/s^2] and correlation time [s] of the acceleration's noise.
+        values: Values of the parameters of their car-following model by name, within their bounds; nan for parameters
+            drawn with the initial state instead.
+        noise: Standard deviation [m/s^2] and correlation time [s] of the acceleration noise.
         length: Lengths of the vehicles [m].
-        is_truck: Whether each is a truck.
+        is_truck: Whether each vehicle is a truck.
     """
 
     values: dict[str, Float[Array, "vehicles scenarios"]]
-    noise: Float[Array, "two vehicles scenarios"]
+    noise: Float[Array, "sd_and_time vehicles scenarios"]
     length: Float[Array, "vehicles scenarios"]
     is_truck: Bool[Array, "vehicles scenarios"]
 
@@ -116,11 +116,11 @@ def draw_drivers(
     def draw(key: Key[Array, ""]) -> tuple[Array, Array, Array]:
         class_key, own_key, length_key = jax.random.split(jax.random.fold_in(key, POPULATION_STREAM), 3)
         deviates = jax.random.normal(own_key, (len(names), n_vehicles), dtype)
-        place = jax.random.uniform(class_key, (n_vehicles,), dtype)
-        return place, deviates, jax.random.normal(length_key, (n_vehicles,), dtype)
+        uniform = jax.random.uniform(class_key, (n_vehicles,), dtype)
+        return uniform, deviates, jax.random.normal(length_key, (n_vehicles,), dtype)
 
-    place, own_deviates, length_deviates = jax.vmap(draw, out_axes=-1)(keys)
-    driver_class = class_numbers(place, jnp.asarray(population.shares))
+    uniform, own_deviates, length_deviates = jax.vmap(draw, out_axes=-1)(keys)
+    driver_class = class_numbers(uniform, jnp.asarray(population.shares))
     own_deviates, length_deviates = (
         jnp.clip(deviates, -TRUNCATION, TRUNCATION) for deviates in (own_deviates, length_deviates)
     )
@@ -148,22 +148,22 @@ def _with_drawn(name: str, value: Array, state: TrafficState, drivers: Drivers) 
 
 
 def class_numbers(
-    place: Float[Array, "vehicles scenarios"], shares: Float[Array, " others"]
+    uniform: Float[Array, "vehicles scenarios"], shares: Float[Array, " others"]
 ) -> Int[Array, "vehicles scenarios"]:
     """Class of each vehicle: the first unless another one is drawn.
 
     Args:
-        place: Drawn from U(0, 1).
+        uniform: Number drawn from U(0, 1).
         shares: Shares of all classes but the first [-].
     """
-    passed = jnp.sum(place[None] >= jnp.cumsum(shares)[:, None, None], axis=0, dtype=jnp.int32)
+    passed = jnp.sum(uniform[None] >= jnp.cumsum(shares)[:, None, None], axis=0, dtype=jnp.int32)
     return jnp.where(passed == len(shares), 0, passed + 1)
 
 
 def _with_lane_changing(
     state: TrafficState, drivers: Drivers, lane_changing: LaneChanging, model: TrafficModel
 ) -> tuple[TrafficState, Drivers]:
-    """Traffic whose drivers change lanes by parameters of their own."""
+    """Traffic whose drivers change lanes with these MOBIL parameters, and their times of the first decision."""
     numbers = {name: getattr(lane_changing, name) for name in ("politeness", "gain_threshold", "safe_decel")}
     mobil = replace(
         drivers.mobil,
@@ -184,10 +184,10 @@ def _seeds(keys: Key[Array, " scenarios"], stream: int) -> Array:
 def _seeded(effects: tuple[Effect, ...], keys: Key[Array, " scenarios"]) -> tuple[Effect, ...]:
     """Effects with random numbers of their own in every scenario."""
     return tuple(
-        replace(effect, seed=_seeds(keys, SEED_STREAM + 1 + place))  # type: ignore[call-arg] # only those that have one
+        replace(effect, seed=_seeds(keys, SEED_STREAM + 1 + index))  # type: ignore[call-arg] # only those that have one
         if "seed" in {item.name for item in fields(effect)}
         else effect
-        for place, effect in enumerate(effects)
+        for index, effect in enumerate(effects)
     )
 
 
@@ -204,7 +204,9 @@ def make_room(
     order = jnp.argsort(state.x, axis=0).astype(jnp.int32)
     lane = nearest_lane(state.y, model)
 
-    def place(fronts: tuple[Array, ...], vehicle: tuple[Array, Array, Array]) -> tuple[tuple[Array, ...], Array]:
+    def place_vehicle(
+        fronts: tuple[Array, ...], vehicle: tuple[Array, Array, Array]
+    ) -> tuple[tuple[Array, ...], Array]:
         x, own_length, own_lane = vehicle
         for lane_number, front in enumerate(fronts):
             x = jnp.where(own_lane == lane_number, jnp.maximum(x, front + MIN_GAP + own_length / 2), x)
@@ -215,5 +217,5 @@ def make_room(
 
     no_vehicle = jnp.full(state.x.shape[1:], -jnp.inf, state.x.dtype)
     vehicles = take_vehicles(state.x, order), take_vehicles(length, order), take_vehicles(lane, order)
-    _, x = lax.scan(place, (no_vehicle,) * model.n_lanes, vehicles)
+    _, x = lax.scan(place_vehicle, (no_vehicle,) * model.n_lanes, vehicles)
     return take_vehicles(x, inverse(order))

@@ -1,14 +1,24 @@
-"""The documents of a finished `rearl discover` and `rearl discover blind`."""
+"""The documents of a finished `rearl discover` and `rearl discover blind`.
+
+A study is blind if discovery is not told which effects the generator has hidden in its data sets.
+"""
 
 from rearl_jax.blind import document as blind
 from rearl_jax.discovery.report import document as discovery
 from rearl_jax.document.document import Document
 from rearl_jax.report.finished import FinishedStudy
 
-_VERDICT = ("verdict", "effects", "candidates", "unseen", "error", "adequacy", "lane_choice", "data")
-_MAPS = ("model", "variable", "acts_on", "share", "gain", "selected", "shape")
-_PROTOCOL = ("code_hash", "seed_drawn", "master_seed", "truth_sha256")
-_SUMMARY = ("n_right", "n_cases", "n_drawn", "oracle_share", "n_oracles", "median_seconds")
+_VERDICT_KEYS = ("verdict", "effects", "candidates", "unseen", "error", "adequacy", "lane_choice", "data")
+"""Required keys of verdict.json."""
+
+_MAP_COLUMNS = ("model", "variable", "acts_on", "share", "gain", "selected", "shape")
+"""Required columns of maps.parquet; a map is the unexplained acceleration as a function of one variable."""
+
+_PROTOCOL_KEYS = ("code_hash", "seed_drawn", "master_seed", "truth_sha256")
+"""Required keys of protocol.json of a blind study."""
+
+_SUMMARY_KEYS = ("n_right", "n_cases", "n_drawn", "oracle_share", "n_oracles", "median_seconds")
+"""Required keys of summary.json of a blind study."""
 
 
 def discovery_document(study: FinishedStudy) -> Document:
@@ -17,11 +27,12 @@ def discovery_document(study: FinishedStudy) -> Document:
     Raises:
         FileNotFoundError, ValueError: verdict.json is missing, or of an older version.
     """
-    verdict, maps = study.object("verdict.json"), None
-    study.needs(verdict, _VERDICT, "verdict.json")
+    verdict = study.object("verdict.json")
+    study.require_keys(verdict, _VERDICT_KEYS, "verdict.json")
+    maps = None
     if (study.path / "maps.parquet").exists():  # not written if discover.page is false
         maps = study.table("maps")
-        study.needs(maps, _MAPS, "maps.parquet")
+        study.require_keys(maps, _MAP_COLUMNS, "maps.parquet")
     return discovery.document_of(study.config, verdict, maps)
 
 
@@ -31,9 +42,10 @@ def blind_document(study: FinishedStudy) -> Document:
     Raises:
         FileNotFoundError, ValueError: A file is missing, or of an older version.
     """
-    (summary,) = study.rows
-    study.needs(summary, _SUMMARY, "summary.json")
+    (summary,) = study.rows  # summary.json has more than one row only for `rearl evaluate`
+    study.require_keys(summary, _SUMMARY_KEYS, "summary.json")
     protocol = study.object("protocol.json")
-    study.needs(protocol, _PROTOCOL, "protocol.json")
+    study.require_keys(protocol, _PROTOCOL_KEYS, "protocol.json")
+    # The table of strata is written for studies with broad priors only.
     written = [name for name in blind.TABLES if name != blind.STRATA or summary.get(blind.STRATA)]
     return blind.document_of(summary, {name: study.table(name) for name in written}, protocol)

@@ -29,11 +29,11 @@ def evaluation_document(study: FinishedStudy) -> Document:
         FileNotFoundError, ValueError: A table is missing, or of an older version.
     """
     summary = study.table("summary")
-    study.needs(summary, SUMMARY_COLUMNS, "summary.parquet")
+    study.require_keys(summary, SUMMARY_COLUMNS, "summary.parquet")
     decisions = None
     if (study.path / "decisions.parquet").exists():
         decisions = study.table("decisions")
-        study.needs(decisions, DECISION_COLUMNS, "decisions.parquet")
+        study.require_keys(decisions, DECISION_COLUMNS, "decisions.parquet")
     return document_of(
         study.config,
         summary,
@@ -50,9 +50,9 @@ def sweep_document(study: FinishedStudy) -> Document:
         FileNotFoundError, ValueError: A table is missing, or of an older version.
     """
     (summary,) = study.rows
-    study.needs(summary, SUMMARY_KEYS, "summary.json")
+    study.require_keys(summary, SUMMARY_KEYS, "summary.json")
     pairs = study.table("table3")
-    study.needs(pairs, ("h_pct", "m_pct", "score"), "table3.parquet")
+    study.require_keys(pairs, ("h_pct", "m_pct", "score"), "table3.parquet")
     base = json.loads(study.metadata("table3").get("base", "{}"))
     return sweep_document_of(study.config, pairs, summary, base, generated=study.generated)
 
@@ -66,7 +66,7 @@ def paper_document(study: FinishedStudy) -> Document:
     (summary,) = study.rows
     form = import_module(study.task.run.partition(":")[0]).FORM
     table, remarks = study.table(form.name), _remarks(study, form.name)
-    study.needs(table, ("row", "metric", "ours"), f"{form.name}.parquet")
+    study.require_keys(table, ("row", "metric", "ours"), f"{form.name}.parquet")
     return study_document_of(form, study.config, table, summary, remarks, generated=study.generated)
 
 
@@ -77,8 +77,8 @@ def real_document(study: FinishedStudy) -> Document:
         FileNotFoundError, ValueError: A table is missing, or of an older version.
     """
     table, facts, differences = (study.table(name) for name in ("real", "facts", "differences"))
-    study.needs(table, ROW_COLUMNS, "real.parquet")
-    study.needs(facts, FACT_COLUMNS, "facts.parquet")
+    study.require_keys(table, ROW_COLUMNS, "real.parquet")
+    study.require_keys(facts, FACT_COLUMNS, "facts.parquet")
     return real_document_of(table, facts, differences, _remarks(study, "real"), generated=study.generated)
 
 
@@ -89,8 +89,8 @@ def budget_document(study: FinishedStudy) -> Document:
         FileNotFoundError, ValueError: A table is missing, or of an older version.
     """
     table, steps = study.table("budget"), study.table("steps")
-    study.needs(table, BUDGET_COLUMNS, "budget.parquet")
-    study.needs(steps, STEP_COLUMNS, "steps.parquet")
+    study.require_keys(table, BUDGET_COLUMNS, "budget.parquet")
+    study.require_keys(steps, STEP_COLUMNS, "steps.parquet")
     return budget_document_of(table, steps, _remarks(study, "budget"), generated=study.generated)
 
 
@@ -101,7 +101,7 @@ def stability_document(study: FinishedStudy) -> Document:
         FileNotFoundError, ValueError: A table is missing, or of an older version.
     """
     tables = {name: study.table(name) for name in STABILITY_TABLES}
-    study.needs(tables["ring"], RING_COLUMNS, "ring.parquet")
+    study.require_keys(tables["ring"], RING_COLUMNS, "ring.parquet")
     verdict = json.loads((study.path / "verdict.json").read_text(encoding="utf-8"))
     margin = study.config.stability.margin
     return stability_document_of(tables, verdict, _remarks(study, "ring"), margin=margin, generated=study.generated)

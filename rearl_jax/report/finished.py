@@ -92,20 +92,23 @@ class FinishedStudy:
             return ()
         return data_sources([next(iterate_recordings(self.config.data)).info])
 
-    def needs(self, content: Mapping[str, Any] | pd.DataFrame, names: tuple[str, ...], where: str) -> None:
-        """Raise ValueError if keys or columns are missing, as in studies of an older version.
+    def require_keys(self, content: Mapping[str, Any] | pd.DataFrame, names: tuple[str, ...], file_name: str) -> None:
+        """Check of an object or a table for keys or columns, which studies of an older version may lack.
 
         Args:
             content: An object or a table of the study.
-            names: Keys or columns that are needed.
-            where: Name of the file.
+            names: Required keys or columns.
+            file_name: Name of its file.
+
+        Raises:
+            ValueError: One of them is missing.
         """
         for name in names:
             if name not in content:
                 message = (
                     f"is missing: the study is of version {self.provenance['code_version']}, which wrote other figures"
                 )
-                file = str(self.path / where)
+                file = str(self.path / file_name)
                 raise InvalidInputError(Problem("key-missing", message, self.remedy, file=file, key=name))
 
 

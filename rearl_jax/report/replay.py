@@ -33,8 +33,8 @@ from rearl_jax.evaluation.traffic import inputs_id
 from rearl_jax.problems import out_of_range
 from rearl_jax.progress import shown
 from rearl_jax.replay.scenes import Replay, ReplayedScene
+from rearl_jax.report.decision_recorder import DecisionRecorder, policy_of
 from rearl_jax.report.finished import FinishedStudy
-from rearl_jax.report.witness import Witness, policy_of
 from rearl_jax.results import Study
 from rearl_jax.runtime import set_precision
 
@@ -121,8 +121,8 @@ def chosen_scenes(scenes: SceneSet, held_out: np.ndarray, options: ReportConfig)
     if options.scenes is not None:
         return named_scenes(scenes, held_out, options.scenes, "report.scenes")
     by_speed = held_out[np.argsort(scenes.speed[held_out].mean(axis=(1, 2)), kind="stable")]
-    places = np.linspace(0, len(by_speed) - 1, min(options.n_scenes, len(by_speed)))
-    return np.sort(by_speed[np.unique(np.rint(places).astype(int))])
+    ranks = np.linspace(0, len(by_speed) - 1, min(options.n_scenes, len(by_speed)))
+    return np.sort(by_speed[np.unique(np.rint(ranks).astype(int))])
 
 
 def _replayed(
@@ -146,20 +146,20 @@ def _replayed(
 
     # As many at a time as in the study, so that its compiled programs serve again.
     scorer = make_scorer(config, scenes, config.eval.n_runs * n_held_out)
-    with _witness(config, rollouts_with, bar) as witness:
-        rollouts = rollouts_with(witness)
+    with _decision_recorder(config, rollouts_with, bar) as recorder:
+        rollouts = rollouts_with(recorder)
         first = 0
         for simulated, chunk in scored_chunks(rollouts, scorer, chosen, shown(bar, "replay")):
             for column, scene, h in zip(chunk.rollout, chunk.scene, chunk.metrics.h.value, strict=True):
                 at = first + int(column)
-                decisions = () if witness is None else witness.decisions
-                told = tuple(decision for decision in decisions if decision.rollout == at)
+                decisions = () if recorder is None else recorder.decisions
+                own_decisions = tuple(decision for decision in decisions if decision.rollout == at)
                 frames = jax.tree.map(lambda leaf, column=column: np.asarray(leaf[..., column]), simulated.frames)
                 length = np.asarray(simulated.length[:, column])
                 around = rollouts.boundary
                 if around is not None:
                     around = around.select(rollouts.column[at : at + 1])
-                yield ReplayedScene(int(scene), run, frames, length, float(h), told, around)
+                yield ReplayedScene(int(scene), run, frames, length, float(h), own_decisions, around)
             first += simulated.frames.x.shape[-1]
 
 
@@ -168,14 +168,14 @@ def _mixture(study: FinishedStudy) -> Mixture | None:
     if study.config.method is not Method.critical:
         return None
     names = tuple(f"ratio_{name}" for name in Mixture._fields)
-    study.needs(study.rows[0], names, "summary.json")
+    study.require_keys(study.rows[0], names, "summary.json")
     return Mixture(*(float(study.rows[0][name]) for name in names))
 
 
 @contextmanager
-def _witness(
+def _decision_recorder(
     config: EvaluateTask, rollouts_with: Callable[[MakePolicy | None], Rollouts], bar: Progress
-) -> Iterator[Witness | None]:
+) -> Iterator[DecisionRecorder | None]:
     """Recorder of decisions; None if the method makes none."""
     acts = interventions(config)
     if acts is None:
@@ -186,7 +186,8 @@ def _witness(
             asked = opened.enter_context(language_model(config, bar))
         except (ImportError, OSError, ValueError) as error:
             raise NoReplayError(f"the stored answers of its language model cannot be read: {error}") from error
-        yield Witness(policy_of(acts, rollouts_with(None).decision_keys) if asked is None else asked.make_policy)
+        make = policy_of(acts, rollouts_with(None).decision_keys) if asked is None else asked.make_policy
+        yield DecisionRecorder(make)
 
 
 def _require_same_figures(
@@ -194,12 +195,12 @@ def _require_same_figures(
 ) -> None:
     """Raise NoReplayError if a rollout scores otherwise than it did in the study."""
     runs = study.table("runs")
-    study.needs(runs, ("method", "scene_id", "run", "h"), "runs.parquet")
+    study.require_keys(runs, ("method", "scene_id", "run", "h"), "runs.parquet")
     rows = runs.loc[(runs["method"] == method) & runs["h"].notna(), ["scene_id", "run", "h"]]
-    kept = {(int(scene), int(run)): float(h) for scene, run, h in rows.itertuples(index=False)}
+    stored = {(int(scene), int(run)): float(h) for scene, run, h in rows.itertuples(index=False)}
     for rollout in replayed:
         scene = int(scenes.scene_id[rollout.index])
-        before = kept.get((scene, rollout.run))
+        before = stored.get((scene, rollout.run))
         if before is None or abs(before - rollout.h) > ROUNDING_TOLERANCE:
             figure = "no" if before is None else f"{before:.5f} as"
             raise NoReplayError(

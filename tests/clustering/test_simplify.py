@@ -1,4 +1,8 @@
-"""Simplification against all choices of vertices, and shortcut errors against the continuous Frechet distance."""
+"""Simplified curves: compared with the best of all choices of vertices.
+
+A shortcut replaces the piece of a curve between two of its points by a straight segment. Its error is the continuous
+Frechet distance between segment and piece.
+"""
 
 from itertools import combinations
 
@@ -21,30 +25,34 @@ def test_shortcut_errors_are_frechet_distances():
     assert np.isinf(errors[:, 5, 3]).all()
 
 
-def test_shortcut_over_a_step_back_needs_more_than_the_distance_to_the_segment():
-    back = np.array([[0.0, 3.0, 1.0, 4.0], [0.0] * 4, [0.0] * 4])[:, :, None]
-    assert shortcut_errors(back)[0, 0, 3] == pytest.approx(1.0)
+def test_the_error_of_a_shortcut_over_a_step_back_is_above_zero_although_all_points_lie_on_it():
+    # The curve goes from 0 to 3, back to 1 and on to 4. A point that moves along the segment may not step back, so it
+    # waits at 2 while the curve is at 3 and at 1.
+    curve_with_step_back = np.array([[0.0, 3.0, 1.0, 4.0], [0.0] * 4, [0.0] * 4])[:, :, None]
+    assert shortcut_errors(curve_with_step_back)[0, 0, 3] == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize("n_vertices", [2, 3, 4, 5])
 def test_simplification_is_the_best_of_all_choices(n_vertices):
     curves = random_curves(12, 8, seed=6)
     errors = shortcut_errors(curves)
-    found = simplify(errors, n_vertices)
+    vertices = simplify(errors, n_vertices)
     for curve in range(12):
-        worst = [
+        largest_errors = [
             max(errors[curve, a, b] for a, b in zip((0, *inner), (*inner, 7), strict=True))
-            for n_inner in range(n_vertices - 1)  # fewer can be better: an edge may pass over a step back
+            # Fewer vertices can be better, if a shortcut over a step back has a smaller error than its parts.
+            for n_inner in range(n_vertices - 1)
             for inner in combinations(range(1, 7), n_inner)
         ]
-        at = found[curve]
-        assert (at[0], at[-1]) == (0, 7)
-        assert max(errors[curve, a, b] for a, b in zip(at, at[1:], strict=False) if a != b) == min(worst)
-    np.testing.assert_array_equal(simplified(curves, errors, n_vertices)[3], curves[:, found[3], 3])
+        own = vertices[curve]
+        assert (own[0], own[-1]) == (0, 7)
+        # An edge between equal vertices has no length.
+        assert max(errors[curve, a, b] for a, b in zip(own, own[1:], strict=False) if a != b) == min(largest_errors)
+    np.testing.assert_array_equal(simplified(curves, errors, n_vertices)[3], curves[:, vertices[3], 3])
 
 
 def test_more_vertices_than_points_repeat_some():
     curves = random_curves(2, 4)
-    found = simplified(curves, shortcut_errors(curves), 7)
-    assert found.shape == (2, 3, 7)
-    np.testing.assert_array_equal(np.unique(found[0], axis=1), np.unique(curves[:, :, 0], axis=1))
+    polylines = simplified(curves, shortcut_errors(curves), 7)
+    assert polylines.shape == (2, 3, 7)
+    np.testing.assert_array_equal(np.unique(polylines[0], axis=1), np.unique(curves[:, :, 0], axis=1))

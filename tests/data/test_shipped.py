@@ -99,8 +99,8 @@ def test_packing_again_changes_nothing(name, tmp_path):
     assert packed.name == file.name
     assert pq.read_table(packed).equals(pq.read_table(file))
     assert packed.stat().st_size == pytest.approx(file.stat().st_size, rel=0.2)
-    beside = packing.SETS[name].beside
-    assert beside is None or (tmp_path / beside).read_bytes() == (folder / beside).read_bytes()
+    index_file = packing.SETS[name].index_file
+    assert index_file is None or (tmp_path / index_file).read_bytes() == (folder / index_file).read_bytes()
 
 
 def test_lateral_positions_are_those_of_followers():

@@ -46,9 +46,9 @@ def correlated(shape: tuple[int, ...], time: float, rate: float, rng: np.random.
     drawn = rng.standard_normal(shape)
     if time == 0.0:
         return drawn
-    kept = np.exp(-1.0 / (rate * time))
-    drawn[1:] *= np.sqrt(1.0 - kept**2)
-    return np.asarray(lfilter([1.0], [1.0, -kept], drawn, axis=0))
+    decay = np.exp(-1.0 / (rate * time))
+    drawn[1:] *= np.sqrt(1.0 - decay**2)
+    return np.asarray(lfilter([1.0], [1.0, -decay], drawn, axis=0))
 
 
 def smoothed(values: np.ndarray, kernel: str, deviation: float) -> np.ndarray:
@@ -59,16 +59,16 @@ def smoothed(values: np.ndarray, kernel: str, deviation: float) -> np.ndarray:
 def weights(kernel: str, deviation: float) -> np.ndarray:
     """Weights of a kernel, of sum 1; the standard deviation is in frames."""
     reach = np.ceil(5.0 * deviation) + 1.0
-    place = np.arange(-reach, reach + 1.0)
+    frame = np.arange(-reach, reach + 1.0)
     if kernel == "gaussian":
-        values = np.exp(-0.5 * (place / deviation) ** 2)
+        values = np.exp(-0.5 * (frame / deviation) ** 2)
     elif kernel == "exponential":
-        values = np.exp(-np.sqrt(2.0) * np.abs(place) / deviation)
+        values = np.exp(-np.sqrt(2.0) * np.abs(frame) / deviation)
     elif kernel == "triangular":
-        values = np.maximum(0.0, 1.0 - np.abs(place) / (np.sqrt(6.0) * deviation))
+        values = np.maximum(0.0, 1.0 - np.abs(frame) / (np.sqrt(6.0) * deviation))
     else:
         # A frame at the edge counts with the part of it that is inside.
-        values = np.clip(np.sqrt(3.0) * deviation + 0.5 - np.abs(place), 0.0, 1.0)
+        values = np.clip(np.sqrt(3.0) * deviation + 0.5 - np.abs(frame), 0.0, 1.0)
     return values / values.sum()
 
 
@@ -76,9 +76,9 @@ def _across(chain: Chain, events: Events, time: np.ndarray, rng: np.random.Gener
     """Lane and lateral position [m] in every frame; the sideways motion begins with the decision."""
     late = 0.5 * chain.change_time if chain.lane == "marking" else 0.0
     lane = events.lane[np.searchsorted(events.time, time - late - 1e-6)]
-    place = events.wander[np.searchsorted(events.time, time - 1e-6)] + LANE_WIDTH * (events.lane[0] + 0.5)
+    lateral = events.wander[np.searchsorted(events.time, time - 1e-6)] + LANE_WIDTH * (events.lane[0] + 0.5)
     for step, vehicle in zip(*np.nonzero(np.diff(events.lane, axis=0)), strict=True):
         share = np.clip((time - events.time[step + 1]) / chain.change_time, 0.0, 1.0)
         jump = int(events.lane[step + 1, vehicle]) - int(events.lane[step, vehicle])
-        place[:, vehicle] += LANE_WIDTH * jump * share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
-    return lane, place + LATERAL_NOISE * rng.standard_normal(place.shape)
+        lateral[:, vehicle] += LANE_WIDTH * jump * share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
+    return lane, lateral + LATERAL_NOISE * rng.standard_normal(lateral.shape)

@@ -1,4 +1,4 @@
-"""Vehicles and drivers of a data set: parameters, sizes, places in the platoons.
+"""Vehicles and drivers of a data set: parameters, sizes, ranks in the platoons.
 
 All arrays are over the vehicles of all recordings, one recording after the other, lane by lane, front to back.
 """
@@ -17,7 +17,7 @@ class Fleet:
 
     Attributes:
         recording: Number of the recording.
-        rank: Place in the platoon; 0 is the platoon leader.
+        rank: Rank in the platoon; 0 is the platoon leader.
         lane: Lane at the start; 0 is the leftmost.
         is_truck: Whether the vehicle is a truck.
         length, width: Length and width of the vehicle [m].

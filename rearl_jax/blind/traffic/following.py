@@ -44,10 +44,10 @@ class Foresight(HiddenEffect):
     truths = ("several_leaders",)
 
     def interaction(self, value: np.ndarray, now: Snapshot) -> np.ndarray:
-        for places, coefficient in ((2, 0.25), (3, 0.08)):
-            other = now.ahead(places)
-            between = sum(now.length[now.ahead(place)] for place in range(1, places))
-            gap = (now.gap_to(other) - between) / places
+        for count, coefficient in ((2, 0.25), (3, 0.08)):
+            other = now.ahead(count)
+            lengths_between = sum(now.length[now.ahead(nearer)] for nearer in range(1, count))
+            gap = (now.gap_to(other) - lengths_between) / count
             term = now.interaction(gap, now.speed[: now.n] - now.speed[other])
             value = value + self.strength * coefficient * np.minimum(term, 9.0)
         return value
@@ -97,7 +97,7 @@ class SlowNeighbours(HiddenEffect):
 
 
 class StayingBehind(HiddenEffect):
-    """Above 16 m/s drivers do not pass the next vehicle ahead on the left lane. They react as if it were on the own
+    """Above 16 m/s drivers do not pass the next vehicle ahead on the left lane. They react as if it were on their
     lane, but brake with at most 2 m/s^2. Strength 2 gives the full reaction, strength 1 half of it.
     """
 

@@ -93,12 +93,12 @@ def weigh(now: Snapshot, side: int) -> Choice:
 
 def _neighbours(now: Snapshot, side: int) -> tuple[np.ndarray, np.ndarray]:
     """Index of the vehicles ahead and behind on the adjacent lane of one side, n for none."""
-    place = now.position[: now.n]
+    position = now.position[: now.n]
     group = now.fleet.recording * (now.n_lanes + 2) + now.lane + 1
-    order = np.lexsort((place, group))
-    span = np.ptp(place) + 1.0
-    line = (group * span + place - place.min())[order]
-    there = np.searchsorted(line, (group + side) * span + place - place.min(), side="right")
+    order = np.lexsort((position, group))
+    span = np.ptp(position) + 1.0
+    line = (group * span + position - position.min())[order]
+    there = np.searchsorted(line, (group + side) * span + position - position.min(), side="right")
     ahead, behind = np.append(order, now.n)[there], np.append(now.n, order)[there]
     groups = np.append(group, -1)
     leader, rear = (np.where(groups[other] == group + side, other, now.n) for other in (ahead, behind))

@@ -16,14 +16,14 @@ class SpeedyDistance(HiddenEffect):
 
 
 class UneasyTraffic(HiddenEffect):
-    """The time gap grows with the mean absolute deviation of the speeds of five vehicles, the own one among them."""
+    """The time gap grows with the mean absolute deviation of the speeds of five vehicles, the driver's included."""
 
     truths = ("variance_driven_time_gap",)
 
     def time_gap(self, value: np.ndarray, now: Snapshot) -> np.ndarray:
         speeds = [now.speed[: now.n]]
-        for places in range(1, 5):
-            other = now.ahead(places)
+        for count in range(1, 5):
+            other = now.ahead(count)
             speeds.append(np.where(other == now.n, speeds[-1], now.speed[other]))
         all_speeds = np.stack(speeds)
         mean = all_speeds.mean(axis=0)
@@ -60,18 +60,20 @@ class PatienceAfterCutIn(HiddenEffect):
 
     def begin(self, now: Snapshot, section: tuple[float, float], rng: np.random.Generator) -> None:
         self._leader = now.leader.copy()
-        self._since, self._found = np.full(now.n, np.inf), np.full(now.n, np.inf)
+        self._since, self._time_gap_at_change = np.full(now.n, np.inf), np.full(now.n, np.inf)
 
     def observe(self, now: Snapshot, dt: float) -> None:
         new = now.leader != self._leader
         self._leader = now.leader.copy()
         present = now.gap_to(now.leader) / np.maximum(now.speed[: now.n], 1.0)
-        self._found = np.where(new, present, self._found)
+        self._time_gap_at_change = np.where(new, present, self._time_gap_at_change)
         self._since = np.where(new, 0.0, self._since + dt)
 
     def time_gap(self, value: np.ndarray, now: Snapshot) -> np.ndarray:
         left = np.maximum(0.0, 1.0 - self._since / self.patience)
-        short = np.minimum(np.where(np.isfinite(self._found), self._found, value) - value, 0.0)
+        short = np.minimum(
+            np.where(np.isfinite(self._time_gap_at_change), self._time_gap_at_change, value) - value, 0.0
+        )
         return np.maximum(0.25, value + min(self.strength, 1.3) * left * short)
 
 

@@ -39,27 +39,27 @@ class ForcedChanges:
     def _choose(self, now: Snapshot, recording: int) -> tuple[int, int] | None:
         """A random vehicle and its new lane, among all safe changes; None if there is none."""
         members = np.arange(recording * self._per, (recording + 1) * self._per)
-        place, speed, lane = now.position[members], now.speed[members], now.lane[members]
+        position, speed, lane = now.position[members], now.speed[members], now.lane[members]
         possible = []
         for own in range(self._per):
             if now.fleet.rank[members[own]] == 0 or now.time - self._changed[members[own]] < REST:
                 continue
             for target in {max(lane[own] - 1, 0), min(lane[own] + 1, now.n_lanes - 1)} - {lane[own]}:
-                if self._fits(own, np.flatnonzero(lane == target), place, speed, now.length[members]):
+                if self._fits(own, np.flatnonzero(lane == target), position, speed, now.length[members]):
                     possible.append((int(members[own]), int(target)))
         return possible[int(self._rng.integers(len(possible)))] if possible else None
 
-    def _fits(self, own: int, there: np.ndarray, place: np.ndarray, speed: np.ndarray, length: np.ndarray) -> bool:
+    def _fits(self, own: int, there: np.ndarray, position: np.ndarray, speed: np.ndarray, length: np.ndarray) -> bool:
         """True if there is a leader on the target lane and both gaps allow the change without hard braking."""
-        ahead, behind = there[place[there] > place[own]], there[place[there] <= place[own]]
+        ahead, behind = there[position[there] > position[own]], there[position[there] <= position[own]]
         if ahead.size == 0:
             return False
-        leader = ahead[np.argmin(place[ahead])]
-        gap = place[leader] - place[own] - 0.5 * (length[leader] + length[own])
+        leader = ahead[np.argmin(position[ahead])]
+        gap = position[leader] - position[own] - 0.5 * (length[leader] + length[own])
         if gap < 4.0 + 0.35 * speed[own] + 2.0 * max(0.0, speed[own] - speed[leader]) or gap > 80.0:
             return False
         if behind.size == 0:
             return True
-        follower = behind[np.argmax(place[behind])]
-        gap = place[own] - place[follower] - 0.5 * (length[follower] + length[own])
+        follower = behind[np.argmax(position[behind])]
+        gap = position[own] - position[follower] - 0.5 * (length[follower] + length[own])
         return bool(gap > 4.0 + 0.35 * speed[follower] + 2.5 * max(0.0, speed[follower] - speed[own]))

@@ -128,12 +128,12 @@ def _across(
     steps = np.searchsorted(events.time, time - 1e-6)
     lane = events.lane[steps]
     dt = events.time[1] - events.time[0]
-    place = events.wander[steps] + LANE_WIDTH * (events.lane[0] + 0.5)
+    lateral = events.wander[steps] + LANE_WIDTH * (events.lane[0] + 0.5)
     for step, vehicle in zip(*np.nonzero(np.diff(events.lane, axis=0)), strict=True):
         share = np.clip((time - events.time[0] - (step + 1) * dt) / CHANGE_TIME + 0.5, 0.0, 1.0)
         jump = int(events.lane[step + 1, vehicle]) - int(events.lane[step, vehicle])
-        place[:, vehicle] += LANE_WIDTH * jump * share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
-    return lane, place + LATERAL_NOISE * rng.standard_normal(place.shape)
+        lateral[:, vehicle] += LANE_WIDTH * jump * share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
+    return lane, lateral + LATERAL_NOISE * rng.standard_normal(lateral.shape)
 
 
 def seen_road(scenario: Scenario, events: Events) -> tuple[float, float]:

@@ -1,60 +1,69 @@
-"""Tests that simulated motion is plausible traffic and that the hidden effect acts in it."""
+"""Checks that simulated motion is plausible traffic and that the hidden effect acts in it.
+
+Followers are all vehicles except the platoon leaders, whose speeds are prescribed.
+"""
 
 import numpy as np
 
 from rearl_jax.blind.traffic.scenario import Scenario
 from rearl_jax.blind.traffic.simulation import Events
 
-EVERY = 0.5
-"""Time between two examined moments [s]."""
+SAMPLING_TIME = 0.5
+"""Time between two time steps that are checked [s]."""
 
-STANDING, MOST_STANDING = 0.3, 0.5
-"""Speed [m/s] below which a vehicle stands, and largest share of the followers' time that is standing."""
+STANDING_SPEED, LARGEST_STANDING_SHARE = 0.3, 0.5
+"""Speed [m/s] below which a vehicle stands, and largest share of the followers' time during which they stand."""
 
-NEAR, LEAST_FOLLOWED = 6.0, 0.3
-"""Time gap [s] within which a driver follows, and least share of the followers' time that is following."""
+CLOSE_TIME_GAP, LEAST_CLOSE_SHARE = 6.0, 0.3
+"""Time gap [s] up to which the leader influences a driver, and least share of the followers' time within it."""
 
-MOST_EMERGENCIES = 0.0005
+LARGEST_EMERGENCY_SHARE = 0.0005
 """Largest share of the followers' time with emergency braking."""
 
-LEAST_EFFECT = 0.02
+LEAST_EFFECT_SIZE = 0.02
 """Least root mean square of the acceleration that hidden effects cause [m/s^2]."""
 
-REASONS = ("invalid", "collision", "standing", "free", "emergencies", "no_effect")
-"""Reasons to draw a data set again: motion is not finite, vehicles overlap, most stand, few follow, many brake as
-hard as they can, the hidden effect does not act.
-"""
+REASONS = (
+    "invalid",  # a position or speed is not finite
+    "collision",  # vehicles overlap
+    "standing",  # followers stand for most of the time
+    "free",  # followers are seldom influenced by a leader
+    "emergencies",  # followers often brake as hard as they can
+    "no_effect",  # the hidden effect hardly changes the accelerations
+)
+"""Reasons to draw a data set again."""
 
 
 def fault_of(scenario: Scenario, events: Events) -> str | None:
-    """The first of REASONS that applies, None for traffic."""
-    inside = np.flatnonzero((events.time >= 0.0) & (events.time <= scenario.duration))
-    moments = inside[:: max(1, round(EVERY / (events.time[1] - events.time[0])))]
-    position, speed = events.position[moments], events.speed[moments]
+    """The first of REASONS that applies; None if the motion is plausible traffic."""
+    recorded = np.flatnonzero((events.time >= 0.0) & (events.time <= scenario.duration))
+    steps = recorded[:: max(1, round(SAMPLING_TIME / (events.time[1] - events.time[0])))]
+    position, speed = events.position[steps], events.speed[steps]
     if not (np.isfinite(events.position).all() and np.isfinite(events.speed).all()):
         return "invalid"
-    gap = _gaps(events, moments)
+    gap = _gaps(events, steps)
     if (gap < 0.0).any():
         return "collision"
-    follows = np.broadcast_to(events.fleet.rank > 0, position.shape)
-    if np.mean(speed[follows] < STANDING) > MOST_STANDING:
+    is_follower = events.fleet.rank > 0  # a platoon leader has rank 0
+    of_followers = np.broadcast_to(is_follower, position.shape)
+    if np.mean(speed[of_followers] < STANDING_SPEED) > LARGEST_STANDING_SHARE:
         return "standing"
-    if np.mean((gap / np.maximum(speed, 1.0))[follows] < NEAR) < LEAST_FOLLOWED:
+    if np.mean((gap / np.maximum(speed, 1.0))[of_followers] < CLOSE_TIME_GAP) < LEAST_CLOSE_SHARE:
         return "free"
-    if events.n_emergencies > MOST_EMERGENCIES * len(events.time) * np.count_nonzero(events.fleet.rank > 0):
+    if events.n_emergencies > LARGEST_EMERGENCY_SHARE * len(events.time) * np.count_nonzero(is_follower):
         return "emergencies"
-    return "no_effect" if scenario.planted and events.effect_size < LEAST_EFFECT else None
+    return "no_effect" if scenario.planted and events.effect_size < LEAST_EFFECT_SIZE else None
 
 
-def _gaps(events: Events, moments: np.ndarray) -> np.ndarray:
-    """Gap to the vehicle ahead on the lane [m], [n_moments, n]; infinite without one."""
-    gaps = np.full((len(moments), events.position.shape[1]), np.inf)
-    for row, moment in enumerate(moments):
-        position, lane = events.position[moment], events.lane[moment]
+def _gaps(events: Events, steps: np.ndarray) -> np.ndarray:
+    """Gap to the vehicle ahead on the lane [m] at the given time steps, [n_steps, n]; infinite without one."""
+    gaps = np.full((len(steps), events.position.shape[1]), np.inf)
+    for row, step in enumerate(steps):
+        position, lane = events.position[step], events.lane[step]
         group = events.fleet.recording * (int(events.lane.max()) + 1) + lane
         order = np.lexsort((position, group))
-        same = group[order[1:]] == group[order[:-1]]
-        behind, ahead = order[:-1][same], order[1:][same]
-        half = 0.5 * (events.fleet.length[ahead] + events.fleet.length[behind])
-        gaps[row, behind] = position[ahead] - position[behind] - half
+        is_same = group[order[1:]] == group[order[:-1]]
+        behind, ahead = order[:-1][is_same], order[1:][is_same]
+        half_lengths = 0.5 * (events.fleet.length[ahead] + events.fleet.length[behind])
+        gaps[row, behind] = position[ahead] - position[behind] - half_lengths
     return gaps

@@ -137,7 +137,7 @@ def _drive(
 
 
 def place_platoons(scenario: Scenario, fleet: Fleet, profiles: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Initial positions [m] and speeds [m/s], and positions of the platoon leaders, [n_heads, n_steps] [m].
+    """Initial positions [m] and speeds [m/s], and positions of the platoon leaders, [n_platoon_leaders, n_steps] [m].
 
     Every driver starts near the desired gap.
     """
@@ -151,9 +151,9 @@ def place_platoons(scenario: Scenario, fleet: Fleet, profiles: np.ndarray) -> tu
     way = np.cumsum(0.5 * SUB_STEP * (profiles[:, 1:] + profiles[:, :-1]), axis=1)
     travelled = np.concatenate([np.zeros((len(profiles), 1)), way], axis=1)
     # Slower lanes start further ahead, so that all lanes are side by side in the middle of the recording.
-    place = -np.cumsum(step, axis=1) - 0.5 * (travelled[:, -1:] - travelled[:, -1:].mean())
+    position = -np.cumsum(step, axis=1) - 0.5 * (travelled[:, -1:] - travelled[:, -1:].mean())
     speed[fleet.rank == 0] = profiles[:, 0]
-    return (place - place.min() + MARGIN).ravel(), speed, travelled
+    return (position - position.min() + MARGIN).ravel(), speed, travelled
 
 
 def common_section(
@@ -169,7 +169,7 @@ def common_section(
 
 def _ornstein_uhlenbeck(n_steps: int, n: int, memory: float, rng: np.random.Generator) -> np.ndarray:
     """Ornstein-Uhlenbeck processes of unit variance, [n_steps, n]."""
-    kept = np.exp(-SUB_STEP / memory)
-    drawn = np.sqrt(1.0 - kept**2) * rng.standard_normal((n_steps, n))
+    decay = np.exp(-SUB_STEP / memory)
+    drawn = np.sqrt(1.0 - decay**2) * rng.standard_normal((n_steps, n))
     drawn[0] = rng.standard_normal(n)
-    return np.asarray(lfilter([1.0], [1.0, -kept], drawn, axis=0))
+    return np.asarray(lfilter([1.0], [1.0, -decay], drawn, axis=0))

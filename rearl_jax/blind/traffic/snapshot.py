@@ -70,10 +70,10 @@ class Snapshot:
         self.follower[order[1:][same]] = order[:-1][same]
         self._next = np.append(self.leader, self.n)
 
-    def ahead(self, places: int) -> np.ndarray:
-        """Index of the vehicle a number of places ahead on the lane; n without one."""
+    def ahead(self, count: int) -> np.ndarray:
+        """Index of the `count`-th vehicle ahead on the lane; n without one."""
         vehicle = self.leader
-        for _ in range(places - 1):
+        for _ in range(count - 1):
             vehicle = self._next[vehicle]
         return vehicle
 
@@ -95,8 +95,8 @@ class Snapshot:
         Infinite for all others; up to BESIDE_REFRESH sub-steps old.
         """
         if self.step - self._beside_step >= BESIDE_REFRESH:
-            place, lane = self.position[: self.n].reshape(self._shape), self.lane.reshape(self._shape)
-            offset = place[:, None, :] - place[:, :, None]
+            position, lane = self.position[: self.n].reshape(self._shape), self.lane.reshape(self._shape)
+            offset = position[:, None, :] - position[:, :, None]
             is_beside = np.abs(lane[:, None, :] - lane[:, :, None]) == 1
             self._beside = np.where(is_beside, offset, np.inf).reshape(self.n, -1)
             self._beside_step = self.step

@@ -88,8 +88,8 @@ class Misjudgement(HiddenEffect):
         self._rng, self._errors = rng, rng.standard_normal((2, now.n))
 
     def observe(self, now: Snapshot, dt: float) -> None:
-        kept = np.exp(-dt / 3.0)
-        self._errors = kept * self._errors + np.sqrt(1 - kept**2) * self._rng.standard_normal(self._errors.shape)
+        decay = np.exp(-dt / 3.0)
+        self._errors = decay * self._errors + np.sqrt(1 - decay**2) * self._rng.standard_normal(self._errors.shape)
 
     def perceive(self, gap: np.ndarray, dv: np.ndarray, now: Snapshot) -> tuple[np.ndarray, np.ndarray]:
         near = np.minimum(gap, 150.0)

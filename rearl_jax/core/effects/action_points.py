@@ -24,7 +24,7 @@ class LastDecision(eqx.Module):
     """Memory of the last decision.
 
     Attributes:
-        count: Ticks so far.
+        count: Time steps so far.
         situation: Stimulus at the last decision, in the order of `SITUATION`.
     """
 
@@ -49,7 +49,14 @@ class ActionPoints(Effect):
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("mean_time", "s", "mean time between random decisions", off=0.0, low=0.0, high=10.0, scale=1.0),
         Parameter(
-            "threshold", "m/s^2", "change that triggers a decision at once", 0.5, 0.0, 5.0, 0.3, is_strength=False
+            "threshold",
+            "m/s^2",
+            "change that triggers a decision at once",
+            off=0.5,
+            low=0.0,
+            high=5.0,
+            scale=0.3,
+            is_strength=False,
         ),
     )
 

@@ -46,10 +46,20 @@ class VehicleLimits(Effect):
     equation: ClassVar[str] = "-deceleration_limit <= a <= acceleration_limit, |da/dt| <= jerk_limit"
     source: ClassVar[str] = "after ISO 15622 (2018), limits of adaptive cruise control"
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("acceleration_limit", "m/s^2", "largest acceleration", NO_BOUND, 0.1, NO_BOUND, 4.0),
-        Parameter("deceleration_limit", "m/s^2", "largest deceleration", NO_BOUND, 0.1, NO_BOUND, 4.0),
         Parameter(
-            "jerk_limit", "m/s^3", "largest rate of change of the acceleration", NO_JERK_BOUND, 0.1, NO_JERK_BOUND, 20.0
+            "acceleration_limit", "m/s^2", "largest acceleration", off=NO_BOUND, low=0.1, high=NO_BOUND, scale=4.0
+        ),
+        Parameter(
+            "deceleration_limit", "m/s^2", "largest deceleration", off=NO_BOUND, low=0.1, high=NO_BOUND, scale=4.0
+        ),
+        Parameter(
+            "jerk_limit",
+            "m/s^3",
+            "largest rate of change of the acceleration",
+            off=NO_JERK_BOUND,
+            low=0.1,
+            high=NO_JERK_BOUND,
+            scale=20.0,
         ),
     )
 

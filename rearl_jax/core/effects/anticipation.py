@@ -14,7 +14,8 @@ PASSING_SPEED = 60 / 3.6
 """Speed [m/s] up to which vehicles may be passed on the right, in congestion."""
 
 STRONGEST_SECOND = 9.0
-"""Bound of the deceleration because of the second leader [m/s^2], for very small second gaps; tyre grip on a dry road.
+"""Bound of the interaction deceleration behind the second leader [m/s^2], for very small second gaps; tyre grip on a
+dry road.
 """
 
 
@@ -27,7 +28,7 @@ class SeveralLeaders(Effect):
     name: ClassVar[str] = "several_leaders"
     depends_on: ClassVar[tuple[str, ...]] = ("second_gap", "second_speed")
     equation: ClassVar[str] = (
-        "(1 - relief w) I(s, dv) + w I(s_2 / 2, dv_2), I the deceleration because of a vehicle at that gap and "
+        "(1 - relief w) I(s, dv) + w I(s_2 / 2, dv_2), I the interaction deceleration behind a vehicle at that gap and "
         "approach rate, s_2 the sum of the next two gaps"
     )
     source: ClassVar[str] = "after Treiber, Kesting & Helbing, Physica A 360 (2006) 71 (human driver model)"
@@ -37,10 +38,10 @@ class SeveralLeaders(Effect):
             "relief",
             "-",
             "reduction of the first leader's weight",
-            0.5,
-            0.0,
-            1.0,
-            0.5,
+            off=0.5,
+            low=0.0,
+            high=1.0,
+            scale=0.5,
             is_strength=False,
         ),
     )
@@ -48,7 +49,7 @@ class SeveralLeaders(Effect):
     def leaders(
         self, value: Float[Array, "*n"], seen: Stimulus, memory: None, driver: CarFollowing
     ) -> Float[Array, "*n"]:
-        """Weighted deceleration because of both leaders, if there are two."""
+        """Interaction deceleration [m/s^2], weighted over both leaders if there are two."""
         dv = seen.speed - seen.second_speed
         second = jnp.minimum(driver.interaction(seen.second_gap / 2, seen.speed, dv), STRONGEST_SECOND)
         return value + self.weight * seen.has_second * seen.has_leader * (second - self.relief * value)
@@ -66,7 +67,16 @@ class LeaderAcceleration(Effect):
     source: ClassVar[str] = "after Kesting, Treiber & Helbing, Phil. Trans. R. Soc. A 368 (2010) 4585 (ACC model)"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("gain", "-", "share of the leader's acceleration", off=0.0, low=0.0, high=1.5, scale=0.4),
-        Parameter("reach", "m", "gap at which the gain has fallen to 1/e", 60.0, 15.0, 240.0, 30.0, is_strength=False),
+        Parameter(
+            "reach",
+            "m",
+            "gap at which the gain has fallen to 1/e",
+            off=60.0,
+            low=15.0,
+            high=240.0,
+            scale=30.0,
+            is_strength=False,
+        ),
     )
 
     def acceleration(self, value: Float[Array, "*n"], seen: Stimulus, memory: None) -> Float[Array, "*n"]:
@@ -89,7 +99,14 @@ class Asymmetry(Effect):
         Parameter("closing", "1/s", "deceleration per approach rate", off=0.0, low=-1.0, high=1.0, scale=0.15),
         Parameter("opening", "1/s", "deceleration per rate of falling back", off=0.0, low=-1.0, high=1.0, scale=0.15),
         Parameter(
-            "scale", "m/s", "approach rate at which the response saturates", 5.0, 1.0, 30.0, 4.0, is_strength=False
+            "scale",
+            "m/s",
+            "approach rate at which the response saturates",
+            off=5.0,
+            low=1.0,
+            high=30.0,
+            scale=4.0,
+            is_strength=False,
         ),
     )
 
@@ -111,9 +128,16 @@ class LaneFriction(Effect):
     equation: ClassVar[str] = "a - gain tanh(max(0, v - v_beside) / scale)"
     source: ClassVar[str] = "after Ponnu & Coifman, Transp. Res. B 97 (2017) 228 (adjacent-lane friction)"
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("gain", "m/s^2", "deceleration beside much slower traffic", 0.0, 0.0, 3.0, 0.5),
+        Parameter("gain", "m/s^2", "deceleration beside much slower traffic", off=0.0, low=0.0, high=3.0, scale=0.5),
         Parameter(
-            "scale", "m/s", "speed difference at which the response saturates", 5.0, 1.0, 15.0, 2.5, is_strength=False
+            "scale",
+            "m/s",
+            "speed difference at which the response saturates",
+            off=5.0,
+            low=1.0,
+            high=15.0,
+            scale=2.5,
+            is_strength=False,
         ),
     )
 
@@ -131,21 +155,31 @@ class NoUndertaking(Effect):
     name: ClassVar[str] = "no_undertaking"
     depends_on: ClassVar[tuple[str, ...]] = ("left_gap", "left_speed")
     equation: ClassVar[str] = (
-        "I + w max(0, min(I_left, a_free + b) - I) / (1 + exp((v_left - v) / 0.5 m/s)) above 60 km/h, I the "
-        "deceleration because of a vehicle, b the comfortable one"
+        "I + w max(0, min(I_left, a_free + b) - I) / (1 + exp((v_left - v) / 0.5 m/s)) above 60 km/h, I and "
+        "I_left the interaction decelerations behind the leader and behind that on the left lane, b the comfortable "
+        "deceleration"
     )
     source: ClassVar[str] = "after Treiber & Kesting, Traffic Flow Dynamics (2013), chapter 14 (European rules)"
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("weight", "-", "weight of the leader on the left lane; 1 forbids passing it", 0.0, 0.0, 1.0, 0.5),
+        Parameter(
+            "weight",
+            "-",
+            "weight of the leader on the left lane; 1 forbids passing it",
+            off=0.0,
+            low=0.0,
+            high=1.0,
+            scale=0.5,
+        ),
     )
 
     def leaders(
         self, value: Float[Array, "*n"], seen: Stimulus, memory: None, driver: CarFollowing
     ) -> Float[Array, "*n"]:
-        """The deceleration because of the leader on the left lane, if it is the larger one."""
+        """Interaction deceleration [m/s^2]: `value`, increased if the driver would pass the leader on the left lane."""
         faster_by = seen.speed - seen.left_speed
         left = driver.interaction(seen.left_gap, seen.speed, faster_by)
-        bearable = driver.free_acceleration(seen.speed) + driver.comfortable_deceleration()
-        comfortable = jnp.minimum(left, bearable)
+        # The acceleration is a_free - I, so this bounds the braking to the comfortable deceleration.
+        largest = driver.free_acceleration(seen.speed) + driver.comfortable_deceleration()
+        comfortable = jnp.minimum(left, largest)
         passes = jnp.where(seen.speed > PASSING_SPEED, seen.has_left, 0.0) * jax.nn.sigmoid(2.0 * faster_by)
         return value + self.weight * passes * jnp.maximum(comfortable - value, 0.0)

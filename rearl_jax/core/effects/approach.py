@@ -42,7 +42,7 @@ class FirstGap(eqx.Module):
         time_gap: Time gap right after the leader appeared [s]; nan without a leader.
         elapsed: Time since then [s].
         had_leader: Whether there was a leader in the last time step.
-        time_since_change: The stimulus' time since the change of leader in the last time step [s].
+        time_since_change: `Stimulus.time_since_change` in the last time step [s].
     """
 
     time_gap: Float[Array, "*n"]
@@ -68,18 +68,25 @@ class GapRelaxation(Effect):
             "share", "-", "share of the difference to the present time gap", off=0.0, low=0.0, high=1.0, scale=0.5
         ),
         Parameter(
-            "relaxation_time", "s", "relaxation time of the difference", 15.0, 1.0, 120.0, 10.0, is_strength=False
+            "relaxation_time",
+            "s",
+            "relaxation time of the difference",
+            off=15.0,
+            low=1.0,
+            high=120.0,
+            scale=10.0,
+            is_strength=False,
         ),
     )
 
     def begin(self, seen: Stimulus, driver: CarFollowing, dt: float) -> FirstGap:
         """The gap at the start."""
-        nothing = jnp.zeros_like(seen.speed)
+        zero = jnp.zeros_like(seen.speed)
         return FirstGap(
             time_gap=_present_time_gap(seen, driver),
-            elapsed=nothing,
-            had_leader=nothing + seen.has_leader,
-            time_since_change=nothing + seen.time_since_change,
+            elapsed=zero,
+            had_leader=zero + seen.has_leader,
+            time_since_change=zero + seen.time_since_change,
         )
 
     def remember(self, memory: FirstGap, seen: Stimulus, driver: CarFollowing, dt: float) -> FirstGap:

@@ -12,7 +12,7 @@ from rearl_jax.core.effects.stimulus import Stimulus
 
 
 class Cooperation(Effect):
-    """The driver opens a gap for a vehicle that wants to change to the own lane, if mild braking suffices."""
+    """The driver opens a gap for a vehicle that wants to change to the driver's lane, without hard braking."""
 
     weight: Float[Array, "*#n"]
     limit: Float[Array, "*#n"]
@@ -20,31 +20,41 @@ class Cooperation(Effect):
     name: ClassVar[str] = "cooperation"
     kind: ClassVar[str] = "lane_change"
     equation: ClassVar[str] = (
-        "I + weight max(0, min(I_e, a_free + limit) - I), I the deceleration because of the leader, I_e that because "
-        "of the vehicle that wants to change to the own lane"
+        "I + weight max(0, min(I_e, a_free + limit) - I), I and I_e the interaction decelerations behind the leader "
+        "and behind the vehicle that wants to change to the driver's lane; the acceleration is a_free - I"
     )
     source: ClassVar[str] = "after Hidas, Transp. Res. C 10 (2002) 351 (courtesy lane changes)"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter(
             "weight", "-", "weight of the vehicle that wants to change lanes", off=0.0, low=0.0, high=1.0, scale=0.5
         ),
-        Parameter("limit", "m/s^2", "largest deceleration for that vehicle", 2.0, 0.2, 6.0, 1.0, is_strength=False),
+        Parameter(
+            "limit",
+            "m/s^2",
+            "largest deceleration the driver accepts to let the other vehicle in",
+            off=2.0,
+            low=0.2,
+            high=6.0,
+            scale=1.0,
+            is_strength=False,
+        ),
     )
 
     def leaders(
         self, value: Float[Array, "*n"], seen: Stimulus, memory: None, driver: CarFollowing
     ) -> Float[Array, "*n"]:
-        """Deceleration, larger if a vehicle wants to change to the own lane.
+        """Interaction deceleration [m/s^2]: `value`, increased if a vehicle wants to change to the driver's lane.
 
         Raises:
             ValueError: The stimulus is that of a recording.
         """
         if not isinstance(seen, SimulatedStimulus):
             raise ValueError(
-                "cooperation needs to know which vehicles want to change lanes, which only a simulation does"
+                "cooperation needs to know which vehicles want to change lanes: known in a simulation, not in a "
+                "recording"
             )
-        closing = seen.speed - seen.entrant_speed
-        wanted = driver.interaction(seen.entrant_gap, seen.speed, closing)
-        bearable = driver.free_acceleration(seen.speed) + self.limit
-        more = jnp.maximum(jnp.minimum(wanted, bearable) - value, 0.0)
-        return value + self.weight * seen.has_entrant * more
+        behind_entrant = driver.interaction(seen.entrant_gap, seen.speed, seen.speed - seen.entrant_speed)
+        # The acceleration is a_free - I, so I = a_free + limit brakes with the limit.
+        largest = driver.free_acceleration(seen.speed) + self.limit
+        increase = jnp.maximum(jnp.minimum(behind_entrant, largest) - value, 0.0)
+        return value + self.weight * seen.has_entrant * increase

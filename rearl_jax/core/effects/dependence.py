@@ -30,11 +30,11 @@ VARIABLES = {
 
 
 def hat_weights(value: Float[Array, "*n"], knots: Float[Array, " knots"]) -> Float[Array, "knots *n"]:
-    """Weights of the values at equidistant knots in linear interpolation, constant beyond the outer knots [-]."""
+    """Weights of the equidistant knots in linear interpolation at `value`, constant beyond the outer knots [-]."""
     step = knots[1] - knots[0]
     inside = jnp.clip(value, knots[0], knots[-1])
-    place = knots.reshape(-1, *(1,) * inside.ndim)
-    return jnp.maximum(0.0, 1.0 - jnp.abs(inside[None] - place) / step)
+    knot = knots.reshape(-1, *(1,) * inside.ndim)
+    return jnp.maximum(0.0, 1.0 - jnp.abs(inside[None] - knot) / step)
 
 
 class Dependence(Effect):
@@ -50,8 +50,18 @@ class Dependence(Effect):
     equation: ClassVar[str] = "a + curve(variable), piecewise linear between knots"
     source: ClassVar[str] = "found in data"
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("values", "m/s^2", "the curve at its knots", 0.0, -5.0, 5.0, 0.3, is_list=True),
-        Parameter("knots", "that of the variable", "equidistant", 0.0, -1e6, 1e6, 1.0, False, is_list=True),
+        Parameter("values", "m/s^2", "the curve at its knots", off=0.0, low=-5.0, high=5.0, scale=0.3, is_list=True),
+        Parameter(
+            "knots",
+            "that of the variable",
+            "equidistant",
+            off=0.0,
+            low=-1e6,
+            high=1e6,
+            scale=1.0,
+            is_strength=False,
+            is_list=True,
+        ),
     )
 
     def acceleration(self, value: Float[Array, "*n"], seen: Stimulus, memory: None) -> Float[Array, "*n"]:
@@ -65,8 +75,18 @@ class TimeGapDependence(Dependence):
     name: ClassVar[str] = "time_gap_dependence"
     equation: ClassVar[str] = "T exp(curve(variable)), piecewise linear between knots"
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("values", "-", "the curve at its knots", 0.0, -3.0, 3.0, 0.3, is_list=True),
-        Parameter("knots", "that of the variable", "equidistant", 0.0, -1e6, 1e6, 1.0, False, is_list=True),
+        Parameter("values", "-", "the curve at its knots", off=0.0, low=-3.0, high=3.0, scale=0.3, is_list=True),
+        Parameter(
+            "knots",
+            "that of the variable",
+            "equidistant",
+            off=0.0,
+            low=-1e6,
+            high=1e6,
+            scale=1.0,
+            is_strength=False,
+            is_list=True,
+        ),
     )
 
     def acceleration(self, value: Float[Array, "*n"], seen: Stimulus, memory: None) -> Float[Array, "*n"]:

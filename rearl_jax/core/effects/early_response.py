@@ -1,4 +1,4 @@
-"""Drivers who respond to a lane change before the vehicle has left its lane: the changing and the following driver."""
+"""Early response to a lane change: the lane changer and its new follower respond before the change of lane."""
 
 from typing import ClassVar
 
@@ -12,7 +12,7 @@ from rearl_jax.core.effects.stimulus import Stimulus
 
 
 class EarlyResponse(Effect):
-    """Before a lane change the driver reacts to the new leader, and the new follower to the driver."""
+    """Before it has left its lane, a lane changer responds to its new leader, and its new follower to it."""
 
     of_changer: Float[Array, "*#n"]
     of_follower: Float[Array, "*#n"]
@@ -21,35 +21,62 @@ class EarlyResponse(Effect):
     name: ClassVar[str] = "early_response"
     kind: ClassVar[str] = "lane_change"
     equation: ClassVar[str] = (
-        "I + of_changer max(0, min(I_there, a_free + limit) - I), I the deceleration because of the leader, I_there "
-        "that because of the leader on the lane it wants to be on; of_follower likewise for the vehicle changing to "
-        "the own lane"
+        "I + of_changer max(0, min(I_new, a_free + limit) - I), I and I_new the interaction decelerations behind the "
+        "leader and behind the new leader, on the lane the driver wants to change to; then the same with of_follower "
+        "behind a vehicle changing to the driver's lane; the acceleration is a_free - I"
     )
     source: ClassVar[str] = (
         "after Schakel, Knoop & van Arem, Transp. Res. Rec. 2316 (2012) 47 (synchronisation and gap creation)"
     )
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("of_changer", "-", "weight of the leader on the wanted lane", off=0.0, low=0.0, high=1.0, scale=0.5),
         Parameter(
-            "of_follower", "-", "weight of the vehicle changing to the own lane", off=0.0, low=0.0, high=1.0, scale=0.5
+            "of_changer",
+            "-",
+            "how strongly a lane changer responds to its new leader",
+            off=0.0,
+            low=0.0,
+            high=1.0,
+            scale=0.5,
         ),
-        Parameter("limit", "m/s^2", "largest deceleration for either", 2.0, 0.2, 6.0, 1.0, is_strength=False),
+        Parameter(
+            "of_follower",
+            "-",
+            "how strongly a new follower responds to the lane changer",
+            off=0.0,
+            low=0.0,
+            high=1.0,
+            scale=0.5,
+        ),
+        Parameter(
+            "limit",
+            "m/s^2",
+            "largest deceleration of the lane changer and of its new follower in this response",
+            off=2.0,
+            low=0.2,
+            high=6.0,
+            scale=1.0,
+            is_strength=False,
+        ),
     )
 
     def leaders(
         self, value: Float[Array, "*n"], seen: Stimulus, memory: None, driver: CarFollowing
     ) -> Float[Array, "*n"]:
-        """Deceleration, larger if a vehicle on another lane is about to become the leader.
+        """Interaction deceleration [m/s^2]: `value`, increased if a vehicle on another lane will become the leader.
 
         Raises:
             ValueError: The stimulus is that of a recording.
         """
         if not isinstance(seen, SimulatedStimulus):
             raise ValueError(
-                "early_response needs to know which vehicles want to change lanes, which only a simulation does"
+                "early_response needs to know which vehicles want to change lanes: known in a simulation, not in a "
+                "recording"
             )
-        bearable = driver.free_acceleration(seen.speed) + self.limit
-        there = driver.interaction(seen.wanted_gap, seen.speed, seen.speed - seen.wanted_speed)
-        value = value + self.of_changer * seen.has_wanted * jnp.maximum(jnp.minimum(there, bearable) - value, 0.0)
-        coming = driver.interaction(seen.changer_gap, seen.speed, seen.speed - seen.changer_speed)
-        return value + self.of_follower * seen.has_changer * jnp.maximum(jnp.minimum(coming, bearable) - value, 0.0)
+        # The acceleration is a_free - I, so I = a_free + limit brakes with the limit.
+        largest = driver.free_acceleration(seen.speed) + self.limit
+        behind_new = driver.interaction(seen.new_leader_gap, seen.speed, seen.speed - seen.new_leader_speed)
+        increase = jnp.maximum(jnp.minimum(behind_new, largest) - value, 0.0)
+        value = value + self.of_changer * seen.has_new_leader * increase
+        behind_changer = driver.interaction(seen.changer_gap, seen.speed, seen.speed - seen.changer_speed)
+        increase = jnp.maximum(jnp.minimum(behind_changer, largest) - value, 0.0)
+        return value + self.of_follower * seen.has_changer * increase

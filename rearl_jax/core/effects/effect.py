@@ -90,10 +90,10 @@ class Effect(eqx.Module):
     def leaders(
         self, value: Float[Array, "*n"], seen: Stimulus, memory: PyTree, driver: CarFollowing
     ) -> Float[Array, "*n"]:
-        """Deceleration because of the vehicles ahead [m/s^2], positive.
+        """Interaction deceleration [m/s^2], positive: by how much the vehicles ahead reduce the free acceleration.
 
         Args:
-            value: Deceleration because of the leader, after the effects before.
+            value: Interaction deceleration behind the leader, changed by the effects before this one.
             seen: Stimulus as the driver perceives it.
             memory: Memory of the effect.
             driver: Car following with its present set points; `driver.interaction` is the response to another vehicle.
@@ -117,7 +117,7 @@ class Effect(eqx.Module):
     def incentive(
         self, value: Float[Array, "*n"], side: SideLane, seen: Stimulus, memory: PyTree
     ) -> Float[Array, "*n"]:
-        """Gain of a change to an adjacent lane [m/s^2]; `seen` is the true stimulus of the own lane, without errors of
-        perception.
+        """Gain of a change to an adjacent lane [m/s^2]; `seen` is the true stimulus on the driver's lane, without
+        errors of perception.
         """
         return value

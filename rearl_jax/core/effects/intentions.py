@@ -1,4 +1,4 @@
-"""Intentions to change lanes, which exist only in simulations."""
+"""Intentions to change lanes, known in simulations only."""
 
 from jaxtyping import Array, Float
 
@@ -6,18 +6,18 @@ from rearl_jax.core.effects.stimulus import Stimulus
 
 
 class SimulatedStimulus(Stimulus):
-    """Stimulus in simulated traffic, with vehicles ahead that want to change to the own lane.
+    """Stimulus in simulated traffic, with the lane changes that drivers intend.
 
     Recordings contain lane changes, but not intentions.
 
     Attributes:
-        has_entrant: Whether a vehicle ahead on an adjacent lane is changing to the own lane, or would if there were
-            room.
+        has_entrant: Whether a vehicle ahead on an adjacent lane is changing to the driver's lane, or would if there
+            were room.
         entrant_gap: Bumper-to-bumper gap to the nearest of these vehicles [m]; OUT_OF_SIGHT without one.
-        entrant_speed: Speed of that vehicle [m/s]; the own speed without one.
-        has_changer, changer_gap, changer_speed: The same for vehicles whose lane change is in progress.
-        has_wanted, wanted_gap, wanted_speed: The same for the next vehicle ahead on the lane that the driver itself is
-            changing to, or would change to if there were room.
+        entrant_speed: Speed of that vehicle [m/s]; the driver's speed without one.
+        has_changer, changer_gap, changer_speed: The same, only for vehicles whose lane change is in progress.
+        has_new_leader, new_leader_gap, new_leader_speed: The same for the next vehicle ahead on the lane that the
+            driver itself is changing to, or would change to if there were room.
     """
 
     has_entrant: Float[Array, "*#n"]
@@ -26,6 +26,6 @@ class SimulatedStimulus(Stimulus):
     has_changer: Float[Array, "*#n"]
     changer_gap: Float[Array, "*#n"]
     changer_speed: Float[Array, "*#n"]
-    has_wanted: Float[Array, "*#n"]
-    wanted_gap: Float[Array, "*#n"]
-    wanted_speed: Float[Array, "*#n"]
+    has_new_leader: Float[Array, "*#n"]
+    new_leader_gap: Float[Array, "*#n"]
+    new_leader_speed: Float[Array, "*#n"]

@@ -85,8 +85,17 @@ class MovingOver(Effect):
     )
     source: ClassVar[str] = "form of this project, as in the effect rear_pressure on the time gap"
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("gain", "m/s^2", "gain of giving way under pressure", 0.0, -1.0, 3.0, 0.5),
-        Parameter("pressing_time_gap", "s", "follower's time gap z0 below which it presses", 1.0, 0.3, 2.5, 0.3, False),
+        Parameter("gain", "m/s^2", "gain of giving way under pressure", off=0.0, low=-1.0, high=3.0, scale=0.5),
+        Parameter(
+            "pressing_time_gap",
+            "s",
+            "follower's time gap z0 below which it presses",
+            off=1.0,
+            low=0.3,
+            high=2.5,
+            scale=0.3,
+            is_strength=False,
+        ),
     )
 
     def incentive(self, value: Float[Array, "*n"], side: SideLane, seen: Stimulus, memory: None) -> Float[Array, "*n"]:
@@ -107,14 +116,23 @@ class TruckAversion(Effect):
     name: ClassVar[str] = "truck_aversion"
     kind: ClassVar[str] = "lane_change"
     equation: ClassVar[str] = (
-        "gain of a change + gain (exp(-s / reach) behind a truck on the own lane - the same on the adjacent lane)"
+        "gain of a change + gain (exp(-s / reach) behind a truck on the driver's lane - the same on the adjacent lane)"
     )
     source: ClassVar[str] = (
         "form of this project; after Moridpour, Rose & Sarvi, J. Transp. Eng. 136 (2010) 973 (trucks and lanes)"
     )
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("gain", "m/s^2", "gain of a lane without a truck", off=0.0, low=-2.0, high=3.0, scale=0.5),
-        Parameter("reach", "m", "gap at which this gain has fallen to 1/e", 80.0, 10.0, 500.0, 50.0, is_strength=False),
+        Parameter(
+            "reach",
+            "m",
+            "gap at which this gain has fallen to 1/e",
+            off=80.0,
+            low=10.0,
+            high=500.0,
+            scale=50.0,
+            is_strength=False,
+        ),
     )
 
     def incentive(self, value: Float[Array, "*n"], side: SideLane, seen: Stimulus, memory: None) -> Float[Array, "*n"]:

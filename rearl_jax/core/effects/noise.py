@@ -17,7 +17,7 @@ class Fluctuation(eqx.Module):
     """Ornstein-Uhlenbeck processes of variance 1, one per vehicle.
 
     Attributes:
-        count: Ticks so far.
+        count: Time steps so far.
         value: Present values [-].
     """
 
@@ -68,7 +68,9 @@ class AccelerationNoise(Effect):
     )
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("sd", "m/s^2", "standard deviation of the noise", off=0.0, low=0.0, high=3.0, scale=0.2),
-        Parameter("time", "s", "correlation time of the noise", 1.5, 0.05, 60.0, 1.0, is_strength=False),
+        Parameter(
+            "time", "s", "correlation time of the noise", off=1.5, low=0.05, high=60.0, scale=1.0, is_strength=False
+        ),
     )
 
     def begin(self, seen: Stimulus, driver: CarFollowing, dt: float) -> Fluctuation:
@@ -101,7 +103,9 @@ class PerceptionNoise(Effect):
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("gap_error", "-", "relative error of the gap", off=0.0, low=0.0, high=0.5, scale=0.05),
         Parameter("rate_error", "1/s", "error of the approach rate per gap", off=0.0, low=0.0, high=0.1, scale=0.01),
-        Parameter("time", "s", "correlation time of both", 20.0, 0.05, 120.0, 10.0, is_strength=False),
+        Parameter(
+            "time", "s", "correlation time of both", off=20.0, low=0.05, high=120.0, scale=10.0, is_strength=False
+        ),
     )
 
     def begin(self, seen: Stimulus, driver: CarFollowing, dt: float) -> tuple[Fluctuation, Fluctuation]:
@@ -124,7 +128,8 @@ class PerceptionNoise(Effect):
 
 
 LARGEST_DEPARTURE = 1.2
-"""Largest difference of log T from a driver's own that counts as a choice [-]; a driver farther behind does not follow.
+"""Largest difference of log T from the driver's usual value that counts as a variation [-]; with larger gaps a driver
+does not follow.
 """
 
 SLOWEST_FOLLOWING = 3.0
@@ -134,9 +139,9 @@ SLOWEST_FOLLOWING = 3.0
 def time_gap_departure(
     gap: Float[Any, "*#n"], speed: Float[Any, "*#n"], time_gap: Float[Any, "*#n"], jam_gap: Float[Any, "*#n"]
 ) -> Float[Array, "*n"]:
-    """Logarithm of the ratio of the present time gap to the driver's own [-]; 0 for drivers who do not follow."""
-    kept = jnp.maximum(gap - jam_gap, 0.1) / jnp.maximum(speed, SLOWEST_FOLLOWING)
-    departure = jnp.log(kept / time_gap)
+    """Logarithm of the ratio of the present time gap to `time_gap` [-]; 0 for drivers who do not follow."""
+    present = jnp.maximum(gap - jam_gap, 0.1) / jnp.maximum(speed, SLOWEST_FOLLOWING)
+    departure = jnp.log(present / time_gap)
     return jnp.where(departure > LARGEST_DEPARTURE, 0.0, jnp.maximum(departure, -LARGEST_DEPARTURE))
 
 
@@ -160,16 +165,25 @@ class TimeGapVariation(Effect):
     )
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("sd", "-", "standard deviation of log T", off=0.0, low=0.0, high=1.5, scale=0.2),
-        Parameter("time", "s", "correlation time of the variation", 20.0, 0.05, 120.0, 10.0, is_strength=False),
+        Parameter(
+            "time",
+            "s",
+            "correlation time of the variation",
+            off=20.0,
+            low=0.05,
+            high=120.0,
+            scale=10.0,
+            is_strength=False,
+        ),
         Parameter(
             "start_share",
             "-",
             "share of the difference of log T at the start that is variation",
-            0.0,
-            0.0,
-            1.0,
-            0.5,
-            False,
+            off=0.0,
+            low=0.0,
+            high=1.0,
+            scale=0.5,
+            is_strength=False,
         ),
     )
 

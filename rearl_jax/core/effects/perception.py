@@ -20,10 +20,9 @@ AHEAD = ("has_leader", "gap", "leader_speed")
 
 
 class ReactionDelay(Effect):
-    """The driver acts on an earlier gap and leader's speed, and on an own speed with another delay.
+    """The driver acts on past values: gap and leader's speed before `delay`, the driver's own speed before `own_delay`.
 
-    Own motion is felt and may be known without delay; with equal delays, all observations are equally late. A negative
-    delay is anticipation by extrapolation.
+    Drivers feel their own motion, perhaps without delay. A negative delay is anticipation by extrapolation.
     """
 
     delay: Float[Array, "*#n"]
@@ -36,8 +35,18 @@ class ReactionDelay(Effect):
         "Treiber, Kesting & Helbing, Physica A 360 (2006) 71, eq. 9, whose drivers extrapolate their own speed (eq. 12)"
     )
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("delay", "s", "reaction time to the vehicle ahead", 0.0, -0.09, LONGEST_DELAY - 0.1, 0.5),
-        Parameter("own_delay", "s", "time until the own speed is felt", 0.0, -0.09, LONGEST_DELAY - 0.1, 0.5),
+        Parameter(
+            "delay", "s", "reaction time to the vehicle ahead", off=0.0, low=-0.09, high=LONGEST_DELAY - 0.1, scale=0.5
+        ),
+        Parameter(
+            "own_delay",
+            "s",
+            "time until the own speed is felt",
+            off=0.0,
+            low=-0.09,
+            high=LONGEST_DELAY - 0.1,
+            scale=0.5,
+        ),
     )
 
     def begin(self, seen: Stimulus, driver: CarFollowing, dt: float) -> "StimulusHistory":
@@ -54,13 +63,13 @@ class ReactionDelay(Effect):
         ring = lax.dynamic_update_index_in_dim(memory.ring, now, memory.count % memory.ring.shape[1], axis=1)
 
         def delayed(rows: slice, delay: Float[Array, "*#n"]) -> Float[Array, "fields *n"]:
-            past, ticks = ring[rows], delay / dt
-            floor = jnp.floor(jnp.maximum(ticks, 0.0))
-            whole, share = floor.astype(jnp.int32), jnp.broadcast_to(ticks - floor, past.shape[2:])[None]
+            past, n_steps = ring[rows], delay / dt
+            floor = jnp.floor(jnp.maximum(n_steps, 0.0))
+            whole, share = floor.astype(jnp.int32), jnp.broadcast_to(n_steps - floor, past.shape[2:])[None]
 
-            def at(ticks_before: Int[Array, "*#n"]) -> Float[Array, "fields *n"]:
-                place = jnp.broadcast_to((memory.count - ticks_before) % past.shape[1], past.shape[2:])
-                return jnp.take_along_axis(past, place[None, None], axis=1)[:, 0]
+            def at(steps_before: Int[Array, "*#n"]) -> Float[Array, "fields *n"]:
+                slot = jnp.broadcast_to((memory.count - steps_before) % past.shape[1], past.shape[2:])
+                return jnp.take_along_axis(past, slot[None, None], axis=1)[:, 0]
 
             return at(whole) * (1 - share) + at(whole + 1) * share
 
@@ -76,7 +85,7 @@ class StimulusHistory(NamedTuple):
     """Memory of a delayed driver: stimuli of the last time steps, own speed first, then the fields `AHEAD`.
 
     Attributes:
-        count: Ticks so far.
+        count: Time steps so far.
         ring: Ring buffer of the last time steps, the newest at count - 1 modulo its size.
         acted_on: The delayed values that the driver acts on.
     """

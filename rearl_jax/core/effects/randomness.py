@@ -1,4 +1,4 @@
-"""Random numbers of effects, from a seed per scenario, a stream per purpose and a count of ticks."""
+"""Random numbers of effects, from a seed per scenario, a stream per purpose and a count of time steps."""
 
 from collections.abc import Callable
 
@@ -23,7 +23,7 @@ def standard_normal(
     Args:
         seed: One per scenario, or one for all.
         stream: Separates numbers for different purposes.
-        count: Separates numbers of different ticks.
+        count: Separates numbers of different time steps.
         like: An array of the wanted shape and type.
     """
     return _drawn(seed, stream, count, like, jax.random.normal)

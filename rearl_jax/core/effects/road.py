@@ -16,9 +16,22 @@ FAR_AWAY = 1.0e5
 """Position [m] beyond every section."""
 
 _SECTION = (
-    Parameter("start", "m", "beginning of the section", 0.0, -FAR_AWAY, FAR_AWAY, 500.0, is_strength=False),
-    Parameter("end", "m", "end of the section", FAR_AWAY, -FAR_AWAY, FAR_AWAY, 500.0, is_strength=False),
-    Parameter("edge", "m", "length over which the section begins and ends", 6.0, 1.0, 80.0, 6.0, is_strength=False),
+    Parameter(
+        "start", "m", "beginning of the section", off=0.0, low=-FAR_AWAY, high=FAR_AWAY, scale=500.0, is_strength=False
+    ),
+    Parameter(
+        "end", "m", "end of the section", off=FAR_AWAY, low=-FAR_AWAY, high=FAR_AWAY, scale=500.0, is_strength=False
+    ),
+    Parameter(
+        "edge",
+        "m",
+        "length over which the section begins and ends",
+        off=6.0,
+        low=1.0,
+        high=80.0,
+        scale=6.0,
+        is_strength=False,
+    ),
 )
 
 
@@ -96,7 +109,15 @@ class Bend(Effect):
     equation: ClassVar[str] = "v0 -> min(v0, sqrt(lateral_acceleration radius)) between start and end"
     source: ClassVar[str] = "after Reymond et al., Human Factors 43 (2001) 483 (lateral acceleration margin)"
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("lateral_acceleration", "m/s^2", "comfortable lateral acceleration", 100.0, 0.5, 100.0, 2.0),
+        Parameter(
+            "lateral_acceleration",
+            "m/s^2",
+            "comfortable lateral acceleration",
+            off=100.0,
+            low=0.5,
+            high=100.0,
+            scale=2.0,
+        ),
         Parameter(
             "radius", "m", "radius of the bend", off=500.0, low=20.0, high=5000.0, scale=300.0, is_strength=False
         ),
@@ -152,10 +173,10 @@ class Weather(Effect):
             "onset",
             "s",
             "time at which half of the change is reached",
-            0.0,
-            -FAR_AWAY,
-            FAR_AWAY,
-            30.0,
+            off=0.0,
+            low=-FAR_AWAY,
+            high=FAR_AWAY,
+            scale=30.0,
             is_strength=False,
         ),
         Parameter("ramp", "s", "time scale of the change", off=2.0, low=0.3, high=60.0, scale=3.0, is_strength=False),
@@ -187,16 +208,25 @@ class ClosedCourse(Effect):
         "found in data, such as the test tracks of Makridis et al., Transp. Res. C 125 (2021) 103047"
     )
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("values", "m/s^2", "the curve at its knots, the first at x = 0", 0.0, -3.0, 3.0, 0.3, is_list=True),
+        Parameter(
+            "values",
+            "m/s^2",
+            "the curve at its knots, the first at x = 0",
+            off=0.0,
+            low=-3.0,
+            high=3.0,
+            scale=0.3,
+            is_list=True,
+        ),
         Parameter("lap", "m", "length of the course", off=1000.0, low=10.0, high=1e5, scale=500.0, is_strength=False),
     )
 
     def acceleration(self, value: Float[Array, "*n"], seen: Stimulus, memory: None) -> Float[Array, "*n"]:
         """Acceleration plus the curve."""
         n_knots = self.values.shape[0]
-        place = jnp.mod(seen.position / self.lap, 1.0) * n_knots
-        knot = jnp.arange(n_knots, dtype=place.dtype).reshape(-1, *(1,) * place.ndim)
+        position = jnp.mod(seen.position / self.lap, 1.0) * n_knots  # in knot distances
+        knot = jnp.arange(n_knots, dtype=position.dtype).reshape(-1, *(1,) * position.ndim)
         # Shortest distance around the course to each knot; the last knot is next to the first.
-        away = jnp.abs(place[None] - knot)
-        weight = jnp.maximum(0.0, 1.0 - jnp.minimum(away, n_knots - away))
+        distance = jnp.abs(position[None] - knot)
+        weight = jnp.maximum(0.0, 1.0 - jnp.minimum(distance, n_knots - distance))
         return value + jnp.sum(self.values * weight, axis=0)

@@ -43,7 +43,15 @@ class VarianceDrivenTimeGap(Effect):
     equation: ClassVar[str] = "T exp(gain V), V = sd / mean of the speeds of the own and the next three vehicles"
     source: ClassVar[str] = "after Treiber, Kesting & Helbing, Phys. Rev. E 74 (2006) 016123"
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("gain", "-", "growth of log T with the speeds' coefficient of variation", 0.0, 0.0, 12.0, 3.0),
+        Parameter(
+            "gain",
+            "-",
+            "growth of log T with the speeds' coefficient of variation",
+            off=0.0,
+            low=0.0,
+            high=12.0,
+            scale=3.0,
+        ),
     )
 
     def time_gap(self, value: Float[Array, "*n"], seen: Stimulus, memory: None) -> Float[Array, "*n"]:
@@ -68,7 +76,16 @@ class Resignation(Effect):
     source: ClassVar[str] = "after Treiber & Helbing, Phys. Rev. E 68 (2003) 046119 (memory effect)"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("gain", "-", "growth of log T at a standstill", off=0.0, low=0.0, high=3.0, scale=0.6),
-        Parameter("memory_time", "s", "time over which speeds are remembered", 10.0, 2.0, 120.0, 10.0, False),
+        Parameter(
+            "memory_time",
+            "s",
+            "time over which speeds are remembered",
+            off=10.0,
+            low=2.0,
+            high=120.0,
+            scale=10.0,
+            is_strength=False,
+        ),
     )
 
     def begin(self, seen: Stimulus, driver: CarFollowing, dt: float) -> Float[Array, "*n"]:
@@ -100,11 +117,28 @@ class Relaxation(Effect):
     )
     source: ClassVar[str] = "after Laval & Leclercq, Transp. Res. B 42 (2008) 511; Keane & Gao, ibid. 150 (2021) 301"
     parameters: ClassVar[tuple[Parameter, ...]] = (
-        Parameter("gap_share", "-", "share of the lost gap that is ignored at first", 0.0, 0.0, 2.0, 0.5),
         Parameter(
-            "time_gap_share", "-", "share of the difference to the time gap right after the change", 0.0, 0.0, 1.5, 0.5
+            "gap_share", "-", "share of the lost gap that is ignored at first", off=0.0, low=0.0, high=2.0, scale=0.5
         ),
-        Parameter("relaxation_time", "s", "relaxation time of the difference", 10.0, 1.0, 60.0, 7.0, is_strength=False),
+        Parameter(
+            "time_gap_share",
+            "-",
+            "share of the difference to the time gap right after the change",
+            off=0.0,
+            low=0.0,
+            high=1.5,
+            scale=0.5,
+        ),
+        Parameter(
+            "relaxation_time",
+            "s",
+            "relaxation time of the difference",
+            off=10.0,
+            low=1.0,
+            high=60.0,
+            scale=7.0,
+            is_strength=False,
+        ),
     )
 
     def perceive(self, seen: Stimulus, memory: None) -> Stimulus:
@@ -133,7 +167,16 @@ class RearPressure(Effect):
     source: ClassVar[str] = "after Herman, Montroll, Potts & Rothery, Oper. Res. 7 (1959) 86 (look-behind term)"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("gain", "-", "fall of log T under pressure", off=0.0, low=0.0, high=2.5, scale=0.5),
-        Parameter("pressing_time_gap", "s", "follower's time gap z0 below which it presses", 1.0, 0.3, 2.5, 0.3, False),
+        Parameter(
+            "pressing_time_gap",
+            "s",
+            "follower's time gap z0 below which it presses",
+            off=1.0,
+            low=0.3,
+            high=2.5,
+            scale=0.3,
+            is_strength=False,
+        ),
     )
 
     def time_gap(self, value: Float[Array, "*n"], seen: Stimulus, memory: None) -> Float[Array, "*n"]:

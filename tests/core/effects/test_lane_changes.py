@@ -192,5 +192,5 @@ def test_recordings_do_not_tell_who_wants_to_change():
     still = Stimulus(*(jnp.zeros(1) for _ in fields(Stimulus)))
     driver = IDM(*(jnp.ones(1),) * 5)
     cooperation = EFFECTS["cooperation"](jnp.asarray(0.5), jnp.asarray(2.0))
-    with pytest.raises(ValueError, match="only a simulation does"):
+    with pytest.raises(ValueError, match="known in a simulation, not in a recording"):
         cooperation.leaders(jnp.zeros(1), still, None, driver)

@@ -22,7 +22,7 @@ from tests.core.effects.traffic import ON
 N = 64
 TICK = 0.1
 FLAGS = ("is_leftmost", "is_rightmost", "is_truck", "has_leader", "leader_is_truck", "has_second", "has_third")
-FLAGS += ("has_follower", "has_entrant", "has_changer", "has_wanted", "has_left")
+FLAGS += ("has_follower", "has_entrant", "has_changer", "has_new_leader", "has_left")
 RANGES = {
     "time": (0.0, 10.0),
     "position": (0.0, 500.0),

@@ -26,12 +26,12 @@ from rearl_jax.replay.scenes import Decision
 
 
 @dataclass
-class Witness:
-    """Makes policies that record what they decide.
+class DecisionRecorder:
+    """Maker of policies that record what they decide.
 
     Attributes:
-        make: Makes the policies themselves.
-        decisions: Decisions so far.
+        make: Maker of the policies that decide.
+        decisions: Decisions so far, of all these policies.
     """
 
     make: MakePolicy
@@ -39,11 +39,11 @@ class Witness:
 
     def __call__(self, block: Block) -> HostPolicy:
         """A policy for some scenarios; see `host_policy.MakePolicy`."""
-        return _Witnessed(self.make(block), block.first, self.decisions)
+        return _RecordedPolicy(self.make(block), block.first, self.decisions)
 
 
 @dataclass(frozen=True)
-class _Witnessed:
+class _RecordedPolicy:
     policy: HostPolicy
     first: int
     decisions: list[Decision]
@@ -51,11 +51,12 @@ class _Witnessed:
     def ask(self, situation: Situation) -> Future[np.ndarray]:
         """The policy's answer, after it has been recorded."""
         answer = self.policy.ask(situation)
-        told: Future[np.ndarray] = Future()
-        told.set_result(self._written_down(situation, np.asarray(answer.result())))
-        return told
+        answered: Future[np.ndarray] = Future()
+        answered.set_result(self._recorded(situation, np.asarray(answer.result())))
+        return answered
 
-    def _written_down(self, situation: Situation, actions: np.ndarray) -> np.ndarray:
+    def _recorded(self, situation: Situation, actions: np.ndarray) -> np.ndarray:
+        """The actions, after the decision on each vehicle that was asked has been recorded."""
         mask, admissible = jnp.asarray(situation.detection.mask), jnp.asarray(situation.admissible)
         orders = accept(jnp.asarray(actions), mask, admissible)
         asked, followed, second = np.asarray(orders.is_asked), np.asarray(orders.action), int(situation.second)
@@ -67,7 +68,7 @@ class _Witnessed:
 
 
 def policy_of(acts: Interventions, keys: Key[Array, " rollouts"]) -> MakePolicy:
-    """Makes policies that decide as the one inside the compiled program does.
+    """Maker of policies that decide as the one inside the compiled program does.
 
     Args:
         acts: Policy and its options.

@@ -1,4 +1,4 @@
-"""Policies that write down their decisions change nothing, and what they write agrees with the counts of the loop."""
+"""Policies that record their decisions leave the traffic unchanged; the records agree with the counts of the loop."""
 
 from dataclasses import replace
 
@@ -22,7 +22,7 @@ def intervening(tmp_path_factory):
     config = EvaluateTask(method=Method.rearl)
     config = replace(config, core=replace(config.core, collisions=False), eval=replace(config.eval, n_runs=2))
     with progress_bar() as bar:
-        study = Study(tmp_path_factory.mktemp("results"), "witness", config, "evaluate")
+        study = Study(tmp_path_factory.mktemp("results"), "recorded", config, "evaluate")
         scenes = read_inputs(config, study, bar, with_references=False).scenes
     chosen = [0, 3]
     speed, spacing, mean = (
@@ -34,33 +34,35 @@ def intervening(tmp_path_factory):
 
 
 @pytest.mark.slow
-def test_a_witnessed_policy_gives_the_same_traffic_and_counts(intervening):
-    """With the policy that draws: it needs the random keys of the rollouts too."""
+def test_a_recorded_policy_gives_the_same_traffic_and_counts(intervening):
+    """With the policy that draws at random, which also needs the random keys of the rollouts."""
     from rearl_jax.config.decision import PolicyName
     from rearl_jax.evaluation.rollouts import Rollouts
     from rearl_jax.evaluation.rows import Row
     from rearl_jax.evaluation.simulators import interventions
-    from rearl_jax.report.witness import Witness, policy_of
+    from rearl_jax.report.decision_recorder import DecisionRecorder, policy_of
 
     config, scenes, references = intervening
     config = replace(config, decision=replace(config.decision, policy=PolicyName.random_admissible))
     acts = interventions(config)
     arguments = ([Row(config, thresholds=(0.3, 0.1))], scenes, np.array([1, 4, 6]), references)
     inside = Rollouts(*arguments)[3:6]
-    witness = Witness(policy_of(acts, inside.decision_keys))
-    outside = Rollouts(*arguments, witness)[3:6]
+    recorder = DecisionRecorder(policy_of(acts, inside.decision_keys))
+    outside = Rollouts(*arguments, recorder)[3:6]
     (before,), (after,) = list(inside.chunks()), list(outside.chunks())
-    for one, other in zip(jax.tree.leaves(before.frames), jax.tree.leaves(after.frames), strict=True):
-        np.testing.assert_array_equal(np.asarray(one), np.asarray(other))
+    for leaf, other in zip(jax.tree.leaves(before.frames), jax.tree.leaves(after.frames), strict=True):
+        np.testing.assert_array_equal(np.asarray(leaf), np.asarray(other))
 
     counted = np.zeros_like(before.decisions.n_asked)
     followed = np.zeros_like(before.decisions.n_accepted)
-    for one in witness.decisions:
-        counted[one.second + 1, one.rollout] += 1  # counted in the second in which it is followed
-        if one.action >= 0:
-            followed[one.second + 1, one.action, one.rollout] += 1
+    for decision in recorder.decisions:
+        counted[decision.second + 1, decision.rollout] += 1  # counted in the second in which it is followed
+        if decision.action >= 0:
+            followed[decision.second + 1, decision.action, decision.rollout] += 1
     assert counted.sum() > 100
-    assert len({one.action for one in witness.decisions}) > 2
+    assert len({decision.action for decision in recorder.decisions}) > 2
     np.testing.assert_array_equal(counted, before.decisions.n_asked)
     np.testing.assert_array_equal(followed, before.decisions.n_accepted)
-    assert len({(one.rollout, one.second, one.vehicle) for one in witness.decisions}) == len(witness.decisions)
+    assert len({(decision.rollout, decision.second, decision.vehicle) for decision in recorder.decisions}) == len(
+        recorder.decisions
+    )
