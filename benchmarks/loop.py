@@ -15,7 +15,7 @@ from benchmarks.options import LoopBenchmark, LoopOptions
 from benchmarks.terminal import print_table
 from rearl_jax import runtime
 from rearl_jax.results import Study
-from rearl_jax.timing.decision_steps import BASE, PAPER_MS, count_reports, measure_steps, scene_of
+from rearl_jax.timing.decision_steps import BASE, PAPER_MS, count_reports, measure_steps, program_arguments
 from rearl_jax.timing.measurement import Simulator
 from rearl_jax.timing.process import open_sessions
 from rearl_jax.timing.turns import Report, reporting, take_turns, warm_up
@@ -72,7 +72,7 @@ def _effect_programs(loop: LoopOptions) -> tuple[str, ...]:
 def measure_rollouts(loop: LoopOptions, n_vehicles: int, batch: int, report: Report) -> Cell:
     """Base and the closed loop in its states."""
     label = f"N = {n_vehicles}, {batch} at a time"
-    scene = scene_of(loop, n_vehicles, loop.seconds, batch)
+    scene = program_arguments(loop, n_vehicles, loop.seconds, batch)
     with open_sessions(ROLLOUTS, programs_of(loop.policies), scene, label, report) as sessions:
         return _measured(loop, n_vehicles, batch, sessions, label, report)
 
@@ -84,7 +84,7 @@ def measure_effects(loop: LoopOptions, report: Report) -> list[Cell]:
         return []
     n_vehicles, batch = loop.vehicles[0], loop.batches[-1]
     label = f"effects, N = {n_vehicles}, {batch} at a time"
-    scene = scene_of(loop, n_vehicles, loop.seconds, batch)
+    scene = program_arguments(loop, n_vehicles, loop.seconds, batch)
     cells = []
     with open_sessions(ROLLOUTS, (BASE,), scene, label, report) as base:
         for name in programs:

@@ -117,6 +117,8 @@ def __getattr__(name: str) -> Any:
     """The public object `name`, imported from the module that owns it."""
     if name not in _HOMES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    if name != "__version__":
+        import_module("rearl_jax.jax_import").import_jax()
     return getattr(import_module(_HOMES[name]), name)
 
 

@@ -38,7 +38,7 @@ def start(x64: bool = False, cpu_devices: int | None = None) -> None:
     _set_cpu_devices(available_cores() if cpu_devices is None else cpu_devices)
     _set_compilation_cache()
     jax.config.update("jax_enable_x64", x64)
-    _check_platform()
+    check_platform()
 
 
 def set_precision(precision: Precision) -> None:
@@ -98,7 +98,7 @@ PLATFORM_VARIABLES = ("JAX_PLATFORMS", "JAX_PLATFORM_NAME")
 """Variables that choose what JAX computes on."""
 
 
-def _check_platform() -> None:
+def check_platform() -> None:
     """Raise InvalidInputError if JAX cannot compute on what the environment chooses; it is started for that."""
     chosen = {name: os.environ[name] for name in PLATFORM_VARIABLES if os.environ.get(name)}
     if not chosen:

@@ -33,6 +33,7 @@ from rearl_jax.models.record import RepairedModel
 from rearl_jax.problems import InvalidInputError, Problem
 from rearl_jax.progress import silent
 from rearl_jax.results import Study
+from rearl_jax.runtime import check_platform
 from rearl_jax.tasks import TASKS
 
 Record = TypeVar("Record")
@@ -286,7 +287,8 @@ def _configured(kind: type[Record], keys: Mapping[str, Any]) -> Record:
     """The record with these keys, checked as those of the command line are.
 
     Raises:
-        ValueError: A key is unknown, its value is none of its choices, or it is out of its range.
+        ValueError: A key is unknown, its value is none of its choices, or it is out of its range, or the environment
+            variables name a platform that this JAX does not have.
     """
     defaults: Any = kind()
     if "driver" in keys and hasattr(defaults, "driver"):
@@ -298,6 +300,7 @@ def _configured(kind: type[Record], keys: Mapping[str, Any]) -> Record:
     for name in _names(keys, known):
         if name not in known:
             raise InvalidInputError(Problem("key-unknown", f"is not a key; nearest: {nearest(name, known)}", key=name))
+    check_platform()
     return finished(from_plain(kind, keys))
 
 

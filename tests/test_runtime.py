@@ -92,6 +92,34 @@ def test_a_platform_that_is_not_there_is_named(tmp_path, variable, platform):
     assert run(code, tmp_path, **chosen).split() == ["platform-missing", variable, "True"]
 
 
+@pytest.mark.parametrize(
+    ("variable", "value", "code"),
+    [
+        ("JAX_PLATFORMS", "cuda", "platform-missing"),
+        ("JAX_NUM_CPU_DEVICES", "abc", "variable-unusable"),
+        ("JAX_NUM_CPU_DEVICES", "0", "variable-unusable"),
+        ("JAX_ENABLE_X64", "maybe", "variable-unusable"),
+        ("JAX_DEFAULT_MATMUL_PRECISION", "high_", "variable-unusable"),
+    ],
+)
+def test_a_variable_that_jax_cannot_use_is_named_in_python_and_on_the_command_line(tmp_path, variable, value, code):
+    environment = {**os.environ, "JAX_PLATFORMS": "cpu", "HOME": str(tmp_path), variable: value}
+    in_python = (
+        "import rearl_jax\n"
+        "from rearl_jax.problems import InvalidInputError\n"
+        "try:\n    rearl_jax.make_env(n_others=1).reset(seed=0)\n"
+        "except InvalidInputError as error:\n    print(error.code, error.problem.key)"
+    )
+    pipes = {"capture_output": True, "text": True, "env": environment, "timeout": 300}
+    done = subprocess.run([sys.executable, "-c", in_python], **pipes)
+    assert done.stdout.split() == [code, variable], done.stderr
+    command = [sys.executable, "-m", "rearl_jax", "validate", f"results.root={tmp_path}"]
+    done = subprocess.run(command, **pipes)
+    assert done.returncode == 2, done.stderr
+    assert done.stderr.count("\n") == 1
+    assert variable in done.stderr
+
+
 def test_a_list_of_platforms_of_which_one_is_there_is_used(tmp_path):
     assert run("runtime.start()\nprint(jax.devices()[0].platform)", tmp_path, JAX_PLATFORMS="cuda,cpu").split() == [
         "cpu"

@@ -10,7 +10,7 @@ from rearl_jax.config.driver import DEFAULT, MODELS
 from rearl_jax.config.driver.declaration import DriverModel
 from rearl_jax.core.car_following import CAR_FOLLOWING
 from rearl_jax.core.car_following.model import linearise
-from rearl_jax.study.stability.cases import DRAWN
+from rearl_jax.study.stability.cases import TYPICAL_DRAWN
 
 SPEEDS = (5.0, 15.0, 25.0)
 """Speeds of the comparison [m/s]."""
@@ -27,7 +27,7 @@ def equilibria() -> str:
     rows = [head, "|---|" + "---|" * len(SPEEDS)]
     for name, model in CAR_FOLLOWING.items():
         declared = model.declaration.parameters
-        usual = (DRAWN[item.name] if item.usual is None else item.usual for item in declared)
+        usual = (TYPICAL_DRAWN[item.name] if item.usual is None else item.usual for item in declared)
         driver, speed = model(*(jnp.asarray(value) for value in usual)), jnp.asarray(SPEEDS)
         time_gaps = driver.equilibrium_gap(speed) / speed
         margins = linearise(driver, speed).stability_margin()

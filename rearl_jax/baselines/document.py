@@ -11,8 +11,8 @@ from rearl_jax.decision.situation import ACTION_NAMES
 from rearl_jax.document.document import Document, Section
 from rearl_jax.document.table import table_of
 
-_ROWS = 10
-"""Updates that the table shows; `curve.parquet` has all updates."""
+_SHOWN_UPDATES = 10
+"""Number of updates in the table; `curve.parquet` has all updates."""
 
 
 def document_of(config: TrainPpoTask, curve: pd.DataFrame, summary: Mapping[str, Any], weights: str) -> Document:
@@ -25,7 +25,7 @@ def document_of(config: TrainPpoTask, curve: pd.DataFrame, summary: Mapping[str,
         weights: File of the weights.
     """
     columns = {"car_steps": "vehicle-seconds", "return": "return", "crashed": "crashed", "speed": "speed [m/s]"}
-    shown = np.unique(np.linspace(0, len(curve) - 1, _ROWS).round().astype(int))
+    shown = np.unique(np.linspace(0, len(curve) - 1, _SHOWN_UPDATES).round().astype(int))
     title = f"PPO by vehicle-seconds, {len(curve)} updates of {config.ppo.batch(config.core.n_vehicles):,}"
     updates = table_of(title, curve.iloc[shown], columns | {name: name for name in ACTION_NAMES})
     notes = [

@@ -1,4 +1,4 @@
-"""Traffic in which one policy controls all vehicles: every second it observes, decides and simulates."""
+"""Traffic in which one policy controls all vehicles: each second consists of observation, decision and simulation."""
 
 import dataclasses
 from typing import TypeAlias
@@ -26,7 +26,7 @@ from rearl_jax.decision.execution import (
 
 @dataclasses.dataclass(frozen=True)
 class DrivingOptions:
-    """Options that change the compiled program: admissible actions, and control of target speeds."""
+    """Options that change the compiled program: rules of admissible actions, and control of the speed."""
 
     admissible: AdmissibleConfig = dataclasses.field(default_factory=AdmissibleConfig)
     longitudinal: Longitudinal = Longitudinal.mdp
@@ -48,11 +48,11 @@ class PolicyInput(eqx.Module):
     admissible: Bool[Array, "actions vehicles scenarios"]
 
 
-Driven: TypeAlias = tuple[TrafficState, DecisionMemory]
-"""The vehicles, and the memory of execution about their decisions."""
+DrivenTraffic: TypeAlias = tuple[TrafficState, DecisionMemory]
+"""The vehicles, and the memory of their decisions."""
 
 
-def begin(state: TrafficState, model: TrafficModel) -> Driven:
+def begin(state: TrafficState, model: TrafficModel) -> DrivenTraffic:
     """The vehicles before the first decision."""
     return state, initial_decision_memory(state, model)
 
@@ -63,17 +63,17 @@ def policy_input(state: TrafficState, drivers: Drivers, model: TrafficModel, opt
 
 
 def drive(
-    driven: Driven,
+    driven: DrivenTraffic,
     actions: Int[Array, "vehicles scenarios"],
-    given: PolicyInput,
+    inputs: PolicyInput,
     drivers: Drivers,
     model: TrafficModel,
     options: DrivingOptions,
-) -> Driven:
+) -> DrivenTraffic:
     """The vehicles one second later, after each has followed its action or, without an action, IDM and MOBIL."""
     state, memory = driven
     is_there = state.controller != Controller.ABSENT
-    orders = accept(actions, is_there, given.admissible)
+    orders = accept(actions, is_there, inputs.admissible)
     execution = ExecConfig(longitudinal=options.longitudinal)
     state, memory = execute(state, memory, orders, model, execution)
     return simulate_second(state, drivers, model), memory
@@ -93,10 +93,10 @@ def rollout_with_actor(
     # As in `core.rollout.rollout`: XLA must not propagate constants of the initial state into the loop.
     state, drivers = lax.optimization_barrier((state, drivers))
 
-    def second(driven: Driven, _: None) -> tuple[Driven, tuple[Frames, Array]]:
-        given = policy_input(driven[0], drivers, model, options)
-        actions = greedy_actions(actor(given.observation), given.admissible)
-        driven = drive(driven, actions, given, drivers, model, options)
+    def second(driven: DrivenTraffic, _: None) -> tuple[DrivenTraffic, tuple[Frames, Array]]:
+        inputs = policy_input(driven[0], drivers, model, options)
+        actions = greedy_actions(actor(inputs.observation), inputs.admissible)
+        driven = drive(driven, actions, inputs, drivers, model, options)
         return driven, (frame_of(driven[0], model), actions)
 
     return lax.scan(second, begin(state, model), None, length=n_seconds)[1]

@@ -1,4 +1,4 @@
-"""Experience for the training: rollouts with actions drawn from the policy, their rewards and advantages."""
+"""Experience for the training: rollouts with actions drawn from the policy, and their rewards and advantages."""
 
 import equinox as eqx
 import jax
@@ -7,7 +7,7 @@ from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
 from rearl_jax._typing import PRNGKey
-from rearl_jax.baselines.driving import Driven, DrivingOptions, PolicyInput, begin, drive, policy_input
+from rearl_jax.baselines.driving import DrivenTraffic, DrivingOptions, PolicyInput, begin, drive, policy_input
 from rearl_jax.baselines.network import ActorCritic, drawn_actions, log_probabilities
 from rearl_jax.core.drivers import Drivers
 from rearl_jax.core.model import TrafficModel
@@ -16,13 +16,13 @@ from rearl_jax.decision.reward import reward
 from rearl_jax.decision.situation import N_ACTIONS
 
 
-class Drive(eqx.Module):
+class Experience(eqx.Module):
     """Rollouts second by second.
 
     Attributes:
-        given: Input of the policy before each second.
-        action: Action followed during it, NO_ACTION for none.
-        log_share: Logarithm of the probability of this action.
+        inputs: Input of the policy before each second.
+        action: Action followed in the second, NO_ACTION for none.
+        log_probability: Logarithm of the probability of this action.
         value: Expectation of the critic before the second.
         reward: Reward for the second.
         speed: Speed at the end of the second [m/s].
@@ -30,9 +30,9 @@ class Drive(eqx.Module):
         last_value: Expectation of the critic after the last second.
     """
 
-    given: PolicyInput
+    inputs: PolicyInput
     action: Int[Array, "seconds vehicles scenarios"]
-    log_share: Float[Array, "seconds vehicles scenarios"]
+    log_probability: Float[Array, "seconds vehicles scenarios"]
     value: Float[Array, "seconds vehicles scenarios"]
     reward: Float[Array, "seconds vehicles scenarios"]
     speed: Float[Array, "seconds vehicles scenarios"]
@@ -41,12 +41,12 @@ class Drive(eqx.Module):
 
     @property
     def decides(self) -> Bool[Array, "seconds vehicles scenarios"]:
-        """Mask of the seconds with a decision: not after a crash."""
-        return jnp.any(self.given.admissible, axis=1)
+        """Mask of the seconds with a decision; there is none after a crash."""
+        return jnp.any(self.inputs.admissible, axis=1)
 
     @property
     def drives(self) -> Bool[Array, "seconds vehicles scenarios"]:
-        """Mask of the seconds without a crash before them."""
+        """Mask of the seconds that a vehicle begins without having crashed."""
         return jnp.concatenate([jnp.ones_like(self.crashed[:1]), ~self.crashed[:-1]])
 
 
@@ -59,35 +59,35 @@ def collect(
     options: DrivingOptions,
     *,
     n_seconds: int,
-) -> Drive:
+) -> Experience:
     """Rollouts in which the action of each vehicle is drawn from the policy."""
     model = options.model(model)
     # As in `core.rollout.rollout`: XLA must not propagate constants of the initial state into the loop.
     state, drivers = lax.optimization_barrier((state, drivers))
 
-    def second(driven: Driven, second_number: Int[Array, ""]) -> tuple[Driven, tuple[PolicyInput, tuple[Array, ...]]]:
-        given = policy_input(driven[0], drivers, model, options)
-        logits = network.actor(given.observation)
-        action = drawn_actions(jax.random.fold_in(key, second_number), logits, given.admissible)
-        log_share = share_of_action(log_probabilities(logits, given.admissible), action)
-        after = drive(driven, action, given, drivers, model, options)
+    def second(driven: DrivenTraffic, number: Array) -> tuple[DrivenTraffic, tuple[PolicyInput, tuple[Array, ...]]]:
+        inputs = policy_input(driven[0], drivers, model, options)
+        logits = network.actor(inputs.observation)
+        action = drawn_actions(jax.random.fold_in(key, number), logits, inputs.admissible)
+        log_probability = value_of_action(log_probabilities(logits, inputs.admissible), action)
+        after = drive(driven, action, inputs, drivers, model, options)
         end = after[0]
-        gain, speed = reward(end, model).astype(jnp.float32), end.speed.astype(jnp.float32)
-        return after, (given, (action, log_share, gain, speed, end.crashed))
+        earned, speed = reward(end, model).astype(jnp.float32), end.speed.astype(jnp.float32)
+        return after, (inputs, (action, log_probability, earned, speed, end.crashed))
 
     seconds = jnp.arange(n_seconds, dtype=jnp.int32)
-    (end, _), (given, rest) = lax.scan(second, begin(state, model), seconds)
-    action, log_share, gain, speed, crashed = rest
-    value = network.critic(jnp.moveaxis(given.observation, 1, 0))[0]
+    (end, _), (inputs, outcomes) = lax.scan(second, begin(state, model), seconds)
+    action, log_probability, earned, speed, crashed = outcomes
+    value = network.critic(jnp.moveaxis(inputs.observation, 1, 0))[0]
     last = network.critic(policy_input(end, drivers, model, options).observation)[0]
-    return Drive(given, action, log_share, value, gain, speed, crashed, last)
+    return Experience(inputs, action, log_probability, value, earned, speed, crashed, last)
 
 
-def share_of_action(shares: Float[Array, "actions *batch"], action: Int[Array, "*batch"]) -> Float[Array, "*batch"]:
-    """The entry of each action; 0 for NO_ACTION."""
+def value_of_action(values: Float[Array, "actions *batch"], action: Int[Array, "*batch"]) -> Float[Array, "*batch"]:
+    """Value of the given action, from the values of all actions; 0 for NO_ACTION."""
     return sum(
-        (jnp.where(action == index, shares[index], 0.0) for index in range(N_ACTIONS)),
-        start=jnp.zeros(action.shape, shares.dtype),
+        (jnp.where(action == index, values[index], 0.0) for index in range(N_ACTIONS)),
+        start=jnp.zeros(action.shape, values.dtype),
     )
 
 
@@ -103,7 +103,7 @@ def advantages(
     """Generalised advantage estimate of every second.
 
     A_t = d_t + gamma lambda (1 - end_t) A_{t+1} with d_t = r_t + gamma (1 - end_t) V_{t+1} - V_t. A crash ends a
-    vehicle's driving; the end of the rollout does not, there the value replaces the rewards that would have followed.
+    vehicle's driving. The end of the rollout does not: there the value replaces the rewards that would follow.
 
     Args:
         reward: r_t.

@@ -13,12 +13,12 @@ from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
 from rearl_jax._typing import PRNGKey, ScalarLike
-from rearl_jax.baselines.experience import Drive, advantages, share_of_action
+from rearl_jax.baselines.experience import Experience, advantages, value_of_action
 from rearl_jax.baselines.network import ActorCritic, log_probabilities
 from rearl_jax.config.ppo import PpoConfig
 
 ADAM_EPSILON = 1e-5
-"""Epsilon of Adam, which keeps its steps finite [-]. Source: purejaxrl/ppo.py."""
+"""Epsilon of Adam, which keeps the step size finite [-]. Source: purejaxrl/ppo.py."""
 
 
 class Decisions(eqx.Module):
@@ -28,7 +28,7 @@ class Decisions(eqx.Module):
         observation: Observation of the vehicle.
         admissible: Mask of the admissible actions.
         action: Action taken.
-        log_share: Logarithm of the probability of that action.
+        log_probability: Logarithm of the probability of that action.
         advantage: Return minus the expected return.
         target: Target value of the critic.
         weight: 1 where there was a decision, else 0.
@@ -37,14 +37,14 @@ class Decisions(eqx.Module):
     observation: Float[Array, "features decisions"]
     admissible: Bool[Array, "actions decisions"]
     action: Int[Array, " decisions"]
-    log_share: Float[Array, " decisions"]
+    log_probability: Float[Array, " decisions"]
     advantage: Float[Array, " decisions"]
     target: Float[Array, " decisions"]
     weight: Float[Array, " decisions"]
 
 
 class Losses(eqx.Module):
-    """Loss of a gradient step, its parts and progress.
+    """Loss of a gradient step, its parts, and two measures of the policy's change.
 
     Attributes:
         total: The whole loss.
@@ -78,17 +78,23 @@ def make_optimiser(ppo: PpoConfig, n_updates: int, n_decisions: int) -> optax.Gr
 
 
 def split(n_decisions: int, largest: int) -> tuple[int, int]:
-    """Number and size of equal minibatches of at most the largest size; fewer decisions than minibatches are left
-    over.
+    """Number of equal minibatches, and their size, at most `largest`.
+
+    The decisions left over are fewer than the minibatches.
     """
     count = math.ceil(n_decisions / largest)
     return count, n_decisions // count
 
 
-def decisions_of(drive: Drive, ppo: PpoConfig) -> Decisions:
+def decisions_of(experience: Experience, ppo: PpoConfig) -> Decisions:
     """All decisions of some rollouts."""
     advantage = advantages(
-        drive.reward, drive.value, drive.last_value, drive.crashed, gamma=ppo.gamma, decay=ppo.gae_lambda
+        experience.reward,
+        experience.value,
+        experience.last_value,
+        experience.crashed,
+        gamma=ppo.gamma,
+        decay=ppo.gae_lambda,
     )
 
     def flat(values: Array) -> Array:
@@ -96,13 +102,13 @@ def decisions_of(drive: Drive, ppo: PpoConfig) -> Decisions:
         return jnp.moveaxis(values, 1, 0).reshape(values.shape[1], -1)
 
     return Decisions(
-        observation=flat(drive.given.observation),
-        admissible=flat(drive.given.admissible),
-        action=drive.action.reshape(-1),
-        log_share=drive.log_share.reshape(-1),
+        observation=flat(experience.inputs.observation),
+        admissible=flat(experience.inputs.admissible),
+        action=experience.action.reshape(-1),
+        log_probability=experience.log_probability.reshape(-1),
         advantage=advantage.reshape(-1),
-        target=(advantage + drive.value).reshape(-1),
-        weight=drive.decides.astype(jnp.float32).reshape(-1),
+        target=(advantage + experience.value).reshape(-1),
+        weight=experience.decides.astype(jnp.float32).reshape(-1),
     )
 
 
@@ -121,21 +127,21 @@ def loss(network: ActorCritic, decisions: Decisions, ppo: PpoConfig) -> tuple[Sc
 
     centred = decisions.advantage - mean(decisions.advantage)
     advantage = centred / (jnp.sqrt(mean(centred**2)) + 1e-8)
-    shares = log_probabilities(network.actor(decisions.observation), decisions.admissible)
-    change = share_of_action(shares, decisions.action) - decisions.log_share
-    ratio = jnp.exp(change)
+    log_probability = log_probabilities(network.actor(decisions.observation), decisions.admissible)
+    log_ratio = value_of_action(log_probability, decisions.action) - decisions.log_probability
+    ratio = jnp.exp(log_ratio)
     clipped = jnp.clip(ratio, 1 - ppo.clip, 1 + ppo.clip)
     policy = -mean(jnp.minimum(ratio * advantage, clipped * advantage))
     value = mean((network.critic(decisions.observation)[0] - decisions.target) ** 2)
-    surprise = jnp.where(decisions.admissible, jnp.exp(shares) * shares, 0.0)
-    entropy = -mean(jnp.sum(surprise, axis=0))
+    p_log_p = jnp.where(decisions.admissible, jnp.exp(log_probability) * log_probability, 0.0)
+    entropy = -mean(jnp.sum(p_log_p, axis=0))
     total = policy + ppo.value_weight * value - ppo.entropy_weight * entropy
     return total, Losses(
         total=total,
         policy=policy,
         value=value,
         entropy=entropy,
-        divergence=mean(ratio - 1 - change),
+        divergence=mean(ratio - 1 - log_ratio),
         clipped_share=mean((jnp.abs(ratio - 1) > ppo.clip).astype(jnp.float32)),
     )
 
@@ -143,13 +149,13 @@ def loss(network: ActorCritic, decisions: Decisions, ppo: PpoConfig) -> tuple[Sc
 def improve(
     learner: Learner, decisions: Decisions, key: PRNGKey, ppo: PpoConfig, optimiser: optax.GradientTransformation
 ) -> tuple[Learner, Losses]:
-    """The learner after all epochs over some decisions, and the losses of every gradient step, taken before it."""
+    """The learner after all epochs over the decisions, and the losses before each gradient step."""
     n_decisions = decisions.action.shape[0]
     count, size = split(n_decisions, ppo.minibatch)
 
-    def step(learner: Learner, chosen: Int[Array, " decisions"]) -> tuple[Learner, Losses]:
-        some = jax.tree.map(lambda leaf: jnp.take(leaf, chosen, axis=-1), decisions)
-        gradients, losses = jax.grad(loss, has_aux=True)(learner.network, some, ppo)
+    def step(learner: Learner, index: Int[Array, " decisions"]) -> tuple[Learner, Losses]:
+        minibatch = jax.tree.map(lambda leaf: jnp.take(leaf, index, axis=-1), decisions)
+        gradients, losses = jax.grad(loss, has_aux=True)(learner.network, minibatch, ppo)
         changes, state = optimiser.update(gradients, learner.optimiser)
         return Learner(eqx.apply_updates(learner.network, changes), state), losses
 

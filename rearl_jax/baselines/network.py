@@ -10,7 +10,7 @@ from rearl_jax._typing import PRNGKey
 from rearl_jax.baselines.observation import N_FEATURES
 from rearl_jax.decision.situation import N_ACTIONS, NO_ACTION
 
-IMPOSSIBLE = -1e9
+INADMISSIBLE_LOGIT = -1e9
 """Logit of an action that is not admissible: its probability is 0 in float32, and differences of logits stay finite."""
 
 
@@ -71,8 +71,8 @@ def _perceptron(key: PRNGKey, sizes: tuple[int, ...], *, last_scale: float) -> P
 def log_probabilities(
     logits: Float[Array, "actions *batch"], admissible: Bool[Array, "actions *batch"]
 ) -> Float[Array, "actions *batch"]:
-    """Logarithm of the probability of each action; where any action is admissible, the others have probability 0."""
-    return jax.nn.log_softmax(jnp.where(admissible, logits, IMPOSSIBLE), axis=0)
+    """Logarithm of the probability of each action; if any is admissible, all others have probability 0."""
+    return jax.nn.log_softmax(jnp.where(admissible, logits, INADMISSIBLE_LOGIT), axis=0)
 
 
 def greedy_actions(

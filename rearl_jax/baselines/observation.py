@@ -7,12 +7,12 @@ from rearl_jax.decision import observation
 from rearl_jax.decision.observation import ObservationSpec
 
 RANGES = {"x": 100.0, "y": 16.0, "vx": 30.0, "vy": 30.0}
-"""Values that become 1 [m, m, m/s, m/s], narrower than highway-env's, so that small differences between
+"""Values that are scaled to 1 [m, m, m/s, m/s], narrower than highway-env's, so that small differences between
 neighbours are resolved; y is highway-env's for four lanes of 4 m.
 """
 
-OBSERVATION = ObservationSpec((RANGES["x"], RANGES["y"], RANGES["vx"], RANGES["vy"]), see_behind=True, is_placed=False)
-"""Vehicles ahead and behind; the observer's own x is 0, because highway-env's x stays 1 after the first 100 m."""
+OBSERVATION = ObservationSpec((RANGES["x"], RANGES["y"], RANGES["vx"], RANGES["vy"]), see_behind=True, has_own_x=False)
+"""Vehicles ahead and behind; the observer's own x is 0, because it would stay 1 after the first 100 m of the road."""
 
 N_FEATURES = OBSERVATION.n_features
 """Numbers in an observation."""

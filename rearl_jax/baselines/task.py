@@ -48,7 +48,7 @@ def run(config: TrainPpoTask) -> dict:
 
 
 def _summary(training: Training, curve, batch: int) -> dict[str, int | float | None]:
-    """Flat keys: figures of the first and the last update, and the speed of this process."""
+    """Flat keys: figures of the first and the last update, and the speed of the training in this process."""
     first, last = curve.iloc[0], curve.iloc[-1]
     n_trained = len(curve) - training.n_before
     return {

@@ -23,7 +23,7 @@ from jaxtyping import Array, Float, Int, Key
 
 from rearl_jax._typing import PRNGKey
 from rearl_jax.baselines.driving import DrivingOptions
-from rearl_jax.baselines.experience import Drive, collect
+from rearl_jax.baselines.experience import Experience, collect
 from rearl_jax.baselines.learning import Learner, Losses, decisions_of, improve, make_optimiser
 from rearl_jax.baselines.network import ActorCritic, make_network
 from rearl_jax.code_version import code_hash
@@ -48,27 +48,27 @@ initial state, whatever the seeds.
 """
 
 ACTION_STREAM = 2**31
-"""Random stream of actions and of the order of decisions, separate from that of initial states."""
+"""Number of the random stream of actions and of the order of decisions, separate from that of initial states."""
 
 WEIGHTS_RUN = 2**32 - 1
 """Run number of the random key of the initial weights."""
 
-Update: TypeAlias = Callable[[Learner, Int[Array, ""], Int[Array, ""]], tuple[Learner, "Point"]]
+Update: TypeAlias = Callable[[Learner, Int[Array, ""], Int[Array, ""]], tuple[Learner, "CurvePoint"]]
 """Function from the learner, the seed and the number of an update to the learner after it and the update's figures."""
 
 
-class Point(eqx.Module):
+class CurvePoint(eqx.Module):
     """Figures of one update, or arrays of figures of all updates.
 
     Attributes:
-        gain: Sum of a vehicle's rewards until its crash or the end; mean over vehicles.
+        episode_return: Sum of the rewards of a vehicle until it crashes or the rollout ends; mean over vehicles.
         crashed: Share of the vehicles that crash.
         speed: Mean speed of the vehicles that drive [m/s].
         actions: Share of each action in all decisions, in the order of `MetaAction`.
         losses: Means over the gradient steps.
     """
 
-    gain: Float[Array, "*updates"]
+    episode_return: Float[Array, "*updates"]
     crashed: Float[Array, "*updates"]
     speed: Float[Array, "*updates"]
     actions: Float[Array, "*updates actions"]
@@ -88,7 +88,7 @@ class Training:
     """
 
     network: ActorCritic
-    curve: Point
+    curve: CurvePoint
     n_before: int
     compile_s: float
     seconds: float
@@ -97,9 +97,9 @@ class Training:
 def training_keys(
     seed: Int[Array, ""], update: Int[Array, ""], n_scenarios: int
 ) -> tuple[Key[Array, " scenarios"], PRNGKey]:
-    """Random keys of an update: of the initial traffic of its scenarios, and of its actions and order.
+    """Random keys of an update: for the initial traffic of each scenario, and for actions and the order of decisions.
 
-    The keys of the traffic are made from seed, run and scene as in an evaluation, but no evaluation has such run
+    The keys of the traffic are made from seed, run and scene as in an evaluation, but no evaluation has these run
     numbers.
     """
     run_key = jax.random.fold_in(jax.random.key(seed), jnp.uint32(FIRST_RUN) + update.astype(jnp.uint32))
@@ -120,14 +120,14 @@ def make_update(ppo: PpoConfig, admissible: AdmissibleConfig, core: CoreConfig) 
     options = DrivingOptions(admissible, ppo.longitudinal)
     optimiser = _optimiser(ppo, core)
 
-    def update(learner: Learner, seed: Int[Array, ""], update_number: Int[Array, ""]) -> tuple[Learner, Point]:
-        keys, noise = training_keys(seed, update_number, ppo.scenarios)
-        action_key, order_key = jax.random.split(noise)
+    def update(learner: Learner, seed: Int[Array, ""], update_number: Int[Array, ""]) -> tuple[Learner, CurvePoint]:
+        keys, policy_key = training_keys(seed, update_number, ppo.scenarios)
+        action_key, order_key = jax.random.split(policy_key)
         dtype = jnp.dtype(core.dtype.name)
         state, drivers = spawn(keys, model, n_vehicles=core.n_vehicles, density=core.density, dtype=dtype)
-        seen = collect(state, drivers, learner.network, action_key, model, options, n_seconds=ppo.horizon)
-        learner, losses = improve(learner, decisions_of(seen, ppo), order_key, ppo, optimiser)
-        return learner, point_of(seen, jax.tree.map(jnp.mean, losses))
+        experience = collect(state, drivers, learner.network, action_key, model, options, n_seconds=ppo.horizon)
+        learner, losses = improve(learner, decisions_of(experience, ppo), order_key, ppo, optimiser)
+        return learner, point_of(experience, jax.tree.map(jnp.mean, losses))
 
     return update
 
@@ -138,10 +138,10 @@ def _optimiser(ppo: PpoConfig, core: CoreConfig) -> optax.GradientTransformation
 
 @dataclass(frozen=True)
 class _Program:
-    """A compiled update, the shapes of its second result, and the time of compiling [s]."""
+    """A compiled update, the shapes of its figures, and the time of compiling [s]."""
 
     update: Update
-    point: Point
+    point: CurvePoint
     seconds: float
 
 
@@ -159,16 +159,16 @@ def _compiled(ppo: PpoConfig, admissible: AdmissibleConfig, core: CoreConfig) ->
     return _Program(update, jax.eval_shape(function, learner, zero, zero)[1], time.perf_counter() - begin)
 
 
-def point_of(seen: Drive, losses: Losses) -> Point:
+def point_of(experience: Experience, losses: Losses) -> CurvePoint:
     """Figures of the rollouts of one update."""
-    drives, decides = seen.drives, seen.decides
+    drives, decides = experience.drives, experience.decides
     n_decisions = jnp.maximum(jnp.sum(decides, dtype=jnp.int32), 1).astype(jnp.float32)
-    shares = [jnp.sum(decides & (seen.action == action), dtype=jnp.int32) for action in range(len(ACTION_NAMES))]
+    shares = [jnp.sum(decides & (experience.action == action), dtype=jnp.int32) for action in range(len(ACTION_NAMES))]
     n_drives = jnp.sum(drives, dtype=jnp.int32).astype(jnp.float32)
-    return Point(
-        gain=jnp.mean(jnp.sum(jnp.where(drives, seen.reward, 0.0), axis=0)),
-        crashed=jnp.mean(seen.crashed[-1].astype(jnp.float32)),
-        speed=jnp.sum(jnp.where(drives, seen.speed, 0.0)) / n_drives,
+    return CurvePoint(
+        episode_return=jnp.mean(jnp.sum(jnp.where(drives, experience.reward, 0.0), axis=0)),
+        crashed=jnp.mean(experience.crashed[-1].astype(jnp.float32)),
+        speed=jnp.sum(jnp.where(drives, experience.speed, 0.0)) / n_drives,
         actions=jnp.stack(shares).astype(jnp.float32) / n_decisions,
         losses=losses,
     )
@@ -203,7 +203,7 @@ def train(
     return Training(learner.network, curve, n_before, program.seconds, time.perf_counter() - begin)
 
 
-def _checkpoint(config: TrainPpoTask, learner: Learner, curve: Point, n_done: int) -> bytes:
+def _checkpoint(config: TrainPpoTask, learner: Learner, curve: CurvePoint, n_done: int) -> bytes:
     """A checkpoint: a line of JSON with the settings of its training, then all numbers."""
     file = io.BytesIO()
     file.write(json.dumps(_identity(config) | {"updates": n_done}).encode() + b"\n")
@@ -211,7 +211,9 @@ def _checkpoint(config: TrainPpoTask, learner: Learner, curve: Point, n_done: in
     return file.getvalue()
 
 
-def _restored(config: TrainPpoTask, study: Study, learner: Learner, curve: Point) -> tuple[Learner, Point, int]:
+def _restored(
+    config: TrainPpoTask, study: Study, learner: Learner, curve: CurvePoint
+) -> tuple[Learner, CurvePoint, int]:
     """Learner, curve and number of updates in the study's checkpoint; the given learner and curve, and 0, if there is
     no checkpoint of this configuration and code.
     """
@@ -238,12 +240,12 @@ def curve_table(training: Training, batch: int) -> pd.DataFrame:
     `left`, `keep`, `right`, `faster`, `slower`, and `loss`, `policy_loss`, `value_loss`, `entropy`, `divergence`,
     `clipped_share`.
     """
-    curve, update_number = training.curve, np.arange(1, len(training.curve.gain) + 1)
+    curve, update_number = training.curve, np.arange(1, len(training.curve.episode_return) + 1)
     losses = curve.losses
     columns = {
         "update": update_number.astype(np.int32),
         "car_steps": update_number * batch,
-        "return": curve.gain,
+        "return": curve.episode_return,
         "crashed": curve.crashed,
         "speed": curve.speed,
         **{name: curve.actions[:, action] for action, name in enumerate(ACTION_NAMES)},

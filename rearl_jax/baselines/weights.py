@@ -31,14 +31,14 @@ DEFAULT = Path(__file__).with_name("ppo_default.eqx")
 
 @dataclass(frozen=True)
 class TrainedPolicy:
-    """A policy and how it was trained.
+    """A policy, and facts about its training.
 
     Attributes:
         network: Weights of the policy.
-        options: Options of the control of vehicles.
-        n_lanes: Lanes of the road it was trained on.
+        options: Options of the traffic under the policy.
+        n_lanes: Number of lanes of the road in the training.
         car_steps: Vehicle-seconds of the training.
-        file: Name of the file.
+        file: Name of the file of weights.
         digest: Twelve hexadecimal digits of the file's hash.
     """
 

@@ -17,7 +17,7 @@ from rearl_jax.cli.composition import UsageError, compose_task, repeated_keys
 from rearl_jax.cli.help import general_help, group_help, task_help, tasks_beginning_with
 from rearl_jax.cli.interruption import ended_by_signals, exit_code, name_of
 from rearl_jax.cli.multirun import run_many
-from rearl_jax.cli.running import complain, explained, is_for_user, run_task
+from rearl_jax.cli.running import complain, explained, is_for_user, is_of_output, run_task
 from rearl_jax.cli.streams import make_writable
 from rearl_jax.cli.summary_output import (
     multirun_object,
@@ -53,15 +53,21 @@ def main(argv: list[str] | None = None) -> int:
         complain(f"interrupted by {name_of(stop)}{_how_to_go_on(arguments)}")
         return exit_code(stop)
     except BrokenPipeError:
-        from rearl_jax.console import silence_standard_output
-
-        silence_standard_output()
+        _discard_output()
         return BROKEN_PIPE
     except Exception as error:
         if show_traceback or not is_for_user(error):
             raise
         complain(explained(error))
+        if is_of_output(error):
+            _discard_output()
         return UNUSABLE
+
+
+def _discard_output() -> None:
+    from rearl_jax.console import silence_standard_output
+
+    silence_standard_output()
 
 
 def _dispatch(arguments: list[str]) -> int:

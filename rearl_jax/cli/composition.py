@@ -16,8 +16,11 @@ import yaml
 from yaml import YAMLError
 
 from rearl_jax import tasks
-from rearl_jax.config._schema import finished, groups_of, keys_of, nearest
+from rearl_jax.cli.values import readable, with_words
+from rearl_jax.config._address import check_no_secret
+from rearl_jax.config._schema import Key, finished, groups_of, keys_of, nearest
 from rearl_jax.config.driver import MODELS, DriverConfig, record_of
+from rearl_jax.config.quoting import quoted
 from rearl_jax.problems import InvalidInputError, Problem
 from rearl_jax.tasks import Task
 
@@ -34,6 +37,7 @@ def compose_task(task: Task, overrides: list[str], config_dir: str | None) -> An
     from omegaconf import OmegaConf
 
     overrides = with_implied(task, overrides)
+    overrides = readable(overrides, keys_of(defaults_with(task, overrides)))
     check_overrides(task, overrides, config_dir, many=False)
     overrides = opened(task, overrides)
     if config_dir is not None:
@@ -47,7 +51,7 @@ def compose_task(task: Task, overrides: list[str], config_dir: str | None) -> An
             composed = OmegaConf.to_object(compose(task.config_name, overrides))
         except _READING as error:
             raise _unreadable(overrides, config_dir, error) from error
-    return finished(composed)
+    return finished(with_words(composed))
 
 
 _READING = (YAMLError, UnicodeError, OSError, AssertionError, OverflowError, TypeError, ValueError, RecursionError)
@@ -187,10 +191,7 @@ def check_overrides(task: Task, overrides: list[str], config_dir: str | None, *,
         try:
             override = OverridesParser.create().parse_override(text)
         except HydraException as error:
-            name, _, value = text.partition("=")
-            remedy = f"quote it twice if it holds blanks, commas or brackets: '{name}=\"{value}\"'"
-            problem = Problem("value-unreadable", "has a value that cannot be read", remedy, key=name, value=value)
-            raise UsageError(problem) from error
+            raise UsageError(_unreadable_value(text, keys)) from error
         name = override.key_or_group
         if name.split(".")[0].split("/")[0] == "hydra":
             continue
@@ -201,6 +202,22 @@ def check_overrides(task: Task, overrides: list[str], config_dir: str | None, *,
             raise UsageError(_no_such_key(task, name, [*keys, *known_groups]))
         if problem := _value_problem(override, keys, known_groups, many=many):
             raise UsageError(problem)
+
+
+def _unreadable_value(text: str, keys: Mapping[str, Key]) -> Problem:
+    """The problem of a word whose value Hydra cannot read."""
+    name, _, value = text.partition("=")
+    check_no_secret(value, name)
+    kind = keys[name].type_name if name in keys else ""
+    if kind == "dict":
+        remedy = f"quote words with other characters than letters, digits and blanks: '{name}={{\"a (b)\": c}}'"
+    elif kind.startswith("["):
+        remedy = f"write {kind}, and quote words with other characters than letters and digits: '{name}=[\"a (b)\", c]'"
+    elif kind.startswith("str"):
+        remedy = f"quote it twice: '{name}={quoted(value)}'"
+    else:
+        remedy = f"write {kind}" if kind else ""
+    return Problem("value-unreadable", "has a value that cannot be read", remedy, key=name, value=value)
 
 
 def _value_problem(

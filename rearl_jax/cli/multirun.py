@@ -19,6 +19,7 @@ from rearl_jax.cli.composition import (
     check_overrides,
     choices,
     compose_task,
+    defaults_with,
     hydra_errors,
     opened,
     register,
@@ -27,7 +28,8 @@ from rearl_jax.cli.composition import (
 from rearl_jax.cli.launchers import launcher_errors, settings
 from rearl_jax.cli.running import JobError, complain, is_for_user, run_task
 from rearl_jax.cli.streams import make_writable
-from rearl_jax.config._schema import finished
+from rearl_jax.cli.values import readable, with_words
+from rearl_jax.config._schema import finished, keys_of
 from rearl_jax.results import cell_folder, config_hash, first_part
 from rearl_jax.tasks import Task
 
@@ -46,6 +48,7 @@ def run_many(task: Task, overrides: list[str], config_dir: str | None) -> tuple[
     from hydra.core.override_parser.overrides_parser import OverridesParser
 
     overrides = with_implied(task, overrides)
+    overrides = readable(overrides, keys_of(defaults_with(task, overrides)))
     check_overrides(task, overrides, config_dir)
     parsed = OverridesParser.create().parse_overrides(overrides)
     with hydra_errors(task, overrides):
@@ -156,7 +159,7 @@ def run_job(composed: Any) -> None:
     name = hydra.job.override_dirname
     try:
         config: Any = OmegaConf.to_object(composed)
-        config = finished(config)
+        config = finished(with_words(config))
         config.study = "/".join(part for part in (config.study, name) if part)
         if not any(text.startswith("results.resume=") for text in hydra.overrides.task):
             config.results.resume = True

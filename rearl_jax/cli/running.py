@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from rearl_jax.jax_import import import_jax
 from rearl_jax.problems import ProblemError
 from rearl_jax.tasks import Task
 from rearl_jax.whole_files import is_private, private_folder
@@ -44,6 +45,7 @@ def folder_of(config: Any) -> Path | None:
 
 
 def _start_jax(task: Task) -> None:
+    import_jax()
     from rearl_jax import runtime
 
     # A multirun shows the log of every library; that JAX found no TPU is irrelevant.
@@ -90,12 +92,23 @@ def is_for_user(error: BaseException) -> bool:
     return last.tb_frame.f_code.co_filename.startswith(_PACKAGE + os.sep)
 
 
+def is_of_output(error: BaseException) -> bool:
+    """True if standard output could not be written, as on a full disk; the other files of this package have names."""
+    full = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
+    return isinstance(error, OSError) and error.errno in full and error.filename is None
+
+
 def explained(error: BaseException) -> str:
     """Message to the user about an error; for want of memory and errors of the file system it includes a remedy."""
     if isinstance(error, MemoryError):
         return f"not enough memory ({error}): ask for fewer scenes, runs, vehicles or seconds at a time"
     if not isinstance(error, OSError) or error.errno is None:
         return str(error)
+    if is_of_output(error):
+        return (
+            f"standard output cannot be written ({error.strerror}): redirect it elsewhere; results that are stored are "
+            "not affected"
+        )
     message = str(error)
     if error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG):
         return (

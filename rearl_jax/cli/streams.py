@@ -28,7 +28,7 @@ _HANDLER = "rearl-plain"
 
 
 def make_writable() -> None:
-    """Opens closed standard streams on the null device, and lets those of a narrow encoding write plain characters.
+    """Opens closed standard streams on the null device, and lets all write any text, if need be as plain characters.
 
     A closed descriptor would be given to the next file that is opened, and whatever a library prints would land there.
     """
@@ -37,8 +37,11 @@ def make_writable() -> None:
             setattr(sys, name, open(_occupied(number), mode, encoding="utf-8", closefd=False))  # noqa: SIM115
     codecs.register_error(_HANDLER, _plain)
     for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper) and not _is_universal(stream.encoding):
-            stream.reconfigure(errors=_HANDLER)
+        if isinstance(stream, io.TextIOWrapper):
+            if not _is_universal(stream.encoding):
+                stream.reconfigure(errors=_HANDLER)
+            elif stream.errors == "strict":  # names of files that are no text
+                stream.reconfigure(errors="backslashreplace")
 
 
 def _occupied(number: int) -> int:

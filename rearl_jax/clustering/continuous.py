@@ -1,11 +1,11 @@
-"""Continuous Frechet distance of pairs of polylines: decision procedure and bisection, for small data and as oracle."""
+"""Continuous Frechet distance of pairs of polylines: decision procedure and bisection; for small data and tests."""
 
 import numpy as np
 from jaxtyping import Bool, Float
 
 from rearl_jax.clustering.frechet import coupled_distances
 
-_STEPS = 45
+_HALVINGS = 45
 """Halvings of the bracket; leaves 3e-14 of it."""
 
 
@@ -31,9 +31,9 @@ def _to_centre(
     low = np.maximum(*end_distances)
     # Any monotone coupling of vertices is a path in the free space: the discrete distance is an upper bound.
     high = coupled_distances(np.sqrt(((curves[:, :, None] - centre[:, None]) ** 2).sum(axis=0)))[-1, -1]
-    easy = _is_within(curves, centre, low)
-    high = np.where(easy, low, high)
-    for _ in range(_STEPS):
+    is_lowest = _is_within(curves, centre, low)
+    high = np.where(is_lowest, low, high)
+    for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)
         within = _is_within(curves, centre, middle)
         low, high = np.where(within, low, middle), np.where(within, middle, high)
@@ -73,13 +73,13 @@ def _is_within(
 def _reachable(
     low: np.ndarray, high: np.ndarray, across: np.ndarray, along: np.ndarray, along_from: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Part of a side that can be reached: all from the neighbouring side, what is not behind from the opposite."""
+    """Reachable part of a side: all of it from the neighbouring side, from the opposite side what is not behind."""
     start = np.where(across, low, np.where(along, np.maximum(low, along_from), np.inf))
     return start, high
 
 
 def _from_start(free: tuple[np.ndarray, np.ndarray], at_start: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Reachable parts of the sides at the border: as long as every one before is free from end to end."""
+    """Reachable parts of the sides at the border: up to the first side that is not free from end to end."""
     low, high = free
     whole = (low <= 0.0) & (high >= 1.0)
     open_before = np.concatenate([at_start[None], at_start & np.logical_and.accumulate(whole, axis=0)[:-1]])

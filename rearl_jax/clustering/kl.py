@@ -1,7 +1,7 @@
 """(k,l)-clustering of curves: k centres of at most l vertices that are near to all curves under the Frechet distance.
 
-First centres are simplified curves of a sample, chosen as k-medoids; then centres move to the points of their members
-(Frechet centring). Distances to all curves are one compiled program.
+The first centres are simplified curves of a sample, chosen as k-medoids; then each vertex of a centre moves to the
+points of member curves that are aligned to it (Frechet centring). Distances to all curves are one compiled program.
 """
 
 from collections.abc import Callable, Iterator
@@ -21,7 +21,7 @@ from rearl_jax.problems import out_of_range
 
 @dataclass(frozen=True)
 class Centres:
-    """Centres and how near they are.
+    """Centres and their distances to the curves.
 
     Attributes:
         vertices: Vertices of the centres.
@@ -43,13 +43,13 @@ class Centres:
 
 
 class Curves:
-    """Curves to cluster, and a sample of them whose simplifications are the first centres to choose from.
+    """Curves to cluster, and a sample of them whose simplifications are candidates for the first centres.
 
     What depends neither on k nor on l is computed once, because a search over both needs it many times.
     """
 
     def __init__(self, curves: Float32[np.ndarray, "features points curves"], kl: KlConfig) -> None:
-        """Takes the curves.
+        """Keeps the curves and draws the sample.
 
         Args:
             curves: Features scaled and weighted; curves contiguous.
@@ -80,7 +80,7 @@ class Curves:
         return discrete_distances(curves, centres)
 
     def among_sample(self, n_vertices: int) -> tuple[np.ndarray, Float32[np.ndarray, "candidates curves"]]:
-        """The sample simplified to `n_vertices`, and its distances to itself unsimplified."""
+        """The sample simplified to `n_vertices`, and its distances to the sample itself."""
         if n_vertices not in self._among_sample:
             candidates = simplified(self.sample, self._sample_errors, n_vertices)
             self._among_sample[n_vertices] = candidates, self.distances(candidates, self.sample)
@@ -99,7 +99,7 @@ def cluster_curves(
     Args:
         curves: Curves to cluster.
         kl: Parameters.
-        progress: Called with the number of iterates so far and the most there can be.
+        progress: Called with the number of iterates so far and its upper limit.
 
     Source: Buchin, Driemel, van de L'Isle & Nusser, klcluster: Center-based clustering of trajectories,
     SIGSPATIAL 2019.
@@ -114,14 +114,14 @@ def cluster_curves(
 
 
 def iterates(curves: Curves, kl: KlConfig) -> Iterator[Centres]:
-    """First centres, then after each update; ends after `kl.iterations` or the first that does not lower the cost."""
+    """First centres, then those after each update, up to `kl.iterations` or an update that does not lower the cost."""
     vertices = first_centres(curves, kl)
     centres = Centres(vertices, curves.distances(vertices))
     yield centres
     rng = np.random.default_rng([kl.seed, 1])
     for _ in range(kl.iterations):
         before = centres.cost
-        vertices = moved(curves, centres, kl, rng)
+        vertices = move_centres(curves, centres, kl, rng)
         centres = Centres(vertices, curves.distances(vertices))
         yield centres
         if not centres.cost < before:
@@ -151,7 +151,7 @@ def _gonzalez(curves: Curves, kl: KlConfig) -> Float[np.ndarray, "centres featur
     return np.stack(centres)
 
 
-def moved(
+def move_centres(
     curves: Curves, centres: Centres, kl: KlConfig, rng: np.random.Generator
 ) -> Float[np.ndarray, "centres features vertices"]:
     """Centres moved to their members; a centre without members stays."""
@@ -161,8 +161,8 @@ def moved(
         members = np.flatnonzero(labels == label)
         if not len(members):
             continue
-        n_most = kl.sample if kl.update is KlUpdate.medoid else kl.members
-        members = np.sort(rng.choice(members, min(n_most, len(members)), replace=False))
+        max_members = kl.sample if kl.update is KlUpdate.medoid else kl.members
+        members = np.sort(rng.choice(members, min(max_members, len(members)), replace=False))
         chosen = np.ascontiguousarray(curves.curves[:, :, members])
         if kl.update is KlUpdate.medoid:
             candidates = simplified(chosen, shortcut_errors(chosen), result.shape[2])
@@ -175,7 +175,7 @@ def moved(
 def _centred(
     members: Float32[np.ndarray, "features points curves"], centre: Float[np.ndarray, "features vertices"], kl: KlConfig
 ) -> Float[np.ndarray, "features vertices"]:
-    """Every vertex moved to the middle of all points of the members that are aligned to it."""
+    """The centre, each vertex moved to the middle of the points of members that are aligned to it."""
     members = members.astype(np.float64)
     middle = enclosing_ball if kl.update is KlUpdate.fsa else _mean
     coupled = aligned(members, centre)

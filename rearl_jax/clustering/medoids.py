@@ -3,8 +3,8 @@
 import numpy as np
 from jaxtyping import Float, Int
 
-_SWAPS = 100
-"""Rounds of SWAP at most; it has converged long before on samples of a few hundred."""
+_MAX_SWAPS = 100
+"""Largest number of rounds of SWAP, which converges in far fewer on samples of a few hundred."""
 
 
 def build(distances: Float[np.ndarray, "candidates items"], k: int) -> Int[np.ndarray, " medoids"]:
@@ -45,17 +45,17 @@ def swap(
     """
     medoids = medoids.copy()
     cost = distances[medoids].min(axis=0).sum()
-    for _ in range(_SWAPS):
+    for _ in range(_MAX_SWAPS):
         trials = []
-        for place in range(len(medoids)):
-            others = np.delete(medoids, place)
+        for position in range(len(medoids)):
+            others = np.delete(medoids, position)
             rest = distances[others].min(axis=0) if len(others) else np.inf
             sums = np.minimum(distances, rest).sum(axis=1)
             sums[others] = np.inf
             trials.append(sums)
-        place, candidate = np.unravel_index(np.argmin(trials), (len(medoids), len(distances)))
-        lowest = trials[place][candidate]
+        position, candidate = np.unravel_index(np.argmin(trials), (len(medoids), len(distances)))
+        lowest = trials[position][candidate]
         if not lowest < cost:
             break
-        medoids[place], cost = candidate, lowest
+        medoids[position], cost = candidate, lowest
     return medoids

@@ -37,8 +37,8 @@ from rearl_jax.results import Study
 
 log = logging.getLogger(__name__)
 
-DRAWN = 600
-"""Tracks whose curves are kept for figures."""
+N_DRAWN_TRACKS = 600
+"""Number of tracks whose curves are kept for figures."""
 
 
 @runtime_checkable
@@ -68,10 +68,10 @@ class TrackClusters:
         labels: Nearest centre.
         distances: Frechet distance to it, unitless.
         centres: Centres in units of the features: scaled speed [m/s], position [m], distance [m].
-        counts: Number of excluded tracks that are too short, or never near another vehicle.
+        counts: Numbers of excluded tracks: too short ones, and those never near another vehicle.
         fitted: Number of tracks the centres were fitted on.
         costs: Mean distance of these to their nearest centre, unitless: of the first centres, then after each update;
-            the centres are those of the lowest.
+            the centres are those of the lowest cost.
         parameters: k, l and iterations the centres were made with.
         drawn: Index of some tracks, for figures.
         drawn_curves: Features of these tracks.
@@ -95,7 +95,7 @@ class Clusters:
     """Both clusterings behind the references.
 
     Attributes:
-        scene_id: Scene of every entry of `scenes`, and of its representatives' indices.
+        scene_id: scene_id of every scene, to which the indices in `scenes` refer.
         tracks: Clusters of tracks.
         scenes: Clusters of scenes.
         trace: Rounds of the search for k, l and iterations; None without one.
@@ -121,7 +121,7 @@ class ReferenceBuilder:
     """
 
     def __init__(self, config: ReferenceKeys, tracks: TrackSet | None = None) -> None:
-        """Looks for the finished clustering; modified files or other code belong to another clustering.
+        """Looks for a finished clustering of the same configuration, files and code.
 
         Args:
             config: A task's configuration.
@@ -129,17 +129,17 @@ class ReferenceBuilder:
         """
         self._config, self.tracks = config, tracks
         keys = {group: as_plain(getattr(config, group)) for group in _GROUPS}
-        del keys["scenes"]["boundary"]  # of simulations, not of the recorded scenes
+        del keys["scenes"]["boundary"]  # concerns simulations, not the recorded scenes
         self.data_id = data_id(config.data)
         stamps = [list(stamp) for stamp in file_stamps(config.data)]
         self._path = kept_path("clusters", {**keys, "data": self.data_id, "files": stamps}, _SOURCES, ".npz")
-        self._found = _stored(self._path)
+        self._finished = _stored(self._path)
         self._collector = TrackCollector(config)
 
     @property
     def needs_recordings(self) -> bool:
         """True if the recordings must be passed through: no finished clustering and no tracks are available."""
-        return self._found is None and self.tracks is None
+        return self._finished is None and self.tracks is None
 
     def passing(self, recordings: Iterable[Recording]) -> Iterator[Recording]:
         """The recordings, unchanged; their tracks are kept if they are needed."""
@@ -163,7 +163,7 @@ class ReferenceBuilder:
         Raises:
             ValueError: Too few tracks or scenes to cluster, or the recordings have not been passed through.
         """
-        clusters = self._found
+        clusters = self._finished
         if clusters is not None and not np.array_equal(clusters.scene_id, scenes.scene_id):
             message = f"the file belongs to {len(clusters.scene_id)} scenes, {len(scenes)} were given"
             remedy = "build references from the scenes of the same configuration"
@@ -219,7 +219,7 @@ def cluster_tracks(
     fitted = np.ascontiguousarray(curves[:, :, training])
     kl, trace = config.kl, None
     if config.bo.enabled:
-        kl, trace = search(fitted, kl, config.bo, study, identity, lambda done, all: progress("search", done, all))
+        kl, trace = search(fitted, kl, config.bo, study, identity, lambda done, total: progress("search", done, total))
     searched = Curves(fitted, kl)
     best, costs = cluster_curves(searched, kl, lambda done, total: progress("tracks", done, total))
     # Slowest first, so that label 0 means the same in every run.
@@ -227,7 +227,7 @@ def cluster_tracks(
     order = np.argsort(physical[:, 0].mean(axis=1), kind="stable")
     distances = searched.distances(best.vertices[order], curves)
     labels = distances.argmin(axis=0)
-    drawn = np.sort(np.random.default_rng([kl.seed, 3]).permutation(len(tracks))[:DRAWN])
+    drawn = np.sort(np.random.default_rng([kl.seed, 3]).permutation(len(tracks))[:N_DRAWN_TRACKS])
     log.info("tracks per cluster: %s; mean distance %.4f", np.bincount(labels, minlength=kl.k).tolist(), best.cost)
     return (
         TrackClusters(
@@ -275,7 +275,7 @@ def _arrays(clusters: Clusters) -> dict[str, np.ndarray]:
 
 
 def _stored(path: Path) -> Clusters | None:
-    """The record from disk, if it is there and whole."""
+    """The record from disk; None if it is missing or damaged."""
     arrays = read_arrays(path)
     if arrays is None:
         return None

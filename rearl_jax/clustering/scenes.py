@@ -19,6 +19,7 @@ _SHARE_DECIMALS = 9
 """Decimals to which shares must agree for scenes to count as equal; smaller differences are rounding errors."""
 
 _N_ACTIONS = 5
+"""Number of meta-actions."""
 
 
 @dataclass(frozen=True)
@@ -79,8 +80,8 @@ def label_shares(
 def may_be_fitted(splits: Splits, fit_on: FitOn) -> Bool[np.ndarray, " scenes"]:
     """Mask of scenes that may be used in the fit of a clustering.
 
-    By default the threshold scenes and those in no subset. A dropped scene may share seconds of traffic with an
-    evaluation or tuning scene, so it counts as one.
+    By default the threshold scenes and those of no split. A scene that the splits dropped may share seconds of traffic
+    with an evaluation or tuning scene, so it is not used.
     """
     if fit_on is FitOn.all:
         return np.ones(len(splits.label), dtype=bool)

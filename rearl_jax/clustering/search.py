@@ -37,11 +37,11 @@ _ETA = 1.0
 """Margin of improvement, width of the bound and learning rate of the hedge. Source: defaults of scikit-optimize's
 gp_minimize; here on standardised objectives, so that they do not depend on its unit."""
 
-_REFIT = 25
-"""From twice this number of rounds on, the kernel is fitted again only at multiples of this number."""
+_REFIT_INTERVAL = 25
+"""Rounds between two fits of the kernel, after twice as many rounds; before, it is fitted every round."""
 
-_VERTICES = 24
-"""Vertices at which `bo.penalty` counts in full."""
+_FULL_PENALTY_VERTICES = 24
+"""Number of vertices for which the penalty is `bo.penalty`."""
 
 
 @dataclass(frozen=True)
@@ -93,13 +93,13 @@ def search(
         bo: The grid and the budget.
         study: Folder in which the trace is stored after every evaluation and from which the search is resumed; None
             keeps the trace in memory only.
-        data_id: Identity of the data; a trace of other data is not taken up.
+        data_id: Identity of the data; a trace of other data is not resumed.
         progress: Called with the number of evaluations and their total.
     """
     grid = np.array(list(product(bo.k, bo.l, bo.iterations)))
     n_calls = min(bo.n_calls, len(grid))
     metadata = {"search": _identity(kl, bo, data_id)}
-    trace = [] if study is None else _taken_up(study.path / f"{TRACE}.parquet", metadata["search"])[:n_calls]
+    trace = [] if study is None else _earlier_trace(study.path / f"{TRACE}.parquet", metadata["search"])[:n_calls]
     objective = Objective(curves, kl, bo)
     while len(trace) < n_calls:
         trace.append(_next(trace, grid, bo, objective))
@@ -114,7 +114,7 @@ def search(
 class Objective:
     """Simplified silhouette on a sample of the tracks, minus a small penalty for vertices.
 
-    mean((b - a) / max(a, b)) with a and b the distances to the own and the nearest other centre.
+    mean((b - a) / max(a, b)) with a and b the distances of a curve to the nearest and the second nearest centre.
 
     Source: Hruschka, de Castro & Campello, ICDM 2004, simplified silhouette; REARL does not state its objective.
     """
@@ -124,8 +124,8 @@ class Objective:
         # A share of few tracks may be too small for the largest k.
         size = min(n_curves, max(round(bo.share * n_curves), 10 * max(bo.k)))
         chosen = np.random.default_rng([bo.seed, 0]).choice(n_curves, size, replace=False)
-        self._kl, self._penalty, self._most = kl, bo.penalty, max(bo.iterations)
-        largest = with_cell(kl, (max(bo.k), max(bo.l), self._most))
+        self._kl, self._penalty, self._max_iterations = kl, bo.penalty, max(bo.iterations)
+        largest = with_cell(kl, (max(bo.k), max(bo.l), self._max_iterations))
         self._curves = Curves(curves[:, :, np.sort(chosen)], largest)
         self._runs: dict[tuple[int, int], list[Centres]] = {}
 
@@ -133,10 +133,10 @@ class Objective:
         """Silhouette and objective."""
         if (k, l) not in self._runs:
             # A run with fewer iterations is the beginning of a run with more.
-            self._runs[k, l] = list(iterates(self._curves, with_cell(self._kl, (k, l, self._most))))
+            self._runs[k, l] = list(iterates(self._curves, with_cell(self._kl, (k, l, self._max_iterations))))
         best = min(self._runs[k, l][: iterations + 1], key=lambda centres: centres.cost)
         silhouette = simplified_silhouette(best.distances)
-        return silhouette, silhouette - self._penalty * l / _VERTICES
+        return silhouette, silhouette - self._penalty * l / _FULL_PENALTY_VERTICES
 
 
 def simplified_silhouette(distances: Float32[np.ndarray, "centres curves"]) -> float:
@@ -146,7 +146,7 @@ def simplified_silhouette(distances: Float32[np.ndarray, "centres curves"]) -> f
 
 
 def with_cell(kl: KlConfig, cell: tuple[int, int, int]) -> KlConfig:
-    """The configuration with k, l and iterations of a cell, and as many points and samples as these need."""
+    """The configuration with k, l and iterations of a cell, and at least as many points and samples as these need."""
     k, l, iterations = cell  # noqa: E741
     return replace(
         kl, k=k, l=l, iterations=iterations, centre_points=max(kl.centre_points, l), sample=max(kl.sample, k)
@@ -207,20 +207,20 @@ def _posterior(
     from sklearn.gaussian_process import GaussianProcessRegressor
     from sklearn.gaussian_process.kernels import Matern, WhiteKernel
 
-    place = (grid - grid.min(axis=0)) / np.maximum(np.ptp(grid, axis=0), 1)
+    unit_grid = (grid - grid.min(axis=0)) / np.maximum(np.ptp(grid, axis=0), 1)
     spread = objective.std()
     values = (objective - objective.mean()) / (spread if spread > 0 else 1.0)
-    n_fit = len(seen) if len(seen) < 2 * _REFIT else len(seen) - len(seen) % _REFIT
+    n_fit = len(seen) if len(seen) < 2 * _REFIT_INTERVAL else len(seen) - len(seen) % _REFIT_INTERVAL
     # scikit-learn states no types; pyright takes those of the defaults.
     matern = Matern(np.full(3, 0.5), (0.05, 20.0), nu=2.5)  # pyright: ignore[reportArgumentType]
     kernel = matern + WhiteKernel(1e-2, (1e-6, 1.0))
     with warnings.catch_warnings():
         # A length scale at its bound is a valid result: the objective hardly depends on that key.
         warnings.filterwarnings("ignore", message=".*(close to the specified|lbfgs failed to converge).*")
-        fitted = GaussianProcessRegressor(kernel, random_state=0).fit(place[seen[:n_fit]], values[:n_fit])
+        fitted = GaussianProcessRegressor(kernel, random_state=0).fit(unit_grid[seen[:n_fit]], values[:n_fit])
         model = GaussianProcessRegressor(fitted.kernel_, optimizer=None)  # pyright: ignore[reportArgumentType]
-        model.fit(place[seen], values)
-        mean, deviation = model.predict(place, return_std=True)
+        model.fit(unit_grid[seen], values)
+        mean, deviation = model.predict(unit_grid, return_std=True)
     return mean, np.maximum(deviation, 1e-9), float(values.max())
 
 
@@ -230,7 +230,7 @@ def _identity(kl: KlConfig, bo: BoConfig, data_id: str) -> str:
     return hashlib.sha256(json.dumps(keys, sort_keys=True).encode()).hexdigest()[:16]
 
 
-def _taken_up(path: Path, identity: str) -> list[Evaluation]:
+def _earlier_trace(path: Path, identity: str) -> list[Evaluation]:
     """The evaluations of an earlier search; none, with a warning, if the file is damaged or of another search."""
     if not path.exists():
         return []

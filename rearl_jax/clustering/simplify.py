@@ -1,17 +1,17 @@
-"""Curves to polylines of few of their own points, with the least possible Frechet error of any edge."""
+"""Curves simplified to polylines through few of their points, with the least possible Frechet error of any edge."""
 
 import numpy as np
 from jaxtyping import Float, Int
 
-_STEPS = 30
+_HALVINGS = 30
 """Halvings of the bracket of a shortcut's error; leaves 1e-9 of it."""
 
 
 def shortcut_errors(curves: Float[np.ndarray, "features points curves"]) -> Float[np.ndarray, "curves points points"]:
     """Frechet distance of the segment from point i to point j to the piece of the curve between them; inf for i >= j.
 
-    To a segment s the distance is the smallest e for which the points in between have, in their order, points on s
-    within e that never step back. Projections that never step back already are these points; else bisection.
+    The distance to a segment s is the smallest e for which the points in between have points on s within e that, in
+    order, never step back. Projections on s are such points if they never step back; otherwise e is found by bisection.
 
     Source: Alt & Godau (1995) for the decision.
     """
@@ -24,9 +24,9 @@ def shortcut_errors(curves: Float[np.ndarray, "features points curves"]) -> Floa
 
 
 def simplify(errors: Float[np.ndarray, "curves points points"], n_vertices: int) -> Int[np.ndarray, "curves vertices"]:
-    """Points of every curve that become the vertices: start and end, and those with the least largest error between.
+    """Indices of the vertices of every curve: start, end, and the points that minimise the largest error of an edge.
 
-    Curves with too few points have some of them twice, as edges of no length.
+    Curves with too few points repeat some of them, as edges of no length.
 
     Source: vertex-restricted min-error simplification, Imai & Iri, in Computational Morphology (1988).
     """
@@ -40,9 +40,9 @@ def simplify(errors: Float[np.ndarray, "curves points points"], n_vertices: int)
         before.append(through.argmin(axis=1))
         best = through.min(axis=1)
     vertices = np.full((n_curves, n_vertices), n_points - 1)
-    every = np.arange(n_curves)
+    curve = np.arange(n_curves)
     for vertex in range(n_vertices - 2, -1, -1):
-        vertices[:, vertex] = before[vertex][every, vertices[:, vertex + 1]]
+        vertices[:, vertex] = before[vertex][curve, vertices[:, vertex + 1]]
     return vertices
 
 
@@ -69,13 +69,13 @@ def _from_point(points: Float[np.ndarray, "curves features rest"]) -> Float[np.n
     # |o - s e|^2 for the share s of the edge e.
     squared_distance = np.maximum(square - along**2 * a[:, :, None], 0.0)
 
-    def apart(share: np.ndarray) -> np.ndarray:
+    def largest_distance(share: np.ndarray) -> np.ndarray:
         distance = np.sqrt(squared_distance + (share - along) ** 2 * a[:, :, None])
         return np.where(between, distance, 0.0).max(axis=2)
 
     nearest_share = np.clip(along, 0.0, 1.0)
-    low = apart(nearest_share)
-    high = apart(np.maximum.accumulate(np.where(between, nearest_share, 0.0), axis=2))
+    low = largest_distance(nearest_share)
+    high = largest_distance(np.maximum.accumulate(np.where(between, nearest_share, 0.0), axis=2))
     curve, end = np.nonzero(high - low > 1e-12)
     if len(curve):
         high[curve, end] = _bisected(
@@ -98,7 +98,7 @@ def _bisected(
     between: np.ndarray,
 ) -> Float[np.ndarray, " shortcuts"]:
     """Errors of segments whose points step back when projected."""
-    for _ in range(_STEPS):
+    for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)
         half = np.sqrt(np.maximum(middle[:, None] ** 2 - squared_distance, 0.0) / np.where(a > 0.0, a, 1.0)[:, None])
         first = np.maximum.accumulate(np.where(between, along - half, 0.0), axis=1)

@@ -89,7 +89,7 @@ def reference_table(scenes: SceneSet, clusters: Clusters, references: References
 def embedding(vectors: Float[np.ndarray, "scenes shares"], seed: int) -> Float[np.ndarray, "scenes 2"]:
     """t-SNE coordinates of the scenes; zeros if fewer than four scenes differ, which needs no map.
 
-    Source: van der Maaten & Hinton (2008); Bi et al. show their scenes so.
+    Source: van der Maaten & Hinton (2008); Bi et al. show their scenes in such a map.
     """
     from sklearn.manifold import TSNE
 

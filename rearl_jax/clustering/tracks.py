@@ -70,7 +70,7 @@ class FeatureScale:
     def of(
         cls, features: Float32[np.ndarray, "features points tracks"], weights: tuple[float, float, float]
     ) -> "FeatureScale":
-        """The scale that takes these features to 0 to weight; a feature that never varies becomes 0."""
+        """The scale that maps these features to 0 to their weight; a feature that never varies becomes 0."""
         low, high = features.min(axis=(1, 2)), features.max(axis=(1, 2))
         return cls(low, high, np.asarray(weights, dtype=np.float32))
 
@@ -99,21 +99,21 @@ def seen_in(tracks: TrackSet, scenes: SceneSet, indices: Int[np.ndarray, " scene
 def track_index(
     tracks: TrackSet, scenes: SceneSet, indices: Int[np.ndarray, " scenes"]
 ) -> Int[np.ndarray, "scenes frames slots"]:
-    """Index of the track in every slot of some scenes; -1 where it was too short to be collected."""
+    """Index of the track in every slot of some scenes; -1 for tracks too short to be collected."""
     result = np.full((len(indices), *scenes.track_id.shape[1:]), -1, dtype=np.int64)
     bounds = recording_bounds(tracks.recording)
-    for place, scene in enumerate(indices):
+    for number, scene in enumerate(indices):
         start, stop = bounds.get(str(scenes.recording[scene]), (0, 0))
         known = tracks.track_id[start:stop]  # rising in a recording
         wanted = scenes.track_id[scene]
-        found = np.minimum(np.searchsorted(known, wanted), max(len(known) - 1, 0))
+        nearest = np.minimum(np.searchsorted(known, wanted), max(len(known) - 1, 0))
         if len(known):
-            result[place] = np.where(known[found] == wanted, start + found, -1)
+            result[number] = np.where(known[nearest] == wanted, start + nearest, -1)
     return result
 
 
 def recording_bounds(recording: Shaped[np.ndarray, " tracks"]) -> dict[str, tuple[int, int]]:
-    """First track of every recording, and the one after its last."""
+    """Index of the first track of every recording, and of the track after its last."""
     starts = np.flatnonzero(np.concatenate([[True], recording[1:] != recording[:-1]]))
     stops = np.append(starts[1:], len(recording))
     return {str(recording[a]): (int(a), int(b)) for a, b in zip(starts, stops, strict=True)}

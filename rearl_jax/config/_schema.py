@@ -7,12 +7,13 @@ one, and finished records, with the declared tuples instead of lists, that have 
 import difflib
 import math
 import types
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import Field, dataclass, fields, is_dataclass, replace
 from enum import Enum
 from numbers import Integral, Real
 from typing import Any, TypeVar, Union, get_args, get_origin, get_type_hints
 
+from rearl_jax.config.quoting import quoted
 from rearl_jax.problems import InvalidInputError, Problem
 
 Record = TypeVar("Record")
@@ -81,6 +82,8 @@ def type_name(hint: Any) -> str:
         return "null"
     if get_origin(hint) in (Union, types.UnionType):
         return " or ".join(type_name(part) for part in get_args(hint))
+    if get_origin(hint) is Sequence:
+        return f"[{type_name(*get_args(hint))}, ...]"
     if get_origin(hint) is tuple:
         parts = ("..." if part is Ellipsis else type_name(part) for part in get_args(hint))
         return f"[{', '.join(parts)}]"
@@ -98,8 +101,13 @@ def as_written(value: Any) -> str:
     if isinstance(value, tuple):
         return f"[{', '.join(as_written(part) for part in value)}]"
     if isinstance(value, Mapping):
-        return "{" + ", ".join(f"{name}: {as_written(part)}" for name, part in value.items()) + "}"
+        pairs = (f"{_in_mapping(name)}: {_in_mapping(part)}" for name, part in value.items())
+        return "{" + ", ".join(pairs) + "}"
     return str(value) or "''"
+
+
+def _in_mapping(part: Any) -> str:
+    return quoted(part) if isinstance(part, str) else as_written(part)
 
 
 def as_plain(value: Any) -> Any:
@@ -134,6 +142,8 @@ def from_plain(record: type[Record], plain: Mapping[str, Any], prefix: str = "")
 
 def _from_plain(hint: Any, value: Any, name: str) -> Any:
     if value is None:
+        if type(None) not in get_args(hint):
+            raise _wrong_type(name, type_name(hint), "None")
         return None
     if get_origin(hint) in (Union, types.UnionType):
         hint = next(part for part in get_args(hint) if part is not type(None))
@@ -148,6 +158,8 @@ def _from_plain(hint: Any, value: Any, name: str) -> Any:
             message = f"must be one of {type_name(hint)}"
             raise InvalidInputError(Problem("choice-unknown", message, key=name, value=value))
         return hint[value]
+    if get_origin(hint) is Sequence:
+        hint, value = tuple[*get_args(hint), ...], value.tolist() if hasattr(value, "tolist") else value
     if get_origin(hint) is tuple:
         parts = get_args(hint)
         if not isinstance(value, (list, tuple)) or not (Ellipsis in parts or len(parts) == len(value)):
@@ -158,7 +170,7 @@ def _from_plain(hint: Any, value: Any, name: str) -> Any:
     kind = {int: Integral, float: Real}.get(hint, hint)
     if not is_inf_or_nan and (not isinstance(value, kind) or (isinstance(value, bool) and hint is not bool)):
         raise _wrong_type(name, type_name(hint), value)
-    return float(value) if hint is float else value
+    return hint(value) if hint in (int, float) else value
 
 
 def _record_from_plain(hint: type, value: Any, name: str) -> Any:

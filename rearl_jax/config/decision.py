@@ -6,6 +6,7 @@ Defaults marked "REARL" are stated in the paper (Bi et al.).
 from dataclasses import dataclass
 from enum import Enum
 
+from rearl_jax.config._address import check_no_secret
 from rearl_jax.config._key import key
 from rearl_jax.config._ranges import check_least
 
@@ -70,6 +71,10 @@ class DecisionConfig:
         "matcher, llm or replay; controls: idle, random_admissible, matcher_random_ref",
     )
     server: str = key("local", "server of policy=llm: local = a small model on this machine, or http://HOST:PORT/v1")
+
+    def check(self) -> None:
+        """Raise InvalidInputError for an address with a password or a key."""
+        check_no_secret(self.server, "server")
 
 
 @dataclass(unsafe_hash=True)

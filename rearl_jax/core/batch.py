@@ -12,7 +12,7 @@ import numpy as np
 from jax.extend.core import jaxpr_as_fun
 from jax.sharding import Mesh, NamedSharding, PartitionSpec
 
-_LINE = 16
+_CACHE_LINE = 16
 """Numbers of float32 in a cache line of 64 bytes."""
 
 Arguments = TypeVar("Arguments")
@@ -23,14 +23,15 @@ Values = TypeVar("Values")
 def chunk_for(n_vehicles: int) -> int:
     """Scenarios per core and pass: many, so that starting a pass costs little, but few enough for the cache.
 
-    An odd number of cache lines of float32: rows a power of two apart share the same few cache lines and evict each
-    other. Measured on a core with 1 MiB of second-level cache: at 10 vehicles 1,200 scenarios take half the time per
-    vehicle that 1,024 or 2,048 take. With more vehicles per scenario, chunks of at least nine cache lines (144
-    scenarios) are faster than smaller ones, until a chunk holds 32,000 vehicles instead of the 12,000 of small traffic.
+    A row has an odd number of cache lines, because rows whose distance is a power of two are mapped to the same few
+    places of the cache and evict each other. Measured on a core with 1 MiB of second-level cache: at 10 vehicles 1,200
+    scenarios take half the time per vehicle that 1,024 or 2,048 take. In small traffic a chunk holds about 12,000
+    vehicles. With more vehicles per scenario, chunks of nine cache lines (144 scenarios) are faster than smaller ones,
+    up to 32,000 vehicles.
     """
-    wanted = max(12_000 / n_vehicles, min(9.0 * _LINE, 32_000 / n_vehicles))
-    odd = 2 * round((wanted / _LINE - 1) / 2) + 1
-    return _LINE * min(max(odd, 1), 255)
+    n_scenarios = max(12_000 / n_vehicles, min(9.0 * _CACHE_LINE, 32_000 / n_vehicles))
+    n_lines = 2 * round((n_scenarios / _CACHE_LINE - 1) / 2) + 1
+    return _CACHE_LINE * min(max(n_lines, 1), 255)
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,9 +89,9 @@ class ScenarioMap(Generic[Arguments, Result]):
 
     def _part_of(self, leaf: jax.Array) -> jax.ShapeDtypeStruct:
         """Shape of the part of an argument that a device gets."""
-        *others, n_scenarios = leaf.shape
+        *other_axes, n_scenarios = leaf.shape
         width = n_scenarios if n_scenarios == 1 else n_scenarios // len(self._devices)
-        return jax.ShapeDtypeStruct((*others, width), leaf.dtype)
+        return jax.ShapeDtypeStruct((*other_axes, width), leaf.dtype)
 
     def width(self, n_scenarios: int) -> int:
         """Scenarios per chunk, on all devices together."""
@@ -98,11 +99,11 @@ class ScenarioMap(Generic[Arguments, Result]):
         return n_devices * min(self._chunk, math.ceil(n_scenarios / n_devices))
 
     def place(self, argument: np.ndarray) -> Placed:
-        """An array with its own entry for every scenario on the devices, for several calls."""
+        """An array with one entry per scenario, copied to the devices for several calls."""
         n_scenarios = argument.shape[-1]
         width = self.width(n_scenarios)
         sharding = NamedSharding(self._mesh, _last_axis(argument, divided=True))
-        # Copied, because a device may use the memory of an array as it is, and would keep it from being released.
+        # Copied, because a device may use the memory of the host array itself, which could then not be released.
         parts = (np.array(_cut(argument, start, width, n_scenarios)) for start in range(0, n_scenarios, width))
         chunks = tuple(jax.device_put(part, sharding) for part in parts)
         return Placed(chunks, argument.shape, width, sum(chunk.nbytes for chunk in chunks))
@@ -125,17 +126,17 @@ class ScenarioMap(Generic[Arguments, Result]):
             )
         width = self.width(n_scenarios)
 
-        def begun(start: int) -> Result:
+        def compute(start: int) -> Result:
             return self._run(jax.tree.map(lambda leaf: _cut(leaf, start, width, n_scenarios), arguments))
 
-        coming = begun(0)
+        pending = compute(0)
         for start in range(0, n_scenarios, width):
-            # The next chunk starts before this one is waited for, so that no core idles while its arguments are cut.
-            result, stop = coming, start + width
+            # The next chunk starts before this one is waited for, so that no core idles while arguments are cut.
+            result, stop = pending, start + width
             if stop < n_scenarios:
-                coming = begun(stop)
-            valid = operator.itemgetter((..., slice(min(width, n_scenarios - start))))
-            yield jax.tree.map(valid, jax.tree.map(np.asarray, result))
+                pending = compute(stop)
+            without_padding = operator.itemgetter((..., slice(min(width, n_scenarios - start))))
+            yield jax.tree.map(without_padding, jax.tree.map(np.asarray, result))
 
     def __call__(self, arguments: Arguments) -> Result:
         """All results, joined along the scenario axis."""
@@ -154,11 +155,11 @@ def select_scenarios(values: Values, columns: np.ndarray, n_scenarios: int, *, l
             and scenarios. Arrays with fewer axes are unchanged.
     """
 
-    def chosen(leaf: Any) -> Any:
+    def select(leaf: Any) -> Any:
         has_scenarios = leaf.ndim >= least_ndim and leaf.shape[-1] == n_scenarios
         return leaf[..., columns] if has_scenarios else leaf
 
-    return jax.tree.map(chosen, values)
+    return jax.tree.map(select, values)
 
 
 def padded_scenarios(values: Values, width: int, n_scenarios: int) -> Values:
@@ -182,9 +183,9 @@ def _cut(leaf: Any, start: int, width: int, n_scenarios: int) -> Any:
         return leaf
     part = leaf[..., start : start + width]
     missing = width - part.shape[-1]
-    # Joined, not fetched by indices, which takes longer than to compute with the values.
     if not missing:
         return part
+    # Joined, because a look-up of repeated indices takes longer than the computation with the values.
     join = jnp.concatenate if isinstance(part, jax.Array) else np.concatenate  # NumPy cannot join random keys
     return join([part, *[part[..., -1:]] * missing], axis=-1)
 

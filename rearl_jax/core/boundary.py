@@ -1,4 +1,4 @@
-"""Recorded traffic around simulated vehicles: replayed vehicles, and the places where simulated ones enter.
+"""Recorded traffic around simulated vehicles: replayed vehicles, and vehicles that enter the simulation.
 
 Replayed vehicles are not part of the simulated state. They have no driver, so only the searches for neighbours visit
 them. All times are time steps of the simulation; the maker of a `Boundary` interpolates between recorded frames.
@@ -38,7 +38,7 @@ class Identity(eqx.Module):
 
 
 class Entrants(eqx.Module):
-    """Vehicles that take the slots of others in the simulation, at the end of one second or several.
+    """Vehicles that enter the simulation in the slots of others, at the end of one second or several.
 
     Attributes:
         is_new: Whether a vehicle enters the slot; where it is false, the other values are undefined.
@@ -89,7 +89,7 @@ class Boundary(eqx.Module):
     entrants: Entrants
     scene: Int[Array | np.ndarray, " scenarios"]
 
-    def require(self, n_seconds: int) -> None:
+    def require_seconds(self, n_seconds: int) -> None:
         """Raise ValueError if the surrounding traffic is not recorded up to the end of the last second."""
         n_recorded = self.motion.x.shape[0]
         if n_seconds >= n_recorded:
@@ -107,12 +107,12 @@ class Boundary(eqx.Module):
         return BoundarySecond(motion, identity, entrants, replayed_vehicles(*after))
 
     def _of_scenarios(self, values: tuple) -> tuple:
-        """Values of each scenario's scene."""
+        """Values of the recorded scene around each scenario."""
         return jax.tree.map(lambda leaf: jnp.take(leaf, jnp.asarray(self.scene), axis=-1, mode="clip"), values)
 
 
 def replayed_vehicles(motion: Motion, identity: Identity) -> ReplayedVehicles:
-    """Replayed vehicles at one time."""
+    """Replayed vehicles from their motion and identity at one time."""
     return ReplayedVehicles(
         x=motion.x,
         speed=motion.speed,
@@ -124,10 +124,10 @@ def replayed_vehicles(motion: Motion, identity: Identity) -> ReplayedVehicles:
     )
 
 
-def cut_desired_speed(
+def limited_desired_speed(
     highest: Float[Array, "vehicles *scenarios"], drivers: Drivers
 ) -> Float[Array, "vehicles *scenarios"]:
-    """Desired speed of drivers of recorded vehicles [m/s]: that of their model, at most the highest recorded speed.
+    """Desired speed of recorded vehicles' drivers [m/s]: that of their model, limited to the highest recorded speed.
 
     Drivers whose model has no desired speed, such as highway-env's, get the highest recorded speed.
 
@@ -145,21 +145,21 @@ def enter(state: TrafficState, boundary_second: BoundarySecond, drivers: Drivers
     A vehicle enters in the middle of its lane at its recorded speed. Its driver has the parameters of the slot and an
     empty memory.
     """
-    new = boundary_second.entrants
+    entrants = boundary_second.entrants
     zeros, no_vehicle = jnp.zeros_like(state.x), jnp.zeros_like(state.crashed)
     period = drivers.mobil.decision_period
     entered = replace(
         state,
-        x=new.x,
-        y=new.lane.astype(state.y.dtype) * model.lane_width,
+        x=entrants.x,
+        y=entrants.lane.astype(state.y.dtype) * model.lane_width,
         x_lost=zeros,
         y_lost=zeros,
         heading=zeros,
-        speed=new.speed,
+        speed=entrants.speed,
         acceleration=zeros,
-        desired_speed=cut_desired_speed(new.highest_speed, drivers),
-        target_lane=new.lane,
-        ticks_to_decision=1 + jnp.floor(new.wait * period.astype(new.wait.dtype)).astype(jnp.int32),
+        desired_speed=limited_desired_speed(entrants.highest_speed, drivers),
+        target_lane=entrants.lane,
+        ticks_to_decision=1 + jnp.floor(entrants.wait * period.astype(entrants.wait.dtype)).astype(jnp.int32),
         controller=jnp.full_like(state.controller, int(Controller.IDM)),
         crashed=no_vehicle,
         is_pushed=no_vehicle,
@@ -172,11 +172,11 @@ def enter(state: TrafficState, boundary_second: BoundarySecond, drivers: Drivers
     def where_entering(entered: Array, unchanged: Array) -> Array:
         """New values of entering vehicles; all others, and arrays without an axis of vehicles, are unchanged."""
         is_of_vehicles = unchanged.shape[-len(shape) :] == shape
-        return jnp.where(new.is_new, entered, unchanged) if is_of_vehicles else unchanged
+        return jnp.where(entrants.is_new, entered, unchanged) if is_of_vehicles else unchanged
 
     left_crashed = state.left_crashed
     if left_crashed is not None:
-        left_crashed = left_crashed + (new.is_new & state.crashed).astype(left_crashed.dtype)
+        left_crashed = left_crashed + (entrants.is_new & state.crashed).astype(left_crashed.dtype)
     state = replace(jax.tree.map(where_entering, entered, replace(state, memory=None)), left_crashed=left_crashed)
     fresh = begin_driving(state, drivers, model, boundary_second.after)
     return replace(state, memory=jax.tree.map(where_entering, fresh.memory, memory))

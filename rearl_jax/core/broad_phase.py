@@ -3,8 +3,8 @@
 In small traffic the boxes of every pair are tested. In large traffic that would cost a pass over all vehicles for every
 crashed vehicle, and among a thousand vehicles some have usually crashed. Therefore the vehicles are sorted along the
 road and swept (sweep and prune): every vehicle is tested against the next WINDOW vehicles ahead. If vehicles have piled
-up, one further ahead may still be within reach. The few vehicles concerned are tested against further windows, in
-blocks, until no vehicle is left within reach.
+up, a vehicle beyond this window may still be within reach. The few vehicles concerned are tested against further
+windows, in blocks, until no vehicle is left within reach.
 
 Source: Cohen et al., I-COLLIDE, Symposium on Interactive 3D Graphics (1995) (sweep and prune).
 """
@@ -28,11 +28,11 @@ WINDOW = 8
 """Number of vehicles ahead that are tested in one pass; each vehicle has one bit per tested vehicle."""
 
 VEHICLES_PER_SWEPT = 64
-"""A block of vehicles that are tested further ahead has room for one vehicle in this many."""
+"""A block of vehicles that are tested further ahead has room for one of this many vehicles."""
 
 
 def candidates_in_list(boxes: BoundingBox) -> UInt32[Array, "vehicles *scenarios"]:
-    """For each vehicle, as bits, the candidates among the next half of all vehicles in the list.
+    """For each vehicle, as bits, those among the next half of all vehicles in the list whose boxes overlap its box.
 
     The list is treated as circular, so every pair is tested once.
     """
@@ -81,20 +81,20 @@ def _largest(values: Float[Array, "vehicles *scenarios"]) -> Float[Array, "1 *sc
 def _first_window(
     by_place: BoundingBox, farthest: Float[Array, "vehicles *scenarios"]
 ) -> tuple[UInt32[Array, "vehicles *scenarios"], Bool[Array, "vehicles *scenarios"]]:
-    """By place, the candidates among the next WINDOW vehicles, as bits, and whether there may be more further ahead.
+    """By place, the overlaps with the next WINDOW vehicles, as bits, and whether there may be overlaps further ahead.
 
     Args:
         by_place: Boxes of all vehicles.
         farthest: Position beyond which no vehicle can be touched [m].
     """
-    others = by_place.x.shape[1:]
+    scenario_axes = by_place.x.shape[1:]
 
-    def from_next(values: Array, beyond: float = 0) -> Array:
-        return jnp.pad(values[1:], [(0, WINDOW)] + [(0, 0)] * len(others), constant_values=beyond)
+    def from_next(values: Array, filling: float = 0) -> Array:
+        return jnp.pad(values[1:], [(0, WINDOW)] + [(0, 0)] * len(scenario_axes), constant_values=filling)
 
-    # Beyond the last vehicle the places are infinitely far away.
+    # The places filled in after the last vehicle are infinitely far away.
     ahead = replace(jax.tree.map(from_next, by_place), x=from_next(by_place.x, jnp.inf))
-    # Positions rise, so if the last vehicle of a window is out of reach, all beyond it are.
+    # Positions rise with the place, so if the last vehicle of a window is out of reach, all further vehicles are.
     return overlaps_next(by_place, ahead, WINDOW), ahead.x[WINDOW - 1 :] <= farthest
 
 

@@ -1,4 +1,4 @@
-"""Stream compaction: operations on few vehicles or scenarios run on a dense copy of these.
+"""Stream compaction: operations on few vehicles or scenarios run on a dense copy of their values.
 
 Arrays in JAX have fixed shapes. Four functions restrict an operation to the elements that need it, with the same result
 as the operation on all elements:
@@ -33,8 +33,8 @@ Work = TypeVar("Work")
 SCENARIOS_AT_ONCE = 32
 """Number of scenarios that `apply_where` treats at a time."""
 
-ONE_IN_CHANGES_LANES = 16
-"""A subset has room for one lane-changing vehicle in this many, plus a margin for random variation."""
+VEHICLES_PER_LANE_CHANGER = 16
+"""A subset of lane-changing vehicles has room for one of this many vehicles, plus a margin for random variation."""
 
 
 def if_any(is_needed: Bool[Array, "*n"], compute: Callable[[], Value], otherwise: Value) -> Value:
@@ -88,36 +88,36 @@ class Block(NamedTuple):
     """A block of members of a list of set bits.
 
     Attributes:
-        number: Index of the number that contains each bit; in empty places that of the last member.
-        bit: Position of the bit within its number.
+        word: Index of the word that contains each bit; in empty places that of the last member.
+        bit: Position of the bit within its word.
         is_filled: Whether a place contains a member.
-        n_numbers: Number of numbers.
+        n_words: Number of words.
     """
 
-    number: Int[Array, " block"]
+    word: Int[Array, " block"]
     bit: Int[Array, " block"]
     is_filled: Bool[Array, " block"]
-    n_numbers: int
+    n_words: int
 
     @property
     def index(self) -> Int[Array, " block"]:
         """Flat index, among all vehicles of all scenarios, of members listed by `list_vehicles`."""
-        return self.bit * self.n_numbers + self.number
+        return self.bit * self.n_words + self.word
 
 
 class SetBits(NamedTuple):
-    """The set bits of 32-bit numbers as a list that is never stored.
+    """The set bits of 32-bit words as a list that is never stored.
 
-    The k-th set bit is found by its rank: prefix sums of the population counts give the number that contains it, and
-    bisection finds its position there. So listing costs one pass over 1/32 as many numbers as there are vehicles.
+    The k-th set bit is found by its rank: prefix sums of the population counts give the word that contains it, and
+    bisection finds its position there. So listing costs one pass over 1/32 as many words as there are vehicles.
 
     Attributes:
-        numbers: The numbers.
-        end: Number of set bits up to and including each number.
+        words: The words.
+        end: Number of set bits up to and including each word.
     """
 
-    numbers: UInt32[Array, " numbers"]
-    end: Int[Array, " numbers"]
+    words: UInt32[Array, " words"]
+    end: Int[Array, " words"]
 
     @property
     def count(self) -> Int[Array, ""]:
@@ -125,26 +125,27 @@ class SetBits(NamedTuple):
         return self.end[-1]
 
     def block(self, first: Int[Array, ""] | int, size: int) -> Block:
-        """`size` members of the list from the `first` on."""
+        """The next `size` members of the list, from the one with index `first`."""
         wanted = first + lax.iota(jnp.int32, size)
         rank = jnp.minimum(wanted, self.count - 1)
-        # The number of a member is how many numbers end before its rank: ends counted by rank, summed along the block.
-        ended = jnp.zeros(size, jnp.int32).at[jnp.maximum(self.end - first, 0)].add(1, mode="drop")
-        number = jnp.minimum(jnp.cumsum(ended), len(self.end) - 1)
-        members = self.numbers[number]
-        bit = bits.position(members, rank - (self.end[number] - bits.count(members)))
-        return Block(number, bit, wanted < self.count, len(self.end))
+        # The index of a member's word is the number of words that end at or before its rank: ends are counted by rank
+        # and summed along the block.
+        n_ends = jnp.zeros(size, jnp.int32).at[jnp.maximum(self.end - first, 0)].add(1, mode="drop")
+        word = jnp.minimum(jnp.cumsum(n_ends), len(self.end) - 1)
+        members = self.words[word]
+        bit = bits.position(members, rank - (self.end[word] - bits.count(members)))
+        return Block(word, bit, wanted < self.count, len(self.end))
 
 
-def list_bits(numbers: UInt32[Array, " numbers"]) -> SetBits:
-    """The list of all bits that are set."""
-    return SetBits(numbers, jnp.cumsum(bits.count(numbers)))
+def list_bits(words: UInt32[Array, " words"]) -> SetBits:
+    """The list of all set bits."""
+    return SetBits(words, jnp.cumsum(bits.count(words)))
 
 
 def list_vehicles(is_listed: Bool[Array, "vehicles *scenarios"]) -> SetBits:
     """The list of the vehicles chosen; `Block.index` is their flat index."""
     flat = is_listed.ravel()
-    return list_bits(bits.pack(jnp.pad(flat, (0, -flat.size % bits.BITS)).reshape(bits.BITS, -1)))
+    return list_bits(bits.pack(jnp.pad(flat, (0, -flat.size % bits.BITS_PER_WORD)).reshape(bits.BITS_PER_WORD, -1)))
 
 
 def process_in_blocks(members: SetBits, size: int, process: Callable[[Block, Work], Work], work: Work) -> Work:
@@ -152,7 +153,7 @@ def process_in_blocks(members: SetBits, size: int, process: Callable[[Block, Wor
 
     Args:
         members: The list.
-        size: Members of a block.
+        size: Number of members of a block.
         process: Function from a block and the result so far to the result after it.
         work: Result before the first block.
     """
@@ -199,7 +200,7 @@ class Subset(eqx.Module):
     """A few vehicles of each scenario, in the order of the list.
 
     Attributes:
-        vehicle: Index of each vehicle; `n_vehicles` in empty places.
+        vehicle: Index of each vehicle in its scenario; `n_vehicles` in empty places.
         suffices: Whether there is room for every vehicle chosen, in all scenarios.
         n_vehicles: Number of vehicles that the subset is chosen from.
     """
@@ -228,38 +229,37 @@ class Subset(eqx.Module):
         return scatter(values.ravel(), index.ravel(), is_filled.ravel(), otherwise)
 
 
-def room_for(n_vehicles: int, one_in: int) -> int:
-    """Places of a subset for one vehicle in `one_in`, plus a margin for random variation."""
-    return n_vehicles // one_in + math.isqrt(n_vehicles) + 2
+def room_for(n_vehicles: int, vehicles_per_place: int) -> int:
+    """Number of places of a subset: one for every `vehicles_per_place` vehicles, plus a margin for random variation."""
+    return n_vehicles // vehicles_per_place + math.isqrt(n_vehicles) + 2
 
 
-def compact(is_chosen: Bool[Array, "vehicles *scenarios"], one_in: int) -> Subset:
+def compact(is_chosen: Bool[Array, "vehicles *scenarios"], vehicles_per_place: int) -> Subset:
     """The vehicles that are chosen, next to each other.
 
     Args:
         is_chosen: True for the chosen vehicles.
-        one_in: There is room for one vehicle in this many, plus a margin for random variation.
+        vehicles_per_place: There is room for one of this many vehicles, plus a margin for random variation.
     """
-    n_vehicles, others = is_chosen.shape[0], is_chosen.shape[1:]
-    places, n_numbers = room_for(n_vehicles, one_in), -(-n_vehicles // bits.BITS)
-    filled = jnp.pad(is_chosen, [(0, n_numbers * bits.BITS - n_vehicles)] + [(0, 0)] * len(others))
-    numbers = bits.pack(filled.reshape(n_numbers, bits.BITS, *others).swapaxes(0, 1))
-    counts = bits.count(numbers)
-    rank = jnp.broadcast_to(lax.iota(jnp.int32, places).reshape(places, *(1,) * len(others)), (places, *others))
+    n_vehicles, scenario_axes = is_chosen.shape[0], is_chosen.shape[1:]
+    places, n_words = room_for(n_vehicles, vehicles_per_place), -(-n_vehicles // bits.BITS_PER_WORD)
+    filled = jnp.pad(is_chosen, [(0, n_words * bits.BITS_PER_WORD - n_vehicles)] + [(0, 0)] * len(scenario_axes))
+    words = bits.pack(filled.reshape(n_words, bits.BITS_PER_WORD, *scenario_axes).swapaxes(0, 1))
+    counts = bits.count(words)
+    rank = lax.iota(jnp.int32, places).reshape(places, *(1,) * len(scenario_axes))
+    rank = jnp.broadcast_to(rank, (places, *scenario_axes))
 
-    def locate(number: Array, located: tuple[Array, ...]) -> tuple[Array, ...]:
-        """For every place: the number that contains its rank, the number's first vehicle, and the rank within the
-        number.
-        """
-        begin, members, first, rank_in_number = located
-        number_bits, n_bits = numbers[number][None], counts[number][None]
+    def locate(word: Array, located: tuple[Array, ...]) -> tuple[Array, ...]:
+        """For every place: the word that contains its rank, the word's first vehicle, and the rank within the word."""
+        begin, members, first, rank_in_word = located
+        n_bits = counts[word][None]
         is_in = (rank >= begin) & (rank < begin + n_bits)
-        new = number_bits, number * bits.BITS, rank - begin
-        old = members, first, rank_in_number
+        new = words[word][None], word * bits.BITS_PER_WORD, rank - begin
+        old = members, first, rank_in_word
         return begin + n_bits, *(jnp.where(is_in, a, b) for a, b in zip(new, old, strict=True))
 
-    nothing = jnp.zeros_like(rank)
-    start = jnp.zeros((1, *others), jnp.int32), nothing.astype(jnp.uint32), nothing, nothing
-    total, members, first, rank_in_number = lax.fori_loop(0, n_numbers, locate, start, unroll=min(n_numbers, 8))
-    vehicle = jnp.where(rank < total, first + bits.position(members, rank_in_number), n_vehicles)
+    zeros = jnp.zeros_like(rank)
+    start = jnp.zeros((1, *scenario_axes), jnp.int32), zeros.astype(jnp.uint32), zeros, zeros
+    total, members, first, rank_in_word = lax.fori_loop(0, n_words, locate, start, unroll=min(n_words, 8))
+    vehicle = jnp.where(rank < total, first + bits.position(members, rank_in_word), n_vehicles)
     return Subset(vehicle, jnp.all(total <= places), n_vehicles)

@@ -11,15 +11,15 @@ from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
 from rearl_jax.core.car_following.model import CarFollowing
-from rearl_jax.core.compaction import ONE_IN_CHANGES_LANES, Subset, apply_where, compact
+from rearl_jax.core.compaction import VEHICLES_PER_LANE_CHANGER, Subset, apply_where, compact
 from rearl_jax.core.drivers import Drivers
-from rearl_jax.core.mobil import approach_rate, decides
+from rearl_jax.core.mobil import approach_rate, uses_mobil
 from rearl_jax.core.nearest import lane_bit
 from rearl_jax.core.neighbours import DerivedState, Leader, for_each_vehicle, is_large, row
 from rearl_jax.core.state import TrafficState
 
-NOWHERE = -1_000
-"""A lane that does not exist, the target lane in empty places of a subset."""
+NO_LANE = -1_000
+"""Target lane in empty places of a subset: a lane that does not exist."""
 
 _Conflict = tuple[
     Int[Array, "n *s"], Bool[Array, "n *s"], TrafficState, DerivedState, CarFollowing, Float[Array, "#n *#s"]
@@ -35,11 +35,11 @@ def abort_conflicts(
 ) -> Int[Array, "vehicles *scenarios"]:
     """Target lanes after conflicting lane changes have been aborted.
 
-    A vehicle aborts its lane change if another vehicle, ahead within its desired spacing, is changing into the same
-    lane. highway-env updates the vehicles one after another, so each vehicle uses the new target lanes of vehicles
-    before it in the list and the old ones of those behind. In parallel, this is a triangular system of booleans.
-    Fixed-point iteration solves it exactly, in as many iterations as the longest chain of vehicles that give way to
-    each other.
+    A vehicle aborts its lane change if another vehicle, ahead of it by less than its desired spacing, is changing into
+    the same lane. highway-env updates the vehicles one after another, so each vehicle uses the new target lanes of
+    vehicles before it in the list and the old ones of vehicles after it. In parallel, this is a triangular system of
+    booleans. Fixed-point iteration solves it exactly, in as many iterations as the longest chain of vehicles that give
+    way to each other.
 
     Args:
         decided_lane: Target lanes after the lane-change decision.
@@ -47,57 +47,57 @@ def abort_conflicts(
         derived: Derived quantities of the traffic.
         drivers: Parameters of all vehicles.
     """
-    # A decision has no derivative, drivers' memory has other axes than the gathered arrays, and the target lane of a
-    # replayed vehicle is unknown.
-    without_others = replace(derived, nearest=None, replayed=None)
-    known = replace(state, memory=None), without_others, drivers.car_following, drivers.body.length
-    state, derived, car_following, length = lax.stop_gradient(known)
-    changing = decides(state, drivers) & (derived.lane != state.target_lane)
+    # A decision has no derivative. Memory and tables of neighbours have other axes than the gathered arrays, and the
+    # target lane of a replayed vehicle is unknown.
+    own_derived = replace(derived, nearest=None, replayed=None)
+    inputs = replace(state, memory=None), own_derived, drivers.car_following, drivers.body.length
+    state, derived, car_following, length = lax.stop_gradient(inputs)
+    changing = uses_mobil(state, drivers) & (derived.lane != state.target_lane)
 
-    def among_all() -> Int[Array, "vehicles *scenarios"]:
+    def solve_for_all() -> Int[Array, "vehicles *scenarios"]:
         return _solve_where_needed((decided_lane, changing, state, derived, car_following, length))
 
-    def among(subset: Subset) -> Int[Array, "vehicles *scenarios"]:
+    def solve_for(subset: Subset) -> Int[Array, "vehicles *scenarios"]:
         own_state, *others = jax.tree.map(subset.gather, (state, derived, car_following, length))
 
-        def if_there(lane: Array) -> Array:
-            return jnp.where(subset.is_filled, lane, NOWHERE)
+        def or_no_lane(lane: Array) -> Array:
+            return jnp.where(subset.is_filled, lane, NO_LANE)
 
-        own_state = replace(own_state, target_lane=if_there(own_state.target_lane))
-        decided, changes = if_there(subset.gather(decided_lane)), subset.gather(changing) & subset.is_filled
+        own_state = replace(own_state, target_lane=or_no_lane(own_state.target_lane))
+        decided, changes = or_no_lane(subset.gather(decided_lane)), subset.gather(changing) & subset.is_filled
         return subset.scatter(_solve_where_needed((decided, changes, own_state, *others)), decided_lane)
 
     if not is_large(state.x.shape[0]):
-        return among_all()
-    subset = compact((state.target_lane != derived.lane) | (decided_lane != derived.lane), ONE_IN_CHANGES_LANES)
-    return lax.cond(subset.suffices, lambda: among(subset), among_all)
+        return solve_for_all()
+    subset = compact((state.target_lane != derived.lane) | (decided_lane != derived.lane), VEHICLES_PER_LANE_CHANGER)
+    return lax.cond(subset.suffices, lambda: solve_for(subset), solve_for_all)
 
 
 def _solve_where_needed(conflict: _Conflict) -> Int[Array, "n *s"]:
-    """Target lanes, solved only in scenarios in which a vehicle may have to give way, that is, two vehicles change into
-    one lane and one of them would abort.
+    """Target lanes, solved only in scenarios in which a vehicle may have to give way: at least two vehicles enter one
+    lane, and at least one of them has a change in progress.
     """
     decided_lane, changing, state, derived, *_ = conflict
 
-    def bit_of(lane: Array, is_meant: Array) -> Array:
-        return jnp.where(is_meant, lane_bit(jnp.maximum(lane, -1)), 0)
+    def bit_where(is_counted: Array, lane: Array) -> Array:
+        return jnp.where(is_counted, lane_bit(jnp.maximum(lane, -1)), 0)
 
-    enters = bit_of(state.target_lane, state.target_lane != derived.lane) | bit_of(
-        decided_lane, decided_lane != derived.lane
+    enters = bit_where(state.target_lane != derived.lane, state.target_lane) | bit_where(
+        decided_lane != derived.lane, decided_lane
     )
-    gives_way = bit_of(state.target_lane, changing)
+    gives_way = bit_where(changing, state.target_lane)
 
     def count_entries(other: Int[Array, ""], lanes: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
         """Lanes, as bits, that at least one vehicle enters, that two or more enter, and on which a vehicle may give
         way.
         """
-        once, twice, given = lanes
+        once, twice, contested = lanes
         entered = row(enters, other)
-        return once | entered, twice | (once & entered), given | row(gives_way, other)
+        return once | entered, twice | (once & entered), contested | row(gives_way, other)
 
     no_vehicle = jnp.zeros((1, *changing.shape[1:]), jnp.int32)
-    _, twice, given = for_each_vehicle(changing.shape[0], count_entries, (no_vehicle, no_vehicle, no_vehicle))
-    return apply_where(((twice & given) != 0)[0], _solve, conflict, decided_lane)
+    _, twice, contested = for_each_vehicle(changing.shape[0], count_entries, (no_vehicle, no_vehicle, no_vehicle))
+    return apply_where(((twice & contested) != 0)[0], _solve, conflict, decided_lane)
 
 
 def _solve(conflict: _Conflict) -> Int[Array, "n *s"]:
@@ -105,17 +105,17 @@ def _solve(conflict: _Conflict) -> Int[Array, "n *s"]:
     decided_lane, changing, state, derived, car_following, length = conflict
     n_filled = state.x.shape[0]
     if is_large(n_filled):
-        n_filled = jnp.max(jnp.sum(state.target_lane != NOWHERE, axis=0))  # the first places of a subset are filled
+        n_filled = jnp.max(jnp.sum(state.target_lane != NO_LANE, axis=0))  # the first places of a subset are filled
 
     def iterate(lanes: Int[Array, "n *s"]) -> Int[Array, "n *s"]:
         is_blocked = _is_blocked(lanes, state, derived, car_following, length, n_filled)
         return jnp.where(changing & is_blocked, derived.lane, decided_lane)
 
-    def has_changed(rounds: tuple[Array, Array]) -> Array:
-        return jnp.any(rounds[0] != rounds[1])
+    def has_changed(last_two: tuple[Array, Array]) -> Array:
+        return jnp.any(last_two[0] != last_two[1])
 
-    rounds = decided_lane, iterate(decided_lane)
-    return lax.while_loop(has_changed, lambda rounds: (rounds[1], iterate(rounds[1])), rounds)[1]
+    first_two = decided_lane, iterate(decided_lane)
+    return lax.while_loop(has_changed, lambda last_two: (last_two[1], iterate(last_two[1])), first_two)[1]
 
 
 def _is_blocked(
@@ -126,17 +126,18 @@ def _is_blocked(
     length: Float[Array, "#vehicles *#scenarios"],
     n_filled: int | Array,
 ) -> Bool[Array, "vehicles *scenarios"]:
-    """True where a vehicle ahead, of the first `n_filled`, is changing into a vehicle's target lane, if `lanes` are the
-    target lanes of those before it in the list.
+    """True where another vehicle, ahead within the desired spacing, is changing into a vehicle's target lane.
+
+    Compared are the first `n_filled` vehicles; `lanes` are the new target lanes of vehicles earlier in the list.
     """
     index = lax.broadcasted_iota(jnp.int32, state.x.shape, 0)
 
     def compare(other: Int[Array, ""], blocked: Array) -> Array:
         ahead_by = row(state.x, other) - state.x
         dv = approach_rate(derived, Leader(ahead_by, row(derived.speed_x, other), row(derived.speed_y, other)))
-        wanted = car_following.desired_spacing(length, state.speed, dv)
+        desired_spacing = car_following.desired_spacing(length, state.speed, dv)
         other_target = jnp.where(other < index, row(lanes, other), row(state.target_lane, other))
         same_target = (other_target == state.target_lane) & (row(derived.lane, other) != state.target_lane)
-        return blocked | (same_target & (ahead_by > 0) & (ahead_by < wanted))
+        return blocked | (same_target & (ahead_by > 0) & (ahead_by < desired_spacing))
 
     return for_each_vehicle(n_filled, compare, jnp.zeros(state.x.shape, bool))

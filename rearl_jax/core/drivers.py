@@ -22,7 +22,7 @@ class MOBILParams(eqx.Module):
         politeness: Weight p of the followers' change of acceleration [-].
         gain_threshold: Least gain in acceleration that justifies a change [m/s^2].
         safe_decel: Largest deceleration a change may impose on the new follower, positive [m/s^2].
-        decision_period: Ticks from one lane-change decision to the next [ticks].
+        decision_period: Time from one lane-change decision to the next [ticks].
         changes_lanes: Whether the vehicle changes lanes at all.
     """
 
@@ -55,8 +55,8 @@ class Drivers(eqx.Module):
     """Car following, lane changing and vehicles of all drivers.
 
     Attributes:
-        car_following: Parameters of one model, see `rearl_jax.core.car_following`. A vehicle's desired speed is that of
-            its state, which decisions may change; `gap_driving.begin_driving` sets it.
+        car_following: Parameters of one model, see `rearl_jax.core.car_following`. The desired speed in
+            the traffic's state replaces theirs: `gap_driving.begin_driving` copies it there, decisions may change it.
         mobil: Parameters of lane changing.
         body: Size, class and limits of the vehicles.
         effects: Effects on car following and lane changing. A parameter is a scalar or has the rank of
@@ -94,24 +94,24 @@ def highway_env_drivers(
     if accel_exponent is None:
         accel_exponent = jnp.full((1,) * ndim, 4.0, dtype)
 
-    def same(value: float | int | bool, kind: jnp.dtype | type = accel_exponent.dtype) -> jax.Array:
+    def shared(value: float | int | bool, kind: jnp.dtype | type = accel_exponent.dtype) -> jax.Array:
         return jnp.full((1,) * accel_exponent.ndim, value, kind)
 
     return Drivers(
         car_following=HighwayEnvIDM(
             desired_speed=None,
-            time_gap=same(1.5),
-            jam_gap=same(5.0),
-            max_accel=same(3.0),
-            comfort_decel=same(5.0),
+            time_gap=shared(1.5),
+            jam_gap=shared(5.0),
+            max_accel=shared(3.0),
+            comfort_decel=shared(5.0),
             accel_exponent=accel_exponent,
         ),
         mobil=MOBILParams(
-            politeness=same(0.0),
-            gain_threshold=same(0.2),
-            safe_decel=same(2.0),
-            decision_period=same(decision_period(1.0, ticks_per_second), jnp.int32),
-            changes_lanes=same(True, bool),
+            politeness=shared(0.0),
+            gain_threshold=shared(0.2),
+            safe_decel=shared(2.0),
+            decision_period=shared(decision_period(1.0, ticks_per_second), jnp.int32),
+            changes_lanes=shared(True, bool),
         ),
-        body=Body(length=same(5.0), width=same(2.0), accel_limit=same(6.0), collides=same(True, bool)),
+        body=Body(length=shared(5.0), width=shared(2.0), accel_limit=shared(6.0), collides=shared(True, bool)),
     )

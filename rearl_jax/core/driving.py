@@ -13,12 +13,13 @@ class Driving(NamedTuple):
 
     Attributes:
         state: The traffic, with the drivers' memory after this time step.
-        own_acceleration: Acceleration on the own lane [m/s^2].
+        own_acceleration: Acceleration on the lane that each vehicle is on [m/s^2].
         target_lane: Lane each driver wants to be on.
-        on_lane: Function from lanes to the accelerations there [m/s^2]; undefined for the own lane.
+        acceleration_on: Function from another lane of each vehicle to the acceleration there [m/s^2]; undefined for the
+            lane that the vehicle is on.
     """
 
     state: TrafficState
     own_acceleration: Float[Array, "vehicles *scenarios"]
     target_lane: Int[Array, "vehicles *scenarios"]
-    on_lane: Callable[[Int[Array, "vehicles *scenarios"]], Float[Array, "vehicles *scenarios"]]
+    acceleration_on: Callable[[Int[Array, "vehicles *scenarios"]], Float[Array, "vehicles *scenarios"]]

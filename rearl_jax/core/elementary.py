@@ -3,7 +3,7 @@
 On a CPU, XLA calls the C library once per element for these functions: 1.6 ns for a sine and 8 ns for an arcsine, where
 a whole vehicle may cost 30 ns per time step. In float32 they are short polynomials here, found by Chebyshev
 interpolation when the module is loaded and good to about one unit in the last place. In float64, agreement with
-highway-env matters more than speed, so JAX's functions are used if they are as exact as the C library's, and
+highway-env matters more than speed, so JAX's functions are used where they are as exact as the C library's, and
 double-double arithmetic (`rearl_jax.core.double_double`) otherwise.
 """
 
@@ -18,6 +18,7 @@ from rearl_jax.core.double_double import ARCSINE_SERIES
 
 HALF_PI_HIGH = float(np.float32(np.pi / 2))
 HALF_PI_LOW = np.pi / 2 - HALF_PI_HIGH
+"""pi / 2 as the sum of a float32 and the rest, so that the reduction of an angle loses no digits."""
 
 ARCSINE_RANGE = float(np.sqrt(0.5))
 """Largest argument of `arcsine`: the sine of 45 degrees, the largest heading commanded by the lateral controller."""
@@ -36,7 +37,7 @@ _SINE_OVER_ARGUMENT = _power_series(lambda s: np.sinc(np.sqrt(s) / np.pi), (np.p
 _COSINE = _power_series(lambda s: np.cos(np.sqrt(s)), (np.pi / 4) ** 2 * 1.01, 5)
 
 
-# (arcsin(v) / v - 1) / v^2, the relative difference of the arcsine from its argument over its square.
+# (arcsin(v) / v - 1) / v^2: the relative difference of the arcsine from its argument v, divided by v^2.
 _ARCSINE_EXCESS = _power_series(
     lambda s: np.polynomial.polynomial.polyval(s, [float(c) for c in ARCSINE_SERIES]), ARCSINE_RANGE**2, 8
 )
@@ -77,7 +78,7 @@ def cosine(angle: Float[Array, "*n"]) -> Float[Array, "*n"]:
 
 
 def arcsine(value: Float[Array, "*n"]) -> Float[Array, "*n"]:
-    """Arcsine [rad] of a value cut to +-ARCSINE_RANGE; in float32 within 1e-7, in float64 correctly rounded."""
+    """Arcsine [rad] of a value clipped to +-ARCSINE_RANGE; in float32 within 1e-7, in float64 correctly rounded."""
     value = jnp.clip(value, -ARCSINE_RANGE, ARCSINE_RANGE)
     if value.dtype == jnp.float64:
         return double_double.arcsine(value)
@@ -86,7 +87,7 @@ def arcsine(value: Float[Array, "*n"]) -> Float[Array, "*n"]:
 
 
 SMALLEST_BASE = 1e-30
-"""Base below which `power` is zero in float32, so that the logarithm stays finite."""
+"""Lower bound of the base of `power` in float32, where the power is practically 0; it keeps the logarithm finite."""
 
 
 def power(base: Float[Array, "*n"], exponent: Float[Array, "*#n"]) -> Float[Array, "*n"]:

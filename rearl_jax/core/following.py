@@ -34,14 +34,14 @@ def follow(
     last: Float[Array, "*#n"],
     dt: float,
 ) -> tuple[Float[Array, "*n"], tuple[PyTree, ...]]:
-    """Acceleration [m/s^2], bounded, and the memory of the effects afterwards.
+    """Bounded acceleration [m/s^2], and the memory of the effects after this time step.
 
     Args:
         seen: Present stimulus of each driver.
         driver: Car-following model of the drivers.
-        effects: Effects that act on it.
+        effects: Effects that act on the model.
         memory: Memory of the effects.
-        last: Acceleration of the last call [m/s^2].
+        last: Acceleration at the last call [m/s^2].
         dt: Time since the last call [s].
     """
     seen, memory = perceive(seen, driver, effects, memory, dt)
@@ -55,7 +55,7 @@ def perceive(
     """Perceived stimulus, and the memory of the effects including it.
 
     Each effect receives the stimulus changed by the effects before it; for example, a delay also delays errors of
-    perception, and action points keep the delayed stimulus constant in between. Arguments as in `follow`.
+    perception listed before it, and action points listed after it hold the delayed stimulus. Arguments as in `follow`.
     """
     updated = []
     for effect, own_memory in zip(effects, memory, strict=True):
@@ -72,7 +72,7 @@ def adjust_setpoints(
     Args:
         seen: Stimulus as the drivers perceive it.
         driver: Car-following model of the drivers.
-        effects: Effects that act on it.
+        effects: Effects that act on the model.
         memory: Memory of the effects, this time step included.
     """
     desired_speed, time_gap, jam_gap = driver.desired_speed, driver.time_gap, driver.jam_gap
@@ -91,7 +91,7 @@ def respond(
 ) -> Float[Array, "*n"]:
     """Wanted acceleration [m/s^2], within the bounds of a vehicle.
 
-    `driver` is the result of `adjust_setpoints`; other arguments as there.
+    `driver` is the result of `adjust_setpoints`; the other arguments are those of this function.
     """
     interaction = seen.has_leader * driver.interaction(seen.gap, seen.speed, seen.speed - seen.leader_speed)
     for effect, own_memory in zip(effects, memory, strict=True):

@@ -22,7 +22,7 @@ from rearl_jax.core.model import TrafficModel
 from rearl_jax.core.neighbours import DerivedState, derive_state, sort_if_large
 from rearl_jax.core.replayed import ReplayedVehicles
 from rearl_jax.core.state import Controller, TrafficState
-from rearl_jax.core.stimuli import find_neighbours, in_front, stimulus, vehicle_states
+from rearl_jax.core.stimuli import find_neighbours, leader_fields, stimulus, vehicle_states
 
 
 class DriverMemory(eqx.Module):
@@ -30,7 +30,7 @@ class DriverMemory(eqx.Module):
 
     Attributes:
         n_ticks: Time steps since the start.
-        leader_history: Last change of the leader.
+        leader_history: Last change of each driver's leader.
         effects: Memory of each effect.
         desired_side: Side to which drivers wanted to change at their last decision but had no room: -1 left, +1 right,
             else 0.
@@ -51,9 +51,9 @@ def begin_driving(
     memory.
     """
     if drivers.car_following.desired_speed is not None:
-        wanted = jnp.broadcast_to(drivers.car_following.desired_speed, state.x.shape)
-        wanted = jnp.where(state.controller == Controller.IDM, wanted, state.desired_speed)
-        state = replace(state, desired_speed=wanted)
+        desired_speed = jnp.broadcast_to(drivers.car_following.desired_speed, state.x.shape)
+        desired_speed = jnp.where(state.controller == Controller.IDM, desired_speed, state.desired_speed)
+        state = replace(state, desired_speed=desired_speed)
     if not drivers.see_gaps:
         return state
     state = sort_if_large(state)
@@ -62,16 +62,17 @@ def begin_driving(
     neighbours = find_neighbours(state, derived, vehicles)
     history = LeaderHistory.begin(neighbours.ahead[0].index, bumper_gap(neighbours.ahead[0], vehicles))
     seen = stimulus(state, derived, vehicles, neighbours, history, derived.lane, jnp.zeros((), state.x.dtype), model)
-    effect_memory = begin_effects(drivers.effects, seen, _own_driver(state, drivers, model), model.dt)
+    effect_memory = begin_effects(drivers.effects, seen, _present_car_following(state, drivers, model), model.dt)
     return replace(state, memory=DriverMemory(jnp.int32(0), history, effect_memory, jnp.zeros_like(state.target_lane)))
 
 
 def drive_by_gaps(state: TrafficState, derived: DerivedState, drivers: Drivers, model: TrafficModel) -> Driving:
     """Accelerations behind the leaders, and target lanes.
 
-    Effects act on the acceleration on the own lane and on the target lane of a lane change; the target lane is
-    perceived without delay or error. Lanes are compared by car following alone, with the driver's present desired speed
-    and time gap, which replace those of the followers, as in highway-env; then effects act on the gain.
+    Effects act on the acceleration on the vehicle's lane and on the target lane of a lane change; the target lane is
+    perceived without delay or error. Lanes are compared by car following alone, with each driver's present desired
+    speed; the other parameters of the followers are replaced by those of the deciding driver, as in highway-env. Then
+    effects act on the gain.
 
     Raises:
         ValueError: The drivers have no memory yet.
@@ -86,40 +87,40 @@ def drive_by_gaps(state: TrafficState, derived: DerivedState, drivers: Drivers, 
     wanted_lane = jnp.where(derived.lane == state.target_lane, derived.lane + memory.desired_side, state.target_lane)
     time = memory.n_ticks.astype(state.x.dtype) * model.dt
     seen = stimulus(state, derived, vehicles, neighbours, history, wanted_lane, time, model)
-    effects, driver = drivers.effects, _own_driver(state, drivers, model)
+    effects, driver = drivers.effects, _present_car_following(state, drivers, model)
     perceived, effect_memory = perceive(seen, driver, effects, memory.effects, model.dt)
-    present = adjust_setpoints(perceived, driver, effects, effect_memory)
-    stopping = -jnp.maximum(state.speed, 0.0) / model.dt
+    adjusted = adjust_setpoints(perceived, driver, effects, effect_memory)
+    stop_at_once = -jnp.maximum(state.speed, 0.0) / model.dt  # harder braking would make the vehicle drive backwards
 
     def on_target_lane() -> Float[Array, "vehicles *scenarios"]:
         (ahead,) = find_ahead(state, derived, vehicles, state.target_lane, 1)
-        seen_there = replace(seen, **in_front(ahead, vehicles), has_second=jnp.zeros_like(state.x))
+        seen_there = replace(seen, **leader_fields(ahead, vehicles), has_second=jnp.zeros_like(state.x))
         return respond(seen_there, adjust_setpoints(seen_there, driver, effects, effect_memory), effects, effect_memory)
 
     is_changing = (state.controller != Controller.ABSENT) & (derived.lane != state.target_lane)
-    nothing = jnp.zeros_like(state.x)
-    own_acceleration = jnp.maximum(respond(perceived, present, effects, effect_memory), stopping)
-    target = jnp.maximum(if_any(is_changing, on_target_lane, nothing), stopping)
-    left = right = nothing
+    zeros = jnp.zeros_like(state.x)
+    own_acceleration = jnp.maximum(respond(perceived, adjusted, effects, effect_memory), stop_at_once)
+    target_acceleration = jnp.maximum(if_any(is_changing, on_target_lane, zeros), stop_at_once)
+    left = right = zeros
     target_lane, side = state.target_lane, memory.desired_side
     if model.lane_changes:
-        vehicles = replace(vehicles, desired_speed=jnp.broadcast_to(present.desired_speed, state.x.shape))
-        options = LaneOptions(vehicles, leader, seen, present, effect_memory)
+        vehicles = replace(vehicles, desired_speed=jnp.broadcast_to(adjusted.desired_speed, state.x.shape))
+        options = LaneOptions(vehicles, leader, seen, adjusted, effect_memory)
         accelerations, gains = compare_lanes(state, derived, options, drivers, model)
         left, right = accelerations.left, accelerations.right
         due = is_due(state, derived, drivers)
         target_lane = decide_lanes(state, derived, due, accelerations, gains, drivers, model)
         side = desired_side(state, derived, accelerations, gains, drivers, model, before=side)
 
-    def on_lane(lane: Int[Array, "vehicles *scenarios"]) -> Float[Array, "vehicles *scenarios"]:
+    def acceleration_on(lane: Int[Array, "vehicles *scenarios"]) -> Float[Array, "vehicles *scenarios"]:
         beside = jnp.where(lane < derived.lane, left, right)
-        return jnp.where(lane == state.target_lane, target, beside)
+        return jnp.where(lane == state.target_lane, target_acceleration, beside)
 
     memory = DriverMemory(memory.n_ticks + 1, history, effect_memory, side)
-    return Driving(replace(state, memory=memory), own_acceleration, target_lane, on_lane)
+    return Driving(replace(state, memory=memory), own_acceleration, target_lane, acceleration_on)
 
 
-def _own_driver(state: TrafficState, drivers: Drivers, model: TrafficModel) -> CarFollowing:
-    """The drivers' car following with the desired speeds of the state, under the road's limit."""
+def _present_car_following(state: TrafficState, drivers: Drivers, model: TrafficModel) -> CarFollowing:
+    """The drivers' car-following model with the desired speeds of the state, under the road's limit."""
     desired_speed = jnp.clip(state.desired_speed, LEAST_DESIRED_SPEED, model.speed_limit)
     return replace(drivers.car_following, desired_speed=desired_speed).full(state.x.shape)

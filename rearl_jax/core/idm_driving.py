@@ -18,8 +18,8 @@ from rearl_jax.core.model import TrafficModel
 from rearl_jax.core.neighbours import Candidates, DerivedState, find_leader
 from rearl_jax.core.state import Controller, TrafficState
 
-ONE_IN_SEARCHES = 12
-"""A block of vehicles that search other lanes has room for one vehicle in this many: in a time step one vehicle in 16
+VEHICLES_PER_SEARCHER = 12
+"""A block of vehicles that search other lanes has room for one of this many vehicles: in a time step one vehicle in 16
 decides about its lane, and at most as many are changing lanes.
 """
 
@@ -29,7 +29,7 @@ _Followers = tuple[TrafficState, DerivedState, Float[Array, "n *s"], Drivers]
 """Vehicles, their derived quantities, their accelerations on a free road [m/s^2], their parameters."""
 
 _Deciders = tuple[TrafficState, DerivedState, Float[Array, "n *s"], Float[Array, "n *s"], Drivers]
-"""Vehicles, their derived quantities, their accelerations on a free road and on their own lane [m/s^2], their
+"""Vehicles, their derived quantities, their accelerations on a free road and behind their leaders [m/s^2], their
 parameters.
 """
 
@@ -39,19 +39,19 @@ def drive_by_idm(state: TrafficState, derived: DerivedState, drivers: Drivers, m
     follows = state.controller == Controller.IDM
     if model.meta_follows:
         follows = state.controller != Controller.ABSENT
-    assert isinstance(drivers.car_following, HighwayEnvIDM)  # only then are these rules used
+    assert isinstance(drivers.car_following, HighwayEnvIDM)  # all others drive by gaps
     free = drivers.car_following.free_acceleration_at(speed_ratio=derived.speed_ratio)
 
-    everyone = state, derived, free, drivers
-    own_acceleration = if_any(follows, lambda: _behind_leader(everyone, derived.lane), jnp.zeros_like(state.x))
+    all_vehicles = state, derived, free, drivers
+    own_acceleration = if_any(follows, lambda: _behind_leader(all_vehicles, derived.lane), jnp.zeros_like(state.x))
 
-    def on_lane(lane: Int[Array, "vehicles *scenarios"]) -> Float[Array, "vehicles *scenarios"]:
-        return _behind_other_leader(everyone, lane, follows & (lane != derived.lane))
+    def acceleration_on(lane: Int[Array, "vehicles *scenarios"]) -> Float[Array, "vehicles *scenarios"]:
+        return _behind_other_leader(all_vehicles, lane, follows & (lane != derived.lane))
 
     target_lane = state.target_lane
     if model.lane_changes:
         target_lane = _choose_lanes(state, derived, free, own_acceleration, drivers, model)
-    return Driving(state, own_acceleration, target_lane, on_lane)
+    return Driving(state, own_acceleration, target_lane, acceleration_on)
 
 
 def _behind_leader(followers: _Followers, lane: Array, among: Candidates | None = None) -> Float[Array, "n *s"]:
@@ -60,14 +60,14 @@ def _behind_leader(followers: _Followers, lane: Array, among: Candidates | None 
     return acceleration_behind(free, state, derived, find_leader(state, derived, lane, among), drivers)
 
 
-def _behind_other_leader(everyone: _Followers, lane: Array, searches: Bool[Array, "n *s"]) -> Float[Array, "n *s"]:
-    """Acceleration on another lane [m/s^2] of the vehicles that search it, few in large traffic; 0 for all others."""
-    nothing = jnp.zeros_like(everyone[0].x)
+def _behind_other_leader(all_vehicles: _Followers, lane: Array, searches: Bool[Array, "n *s"]) -> Float[Array, "n *s"]:
+    """Acceleration on another lane [m/s^2] for the vehicles that search it, few in large traffic; 0 for all others."""
+    zeros = jnp.zeros_like(all_vehicles[0].x)
 
     def of_all() -> Float[Array, "n *s"]:
-        return if_any(searches, lambda: _behind_leader(everyone, lane), nothing)
+        return if_any(searches, lambda: _behind_leader(all_vehicles, lane), zeros)
 
-    state, derived, free, drivers = everyone
+    state, derived, free, drivers = all_vehicles
     if not _is_treated_in_blocks(derived):
         return of_all()
     members = list_vehicles(searches)
@@ -77,7 +77,7 @@ def _behind_other_leader(everyone: _Followers, lane: Array, searches: Bool[Array
         own_state, own_derived, candidates = _of_block(block, state, derived)
         own_free, own_drivers, own_lane = _gathered(block.index, (free, drivers, lane), state)
         followers = own_state, own_derived, own_free, own_drivers
-        return scatter(_behind_leader(followers, own_lane, candidates), block.index, block.is_filled, nothing)
+        return scatter(_behind_leader(followers, own_lane, candidates), block.index, block.is_filled, zeros)
 
     return lax.cond(members.count <= _block_size(state), of_block, of_all)
 
@@ -90,10 +90,10 @@ def _choose_lanes(
     drivers: Drivers,
     model: TrafficModel,
 ) -> Int[Array, "vehicles *scenarios"]:
-    """Target lanes. In large traffic, and among replayed vehicles, only drivers whose decision is due search the lanes
-    beside, block by block.
+    """Target lanes.
 
-    No decision depends on another, so it does not matter which vehicles share a block.
+    In large traffic, and in small traffic among replayed vehicles, only drivers whose decision is due search the
+    adjacent lanes, block by block. No decision depends on another, so it does not matter which vehicles share a block.
     """
     due = is_due(state, derived, drivers)
     if not _is_treated_in_blocks(derived) and not _is_small_among_replayed(derived):
@@ -117,19 +117,20 @@ def _choose_lanes(
 
 
 def _is_treated_in_blocks(derived: DerivedState) -> bool:
-    """True in large traffic, where few vehicles search other lanes; replayed vehicles have no place in blocks."""
+    """True in large traffic without replayed vehicles; the arrays of these cannot be gathered by simulated vehicle."""
     return derived.nearest is not None and derived.replayed is None
 
 
 def _is_small_among_replayed(derived: DerivedState) -> bool:
-    """True in small traffic with replayed vehicles: searching them for all vehicles costs more than copying them for
+    """True in small traffic with replayed vehicles: to search these for all vehicles costs more than to copy them for
     the few vehicles that decide.
     """
     return derived.nearest is None and derived.replayed is not None
 
 
 def _block_size(state: TrafficState) -> int:
-    return state.x.size // ONE_IN_SEARCHES + 2
+    """Places of a block of vehicles that search other lanes."""
+    return state.x.size // VEHICLES_PER_SEARCHER + 2
 
 
 def _gathered(index: Int[Array, "*block"], values: Values, state: TrafficState) -> Values:
@@ -142,7 +143,7 @@ def _of_block(
 ) -> tuple[TrafficState, DerivedState, Candidates]:
     """The vehicles of a block in large traffic, their derived quantities, and the candidates that they search."""
     assert derived.nearest is not None  # always set in large traffic
-    # Drivers' memory has other axes than the gathered arrays.
+    # Not gathered: memory has other axes than the vehicles, and the tables of neighbours have a block of their own.
     candidates = Candidates(replace(state, memory=None), replace(derived, nearest=None))
     gathered = _gathered(block.index, candidates, state)
     return gathered.state, replace(gathered.derived, nearest=derived.nearest.of_block(block.index)), candidates
@@ -158,7 +159,7 @@ def _of_block_among_replayed(
     scenario = block.index % n_scenarios
 
     def of_scenarios(values: Values) -> Values:
-        return jax.tree.map(lambda leaf: gather(leaf, _places(leaf, scenario, n_scenarios), leaf.shape), values)
+        return jax.tree.map(lambda leaf: gather(leaf, _flat_indices(leaf, scenario, n_scenarios), leaf.shape), values)
 
     candidates = Candidates(replace(state, memory=None), replace(derived, replayed=None))
     gathered = _gathered(block.index[None], candidates, state)
@@ -167,7 +168,7 @@ def _of_block_among_replayed(
     return gathered.state, own_derived, Candidates(among.state, among.derived, block.index[None] // n_scenarios)
 
 
-def _places(leaf: Array, scenario: Int[Array, " block"], n_scenarios: int) -> Int[Array, "n block"]:
+def _flat_indices(leaf: Array, scenario: Int[Array, " block"], n_scenarios: int) -> Int[Array, "n block"]:
     """Flat indices of all rows of an array in some scenarios."""
     return lax.iota(jnp.int32, leaf.shape[0])[:, None] * n_scenarios + scenario[None]
 
@@ -175,7 +176,7 @@ def _places(leaf: Array, scenario: Int[Array, " block"], n_scenarios: int) -> In
 def _decided_lanes(
     deciders: _Deciders, due: Bool[Array, "n *s"], model: TrafficModel, among: Candidates | None = None
 ) -> Int[Array, "n *s"]:
-    """Target lanes of the vehicles that decide: all vehicles, or some that search `among` all."""
+    """Target lanes of the vehicles that decide; `among` as in `evaluate_lanes`."""
     state, derived, free, own_acceleration, drivers = deciders
     accelerations = evaluate_lanes(state, derived, free, own_acceleration, due, drivers, model, among)
     return decide_lanes(state, derived, due, accelerations, lane_gains(accelerations, drivers, model), drivers, model)

@@ -36,7 +36,7 @@ SPEED_TIME = 0.6
 """
 
 MAX_SPEED = 40.0
-"""Speed [m/s], forwards and backwards, above which the vehicle is decelerated. Source: highway-env 1.12.1,
+"""Speed [m/s], forwards and backwards, above which a vehicle is decelerated. Source: highway-env 1.12.1,
 `Vehicle.MAX_SPEED`.
 """
 
@@ -80,8 +80,8 @@ def wrap_to_pi(angle: Float[Array, "*n"]) -> Float[Array, "*n"]:
 def course(state: TrafficState, derived: DerivedState, sine_of_slip: Float[Array, "vehicles *scenarios"]) -> Course:
     """Direction of motion at a commanded sine of the slip angle, limited to the largest steering angle."""
     if sine_of_slip.dtype == jnp.float64:
-        nowhere = Course(*(jnp.zeros_like(sine_of_slip),) * 3)
-        return if_any(state.speed != 0, lambda: _course_by_angles(state.heading, sine_of_slip), nowhere)
+        at_rest = Course(*(jnp.zeros_like(sine_of_slip),) * 3)
+        return if_any(state.speed != 0, lambda: _course_by_angles(state.heading, sine_of_slip), at_rest)
     sin_slip = jnp.clip(sine_of_slip, -MAX_SINE_OF_SLIP, MAX_SINE_OF_SLIP)
     cos_slip = jnp.sqrt(1 - sin_slip * sin_slip)
     return Course(
@@ -132,7 +132,7 @@ def control(
         state: The traffic.
         derived: Derived quantities of the traffic.
         target_lane: Target lanes of the vehicles.
-        own_acceleration: Car-following accelerations on the own lane [m/s^2].
+        own_acceleration: Car-following accelerations behind the leaders on the present lanes [m/s^2].
         target_acceleration: Car-following accelerations on the target lane, if it differs [m/s^2].
         drivers: Parameters of all vehicles.
         model: The road and its clock.
@@ -144,7 +144,7 @@ def control(
     )
     if drivers.effects:
         following = actuate(following, state.acceleration, drivers.effects, model.dt)
-        following = jnp.maximum(following, -jnp.maximum(state.speed, 0.0) / model.dt)  # crashed vehicles brake to rest
+        following = jnp.maximum(following, -jnp.maximum(state.speed, 0.0) / model.dt)  # not backwards
     following = jnp.clip(following, -drivers.body.accel_limit, drivers.body.accel_limit)
     tracking = (1 / SPEED_TIME) * (state.desired_speed - state.speed)
     if model.meta_follows:
@@ -152,10 +152,10 @@ def control(
         tracking = jnp.clip(jnp.minimum(tracking, following), -limit, limit)
     acceleration = jnp.where(state.controller == Controller.IDM, following, tracking)
     acceleration = jnp.where(state.crashed, -state.speed, acceleration)
-    # Bounds of the speed; the two cases exclude each other.
-    too_fast, too_slow = MAX_SPEED - state.speed, -MAX_SPEED - state.speed
-    acceleration = jnp.where(too_fast < 0, jnp.minimum(acceleration, too_fast), acceleration)
-    acceleration = jnp.where(too_slow > 0, jnp.maximum(acceleration, too_slow), acceleration)
+    # Beyond the bounds of the speed, the acceleration brings it back; the two cases exclude each other.
+    to_max, to_min = MAX_SPEED - state.speed, -MAX_SPEED - state.speed
+    acceleration = jnp.where(to_max < 0, jnp.minimum(acceleration, to_max), acceleration)
+    acceleration = jnp.where(to_min > 0, jnp.maximum(acceleration, to_min), acceleration)
     is_present = state.controller != Controller.ABSENT
     steers = is_present & ~state.crashed
     slip = if_any(steers, lambda: steer(state, target_lane, drivers, model), jnp.zeros_like(state.y))
@@ -165,9 +165,9 @@ def control(
 def add_compensated(
     sum_so_far: Float[Array, "*n"], step: Float[Array, "*n"], lost: Float[Array, "*n"]
 ) -> tuple[Float[Array, "*n"], Float[Array, "*n"]]:
-    """Sum and its accumulated rounding error (Kahan), so that 900 small steps do not drift in float32.
+    """Sum with its accumulated rounding error (Kahan), so that 900 small steps do not drift in float32.
 
-    In float64 the plain sum, whose rounding highway-env shares.
+    In float64 the plain sum, to reproduce the rounding of highway-env.
     """
     if sum_so_far.dtype == jnp.float64:
         return sum_so_far + step, lost

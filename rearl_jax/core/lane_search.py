@@ -25,7 +25,7 @@ class VehicleState(eqx.Module):
         acceleration: Acceleration in the last time step [m/s^2].
         length: Length [m].
         is_truck: 1 for a truck, else 0.
-        desired_speed: Present desired speed of its driver [m/s].
+        desired_speed: Present desired speed of the driver [m/s].
     """
 
     speed: Float[Array, "#vehicles *#scenarios"]
@@ -36,12 +36,12 @@ class VehicleState(eqx.Module):
 
 
 class Neighbour(eqx.Module):
-    """One neighbour of each vehicle.
+    """A neighbour of each vehicle.
 
     Attributes:
-        index: Index of the neighbour; NO_VEHICLE without one.
-        distance: Centre-to-centre distance along the road, positive [m]; inf without one.
-        vehicle: State of the neighbour; that of the searching vehicle itself without one.
+        index: Index of the neighbour; NO_VEHICLE without a neighbour.
+        distance: Centre-to-centre distance along the road, positive [m]; inf without a neighbour.
+        vehicle: State of the neighbour; that of the searching vehicle itself without a neighbour.
     """
 
     index: Int[Array, "#vehicles *#scenarios"]
@@ -64,7 +64,7 @@ def no_neighbour(vehicles: VehicleState) -> Neighbour:
 
 
 def bumper_gap(neighbour: Neighbour, vehicles: VehicleState) -> Float[Array, "vehicles *scenarios"]:
-    """Gap between the bumpers of each vehicle and its neighbour [m]; OUT_OF_SIGHT without one."""
+    """Gap between the bumpers of each vehicle and its neighbour [m]; OUT_OF_SIGHT without a neighbour."""
     gap = neighbour.distance - (vehicles.length + neighbour.vehicle.length) / 2
     return jnp.where(neighbour.is_there, gap, OUT_OF_SIGHT)
 
@@ -79,7 +79,7 @@ def find_ahead(
     """The nearest vehicles ahead of each vehicle on a lane given for each, nearest first.
 
     The same position counts as ahead; of several equally near vehicles the last in the list is nearest.
-    Replayed vehicles come after all simulated ones.
+    In this list replayed vehicles come after all simulated ones.
 
     Args:
         state: The traffic.
@@ -110,19 +110,19 @@ def _find_simulated_ahead(
     none = no_neighbour(vehicles)
     if derived.nearest is not None:
         index = derived.nearest.ahead_on(lane)
-        leaders = [index]
-        while len(leaders) < n_leaders:
+        leader_indices = [index]
+        while len(leader_indices) < n_leaders:
             further = derived.nearest.after(index, lane)
-            # Among vehicles side by side the own place may come after that of a leader, and is skipped.
+            # Among vehicles side by side the searching vehicle may come after its leader in the order; it is skipped.
             further = jnp.where(further == own_index, derived.nearest.after(own_index, lane), further)
             index = jnp.where(index == NO_VEHICLE, NO_VEHICLE, further)
-            leaders.append(index)
-        return tuple(_where(index != NO_VEHICLE, _at_index(state, vehicles, index), none) for index in leaders)
+            leader_indices.append(index)
+        return tuple(_where(index != NO_VEHICLE, _at_index(state, vehicles, index), none) for index in leader_indices)
     bit = lane_bit(lane)
 
     def insert(other: Int[Array, ""], leaders: tuple[Neighbour, ...]) -> tuple[Neighbour, ...]:
-        is_other = ((row(derived.on_lanes, other) & bit) != 0) & (own_index != other)
-        return _inserted(leaders, _row(state, vehicles, other), is_other)
+        is_on_lane = ((row(derived.on_lanes, other) & bit) != 0) & (own_index != other)
+        return _inserted(leaders, _row(state, vehicles, other), is_on_lane)
 
     return for_each_vehicle(state.x.shape[0], insert, (none,) * n_leaders)
 
@@ -130,7 +130,7 @@ def _find_simulated_ahead(
 def _inserted(
     leaders: tuple[Neighbour, ...], candidate: Neighbour, is_on_lane: Bool[Array, "#vehicles *#scenarios"]
 ) -> tuple[Neighbour, ...]:
-    """Sorted leaders with a candidate at its place: a displaced leader is compared with the next place."""
+    """Leaders, nearest first, after insertion of a candidate; every displaced leader is inserted in turn."""
     is_ahead = is_on_lane & (candidate.distance >= 0)
     kept = []
     for leader in leaders:
@@ -180,15 +180,15 @@ def _find_simulated_behind(
 def find_entrant(
     state: TrafficState, derived: DerivedState, vehicles: VehicleState, wanted_lane: Int[Array, "vehicles *scenarios"]
 ) -> Neighbour:
-    """The nearest vehicle ahead that is on another lane and wants to change to the own lane, for each vehicle.
+    """For each vehicle, the nearest vehicle ahead on another lane whose driver wants to change to its lane.
 
-    Replayed vehicles are left out, because the lane that they want is unknown.
+    Replayed vehicles are left out, because the lanes that their drivers want are unknown.
 
     Args:
         state: The traffic.
         derived: Derived quantities of the traffic.
         vehicles: Observable state of each vehicle.
-        wanted_lane: The lane each vehicle wants to be on.
+        wanted_lane: Lane that each driver wants to be on.
     """
 
     def keep_nearest(other: Int[Array, ""], nearest: Neighbour) -> Neighbour:
@@ -203,8 +203,8 @@ def find_entrant(
 def traffic_beside(
     state: TrafficState, derived: DerivedState, vehicles: VehicleState
 ) -> tuple[Float[Array, "vehicles *scenarios"], Float[Array, "vehicles *scenarios"]]:
-    """Slowest speed [m/s] (OUT_OF_SIGHT without a vehicle) and number of vehicles on adjacent lanes within
-    BESIDE_RANGE.
+    """Lowest speed [m/s] and number of the vehicles on adjacent lanes within BESIDE_RANGE; without any of them, the
+    speed is OUT_OF_SIGHT.
     """
 
     def add(other: Int[Array, ""], beside: tuple[Array, Array]) -> tuple[Array, Array]:
@@ -239,13 +239,8 @@ def _row(state: TrafficState, vehicles: VehicleState, other: Int[Array, ""]) -> 
 
 def _replayed_row(state: TrafficState, replayed: ReplayedVehicles, other: Int[Array, ""]) -> Neighbour:
     """One replayed vehicle as the neighbour of all; its desired speed, which is unknown, is taken to be its speed."""
-    x, speed, acceleration, length, is_truck, number = (
-        row(values, other)
-        for values in (
-            *(replayed.x, replayed.speed, replayed.acceleration),
-            *(replayed.length, replayed.is_truck, replayed.number),
-        )
-    )
+    columns = replayed.x, replayed.speed, replayed.acceleration, replayed.length, replayed.is_truck, replayed.number
+    x, speed, acceleration, length, is_truck, number = (row(values, other) for values in columns)
     return Neighbour(number, x - state.x, VehicleState(speed, acceleration, length, is_truck, desired_speed=speed))
 
 

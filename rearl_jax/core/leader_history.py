@@ -6,31 +6,31 @@ from jaxtyping import Array, Float, Int
 
 from rearl_jax.core.order import NO_VEHICLE
 
-NEVER_CHANGED = 60.0
-"""Upper bound of the time since the last change of leader, also used if it never changed [s]."""
+MAX_TIME_SINCE_CHANGE = 60.0
+"""Upper bound of the time since the last change of leader, also used if the leader never changed [s]."""
 
-MOST_GAP_LOST = 60.0
-"""Bound of the gap that is lost at once [m]."""
+MAX_GAP_LOST = 60.0
+"""Upper bound of the gap lost by a change of leader [m]."""
 
-IN_SIGHT = 200.0
-"""Gap [m] beyond which a new leader does not count as a change."""
+MAX_GAP_IN_SIGHT = 200.0
+"""Gap [m] from which on no gap counts as lost, if the gaps before and after the change both reach it."""
 
-TIME_GAPS = (0.25, 9.0)
-"""Range of the time gap right after a change [s]; the upper end if there was no change."""
+TIME_GAP_RANGE = (0.25, 9.0)
+"""Range of the time gap right after a change of leader [s]; the upper end if there was no change."""
 
-SLOWEST = 5.0
-"""Lower bound of the speed in a time gap [m/s]."""
+MIN_SPEED = 5.0
+"""Lower bound of the speed that a gap is divided by for a time gap [m/s]."""
 
 
 class LeaderHistory(eqx.Module):
-    """Memory of each driver about the last change of its leader.
+    """Memory of each driver about the last change of leader.
 
     Attributes:
         leader: Index of the present leader, NO_VEHICLE for none.
         gap: Bumper-to-bumper gap to the leader [m].
-        time_since_change: Time since it became the leader [s].
+        time_since_change: Time since this vehicle became the leader [s].
         gap_lost: Gap lost by that change [m].
-        time_gap: Time gap right after it [s].
+        time_gap: Time gap right after that change [s].
     """
 
     leader: Int[Array, "vehicles *scenarios"]
@@ -47,10 +47,10 @@ class LeaderHistory(eqx.Module):
 
         Args:
             leader: Index of each vehicle's leader, NO_VEHICLE for none.
-            gap: Bumper-to-bumper gap to it [m].
+            gap: Bumper-to-bumper gap to the leader [m].
         """
         nothing = jnp.zeros_like(gap)
-        return cls(leader, gap, nothing + NEVER_CHANGED, nothing, nothing + TIME_GAPS[1])
+        return cls(leader, gap, nothing + MAX_TIME_SINCE_CHANGE, nothing, nothing + TIME_GAP_RANGE[1])
 
     def update(
         self,
@@ -63,20 +63,20 @@ class LeaderHistory(eqx.Module):
 
         Args:
             leader: Index of the present leader.
-            gap: Bumper-to-bumper gap to it [m].
+            gap: Bumper-to-bumper gap to the leader [m].
             speed: Own speed [m/s].
             dt: Time step [s].
         """
         is_new = (leader != self.leader) & (leader != NO_VEHICLE)
         is_alone = leader == NO_VEHICLE
-        is_near = jnp.minimum(self.gap, gap) < IN_SIGHT
-        lost = jnp.where(is_near, jnp.clip(self.gap - gap, 0.0, MOST_GAP_LOST), 0.0)
-        since = jnp.minimum(self.time_since_change + dt, NEVER_CHANGED)
-        time_gap = jnp.clip(gap / jnp.maximum(speed, SLOWEST), *TIME_GAPS)
+        is_in_sight = jnp.minimum(self.gap, gap) < MAX_GAP_IN_SIGHT
+        lost = jnp.where(is_in_sight, jnp.clip(self.gap - gap, 0.0, MAX_GAP_LOST), 0.0)
+        since = jnp.minimum(self.time_since_change + dt, MAX_TIME_SINCE_CHANGE)
+        time_gap = jnp.clip(gap / jnp.maximum(speed, MIN_SPEED), *TIME_GAP_RANGE)
         return LeaderHistory(
             leader=leader,
             gap=gap,
-            time_since_change=jnp.where(is_new, 0.0, jnp.where(is_alone, NEVER_CHANGED, since)),
+            time_since_change=jnp.where(is_new, 0.0, jnp.where(is_alone, MAX_TIME_SINCE_CHANGE, since)),
             gap_lost=jnp.where(is_new, lost, jnp.where(is_alone, 0.0, self.gap_lost)),
             time_gap=jnp.where(is_new, time_gap, self.time_gap),
         )

@@ -1,4 +1,4 @@
-"""Meta-actions: the action of a vehicle for one second.
+"""Meta-actions: lane and speed level that a vehicle is to reach, chosen once a second.
 
 Source: highway-env 1.12.1, `MDPVehicle.act` and `ControlledVehicle.act`.
 """
@@ -38,13 +38,13 @@ def apply_meta_actions(
     speed = _level_speed(level, state.speed, model)
     side = jnp.where(actions == MetaAction.LANE_LEFT, -1, jnp.where(actions == MetaAction.LANE_RIGHT, 1, 0))
     lane = jnp.clip(state.target_lane + side, 0, model.n_lanes - 1)
-    turns = is_meta & (side != 0) & is_reachable(state, lane, model)
+    changes_lane = is_meta & (side != 0) & is_reachable(state, lane, model)
     return eqx.tree_at(
         lambda s: (s.desired_speed, s.target_lane),
         state,
         (
             jnp.where(is_meta & (shift != 0), speed, state.desired_speed),
-            jnp.where(turns, lane, state.target_lane),
+            jnp.where(changes_lane, lane, state.target_lane),
         ),
     )
 

@@ -9,8 +9,8 @@ import dataclasses
 from rearl_jax.config.core import CoreConfig
 from rearl_jax.problems import out_of_range
 
-LANE_TEST_LENGTH = 5.0
-"""Vehicle length [m] a lane assumes in its own range tests. Source: highway-env 1.12.1,
+ROAD_END_MARGIN = 5.0
+"""Distance beyond the ends of the road [m] up to which a vehicle still counts as on a lane. Source: highway-env 1.12.1,
 `AbstractLane.VEHICLE_LENGTH`.
 """
 
@@ -29,8 +29,8 @@ class TrafficModel:
         ticks_per_second: Simulation ticks per second [1/s].
         lane_changes: Whether the lane-change stages (MOBIL, aborts) are part of the program.
         collisions: Whether the collision stage is part of the program.
-        cooperative: Whether MOBIL evaluates what a change costs the followers. Needed only if the politeness of any
-            vehicle is not zero; otherwise the program is shorter without it and the result the same.
+        cooperative: Whether MOBIL evaluates the gains of the followers. Needed only if the politeness of any vehicle is
+            not zero; otherwise the program is shorter without this evaluation, with the same result.
         meta_follows: Whether the acceleration of vehicles under meta-actions is limited to that of IDM behind their
             leader, with the target speed as desired speed. In highway-env it is not.
         speed_levels: Target speeds [m/s] a meta-action can choose.
@@ -64,7 +64,7 @@ class TrafficModel:
 
 
 def traffic_model(core: CoreConfig, *, cooperative: bool = False) -> TrafficModel:
-    """The traffic model of a configuration; `cooperative` must be true if any driver's politeness is not zero."""
+    """Traffic model of a configuration; `cooperative` must be true if any driver's politeness is not zero."""
     return TrafficModel(
         n_lanes=core.lanes,
         speed_limit=core.speed_limit,

@@ -23,7 +23,7 @@ from rearl_jax.core.rectangles import Rectangle
 from rearl_jax.core.state import TrafficState
 
 VEHICLES_PER_CHECKED = 64
-"""A block of vehicles whose pairs are tested together has room for one vehicle in this many."""
+"""A block of vehicles whose pairs are tested together has room for one of this many vehicles."""
 
 
 class Collisions(NamedTuple):
@@ -43,12 +43,12 @@ class Collisions(NamedTuple):
 
 
 class Places(NamedTuple):
-    """The vehicles by place, all places of all scenarios in one flat axis.
+    """The vehicles by place in some order, all places of all scenarios on one flat axis.
 
     Attributes:
         state: The traffic.
         body: Sizes of the vehicles.
-        vehicle: Flat index of the vehicle at each place; None if places are vehicles.
+        vehicle: Flat index of the vehicle at each place; None for the order of the vehicle list.
     """
 
     state: TrafficState
@@ -104,9 +104,9 @@ def check_ahead(
     """Collisions after the given vehicles have been tested against their candidates ahead.
 
     Args:
-        place: Flat indices of their places.
-        candidates: The places ahead as bits.
-        first: Places ahead of the lowest bit.
+        place: Flat indices of the places of these vehicles.
+        candidates: For each vehicle the places ahead to test, as bits.
+        first: Number of places from a vehicle to the one of its lowest bit.
         places: The traffic by place.
         collisions: Collisions found so far.
         model: Traffic model; only its time step is used.
@@ -114,7 +114,7 @@ def check_ahead(
     n_all = places.state.x.size
 
     def check_block(block: Block, collisions: Collisions) -> Collisions:
-        rear = place[block.number]
+        rear = place[block.word]
         front = rear + (first + block.bit) * places.n_scenarios
         front = jnp.where(front < n_all, front, front - n_all)  # the list is circular
         return _check_pairs(

@@ -1,11 +1,11 @@
 """Leaders and followers on every lane, in large traffic.
 
 The order along the road is scanned once from the head of the traffic to its tail, carrying the last vehicle passed on
-each lane: that is the leader on this lane for the next vehicle. A scan in the other direction gives the followers.
+each lane, which is the leader of the next vehicle on that lane. A scan in the other direction gives the followers.
 
-The carry of all lanes is packed into one or a few 32-bit numbers: each lane has a bit field with the index of a vehicle
-and a flag for its presence. A step of the scan is then one operation for all lanes, and the neighbour on a lane is a
-bit field of the vehicle's own number, without a look-up in memory.
+The carry of all lanes is packed into one or a few 32-bit words: each lane has a bit field with the index of a vehicle
+and a flag for its presence. A step of the scan is then one operation for all lanes, and reading the neighbour on a lane
+from the vehicle's word needs no look-up in memory.
 """
 
 import dataclasses
@@ -24,7 +24,7 @@ from rearl_jax.core.compaction import Block, gather, if_any, list_vehicles, proc
 from rearl_jax.core.order import NO_VEHICLE, flat_index, take_vehicles
 
 Words = tuple[UInt32[Array, "..."], ...]
-"""Bit fields of all lanes, packed into as few numbers as possible."""
+"""Bit fields of all lanes, packed into as few words as possible."""
 
 Lane = TypeVar("Lane", int, Array)
 
@@ -36,7 +36,7 @@ def lane_bit(lane: Lane) -> Lane:
 
 @dataclasses.dataclass(frozen=True)
 class LaneFields:
-    """Layout of the lanes' bit fields in 32-bit numbers.
+    """Layout of the lanes' bit fields in 32-bit words.
 
     Attributes:
         n_vehicles: Vehicles of a scenario.
@@ -58,13 +58,13 @@ class LaneFields:
 
     @property
     def lanes_by_word(self) -> tuple[range, ...]:
-        """The lanes of each number."""
-        n_each = 32 // self.width
-        return tuple(range(first, min(first + n_each, self.n_lanes)) for first in range(0, self.n_lanes, n_each))
+        """The lanes of each word."""
+        step = 32 // self.width
+        return tuple(range(first, min(first + step, self.n_lanes)) for first in range(0, self.n_lanes, step))
 
     def flags(self, lanes: range) -> UInt32[Array, ""]:
-        """The flags of all fields of a number."""
-        return jnp.uint32(sum(self.flag << (self.width * place) for place in range(len(lanes))))
+        """The flags of all fields of a word."""
+        return jnp.uint32(sum(self.flag << (self.width * position) for position in range(len(lanes))))
 
     def vehicle_in(self, field: UInt32[Array, "*n"]) -> Int[Array, "*n"]:
         """The vehicle in a field, NO_VEHICLE for none."""
@@ -80,7 +80,7 @@ class LaneFields:
         return chosen
 
     def insert(self, index: Int[Array, "*n"], on_lanes: Int[Array, "*n"]) -> tuple[UInt32[Array, "*n"], ...]:
-        """Numbers with vehicles in the fields of the lanes they are on.
+        """Words with vehicles in the fields of the lanes that they are on.
 
         Args:
             index: The vehicles.
@@ -90,8 +90,8 @@ class LaneFields:
         words = []
         for lanes in self.lanes_by_word:
             word = no_vehicle
-            for place, lane in enumerate(lanes):
-                word = word | jnp.where((on_lanes & lane_bit(lane)) != 0, field << (self.width * place), no_vehicle)
+            for position, lane in enumerate(lanes):
+                word = word | jnp.where((on_lanes & lane_bit(lane)) != 0, field << (self.width * position), no_vehicle)
             words.append(word)
         return tuple(words)
 
@@ -107,13 +107,13 @@ class NearestOnLanes(eqx.Module):
     """The nearest vehicle ahead and behind on every lane, for each vehicle.
 
     Vehicles side by side, with exactly the same x, count as ahead of each other and never as behind. They are ordered
-    by decreasing index, so the neighbours of all of them follow from those of the first: it is the last in the list and
-    may itself be the vehicle ahead, and only vehicles before it in the order are behind.
+    by falling index, so the first of them in the order is the last of them in the list. From this vehicle the
+    neighbours of all of them follow: it may itself be their vehicle ahead, and vehicles behind precede it in the order.
 
     Attributes:
         ahead: Nearest vehicle ahead on each lane.
         behind: Nearest vehicle behind on each lane.
-        later: Next vehicle on each lane in the order; for vehicles side by side it differs from `ahead`.
+        later: Next vehicle on each lane in the order; differs from `ahead` for vehicles side by side.
         scenario: Scenario of each vehicle.
         n_scenarios: Number of scenarios.
         fields: Layout of the lanes' bit fields.
@@ -140,7 +140,7 @@ class NearestOnLanes(eqx.Module):
     def after(
         self, index: Int[Array, "vehicles *scenarios"], lane: Int[Array, "vehicles *scenarios"]
     ) -> Int[Array, "vehicles *scenarios"]:
-        """The next on a lane later in the order than a given vehicle; NO_VEHICLE for none.
+        """The next vehicle on a lane after a given vehicle in the order; NO_VEHICLE for none.
 
         Args:
             index: The vehicles; results for NO_VEHICLE are undefined.
@@ -156,11 +156,11 @@ class NearestOnLanes(eqx.Module):
             values: Values of all vehicles of all scenarios.
             index: The vehicles; values for NO_VEHICLE are undefined.
         """
-        place = jnp.maximum(index, 0) * self.n_scenarios + self.scenario
-        return values.ravel().at[place].get(mode="promise_in_bounds")
+        flat = jnp.maximum(index, 0) * self.n_scenarios + self.scenario
+        return values.ravel().at[flat].get(mode="promise_in_bounds")
 
     def of_block(self, index: Int[Array, " block"]) -> "NearestOnLanes":
-        """Tables of some vehicles of whichever scenarios, given by flat indices; only these may then search."""
+        """The same for some vehicles of any scenarios, given by flat indices; only these vehicles can then search."""
         ahead, behind = (_gather_words(words, index) for words in (self.ahead, self.behind))
         return replace(self, ahead=ahead, behind=behind, scenario=index % self.n_scenarios)
 
@@ -180,11 +180,11 @@ def scan_along_road(
         n_lanes: Lanes of the road.
     """
     fields, n_scenarios = LaneFields(order.shape[0], n_lanes), math.prod(order.shape[1:])
-    step = _to_stretches(flat_index(order), filling=order.size)
-    on = on_lanes.ravel().at[step].get(mode="fill", fill_value=0)
-    own_fields = fields.insert(step // n_scenarios, on)
+    vehicle = _to_stretches(flat_index(order), filling=order.size)
+    own_lanes = on_lanes.ravel().at[vehicle].get(mode="fill", fill_value=0)
+    own_fields = fields.insert(vehicle // n_scenarios, own_lanes)
     later, earlier = (
-        _to_vehicles(_last_passed(own_fields, fields, reverse), step, order.shape) for reverse in (True, False)
+        _to_vehicles(_last_passed(own_fields, fields, reverse), vehicle, order.shape) for reverse in (True, False)
     )
     ahead, behind = _correct_abreast(order, x, on_lanes, later, earlier, fields)
     scenario = lax.iota(jnp.int32, n_scenarios).reshape(1, *order.shape[1:])
@@ -210,9 +210,9 @@ def _last_passed(own_fields: Words, fields: LaneFields, reverse: bool) -> Words:
 
 
 def _carried_in(last: Words, fields: LaneFields, reverse: bool) -> Words:
-    """The last vehicle on each lane over all stretches before each, given that of each: an exclusive prefix scan.
+    """For each stretch, the last vehicle on each lane in all stretches scanned before: exclusive prefixes of `last`.
 
-    By doubling: results include one stretch before, then two, four, and so on.
+    By doubling: results include one earlier stretch, then two, four, and so on.
 
     Source: Hillis & Steele, Commun. ACM 29 (1986) 1170.
     """
@@ -223,10 +223,10 @@ def _carried_in(last: Words, fields: LaneFields, reverse: bool) -> Words:
         kept = slice(by, None) if reverse else slice(0, n_stretches)
         return jax.tree.map(lambda word: jnp.pad(word, [padding] + [(0, 0)] * (word.ndim - 1))[kept], words)
 
-    known, reach = shifted(last, 1), 1
-    while reach < n_stretches - 1:
-        known, reach = fields.nearer_of(known, shifted(known, reach)), 2 * reach
-    return known
+    carried, n_included = shifted(last, 1), 1
+    while n_included < n_stretches - 1:
+        carried, n_included = fields.nearer_of(carried, shifted(carried, n_included)), 2 * n_included
+    return carried
 
 
 def _to_stretches(values: Int[Array, "vehicles *scenarios"], filling: int) -> Int[Array, "length stretches *scenarios"]:
@@ -239,19 +239,19 @@ def _to_stretches(values: Int[Array, "vehicles *scenarios"], filling: int) -> In
         values: By place.
         filling: Value of the places by which the last stretch is too short.
     """
-    n_vehicles, others = values.shape[0], values.shape[1:]
+    n_vehicles, scenario_axes = values.shape[0], values.shape[1:]
     length = math.isqrt(n_vehicles - 1) // 2 + 1
     n_stretches = -(-n_vehicles // length)
-    missing = [(0, n_stretches * length - n_vehicles)] + [(0, 0)] * len(others)
+    missing = [(0, n_stretches * length - n_vehicles)] + [(0, 0)] * len(scenario_axes)
     filled = jnp.pad(values, missing, constant_values=filling)
-    return filled.reshape(n_stretches, length, *others).swapaxes(0, 1)
+    return filled.reshape(n_stretches, length, *scenario_axes).swapaxes(0, 1)
 
 
-def _to_vehicles(words: Words, step: Int[Array, "length stretches *scenarios"], shape: tuple[int, ...]) -> Words:
-    """Words by step of the scan, put in the order of the vehicles."""
+def _to_vehicles(words: Words, vehicle: Int[Array, "length stretches *scenarios"], shape: tuple[int, ...]) -> Words:
+    """Words by step of the scan, put in the order of the vehicle axis; `vehicle` is the flat index at each step."""
     no_vehicle = jnp.zeros(math.prod(shape), jnp.uint32)
-    place = step.ravel()
-    return tuple(no_vehicle.at[place].set(word.ravel(), mode="drop").reshape(shape) for word in words)
+    flat = vehicle.ravel()
+    return tuple(no_vehicle.at[flat].set(word.ravel(), mode="drop").reshape(shape) for word in words)
 
 
 def _gather_words(words: Words, index: Int[Array, " block"]) -> Words:
@@ -269,7 +269,7 @@ def _correct_abreast(
 ) -> tuple[Words, Words]:
     """Vehicles ahead and behind: those later and earlier in the order, corrected for the few vehicles side by side.
 
-    Arguments as in `scan_along_road`, and the next vehicles later and earlier in the order.
+    Arguments as in `scan_along_road`; `later` and `earlier` are the next vehicles in the order on each lane.
     """
     sorted_x, shape, n_scenarios = take_vehicles(x, order), order.shape, math.prod(order.shape[1:])
     is_abreast = jnp.pad(sorted_x[1:] == sorted_x[:-1], [(1, 0)] + [(0, 0)] * (sorted_x.ndim - 1))
@@ -295,9 +295,9 @@ def _without_self(index: Int[Array, "vehicles *scenarios"], ahead: Words, later:
     """Vehicles ahead on each lane; in fields that hold the vehicle itself, the next one later in the order."""
     chosen = []
     for word, after, lanes in zip(ahead, later, fields.lanes_by_word, strict=True):
-        for place in range(len(lanes)):
-            field = jnp.uint32(((1 << fields.width) - 1) << (fields.width * place))
-            own_field = (index.astype(jnp.uint32) | fields.flag) << (fields.width * place)
+        for position in range(len(lanes)):
+            field = jnp.uint32(((1 << fields.width) - 1) << (fields.width * position))
+            own_field = (index.astype(jnp.uint32) | fields.flag) << (fields.width * position)
             # The field is replaced by adding a difference. The plain form, (word & ~field) | (after & field), chained
             # over four lanes or more, is miscompiled for CPUs with AVX-512 by jaxlib 0.10.2: in random words nearly all
             # results are wrong, and none with --xla_cpu_max_isa=AVX2 or --xla_backend_optimization_level=0.

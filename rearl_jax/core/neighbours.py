@@ -17,7 +17,7 @@ from jaxtyping import Array, Float, Int
 
 from rearl_jax.core.double_double import rounded
 from rearl_jax.core.elementary import cosine, not_zero, sine
-from rearl_jax.core.model import LANE_TEST_LENGTH, TrafficModel
+from rearl_jax.core.model import ROAD_END_MARGIN, TrafficModel
 from rearl_jax.core.nearest import NearestOnLanes, lane_bit, scan_along_road
 from rearl_jax.core.order import NO_VEHICLE, sort_along_road
 from rearl_jax.core.replayed import ReplayedVehicles
@@ -31,10 +31,10 @@ LANE_MARGIN = 1.0
 Source: highway-env 1.12.1, `Road.neighbour_vehicles(margin=1)`."""
 
 LARGEST_SMALL_TRAFFIC = 18
-"""Most vehicles for which all pairs are compared."""
+"""Largest number of vehicles for which all pairs are compared."""
 
 LARGE_TRAFFIC_BLOCK = 8
-"""Vehicles per pass of a loop over all vehicles in large traffic, where only rare work needs one."""
+"""Vehicles per pass of a loop over all vehicles in large traffic, where only rare work needs such a loop."""
 
 UNROLLED_SLOTS = 32
 """Largest number of slots for replayed vehicles that are visited without a loop; more would take long to compile."""
@@ -49,8 +49,8 @@ class DerivedState(eqx.Module):
         sin_heading: Sine of the heading [-].
         speed_x: Speed along the road [m/s].
         speed_y: Speed across the road [m/s].
-        speed_ratio: max(v, 0) / |v0| with the vehicle's own desired speed v0 under the speed limit [-].
-        on_lanes: The lanes the vehicle is on, as bits (`lane_bit`); none if it is out of sight beyond the road.
+        speed_ratio: max(v, 0) / |v0| with v0 the driver's desired speed under the speed limit [-].
+        on_lanes: The lanes the vehicle is on, as bits (`lane_bit`); no bit if it is beyond the road, out of sight.
         nearest: Nearest vehicles on every lane; None in small traffic, where all pairs are compared.
         replayed: Recorded vehicles around the simulated ones; None for none.
     """
@@ -67,7 +67,7 @@ class DerivedState(eqx.Module):
 
 
 class Candidates(NamedTuple):
-    """Vehicles among which a few search for neighbours.
+    """Vehicles among which some vehicles search for their neighbours.
 
     Attributes:
         state: In large traffic all vehicles; in small traffic the vehicles of each searching vehicle's scenario.
@@ -123,15 +123,15 @@ class Follower(eqx.Module):
         return rounded(self.speed * self.sin_heading)
 
 
-def lanes_under(state: TrafficState, model: TrafficModel) -> Int[Array, "vehicles *scenarios"]:
-    """The lanes each vehicle is on, as bits.
+def occupied_lanes(state: TrafficState, model: TrafficModel) -> Int[Array, "vehicles *scenarios"]:
+    """Lanes that each vehicle is on, as bits.
 
     A vehicle is on a lane while its centre is within half a lane width and 1 m of the lane's centre line, so a vehicle
     between lanes is on two.
 
     Source: highway-env 1.12.1, `StraightLane.on_lane` as called by `Road.neighbour_vehicles`.
     """
-    is_visible = (state.x >= -LANE_TEST_LENGTH) & (state.x < model.road_length + LANE_TEST_LENGTH)
+    is_visible = (state.x >= -ROAD_END_MARGIN) & (state.x < model.road_length + ROAD_END_MARGIN)
     bits = jnp.zeros(state.y.shape, jnp.int32)
     for lane in range(model.n_lanes):
         offset = jnp.abs(state.y - lane * model.lane_width)
@@ -150,7 +150,7 @@ def derive_state(state: TrafficState, model: TrafficModel, replayed: ReplayedVeh
         desired_speed = jnp.clip(desired_speed, 0.0, model.speed_limit)
     ratio = jnp.maximum(state.speed, 0.0) / jnp.abs(not_zero(desired_speed))
     cos_heading, sin_heading = cosine(state.heading), sine(state.heading)
-    on_lanes = lanes_under(state, model)
+    on_lanes = occupied_lanes(state, model)
     nearest = None
     if is_large(state.x.shape[0]):
         nearest = scan_along_road(state.order, state.x, on_lanes, model.n_lanes)
@@ -179,7 +179,7 @@ def find_leader(
         state: The vehicles that search.
         derived: Derived quantities of these vehicles.
         lane: Lane searched by each of them; -1 and n_lanes are empty.
-        among: The vehicles that are searched; None to search among themselves.
+        among: The vehicles that are searched; None if they are the same vehicles.
 
     Source: highway-env 1.12.1, `Road.neighbour_vehicles`.
     """
@@ -238,8 +238,8 @@ def find_follower(
         return _replace_where(is_nearer, (behind_by, row(replayed.speed, other)), nearest)
 
     distance, speed = for_each_replayed(replayed.n_slots, keep_nearest, (follower.distance, follower.speed))
-    along, across = jnp.ones_like(state.x), jnp.zeros_like(state.x)
-    replayed_follower = Follower(distance, speed, along, across, along)
+    ones, zeros = jnp.ones_like(state.x), jnp.zeros_like(state.x)
+    replayed_follower = Follower(distance, speed, cos_heading=ones, sin_heading=zeros, speed_ratio=ones)
     return _replace_where(distance < follower.distance, replayed_follower, follower)
 
 
@@ -268,14 +268,14 @@ def _find_simulated_follower(
 
 def _no_leader(state: TrafficState) -> Leader:
     """Leader of vehicles that have none."""
-    still = jnp.zeros_like(state.x)
-    return Leader(jnp.full_like(state.x, jnp.inf), still, still)
+    zeros = jnp.zeros_like(state.x)
+    return Leader(jnp.full_like(state.x, jnp.inf), zeros, zeros)
 
 
 def _no_follower(state: TrafficState) -> Follower:
     """Follower of vehicles that have none."""
-    still = jnp.zeros_like(state.x)
-    return Follower(jnp.full_like(state.x, jnp.inf), still, still + 1, still, still + 1)
+    zeros = jnp.zeros_like(state.x)
+    return Follower(jnp.full_like(state.x, jnp.inf), zeros, zeros + 1, zeros, zeros + 1)
 
 
 def is_large(n_vehicles: int) -> bool:
@@ -294,7 +294,7 @@ def for_each_vehicle(n_vehicles: int | Array, body: Callable[[Array, Result], Re
     """A result updated with every vehicle in list order; straight-line code in small traffic.
 
     Args:
-        n_vehicles: Vehicles to visit; a number that is only known when the program runs has no reverse-mode derivative.
+        n_vehicles: Number of vehicles; if it is only known at run time, the loop has no reverse-mode derivative.
         body: From the index of a vehicle and the result so far to the result with it.
         start: Result without any vehicle.
     """

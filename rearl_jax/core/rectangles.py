@@ -1,7 +1,7 @@
 """Vehicles as rectangles: overlap now or in the coming time step, and the shift that prevents it.
 
 A separating-axis test in the order of operations of highway-env. In float64 the result must be equal to the last place,
-because the last place decides whether resting vehicles touch. Projections on an axis are therefore computed from
+because it decides whether vehicles at rest touch. Projections on an axis are therefore computed from
 corners, as in highway-env. In float32 they are computed from half sizes and headings relative to one of the rectangles,
 which costs a tenth and avoids the loss of digits in corner positions on a long road.
 
@@ -24,11 +24,11 @@ _Vector = tuple[Array, Array]
 
 
 _Projections = tuple[_Vector, _Vector, _Vector, Array]
-"""An edge normal, the ends of both projections on it, and the distance of the first centre beyond the second."""
+"""An edge normal, the ends of both projections on it, and the distance along it from the second centre to the first."""
 
 
 class Rectangle(eqx.Module):
-    """Rectangle of a vehicle in the collision test: centre [m], heading [-], speed [m/s], half sizes [m].
+    """Rectangle of a vehicle in the collision test.
 
     Attributes:
         x: Position of the centre along the road [m].
@@ -62,14 +62,14 @@ def separate(first: Rectangle, second: Rectangle, model: TrafficModel) -> tuple[
         second: Partners of `first`, in the same order.
         model: Traffic model; only its time step is used.
     """
-    moved = _difference(_displacement(first, model), _displacement(second, model))
+    relative_displacement = _difference(_displacement(first, model), _displacement(second, model))
     touches, will_touch = [], []
     depth = jnp.full_like(second.x, jnp.inf)
     shift_x = shift_y = jnp.zeros_like(second.x)
     for normal, (low, high), (second_low, second_high), between in _projections(first, second):
         touches.append(_gap(low, high, second_low, second_high) <= 0)
-        lengthened = _dot(normal, moved)
-        low, high = jnp.where(lengthened < 0, low + lengthened, low), jnp.where(lengthened < 0, high, high + lengthened)
+        extension = _dot(normal, relative_displacement)
+        low, high = jnp.where(extension < 0, low + extension, low), jnp.where(extension < 0, high, high + extension)
         distance = _gap(low, high, second_low, second_high)
         will_touch.append(distance <= 0)
         size = jnp.abs(distance)
@@ -86,6 +86,7 @@ def _projections(first: Rectangle, second: Rectangle) -> Iterator[_Projections]:
 
 
 def _project_corners(first: Rectangle, second: Rectangle) -> Iterator[_Projections]:
+    """Projections of the corners, in the order of operations of highway-env."""
     corners, second_corners = _corners(first), _corners(second)
     between = _difference(_mean(corners), _mean(second_corners))
     for normal in _normals(corners) + _normals(second_corners):

@@ -4,17 +4,17 @@ import equinox as eqx
 from jaxtyping import Array, Float, Int
 
 NOT_RECORDED = -1_000
-"""Lane of a slot that holds no vehicle at that moment; no vehicle searches it."""
+"""Lane of a slot that contains no vehicle at the moment; no search finds it."""
 
 
 class ReplayedVehicles(eqx.Module):
-    """Recorded vehicles around the simulated ones at one moment; each slot of the arrays holds one or none.
+    """Recorded vehicles around the simulated ones at one moment; each slot of the arrays contains one or none.
 
     Attributes:
         x: Position of the centre along the road [m].
-        speed: Along the road [m/s].
-        acceleration: Along the road [m/s^2].
-        lane: Lane; NOT_RECORDED where the slot holds no vehicle.
+        speed: Speed along the road [m/s].
+        acceleration: Acceleration along the road [m/s^2].
+        lane: Lane; NOT_RECORDED where the slot contains no vehicle.
         length: Length [m].
         is_truck: 1 for a truck, else 0.
         number: Number of the vehicle, constant while it is replayed; larger than any index of a simulated vehicle.

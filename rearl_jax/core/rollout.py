@@ -1,4 +1,4 @@
-"""Rollouts: simulation of many scenarios in lockstep, in seconds between decisions."""
+"""Rollouts: simulation of many scenarios in lockstep, second by second; decisions are taken between two seconds."""
 
 from collections.abc import Callable
 from typing import Any
@@ -20,7 +20,7 @@ from rearl_jax.core.step import step_in_order
 
 
 class Frames(eqx.Module):
-    """The traffic after each decision second, `[n_steps, n_vehicles, *n_scenarios]`; one frame has no steps axis.
+    """The traffic after each second, `[n_steps, n_vehicles, *n_scenarios]`; one frame has no steps axis.
 
     Attributes:
         x: Position of the centre along the road [m].
@@ -60,7 +60,7 @@ def frame_of(state: TrafficState, model: TrafficModel) -> Frames:
 def simulate_second(
     state: TrafficState, drivers: Drivers, model: TrafficModel, boundary_second: BoundarySecond | None = None
 ) -> TrafficState:
-    """State one decision second later.
+    """State one second later.
 
     Args:
         state: The traffic.
@@ -82,7 +82,7 @@ def simulate_watched_second(
     boundary_second: BoundarySecond,
     watch: Callable[[TrafficState, ReplayedVehicles], Any],
 ) -> tuple[TrafficState, Any]:
-    """State one decision second later, and the results of `watch` at the beginning of each time step, step axis first.
+    """State one second later, and the results of `watch` at the beginning of each time step, step axis first.
 
     Args:
         state: The traffic.
@@ -96,8 +96,8 @@ def simulate_watched_second(
         replayed = replayed_vehicles(motion, boundary_second.identity)
         return step_in_order(before, drivers, model, replayed), watch(before, replayed)
 
-    after, seen = lax.scan(step, sort_if_large(state), boundary_second.motion)
-    return enter(after, boundary_second, drivers, model), seen
+    after, results = lax.scan(step, sort_if_large(state), boundary_second.motion)
+    return enter(after, boundary_second, drivers, model), results
 
 
 def rollout(
@@ -109,13 +109,13 @@ def rollout(
     actions: Int[Array, "steps vehicles *scenarios"] | None = None,
     boundary: Boundary | None = None,
 ) -> tuple[TrafficState, Frames]:
-    """State after some decision seconds, and a frame after each of them.
+    """State after some seconds, and a frame after each of them.
 
     Args:
         state: Initial state.
         drivers: Parameters of all vehicles.
         model: Road, clock and stages.
-        n_seconds: Decision seconds to simulate [s].
+        n_seconds: Seconds to simulate [s].
         actions: Meta-actions at the start of each second, for META vehicles; None for none.
         boundary: Recorded traffic around the vehicles; None for a free road.
 
@@ -130,8 +130,8 @@ def rollout(
     def second(before: TrafficState, inputs: Any) -> tuple[TrafficState, Frames]:
         action, boundary_second = inputs, None
         if boundary is not None:
-            action, number = inputs
-            boundary_second = boundary.second(number)
+            action, second_number = inputs
+            boundary_second = boundary.second(second_number)
         if action is not None:
             before = apply_meta_actions(before, action, model)
         after = simulate_second(before, drivers, model, boundary_second)
@@ -139,6 +139,6 @@ def rollout(
 
     inputs = actions
     if boundary is not None:
-        boundary.require(n_seconds)
+        boundary.require_seconds(n_seconds)
         inputs = actions, jnp.arange(n_seconds, dtype=jnp.int32)
     return lax.scan(second, state, inputs, length=n_seconds)

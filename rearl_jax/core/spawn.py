@@ -1,4 +1,4 @@
-"""Random initial traffic as in highway-env: vehicles are placed one after the other, each ahead of all before it."""
+"""Random initial traffic as in highway-env: vehicles are placed one by one, each ahead of all placed before."""
 
 import jax
 import jax.numpy as jnp
@@ -21,9 +21,9 @@ FALLBACK_SPEEDS = (23.0, 25.0)
 EXPONENT_RANGE = (3.5, 4.5)
 """Range of the IDM exponent. Source: highway-env 1.12.1, `IDMVehicle.randomize_behavior`."""
 
-_LEAST_DRAWN = 16
-"""Smallest number of random numbers per draw; the first numbers do not depend on the total. XLA would unroll shorter
-loops, which takes five times as long to compile.
+_MIN_DRAWN = 16
+"""Least number of vehicles that random numbers are drawn for; the numbers of the first vehicles do not depend on it.
+XLA would unroll the loops of smaller draws, which takes five times as long to compile.
 """
 
 
@@ -38,8 +38,8 @@ def spawn(
 ) -> tuple[TrafficState, Drivers]:
     """IDM traffic of one scenario per key, and its drivers. The same key gives the same scenario in every batch.
 
-    Each vehicle draws a lane, a speed and a place 0.9 to 1.1 times s = (12 + v) exp(-5 K / 40) / density ahead of the
-    foremost one, K the number of lanes; the list order is the order along the road.
+    Each vehicle draws a lane, a speed v and its distance ahead of the vehicle placed before, 0.9 to 1.1 times
+    (12 + v) exp(-5 K / 40) / density, with K the number of lanes. So the list order is the order along the road.
 
     Args:
         keys: One random key per scenario.
@@ -56,14 +56,14 @@ def spawn(
     else:
         low, high = (share * model.speed_limit for share in SPEED_RANGE)
 
-    drawn = (max(n_vehicles, _LEAST_DRAWN),)
+    shape = (max(n_vehicles, _MIN_DRAWN),)
 
     def draw(key: Key[Array, ""]) -> tuple[Array, Array, Array, Array]:
-        lane_key, speed_key, place_key, driver_key = jax.random.split(key, 4)
-        lane = jax.random.randint(lane_key, drawn, 0, model.n_lanes)
-        speed = jax.random.uniform(speed_key, drawn, dtype, low, high)
-        jitter = jax.random.uniform(place_key, drawn, dtype, 0.9, 1.1)
-        return lane, speed, jitter, jax.random.uniform(driver_key, drawn, dtype, *EXPONENT_RANGE)
+        lane_key, speed_key, jitter_key, exponent_key = jax.random.split(key, 4)
+        lane = jax.random.randint(lane_key, shape, 0, model.n_lanes)
+        speed = jax.random.uniform(speed_key, shape, dtype, low, high)
+        jitter = jax.random.uniform(jitter_key, shape, dtype, 0.9, 1.1)
+        return lane, speed, jitter, jax.random.uniform(exponent_key, shape, dtype, *EXPONENT_RANGE)
 
     lane, speed, jitter, exponent = (values[:n_vehicles] for values in jax.vmap(draw, out_axes=-1)(keys))
     if initial_speed is not None:

@@ -1,7 +1,8 @@
 """State of the traffic between two time steps, and its construction from measured or drawn vehicles.
 
 Arrays are `[n_vehicles, *n_scenarios]`: the vehicle axis first, in the order of highway-env's vehicle list, the
-scenario axis last and contiguous. A single scene has no scenario axis.
+scenario axis last and contiguous. A single scene has no scenario axis. An index of the vehicle axis is also called a
+slot, because a vehicle that enters takes the slot of one that leaves.
 """
 
 import enum
@@ -47,9 +48,9 @@ class TrafficState(eqx.Module):
         is_pushed: Whether a collision moves the vehicle in the coming time step.
         push_x: Displacement by that collision along the road [m].
         push_y: The same across the road [m].
-        order: Vehicle indices along the road as last sorted; any permutation is a valid start. Only large traffic uses
-            it.
-        memory: Memory of drivers who follow on gaps, a `gap_driving.DriverMemory`; None if no driver does.
+        order: Vehicle indices along the road as last sorted; any permutation is a valid start. Only used in large
+            traffic.
+        memory: Memory of drivers who use gaps, a `gap_driving.DriverMemory`; None if no driver does.
         left_crashed: Crashed vehicles that others have replaced in the slot so far [count]; None if no vehicle enters.
     """
 
@@ -84,7 +85,7 @@ def nearest_lane(y: Float[Array, "*n"], model: TrafficModel) -> Int[Array, "*n"]
 
 
 def nearest_level(speed: Float[Array, "*n"] | np.ndarray, model: TrafficModel) -> Float[Array, "*n"] | np.ndarray:
-    """Index of the target speed nearest to a speed, halves to even; floating, as NumPy or JAX array like its input.
+    """Index of the target speed nearest to a speed, halves to even; a float array of NumPy or JAX, like the speed.
 
     Source: highway-env 1.12.1, `MDPVehicle.speed_to_index` (levels are equidistant).
     """
@@ -111,7 +112,7 @@ def make_state(
     crashed: np.ndarray | bool = False,
     dtype: type = np.float32,
 ) -> TrafficState:
-    """State of vehicles at given places, built on the host in float64 as highway-env's constructors build it.
+    """State of vehicles at given positions, built on the host in float64 as highway-env's constructors build it.
 
     Args:
         x: Positions along the road [m], `[n_vehicles, *n_scenarios]`; lane changes need 0 <= x.
@@ -135,16 +136,16 @@ def make_state(
     """
     shape = np.shape(x)
 
-    def full(values: object, kind: type = np.float64) -> np.ndarray:
-        return np.array(np.broadcast_to(np.asarray(values), shape), kind)
+    def full(values: object, element_type: type = np.float64) -> np.ndarray:
+        return np.array(np.broadcast_to(np.asarray(values), shape), element_type)
 
     x, y, speed, heading = full(x), full(y), full(speed), full(heading)
     controller = full(controller, np.int32)
     present = controller != Controller.ABSENT
-    given = {"x": x, "y": y, "speed": speed, "heading": heading}
-    stated = {"desired_speed": desired_speed, "timer": timer}
-    given |= {name: full(values) for name, values in stated.items() if values is not None}
-    for name, values in given.items():
+    checked = {"x": x, "y": y, "speed": speed, "heading": heading}
+    optional = {"desired_speed": desired_speed, "timer": timer}
+    checked |= {name: full(values) for name, values in optional.items() if values is not None}
+    for name, values in checked.items():
         bad = np.argwhere(present & ~np.isfinite(values))
         if len(bad):
             key, remedy = f"{name}{bad[0].tolist()}", "drop the vehicle or mark it Controller.ABSENT"
@@ -154,12 +155,12 @@ def make_state(
     x = np.where(present, x, parking)
     y, speed, heading = (np.where(present, values, 0.0) for values in (y, speed, heading))
 
-    desired = np.where(present, given.get("desired_speed", speed), 0.0)
+    desired = np.where(present, checked.get("desired_speed", speed), 0.0)
     level_speed = np.asarray(model.speed_levels)[np.asarray(nearest_level(desired, model), np.int64)]
     desired = np.where(controller == Controller.META, level_speed, desired)
     lane = np.clip(np.ceil(y / model.lane_width - 0.5), 0, model.n_lanes - 1).astype(np.int32)
     target = lane if target_lane is None else np.where(present, full(target_lane, np.int32), 0)
-    phase = ((x + y) * np.pi) % lane_change_delay if timer is None else np.where(present, given["timer"], 0.0)
+    phase = ((x + y) * np.pi) % lane_change_delay if timer is None else np.where(present, checked["timer"], 0.0)
     zeros = jnp.zeros(shape, dtype)
     return TrafficState(
         x=jnp.asarray(x, dtype),

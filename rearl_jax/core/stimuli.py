@@ -74,51 +74,55 @@ def stimulus(
         derived: Derived quantities of the traffic.
         vehicles: Observable state of each vehicle.
         neighbours: Neighbours of each vehicle on its own lane.
-        history: Last change of the leader.
-        wanted_lane: The lane each vehicle wants to be on.
+        history: Last change of each driver's leader.
+        wanted_lane: Lane that each driver wants to be on.
         time: Time since the start [s].
         model: Traffic model; only its road is used.
     """
     (leader, second, third), follower = neighbours.ahead, neighbours.behind
     is_present = state.controller != Controller.ABSENT
-    unseen = jnp.full_like(state.x, OUT_OF_SIGHT), jnp.zeros_like(state.x)
+    no_traffic = jnp.full_like(state.x, OUT_OF_SIGHT), jnp.zeros_like(state.x)
     left = if_any(
         is_present, lambda: find_ahead(state, derived, vehicles, derived.lane - 1, 1), (no_neighbour(vehicles),)
     )[0]
-    beside_speed, n_beside = if_any(is_present, lambda: traffic_beside(state, derived, vehicles), unseen)
-    wishes = wanted_lane != derived.lane
-    entrant = if_any(wishes, lambda: find_entrant(state, derived, vehicles, wanted_lane), no_neighbour(vehicles))
-    changes = state.target_lane != derived.lane
-    changer = if_any(changes, lambda: find_entrant(state, derived, vehicles, state.target_lane), no_neighbour(vehicles))
-    (wanted,) = if_any(wishes, lambda: find_ahead(state, derived, vehicles, wanted_lane, 1), (no_neighbour(vehicles),))
+    beside_speed, n_beside = if_any(is_present, lambda: traffic_beside(state, derived, vehicles), no_traffic)
+    wants_change = wanted_lane != derived.lane
+    entrant = if_any(wants_change, lambda: find_entrant(state, derived, vehicles, wanted_lane), no_neighbour(vehicles))
+    is_changing = state.target_lane != derived.lane
+    changer = if_any(
+        is_changing, lambda: find_entrant(state, derived, vehicles, state.target_lane), no_neighbour(vehicles)
+    )
+    (new_leader,) = if_any(
+        wants_change, lambda: find_ahead(state, derived, vehicles, wanted_lane, 1), (no_neighbour(vehicles),)
+    )
 
-    def flag(is_so: Array) -> Float[Array, "vehicles *scenarios"]:
-        return is_so.astype(state.x.dtype)
+    def as_float(values: Array) -> Float[Array, "vehicles *scenarios"]:
+        return values.astype(state.x.dtype)
 
-    lane = flag(derived.lane)
+    lane = as_float(derived.lane)
     leader_speed = leader.vehicle.speed
     second_speed = jnp.where(second.is_there, second.vehicle.speed, leader_speed)
-    between = bumper_gap(second, vehicles) - leader.vehicle.length
+    second_gap = bumper_gap(second, vehicles) - leader.vehicle.length
     return SimulatedStimulus(
         time=time,
         position=state.x,
         lane=lane,
-        is_leftmost=flag(derived.lane == 0),
-        is_rightmost=flag(derived.lane == model.n_lanes - 1),
+        is_leftmost=as_float(derived.lane == 0),
+        is_rightmost=as_float(derived.lane == model.n_lanes - 1),
         lateral_offset=state.y - lane * model.lane_width,
         speed=vehicles.speed,
         length=vehicles.length,
         is_truck=vehicles.is_truck,
-        **in_front(leader, vehicles),
-        has_second=flag(second.is_there),
-        second_gap=jnp.where(second.is_there, between, OUT_OF_SIGHT),
+        **leader_fields(leader, vehicles),
+        has_second=as_float(second.is_there),
+        second_gap=jnp.where(second.is_there, second_gap, OUT_OF_SIGHT),
         second_speed=second_speed,
-        has_third=flag(third.is_there),
+        has_third=as_float(third.is_there),
         third_speed=jnp.where(third.is_there, third.vehicle.speed, second_speed),
-        has_follower=flag(follower.is_there),
+        has_follower=as_float(follower.is_there),
         follower_gap=bumper_gap(follower, vehicles),
         follower_speed=follower.vehicle.speed,
-        has_left=flag(left.is_there),
+        has_left=as_float(left.is_there),
         left_gap=bumper_gap(left, vehicles),
         left_speed=left.vehicle.speed,
         beside_speed=beside_speed,
@@ -126,20 +130,20 @@ def stimulus(
         time_since_change=history.time_since_change,
         gap_lost=history.gap_lost,
         time_gap_at_change=history.time_gap,
-        has_entrant=flag(entrant.is_there),
+        has_entrant=as_float(entrant.is_there),
         entrant_gap=bumper_gap(entrant, vehicles),
         entrant_speed=entrant.vehicle.speed,
-        has_changer=flag(changer.is_there),
+        has_changer=as_float(changer.is_there),
         changer_gap=bumper_gap(changer, vehicles),
         changer_speed=changer.vehicle.speed,
-        has_new_leader=flag(wishes & wanted.is_there),
-        new_leader_gap=bumper_gap(wanted, vehicles),
-        new_leader_speed=wanted.vehicle.speed,
+        has_new_leader=as_float(wants_change & new_leader.is_there),
+        new_leader_gap=bumper_gap(new_leader, vehicles),
+        new_leader_speed=new_leader.vehicle.speed,
     )
 
 
-def in_front(leader: Neighbour, vehicles: VehicleState) -> dict[str, Float[Array, "vehicles *scenarios"]]:
-    """Fields of `Stimulus` on the vehicle ahead; arguments as in `bumper_gap`."""
+def leader_fields(leader: Neighbour, vehicles: VehicleState) -> dict[str, Float[Array, "vehicles *scenarios"]]:
+    """Fields of `Stimulus` that describe the vehicle ahead; arguments as in `bumper_gap`."""
     has_leader = leader.is_there.astype(vehicles.speed.dtype)
     return {
         "has_leader": has_leader,
@@ -162,16 +166,16 @@ def side_lane(
 
     Args:
         direction: -1 for the left, +1 for the right.
-        leader: The nearest vehicle ahead on it.
-        follower: The nearest vehicle behind on it.
-        gain_of_others: Gain of both followers together by a change [m/s^2].
+        leader: The nearest vehicle ahead on this lane.
+        follower: The nearest vehicle behind on this lane.
+        gain_of_others: Gains of the present and the new follower by a change, added [m/s^2].
         vehicles: Observable state of each vehicle.
     """
-    seen = in_front(leader, vehicles)
+    of_leader = leader_fields(leader, vehicles)
     names = {item.name for item in fields(SideLane)}
     return SideLane(
         direction=direction,
-        **{name: values for name, values in seen.items() if name in names},
+        **{name: values for name, values in of_leader.items() if name in names},
         has_follower=follower.is_there.astype(vehicles.speed.dtype),
         follower_gap=bumper_gap(follower, vehicles),
         follower_speed=follower.vehicle.speed,

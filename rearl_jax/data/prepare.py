@@ -73,6 +73,7 @@ class _Seen:
     rows: list[dict] = field(default_factory=list)
     dropped: Counter[str] = field(default_factory=Counter)
     notes: set[str] = field(default_factory=set)
+    names: set[str] = field(default_factory=set)
 
     def passing(self, data: DataConfig) -> Iterator[Recording]:
         """The recordings of the data set, counted and, if requested, stored while they are read."""
@@ -80,7 +81,9 @@ class _Seen:
             info = recording.info
             if self.keep_tables:
                 metadata = {METADATA: describe([info])}
-                self.study.write_table(f"tables/{file_name_of(info.id)}", recording.table, **metadata)
+                name = file_name_of(info.id, self.names)
+                self.names.add(name)
+                self.study.write_table(f"tables/{name}", recording.table, **metadata)
             self.rows.append(counts_of(recording))
             self.dropped.update(recording.dropped)
             for note in info.notes:

@@ -46,10 +46,9 @@ def iterate_recordings(data: DataConfig, labels: Sequence[str] = ()) -> Iterator
         # Taken out of the list, so that the memory of a file is freed with its last recording.
         entry = entries.pop(0)
         recording = noted(entry.labelled(labels) if labels and entry.labelled is not None else entry.read())
-        info = recording.info
-        info.check()
-        copies.refuse(recording)
-        yield recording
+        recording.info.check()
+        # In a published data set, a user cannot mend it: there it is noted.
+        yield copies.checked(recording, entry.file if data.format.name == "table" else None)
 
 
 def label_of_same(data: DataConfig) -> str | None:
@@ -117,7 +116,8 @@ def _selected(data: DataConfig) -> list[Entry]:
                 problem = Problem("key-without-effect", message, key=f"data.{key}", value=f"data={data.format.name}")
                 raise InvalidInputError(problem)
         entries = list(reader_of(data.format).entries(data, _root(data)))
-    chosen = [entry for entry in entries if fnmatchcase(entry.id, data.recordings)]
+    # A name with brackets is no pattern that it matches itself.
+    chosen = [entry for entry in entries if entry.id == data.recordings or fnmatchcase(entry.id, data.recordings)]
     if not chosen:
         names = ", ".join(entry.id for entry in entries[:5]) + (", ..." if len(entries) > 5 else "")
         message = f"is {data.recordings}, which selects none of {len(entries)} recordings: {names}"

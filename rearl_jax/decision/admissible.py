@@ -6,7 +6,7 @@ from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
 from rearl_jax.config.decision import AdmissibleConfig, LaneGate
-from rearl_jax.core.car_following.model import Spacing
+from rearl_jax.core.car_following.model import SpacingStimulus
 from rearl_jax.core.compaction import if_any
 from rearl_jax.core.drivers import Drivers
 from rearl_jax.core.mobil import approach_rate
@@ -18,7 +18,7 @@ from rearl_jax.core.neighbours import (
     find_follower,
     find_leader,
     for_each_vehicle,
-    lanes_under,
+    occupied_lanes,
     row,
     sort_if_large,
 )
@@ -35,9 +35,9 @@ def admissible_actions(
 ) -> Bool[Array, "actions vehicles scenarios"]:
     """Actions admissible for each vehicle, in the order of `MetaAction`; none for crashed vehicles.
 
-    FASTER and SLOWER need a speed level to go to. A lane action needs the lane, no change in progress, and the
+    FASTER and SLOWER need a next speed level. A lane action needs an adjacent lane, no lane change in progress, and the
     condition of `options.lane`. With `options.longitudinal` the other three actions need a sufficient gap to the
-    vehicle ahead. Gaps to replayed vehicles count as all others.
+    vehicle ahead. Replayed vehicles count like all others.
     """
     state = sort_if_large(state)
     lane = nearest_lane(state.y, model)
@@ -83,38 +83,38 @@ def has_room_beside(
 ) -> tuple[Bool[Array, "vehicles scenarios"], Bool[Array, "vehicles scenarios"]]:
     """True where the gaps to the nearest vehicles ahead and behind suffice, on the left and on the right lane.
 
-    A gap suffices above max(min_gap, min_time_gap * speed of the rear vehicle of that pair). One pass over the other
+    A gap suffices above max(min_gap, min_time_gap * speed of the rear one of the two vehicles). One pass over the other
     vehicles serves both lanes.
     """
-    on_lanes = lanes_under(state, model)
+    on_lanes = occupied_lanes(state, model)
     length = jnp.broadcast_to(drivers.body.length, state.x.shape)
     index = lax.broadcasted_iota(jnp.int32, state.x.shape, 0)
     bits = (lane_bit(lane - 1), lane_bit(lane + 1))
 
-    def compared(
+    def update(
         side_gaps: tuple[_Gaps, _Gaps],
         distance: Array,
         other_length: Array,
         speed: Array,
-        are_there: tuple[Array, Array],
+        is_on_side: tuple[Array, Array],
     ) -> tuple[_Gaps, _Gaps]:
         gap = jnp.abs(distance) - (length + other_length) / 2
         is_ahead = distance >= 0
 
-        def nearer(gaps: _Gaps, is_there: Bool[Array, "vehicles scenarios"]) -> _Gaps:
-            is_next = is_there & ~is_ahead & (gap < gaps.behind)
+        def nearer(gaps: _Gaps, is_on_lane: Bool[Array, "vehicles scenarios"]) -> _Gaps:
+            is_next = is_on_lane & ~is_ahead & (gap < gaps.behind)
             return _Gaps(
-                ahead=jnp.where(is_there & is_ahead, jnp.minimum(gaps.ahead, gap), gaps.ahead),
+                ahead=jnp.where(is_on_lane & is_ahead, jnp.minimum(gaps.ahead, gap), gaps.ahead),
                 behind=jnp.where(is_next, gap, gaps.behind),
                 rear_speed=jnp.where(is_next, speed, gaps.rear_speed),
             )
 
-        return nearer(side_gaps[0], are_there[0]), nearer(side_gaps[1], are_there[1])
+        return nearer(side_gaps[0], is_on_side[0]), nearer(side_gaps[1], is_on_side[1])
 
     def keep_nearest(other: Int[Array, ""], side_gaps: tuple[_Gaps, _Gaps]) -> tuple[_Gaps, _Gaps]:
         on_left, on_right = (((row(on_lanes, other) & bit) != 0) & (index != other) for bit in bits)
         distance = row(state.x, other) - state.x
-        return compared(side_gaps, distance, row(length, other), row(state.speed, other), (on_left, on_right))
+        return update(side_gaps, distance, row(length, other), row(state.speed, other), (on_left, on_right))
 
     no_vehicle = jnp.full_like(state.x, jnp.inf)
     nothing = _Gaps(no_vehicle, no_vehicle, jnp.zeros_like(state.x))
@@ -124,8 +124,8 @@ def has_room_beside(
         def keep_nearest_replayed(other: Int[Array, ""], side_gaps: tuple[_Gaps, _Gaps]) -> tuple[_Gaps, _Gaps]:
             on_left, on_right = (row(replayed.lane, other) == lane + side for side in (-1, +1))
             distance = row(replayed.x, other) - state.x
-            own_length, speed = row(replayed.length, other), row(replayed.speed, other)
-            return compared(side_gaps, distance, own_length, speed, (on_left, on_right))
+            other_length, speed = row(replayed.length, other), row(replayed.speed, other)
+            return update(side_gaps, distance, other_length, speed, (on_left, on_right))
 
         left, right = for_each_vehicle(replayed.n_slots, keep_nearest_replayed, (left, right))
 
@@ -147,14 +147,14 @@ def is_safe(
 ) -> Bool[Array, "vehicles scenarios"]:
     """True where neither the new follower nor the vehicle itself would brake harder than MOBIL's safe deceleration.
 
-    Source: Kesting, Treiber & Helbing, Transp. Res. Rec. 1999 (2007) 86, safety criterion (of the new follower); the
-    same bound for the vehicle itself is ours, because nothing else keeps it from cutting in behind a slow leader.
+    Source: Kesting, Treiber & Helbing, Transp. Res. Rec. 1999 (2007) 86, safety criterion (of the new follower). The
+    same bound for the vehicle itself is ours, because nothing else keeps the vehicle from cutting in behind a slow one.
     """
 
     def follower_acceleration() -> Float[Array, "vehicles scenarios"]:
         follower = find_follower(state, derived, lane)
         dv = approach_rate(follower, derived)
-        seen = Spacing(follower.distance, drivers.body.length, follower.speed, follower.speed_ratio, dv)
+        seen = SpacingStimulus(follower.distance, drivers.body.length, follower.speed, follower.speed_ratio, dv)
         return drivers.car_following.spacing_acceleration(seen)
 
     bound = drivers.mobil.safe_decel
@@ -174,7 +174,7 @@ def leader_interaction(
     def interaction() -> Float[Array, "vehicles scenarios"]:
         leader = find_leader(state, derived, lane)
         dv = approach_rate(derived, leader)
-        seen = Spacing(leader.distance, drivers.body.length, state.speed, derived.speed_ratio, dv)
+        seen = SpacingStimulus(leader.distance, drivers.body.length, state.speed, derived.speed_ratio, dv)
         return drivers.car_following.spacing_interaction(seen)
 
     return if_any(is_needed, interaction, jnp.zeros_like(state.x))

@@ -14,8 +14,8 @@ from rearl_jax.core.state import Controller, TrafficState, nearest_lane
 from rearl_jax.decision.situation import N_ACTIONS, NO_ACTION
 from rearl_jax.metrics.measure import unrolled_sum
 
-LONG_AGO = 1_000_000
-"""Seconds since a lane change that was never seen."""
+MAX_SINCE_LANE_CHANGE = 1_000_000
+"""Upper bound of the time since a lane change [s], also used if none was seen."""
 
 
 class DecisionMemory(eqx.Module):
@@ -23,10 +23,10 @@ class DecisionMemory(eqx.Module):
 
     Attributes:
         own_speed: Desired speed of each driver before the first decision [m/s].
-        seconds_left: Remaining time of the present action [s]; 0 for none.
-        last_action: Action each vehicle was given for the last second, NO_ACTION for none.
+        seconds_left: Remaining time of the present action [s]; 0 without an action.
+        last_action: Action that each vehicle was given for the last second, NO_ACTION for none.
         lane: Lane at the end of the last second.
-        since_lane_change: Seconds since the lane last differed from that of the second before [s].
+        since_lane_change: Time since the lane last differed from that of the second before [s].
     """
 
     own_speed: Float[Array, "vehicles scenarios"]
@@ -42,7 +42,7 @@ class Orders(eqx.Module):
     Attributes:
         is_asked: True for vehicles that needed a decision.
         action: The action of those whose answer was accepted, NO_ACTION for all other vehicles.
-        n_inadmissible: Vehicles whose answer was an action they may not take.
+        n_inadmissible: Vehicles whose answer was an inadmissible action.
         n_invalid: Vehicles without a valid answer.
     """
 
@@ -53,19 +53,19 @@ class Orders(eqx.Module):
 
 
 def model_under_decisions(model: TrafficModel, longitudinal: Longitudinal) -> TrafficModel:
-    """The traffic model with decisions; `longitudinal` decides whether vehicles with an action keep their distance."""
+    """The traffic model with decisions; `longitudinal` states whether vehicles with an action keep their distance."""
     return replace(model, meta_follows=longitudinal is Longitudinal.idm_capped)
 
 
 def initial_decision_memory(state: TrafficState, model: TrafficModel) -> DecisionMemory:
     """Memory before the first second, in which no vehicle has an action."""
-    nothing = jnp.zeros(state.x.shape, jnp.int32)
+    zeros = jnp.zeros(state.x.shape, jnp.int32)
     return DecisionMemory(
         own_speed=state.desired_speed,
-        seconds_left=nothing,
-        last_action=nothing + NO_ACTION,
+        seconds_left=zeros,
+        last_action=zeros + NO_ACTION,
         lane=nearest_lane(state.y, model),
-        since_lane_change=nothing + LONG_AGO,
+        since_lane_change=zeros + MAX_SINCE_LANE_CHANGE,
     )
 
 
@@ -96,13 +96,13 @@ def accept(
 ) -> Orders:
     """Orders from a policy's answers: only admissible actions of vehicles that need a decision."""
     is_action = (actions >= 0) & (actions < N_ACTIONS)
-    may = jnp.zeros_like(is_asked)
+    is_admissible = jnp.zeros_like(is_asked)
     for action in range(N_ACTIONS):
-        may = may | ((actions == action) & admissible[action])
+        is_admissible = is_admissible | ((actions == action) & admissible[action])
     return Orders(
         is_asked=is_asked,
-        action=jnp.where(is_asked & may, actions, NO_ACTION),
-        n_inadmissible=count(is_asked & is_action & ~may),
+        action=jnp.where(is_asked & is_admissible, actions, NO_ACTION),
+        n_inadmissible=count(is_asked & is_action & ~is_admissible),
         n_invalid=count(is_asked & ~is_action),
     )
 
@@ -117,15 +117,15 @@ def execute(
     in the second before; otherwise the target speed is the present speed, within the range of the speed levels. FASTER
     and SLOWER go to the level next to that of the present speed.
 
-    Afterwards the target speed stays as desired speed (`options.persist_target`), or the driver's own desired speed
-    returns.
+    After the action the target speed stays as desired speed (`options.persist_target`), or the driver's own desired
+    speed returns.
 
     Source: highway-env 1.12.1, `MDPVehicle.act`; REARL (Bi et al.): one step, then back to IDM and MOBIL.
     """
     is_new = orders.action != NO_ACTION
     was_driven = state.controller == Controller.META
-    after = jnp.where(is_new, options.hold, jnp.maximum(memory.seconds_left - 1, 0))
-    seconds_left = jnp.where(orders.is_asked & ~is_new, 0, after)
+    remaining = jnp.where(is_new, options.hold, jnp.maximum(memory.seconds_left - 1, 0))
+    seconds_left = jnp.where(orders.is_asked & ~is_new, 0, remaining)
     is_driven = (seconds_left > 0) & (state.controller != Controller.ABSENT)
     controller = jnp.where(is_driven, int(Controller.META), int(Controller.IDM)).astype(jnp.int32)
     controller = jnp.where(was_driven | is_driven, controller, state.controller)
@@ -141,7 +141,7 @@ def execute(
 
 
 def record_lane_changes(memory: DecisionMemory, state: TrafficState, model: TrafficModel) -> DecisionMemory:
-    """Memory after a second has been simulated, with the lane changes in it."""
+    """Memory after a simulated second, with the lane changes of that second."""
     lane = nearest_lane(state.y, model)
-    since = jnp.where(lane != memory.lane, 0, jnp.minimum(memory.since_lane_change + 1, LONG_AGO))
+    since = jnp.where(lane != memory.lane, 0, jnp.minimum(memory.since_lane_change + 1, MAX_SINCE_LANE_CHANGE))
     return eqx.tree_at(lambda m: (m.lane, m.since_lane_change), memory, (lane, since))

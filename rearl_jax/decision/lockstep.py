@@ -46,7 +46,7 @@ class HostPolicy(Protocol):
     """
 
     def ask(self, situation: Situation) -> Future[np.ndarray]:
-        """An action for every vehicle, `[vehicles, scenarios]` as a `Policy` gives them, at some time.
+        """Future of an action for every vehicle, `[vehicles, scenarios]`, as from a `Policy`.
 
         Args:
             situation: The traffic at the end of a second; all leaves are NumPy arrays.
@@ -72,12 +72,12 @@ def rollout_in_lockstep(
     Args:
         state: Initial state.
         drivers: Parameters of all vehicles.
-        keys: Random keys, one per scenario, from which references are drawn if `ReferenceMode` is `drawn`.
+        keys: Random keys, one per scenario, from which references are drawn in `ReferenceMode.drawn`.
         table: References.
         thresholds: Thresholds of every scenario.
-        policies: Policy of the first half of the scenarios, and that of the second.
+        policies: Policies of the first and of the second half of the scenarios.
         model: Road, clock and stages.
-        options: Choices of the loop.
+        options: Static options of the loop.
         n_seconds: Seconds to simulate [s].
         progress: Called with the seconds done, both halves counted, and their total.
 
@@ -109,10 +109,10 @@ class _Half:
     """Half of the scenarios, during the rollout.
 
     Attributes:
-        n_real: Number of scenarios without padding.
-        pending: Future of the policy's answers about the last second; None before the first call.
+        n_real: Number of scenarios without the padding.
+        pending: Future of the policy's answers about the last second; None before the first request.
         frames: The traffic after each second so far.
-        decisions: Record of detection and decisions of each.
+        decisions: Record of detection and decisions of each second so far.
     """
 
     state: TrafficState
@@ -161,7 +161,7 @@ class _Half:
 
 @functools.cache
 def _programs(model: TrafficModel, options: LoopOptions) -> tuple[Callable[..., LoopState], Callable[..., tuple]]:
-    """The beginning and one second, compiled once for all rollouts of a process."""
+    """Functions for the initial state and for one second, compiled once for all rollouts of a process."""
 
     def second(
         loop: LoopState,

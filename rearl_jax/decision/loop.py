@@ -1,7 +1,7 @@
-"""The closed loop: simulates a second, compares it with the reference, decides, and continues.
+"""The closed loop: simulates a second, compares the traffic with the reference, decides, and continues.
 
 `assess` and `advance` are the two halves around a decision. `rollout_with_policy` runs them with a policy inside one
-compiled scan; a policy that has to leave the program (a language model) is called by the host between the same two.
+compiled scan; a policy outside the program (a language model) is called by the host between the same two.
 """
 
 import dataclasses
@@ -63,7 +63,7 @@ class Decisions(eqx.Module):
     """Detection results and counts of decisions of each second; the record of one second has no axis of seconds.
 
     Detection results are those at the end of the second, counts are of the decisions executed during it. Hence the
-    first second has no decisions, and nothing follows from the last detection.
+    first second has no decisions, and the last detection has no consequences.
 
     Attributes:
         reference: Index of the reference that the scenario is compared with.
@@ -100,7 +100,7 @@ def initial_loop_state(
         state: Initial state.
         keys: Random keys of the rollouts, from which references are drawn in `ReferenceMode.drawn`.
         table: References to compare with.
-        model: Road, time step and parts of the traffic model.
+        model: Road, clock and stages.
         options: Static options.
     """
     return LoopState(
@@ -120,7 +120,7 @@ def advance(
 ) -> LoopState:
     """State of the loop after the orders were executed and one second was simulated: the step after a decision.
 
-    Arguments as in `simulate_second`; without decisions about vehicles that have entered.
+    Arguments as in `simulate_second`. The memory of decisions is reset for vehicles that have entered.
     """
     state, memory = execute(loop.state, loop.memory, orders, model, options.execution)
     state = simulate_second(state, drivers, model, boundary_second)
@@ -141,8 +141,7 @@ def assess(
 ) -> tuple[LoopState, Situation]:
     """State of the loop after the detection, and the situation for a policy: the step before a decision.
 
-    Call it once for every simulated second. Vehicles that are replayed around the traffic bound which actions are
-    admissible; the detection does not see them.
+    Call it once for every simulated second. Replayed vehicles limit the admissible actions; the detection ignores them.
     """
     state, frame = loop.state, frame_of(loop.state, model)
     detector, detection = detect(loop.detector, frame, table, thresholds, options.detection)
@@ -161,7 +160,7 @@ def assess(
 
 
 def decisions_of(orders: Orders, situation: Situation) -> Decisions:
-    """Record of a second in which orders were followed and at whose end the situation was assessed."""
+    """Record of a second in which orders were followed, with the situation at its end."""
     detection = situation.detection
     return Decisions(
         reference=detection.reference,
@@ -203,7 +202,7 @@ def rollout_with_policy(
         table: References to compare with.
         thresholds: Detection thresholds of every scenario.
         policy: Policy that decides.
-        model: Road, time step and parts of the traffic model.
+        model: Road, clock and stages.
         options: Static options.
         n_seconds: Seconds to simulate [s].
         boundary: Recorded traffic around the simulated vehicles; None for a free road.
@@ -213,7 +212,7 @@ def rollout_with_policy(
     """
     require_references_for(table, n_seconds)
     if boundary is not None:
-        boundary.require(n_seconds)
+        boundary.require_seconds(n_seconds)
     # As in `core.rollout.rollout`: constants of a new state, folded into the loop, would change the last bits.
     state, drivers = lax.optimization_barrier((state, drivers))
 

@@ -26,10 +26,10 @@ PERCEPTION_DISTANCE = 200.0
 """Distance [m] within which others are observed. Source: highway-env 1.12.1, `AbstractEnv.PERCEPTION_DISTANCE`."""
 
 MAX_SPEED = 40.0
-"""Largest speed [m/s] the ranges are made for. Source: highway-env 1.12.1, `Vehicle.MAX_SPEED`."""
+"""Largest speed [m/s] that the ranges cover. Source: highway-env 1.12.1, `Vehicle.MAX_SPEED`."""
 
 LANE_WIDTH = 4.0
-"""Lane width [m] the ranges are made for. Source: highway-env 1.12.1, `AbstractLane.DEFAULT_WIDTH`."""
+"""Lane width [m] that the ranges assume. Source: highway-env 1.12.1, `AbstractLane.DEFAULT_WIDTH`."""
 
 REAR_DISTANCE = 10.0
 """Distance behind [m] up to which vehicles are observed without `see_behind`. Source: highway-env 1.12.1,
@@ -42,16 +42,16 @@ class ObservationSpec:
     """Layout and ranges of an observation.
 
     Attributes:
-        ranges: Values of x, y, vx and vy that become 1 [m, m, m/s, m/s]; beyond them an observation is cut.
+        ranges: Values of x, y, vx and vy that are scaled to 1 [m, m, m/s, m/s]; larger values are clipped.
         n_rows: Vehicles in an observation, the observer first; missing ones are rows of zeros.
         see_behind: Whether vehicles further back than `REAR_DISTANCE` are seen.
-        is_placed: Whether the observer's own row has its x, counted from the start of the road; else 0.
+        has_own_x: Whether the observer's own row contains its x, measured from the start of the road, instead of 0.
     """
 
     ranges: tuple[float, float, float, float]
     n_rows: int = N_ROWS
     see_behind: bool = False
-    is_placed: bool = True
+    has_own_x: bool = True
 
     @property
     def n_features(self) -> int:
@@ -68,7 +68,7 @@ def highway_env_observation(n_lanes: int, n_rows: int = N_ROWS, *, see_behind: b
 
 
 class _ObservedVehicle(eqx.Module):
-    """One vehicle, as every observer sees it: distance along the road, place and speed.
+    """One vehicle, as every observer sees it: distance along the road, position and speed.
 
     The distance is inf if there is no vehicle.
     """
@@ -95,8 +95,8 @@ def observe_neighbours(
 ) -> Float[Array, "features observers scenarios"]:
     """Observations, float32: `spec.n_rows` rows of `COLUMNS`, one after the other.
 
-    The first row is the observer's own: present, its place and its speeds, absolute. The others are the nearest along
-    the road, on any lane, the nearest first, relative to the observer; crashed ones among them.
+    The first row is the observer's own: presence 1, absolute position and speeds. The other rows are those of the
+    vehicles nearest along the road, on any lane, crashed or not, the nearest first, relative to the observer.
 
     Args:
         state: The traffic.
@@ -110,9 +110,12 @@ def observe_neighbours(
     own_x, own_y, own_vx, own_vy = (values[observers] for values in (state.x, state.y, vx, vy))
 
     def insert(
-        place: tuple[Array, Array], speed: tuple[Array, Array], is_other: Array, nearest: tuple[_ObservedVehicle, ...]
+        position: tuple[Array, Array],
+        speed: tuple[Array, Array],
+        is_other: Array,
+        nearest: tuple[_ObservedVehicle, ...],
     ) -> tuple[_ObservedVehicle, ...]:
-        x, y = place[0] - own_x, place[1] - own_y
+        x, y = position[0] - own_x, position[1] - own_y
         is_seen = is_other & (x * x + y * y < PERCEPTION_DISTANCE**2)
         if not spec.see_behind:
             is_seen = is_seen & (x > -REAR_DISTANCE)
@@ -126,21 +129,23 @@ def observe_neighbours(
         return tuple(ranked)
 
     def insert_simulated(other: Int[Array, ""], nearest: tuple[_ObservedVehicle, ...]) -> tuple[_ObservedVehicle, ...]:
-        place, speed = (row(state.x, other), row(state.y, other)), (row(vx, other), row(vy, other))
-        return insert(place, speed, row(is_there, other) & (index != other), nearest)
+        position, speed = (row(state.x, other), row(state.y, other)), (row(vx, other), row(vy, other))
+        return insert(position, speed, row(is_there, other) & (index != other), nearest)
 
     zeros = jnp.zeros_like(own_x)
     no_vehicle = _ObservedVehicle(jnp.full_like(own_x, jnp.inf), zeros, zeros, zeros, zeros)
     others = for_each_vehicle(state.x.shape[0], insert_simulated, (no_vehicle,) * (spec.n_rows - 1))
     if replayed is not None:
 
-        def insert_replayed(at: Int[Array, ""], nearest: tuple[_ObservedVehicle, ...]) -> tuple[_ObservedVehicle, ...]:
-            lane, speed = row(replayed.lane, at), row(replayed.speed, at)
-            place = row(replayed.x, at), lane.astype(state.y.dtype) * LANE_WIDTH
-            return insert(place, (speed, jnp.zeros_like(speed)), lane != NOT_RECORDED, nearest)
+        def insert_replayed(
+            other: Int[Array, ""], nearest: tuple[_ObservedVehicle, ...]
+        ) -> tuple[_ObservedVehicle, ...]:
+            lane, speed = row(replayed.lane, other), row(replayed.speed, other)
+            position = row(replayed.x, other), lane.astype(state.y.dtype) * LANE_WIDTH
+            return insert(position, (speed, jnp.zeros_like(speed)), lane != NOT_RECORDED, nearest)
 
         others = for_each_replayed(replayed.n_slots, insert_replayed, others)
-    own = _ObservedVehicle(zeros, own_x if spec.is_placed else zeros, own_y, own_vx, own_vy)
+    own = _ObservedVehicle(zeros, own_x if spec.has_own_x else zeros, own_y, own_vx, own_vy)
     return jnp.stack([column for vehicle in (own, *others) for column in vehicle.columns(spec)]).astype(jnp.float32)
 
 

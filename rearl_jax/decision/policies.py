@@ -49,7 +49,7 @@ def random_admissible(
 def _nearest_reference(
     situation: Situation, table: ReferenceTable, keys: Key[Array, " scenarios"], *, match: "partial[Array]"
 ) -> Int[Array, "vehicles scenarios"]:
-    """Actions that imitate the reference the detection has chosen."""
+    """Actions that imitate the reference that the detection compares with."""
     return match(situation, snapshot(table, situation.second, situation.detection.reference))
 
 
@@ -66,18 +66,18 @@ def imitate(
 ) -> Int[Array, "vehicles scenarios"]:
     """Action of every vehicle that brings it nearer to the most similar vehicle of the reference.
 
-    The most similar vehicle has the least cost, on a tie the first of them. With v the speed and d the mean distance to
-    the other vehicles, v* and d* those of the vehicle of the reference, the cost is
+    The most similar vehicle is the one with the least cost, the first of them on a tie. With v the speed and d the mean
+    distance to the other vehicles, and v* and d* those of the reference's vehicle, the cost is
 
     - `space=raw`: |v - v*| / speed_range + |d - d*| / max(d*, 1 m);
     - `space=rank`: |rank(v) - rank(v*)| + |rank(d) - rank(d*)|, and `value_weight` times
       |v - v*| / speed_range + |d - d*| / max(mean d*, 1 m).
 
-    Each vehicle decides alone, so several may imitate the same one. If the imitated vehicle changes lanes in the
-    following second, the change is copied if it is admissible and at least `lane_change_pause` seconds have passed
-    since the last change of this vehicle. Otherwise the action is FASTER or SLOWER if the speeds differ by more than
-    half a speed level, else IDLE; with `spacing_rule`, `spread_or_contract` replaces IDLE where the spacing exceeds its
-    threshold.
+    Each vehicle decides alone, so several vehicles may imitate the same one. If the imitated vehicle changes lanes in
+    the following second, the change is copied if it is admissible and at least `lane_change_pause` seconds have passed
+    since the last change of the deciding vehicle. Otherwise the action is FASTER or SLOWER if the speeds differ by more
+    than half a speed level, else IDLE; with `spacing_rule`, `spread_or_contract` replaces IDLE where the spacing error
+    exceeds its threshold.
 
     Args:
         situation: The traffic.

@@ -24,12 +24,12 @@ class Situation(eqx.Module):
     """The traffic at the end of a second, the input of a policy that decides about the next one.
 
     Attributes:
-        second: Index of this second; the reference is imitated at the same index.
+        second: Index of this second; policies imitate the same second of the reference.
         frame: The traffic.
         target_lane: Lane each vehicle is steered to.
         detection: Result of the detection; its mask marks the vehicles that need a decision.
         admissible: Actions admissible for each vehicle, in the order of `MetaAction`.
-        since_lane_change: Seconds since each vehicle was last seen to change lanes [s]; a large number if it never did.
+        since_lane_change: Time since the last lane change of each vehicle [s]; a large number if none was seen.
         last_action: Action of each vehicle in the previous second, NO_ACTION for none.
     """
 

@@ -30,11 +30,11 @@ class DetectionOptions:
     """Choices that change the program; thresholds are arrays instead.
 
     Attributes:
-        cues: Figures that trigger.
+        cues: Which of the two figures trigger decisions.
         interval: Time between two detections [s].
         scope: Vehicles of a triggered scenario that need a decision.
-        mode: Choice of the reference a scenario is compared with.
-        weights: Weights of spacing error and Hellinger distance, if both count for the choice.
+        mode: Choice of the reference that a scenario is compared with.
+        weights: Weights of spacing error and Hellinger distance, if the choice depends on both.
         hist: Speed histogram and its window.
         definition: Relative error of the mean spacing.
         spacing: Distance between two vehicles.
@@ -70,8 +70,8 @@ class Thresholds(eqx.Module):
     """Detection thresholds of every scenario.
 
     Attributes:
-        hellinger: Distance of the speed histograms above which the speeds trigger [-].
-        mape: Relative error of the mean spacing above which the spacing triggers [-].
+        hellinger: Distance of the speed histograms above which the speeds trigger decisions [-].
+        mape: Relative error of the mean spacing above which the spacing triggers decisions [-].
     """
 
     hellinger: Float[Array, " scenarios"]
@@ -83,10 +83,10 @@ class DetectorMemory(eqx.Module):
 
     Attributes:
         second: Number of frames seen.
-        counts: Speeds per bin in all of them.
+        counts: Speeds per bin in all frames seen.
         counts_before: Speeds per bin before each of the last frames, frame t in row t modulo the window's length.
         error_sum: Sum over the frames of the relative error of the mean spacing against each reference.
-        drawn: Reference of each scenario for the whole rollout; None if the nearest one is searched.
+        drawn: Reference of each scenario for the whole rollout; None if the nearest reference is searched.
     """
 
     second: Int[Array, ""]
@@ -100,13 +100,13 @@ class Detection(eqx.Module):
     """Result of one frame.
 
     Attributes:
-        reference: The reference the scenario is compared with, k*.
+        reference: Index of the reference that the scenario is compared with.
         hellinger: Hellinger distance of the window's speeds to the reference's; 0 before the first full window [-].
         mape: Relative error of the mean spacing to the reference's, in the configured definition [-].
         speed_exceeded: Whether the Hellinger distance is above its threshold.
         spacing_exceeded: Whether the error of the spacing is above its threshold.
         triggered: Whether vehicles of the scenario need a decision.
-        mask: These vehicles.
+        mask: Whether each vehicle needs a decision.
         spacing: Mean distance of each vehicle to the others [m].
         mean_spacing: Mean distance over all pairs [m].
     """
@@ -127,7 +127,7 @@ def initial_memory(table: ReferenceTable, keys: Key[Array, " scenarios"], option
 
     Args:
         table: References.
-        keys: Random keys of the rollouts, for the draw.
+        keys: Random keys of the rollouts, from which references are drawn.
         options: Choices that change the program.
     """
     n_bins, window, n_scenarios = options.hist.n_bins, options.hist.window, keys.shape[0]
@@ -186,17 +186,17 @@ def detect(
     is_due = (second + 1) % options.interval == 0
     triggered = is_due & (speed_cue | spacing_cue)
 
-    def concerned() -> Bool[Array, "vehicles scenarios"]:
+    def vehicles_to_ask() -> Bool[Array, "vehicles scenarios"]:
         if options.scope is Scope.scene:
             return triggered[None] & ~frame.crashed
         reference_mean = of_reference(at_second(table.mean_spacing, second), reference)
         crowded = is_in_crowded_bin(frame.speed, window_counts, reference_counts, options.hist)
-        off_side = jnp.sign(spacing - reference_mean[None]) == jnp.sign(mean - reference_mean)[None]
-        contributes = (speed_cue[None] & crowded) | (spacing_cue[None] & off_side)
+        deviates_alike = jnp.sign(spacing - reference_mean[None]) == jnp.sign(mean - reference_mean)[None]
+        contributes = (speed_cue[None] & crowded) | (spacing_cue[None] & deviates_alike)
         return triggered[None] & ~frame.crashed & contributes
 
     # Without the branch XLA would compute the whole detection once more for every vehicle.
-    mask = if_any(triggered, concerned, jnp.zeros(frame.crashed.shape, bool))
+    mask = if_any(triggered, vehicles_to_ask, jnp.zeros(frame.crashed.shape, bool))
     memory = DetectorMemory(second + 1, counts, counts_before, error_sum, memory.drawn)
     return memory, Detection(
         reference, hellinger, mape, speed_exceeded, spacing_exceeded, triggered, mask, spacing, mean
@@ -232,7 +232,7 @@ def prefix_distances(
 def nearest(
     score: Float[Array, "refs scenarios"], errors: Float[Array, "refs scenarios"]
 ) -> tuple[Int[Array, " scenarios"], Float[Array, " scenarios"]]:
-    """Index of the least score, the lowest of equal ones, and the error at that index.
+    """Index of the least score, the lowest index of equal scores, and the error at that index.
 
     Written out over the few references: an `argmin` over the first axis is scalar code on a CPU.
     """
@@ -266,12 +266,12 @@ def is_in_crowded_bin(
     """True where a vehicle's speed is in a bin with a larger share in the simulation than in the reference.
 
     Args:
-        speed: Speeds [m/s]; those outside the histogram count for its outer bins.
+        speed: Speeds [m/s]; those outside the histogram belong to its outer bins.
         counts: Speeds per bin in the simulated window.
         reference: Speeds per bin in the window of the reference.
         hist: Bins.
     """
-    # Shares n / N and m / M compared as n M > m N: exact.
+    # Shares n / N and m / M are compared exactly, as n M > m N.
     is_crowded = counts * unrolled_sum(reference, 0)[None] > reference * unrolled_sum(counts, 0)[None]
     in_crowded = jnp.broadcast_to(is_crowded[0], speed.shape)
     for bin_number, edge in enumerate(speed_edges(hist)[1:-1], 1):

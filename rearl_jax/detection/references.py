@@ -1,4 +1,4 @@
-"""Representative scenes, with which simulated traffic is compared and which decisions imitate."""
+"""Representative scenes: simulated traffic is compared with them, and decisions imitate them."""
 
 import equinox as eqx
 from jaxtyping import Array, Float, Int
@@ -11,8 +11,8 @@ class References(eqx.Module):
         speed: Rescaled speed of each vehicle [m/s].
         spacing: Mean distance of each vehicle to the others of the snapshot [m].
         mean_spacing: Mean distance over all pairs of the snapshot [m].
-        action: Action of each vehicle in the following second: 0 left, 1 keep, 2 right, 3 faster, 4 slower.
-        share: Share of the scenes that each one represents [-]; sums to 1.
+        action: Action of each vehicle in the second that follows: 0 left, 1 keep, 2 right, 3 faster, 4 slower.
+        share: Share of the scenes that each reference represents [-]; sums to 1.
     """
 
     speed: Float[Array, "references seconds slots"]

@@ -1,7 +1,7 @@
-"""Tables of the references by second, computed before a rollout; and the draw of one of them.
+"""Tables of the references by second, computed before a rollout; and random choice of a reference.
 
 Time comes first, so that a second is one slice, and the references last, so that picking one for every scenario is one
-gather. What is picked has the scenario axis last, like the traffic it is compared with.
+gather. The picked values have the scenario axis last, like the traffic that they are compared with.
 """
 
 from functools import partial
@@ -18,7 +18,9 @@ from rearl_jax.metrics.histograms import cumulative_speed_counts
 from rearl_jax.metrics.measure import unrolled_sum
 
 REFERENCE_STREAM = 2**31 - 1
-"""Separates the drawing of references from the seconds of a rollout, whose keys are folded from their numbers."""
+"""Number of the random stream of drawn references, larger than the numbers of the seconds of a rollout, each of which
+has a stream of its own.
+"""
 
 
 class ReferenceTable(eqx.Module):
@@ -69,9 +71,9 @@ class Snapshot(eqx.Module):
 
 
 def relative_rank(values: Float[Array, "n *scenarios"]) -> Float[Array, "n *scenarios"]:
-    """Place of each value among all, within (0, 1): (number of smaller ones + half the number of equal ones) / n.
+    """Rank of each value among all, within (0, 1): (number of smaller values + half the number of equal values) / n.
 
-    Each value is one of its own equals, so the ranks of n different values are 0.5 / n, 1.5 / n, ...
+    Each value equals itself, so the ranks of n different values are 0.5 / n, 1.5 / n, ...
     """
 
     def count(other: Int[Array, ""], twice: Array) -> Array:
@@ -119,11 +121,11 @@ def draw_references(share: Float[Array, " refs"], keys: Key[Array, " scenarios"]
     """One reference for every scenario, each as probable as its share.
 
     Args:
-        share: Share of each reference; only their ratios count.
-        keys: Random keys of the rollouts. The draw is a random stream of its own: numbers derived from the same keys
-            second by second are independent of it.
+        share: Share of each reference; only the ratios of the shares matter.
+        keys: Random keys of the rollouts. The draw has a random stream of its own, independent of numbers derived
+            from the same keys second by second.
     """
-    # In one precision whatever that of the simulation, so that both are compared with the same references.
+    # Always in float32, so that simulations in float32 and float64 are compared with the same references.
     bounds = jnp.cumsum(share.astype(jnp.float32))
     bounds = bounds / bounds[-1]
     own_keys = jax.vmap(lambda key: jax.random.fold_in(key, REFERENCE_STREAM))(keys)

@@ -67,6 +67,6 @@ def data_sources(infos: Iterable[RecordingInfo]) -> tuple[DataSource, ...]:
     for info in infos:
         notes.setdefault((info.source, info.attribution, info.licence), {}).update(dict.fromkeys(info.notes))
     return tuple(
-        DataSource(name, attribution.rstrip("."), licence.rstrip("."), tuple(own))
-        for (name, attribution, licence), own in notes.items()
+        DataSource(name, attribution.rstrip("."), licence.rstrip("."), tuple(source_notes))
+        for (name, attribution, licence), source_notes in notes.items()
     )

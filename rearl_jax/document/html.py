@@ -42,7 +42,7 @@ def page_of(
         config: Record of its task.
         figures: PNG files by name.
         data_id: Identity of the data; None without data.
-        made_by: Provenance as `results.PROVENANCE` names it, of stored results; None for results of this run.
+        made_by: Provenance of stored results, with the keys of `results.PROVENANCE`; None for results of this run.
         player: Scenes replayed; None for none.
     """
     environment = Environment(
@@ -84,14 +84,14 @@ def command(task: str, config: Any) -> str:
         task: The task with its fixed keys, such as `evaluate method=base`.
         config: Record of the task.
     """
-    usual, given = type(config)(), {word.partition("=")[0] for word in task.split()}
-    if hasattr(config, "driver") and config.driver.model != usual.driver.model:
+    default, fixed = type(config)(), {word.partition("=")[0] for word in task.split()}
+    if hasattr(config, "driver") and config.driver.model != default.driver.model:
         task = f"{task} driver={config.driver.model}"
-        usual = replace(usual, driver=record_of(config.driver.model)())
-    defaults, chosen = keys_of(usual), keys_of(config)
+        default = replace(default, driver=record_of(config.driver.model)())
+    defaults, chosen = keys_of(default), keys_of(config)
     changed = [
         f"{name}={key.default}"
         for name, key in chosen.items()
-        if key.default != defaults[name].default and name not in given
+        if key.default != defaults[name].default and name not in fixed
     ]
     return " ".join(["rearl", task, *map(shlex.quote, changed)])

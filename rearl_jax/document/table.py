@@ -16,8 +16,8 @@ MAX_ROWS = 60
 _DIGITS = 3
 """Default number of significant digits."""
 
-_SHORT = 40
-"""Longest text of a cell that stays on one line [characters]."""
+_MAX_LINE = 40
+"""Longest text of a cell in a column without line breaks [characters]."""
 
 
 class Emphasis(Enum):
@@ -78,7 +78,7 @@ class Table:
     def alignment(self, column: int) -> Alignment:
         """Alignment of a column, by the content of its cells."""
         values = [row.cells[column].value for row in self.rows]
-        if any(len(value) > _SHORT for value in values):
+        if any(len(value) > _MAX_LINE for value in values):
             return Alignment.text
         return Alignment.words if any(value[:1].isalpha() for value in values) else Alignment.number
 

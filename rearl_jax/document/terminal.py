@@ -39,7 +39,7 @@ def _print(console: Console, document: Document) -> None:
         if section.is_folded:
             continue
         for table in section.tables:
-            console.print(_drawn(table, with_intervals=has_room, generated=document.generated))
+            console.print(_rich_table(table, with_intervals=has_room, generated=document.generated))
         print_notes(console, (*section.paragraphs, *section.notes))
     if not has_room:
         print_notes(console, [f"intervals: page.html, or a terminal of {width} columns"])
@@ -49,11 +49,11 @@ def _width(document: Document) -> int:
     """Columns that the widest table needs with its intervals."""
     unlimited = Console(width=10_000, file=io.StringIO())
     tables = (table for section in document.sections if not section.is_folded for table in section.tables)
-    drawn = (_drawn(table, with_intervals=True, generated=document.generated) for table in tables)
+    drawn = (_rich_table(table, with_intervals=True, generated=document.generated) for table in tables)
     return max([_MIN_WIDTH, *(unlimited.measure(table).maximum for table in drawn)])
 
 
-def _drawn(table: Table, *, with_intervals: bool, generated: bool) -> rich.table.Table:
+def _rich_table(table: Table, *, with_intervals: bool, generated: bool) -> rich.table.Table:
     drawn = titled_table(table.title, generated=generated)
     drawn.add_column("")
     for column, heading in enumerate(table.headings):

@@ -1,4 +1,4 @@
-"""Functions of one scenario that become one call for many under `jax.vmap`."""
+"""Functions of one scenario that become one call for all scenarios under `jax.vmap`."""
 
 from collections.abc import Callable
 
@@ -8,13 +8,13 @@ from jaxtyping import Array, PyTree
 
 
 def in_lockstep(function: Callable[..., PyTree]) -> Callable[..., PyTree]:
-    """A function of one scenario that is, under `jax.vmap`, one call for all of them with the scenario axis last.
+    """A function of one scenario that `jax.vmap` turns into one call for all scenarios, with the scenario axis last.
 
-    vmap would put the axis first, where the core's loops over vehicles run over strided memory, and would turn each
-    "only where needed" into "for all".
+    vmap alone would put the axis first, where the core's loops over vehicles run over strided memory, and would compute
+    both branches of every condition for all scenarios.
 
     Args:
-        function: Function of pytrees whose arrays have the scenario axis last, length 1 for what is the same for all.
+        function: Function of pytrees whose arrays have the scenario axis last, of length 1 for common values.
     """
 
     @jax.custom_batching.custom_vmap
@@ -34,6 +34,6 @@ def in_lockstep(function: Callable[..., PyTree]) -> Callable[..., PyTree]:
         results = jax.tree.map(
             lambda leaf, common: leaf[..., 0] if common else jnp.moveaxis(leaf, -1, 0), results, is_common
         )
-        return results, jax.tree.map(lambda c: not c, is_common)
+        return results, jax.tree.map(lambda common: not common, is_common)
 
     return single

@@ -1,6 +1,6 @@
 """The highway with the interface of gymnax: pure functions of an explicit state and key, for `jax.jit` and `jax.vmap`.
 
-gymnax is needed for the spaces only, which are its own classes (`pip install 'rearl_jax[gymnax]'`).
+gymnax is needed for the spaces only, which are classes of gymnax (`pip install 'rearl_jax[gymnax]'`).
 
 Source: gymnax 1.0, `environments.environment.Environment`.
 """
@@ -22,8 +22,8 @@ from rearl_jax.data.scenes.scene_set import SceneSet
 from rearl_jax.decision.situation import N_ACTIONS
 from rearl_jax.environments import highway
 from rearl_jax.environments.batching import in_lockstep
-from rearl_jax.environments.highway import HighwayOptions, HighwayState, Outcome, Start, Starts
-from rearl_jax.environments.starts import Recorded, with_scenes
+from rearl_jax.environments.highway import HighwayState, Outcome, Start, Starts
+from rearl_jax.environments.starts import Recorded, options_of, with_scenes
 from rearl_jax.environments.surroundings import Surroundings
 
 AnyKey: TypeAlias = PRNGKey | UInt32[Array, "2"]
@@ -86,10 +86,10 @@ class FunctionalHighway:
             **options: Fields of `HighwayOptions`.
 
         Raises:
-            TypeError, ValueError: An option is unknown or outside its range, or the scenes do not fit the road or the
+            ValueError: An option is unknown or outside its range, or the scenes do not fit the road or the
                 boundary.
         """
-        self.options, self._starts = with_scenes(HighwayOptions(**options), scenes, boundary, data)
+        self.options, self._starts = with_scenes(options_of(options), scenes, boundary, data)
 
     @property
     def name(self) -> str:
@@ -121,10 +121,10 @@ class FunctionalHighway:
         action: Int[Array, ""] | int,
         params: HighwayParams | None = None,
     ) -> tuple[Float[Array, "rows columns"], HighwayState, Float[Array, ""], Bool[Array, ""], Bool[Array, ""], dict]:
-        """Observation, state, reward, whether the episode has terminated, whether it was truncated, and more.
+        """Observation, state, reward, whether the episode has terminated, whether it was truncated, and info.
 
         Args:
-            key: Random key of the next episode, if one begins.
+            key: Random key of the next episode, if the present one ends.
             state: The scenario.
             action: Action of the controlled vehicle, see `MetaAction`.
             params: As in `default_params`.
@@ -194,13 +194,13 @@ class FunctionalHighway:
         """The state a second later, and the outcome of the action."""
 
         def second(
-            state: HighwayState, action: Array, duration: Array, around: BoundarySecond | None
+            state: HighwayState, action: Array, duration: Array, boundary_second: BoundarySecond | None
         ) -> tuple[HighwayState, Outcome]:
-            after = highway.advance(state, action, self.options, around)
+            after = highway.advance(state, action, self.options, boundary_second)
             return after, highway.outcome_of(after, self.options, duration)
 
-        around = highway.surroundings_now(state, params.around)
-        return in_lockstep(second)(state, jnp.asarray(action, jnp.int32), params.duration, around)
+        boundary_second = highway.surroundings_now(state, params.around)
+        return in_lockstep(second)(state, jnp.asarray(action, jnp.int32), params.duration, boundary_second)
 
     def _renewed(
         self,
@@ -210,17 +210,17 @@ class FunctionalHighway:
         observation: Float[Array, "rows columns scenarios"],
         measured: Start | None,
     ) -> tuple[Float[Array, "rows columns scenarios"], HighwayState]:
-        """Observation and state of the next episode if one has ended."""
+        """Observation and state, of the next episode in scenarios whose episode has ended."""
 
-        def begun() -> tuple[Array, HighwayState]:
+        def begin() -> tuple[Array, HighwayState]:
             new = highway.select(ended, highway.begin(keys, self.options, measured), state)
             return highway.observe(new, self.options), new
 
-        return if_any(ended, begun, (observation, state))
+        return if_any(ended, begin, (observation, state))
 
 
 def _drawn_start(key: PRNGKey, params: HighwayParams) -> Start | None:
-    """One of the measured cases; None if there are none."""
+    """A measured case, drawn at random; None if the traffic is drawn."""
     if params.starts is None:
         return None
     return params.starts.start(jax.random.randint(key, (), 0, params.starts.n_cases))

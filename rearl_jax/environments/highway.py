@@ -34,7 +34,7 @@ EGO = 0
 """The controlled vehicle."""
 
 EGO_SPEED = 25.0
-"""Initial speed of that vehicle [m/s]. Source: highway-env 1.12.1, `HighwayEnv._create_vehicles`."""
+"""Initial speed of the controlled vehicle [m/s]. Source: highway-env 1.12.1, `HighwayEnv._create_vehicles`."""
 
 PRECISIONS = ("float32", "float64")
 
@@ -44,11 +44,11 @@ class HighwayOptions:
     """Options of the environment that change the compiled program.
 
     Attributes:
-        n_lanes: Lanes of the road, 1 to 8; None for 4, or as many as measured scenes have.
+        n_lanes: Lanes of the road, 1 to 8; None for 4 or, with measured scenes, as many as the scenes need.
         n_others: Vehicles besides the controlled one; measured scenes bring their own number.
         density: highway-env's `vehicles_density` [-].
         duration: Seconds until an episode is truncated [s].
-        speed_levels: Target speeds FASTER and SLOWER choose from [m/s].
+        speed_levels: Target speeds [m/s] that FASTER and SLOWER choose from.
         ticks_per_second: Simulation ticks per second [1/s].
         n_rows: Vehicles in an observation, the controlled one first.
         see_behind: Whether vehicles more than 10 m behind are seen.
@@ -68,7 +68,7 @@ class HighwayOptions:
     dtype: str = "float32"
 
     def __post_init__(self) -> None:
-        # Lists, as JSON has them, would not be hashable.
+        # A list, as from JSON, would not be hashable.
         object.__setattr__(self, "speed_levels", tuple(self.speed_levels))
         for name, least in (("n_others", 0), ("duration", 1), ("n_rows", 1)):
             if getattr(self, name) < least:
@@ -79,7 +79,7 @@ class HighwayOptions:
             raise out_of_range("dtype", f"must be one of {', '.join(PRECISIONS)}", self.dtype)
         if self.dtype == "float64" and not jax.config.read("jax_enable_x64"):
             raise out_of_range("dtype", 'needs jax.config.update("jax_enable_x64", True) first', self.dtype)
-        _ = self.model  # which checks the rest
+        _ = self.model  # checks the remaining options
 
     @cached_property
     def model(self) -> TrafficModel:
@@ -106,8 +106,8 @@ class Start(eqx.Module):
 
     Attributes:
         traffic: The vehicles, the controlled one first.
-        case: Case of each scenario in the surroundings; None without.
-        replayed: Recorded vehicles around; None without.
+        case: Index of each scenario's case in the `Surroundings`; None on a free road.
+        replayed: Recorded vehicles around the measured ones; None on a free road.
     """
 
     traffic: TrafficState
@@ -132,7 +132,7 @@ class Starts(eqx.Module):
         return self.state.x.shape[-1]
 
     def start(self, case: Int[Array, "*scenarios"]) -> Start:
-        """The cases with these numbers."""
+        """The cases with these indices."""
         traffic = jax.tree.map(lambda leaf: leaf[..., case], self.state)
         return Start(traffic) if self.around is None else Start(traffic, case, self.around.at_start(case))
 
@@ -142,10 +142,10 @@ class HighwayState(eqx.Module):
 
     Attributes:
         traffic: The vehicles, the controlled one first.
-        drivers: Parameters of the others.
+        drivers: Parameters of the other vehicles' drivers.
         time: Seconds since the episode began [s].
-        case: Case of each scenario in the surroundings; None on a free road.
-        replayed: Recorded vehicles around at this moment; None on a free road.
+        case: Index of each scenario's case in the `Surroundings`; None on a free road.
+        replayed: Recorded vehicles around the simulated ones at this moment; None on a free road.
     """
 
     traffic: TrafficState
@@ -159,8 +159,8 @@ class Outcome(eqx.Module):
     """Result of a decision.
 
     Attributes:
-        observation: After the second: per vehicle presence, x, y, vx, vy, normalised, see `ObservationSpec`.
-        reward: For the second, within [0, 1], see `decision.reward`.
+        observation: Observation after the second: presence, x, y, vx, vy of each vehicle, see `ObservationSpec`.
+        reward: Reward for the second, within [0, 1], see `decision.reward`.
         terminated: Whether the controlled vehicle has crashed.
         truncated: Whether the episode has lasted its full duration; an episode may be both terminated and truncated.
         speed: Speed of the controlled vehicle [m/s].
@@ -176,13 +176,13 @@ class Outcome(eqx.Module):
 def begin(keys: Key[Array, " scenarios"], options: HighwayOptions, measured: Start | None = None) -> HighwayState:
     """The first state of an episode for each key.
 
-    Traffic is drawn as `core.spawn` places it and the controlled vehicle, the rearmost, begins at `EGO_SPEED`. That is
-    highway-env's traffic, except for its position on its road of 10 km: `ego_spacing` moves all vehicles alike.
+    Traffic is drawn by `core.spawn`; the controlled vehicle, the rearmost, begins at `EGO_SPEED`. That is highway-env's
+    traffic except for its position along the road of 10 km: highway-env's `ego_spacing` shifts all vehicles alike.
 
     Args:
         keys: Random keys.
         options: The environment.
-        measured: Vehicles to begin with instead of drawn ones; the keys draw their drivers.
+        measured: Vehicles to begin with instead of drawn ones; their drivers are drawn.
     """
     dtype = jnp.dtype(options.dtype)
     if measured is None:
@@ -208,32 +208,33 @@ def advance(
     state: HighwayState,
     action: Int[Array, " scenarios"],
     options: HighwayOptions,
-    around: BoundarySecond | None = None,
+    boundary_second: BoundarySecond | None = None,
 ) -> HighwayState:
-    """The state one second later, in which the controlled vehicle has followed an action, see `MetaAction`.
+    """The state one second later, after the controlled vehicle has followed an action, see `MetaAction`.
 
-    Among recorded vehicles it has crashed if it touched one at the beginning of a step or at the end of the second.
+    The controlled vehicle has also crashed if it touched a recorded vehicle at the beginning of a time step or at the
+    end of the second.
 
     Args:
         state: The scenarios.
         action: Action of the controlled vehicle.
         options: The environment.
-        around: Recorded traffic around the vehicles in this second; None on a free road.
+        boundary_second: Recorded traffic around the vehicles in this second; None on a free road.
     """
     is_ego = lax.broadcasted_iota(jnp.int32, state.traffic.x.shape, 0) == EGO
     actions = jnp.where(is_ego, action.astype(jnp.int32)[None], int(MetaAction.IDLE))
     traffic = apply_meta_actions(state.traffic, actions, options.model)
     drivers, time = state.drivers, state.time + 1
-    if around is None:
+    if boundary_second is None:
         return HighwayState(simulate_second(traffic, drivers, options.model), drivers, time)
 
     def is_hit(traffic: TrafficState, replayed: ReplayedVehicles) -> Bool[Array, " scenarios"]:
         return touches(traffic, EGO, drivers.body, replayed, options.model)
 
-    traffic, hits = simulate_watched_second(traffic, drivers, options.model, around, is_hit)
-    has_crashed = traffic.crashed[EGO] | hits.any(axis=0) | is_hit(traffic, around.after)
+    traffic, hits = simulate_watched_second(traffic, drivers, options.model, boundary_second, is_hit)
+    has_crashed = traffic.crashed[EGO] | hits.any(axis=0) | is_hit(traffic, boundary_second.after)
     traffic = replace(traffic, crashed=traffic.crashed.at[EGO].set(has_crashed))
-    return HighwayState(traffic, drivers, time, state.case, around.after)
+    return HighwayState(traffic, drivers, time, state.case, boundary_second.after)
 
 
 def surroundings_now(state: HighwayState, around: Surroundings | None) -> BoundarySecond | None:
@@ -267,7 +268,7 @@ def outcome_of(
 
 
 def select(is_first: Bool[Array, " scenarios"], first: HighwayState, second: HighwayState) -> HighwayState:
-    """The first state in the chosen scenarios, the second in all others; arrays without a scenario axis are shared."""
+    """The first state where `is_first`, else the second; arrays without a scenario axis are those of the second."""
     n_scenarios = is_first.shape[0]
 
     def choose(a: Array, b: Array) -> Array:

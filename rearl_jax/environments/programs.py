@@ -17,6 +17,7 @@ from jaxtyping import Array, Bool, Float, Int, Key
 from rearl_jax.environments import highway
 from rearl_jax.environments.highway import HighwayOptions, HighwayState, Outcome, Starts
 from rearl_jax.environments.surroundings import Surroundings
+from rearl_jax.runtime import check_platform
 
 
 class Scenarios(eqx.Module):
@@ -32,7 +33,7 @@ class Scenarios(eqx.Module):
 
 
 class FirstObservation(NamedTuple):
-    """Observation at the beginning of an episode, where no decision was made.
+    """Observation at the beginning of an episode, before any decision.
 
     Attributes:
         observation: As in `highway.Outcome`.
@@ -44,13 +45,18 @@ class FirstObservation(NamedTuple):
 
 
 def keys_of(seeds: Sequence[int]) -> Key[Array, " scenarios"]:
-    """A random key for each seed, by its last 32 bits."""
+    """A random key for each seed, made from the last 32 bits of the seed."""
     return jax.vmap(jax.random.key)(jnp.asarray(np.array([seed % 2**32 for seed in seeds], np.uint32)))
 
 
 @cache
 def start_program(options: HighwayOptions) -> Callable[..., tuple[Scenarios, FirstObservation]]:
-    """Function from keys and measured starts to the first episodes; compiled once for all environments of a process."""
+    """Function from keys and measured starts to the first episodes; compiled once for all environments of a process.
+
+    Raises:
+        InvalidInputError: The environment variables name a platform that this JAX does not have.
+    """
+    check_platform()
     return jax.jit(partial(_start, options=options))
 
 
@@ -69,12 +75,12 @@ def step_program(options: HighwayOptions) -> Callable[..., tuple[Scenarios, Outc
 def _start(
     keys: Key[Array, " scenarios"], starts: Starts | None, options: HighwayOptions
 ) -> tuple[Scenarios, FirstObservation]:
-    later, case_keys, own_keys = jax.vmap(partial(jax.random.split, num=3), out_axes=1)(keys)
+    next_keys, case_keys, own_keys = jax.vmap(partial(jax.random.split, num=3), out_axes=1)(keys)
     measured = None
     if starts is not None:
         draw = partial(jax.random.randint, shape=(), minval=0, maxval=starts.n_cases)
         measured = starts.start(jax.vmap(draw)(case_keys))
-    scenarios = Scenarios(later, highway.begin(own_keys, options, measured))
+    scenarios = Scenarios(next_keys, highway.begin(own_keys, options, measured))
     return scenarios, _first_observation(scenarios, options)
 
 
@@ -90,8 +96,8 @@ def _restart(
 def _step(
     scenarios: Scenarios, around: Surroundings | None, actions: Int[Array, " scenarios"], options: HighwayOptions
 ) -> tuple[Scenarios, Outcome]:
-    now = highway.surroundings_now(scenarios.state, around)
-    state = highway.advance(scenarios.state, actions, options, now)
+    boundary_second = highway.surroundings_now(scenarios.state, around)
+    state = highway.advance(scenarios.state, actions, options, boundary_second)
     return Scenarios(scenarios.keys, state), highway.outcome_of(state, options, options.duration)
 
 

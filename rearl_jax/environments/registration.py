@@ -8,7 +8,7 @@ ENV_ID = "rearl_jax/Highway-v0"
 
 
 def register() -> None:
-    """Makes the id known to Gymnasium; the environment itself is imported when one is made."""
+    """Registers the environment with Gymnasium; its module is only imported when an environment is made."""
     gymnasium.register(
         ENV_ID,
         entry_point="rearl_jax.environments.single:HighwayEnv",
@@ -42,7 +42,7 @@ def make_env(num_envs: int | None = None, **options: Any) -> gymnasium.Env | gym
             `gymnasium.make` or `gymnasium.make_vec`.
 
     Raises:
-        TypeError, ValueError: An option is unknown or outside its range, or the scenes do not fit the road or the
+        ValueError: An option is unknown or outside its range, or the scenes do not fit the road or the
             boundary.
     """
     if num_envs is None:

@@ -1,7 +1,7 @@
 """Pictures of the road around the controlled vehicle, as arrays, in the colours of the replay on the pages of results.
 
-Vehicles are rectangles along the road with a mark at the front; the controlled one has a colour of its own, those that
-have crashed a frame, replayed ones are grey. Drawn with NumPy alone: a picture takes less than a millisecond.
+Vehicles are rectangles along the road with a mark at the front. The controlled vehicle has a colour of its own, crashed
+vehicles have a frame, and replayed vehicles are grey. Drawn with NumPy alone: a picture takes less than a millisecond.
 """
 
 from typing import Any, TypeAlias
@@ -33,10 +33,10 @@ _MARGIN = 10
 """Space beside the road [pixels]."""
 
 _MARK_LENGTH = 0.6
-"""Length of the mark at the front [m]; it begins 1.7 m behind it."""
+"""Length of the mark at the front [m]; the mark begins 1.7 m behind the front."""
 
 _EDGE, _FRAME = 0.4, 1.6
-"""Margin inside a vehicle's rectangle, and width of the frame around a crashed vehicle [m]."""
+"""Edge of a vehicle and frame around a crashed vehicle: difference of the outer and the inner size [m]."""
 
 _BACKGROUND, _ROAD, _LINE = (255, 255, 255), (0xE9, 0xEC, 0xEF), (0xAA, 0xB2, 0xBB)
 _CAR, _CAR_EDGE = (0x2F, 0x6F, 0xB0), (0x16, 0x32, 0x4F)
@@ -68,19 +68,19 @@ def pictures(state: HighwayState, options: HighwayOptions) -> list[UInt8[np.ndar
         *(traffic.x, traffic.y, traffic.controller, traffic.crashed, body.length, body.width)
     )
     road = _road(model.n_lanes, model.lane_width)
-    drawn = []
+    drawn_pictures = []
     for number in range(x.shape[-1]):
         left = float(x[EGO, number]) - _SHOWN_LENGTH / 2
         picture = _with_lines(road.copy(), model.n_lanes, model.lane_width, left)
         _draw_replayed(picture, state, number, left, model.lane_width)
-        # The controlled vehicle last, so that none hides it.
+        # The controlled vehicle is drawn last, so that no other vehicle hides it.
         for vehicle in np.flatnonzero(controller[:, number] != int(Controller.ABSENT))[::-1]:
             at = (float(x[vehicle, number]) - left, float(y[vehicle, number]) + model.lane_width / 2)
             size = (float(length[vehicle, number]), float(width[vehicle, number]))
             colours = (_EGO, _EGO_EDGE) if vehicle == EGO else (_CAR, _CAR_EDGE)
             _draw_vehicle(picture, at, size, colours, is_crashed=bool(crashed[vehicle, number]))
-        drawn.append(picture)
-    return drawn
+        drawn_pictures.append(picture)
+    return drawn_pictures
 
 
 def _road(n_lanes: int, lane_width: float) -> UInt8[np.ndarray, "height width 3"]:
@@ -91,7 +91,7 @@ def _road(n_lanes: int, lane_width: float) -> UInt8[np.ndarray, "height width 3"
 
 
 def _with_lines(picture: np.ndarray, n_lanes: int, lane_width: float, left: float) -> np.ndarray:
-    """The edges, and between lanes dashes of 3 m every 9 m that stand on the road."""
+    """The picture with the edges of the road and, between lanes, dashes of 3 m every 9 m, fixed to the road."""
     along = (np.arange(picture.shape[1]) / _SCALE + left) % 9.0 < 3.0
     for lane in range(n_lanes + 1):
         row = _MARGIN + round(lane * lane_width * _SCALE)
@@ -107,9 +107,9 @@ def _draw_replayed(picture: np.ndarray, state: HighwayState, number: int, left: 
         np.asarray(values)[:, number] for values in (state.replayed.x, state.replayed.lane, state.replayed.length)
     )
     width = float(np.asarray(state.drivers.body.width).flat[0])
-    for place in np.flatnonzero(lane != NOT_RECORDED):
-        at = (float(x[place]) - left, (float(lane[place]) + 0.5) * lane_width)
-        _draw_vehicle(picture, at, (float(length[place]), width), (_REPLAYED, _REPLAYED_EDGE), is_crashed=False)
+    for slot in np.flatnonzero(lane != NOT_RECORDED):
+        at = (float(x[slot]) - left, (float(lane[slot]) + 0.5) * lane_width)
+        _draw_vehicle(picture, at, (float(length[slot]), width), (_REPLAYED, _REPLAYED_EDGE), is_crashed=False)
 
 
 def _draw_vehicle(
@@ -120,7 +120,7 @@ def _draw_vehicle(
     *,
     is_crashed: bool,
 ) -> None:
-    """Draws a vehicle around a point of the picture [m], of some length and width [m], in colours of body and edge."""
+    """Draws a vehicle centred at a point of the picture [m], given length and width [m], colours of body and edge."""
     (x, y), (length, width), (body, edge) = at, size, colours
     if is_crashed:
         _fill(picture, x, y, length + _FRAME, width + _FRAME, _CRASHED)
@@ -130,7 +130,7 @@ def _draw_vehicle(
 
 
 def _fill(picture: np.ndarray, x: float, y: float, length: float, width: float, colour: Colour) -> None:
-    """Fills a rectangle around a point of the road [m], as far as it is in the picture."""
+    """Fills a rectangle centred at a point of the picture [m], where it lies within the picture."""
     first_column, last_column = (max(round((x + side * length / 2) * _SCALE), 0) for side in (-1, 1))
     first_row, last_row = (max(round((y + side * width / 2) * _SCALE) + _MARGIN, 0) for side in (-1, 1))
     picture[first_row:last_row, first_column:last_column] = colour

@@ -1,5 +1,6 @@
 """The highway as a Gymnasium environment."""
 
+from collections.abc import Mapping
 from typing import Any
 
 import gymnasium
@@ -11,7 +12,8 @@ from rearl_jax.decision.situation import N_ACTIONS
 from rearl_jax.environments import rendering
 from rearl_jax.environments.highway import HighwayOptions
 from rearl_jax.environments.programs import Scenarios, keys_of, restart_program, start_program, step_program
-from rearl_jax.environments.starts import Recorded, with_scenes
+from rearl_jax.environments.starts import Recorded, options_of, with_scenes
+from rearl_jax.problems import InvalidInputError, Problem
 
 
 class HighwayEnv(gymnasium.Env[np.ndarray, np.int64]):
@@ -23,7 +25,7 @@ class HighwayEnv(gymnasium.Env[np.ndarray, np.int64]):
         highway-env's `highway-v0`.
 
     `info` contains `speed` [m/s] and `crashed` of the controlled vehicle. With `render_mode="rgb_array"`, `render`
-    returns a picture of the road around it, see `rendering`.
+    returns a picture of the road around this vehicle, see `rendering`.
     """
 
     metadata = rendering.metadata()
@@ -47,11 +49,11 @@ class HighwayEnv(gymnasium.Env[np.ndarray, np.int64]):
             **options: Fields of `HighwayOptions`.
 
         Raises:
-            TypeError, ValueError: An option is unknown or outside its range, or the scenes do not fit the road or the
+            ValueError: An option is unknown or outside its range, or the scenes do not fit the road or the
                 boundary.
         """
         self.render_mode = rendering.check_render_mode(render_mode)
-        self.options, self._starts = with_scenes(HighwayOptions(**options), scenes, boundary, data)
+        self.options, self._starts = with_scenes(options_of(options), scenes, boundary, data)
         self._around = None if self._starts is None else self._starts.around
         self.observation_space, self.action_space = spaces(self.options)
         self._scenarios: Scenarios | None = None
@@ -63,8 +65,12 @@ class HighwayEnv(gymnasium.Env[np.ndarray, np.int64]):
 
         Args:
             seed: Seed of this and all later episodes; None to continue the present sequence of episodes.
-            options: Not used.
+            options: There are none.
+
+        Raises:
+            ValueError: An option is given.
         """
+        check_reset_options(options)
         super().reset(seed=seed)
         if seed is None and self._scenarios is not None:
             program = restart_program(self.options)
@@ -109,6 +115,13 @@ class HighwayEnv(gymnasium.Env[np.ndarray, np.int64]):
         if self._scenarios is None:
             raise RuntimeError("there is no episode yet: call reset() before render()")
         return rendering.pictures(self._scenarios.state, self.options)[0]
+
+
+def check_reset_options(options: Mapping[str, Any] | None, *known: str) -> None:
+    """Raise InvalidInputError for an option of `reset` that is not known."""
+    for name in sorted((options or {}).keys() - set(known)):
+        remedy = f"leave it out{f'; there is {known[0]}' if known else ''}, and give other options to make_env"
+        raise InvalidInputError(Problem("key-unknown", "is not an option of reset()", remedy, key=name))
 
 
 def spaces(options: HighwayOptions) -> tuple[gymnasium.spaces.Box, gymnasium.spaces.Discrete]:

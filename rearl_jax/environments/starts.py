@@ -1,14 +1,14 @@
-"""Measured scenes as initial states of episodes: every vehicle of every scene is once the controlled one."""
+"""Measured scenes as initial states of episodes: every vehicle of every scene is the controlled one in one case."""
 
 from collections.abc import Mapping
-from dataclasses import replace
+from dataclasses import fields, replace
 from typing import Any, TypeAlias
 
 import jax.numpy as jnp
 import numpy as np
 import pandas as pd
 
-from rearl_jax.config._schema import finished, from_plain
+from rearl_jax.config._schema import finished, from_plain, nearest
 from rearl_jax.config.core import CoreConfig, Precision
 from rearl_jax.config.data import DataConfig
 from rearl_jax.config.scenes import BoundarySource
@@ -26,16 +26,34 @@ Recorded: TypeAlias = Mapping[str, Any] | pd.DataFrame | None
 """Recordings: keys of the group `data`, or a table in the canonical columns; None for the shipped ones."""
 
 
+_OTHER_OPTIONS = ("scenes", "boundary", "data", "render_mode", "num_envs", "autoreset_mode")
+"""Options of environments besides those of `HighwayOptions`."""
+
+
+def options_of(given: Mapping[str, Any]) -> HighwayOptions:
+    """The options with these values.
+
+    Raises:
+        InvalidInputError: An option is unknown, or has a value of another type or outside its range.
+    """
+    known = [item.name for item in fields(HighwayOptions)]
+    for name in sorted(given.keys() - set(known)):
+        message = f"is not an option; nearest: {nearest(name, [*known, *_OTHER_OPTIONS])}"
+        raise InvalidInputError(Problem("key-unknown", message, key=name))
+    return from_plain(HighwayOptions, given)
+
+
 def with_scenes(
     options: HighwayOptions, scenes: SceneSet | None, boundary: str = "free", data: Recorded = None
 ) -> tuple[HighwayOptions, Starts | None]:
     """The options with as many lanes as the scenes need, and the scenes' beginnings, the last axis over the cases.
 
-    The cases go through the vehicles of the first scene, then of the second; the order of the others stays, behind the
-    controlled one and then from the front of the list. Speeds are the rescaled ones (`SceneSet.scaled_speed`).
+    A case is a scene with one of its vehicles as the controlled one. Cases go through the vehicles of the first scene,
+    then of the second. The controlled vehicle comes first; the others keep their cyclic order in the list. Speeds are
+    the rescaled ones (`SceneSet.scaled_speed`).
 
     With a boundary the controlled vehicle stays to the end of the episode, and the other simulated vehicles leave and
-    enter as they were recorded. The recorded traffic around every case is read once per machine.
+    enter as they were recorded. The recorded traffic around the cases is read once per machine.
 
     Args:
         options: The environment.
@@ -45,8 +63,8 @@ def with_scenes(
         data: Recordings that the scenes were cut from, as `cut_scenes` was given them; read only with a boundary.
 
     Raises:
-        ValueError: The road has too few lanes for the scenes, a lane is unknown; or a boundary has no scenes, rescaled
-            speeds, an episode longer than the recorded one, or other recordings.
+        ValueError: The road has too few lanes for the scenes, or a lane is unknown. With a boundary: there are no
+            scenes, their speeds are rescaled, they are shorter than an episode, or cut from other recordings.
     """
     source = _source_of(boundary)
     if scenes is None:
@@ -99,10 +117,10 @@ def _require_fitting(options: HighwayOptions, scenes: SceneSet, source: Boundary
 
 
 def _cases(scenes: SceneSet) -> SceneSet:
-    """The scenes, each as often as it has vehicles, with another one of them in the first place each time."""
+    """The cases: each scene once per vehicle, with this vehicle in the first slot."""
     cases = scenes.select(np.repeat(np.arange(len(scenes)), scenes.n_slots))
-    turns = (np.arange(scenes.n_slots)[:, None] + np.arange(scenes.n_slots)) % scenes.n_slots
-    slot = np.tile(turns, (len(scenes), 1))[:, None]
+    rotated = (np.arange(scenes.n_slots)[:, None] + np.arange(scenes.n_slots)) % scenes.n_slots
+    slot = np.tile(rotated, (len(scenes), 1))[:, None]
     by_slot = {name: values for name in ARRAYS if (values := getattr(cases, name)).ndim == 3}
     return replace(cases, **{name: np.take_along_axis(values, slot, axis=2) for name, values in by_slot.items()})
 

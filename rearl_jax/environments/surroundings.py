@@ -18,11 +18,11 @@ from rearl_jax.core.state import TrafficState
 
 
 class Surroundings(eqx.Module):
-    """Recorded traffic around the vehicles of all cases, as in `core.boundary.Boundary`; the first axis over cases.
+    """Recorded traffic around the vehicles of all cases, as in `core.boundary.Boundary`, the first axis over cases.
 
     Attributes:
         motion: Replayed vehicles at the beginning of each step of each second, `[cases, seconds, steps, replayed]`.
-        identity: Which they are, `[cases, seconds, replayed]`.
+        identity: Identity of the replayed vehicles, `[cases, seconds, replayed]`.
         entrants: Vehicles that enter at the end of each second, `[cases, seconds, vehicles]`.
     """
 
@@ -44,26 +44,26 @@ class Surroundings(eqx.Module):
 
         Args:
             case: Case of each scenario.
-            time: Seconds since its beginning [s]; after `n_seconds` the last second comes again.
+            time: Seconds since the start of the scenario [s]; after `n_seconds` the last second is repeated.
         """
 
-        def one(own: "Surroundings", time: Array) -> BoundarySecond:
+        def second_of(own: "Surroundings", time: Array) -> BoundarySecond:
             after = replayed_vehicles(_at(own.motion, time + 1, 0), _at(own.identity, time + 1))
             return BoundarySecond(_at(own.motion, time), _at(own.identity, time), _at(own.entrants, time), after)
 
-        return self._of_scenarios(one, case, jnp.minimum(time, self.n_seconds - 1))
+        return self._of_scenarios(second_of, case, jnp.minimum(time, self.n_seconds - 1))
 
     def _of_scenarios(self, function, case: Array, *others: Array):
-        """Results of a function of one case's surroundings, for one scenario or, in the last axis, for many."""
+        """Results of a function of one case's surroundings, for one scenario or for many along the last axis."""
 
-        def one(case: Array, *others: Array):
+        def of_scenario(case: Array, *others: Array):
             return function(_at(self, case), *others)
 
-        return one(case, *others) if case.ndim == 0 else jax.vmap(one, out_axes=-1)(case, *others)
+        return of_scenario(case, *others) if case.ndim == 0 else jax.vmap(of_scenario, out_axes=-1)(case, *others)
 
 
 def surroundings_of(boundary: Boundary) -> Surroundings:
-    """The boundary of all cases, whose scenes they are."""
+    """Surroundings made of a boundary whose scenes are the cases."""
     parts = boundary.motion, boundary.identity, boundary.entrants
     return Surroundings(*jax.tree.map(lambda leaf: jnp.moveaxis(leaf, -1, 0), parts))
 
@@ -71,19 +71,19 @@ def surroundings_of(boundary: Boundary) -> Surroundings:
 def touches(
     state: TrafficState, vehicle: int, body: Body, replayed: ReplayedVehicles, model: TrafficModel
 ) -> Bool[Array, " scenarios"]:
-    """True if a simulated vehicle touches a replayed one; replayed ones are in the middle of their lane.
+    """True if a simulated vehicle touches a replayed one; replayed vehicles are in the middle of their lanes.
 
     Args:
         state: The traffic.
         vehicle: Index of the simulated vehicle.
-        body: Sizes of the simulated vehicles; replayed ones have the width of the first.
-        replayed: Recorded vehicles around them.
+        body: Sizes of the simulated vehicles; replayed vehicles have the width of the first simulated one.
+        replayed: Recorded vehicles around the simulated ones.
         model: The road.
     """
-    yes, own = jnp.ones((1, 1), bool), slice(vehicle, vehicle + 1)
+    collides, own = jnp.ones((1, 1), bool), slice(vehicle, vehicle + 1)
     x, y, heading, speed = (values[own] for values in (state.x, state.y, state.heading, state.speed))
     length, half_width = jnp.broadcast_to(body.length, state.x.shape)[own], body.width[:1] / 2
-    first = Rectangle(x, y, cosine(heading), sine(heading), speed, length / 2, half_width, yes)
+    first = Rectangle(x, y, cosine(heading), sine(heading), speed, length / 2, half_width, collides)
     along = jnp.ones_like(replayed.x)
     second = Rectangle(
         replayed.x,
@@ -93,7 +93,7 @@ def touches(
         replayed.speed,
         replayed.length / 2,
         half_width,
-        yes,
+        collides,
     )
     return (separate(first, second, model)[0] & (replayed.lane != NOT_RECORDED)).any(axis=0)
 

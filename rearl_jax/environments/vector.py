@@ -13,7 +13,6 @@ from jaxtyping import Bool, Float, UInt8
 from rearl_jax.data.scenes.scene_set import SceneSet
 from rearl_jax.decision.situation import N_ACTIONS
 from rearl_jax.environments import rendering
-from rearl_jax.environments.highway import HighwayOptions
 from rearl_jax.environments.programs import (
     FirstObservation,
     Scenarios,
@@ -22,8 +21,8 @@ from rearl_jax.environments.programs import (
     start_program,
     step_program,
 )
-from rearl_jax.environments.single import spaces
-from rearl_jax.environments.starts import Recorded, with_scenes
+from rearl_jax.environments.single import check_reset_options, spaces
+from rearl_jax.environments.starts import Recorded, options_of, with_scenes
 from rearl_jax.problems import out_of_range
 
 
@@ -61,13 +60,13 @@ class HighwayVectorEnv(gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, np.nda
             **options: Fields of `HighwayOptions`.
 
         Raises:
-            TypeError, ValueError: An option is unknown or outside its range, or the scenes do not fit the road or the
+            ValueError: An option is unknown or outside its range, or the scenes do not fit the road or the
                 boundary.
         """
         if num_envs < 1:
             raise out_of_range("num_envs", "must be at least 1", num_envs)
         self.num_envs = num_envs
-        self.options, self._starts = with_scenes(HighwayOptions(**options), scenes, boundary, data)
+        self.options, self._starts = with_scenes(options_of(options), scenes, boundary, data)
         self._around = None if self._starts is None else self._starts.around
         self._mode = AutoresetMode(autoreset_mode)
         self.render_mode = rendering.check_render_mode(render_mode)
@@ -87,11 +86,12 @@ class HighwayVectorEnv(gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, np.nda
         """Observations and info at the beginning of episodes.
 
         Args:
-            seed: s for s, s + 1, ...; or one for each scenario, None to continue with the episodes that follow.
+            seed: An integer s for the seeds s, s + 1, ...; a sequence of one seed per scenario, None in it to continue
+                the present sequence of episodes; None to continue in all scenarios.
             options: `reset_mask`, the scenarios that restart; all by default.
 
         Raises:
-            ValueError: There are too few seeds, or the mask is not a mask of the scenarios.
+            ValueError: There are too few seeds, an option is unknown, or the mask is not a mask of the scenarios.
         """
         seed = int(seed) if isinstance(seed, np.integer) else seed
         super().reset(seed=seed if isinstance(seed, int) else None)
@@ -145,7 +145,7 @@ class HighwayVectorEnv(gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, np.nda
         observation, speed = _scenarios_first(outcome.observation), np.asarray(outcome.speed)
         reward = np.asarray(outcome.reward, np.float64)
         terminated, truncated = np.array(outcome.terminated), np.array(outcome.truncated)
-        all_scenarios, extra = np.ones(self.num_envs, bool), {}
+        all_scenarios, final = np.ones(self.num_envs, bool), {}
         if self._mode is AutoresetMode.NEXT_STEP and ended_before.any():
             start = self._restart(ended_before)
             observation, speed = _scenarios_first(start.observation), np.asarray(start.speed)
@@ -154,11 +154,11 @@ class HighwayVectorEnv(gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, np.nda
         self._has_ended = terminated | truncated
         crashed = terminated
         if self._mode is AutoresetMode.SAME_STEP and self._has_ended.any():
-            extra = _last_of(observation, speed, crashed, self._has_ended)
+            final = _last_of(observation, speed, crashed, self._has_ended)
             start = self._restart(self._has_ended)
             observation, speed = _scenarios_first(start.observation), np.asarray(start.speed)
             crashed = crashed & ~self._has_ended
-        return observation, reward, terminated, truncated, extra | _info(speed, crashed, all_scenarios)
+        return observation, reward, terminated, truncated, final | _info(speed, crashed, all_scenarios)
 
     def render(self) -> tuple[UInt8[np.ndarray, "height width 3"], ...] | None:  # type: ignore[override]
         """A picture of the present second of every scenario with `render_mode="rgb_array"`, else None.
@@ -189,6 +189,7 @@ class HighwayVectorEnv(gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, np.nda
 
     def _mask(self, options: dict[str, Any] | None) -> Bool[np.ndarray, " scenarios"]:
         """Mask of the scenarios that restart."""
+        check_reset_options(options, "reset_mask")
         mask = (options or {}).get("reset_mask")
         if mask is None:
             return np.ones(self.num_envs, bool)
@@ -203,15 +204,15 @@ class HighwayVectorEnv(gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, np.nda
 
 
 def _scenarios_first(observation: Any) -> Float[np.ndarray, "scenarios rows columns"]:
-    """A new array, which the caller may keep and change."""
+    """The observation with the scenario axis first, as a new array that the caller may keep and change."""
     return np.array(np.moveaxis(np.asarray(observation), -1, 0), order="C")
 
 
-def _info(speed: np.ndarray, crashed: np.ndarray, of: np.ndarray) -> dict[str, Any]:
-    """Values by name, and under `_name` the mask of the scenarios that have the value; 0 for all others."""
+def _info(speed: np.ndarray, crashed: np.ndarray, has_values: np.ndarray) -> dict[str, Any]:
+    """Values by name, and under `_name` the mask of the scenarios that have values; 0 for all other scenarios."""
     values = {"speed": speed.astype(np.float64), "crashed": crashed}
-    zeroed = {name: np.where(of, value, value.dtype.type(0)) for name, value in values.items()}
-    return zeroed | {f"_{name}": of.copy() for name in values}
+    zeroed = {name: np.where(has_values, value, value.dtype.type(0)) for name, value in values.items()}
+    return zeroed | {f"_{name}": has_values.copy() for name in values}
 
 
 def _last_of(observation: np.ndarray, speed: np.ndarray, crashed: np.ndarray, ended: np.ndarray) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""Recorded traffic around simulated scenes, and the keys that it requires."""
+"""Recorded traffic around simulated scenes, and the values of other keys that it requires."""
 
 import numpy as np
 
@@ -9,12 +9,12 @@ from rearl_jax.config.scenes import BoundarySource, SpeedNorm
 from rearl_jax.data.scenes.boundary import BoundaryOptions, SceneBoundary
 from rearl_jax.data.scenes.boundary_cache import kept_boundary
 from rearl_jax.data.scenes.scene_set import SceneSet
-from rearl_jax.evaluation.traffic import WITH_MODEL
+from rearl_jax.evaluation.traffic import MODEL_METHODS
 from rearl_jax.problems import InvalidInputError, Problem, out_of_range
 
 
 def check_boundary(config: EvaluateTask, *, has_own_scenes: bool = False) -> None:
-    """Raise InvalidInputError if the traffic around the scenes cannot be replayed under the other keys.
+    """Raises InvalidInputError if the traffic around the scenes cannot be replayed under the other keys.
 
     Args:
         config: The task.
@@ -33,7 +33,7 @@ def check_boundary(config: EvaluateTask, *, has_own_scenes: bool = False) -> Non
     if config.eval.seed_scope is not SeedScope.run_x_scene:
         message = f"must be run_x_scene {why}: every rollout has the surroundings of its own scene"
         raise out_of_range("eval.seed_scope", message, config.eval.seed_scope.name)
-    if config.method not in WITH_MODEL:
+    if config.method not in MODEL_METHODS:
         raise out_of_range("method", f"must be base or rearl {why}", config.method.name)
     if config.decision.policy.is_outside:
         message = f"must be a policy inside the compiled program {why}"

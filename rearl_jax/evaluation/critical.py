@@ -11,7 +11,7 @@ from rich.progress import Progress
 
 from rearl_jax.baselines.critical.adaptation import GIVEN, Adaptation, Assess, adapt_by_rounds, best_of
 from rearl_jax.baselines.critical.answers import BadAnswerError, read_mixture
-from rearl_jax.baselines.critical.asking import LanguageModelProposer, Said
+from rearl_jax.baselines.critical.asking import LanguageModelProposer, Reply
 from rearl_jax.baselines.critical.mixture import Mixture, grid
 from rearl_jax.config import EvaluateTask
 from rearl_jax.config.critical import Proposer
@@ -35,7 +35,7 @@ def adapt(config: EvaluateTask, scenes: SceneSet, subset: np.ndarray, bar: Progr
         ImportError, OSError, ValueError: The language model cannot be reached; see `language_model.language_model`.
         ValueError: The recordings hold too few cars, or the language model has not answered at all.
     """
-    adaptation, requests = _adapted(config, scenes, subset, bar)
+    adaptation, requests = _search(config, scenes, subset, bar)
     log.info("shares of the driver classes: %s", adaptation.mixture.written())
     extras = [adaptation_extra(config, adaptation, len(subset), generated=scenes.generated)]
     if requests is not None:
@@ -43,7 +43,7 @@ def adapt(config: EvaluateTask, scenes: SceneSet, subset: np.ndarray, bar: Progr
     return adaptation.mixture, extras
 
 
-def _adapted(
+def _search(
     config: EvaluateTask, scenes: SceneSet, subset: np.ndarray, bar: Progress
 ) -> tuple[Adaptation, pd.DataFrame | None]:
     """The search for the shares, and the requests to a language model."""
@@ -57,10 +57,10 @@ def _adapted(
         case Proposer.search:
             return best_of(grid(), partial(try_out, progress=shown(bar, "mixtures")), Proposer.search.name), None
         case Proposer.llm:
-            return _asked(config, scenes, subset, try_out, bar)
+            return _search_with_language_model(config, scenes, subset, try_out, bar)
 
 
-def _asked(
+def _search_with_language_model(
     config: EvaluateTask, scenes: SceneSet, subset: np.ndarray, try_out: Assess, bar: Progress
 ) -> tuple[Adaptation, pd.DataFrame]:
     """The search with proposals of a language model, and the requests to it."""
@@ -69,7 +69,9 @@ def _asked(
     llm = replace(config.llm, votes=1, constrained=False, max_tokens=max(config.llm.max_tokens, critical.max_tokens))
     with open_client(config, llm, understand_mixture) as client:
         recorded = recorded_shares(config, scenes, subset, bar)
-        propose = LanguageModelProposer(_asking(client), recorded, attempts=critical.attempts, history=critical.history)
+        propose = LanguageModelProposer(
+            _question_function(client), recorded, attempts=critical.attempts, history=critical.history
+        )
         adaptation = adapt_by_rounds(
             propose, try_out, critical.rounds, Proposer.llm.name, progress=shown(bar, "rounds of proposals")
         )
@@ -78,13 +80,13 @@ def _asked(
         return adaptation, client.requests_frame()
 
 
-def _asking(client: Client) -> Callable[[str, str, int, int], Said]:
+def _question_function(client: Client) -> Callable[[str, str, int, int], Reply]:
     """The client as the proposer calls it; the table of requests has the round as scenario, the attempt as vehicle."""
 
-    def ask(system: str, user: str, number: int, attempt: int) -> Said:
+    def ask(system: str, user: str, number: int, attempt: int) -> Reply:
         messages = (Message("system", system), Message("user", user))
         (answer,) = client.submit([Question(number, attempt, messages, ())]).result()
-        return Said(answer.replies[0].text, answer.cause.name)
+        return Reply(answer.replies[0].text, answer.cause.name)
 
     return ask
 

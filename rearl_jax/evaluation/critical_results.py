@@ -19,7 +19,7 @@ def adaptation_extra(config: EvaluateTask, adaptation: Adaptation, n_scenes: int
         "proposer": adaptation.proposer,
         "rounds": adaptation.n_rounds,
     }
-    note = f"drivers: {mixture.written()}; {_origin(config, adaptation, n_scenes)}"
+    note = f"drivers: {mixture.written()}; {_origin_note(config, adaptation, n_scenes)}"
     if not adaptation.trials:
         return Extra(notes=(note,), summary=summary)
 
@@ -56,22 +56,22 @@ def rounds_table(adaptation: Adaptation) -> pd.DataFrame:
     return pd.DataFrame(rows)
 
 
-def _origin(config: EvaluateTask, adaptation: Adaptation, n_scenes: int) -> str:
+def _origin_note(config: EvaluateTask, adaptation: Adaptation, n_scenes: int) -> str:
     """Origin of the shares, and their errors on the threshold scenes."""
     if not adaptation.trials:
         return "set by critical.ratios"
     kept = adaptation.trials[adaptation.selected].assessment
-    came_to = (
+    errors = (
         f"{config.critical.rollouts} rollouts against {n_scenes} threshold scenes: H {kept.h:.3f}, "
         f"MAPE {config.mape.definition.name} {kept.mape:.3f}"
     )
     if adaptation.proposer == Proposer.stats.name:
-        return f"as in the recordings (the same in every round, so proposed and simulated once); {came_to}"
+        return f"as in the recordings (the same in every round, so proposed and simulated once); {errors}"
     if adaptation.proposer == Proposer.search.name:
-        return f"the best of {len(adaptation.trials)} mixtures by H + MAPE; {came_to}"
+        return f"the best of {len(adaptation.trials)} mixtures by H + MAPE; {errors}"
     first = next(trial for trial in adaptation.trials if trial.cause == START).assessment
     return (
-        f"the last valid proposal of a language model in {adaptation.n_rounds} rounds; {came_to}; at the start "
+        f"the last valid proposal of a language model in {adaptation.n_rounds} rounds; {errors}; at the start "
         f"{first.h:.3f} and {first.mape:.3f}"
     )
 

@@ -113,7 +113,7 @@ def document_of(
 
 
 def main_row(rows: Iterable[str]) -> str:
-    """The row a study is about: with variants of a model the last method, else the first."""
+    """The row that the document is about: with variants of a model the last method, else the first."""
     methods = [row for row in rows if row not in TITLES]
     return methods[-1] if any(row.endswith(WITH_EFFECT) for row in methods) else methods[0]
 
@@ -125,7 +125,7 @@ def _emphasis(row: str, main: str) -> Emphasis:
 
 
 def _verdict(figures: Figures, main: str) -> str:
-    """Sentence on the Hellinger distance of the method, its change to base, and the reference rows."""
+    """Sentence on the Hellinger distance of the method, its difference from base, and the reference rows."""
     if (main, "h") not in figures:
         return f"There is no Hellinger distance of {title_of(main)}."
     method, others, chance = (_cell(figures.get((row, "h")), "h") for row in (main, REAL_VS_REAL, NOISE_FLOOR))
@@ -165,7 +165,7 @@ def _notes(
 
 def _compared_with_base(figures: Figures, rows: Iterable[str]) -> list[str]:
     """Rows that are compared with base."""
-    compared = {row for (row, _), found in figures.items() if not pd.isna(found["less_base"])}
+    compared = {row for (row, _), estimate in figures.items() if not pd.isna(estimate["less_base"])}
     return [row for row in rows if row in compared]
 
 

@@ -1,4 +1,4 @@
-"""One estimate per row and metric from the figures of pairs: mean, spread over runs, interval over scenes.
+"""One estimate per row and metric from the figures of scored pairs: mean, spread over runs, interval over scenes.
 
 Every interval comes from the same resamples of the scenes (paired bootstrap), so that the difference of two rows is
 resampled scene by scene; differences between scenes that both rows share do not widen its interval.
@@ -73,7 +73,7 @@ def estimates(rows: list[Scores], held_out: np.ndarray, eval: EvaluationConfig) 
                 means[row.row, name] = values
                 spread[row.row, name] = spread_over_runs(row, name)
     ends = _intervals(means, eval)
-    found = {
+    result = {
         key: Estimate(
             value=float(np.nanmean(values)),
             sd=spread[key],
@@ -92,18 +92,18 @@ def estimates(rows: list[Scores], held_out: np.ndarray, eval: EvaluationConfig) 
         for key, values in differences.items():
             figures = (float(np.nanmean(values)), *ends[key])
             names = (field, f"{field}_low", f"{field}_high")
-            found[key] = replace(found[key], **dict(zip(names, figures, strict=True)))
+            result[key] = replace(result[key], **dict(zip(names, figures, strict=True)))
             if field == "difference":
-                found[key] = replace(found[key], compared_with=others[key][0])
-    return found
+                result[key] = replace(result[key], compared_with=others[key][0])
+    return result
 
 
 def _differences(
     means: dict[tuple[str, str], np.ndarray], others: dict[tuple[str, str], tuple[str, str]]
 ) -> dict[tuple[str, str], np.ndarray]:
-    """Figures less those they are compared with, scene by scene, if any scene has both."""
-    found = {key: means[key] - means[other] for key, other in others.items() if other in means}
-    return {key: values for key, values in found.items() if np.isfinite(values).any()}
+    """Differences of compared figures, scene by scene; without those that no scene has."""
+    differences = {key: means[key] - means[other] for key, other in others.items() if other in means}
+    return {key: values for key, values in differences.items() if np.isfinite(values).any()}
 
 
 def _intervals(
@@ -115,7 +115,7 @@ def _intervals(
 
 
 def scene_means(row: Scores, name: str, held_out: np.ndarray) -> np.ndarray:
-    """Figure of each held-out scene, its mean over runs unless these are pooled; NaN where there is none."""
+    """Figure of each held-out scene: mean over runs, or of the pooled runs; NaN where there is none."""
     if name in row.pooled:
         return row.pooled[name]
     if name not in row.values:
@@ -124,7 +124,9 @@ def scene_means(row: Scores, name: str, held_out: np.ndarray) -> np.ndarray:
 
 
 def spread_over_runs(row: Scores, name: str) -> float | None:
-    """Standard deviation over runs of the mean over scenes; None with fewer than two runs, or without single ones."""
+    """Standard deviation over runs of the mean over scenes; None with fewer than two runs,
+    or if single runs have no figure.
+    """
     if name not in row.values:
         return None
     means = grouped_mean(row.values[name], row.run, int(row.run.max(initial=0)) + 1)
@@ -157,14 +159,14 @@ def intervals(values: np.ndarray, eval: EvaluationConfig) -> list[tuple[float | 
         means.append(np.where(counts > 0, (weights @ known) / np.maximum(counts, 1), np.nan))
     resampled = np.concatenate(means)
     tail = (1 - eval.confidence) / 2
-    found: list[tuple[float | None, float | None]] = []
+    ends: list[tuple[float | None, float | None]] = []
     for column, n_valid in zip(resampled.T, valid.sum(axis=0), strict=True):
         if n_valid < 2:
-            found.append((None, None))
+            ends.append((None, None))
             continue
         low, high = np.quantile(column[np.isfinite(column)], [tail, 1 - tail])
-        found.append((float(low), float(high)))
-    return found
+        ends.append((float(low), float(high)))
+    return ends
 
 
 def _weights(n_scenes: int, eval: EvaluationConfig) -> Iterator[np.ndarray]:

@@ -1,4 +1,4 @@
-"""Results of a method beyond those of every evaluation."""
+"""Results that only some methods have, in addition to those of every evaluation."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field

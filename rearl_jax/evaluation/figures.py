@@ -27,12 +27,12 @@ _BAND = (10, 90)
 
 def draw(config: EvaluateTask, evaluation: Evaluation) -> dict[str, bytes]:
     """PNG files by name without ending."""
-    own = {name: draw() for extra in evaluation.extras for name, draw in extra.figures.items()}
+    extra_figures = {name: draw() for extra in evaluation.extras for name, draw in extra.figures.items()}
     return {
         "speed_histogram": speed_histogram(config, evaluation),
         "errors_over_time": errors_over_time(config, evaluation),
         "space_time": space_time(config, evaluation),
-        **own,
+        **extra_figures,
     }
 
 
@@ -56,9 +56,9 @@ def speed_histogram(config: EvaluateTask, evaluation: Evaluation) -> bytes:
     return drawing.png(figure)
 
 
-def _rescaled(scenes: SceneSet, what: str = "") -> str:
+def _rescaled(scenes: SceneSet, subject: str = "") -> str:
     """Ending of a label of recorded speeds: empty if they are as recorded."""
-    return "" if scenes.speed_norm is SpeedNorm.none else f", {what}rescaled"
+    return "" if scenes.speed_norm is SpeedNorm.none else f", {subject}rescaled"
 
 
 def errors_over_time(config: EvaluateTask, evaluation: Evaluation) -> bytes:
@@ -123,15 +123,15 @@ def draw_actions(
     """PNG with the shares of the actions by the speed they were taken at, and how often that speed was driven.
 
     Args:
-        counts: How often each action was taken, from `driven.count_actions`.
+        counts: How often each action was taken, from `policy_actions.count_actions`.
         edges: Edges of the bins of the speed [m/s].
         method: Name of the method in the title.
         generated: Whether the data were generated, not measured.
     """
     total = counts.sum(axis=0)
-    figure, (often, shares) = drawing.panels(6.4, 4.8, rows=2, generated=generated)
-    often.stairs(total / max(total.sum(), 1) / np.diff(edges), edges, color=drawing.BLUE, linewidth=1.6)
-    often.set(ylabel="density [s/m]", ylim=(0, None))
+    figure, (density, shares) = drawing.panels(6.4, 4.8, rows=2, generated=generated)
+    density.stairs(total / max(total.sum(), 1) / np.diff(edges), edges, color=drawing.BLUE, linewidth=1.6)
+    density.set(ylabel="density [s/m]", ylim=(0, None))
     below = np.zeros(len(total))
     for name, count, colour in zip(ACTION_NAMES, counts, ACTION_COLOURS, strict=True):
         above = below + np.divide(count, total, out=np.zeros(len(total)), where=total > 0)
@@ -140,7 +140,7 @@ def draw_actions(
     shares.set(xlabel="speed before the action [m/s]", ylabel="share of the actions [-]", ylim=(0, 1))
     shares.set_xlim(edges[0], edges[-1])
     shares.legend(frameon=False, ncols=5, loc="lower center", bbox_to_anchor=(0.5, 1.0), fontsize=drawing.FONT_SIZE)
-    drawing.set_title(often, f"Actions of {method} by speed; empty: no vehicle had this speed")
+    drawing.set_title(density, f"Actions of {method} by speed; empty: no vehicle had this speed")
     return drawing.png(figure)
 
 
@@ -174,7 +174,7 @@ def _mark_crashes(axes: Axes, x: np.ndarray, crashed: np.ndarray) -> None:
 
 
 def _band(axes: Axes, row: Scores, name: str, colour: str, window: int) -> None:
-    """Mean over the pairs of a row by second, and a band that holds the middle of them."""
+    """Mean over the pairs of a row by second, and a band between two percentiles."""
     values = frame_series(row, window)[name]
     seconds = np.flatnonzero(np.isfinite(values).any(axis=1))
     values = values[seconds]

@@ -18,13 +18,13 @@ from rearl_jax.detection.detector import Thresholds
 from rearl_jax.detection.table import ReferenceTable
 from rearl_jax.evaluation.simulators import Simulated, lengths_of
 
-BURST = 2_048
+MAX_BURST = 2_048
 """Largest number of scenarios in lockstep, whose questions of a second are sent together."""
 
 
 @dataclass(frozen=True)
 class Block:
-    """Scenarios that one policy decides for, as it sees them before the first second.
+    """Scenarios that one policy decides for, as they are before the first second.
 
     Attributes:
         table: References.
@@ -61,8 +61,8 @@ def simulate_with_host_policy(
 ) -> Iterator[Simulated]:
     """Rollouts and their decisions, burst by burst, in two blocks each."""
     n_scenarios = state.x.shape[-1]
-    for start in range(0, n_scenarios, BURST):
-        size = min(BURST, n_scenarios - start)
+    for start in range(0, n_scenarios, MAX_BURST):
+        size = min(MAX_BURST, n_scenarios - start)
         columns = np.arange(start, start + size)
         burst_state, burst_drivers = select_scenarios((state, drivers), columns, n_scenarios, least_ndim=2)
         limits = select_scenarios(thresholds, columns, n_scenarios)

@@ -38,7 +38,7 @@ class Inputs:
         scenes: All scenes.
         splits: Use of each scene.
         references: Representative scenes; None if they were not needed.
-        clusters: The clusterings behind them.
+        clusters: The clusterings behind the references.
     """
 
     scenes: SceneSet
@@ -66,7 +66,7 @@ def inputs_of_scenes(config: EvaluateTask, scenes: SceneSet) -> Inputs:
 
 
 def splits_for(config: EvaluateTask | ClusterTask, scenes: SceneSet) -> Splits:
-    """Splits of the scenes; an evaluation whose method looks at no other scenes needs evaluation scenes only.
+    """Splits of the scenes; a method that uses no other scenes needs evaluation scenes only.
 
     Raises:
         InvalidInputError: There are too few scenes.
@@ -92,7 +92,7 @@ def read_inputs(
     """
     builder = None
     key = _key(config)
-    known = _LAST.get(key)
+    known = _LAST_READ.get(key)
     if with_references:
         # Imported here, because scikit-learn is slow to import and the method base does not need it.
         from rearl_jax.clustering.references import ReferenceBuilder
@@ -107,8 +107,8 @@ def read_inputs(
     if builder is not None:
         inputs = Inputs(scenes, splits, *builder.build(scenes, splits, study))
     tracks = builder.tracks if builder is not None else known.tracks if known is not None else None
-    _LAST.clear()
-    _LAST[key] = _Read(scenes, tracks)
+    _LAST_READ.clear()
+    _LAST_READ[key] = _Read(scenes, tracks)
     return inputs
 
 
@@ -118,7 +118,7 @@ class _Read:
     tracks: "TrackSet | None"
 
 
-_LAST: dict[tuple, _Read] = {}
+_LAST_READ: dict[tuple, _Read] = {}
 """The last data set read, by files and configuration; one at most, as it may be large."""
 
 

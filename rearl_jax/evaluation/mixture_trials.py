@@ -1,4 +1,4 @@
-"""Mixtures of driver classes tried out: rows of one batch, scored against the threshold scenes."""
+"""Trials of mixtures of driver classes: rows of one batch, scored against the threshold scenes."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -52,8 +52,8 @@ def assess(
         figures = (*(scores.values[name] for name in ("h", config.mape.column, "collisions")), near_misses)
         parts.append(np.reshape(figures, (len(figures), -1, n_scored)))
     figures = np.concatenate(parts, axis=1)
-    own = (figures[:, rollouts.row == number] for number in range(len(candidates)))
-    return [_assessment(*of_mixture, n_vehicles=config.core.n_vehicles) for of_mixture in own]
+    by_mixture = (figures[:, rollouts.row == number] for number in range(len(candidates)))
+    return [_assessment(*of_mixture, n_vehicles=config.core.n_vehicles) for of_mixture in by_mixture]
 
 
 def _assessment(

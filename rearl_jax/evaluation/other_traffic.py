@@ -1,7 +1,7 @@
 """Scenes of other traffic, such as another program's simulation, scored as simulated scenes are.
 
-Each scene is compared with recorded scenes. For reference, other recorded scenes take its place, as in the row real
-against real.
+Each scene is compared with recorded scenes. For reference, other recorded scenes take the place of this traffic, as in
+the row real against real.
 """
 
 from dataclasses import replace
@@ -60,7 +60,7 @@ def score_traffic(other: SceneSet, recorded: SceneSet, config: EvaluateTask | No
     scorer = make_scorer(config, both, max(len(scene) for _, scene, _ in pairs.values()))
     rows = {}
     for name, (partner, scene, run) in pairs.items():
-        metrics = scorer.recorded(partner, scene)
+        metrics = scorer.recorded(partner, scene)  # the other traffic has the form of recorded scenes too
         rows[name] = of_recordings(scores_of(name, scene, run, metrics, partner=partner, seconds=0.0), both)
     return pd.DataFrame(
         [{"metric": name, **{row: _mean(scores, name) for row, scores in rows.items()}} for name in MEASURED]

@@ -31,11 +31,11 @@ def example_replay(evaluation: Evaluation) -> Replay:
     scene = ReplayedScene(
         sample.example, 0, sample.frames, sample.lengths, float(method.values["h"][scored]), (), sample.around
     )
-    more = "replays more scenes"
+    offer = "replays more scenes"
     if evaluation.log is not None:
-        more += " and marks the vehicles for which decisions were taken, which are not marked here"
+        offer += " and marks the vehicles for which decisions were taken, which are not marked here"
     origin = (
         f"Simulated with {method.title}, eval.seed={config.eval.seed}, run 0 of {config.eval.n_runs} (from 0). The "
-        f"command rearl report study={config.study} {more}."
+        f"command rearl report study={config.study} {offer}."
     )
     return Replay(with_road(config, evaluation.scenes), evaluation.scenes, (scene,), origin)

@@ -23,13 +23,13 @@ from rearl_jax.metrics.measure import Measure
 from rearl_jax.metrics.paths import Paths, displacement, frechet
 
 _CHUNK = 64
-"""Pairs of scenes a device compares at a time: some hundred vehicles, whose couplings fit the cache."""
+"""Pairs of scenes that a device compares at a time: the couplings of some hundred vehicles fit the cache."""
 
 
-def of_first_vehicles(
+def first_vehicle_values(
     scenes: SceneSet, index: np.ndarray, values: Shaped[np.ndarray, "scenes frames slots"]
 ) -> tuple[Shaped[np.ndarray, "chosen later vehicles"], Bool[np.ndarray, "chosen later vehicles"]]:
-    """Values of the vehicles of the first snapshot in all later ones, and whether they are picked there.
+    """Values of the vehicles of the first snapshot in all later ones, and whether they are picked in these.
 
     Args:
         scenes: All scenes.
@@ -42,11 +42,11 @@ def of_first_vehicles(
 
 
 def recorded_paths(scenes: SceneSet, index: Int[np.ndarray, " scenes"], config: EvaluateTask) -> Paths:
-    """Paths of the vehicles in the first snapshot of some scenes; positions count from the most upstream one."""
+    """Paths of the vehicles in the first snapshot of some scenes; positions count from the most upstream vehicle."""
     lane = lanes_side_by_side(scenes, scenes.lane.astype(np.int64), scenes.direction)
-    along, known = of_first_vehicles(scenes, index, scenes.position)
-    lane, _ = of_first_vehicles(scenes, index, lane)
-    has_lane, _ = of_first_vehicles(scenes, index, scenes.lane != UNKNOWN_LANE)
+    along, known = first_vehicle_values(scenes, index, scenes.position)
+    lane, _ = first_vehicle_values(scenes, index, lane)
+    has_lane, _ = first_vehicle_values(scenes, index, scenes.lane != UNKNOWN_LANE)
     first = scenes.position[index, 0]
     along, known = along - first.min(axis=1)[:, None, None], known & (has_lane > 0)
     along, lane, known = (np.moveaxis(values, 0, -1) for values in (along, lane, known))
@@ -70,7 +70,7 @@ def simulated_paths(simulated: Simulated, rollouts: Rollouts, scenes: SceneSet) 
     if boundary is None:
         return _ordered(x[:-1], lane[:-1], known, first, config)  # frame k is at second k + 1
     known = np.moveaxis(boundary.is_new[rollouts.column].cumsum(axis=1)[:, 1:] == 0, 0, -1)
-    origin = boundary.x[rollouts.column, 0].min(axis=1)  # vehicles may enter behind it
+    origin = boundary.x[rollouts.column, 0].min(axis=1)  # vehicles may enter upstream of this vehicle
     return _ordered(x[1:] - origin, lane[1:], known, first, config)
 
 
@@ -115,21 +115,22 @@ def with_paths(
     if len(column) == 0:
         return scores
     n_vehicles = min(paths.along.shape[1], observed.along.shape[1])
-    paths, observed = (jax.tree.map(lambda leaf: leaf[:, :n_vehicles], each) for each in (paths, observed))
-    at = np.searchsorted(held_out, scores.scene)
-    away, farthest = _compared()((_taken(paths, column), _taken(observed, at)))
+    paths, observed = (jax.tree.map(lambda leaf: leaf[:, :n_vehicles], record) for record in (paths, observed))
+    scene_index = np.searchsorted(held_out, scores.scene)
+    mean_distance, frechet_distance = _distance_program()((_select(paths, column), _select(observed, scene_index)))
 
     def of_run(run: int) -> Paths:
         """The paths of a run, scene by scene; unknown for scenes with fewer runs."""
-        (own,) = np.nonzero(scores.run == run)
-        chosen, is_there = np.zeros(len(held_out), np.int64), np.zeros(len(held_out), bool)
-        chosen[at[own]], is_there[at[own]] = column[own], True
-        sample = _taken(paths, chosen)
-        return Paths(sample.along, sample.across, sample.known & observed.known & is_there)
+        (pairs_of_run,) = np.nonzero(scores.run == run)
+        scenes_of_run = scene_index[pairs_of_run]
+        chosen, has_run = np.zeros(len(held_out), np.int64), np.zeros(len(held_out), bool)
+        chosen[scenes_of_run], has_run[scenes_of_run] = column[pairs_of_run], True
+        sample = _select(paths, chosen)
+        return Paths(sample.along, sample.across, sample.known & observed.known & has_run)
 
     samples = [of_run(run) for run in np.unique(scores.run).tolist()]
-    energy = energy_score(samples, observed, lambda one, other: _known(_displaced()((one, other))))
-    pairs = {"displacement": away, "frechet": farthest}
+    energy = energy_score(samples, observed, lambda first, second: _known(_displacement_program()((first, second))))
+    pairs = {"displacement": mean_distance, "frechet": frechet_distance}
     return replace(
         scores,
         values=scores.values | {name: _known(measure) for name, measure in pairs.items()},
@@ -138,7 +139,7 @@ def with_paths(
     )
 
 
-def _taken(paths: Paths, columns: np.ndarray) -> Paths:
+def _select(paths: Paths, columns: np.ndarray) -> Paths:
     """The paths of some columns."""
     return jax.tree.map(lambda leaf: leaf[..., columns], paths)
 
@@ -149,8 +150,8 @@ def _known(measure: Measure) -> Float[np.ndarray, " scenarios"]:
 
 
 @cache
-def _compared() -> ScenarioMap:
-    """Compiled once for all studies of a process."""
+def _distance_program() -> ScenarioMap:
+    """Program for displacement and Frechet distance; compiled once for all studies of a process."""
     return ScenarioMap(_both_distances, chunk=_CHUNK)
 
 
@@ -159,8 +160,8 @@ def _both_distances(pair: tuple[Paths, Paths]) -> tuple[Measure, Measure]:
 
 
 @cache
-def _displaced() -> ScenarioMap:
-    """Compiled once for all studies of a process."""
+def _displacement_program() -> ScenarioMap:
+    """Program for the displacement alone; compiled once for all studies of a process."""
     return ScenarioMap(_one_distance, chunk=_CHUNK)
 
 

@@ -17,7 +17,7 @@ from rearl_jax.evaluation.inputs import Inputs
 from rearl_jax.evaluation.rollouts import Rollouts
 from rearl_jax.evaluation.rows import Row
 from rearl_jax.evaluation.runner import scored_rollouts
-from rearl_jax.evaluation.simulators import NEVER
+from rearl_jax.evaluation.simulators import NEVER_EXCEEDED
 from rearl_jax.evaluation.tables import frame_series
 from rearl_jax.evaluation.traffic import calibrated
 from rearl_jax.problems import InvalidInputError, Problem
@@ -28,7 +28,7 @@ log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class BaseValues:
-    """Values that the detection would compute for the method base, pooled over scenes, runs and seconds.
+    """Errors that the detection would compute for the method base, pooled over scenes, runs and seconds.
 
     Attributes:
         h: Hellinger distances of all full windows [-].
@@ -81,7 +81,7 @@ def thresholds_of(config: EvaluateTask, inputs: Inputs, bar: Progress) -> tuple[
     Infinite if the cue is not used or the method detects nothing; base is simulated only for a percentile.
     """
     if not config.method.needs_references:
-        return NEVER
+        return NEVER_EXCEEDED
     detection = config.detection
     h = detection.threshold_h if detection.cues in (Cues.both, Cues.speed) else math.inf
     m = detection.threshold_m if detection.cues in (Cues.both, Cues.spacing) else math.inf

@@ -12,7 +12,7 @@ from rearl_jax.data.scenes.boundary import SceneBoundary
 from rearl_jax.data.scenes.scene_set import SceneSet
 from rearl_jax.evaluation.estimates import grouped_mean
 from rearl_jax.evaluation.extras import Extra, Figures
-from rearl_jax.evaluation.paths import of_first_vehicles
+from rearl_jax.evaluation.paths import first_vehicle_values
 from rearl_jax.evaluation.rollouts import Rollouts
 from rearl_jax.evaluation.scores import title_of
 from rearl_jax.evaluation.simulators import Simulated
@@ -25,8 +25,8 @@ class Positions:
     Attributes:
         scene: Index of the scene of each rollout.
         run: Run of each rollout.
-        error: Mean distance along the road between simulated and recorded positions at the same time [m]; NaN if there
-            are no recorded ones.
+        error: Mean distance along the road between simulated and recorded positions at the same time [m]; NaN
+            without recorded positions.
         first_error: Mean distance of the vehicles of the first snapshot alone, which are simulated with every boundary
             [m].
         overlap: Share of the vehicle-seconds in which a simulated vehicle overlaps a replayed one [-].
@@ -54,7 +54,7 @@ def positions_of(simulated: Simulated, rollouts: Rollouts, scenes: SceneSet) -> 
     x, index, boundary = np.moveaxis(np.asarray(simulated.frames.x), -1, 0), rollouts.scene, rollouts.boundary
     overlap = np.zeros(len(index))
     if boundary is None:
-        recorded, is_known = of_first_vehicles(scenes, index, scenes.position)
+        recorded, is_known = first_vehicle_values(scenes, index, scenes.position)
         recorded = recorded - scenes.position[index, :1].min(axis=2, keepdims=True)
         x, is_first = x[:, : recorded.shape[1]], True  # frame k is at second k + 1
     else:
@@ -99,25 +99,25 @@ def join_positions(parts: Sequence[Positions]) -> Positions:
     return Positions(*(np.concatenate([vars(part)[name] for part in parts]) for name in vars(parts[0])))
 
 
-def position_figures(found: Positions) -> Figures:
+def position_figures(positions: Positions) -> Figures:
     """Means over scenes of means over runs: `position_error` [m] and `overlap_share` [-]."""
-    scenes, cell = np.unique(found.scene, return_inverse=True)
-    means = (grouped_mean(values, cell, len(scenes)) for values in (found.error, found.overlap))
+    scenes, group = np.unique(positions.scene, return_inverse=True)
+    means = (grouped_mean(values, group, len(scenes)) for values in (positions.error, positions.overlap))
     error, overlap = (float(np.nanmean(values)) if np.isfinite(values).any() else float("nan") for values in means)
     return {"position_error": error, "overlap_share": overlap}
 
 
-def position_extra(scene_id: np.ndarray, found: Mapping[str, Positions]) -> Extra:
+def position_extra(scene_id: np.ndarray, positions_by_row: Mapping[str, Positions]) -> Extra:
     """Table `positions` with one row per rollout, and a note on every row of the evaluation.
 
     Args:
         scene_id: Number of every scene.
-        found: Positions by row.
+        positions_by_row: Positions by row.
     """
     tables, notes = [], []
-    for name, positions in found.items():
+    for name, positions in positions_by_row.items():
         columns = {
-            "method": pd.Categorical([name], list(found)).repeat(len(positions.scene)),
+            "method": pd.Categorical([name], list(positions_by_row)).repeat(len(positions.scene)),
             "scene_id": scene_id[positions.scene].astype(np.int32),
             "run": positions.run.astype(np.int32),
             "position_error": positions.error,

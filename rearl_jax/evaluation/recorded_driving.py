@@ -56,11 +56,11 @@ def recorded_shares(config: EvaluateTask, scenes: SceneSet, subset: np.ndarray, 
 
 def stretches_of(config: EvaluateTask, scenes: SceneSet, subset: np.ndarray) -> dict[str, list[Stretch]]:
     """Parts of the recordings that the scenes of a subset show, by recording."""
-    found: dict[str, list[Stretch]] = {}
+    stretches: dict[str, list[Stretch]] = {}
     for index in subset:
         first = int(scenes.start_frame[index])
         stop = first + round(scenes.seconds * float(scenes.frame_rate[index]))
         is_one_way = config.scenes.direction is Direction.per_direction
         direction = int(scenes.direction[index, 0, 0]) if is_one_way else None
-        found.setdefault(str(scenes.recording[index]), []).append(Stretch(first, stop, direction))
-    return found
+        stretches.setdefault(str(scenes.recording[index]), []).append(Stretch(first, stop, direction))
+    return stretches

@@ -1,4 +1,4 @@
-"""Text of an evaluation in addition to its tables: data, sources, notes, definitions."""
+"""Text of an evaluation besides its tables: data, notes, definitions, sources."""
 
 import json
 from dataclasses import asdict, dataclass

@@ -28,16 +28,16 @@ from rearl_jax.evaluation.simulators import (
     Batch,
     Interventions,
     Simulated,
-    beginnings,
     decision_keys,
     interventions,
     program,
     rollout_keys,
+    start_program,
 )
 from rearl_jax.problems import InvalidInputError, Problem, out_of_range
 
 NO_SCENE = -1
-"""Replaces the scene_id for rollouts that share no initial state with those of any scene, whatever seed and run."""
+"""Replaces the scene_id in the random keys of rollouts that share no initial state with those of any scene."""
 
 
 class Rollouts:
@@ -119,9 +119,9 @@ class Rollouts:
 
     def __getitem__(self, part: slice) -> "Rollouts":
         """A part of the rollouts."""
-        some = copy(self)
-        some._numbers = self._numbers[part]
-        return some
+        selected = copy(self)
+        selected._numbers = self._numbers[part]
+        return selected
 
     @property
     def row(self) -> Int[np.ndarray, " rollouts"]:
@@ -150,10 +150,10 @@ class Rollouts:
     def chunks(self) -> Iterator[Simulated]:
         """Rollouts chunk by chunk, scenarios in the order of `run` and `scene`."""
         config = self.config
-        acts = interventions(config) if self.policy is None else self.policy.options
-        if isinstance(acts, Interventions) and (acts.policy.is_outside or self._host_policy is not None):
-            return self._decided_on_host(acts)
-        simulate = program(acts, config.core, config.init.speed, self._n_seconds, self._is_cooperative)
+        control = interventions(config) if self.policy is None else self.policy.options
+        if isinstance(control, Interventions) and (control.policy.is_outside or self._host_policy is not None):
+            return self._decided_on_host(control)
+        simulate = program(control, config.core, config.init.speed, self._n_seconds, self._is_cooperative)
         return simulate.chunks(self._batch())
 
     @property
@@ -180,19 +180,19 @@ class Rollouts:
             boundary=None if self._surroundings is None else replace(self._surroundings, scene=column.astype(np.int32)),
         )
 
-    def _decided_on_host(self, acts: Interventions) -> Iterator[Simulated]:
+    def _decided_on_host(self, control: Interventions) -> Iterator[Simulated]:
         """Rollouts with the decisions of a policy outside the compiled program."""
         if self._host_policy is None:
             message = "decides outside the program, so `host_policy` must be given"
-            raise InvalidInputError(Problem("policy-outside", message, key=f"decision.policy={acts.policy.name}"))
+            raise InvalidInputError(Problem("policy-outside", message, key=f"decision.policy={control.policy.name}"))
         config, batch = self.config, self._batch()
         if self.boundary is not None:
             message = "cannot be decided outside the compiled program"
             key, value = "scenes.boundary", config.scenes.boundary.name
             raise InvalidInputError(Problem("policy-outside", message, "set it to free", key=key, value=value))
-        assert batch.thresholds is not None  # the method needs them
+        assert batch.thresholds is not None  # set for every method that intervenes
         model = traffic_model(config.core, cooperative=self._is_cooperative)
-        state, drivers, keys, table = beginnings(config.core, config.init.speed, acts.loop.detection)(batch)
+        state, drivers, keys, table = start_program(config.core, config.init.speed, control.loop.detection)(batch)
         return simulate_with_host_policy(
             state,
             drivers,
@@ -200,8 +200,8 @@ class Rollouts:
             table,
             Thresholds(*map(jnp.asarray, batch.thresholds)),
             self._host_policy,
-            model_under_decisions(model, acts.loop.execution.longitudinal),
-            acts.loop,
+            model_under_decisions(model, control.loop.execution.longitudinal),
+            control.loop,
             n_seconds=self._n_seconds,
         )
 

@@ -9,8 +9,8 @@ from rearl_jax.baselines.critical.mixture import Mixture
 from rearl_jax.config import EvaluateTask
 from rearl_jax.config.evaluation import Method, Variant
 from rearl_jax.evaluation.scores import WITH_EFFECT
-from rearl_jax.evaluation.simulators import NEVER
-from rearl_jax.evaluation.traffic import WITH_MODEL, is_cooperative, population_of
+from rearl_jax.evaluation.simulators import NEVER_EXCEEDED
+from rearl_jax.evaluation.traffic import MODEL_METHODS, is_cooperative, population_of
 from rearl_jax.models.population import Population
 
 
@@ -23,12 +23,12 @@ class Row:
         name: Name in tables and files.
         thresholds: Thresholds of the Hellinger distance and of the spacing error, for methods that intervene.
         mixture: Shares of the driver classes, for method=critical; None for `critical.ratios`.
-        drivers: Drivers that replace those of the configuration; None to keep these.
+        drivers: Drivers in place of those of the configuration; None for those of the configuration.
     """
 
     config: EvaluateTask
     name: str = ""
-    thresholds: tuple[float, float] = NEVER
+    thresholds: tuple[float, float] = NEVER_EXCEEDED
     mixture: Mixture | None = None
     drivers: Population | None = None
 
@@ -63,13 +63,15 @@ def compares_variants(config: EvaluateTask) -> bool:
     return config.model is not None and config.variant is Variant.all
 
 
-def rows_of(config: EvaluateTask, thresholds: tuple[float, float] = NEVER, mixture: Mixture | None = None) -> Rows:
+def rows_of(
+    config: EvaluateTask, thresholds: tuple[float, float] = NEVER_EXCEEDED, mixture: Mixture | None = None
+) -> Rows:
     """The row of the method and, for methods other than base, a row of base; or the four rows of a repaired model."""
     if compares_variants(config):
         variants = ((Variant.calibrated, ""), (Variant.repaired, WITH_EFFECT))
         rows = (
             Row(replace(config, method=method, variant=variant), f"{method.name}{ending}", thresholds)
-            for method in WITH_MODEL
+            for method in MODEL_METHODS
             for variant, ending in variants
         )
         return Rows(tuple(rows), f"{Method.rearl.name}{WITH_EFFECT}", has_variants=True)

@@ -18,11 +18,11 @@ from rearl_jax.core.rollout import Frames
 from rearl_jax.data.scenes.boundary import SceneBoundary
 from rearl_jax.data.scenes.scene_set import SceneSet
 from rearl_jax.detection.references import References
-from rearl_jax.evaluation.driven import count_actions, driving_extra
 from rearl_jax.evaluation.extras import Extra, Figures
 from rearl_jax.evaluation.host_policy import MakePolicy
 from rearl_jax.evaluation.interventions import DecisionLog, intervention_extra, intervention_rates, variants_extra
 from rearl_jax.evaluation.paths import join_paths, recorded_paths, simulated_paths, with_paths
+from rearl_jax.evaluation.policy_actions import count_actions, driving_extra
 from rearl_jax.evaluation.positions import Positions, join_positions, position_extra, position_figures, positions_of
 from rearl_jax.evaluation.rollouts import Rollouts
 from rearl_jax.evaluation.rows import rows_of
@@ -37,11 +37,11 @@ from rearl_jax.evaluation.scores import (
     with_realism,
 )
 from rearl_jax.evaluation.scoring import Scorer, join
-from rearl_jax.evaluation.simulators import NEVER, Simulated
+from rearl_jax.evaluation.simulators import NEVER_EXCEEDED, Simulated
 from rearl_jax.metrics.scene import SceneMetrics
 from rearl_jax.problems import InvalidInputError, Problem
 
-BINS_DRAWN = 4
+DRAWN_BINS_PER_BIN = 4
 """Bins of the drawn speed histogram per bin of the Hellinger distance."""
 
 
@@ -52,7 +52,7 @@ class Sample:
     Attributes:
         example: Index of the scene in the space-time diagram.
         frames: First rollout of that scene, `[n_steps, n_vehicles]`.
-        lengths: Lengths of the vehicles in that rollout [m].
+        lengths: Lengths of the vehicles in this rollout [m].
         around: Recorded traffic around that scene; None for a free road.
         speed_counts: Simulated speeds of all rollouts per bin of `speed_histogram_edges`.
         action_counts: Actions of all rollouts per bin of the speed before them; None if no policy drives all vehicles.
@@ -113,7 +113,7 @@ def evaluate(
     held_out: np.ndarray,
     progress: Callable[[int, int], None] = lambda done, total: None,
     references: References | None = None,
-    thresholds: tuple[float, float] = NEVER,
+    thresholds: tuple[float, float] = NEVER_EXCEEDED,
     host_policy: MakePolicy | None = None,
     mixture: Mixture | None = None,
 ) -> Evaluation:
@@ -129,14 +129,14 @@ def evaluate(
         host_policy: Makes the policies that decide outside the compiled program, where one does.
         mixture: Shares of the driver classes, for method=critical; None for `critical.ratios`.
     """
-    wanted = rows_of(config, thresholds, mixture)
+    simulated = rows_of(config, thresholds, mixture)
     scorer = make_scorer(config, scenes, config.eval.n_runs * len(held_out))
     example = example_scene(scenes, held_out, config.eval.example)
     rows, logs, extras, positions, main_sample = [], {}, [], {}, None
-    # Beside the simulation's compilation, which is the longest part of a short job.
-    with ThreadPoolExecutor(1) as beside:
-        reference = beside.submit(reference_rows, config, scenes, held_out, scorer)
-        for row in wanted.rows:
+    # The reference rows are scored while the simulation compiles, which takes longest in a short job.
+    with ThreadPoolExecutor(1) as pool:
+        reference = pool.submit(reference_rows, config, scenes, held_out, scorer)
+        for row in simulated.rows:
             rollouts = Rollouts([row], scenes, held_out, references, host_policy)
             scores, sample, log, own_positions = simulated_row(
                 row.name, rollouts, scorer, scenes, held_out, example, progress
@@ -146,7 +146,7 @@ def evaluate(
                 positions[row.name] = own_positions
             if log is not None:
                 logs[row.name] = log
-            if row.name == wanted.main:
+            if row.name == simulated.main:
                 main_sample = sample
                 if rollouts.policy is not None and sample.action_counts is not None:
                     edges, method = speed_histogram_edges(config.hist), config.method.name
@@ -157,15 +157,15 @@ def evaluate(
     rows = with_realism(rows, next(row for row in rows if row.row == REAL), config.realism)
     window, n_vehicles = config.hist.window, config.core.n_vehicles
     figures = {}
-    if wanted.has_variants:
+    if simulated.has_variants:
         figures = {name: intervention_rates(log, n_vehicles) for name, log in logs.items()}
         extras.append(variants_extra(scenes.scene_id, logs, window, n_vehicles))
     elif logs:
-        extras.insert(0, intervention_extra(scenes.scene_id, logs[wanted.main], window))
+        extras.insert(0, intervention_extra(scenes.scene_id, logs[simulated.main], window))
     if positions:
         extras.append(position_extra(scenes.scene_id, positions))
-        figures = {name: {**figures.get(name, {}), **position_figures(found)} for name, found in positions.items()}
-    return Evaluation(config, scenes, held_out, rows, main_sample, wanted.main, logs, tuple(extras), figures)
+        figures = {name: {**figures.get(name, {}), **position_figures(of_row)} for name, of_row in positions.items()}
+    return Evaluation(config, scenes, held_out, rows, main_sample, simulated.main, logs, tuple(extras), figures)
 
 
 def simulated_row(
@@ -181,7 +181,7 @@ def simulated_row(
     begin = time.perf_counter()
     edges = speed_histogram_edges(rollouts.config.hist)
     speed_counts = np.zeros(len(edges) - 1, np.int64)
-    chunks, decided, action_counts, example_frames, positions, done = [], [], [], None, [], 0
+    chunks, decisions, action_counts, example_frames, positions, done = [], [], [], None, [], 0
     paths, columns = [], []
     for simulated, chunk in scored_chunks(rollouts, scorer, held_out, progress):
         frames = simulated.frames
@@ -192,7 +192,7 @@ def simulated_row(
         paths.append(simulated_paths(simulated, part, scenes))
         columns.append(done + chunk.rollout)
         done += n
-        decided.append(simulated.decisions)
+        decisions.append(simulated.decisions)
         if simulated.actions is not None:
             action_counts.append(count_actions(np.asarray(simulated.actions), np.asarray(frames.speed), edges))
         speed_counts += np.histogram(np.clip(frames.speed, edges[0], edges[-1]), edges)[0]
@@ -204,8 +204,8 @@ def simulated_row(
     scores = replace(scores, seconds=time.perf_counter() - begin)
     assert example_frames is not None  # the example is one of the held-out scenes
     log = None
-    if decided[0] is not None:
-        joined = jax.tree.map(lambda *leaves: np.concatenate(leaves, axis=-1), *decided)
+    if decisions[0] is not None:
+        joined = jax.tree.map(lambda *leaves: np.concatenate(leaves, axis=-1), *decisions)
         log = DecisionLog(rollouts.scene, rollouts.run, joined)
     counts = np.sum(action_counts, axis=0) if action_counts else None
     first, lengths = example_frames
@@ -246,9 +246,9 @@ class ScoredChunk:
 
     Attributes:
         rollout: Column of each pair's rollout in the chunk.
-        scene: Index of its scene.
-        run: Its run.
-        metrics: Its metrics.
+        scene: Index of each pair's scene.
+        run: Run of each pair.
+        metrics: Metrics of the pairs.
     """
 
     rollout: Int[np.ndarray, " pairs"]
@@ -271,13 +271,16 @@ def scored_chunks(
         n = simulated.frames.x.shape[-1]
         for start in range(0, n, eval.n_runs if is_shared else n):
             columns = slice(start, min(start + eval.n_runs, n) if is_shared else n)
-            some = jax.tree.map(lambda leaf, at=columns: leaf[..., at], simulated)
+            selected = jax.tree.map(lambda leaf, at=columns: leaf[..., at], simulated)
             part = rollouts[done : done + columns.stop - start]
             scene, column = part.scene, np.arange(len(part))
             if is_shared:
                 column, scene = np.repeat(column, len(held_out)), np.tile(held_out, len(part))
             track = None if part.boundary is None else part.boundary.track_id[part.column]
-            yield some, ScoredChunk(column, scene, part.run[column], scorer.simulated(some, column, scene, track))
+            yield (
+                selected,
+                ScoredChunk(column, scene, part.run[column], scorer.simulated(selected, column, scene, track)),
+            )
             done += len(part)
             progress(done, len(rollouts))
 
@@ -298,8 +301,8 @@ def reference_rows(config: EvaluateTask, scenes: SceneSet, held_out: np.ndarray,
         jax.tree.map(lambda leaf, at=at: leaf[..., at], both)
         for at in (slice(None, len(held_out)), slice(len(held_out), None))
     ]
-    once = np.zeros(len(held_out), np.int64)
-    real = scores_of(REAL, held_out, once, metrics[0], partner=held_out, seconds=scored - begin)
+    run_0 = np.zeros(len(held_out), np.int64)
+    real = scores_of(REAL, held_out, run_0, metrics[0], partner=held_out, seconds=scored - begin)
     others = scores_of(REAL_VS_REAL, scene, run, metrics[1], partner=partner, seconds=scored - begin)
     chosen, column = np.unique(partner, return_inverse=True)
     paths, observed = (recorded_paths(scenes, index, config) for index in (chosen, held_out))
@@ -309,8 +312,8 @@ def reference_rows(config: EvaluateTask, scenes: SceneSet, held_out: np.ndarray,
 
 
 def speed_histogram_edges(hist: HistConfig) -> Float[np.ndarray, " edges"]:
-    """Edges of the drawn speed histogram [m/s]; every edge of the Hellinger distance's bins is one."""
-    return np.linspace(hist.low, hist.high, BINS_DRAWN * hist.n_bins + 1)
+    """Edges of the drawn speed histogram [m/s]; they include the edges of the Hellinger distance's bins."""
+    return np.linspace(hist.low, hist.high, DRAWN_BINS_PER_BIN * hist.n_bins + 1)
 
 
 def example_scene(scenes: SceneSet, held_out: np.ndarray, scene_id: int | None) -> int:

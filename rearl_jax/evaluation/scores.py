@@ -30,7 +30,7 @@ LIKELIHOODS = {"realism": "meta", "ttc_likelihood": "ttc", "thw_likelihood": "he
 """Metrics for which the runs of a scene are pooled before scoring, with their fields of `Realism`."""
 
 COMPARING = tuple(name for name, metric in METRICS.items() if metric.compares)
-"""Metrics that compare two scenes: their value for a scene and itself is meaningless."""
+"""Metrics that compare two scenes, which say nothing about a scene scored against itself."""
 
 NEEDS_LANES = tuple(name for name, metric in METRICS.items() if metric.needs_lanes)
 """Metrics that are undefined for recordings without lanes."""
@@ -155,9 +155,9 @@ def partners(scenes: SceneSet, held_out: np.ndarray, eval: EvaluationConfig) -> 
 
 
 def noise_floor_scores(scenes: SceneSet, held_out: np.ndarray, hist: HistConfig, eval: EvaluationConfig) -> Scores:
-    """Hellinger distance of two samples, as large as a window, of each held-out scene's own speeds.
+    """Hellinger distance of two samples, as large as a window, drawn from the speeds of the same held-out scene.
 
-    A mean over `eval.noise_draws` pairs of samples per scene.
+    Mean over `eval.noise_draws` pairs of samples per scene.
     """
     shares = np.stack([_speed_shares(scenes.scaled_speed[index], hist) for index in held_out])
     ids = scenes.scene_id[held_out].astype(np.int32)
@@ -191,36 +191,37 @@ def _realism_program(realism: RealismConfig) -> Callable[..., Realism]:
 
 
 def with_realism(rows: list[Scores], real: Scores, realism: RealismConfig) -> list[Scores]:
-    """The rows with the likelihoods of the real scenes under them, if they have counts.
+    """The rows with the likelihoods of the real scenes under each row, where a row has bin counts.
 
-    A pair's figure is of that rollout alone; the row's figure pools the runs of a scene, as the measure is
-    defined. One compiled call serves all rows.
+    A pair's figure is of its rollout alone; the row's figure pools the runs of a scene, as the measure is defined. One
+    compiled call serves all rows.
 
     Args:
         rows: Rows to complete.
         real: The held-out scenes themselves, one pair for each.
         realism: Pseudocounts and weights.
     """
-    done = [row for row in rows if row.realism is not None and row.row != REAL]
-    if not done or real.realism is None:
+    counted = [row for row in rows if row.realism is not None and row.row != REAL]
+    if not counted or real.realism is None:
         return rows
     n_scenes = len(real.scene)
     order = np.argsort(real.scene)
-    simulated, which = [], []
-    for row in done:
+    simulated, real_columns = [], []
+    for row in counted:
         at = order[np.searchsorted(real.scene, row.scene, sorter=order)]
         simulated += [row.realism, jax.tree.map(partial(_summed, group=at, n_groups=n_scenes), row.realism)]
-        which += [at, np.arange(n_scenes)]
+        real_columns += [at, np.arange(n_scenes)]
     counts = jax.tree.map(lambda *leaves: np.concatenate(leaves, axis=-1), *simulated)
-    wanted = jax.tree.map(lambda leaf: leaf[..., np.concatenate(which)], real.realism)
-    found = _realism_program(realism)(counts, wanted)
-    ends = np.cumsum([len(at) for at in which])[:-1]
-    complete = {row.row: row for row in done}
+    wanted = jax.tree.map(lambda leaf: leaf[..., np.concatenate(real_columns)], real.realism)
+    likelihoods = _realism_program(realism)(counts, wanted)
+    ends = np.cumsum([len(at) for at in real_columns])[:-1]
+    complete = {row.row: row for row in counted}
     for name, feature in LIKELIHOODS.items():
-        measure = getattr(found, feature)
+        measure = getattr(likelihoods, feature)
         figures = np.where(np.asarray(measure.count) > 0, np.asarray(measure.value, np.float64), np.nan)
+        # Each row has two parts, its pairs and its scenes, so the iterator is consumed twice per row.
         parts = zip(np.split(figures, ends), np.split(np.asarray(measure.count), ends), strict=True)
-        for row, (single, n_single), (pooled, _) in zip(done, parts, parts, strict=True):
+        for row, (single, n_single), (pooled, _) in zip(counted, parts, parts, strict=True):
             own = complete[row.row]
             complete[row.row] = replace(
                 own,

@@ -1,4 +1,4 @@
-"""Simulated or recorded traffic against recorded scenes, by one compiled program for both.
+"""Metrics of simulated or recorded traffic against recorded scenes, by one compiled program for both.
 
 Arrays have the scenario axis last. Real arrays are gathered for one batch at a time, so memory grows with the
 number of rollouts only by their figures.
@@ -41,7 +41,7 @@ def join(parts: list[SceneMetrics]) -> SceneMetrics:
 
 @functools.cache
 def _program(config: MetricsConfig, width: int) -> ScenarioMap:
-    """Compiled once for all studies of a process."""
+    """Program that scores a batch; compiled once for all studies of a process."""
     return ScenarioMap(functools.partial(score, config=config), chunk=width)
 
 
@@ -78,17 +78,17 @@ class Scorer:
         """
         parts = []
         for at in self._batches(len(scene)):
-            own = self._simulated(simulated, rollout[at])
+            trajectories = self._simulated(simulated, rollout[at])
             if track_id is not None:
-                own["track_id"] = np.moveaxis(track_id[rollout[at]], 0, -1).astype(np.int32)
-            parts.append(self._score(own, scene[at]))
+                trajectories["track_id"] = np.moveaxis(track_id[rollout[at]], 0, -1).astype(np.int32)
+            parts.append(self._score(trajectories, scene[at]))
         return join(parts)
 
     def _batches(self, n_pairs: int) -> Iterator[slice]:
         return (slice(start, start + self.batch) for start in range(0, n_pairs, self.batch))
 
     def _score(self, trajectories: dict[str, np.ndarray], scene: np.ndarray) -> SceneMetrics:
-        """Metrics of at most one batch; a smaller one is filled up, so that one program serves all."""
+        """Metrics of at most one batch; a smaller batch is filled up, so that one program serves all."""
         real = {
             name: self._gathered(getattr(self._scenes, name), scene)
             for name in ("scaled_speed", "mean_spacing", "spacing")

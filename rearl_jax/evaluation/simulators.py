@@ -23,7 +23,7 @@ from rearl_jax.config import EvaluateTask
 from rearl_jax.config.core import CoreConfig, InitialSpeed
 from rearl_jax.config.decision import MatcherConfig, PolicyName
 from rearl_jax.core.batch import ScenarioMap
-from rearl_jax.core.boundary import Boundary, cut_desired_speed
+from rearl_jax.core.boundary import Boundary, limited_desired_speed
 from rearl_jax.core.drivers import Drivers
 from rearl_jax.core.model import TrafficModel, traffic_model
 from rearl_jax.core.rollout import Frames, frame_of, rollout
@@ -41,8 +41,8 @@ from rearl_jax.models.traffic import populate as populate_by_model
 POLICY_STREAM = 1
 """Separates the random numbers of a policy from those of the initial state."""
 
-NEVER = (float("inf"), float("inf"))
-"""Thresholds that are never exceeded."""
+NEVER_EXCEEDED = (float("inf"), float("inf"))
+"""Thresholds of Hellinger distance and spacing error that are never exceeded."""
 
 FIXED_SPEED = 25.0
 """Speed of init.speed=fixed_25 [m/s]. Source: highway-env 1.12.1, `HighwayEnv._create_vehicles`."""
@@ -60,7 +60,7 @@ class Simulated(eqx.Module):
         frames: The traffic.
         length: Lengths of the vehicles [m].
         decisions: Detections and decisions; None if nothing is detected.
-        actions: The action every vehicle followed in every second; None if no policy drives them all.
+        actions: The action every vehicle followed in every second; None if no policy drives all vehicles.
     """
 
     frames: Frames
@@ -125,9 +125,9 @@ class Batch(NamedTuple):
         """Recorded traffic around the rollouts; the last axis of all fields except `scene` is that of the scenes."""
         if self.boundary is None:
             return None
-        own = self.boundary
-        motion, identity, entrants = _same_for_all((own.motion, own.identity, own.entrants))
-        return Boundary(motion, identity, entrants, jnp.asarray(own.scene))
+        boundary = self.boundary
+        motion, identity, entrants = _same_for_all((boundary.motion, boundary.identity, boundary.entrants))
+        return Boundary(motion, identity, entrants, jnp.asarray(boundary.scene))
 
 
 def begin(
@@ -153,7 +153,7 @@ def begin(
         state, drivers = populate_by_model(state, drivers, keys, _same_for_all(batch.traffic), model, replayed)
     if batch.measured is not None:
         # Recorded vehicles are not moved to make room. Their state holds their highest recorded speed as desired speed.
-        wanted = cut_desired_speed(batch.measured.desired_speed, drivers)
+        wanted = limited_desired_speed(batch.measured.desired_speed, drivers)
         state = replace(state, x=batch.measured.x, desired_speed=wanted)
     if batch.shares is not None:
         state, drivers = populate(state, drivers, keys, jnp.asarray(batch.shares), model)
@@ -170,7 +170,7 @@ def _same_for_all(values: Any) -> Any:
 
 @functools.cache
 def program(
-    acts: Interventions | DrivingOptions | None,
+    control: Interventions | DrivingOptions | None,
     core: CoreConfig,
     speed: InitialSpeed,
     n_seconds: int,
@@ -183,24 +183,24 @@ def program(
     def simulate(batch: Batch) -> Simulated:
         state, drivers, keys = begin(batch, core, speed, model)
         length, around = lengths_of(state, drivers), batch.surroundings()
-        if acts is None and around is not None:
+        if control is None and around is not None:
             frames = rollout(state, drivers, model, n_seconds=n_seconds - 1, boundary=around)[1]
             return Simulated(_from_start(state, frames, model), length)
-        if acts is None:
+        if control is None:
             return Simulated(simulate_base(state, drivers, model, n_seconds), length)
-        if isinstance(acts, DrivingOptions):
+        if isinstance(control, DrivingOptions):
             actor = _same_for_all(batch.actor)
-            frames, actions = rollout_with_actor(state, drivers, actor, model, acts, n_seconds=n_seconds)
+            frames, actions = rollout_with_actor(state, drivers, actor, model, control, n_seconds=n_seconds)
             return Simulated(frames, length, actions=actions)
         assert batch.thresholds is not None  # given with the references
-        acting = model_under_decisions(model, acts.loop.execution.longitudinal)
-        table = tabulate(_same_for_all(batch.references), acts.loop.detection.hist, state.x.dtype)
-        policy, limits = make_policy(acts.policy, acts.matcher, acting), Thresholds(*batch.thresholds)
-        own = state, drivers, decision_keys(keys), table, limits, policy, acting, acts.loop
+        acting = model_under_decisions(model, control.loop.execution.longitudinal)
+        table = tabulate(_same_for_all(batch.references), control.loop.detection.hist, state.x.dtype)
+        policy, limits = make_policy(control.policy, control.matcher, acting), Thresholds(*batch.thresholds)
+        arguments = state, drivers, decision_keys(keys), table, limits, policy, acting, control.loop
         if around is not None:
-            _, frames, decisions = rollout_with_policy(*own, n_seconds=n_seconds - 1, boundary=around)
+            _, frames, decisions = rollout_with_policy(*arguments, n_seconds=n_seconds - 1, boundary=around)
             return Simulated(_from_start(state, frames, acting), length, decisions)
-        _, frames, decisions = rollout_with_policy(*own, n_seconds=n_seconds)
+        _, frames, decisions = rollout_with_policy(*arguments, n_seconds=n_seconds)
         return Simulated(frames, length, decisions)
 
     return ScenarioMap(simulate, chunk=core.chunk)
@@ -222,7 +222,7 @@ def decision_keys(keys: Key[Array, " scenarios"]) -> Key[Array, " scenarios"]:
 
 
 @functools.cache
-def beginnings(core: CoreConfig, speed: InitialSpeed, detection: DetectionOptions) -> Callable[[Batch], tuple]:
+def start_program(core: CoreConfig, speed: InitialSpeed, detection: DetectionOptions) -> Callable[[Batch], tuple]:
     """Program from a batch to initial states, drivers, keys of the decisions and the references' table.
 
     Rollouts with decisions on the host begin with it. Compiled once for all studies of a process.

@@ -143,13 +143,13 @@ def summary_rows(
 
     Keys: method, every metric by its name with `_sd` (over runs), `_low` and `_high` (bootstrap interval over
     scenes), n_scenes, n_rollouts, seconds; for a method other than base also `_less_base`, `_less_base_low`,
-    `_less_base_high`; and those that the method adds, None in the other rows. None if there is no figure.
+    `_less_base_high`; and the keys that the method adds, null in the other rows. Null if there is no figure.
     """
     methods = [row.row for row in evaluation.rows if row.row not in TITLES]
     compared = _LESS_BASE if BASE in methods and len(methods) > 1 else ()
-    own = {name: value for extra in evaluation.extras for name, value in extra.summary.items()}
+    of_method = {name: value for extra in evaluation.extras for name, value in extra.summary.items()}
     others = {name: None for figures in evaluation.figures.values() for name in figures}
-    found = []
+    objects = []
     for row in evaluation.rows:
         figures: dict[str, str | int | float | None] = {"method": row.row}
         for name in METRICS:
@@ -160,10 +160,10 @@ def summary_rows(
         figures["n_scenes"] = len(np.unique(row.scene))
         figures["n_rollouts"] = row.n_rollouts
         figures["seconds"] = round(row.seconds, 3)
-        figures |= own if row is evaluation.rows[0] else dict.fromkeys(own)
+        figures |= of_method if row is evaluation.rows[0] else dict.fromkeys(of_method)
         figures |= others | dict(evaluation.figures.get(row.row, {}))
-        found.append(figures)
-    return found
+        objects.append(figures)
+    return objects
 
 
 def written(value: float, name: str) -> str:

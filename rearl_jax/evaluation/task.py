@@ -58,11 +58,11 @@ def run(config: EvaluateTask, *, show: bool = True) -> dict:
         return {"rows": stored}
     with progress_bar() as bar:
         evaluation = compute(config, bar, study=study)
-    found = estimates(evaluation.rows, evaluation.held_out, config.eval)
-    write_tables(study, evaluation, found)
+    of_rows = estimates(evaluation.rows, evaluation.held_out, config.eval)
+    write_tables(study, evaluation, of_rows)
     if show:
-        print_document(documented(evaluation, found))
-    return {"rows": write_pages(study, evaluation, found)}
+        print_document(documented(evaluation, of_rows))
+    return {"rows": write_pages(study, evaluation, of_rows)}
 
 
 def check(config: EvaluateTask) -> None:
@@ -99,15 +99,15 @@ def compute(
     thresholds = thresholds_of(config, inputs, bar)
     mixture, extras = None, list[Extra]()
     if config.method is Method.critical:
-        from rearl_jax.evaluation.critical import adapt  # only here: it brings the client of a language model
+        from rearl_jax.evaluation.critical import adapt  # imported only here: it brings the client of a language model
 
         mixture, extras = adapt(config, inputs.scenes, inputs.splits.threshold, bar)
     with ExitStack() as opened:
-        asked = None
+        model = None
         if config.decision.policy.is_outside:
-            from rearl_jax.evaluation.language_model import language_model  # likewise
+            from rearl_jax.evaluation.language_model import language_model  # for the same reason
 
-            asked = opened.enter_context(language_model(config, bar))
+            model = opened.enter_context(language_model(config, bar))
         evaluation = evaluate(
             config,
             inputs.scenes,
@@ -115,11 +115,11 @@ def compute(
             shown(bar, "rollouts"),
             inputs.references,
             thresholds,
-            None if asked is None else asked.make_policy,
+            None if model is None else model.make_policy,
             mixture,
         )
-        if asked is not None:
-            extras.append(asked.extra())
+        if model is not None:
+            extras.append(model.extra())
     return replace(evaluation, extras=(*evaluation.extras, *extras))
 
 

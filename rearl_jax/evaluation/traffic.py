@@ -16,8 +16,8 @@ from rearl_jax.models.population import Population, lane_changing_of, population
 from rearl_jax.models.record import EffectValues
 from rearl_jax.problems import InvalidInputError, Problem, out_of_range
 
-WITH_MODEL = (Method.base, Method.rearl)
-"""Methods whose vehicles follow each other by the traffic model."""
+MODEL_METHODS = (Method.base, Method.rearl)
+"""Methods whose vehicles are driven by the traffic model."""
 
 
 def inputs_id(config: EvaluateTask, scenes: str | None = None) -> str:
@@ -53,7 +53,7 @@ def population_of(config: EvaluateTask) -> Population | None:
             drivers of its own.
     """
     dtype, ticks = np.dtype(config.core.dtype.name), config.core.ticks_per_second
-    if config.method not in WITH_MODEL:
+    if config.method not in MODEL_METHODS:
         _refuse_drivers(config)
         return None
     if config.model is None:
@@ -73,16 +73,16 @@ def population_of(config: EvaluateTask) -> Population | None:
 
 def is_cooperative(config: EvaluateTask) -> bool:
     """True if any driver considers what a lane change costs others; keys of `mobil` replace those of a model."""
-    if config.model is not None and config.mobil.is_default and config.method in WITH_MODEL:
-        own = read_model(config.model).lane_changing
-        return own is not None and own.politeness != 0
+    if config.model is not None and config.mobil.is_default and config.method in MODEL_METHODS:
+        lane_changing = read_model(config.model).lane_changing
+        return lane_changing is not None and lane_changing.politeness != 0
     return config.method is Method.critical or config.mobil.politeness != 0
 
 
 def _refuse_drivers(config: EvaluateTask) -> None:
     is_default = {"model": config.model is None, "driver": config.driver.is_default, "mobil": config.mobil.is_default}
-    for key, is_left_alone in is_default.items():
-        if not is_left_alone:
+    for key, is_unchanged in is_default.items():
+        if not is_unchanged:
             message = (
                 f"has no effect on the drivers of method={config.method.name}: set method=base or method=rearl, or "
                 f"leave {key} out"
@@ -126,8 +126,8 @@ def _driver_note(driver: DriverConfig) -> str:
     """The drivers in a line; empty for highway-env's."""
     if driver.is_default:
         return ""
-    usual = record_of(driver.model)()
-    changed = {name: value for name, value in driver.values().items() if value != usual.values()[name]}
+    default = record_of(driver.model)()
+    changed = {name: value for name, value in driver.values().items() if value != default.values()[name]}
     parts = [f"{name} {value:g}" for name, value in changed.items() if value is not None]
     classes = [
         f"{name}: " + ", ".join(f"{k} {v:g}" for k, v in parameters.items())
@@ -139,8 +139,8 @@ def _driver_note(driver: DriverConfig) -> str:
 
 def _mobil_note(mobil: MobilConfig) -> str:
     """Changed parameters of lane changing in a line; empty for highway-env's."""
-    usual = MobilConfig()
-    names = [item.name for item in fields(mobil) if getattr(mobil, item.name) != getattr(usual, item.name)]
+    default = MobilConfig()
+    names = [item.name for item in fields(mobil) if getattr(mobil, item.name) != getattr(default, item.name)]
     return "lane changing: " + ", ".join(f"{name} {getattr(mobil, name):g}" for name in names) if names else ""
 
 

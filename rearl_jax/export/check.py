@@ -1,7 +1,7 @@
-"""Exported drivers in SUMO compared with the same in this package: gaps of platoons, and a flow of many drivers.
+"""Exported drivers in SUMO compared with the same drivers in this package: gaps of platoons, and flow of many drivers.
 
-Round trip: the same drivers behind the same measured first vehicles; the difference is what the two programs compute
-differently. Flow: SUMO draws its drivers from the exported file; speeds and headways of both are scored by this
+Round trip: the same drivers behind the same measured first vehicles; the difference is that between the two
+programs. Flow: SUMO draws its drivers from the exported file; speeds and headways of both are scored by this
 package's metrics, compared with two draws of this package.
 """
 
@@ -14,7 +14,7 @@ import pandas as pd
 from jaxtyping import Array, Bool, Float, Int
 
 from rearl_jax.config.metrics import HistConfig
-from rearl_jax.export.drawn import columns, place
+from rearl_jax.export.drawn import driver_columns, place_vehicles
 from rearl_jax.export.platoon import ROAD, STEPS_PER_SECOND, Motion, Start, simulate, start_platoons
 from rearl_jax.export.sumo import DISTRIBUTION, sumo_file, type_attributes
 from rearl_jax.export.sumo_platoon import simulate_in_sumo
@@ -36,7 +36,7 @@ def round_trip(
     *,
     extended: bool = False,
 ) -> pd.DataFrame:
-    """Gaps in SUMO less those in this package: one row for car following alone, one with effects and noise if any.
+    """Differences of gaps between SUMO and this package: a row for car following alone, one with effects and noise.
 
     Columns: `compared`, `gap` (mean, here) and, of the absolute differences, `difference` (mean), `first` and `last`
     (mean of the first and of the last follower), `largest` [m]; `crashed` (share of
@@ -49,12 +49,15 @@ def round_trip(
         seed: Seed of drivers and of SUMO.
         extended: Whether to take SUMO's model with further terms.
     """
-    bare = replace(population, effects=(), is_noisy=False)
-    compared = {"car following": bare}
+    following_alone = replace(population, effects=(), is_noisy=False)
+    populations = {"car following": following_alone}
     if population.effects or population.is_noisy:
-        compared["with effects and noise"] = population
+        populations["with effects and noise"] = population
     return pd.DataFrame(
-        [_round_trip_row(label, own, leader_speed, n_followers, seed, extended) for label, own in compared.items()]
+        [
+            _round_trip_row(label, drivers, leader_speed, n_followers, seed, extended)
+            for label, drivers in populations.items()
+        ]
     )
 
 
@@ -62,14 +65,14 @@ def _round_trip_row(
     label: str, population: Population, leader_speed: np.ndarray, n_followers: int, seed: int, extended: bool
 ) -> dict[str, Any]:
     start = start_platoons(population, leader_speed, n_followers, seed)
-    own, names = {}, []
+    types, names = {}, []
     for number in range(leader_speed.shape[1]):
-        drivers = columns(population, start.drivers, n_followers + 1, number)
+        drivers = driver_columns(population, start.drivers, n_followers + 1, number)
         drawn = type_attributes(drivers, population.effects, extended=extended)
         names.append([f"driver_{number}_{k}" for k in range(1, n_followers + 1)])
-        own |= dict(zip(names[-1], drawn[1:], strict=True))
+        types |= dict(zip(names[-1], drawn[1:], strict=True))
     ours = simulate(start, leader_speed)
-    theirs = simulate_in_sumo(start, leader_speed, sumo_file(own), names, seed)
+    theirs = simulate_in_sumo(start, leader_speed, sumo_file(types), names, seed)
     difference = np.abs(theirs.gap - ours.gap)
     return {
         "compared": label,
@@ -91,7 +94,7 @@ def flow(
 ) -> pd.DataFrame:
     """Speeds and time headways of drivers that SUMO draws from a file, and of two draws of this package.
 
-    All start at the same places, which are those of yet other drivers; measured is every second after the start.
+    All start at the same positions, those of a third draw of drivers; every second after the start is measured.
     Columns: `traffic`, `speed`, `speed_sd` [m/s], `headway`, `headway_sd` [s], and the Hellinger distances of both
     distributions to the first draw of this package, `h_speed` and `h_headway` [-].
     """
@@ -104,12 +107,12 @@ def flow(
     }
     measured = {name: _Measured.of(motion) for name, motion in motions.items()}
     reference = measured["here"]
-    return pd.DataFrame([{"traffic": name, **own.compared_with(reference)} for name, own in measured.items()])
+    return pd.DataFrame([{"traffic": name, **traffic.compared_with(reference)} for name, traffic in measured.items()])
 
 
 def _other_drivers(population: Population, start: Start, leader_speed: np.ndarray, seed: int) -> Motion:
-    """The platoons from the same places with other drivers."""
-    _, drivers = place(population, np.asarray(start.state.speed), ROAD, seed)
+    """The platoons from the same positions with other drivers."""
+    _, drivers = place_vehicles(population, np.asarray(start.state.speed), ROAD, seed)
     return simulate(Start(start.state, drivers), leader_speed)
 
 
@@ -120,31 +123,33 @@ class _Measured:
     Attributes:
         speed: [m/s].
         headway: Time headways [s].
-        moves: Mask of the values with a headway: the follower moves and is behind its leader.
+        has_headway: Mask of the values with a headway: the follower moves and is behind its leader.
     """
 
     speed: Float[np.ndarray, "seconds followers platoons"]
     headway: Float[np.ndarray, "seconds followers platoons"]
-    moves: Bool[np.ndarray, "seconds followers platoons"]
+    has_headway: Bool[np.ndarray, "seconds followers platoons"]
 
     @classmethod
     def of(cls, motion: Motion) -> "_Measured":
-        """The headways of some platoons."""
+        """Speeds and headways of some platoons."""
         seconds = slice(STEPS_PER_SECOND, None, STEPS_PER_SECOND)
         speed, gap = motion.speed[seconds, 1:], motion.gap[seconds]
-        moves = (speed >= MIN_SPEED) & (gap > 0)
-        return cls(speed, np.where(moves, gap, 0.0) / np.where(moves, speed, 1.0), moves)
+        has_headway = (speed >= MIN_SPEED) & (gap > 0)
+        return cls(speed, np.where(has_headway, gap, 0.0) / np.where(has_headway, speed, 1.0), has_headway)
 
     def compared_with(self, reference: "_Measured") -> dict[str, float]:
         """Means and standard deviations, and distances to the distributions of other traffic."""
-        headway = self.headway[self.moves]
+        headway = self.headway[self.has_headway]
         return {
             "speed": float(self.speed.mean()),
             "speed_sd": float(self.speed.std()),
             "headway": float(headway.mean()),
             "headway_sd": float(headway.std()),
-            "h_speed": _distance(*(counts(own.speed, speed_edges(HistConfig())) for own in (self, reference))),
-            "h_headway": _distance(*(counts(own.headway, HEADWAY_EDGES, own.moves) for own in (self, reference))),
+            "h_speed": _distance(*(counts(traffic.speed, speed_edges(HistConfig())) for traffic in (self, reference))),
+            "h_headway": _distance(
+                *(counts(traffic.headway, HEADWAY_EDGES, traffic.has_headway) for traffic in (self, reference))
+            ),
         }
 
 

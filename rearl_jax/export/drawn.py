@@ -15,8 +15,8 @@ from rearl_jax.core.state import TrafficState, make_state
 from rearl_jax.models.population import Population
 from rearl_jax.models.traffic import DrawnDrivers, draw_drivers, populate
 
-SPACING = 100.0
-"""Distance [m] at which vehicles are placed while their drivers are drawn; no simulation starts from there."""
+DRAWING_SPACING = 100.0
+"""Distance between vehicles while their drivers are drawn [m]; no simulation starts from these positions."""
 
 
 @dataclass(frozen=True)
@@ -61,10 +61,10 @@ def _draw(keys: Key[Array, " scenarios"], n: int, population: Population) -> Dra
     return draw_drivers(keys, n, population.median.dtype, population)
 
 
-def place(
+def place_vehicles(
     population: Population, speed: Float[np.ndarray, "vehicles scenarios"], road: TrafficModel, seed: int
 ) -> tuple[TrafficState, Drivers]:
-    """Vehicles on one lane with drivers of the population, each behind the one before it in the order of the arrays.
+    """Vehicles on one lane with drivers of the population, the foremost first.
 
     Args:
         population: The population.
@@ -74,17 +74,17 @@ def place(
     """
     n_vehicles, n_scenarios = speed.shape
     dtype = population.median.dtype
-    x = np.broadcast_to(SPACING * np.arange(n_vehicles, 0, -1)[:, None], speed.shape)
+    x = np.broadcast_to(DRAWING_SPACING * np.arange(n_vehicles, 0, -1)[:, None], speed.shape)
     start = make_state(x, np.zeros_like(x), speed, road, dtype=dtype.type)
     keys = jax.random.split(jax.random.key(seed), n_scenarios)
-    usual = highway_env_drivers(dtype=dtype, ticks_per_second=road.ticks_per_second)
-    return _populate(start, usual, keys, population, road)
+    default_drivers = highway_env_drivers(dtype=dtype, ticks_per_second=road.ticks_per_second)
+    return _populate(start, default_drivers, keys, population, road)
 
 
 _populate = eqx.filter_jit(populate)
 
 
-def columns(population: Population, drivers: Drivers, n: int, scenario: int) -> DriverColumns:
+def driver_columns(population: Population, drivers: Drivers, n: int, scenario: int) -> DriverColumns:
     """The drivers of one scenario as columns.
 
     Args:
@@ -95,8 +95,8 @@ def columns(population: Population, drivers: Drivers, n: int, scenario: int) -> 
     """
 
     def column(values: object) -> np.ndarray:
-        every = np.asarray(values)
-        return np.broadcast_to(every[:, min(scenario, every.shape[1] - 1)], (n,))
+        by_scenario = np.asarray(values)  # a last axis of length 1 means the same for all scenarios
+        return np.broadcast_to(by_scenario[:, min(scenario, by_scenario.shape[1] - 1)], (n,))
 
     names = [name for name in MODELS[population.car_following].names if name not in population.drawn]
     return DriverColumns(

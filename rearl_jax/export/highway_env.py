@@ -35,8 +35,8 @@ LANE_CHANGING = {
 }
 """Attribute that holds each parameter of MOBIL."""
 
-PUBLISHED = "idm"
-"""The car-following model that differs from highway-env's by its gaps."""
+PUBLISHED_IDM = "idm"
+"""The published IDM, which differs from highway-env's by its gaps."""
 
 _CENTRES = (
     "highway-env measures from centre to centre: the same gap in steady following, but a weaker answer to a short one"
@@ -52,14 +52,14 @@ def to_highway_env(population: Population, n_drivers: int, seed: int) -> Exporte
         seed: Seed of the draw.
 
     Raises:
-        InvalidInputError: They follow by another model than IDM.
+        InvalidInputError: The drivers have another car-following model than IDM.
     """
-    if population.car_following not in (DEFAULT, PUBLISHED):
+    if population.car_following not in (DEFAULT, PUBLISHED_IDM):
         raise InvalidInputError(
             Problem(
                 "equation-unknown-there",
                 "has another equation than highway-env's IDM",
-                f"calibrate {PUBLISHED} or {DEFAULT}, or choose another target",
+                f"calibrate {PUBLISHED_IDM} or {DEFAULT}, or choose another target",
                 key="car_following",
                 value=population.car_following,
             )
@@ -70,24 +70,24 @@ def to_highway_env(population: Population, n_drivers: int, seed: int) -> Exporte
 
 
 def _attributes(drawn: DriverColumns, k: int) -> dict[str, float]:
-    own = {ATTRIBUTES[name]: float(values[k]) for name, values in drawn.values.items() if np.isfinite(values[k])}
-    own["DISTANCE_WANTED"] += VEHICLE_LENGTH
-    own["COMFORT_ACC_MIN"] *= -1
-    if drawn.car_following == PUBLISHED:
-        own["DELTA"] = 4.0
-    return {name: float(f"{value:.6g}") for name, value in own.items()}
+    attributes = {ATTRIBUTES[name]: float(values[k]) for name, values in drawn.values.items() if np.isfinite(values[k])}
+    attributes["DISTANCE_WANTED"] += VEHICLE_LENGTH
+    attributes["COMFORT_ACC_MIN"] *= -1
+    if drawn.car_following == PUBLISHED_IDM:
+        attributes["DELTA"] = 4.0
+    return {name: float(f"{value:.6g}") for name, value in attributes.items()}
 
 
 def _lane_changing(population: Population) -> dict[str, float]:
-    own = population.lane_changing
-    if own is None:
+    mobil = population.lane_changing
+    if mobil is None:
         return {}
-    return {attribute: float(f"{float(getattr(own, name)):.6g}") for name, attribute in LANE_CHANGING.items()}
+    return {attribute: float(f"{float(getattr(mobil, name)):.6g}") for name, attribute in LANE_CHANGING.items()}
 
 
 def _said(population: Population, drawn: DriverColumns) -> list[Said]:
-    is_other = drawn.car_following == PUBLISHED
-    said = [Said(f"car_following {drawn.car_following}", "IDMVehicle", _CENTRES if is_other else "")]
+    has_other_gaps = drawn.car_following == PUBLISHED_IDM
+    said = [Said(f"car_following {drawn.car_following}", "IDMVehicle", _CENTRES if has_other_gaps else "")]
     said += [Said(name, ATTRIBUTES[name], "plus 5 m" if name == "jam_gap" else "") for name in drawn.values]
     said += [Said(name, None, "highway-env draws it with each vehicle") for name in population.drawn]
     if population.lane_changing is not None:

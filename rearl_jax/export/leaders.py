@@ -13,26 +13,28 @@ from rearl_jax.problems import InvalidInputError, Problem
 def leader_speeds(data: DataConfig, n_leaders: int, seconds: int) -> Float[np.ndarray, "steps leaders"]:
     """Speeds of vehicles without a leader over some seconds [m/s], at the clock of the simulations.
 
-    Long tracks are cut into several pieces; those taken are spread evenly over all that there are.
+    Long tracks are cut into several pieces; the chosen pieces are spread evenly over all pieces.
 
     Args:
         data: The recordings.
         n_leaders: Number of pieces.
-        seconds: Length of each.
+        seconds: Length of each piece [s].
 
     Raises:
-        InvalidInputError: The recordings have fewer.
+        InvalidInputError: The recordings have fewer pieces.
     """
-    found = [
+    pieces = [
         piece
         for recording in iterate_recordings(data)
         for piece in _pieces(recording.table, recording.info.frame_rate, seconds)
     ]
-    if len(found) < n_leaders:
-        message = f"must be at most {len(found)}: the recordings have no more vehicles without a leader for {seconds} s"
+    if len(pieces) < n_leaders:
+        message = (
+            f"must be at most {len(pieces)}: the recordings have no more vehicles without a leader for {seconds} s"
+        )
         raise InvalidInputError(Problem("leaders-too-few", message, key="export.n_leaders", value=n_leaders))
-    chosen = np.linspace(0, len(found) - 1, n_leaders).round().astype(int)
-    return np.stack([found[number] for number in chosen], axis=1)
+    chosen = np.linspace(0, len(pieces) - 1, n_leaders).round().astype(int)
+    return np.stack([pieces[number] for number in chosen], axis=1)
 
 
 def _pieces(table: pd.DataFrame, frame_rate: float, seconds: int) -> list[Float[np.ndarray, " steps"]]:

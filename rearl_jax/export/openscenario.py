@@ -23,11 +23,11 @@ DRIVER = "driver_{}"
 _PROPERTY = "property {}"
 _NO_EQUATION = "OpenSCENARIO has no car following: the program that runs the scenario must have this equation"
 _OF_VEHICLE = "give the vehicle of this driver the same in the scenario"
-_DATE = datetime(1970, 1, 1, tzinfo=UTC)  # the header needs one, and the same drivers give the same file
+_DATE = datetime(1970, 1, 1, tzinfo=UTC)  # fixed, so that the same drivers give the same file; the header needs a date
 
 
 def check_openscenario() -> None:
-    """Raises ModuleNotFoundError with the remedy where scenariogeneration is missing."""
+    """Raises ModuleNotFoundError with the remedy if scenariogeneration is missing."""
     if find_spec("scenariogeneration") is None:
         raise ModuleNotFoundError(
             "scenariogeneration is not installed, which to=openscenario needs: install the extra with "
@@ -56,8 +56,8 @@ def _catalogue(drawn: DriverColumns) -> str:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "ControllerCatalog.xosc"
         catalogue = xosc.CatalogFile()
-        of = f"drivers following by {drawn.car_following}, SI units"
-        catalogue.create_catalog(str(path), "ControllerCatalog", of, "rearl_jax", creation_date=_DATE)
+        description = f"drivers following by {drawn.car_following}, SI units"
+        catalogue.create_catalog(str(path), "ControllerCatalog", description, "rearl_jax", creation_date=_DATE)
         for number in range(len(drawn)):
             properties = xosc.Properties()
             for name, value in _properties(drawn, number).items():

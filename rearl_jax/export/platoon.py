@@ -13,11 +13,11 @@ from rearl_jax.core.gap_driving import begin_driving
 from rearl_jax.core.model import TrafficModel
 from rearl_jax.core.state import TrafficState
 from rearl_jax.core.step import step
-from rearl_jax.export.drawn import place
+from rearl_jax.export.drawn import place_vehicles
 from rearl_jax.models.population import Population
 
 STEPS_PER_SECOND = 10
-"""Clock of both simulations [1/s]: SUMO's steps are whole milliseconds, which highway-env's 15 per second are not."""
+"""Steps of both simulations [1/s]: SUMO's are whole milliseconds, which highway-env's 15 per second are not."""
 
 ROAD = TrafficModel(
     n_lanes=1,
@@ -67,7 +67,7 @@ class Start:
 def start_platoons(
     population: Population, leader_speed: Float[np.ndarray, "steps platoons"], n_followers: int, seed: int
 ) -> Start:
-    """Followers drawn from a population at the speed of the first vehicle and the gap that they want at it.
+    """Followers drawn from a population at the speed of the first vehicle and their desired gap at that speed.
 
     Args:
         population: The population.
@@ -76,17 +76,17 @@ def start_platoons(
         seed: Seed of the draw.
     """
     speed = np.repeat(leader_speed[:1], n_followers + 1, axis=0)
-    state, drivers = place(population, speed, ROAD, seed)
+    state, drivers = place_vehicles(population, speed, ROAD, seed)
     length = np.broadcast_to(np.asarray(drivers.body.length), speed.shape)
     gap = np.asarray(drivers.car_following.desired_gap(state.speed, jnp.zeros_like(state.speed)))
     behind = np.cumsum(gap[1:] + (length[:-1] + length[1:]) / 2, axis=0)
-    back = behind[-1]  # the last vehicle of each platoon starts at the beginning of the road
-    x = np.concatenate([back[None], back - behind]) + SETBACK
+    length_of_platoon = behind[-1]
+    x = np.concatenate([length_of_platoon[None], length_of_platoon - behind]) + LAST_START
     return Start(replace(state, x=jnp.asarray(x, state.x.dtype)), drivers)
 
 
-SETBACK = 100.0
-"""Position of the last vehicles at the start [m]."""
+LAST_START = 100.0
+"""Position of the last vehicle of each platoon at the start [m]."""
 
 
 def simulate(start: Start, leader_speed: Float[np.ndarray, "steps platoons"]) -> Motion:
@@ -127,11 +127,11 @@ def _simulate(
             acceleration=state.acceleration.at[0].set(acceleration),
         )
 
-    def tick(before: TrafficState, now: tuple[Array, ...]) -> tuple[TrafficState, tuple[Array, Array]]:
-        after = lead(step(before, drivers, ROAD), *now)
+    def one_step(before: TrafficState, leader: tuple[Array, ...]) -> tuple[TrafficState, tuple[Array, Array]]:
+        after = lead(step(before, drivers, ROAD), *leader)
         return after, (after.x, after.speed)
 
     begun = begin_driving(lead(state, position[0], speed[0], jnp.zeros_like(speed[0])), drivers, ROAD)
     acceleration = jnp.diff(speed, axis=0) * STEPS_PER_SECOND
-    _, (x, v) = lax.scan(tick, begun, (position[1:], speed[1:], acceleration))
+    _, (x, v) = lax.scan(one_step, begun, (position[1:], speed[1:], acceleration))
     return jnp.concatenate([begun.x[None], x]), jnp.concatenate([begun.speed[None], v])

@@ -13,10 +13,10 @@ from rearl_jax.export.sumo import MODELS
 from rearl_jax.export.vehicle_types import VehicleType
 from rearl_jax.models.record import CAR, TRUCK, DriverClass
 
-NAMES = {sumo.name: name for name, sumo in MODELS.items()}
+OUR_MODELS = {sumo.name: name for name, sumo in MODELS.items()}
 """Our car-following model by SUMO's name."""
 
-ROUNDING = 1e-6
+ROUNDING_TOLERANCE = 1e-6
 """Relative difference [-] of two numbers below which they count as equal, because files round them."""
 
 _UNREAD = {
@@ -27,9 +27,9 @@ _UNREAD = {
     "speedFactor": "needs sumo.speed_limit",
     "speedDev": "needs sumo.speed_limit",
 }
-"""Reasons why attributes have no counterpart; `NEUTRAL` values need none."""
+"""Reasons why attributes have no counterpart, for values other than `NEUTRAL_VALUES`."""
 
-NEUTRAL = {"delta": 4.0, "sigma": 0.0, "emergencyDecel": 9.0, "speedFactor": 1.0, "speedDev": 0.0}
+NEUTRAL_VALUES = {"delta": 4.0, "sigma": 0.0, "emergencyDecel": 9.0, "speedFactor": 1.0, "speedDev": 0.0}
 """Values of attributes that have no influence, so that leaving them out loses nothing."""
 
 
@@ -47,9 +47,9 @@ def population_of_types(
             its parameter, or all are trucks.
     """
     name = _model(types)
-    rows = [_driver(one, name, speed_limit) for one in types]
-    kinds = np.array([one.vehicle_class.kind for one in types])
-    weights = np.array([one.weight for one in types])
+    rows = [_driver(vehicle_type, name, speed_limit) for vehicle_type in types]
+    kinds = np.array([vehicle_type.vehicle_class.kind for vehicle_type in types])
+    weights = np.array([vehicle_type.weight for vehicle_type in types])
     if weights.sum() <= 0 or not weights[kinds == CAR].sum() > 0:
         raise types[0].refuse("cars-missing", "no type with a probability is a car", "add one", "vClass")
     classes = {}
@@ -62,53 +62,58 @@ def population_of_types(
 
 
 def _model(types: Sequence[VehicleType]) -> str:
-    models = sorted({one.model for one in types})
+    models = sorted({vehicle_type.model for vehicle_type in types})
     if len(models) > 1:
-        said = f"differs between types: {', '.join(models)}; a population has one"
-        raise types[0].refuse("models-several", said, "choose types of one with sumo.types", "carFollowModel")
-    if models[0] not in NAMES:
+        fault = f"differs between types: {', '.join(models)}; a population has one"
+        raise types[0].refuse("models-several", fault, "choose types of one with sumo.types", "carFollowModel")
+    if models[0] not in OUR_MODELS:
         fault = f"is {models[0]}, whose equation no model here has"
-        raise types[0].refuse("equation-unknown-here", fault, f"use one of {', '.join(NAMES)}", "carFollowModel")
-    return NAMES[models[0]]
+        raise types[0].refuse("equation-unknown-here", fault, f"use one of {', '.join(OUR_MODELS)}", "carFollowModel")
+    return OUR_MODELS[models[0]]
 
 
-def _driver(one: VehicleType, name: str, speed_limit: float | None) -> dict[str, tuple[float, float]]:
+def _driver(vehicle_type: VehicleType, name: str, speed_limit: float | None) -> dict[str, tuple[float, float]]:
     """Value and standard deviation of every parameter, and of the length, by name."""
-    usual = one.vehicle_class
-    values = {"length": one.number("length", usual.length)}
+    defaults = vehicle_type.vehicle_class
+    values = {"length": vehicle_type.number("length", defaults.length)}
     for parameter in DECLARED[name].parameters:
-        read = [one.number(own, getattr(usual, own, None)) for own in MODELS[name].attributes[parameter.name]]
-        if any(not math.isclose(value, read[0][0], rel_tol=ROUNDING) for value, _ in read):
+        read = [
+            vehicle_type.number(attribute, getattr(defaults, attribute, None))
+            for attribute in MODELS[name].attributes[parameter.name]
+        ]
+        if any(not math.isclose(value, read[0][0], rel_tol=ROUNDING_TOLERANCE) for value, _ in read):
             attributes = MODELS[name].attributes[parameter.name]
             fault = f"differs from {' and '.join(attributes[1:])}: here one gain serves all modes of following"
-            raise one.refuse("gains-differ", fault, "give them one value, or use another model", attributes[0])
+            raise vehicle_type.refuse("gains-differ", fault, "give them one value, or use another model", attributes[0])
         value, sd = read[0]
         if parameter.name == "speed_gain":
-            value = -value  # SUMO's gain is that of the speed's excess
+            value = -value  # SUMO's gain acts on the speed's excess
         elif parameter.name == "desired_speed":
-            value, sd = _desired_speed(one, value, sd, speed_limit)
-        values[parameter.name] = _within(one, name, parameter, value), sd
+            value, sd = _desired_speed(vehicle_type, value, sd, speed_limit)
+        values[parameter.name] = _in_bounds(vehicle_type, name, parameter, value), sd
     return values
 
 
-def _desired_speed(one: VehicleType, fastest: float, sd: float, speed_limit: float | None) -> tuple[float, float]:
-    """Desired speed [m/s] and its standard deviation: the least of maxSpeed and speedFactor times the limit."""
+def _desired_speed(
+    vehicle_type: VehicleType, max_speed: float, sd: float, speed_limit: float | None
+) -> tuple[float, float]:
+    """Desired speed [m/s] and its standard deviation: the smaller of maxSpeed and speedFactor times the limit."""
     if speed_limit is None:
-        if "maxSpeed" not in one.attributes:
+        if "maxSpeed" not in vehicle_type.attributes:
             fault = "is missing, and so is the limit of the roads"
-            raise one.refuse("attribute-missing", fault, "set sumo.speed_limit=METRES_PER_SECOND", "maxSpeed")
-        return fastest, sd
-    factor, deviation = one.number("speedFactor", 1.0)
-    if "(" not in one.attributes.get("speedFactor", ""):
-        deviation, _ = one.number("speedDev", one.vehicle_class.speedDev)
-    return (fastest, sd) if fastest < factor * speed_limit else (factor * speed_limit, deviation * speed_limit)
+            raise vehicle_type.refuse("attribute-missing", fault, "set sumo.speed_limit=METRES_PER_SECOND", "maxSpeed")
+        return max_speed, sd
+    factor, deviation = vehicle_type.number("speedFactor", 1.0)
+    if "(" not in vehicle_type.attributes.get("speedFactor", ""):
+        deviation, _ = vehicle_type.number("speedDev", vehicle_type.vehicle_class.speedDev)
+    return (max_speed, sd) if max_speed < factor * speed_limit else (factor * speed_limit, deviation * speed_limit)
 
 
-def _within(one: VehicleType, name: str, parameter: DriverParameter, value: float) -> float:
+def _in_bounds(vehicle_type: VehicleType, name: str, parameter: DriverParameter, value: float) -> float:
     if not parameter.low <= value <= parameter.high:
         fault = f"gives {parameter.name} = {value:g}, which must be within {parameter.low:g} and {parameter.high:g}"
         remedy = "correct it, or leave the type out with sumo.types"
-        raise one.refuse("out-of-range", fault, remedy, MODELS[name].attributes[parameter.name][0])
+        raise vehicle_type.refuse("out-of-range", fault, remedy, MODELS[name].attributes[parameter.name][0])
     return value
 
 
@@ -121,17 +126,17 @@ def _class(
     within = np.log1p((deviations / values) ** 2)
     logs = np.log(values) - within / 2  # the file states means, not medians
     mean = weights @ logs
-    away = logs - mean
-    covariance = (weights[:, None] * away).T @ away + np.diag(weights @ within)
+    deviation = logs - mean
+    covariance = (weights[:, None] * deviation).T @ deviation + np.diag(weights @ within)
     lengths, length_sd = (np.array([own["length"][k] for own in members]) for k in (0, 1))
     length = float(weights @ lengths)
-    usual = record_of(name)()
+    defaults = record_of(name)()
     return DriverClass(
         share=float(share),
         log_mean=dict(zip(names, mean.tolist(), strict=True)),
         log_covariance=((covariance + covariance.T) / 2).tolist(),
-        noise_sd=usual.noise_sd,
-        noise_time=usual.noise_time,
+        noise_sd=defaults.noise_sd,
+        noise_time=defaults.noise_time,
         length=length,
         length_sd=float(np.sqrt(weights @ ((lengths - length) ** 2 + length_sd**2))),
     )
@@ -139,22 +144,22 @@ def _class(
 
 def _said(types: Sequence[VehicleType], name: str, speed_limit: float | None) -> list[Said]:
     """Translation of each attribute of the file, and of those that it leaves to SUMO's defaults."""
-    homes = {own: parameter for parameter, attributes in MODELS[name].attributes.items() for own in attributes}
-    homes |= {"length": "length", "vClass": "class of vehicles", "carFollowModel": f"car_following {name}"}
+    targets = {own: parameter for parameter, attributes in MODELS[name].attributes.items() for own in attributes}
+    targets |= {"length": "length", "vClass": "class of vehicles", "carFollowModel": f"car_following {name}"}
     if speed_limit is not None:
-        homes |= {"speedFactor": "desired_speed", "speedDev": "desired_speed"}
+        targets |= {"speedFactor": "desired_speed", "speedDev": "desired_speed"}
     said = []
-    for own, home in homes.items():
-        left = sum(own not in one.attributes for one in types)
-        said.append(Said(own, home, f"SUMO's default for {left} of {len(types)} types" if left else ""))
-    others = dict.fromkeys(own for one in types for own in one.attributes if own not in homes)
+    for own, target in targets.items():
+        left = sum(own not in vehicle_type.attributes for vehicle_type in types)
+        said.append(Said(own, target, f"SUMO's default for {left} of {len(types)} types" if left else ""))
+    others = dict.fromkeys(own for vehicle_type in types for own in vehicle_type.attributes if own not in targets)
     return said + [_unread(own, types) for own in others]
 
 
 def _unread(attribute: str, types: Sequence[VehicleType]) -> Said:
     """An attribute without counterpart; nothing is lost where all types have its neutral value."""
-    stated = [one.attributes[attribute] for one in types if attribute in one.attributes]
-    neutral = NEUTRAL.get(attribute)
+    stated = [vehicle_type.attributes[attribute] for vehicle_type in types if attribute in vehicle_type.attributes]
+    neutral = NEUTRAL_VALUES.get(attribute)
     if neutral is not None and all(_is_number(text, neutral) for text in stated):
         return Said(attribute, f"is {neutral:g} here")
     return Said(attribute, None, _UNREAD.get(attribute, "has no counterpart in a population of drivers"))

@@ -1,7 +1,7 @@
 """The task `rearl import`: vehicle types of SUMO as a population of drivers.
 
 Writes into the study folder `model.yaml` (which `model=FILE` loads in every task that simulates traffic),
-`said.parquet` (what became of each attribute), `config.json` and, last of all, `summary.json`.
+`said.parquet` (translation of each attribute), `config.json` and, last of all, `summary.json`.
 """
 
 import hashlib
@@ -46,7 +46,7 @@ def run(config: ImportTask) -> dict[str, Any]:
     write_model(path, RepairedModel(source, population=classes, baseline=classes, car_following=name))
     said = said_table(attributes)
     study.write_table("said", said)
-    n_read = sum(one.where is not None for one in attributes)
+    n_read = sum(attribute.where is not None for attribute in attributes)
     summary = {
         "car_following": name,
         "n_types": len(types),

@@ -14,7 +14,7 @@ class Said:
 
     Attributes:
         what: Parameter or effect of the model.
-        where: Attribute of the other program that holds it; None if it could not be said.
+        where: Attribute of the other program that holds it; None without a counterpart.
         remark: Accuracy of the translation, or why there is none; empty if it is exact.
     """
 
@@ -37,16 +37,16 @@ class Exported:
 
 
 def said_table(said: Sequence[Said]) -> pd.DataFrame:
-    """One row per part of a model: `what`, `where` (missing if it could not be said), `remark`."""
-    return pd.DataFrame([(one.what, one.where, one.remark) for one in said], columns=["what", "where", "remark"])
+    """One row per part of a model: `what`, `where` (null without a counterpart), `remark`."""
+    return pd.DataFrame([(part.what, part.where, part.remark) for part in said], columns=["what", "where", "remark"])
 
 
 def unsaid_effects(names: Iterable[str], program: str) -> list[Said]:
-    """The effects that a program has no counterpart of.
+    """Report on effects without a counterpart in a program.
 
     Args:
-        names: Names of these effects.
-        program: Its name.
+        names: Names of the effects.
+        program: Name of the program.
     """
     reasons = {
         "driver": f"{program}'s car following has no such term",

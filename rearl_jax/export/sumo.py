@@ -25,10 +25,10 @@ from rearl_jax.problems import InvalidInputError, Problem
 DISTRIBUTION = "drivers"
 """Id of the distribution; the types in it are called `drivers_0`, `drivers_1`, ..."""
 
-SETPOINTS = {"desired_speed": ("maxSpeed",), "time_gap": ("tau",), "jam_gap": ("minGap",)}
-"""Attributes of the parameters that every model has."""
+COMMON_ATTRIBUTES = {"desired_speed": ("maxSpeed",), "time_gap": ("tau",), "jam_gap": ("minGap",)}
+"""Attributes that hold the parameters of every model."""
 
-_BOUNDS = {"max_accel": ("accel",), "comfort_decel": ("decel",)}
+_ACCELERATION_ATTRIBUTES = {"max_accel": ("accel",), "comfort_decel": ("decel",)}
 
 
 @dataclass(frozen=True)
@@ -37,9 +37,9 @@ class SumoModel:
 
     Attributes:
         name: Value of `carFollowModel`.
-        attributes: Attributes that hold each parameter of ours.
+        attributes: Attributes that hold each parameter of our model.
         fixed: Further attributes, the same for all drivers.
-        remarks: Differences between the two, by parameter or `equation`.
+        remarks: Differences from our model, by parameter or `equation`.
         is_extended: Whether it has further terms: a gap beyond `minGap`, noise of perception.
     """
 
@@ -51,10 +51,10 @@ class SumoModel:
 
 
 MODELS = {
-    "idm": SumoModel("IDM", SETPOINTS | _BOUNDS, {"delta": "4"}, {}),
+    "idm": SumoModel("IDM", COMMON_ATTRIBUTES | _ACCELERATION_ATTRIBUTES, {"delta": "4"}, {}),
     "krauss": SumoModel(
         "Krauss",
-        SETPOINTS | _BOUNDS,
+        COMMON_ATTRIBUTES | _ACCELERATION_ATTRIBUTES,
         {"sigma": "0"},
         {
             "equation": "SUMO takes the safe speed within one step, this model approaches it within a time T",
@@ -63,7 +63,7 @@ MODELS = {
     ),
     "constant_time_headway": SumoModel(
         "ACC",
-        SETPOINTS
+        COMMON_ATTRIBUTES
         | {
             "gap_gain": ("gapControlGainSpace", "gapClosingControlGainSpace", "collisionAvoidanceGainSpace"),
             "approach_gain": ("gapControlGainSpeed", "gapClosingControlGainSpeed", "collisionAvoidanceGainSpeed"),
@@ -79,13 +79,13 @@ MODELS = {
 }
 """SUMO's model with the same equation, by our name."""
 
-_NO_TERMS = {"ccoolness": "0", "sigmagap": "0", "sigmaleader": "0", "sigmaerror": "0", "treaction": "0"}
+_UNUSED_TERMS = {"ccoolness": "0", "sigmagap": "0", "sigmaleader": "0", "sigmaerror": "0", "treaction": "0"}
 
 EXTENDED = {
     "idm": SumoModel(
         "EIDM",
-        SETPOINTS | _BOUNDS,
-        {"delta": "4", **_NO_TERMS},
+        COMMON_ATTRIBUTES | _ACCELERATION_ATTRIBUTES,
+        {"delta": "4", **_UNUSED_TERMS},
         {
             "equation": "the improved IDM, which keeps s0 + T v up to the desired speed; terms that are not used are 0",
             "jam_gap": "less .3 m, which SUMO adds; at least .25 m",
@@ -98,10 +98,12 @@ Intelligent Driver Model in SUMO and Verifying the Drive Off Trajectories with A
 """
 
 ADDED_GAP = 0.3
-"""Distance [m] that EIDM keeps beyond `minGap`: .25 m that it takes off the gap, .05 m on the gap that it wants."""
+"""Distance [m] that EIDM keeps beyond `minGap`: .25 m subtracted from the gap, .05 m added to
+the desired gap.
+"""
 
-LEAST_GAP = 0.25
-"""Least `minGap` [m] with which EIDM sees a gap as it is."""
+MIN_GAP = 0.25
+"""Least `minGap` [m] with which EIDM uses the true gap."""
 
 UNITS_PER_SD = 2.0
 """`sigmagap` and `sigmaleader` per standard deviation: EIDM's processes have a standard deviation of .5."""
@@ -144,14 +146,14 @@ def sumo_file(types: Mapping[str, Mapping[str, str]], distribution: str | None =
 
 
 def sumo_model(car_following: str, *, extended: bool = False) -> SumoModel:
-    """SUMO's model with the equation of ours.
+    """SUMO's model with the equation of one of our models.
 
     Args:
-        car_following: Our name.
-        extended: Whether to take the one with further terms.
+        car_following: Our name of the model.
+        extended: Whether to take SUMO's model with further terms.
 
     Raises:
-        InvalidInputError: There is none.
+        InvalidInputError: SUMO has none.
     """
     models = EXTENDED if extended else MODELS
     if car_following not in models:
@@ -175,12 +177,12 @@ def type_attributes(
 
     Args:
         drivers: The drivers.
-        effects: Effects on them, of which a reaction delay becomes `actionStepLength`, or noise of perception is told
-            to a model with further terms.
+        effects: Effects on them: a reaction delay becomes `actionStepLength`, noise of perception becomes terms of an
+            extended model.
         extended: Whether to take SUMO's model with further terms.
     """
     model = sumo_model(drivers.car_following, extended=extended)
-    same = {
+    common = {
         "carFollowModel": model.name,
         **model.fixed,
         "emergencyDecel": f"{-HARDEST_BRAKING:g}",
@@ -188,14 +190,14 @@ def type_attributes(
         "speedDev": "0",
     }
     for effect in effects:
-        same |= _effect_attributes(effect, model)
+        common |= _effect_attributes(effect, model)
     return [
         {
-            **same,
+            **common,
             "vClass": "truck" if drivers.is_truck[k] else "passenger",
             "length": _number(drivers.length[k]),
             **{
-                attribute: _number(_there(values[k], attribute, model))
+                attribute: _number(_sumo_value(values[k], attribute, model))
                 for name, values in drivers.values.items()
                 for attribute in model.attributes[name]
             },
@@ -205,23 +207,23 @@ def type_attributes(
 
 
 ACTION_STEPS_PER_DELAY = 2.0
-"""`actionStepLength` over the reaction delay [-]: what a driver acts on is between nothing and one action step old,
-half of one on average.
+"""`actionStepLength` over the reaction delay [-]: what a driver reacts to is between zero and one action step old,
+half a step on average.
 """
 
 
 def _effect_attributes(effect: Effect, model: SumoModel) -> dict[str, str]:
-    """Attributes that say an effect; none if the model has no such term.
+    """Attributes that hold an effect; none if the model has no such term.
 
-    Of a reaction delay it is the mean of both delays, where it is positive.
+    A reaction delay is the mean of its two delays, and is written if positive.
     """
     if isinstance(effect, ReactionDelay) and not model.is_extended:
         delay = float(np.mean([effect.delay, effect.own_delay]))
         return {"actionStepLength": _number(ACTION_STEPS_PER_DELAY * delay)} if delay > 0 else {}
     if isinstance(effect, PerceptionNoise) and model.is_extended:
         gap, rate, time = (float(np.mean(value)) for value in (effect.gap_error, effect.rate_error, effect.time))
-        said = {"sigmagap": UNITS_PER_SD * gap, "sigmaleader": UNITS_PER_SD * rate, "tPersEstimate": time}
-        return {attribute: _number(value) for attribute, value in said.items()}
+        attributes = {"sigmagap": UNITS_PER_SD * gap, "sigmaleader": UNITS_PER_SD * rate, "tPersEstimate": time}
+        return {attribute: _number(value) for attribute, value in attributes.items()}
     return {}
 
 
@@ -232,12 +234,12 @@ _EFFECT_REMARKS = {
 }
 
 
-def _there(value: float, attribute: str, model: SumoModel) -> float:
-    """A parameter as SUMO wants it."""
+def _sumo_value(value: float, attribute: str, model: SumoModel) -> float:
+    """A parameter in SUMO's definition."""
     if attribute == "speedControlGain":
         return -value
     if attribute == "minGap" and model.is_extended:
-        return max(value - ADDED_GAP, LEAST_GAP)
+        return max(value - ADDED_GAP, MIN_GAP)
     return value
 
 

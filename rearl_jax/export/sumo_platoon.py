@@ -1,4 +1,4 @@
-"""The same platoons in SUMO, simulated by `sumo_worker`; what happened is read from its floating car data (FCD)."""
+"""The same platoons in SUMO, simulated by `sumo_worker`; their motion is read from floating car data (FCD)."""
 
 import json
 import subprocess
@@ -21,9 +21,9 @@ SPEED_LIMIT = 60.0
 """Speed limit of the road [m/s], above every desired speed."""
 
 FCD = "fcd_{}.xml"
-"""Floating car data of one platoon."""
+"""Name of the file with the floating car data of a platoon."""
 
-LEADER = "leader"
+LEADER_ID = "leader"
 """Id of the first vehicle, and of its type."""
 
 # The leader moves as measured; followers assume that it can brake as hard as they do.
@@ -42,7 +42,7 @@ _OPTIONS = (
 
 
 def check_sumo() -> None:
-    """Raises ModuleNotFoundError with the remedy where libsumo is missing."""
+    """Raises ModuleNotFoundError with the remedy if libsumo is missing."""
     if find_spec("libsumo") is None:
         raise ModuleNotFoundError(
             "libsumo is not installed, which export.compare needs: install the extra with "
@@ -70,7 +70,7 @@ def simulate_in_sumo(
 
     Raises:
         ModuleNotFoundError: libsumo is not installed.
-        RuntimeError: SUMO failed; the message holds what it said.
+        RuntimeError: SUMO failed; the message holds its output.
     """
     check_sumo()
     with tempfile.TemporaryDirectory(prefix="rearl_export_") as name:
@@ -94,15 +94,15 @@ def simulate_in_sumo(
 def _order(
     folder: Path, start: Start, leader_speed: np.ndarray, types: Path, names: Sequence[str], number: int, seed: int
 ) -> dict[str, Any]:
-    """One platoon as its files, the options of SUMO, and what its first vehicle does."""
-    ids = [LEADER, *(f"follower_{k}" for k in range(1, len(names) + 1))]
+    """Order for the worker: ids of vehicles, options of SUMO, speeds of the first vehicle; writes the input files."""
+    ids = [LEADER_ID, *(f"follower_{k}" for k in range(1, len(names) + 1))]
     network, routes, fcd = (folder / file.format(number) for file in ("road_{}.net.xml", "traffic_{}.rou.xml", FCD))
     front = np.asarray(start.state.x)[:, number] + start.length[:, number] / 2
     length = float(np.ceil(front[0] + SPEED_LIMIT * len(leader_speed) / STEPS_PER_SECOND))
     network.write_text(draw_network(1, length, SPEED_LIMIT), encoding="utf-8")
     vehicles = [
-        _VEHICLE.format(id=own, type=kind, front=place, speed=leader_speed[0])
-        for own, kind, place in zip(ids, (LEADER, *names), front, strict=True)
+        _VEHICLE.format(id=own, type=kind, front=position, speed=leader_speed[0])
+        for own, kind, position in zip(ids, (LEADER_ID, *names), front, strict=True)
     ]
     decel = np.asarray(start.drivers.car_following.comfortable_deceleration())[0, number]
     leader = _LEADER_TYPE.format(length=start.length[0, number], decel=decel)
@@ -113,14 +113,14 @@ def _order(
 
 def _run(folder: Path, orders: list[dict[str, Any]]) -> Float[np.ndarray, "vehicles platoons"]:
     """Lengths of the vehicles [m], after SUMO has simulated all platoons."""
-    asked, answered = folder / "orders.json", folder / "lengths.json"
-    asked.write_text(json.dumps(orders), encoding="utf-8")
-    # By its path: the package, which is not needed there, brings pyarrow.
-    command = [sys.executable, str(Path(__file__).with_name("sumo_worker.py")), str(asked), str(answered)]
+    orders_file, lengths_file = folder / "orders.json", folder / "lengths.json"
+    orders_file.write_text(json.dumps(orders), encoding="utf-8")
+    # Run by its path, because importing the package would bring pyarrow into the process.
+    command = [sys.executable, str(Path(__file__).with_name("sumo_worker.py")), str(orders_file), str(lengths_file)]
     done = subprocess.run(command, capture_output=True, text=True, check=False)
     if done.returncode != 0:
         raise RuntimeError(f"SUMO failed: {done.stderr.strip()[-2000:]}")
-    return np.array(json.loads(answered.read_text(encoding="utf-8"))).T
+    return np.array(json.loads(lengths_file.read_text(encoding="utf-8"))).T
 
 
 def read_fcd(path: Path) -> pd.DataFrame:

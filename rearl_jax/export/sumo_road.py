@@ -17,7 +17,7 @@ def draw_network(n_lanes: int, length: float, speed_limit: float) -> str:
     Args:
         n_lanes: Number of lanes, each 4 m wide.
         length: Length of the road [m].
-        speed_limit: Its limit [m/s].
+        speed_limit: Speed limit [m/s].
     """
     bottom = -4 * n_lanes
     lanes = "".join(_LANE.format(k, speed_limit, length, 4 * k + bottom + 2) for k in range(n_lanes))

@@ -1,7 +1,7 @@
 """SUMO simulations in a process of their own: `python sumo_worker.py ORDERS.json LENGTHS.json`.
 
 libsumo and pyarrow each bring a version of Arrow, so they do not share a process. The first vehicle of each simulation
-is given its speed in every step; all others are SUMO's. Standard library and libsumo only.
+is given its speed in every step; SUMO drives all others. Standard library and libsumo only.
 """
 
 import json
@@ -12,7 +12,7 @@ from typing import Any
 
 
 def main(orders_file: str, lengths_file: str) -> None:
-    """Runs the simulations, and writes the lengths of their vehicles [m]; SUMO writes what happened."""
+    """Runs the simulations and writes the lengths of their vehicles [m]; SUMO writes their motion."""
     orders = json.loads(Path(orders_file).read_text(encoding="utf-8"))
     lengths = [_simulate(order) for order in orders]
     Path(lengths_file).write_text(json.dumps(lengths), encoding="utf-8")
@@ -22,7 +22,7 @@ def _simulate(order: dict[str, Any]) -> list[float]:
     """Lengths of the vehicles [m].
 
     Raises:
-        RuntimeError: SUMO did not put all of them on the road.
+        RuntimeError: SUMO did not put all vehicles on the road.
     """
     sumo, ids = import_module("libsumo"), order["ids"]
     sumo.start(["sumo", *order["options"]])

@@ -1,7 +1,7 @@
 """The task `rearl export`: drivers for other programs.
 
 Writes into the study folder the file of the target (`types.add.xml`, `drivers.json` or `ControllerCatalog.xosc`),
-`said.parquet` (what became of each part of the model) and, with export.compare=true, `round_trip.parquet` and
+`said.parquet` (translation of each part of the model) and, with export.compare=true, `round_trip.parquet` and
 `flow.parquet` (see `rearl_jax.export.check`), then `config.json` and, last of all, `summary.json`.
 """
 
@@ -34,7 +34,7 @@ WRITERS = {
     Target.highway_env: ("drivers.json", to_highway_env),
     Target.openscenario: ("ControllerCatalog.xosc", to_openscenario),
 }
-"""Name of the file of each target, and what makes its content."""
+"""Name of the file of each target, and the function that makes its content."""
 
 
 def run(config: ExportTask) -> dict[str, Any]:
@@ -44,7 +44,7 @@ def run(config: ExportTask) -> dict[str, Any]:
 
     Raises:
         MissingInputError, BadModelError: There is no such model, or it cannot be read.
-        InvalidInputError: The target has no such car-following model, or the recordings too few first vehicles.
+        InvalidInputError: The target has no such car-following model, or the recordings have too few first vehicles.
         ModuleNotFoundError: libsumo or scenariogeneration is needed and not installed.
     """
     options = config.export
@@ -69,7 +69,7 @@ def run(config: ExportTask) -> dict[str, Any]:
         tables["flow"] = flow(population, exported.text, speed, options.n_followers, options.seed)
     for name, table in tables.items():
         study.write_table(name, table, seeds=f"export.seed={options.seed}")
-    n_said = sum(one.where is not None for one in exported.said)
+    n_said = sum(part.where is not None for part in exported.said)
     summary = {
         "target": config.to.name,
         "car_following": population.car_following,
@@ -111,10 +111,10 @@ def _figures(tables: dict[str, pd.DataFrame]) -> dict[str, float]:
     if "round_trip" not in tables:
         return {}
     rows = tables["round_trip"].to_dict("records")
-    found = {}
+    figures = {}
     for suffix, row in zip(("", "_effects"), rows, strict=False):
-        found |= {f"difference_mean{suffix}": row["difference"], f"difference_largest{suffix}": row["largest"]}
+        figures |= {f"difference_mean{suffix}": row["difference"], f"difference_largest{suffix}": row["largest"]}
     traffic = {row["traffic"]: row for row in tables["flow"].to_dict("records")}
     for name, suffix in (("SUMO", ""), ("here, other drivers", "_floor")):
-        found |= {f"{column}{suffix}": traffic[name][column] for column in ("h_speed", "h_headway")}
-    return found
+        figures |= {f"{column}{suffix}": traffic[name][column] for column in ("h_speed", "h_headway")}
+    return figures

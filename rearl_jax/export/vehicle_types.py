@@ -1,4 +1,4 @@
-"""Vehicle types of a SUMO file as records: attributes with SUMO's defaults, and what was read of them.
+"""Vehicle types of a SUMO file as records: attributes, with SUMO's defaults where the file states none.
 
 Sources: SUMO 1.28, "Definition of Vehicles, Vehicle Types, and Routes" and "Vehicle Type Parameter Defaults".
 """
@@ -53,9 +53,9 @@ class VehicleType:
     """One vehicle type.
 
     Attributes:
-        name: Its id.
-        distribution: Id of its distribution; empty if it is in none.
-        weight: Its probability there, as SUMO states it: not yet a share.
+        name: Id of the type.
+        distribution: Id of its distribution; empty without one.
+        weight: Probability in the distribution as stated, not normalised.
         attributes: Attributes that the file states.
         file: The file, for messages.
     """
@@ -67,7 +67,7 @@ class VehicleType:
     file: str
 
     def refuse(self, code: str, fault: str, remedy: str, attribute: str) -> InvalidInputError:
-        """The error about one of its attributes."""
+        """The error about an attribute of the type."""
         value = self.attributes.get(attribute)
         return InvalidInputError(
             Problem(code, fault, remedy, self.file, f"vType {self.name}, {attribute}", value=value)
@@ -102,9 +102,9 @@ class VehicleType:
                 raise self.refuse("attribute-missing", "is missing", f"write {attribute} into the type", attribute)
             return default, 0.0
         text = self.attributes[attribute]
-        found = _DISTRIBUTION.fullmatch(text.strip())
+        match = _DISTRIBUTION.fullmatch(text.strip())
         try:
-            values = tuple(float(part) for part in (found.groups() if found else (text, "0")))
+            values = tuple(float(part) for part in (match.groups() if match else (text, "0")))
         except ValueError:
             values = (math.nan, math.nan)
         if not all(map(math.isfinite, values)) or values[1] < 0:
@@ -132,21 +132,24 @@ def read_types(path: str | Path, pattern: str = "*") -> list[VehicleType]:
         raise MissingInputError(Problem("file-missing", message, key="sumo.file", value=str(path))) from None
     except ET.ParseError as error:
         raise InvalidInputError(Problem("not-xml", f"the file is not XML: {error}", file=str(path))) from error
-    found = [
-        one
-        for one in _types(root, str(path))
-        if fnmatchcase(one.name, pattern) or (one.distribution and fnmatchcase(one.distribution, pattern))
+    types = [
+        vehicle_type
+        for vehicle_type in _types(root, str(path))
+        if fnmatchcase(vehicle_type.name, pattern)
+        or (vehicle_type.distribution and fnmatchcase(vehicle_type.distribution, pattern))
     ]
-    if not found:
+    if not types:
         message = f"is {pattern}, which no vType of the file is called, nor a distribution of them"
         raise InvalidInputError(Problem("selects-none", message, file=str(path), key="sumo.types"))
-    names = sorted({one.distribution for one in found})
+    names = sorted({vehicle_type.distribution for vehicle_type in types})
     if len(names) > 1:
-        said = ", ".join(name or "none" for name in names)
-        message = f"selects types of several distributions ({said}), whose shares of the traffic the file does not say"
+        listed = ", ".join(name or "none" for name in names)
+        message = (
+            f"selects types of several distributions ({listed}), whose shares of the traffic the file does not say"
+        )
         remedy = "name one of them"
         raise InvalidInputError(Problem("distributions-several", message, remedy, str(path), "sumo.types"))
-    return found
+    return types
 
 
 def _types(root: ET.Element, file: str) -> Iterator[VehicleType]:
@@ -155,10 +158,10 @@ def _types(root: ET.Element, file: str) -> Iterator[VehicleType]:
     for distribution in root.iter("vTypeDistribution"):
         names = distribution.get("vTypes", "").split()
         weights = distribution.get("probabilities", "").split() or ["1"] * len(names)
-        own = (distribution.get("id", ""),)
-        referred |= {name: (*own, weight) for name, weight in zip(names, weights, strict=False)}
+        name_of_distribution = distribution.get("id", "")
+        referred |= {name: (name_of_distribution, weight) for name, weight in zip(names, weights, strict=False)}
         for element in distribution.iter("vType"):
-            yield _type(element, *own, element.get("probability", "1"), file)
+            yield _type(element, name_of_distribution, element.get("probability", "1"), file)
     inside = {id(element) for distribution in root.iter("vTypeDistribution") for element in distribution.iter("vType")}
     for element in root.iter("vType"):
         if id(element) not in inside:
@@ -168,8 +171,9 @@ def _types(root: ET.Element, file: str) -> Iterator[VehicleType]:
 def _type(element: ET.Element, distribution: str, weight: str, file: str) -> VehicleType:
     attributes = {name: value for name, value in element.attrib.items() if name not in ("id", "probability")}
     name = element.get("id", "without id")
-    one = VehicleType(name, distribution, 0.0, attributes | {"probability": weight}, file)
-    share, _ = one.number("probability")
-    if share < 0:
-        raise one.refuse("out-of-range", "must be at least 0", "correct it", "probability")
-    return VehicleType(name, distribution, share, attributes, file)
+    # The probability is parsed as any other attribute, by a record that has it among its attributes.
+    stated = VehicleType(name, distribution, 0.0, attributes | {"probability": weight}, file)
+    weight_value, _ = stated.number("probability")
+    if weight_value < 0:
+        raise stated.refuse("out-of-range", "must be at least 0", "correct it", "probability")
+    return VehicleType(name, distribution, weight_value, attributes, file)

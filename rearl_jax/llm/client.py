@@ -76,7 +76,7 @@ class Client:
         self._work: set[asyncio.Task[Any]] = set()
         self._rows: list[tuple[Any, ...]] = []
         self._questions = 0
-        self._kept = 0
+        self._kept = self._unanswered = 0
         self._causes: Counter[Cause] = Counter()
         self._last_texts: dict[Cause, str] = {}
         self._prompts: PromptLengths | None = PromptLengths()
@@ -178,7 +178,7 @@ class Client:
         return Counts(self._questions, sum(causes.values()), causes, self._kept, **of_sender)
 
     def check_usable(self, *, is_finished: bool, any_text: bool = False) -> None:
-        """Raise InvalidInputError if no question has a usable answer so far and further questions are pointless.
+        """Raise InvalidInputError if too few questions have an answer, or none a usable one.
 
         Args:
             is_finished: Whether there are no further questions; before the end, a few questions may lack an answer.
@@ -190,6 +190,7 @@ class Client:
             reasons | (self._sender.reasons if self._sender is not None else {}),
             is_finished=is_finished,
             any_text=any_text,
+            unanswered_in_a_row=self._unanswered,
             refused_in_a_row=self._sender.refused_in_a_row if self._sender is not None else 0,
             most_refused=self._config.breaker_failures,
         )
@@ -330,6 +331,7 @@ class Client:
                 sent.discard(digest)
             action, cause = votes[0] if len(votes) == 1 else majority(votes)
             self._causes[cause] += 1
+            self._unanswered = 0 if cause.is_answer else self._unanswered + 1
             answers.append(Answer(action, cause, tuple(replies[digest] for digest in digests), digests[0]))
         return answers
 

@@ -12,7 +12,9 @@ from urllib.parse import urlsplit
 import httpx
 
 from rearl_jax.code_version import __version__
+from rearl_jax.config._address import check_no_secret
 from rearl_jax.config.llm import LlmConfig
+from rearl_jax.llm.profiles import read_error, stated_status
 from rearl_jax.llm.proxies import Proxy, proxy_for, unusable
 from rearl_jax.problems import InvalidInputError, Problem
 
@@ -30,15 +32,20 @@ words.
 _EXHAUSTED = (b"insufficient_quota", b"billing_hard_limit")
 """Texts in responses with status 429 that indicate an exhausted account instead of a rate limit."""
 
+_PAGE = re.compile(
+    r"(?<=/)(?:(?<=/v\d/)(?:chat|completions|models|responses|embeddings|messages)|api/(?:chat|generate|tags))$"
+)
+"""End of an address copied from a page of the interface, or of Ollama's own one, which is not used."""
+
 
 def server_address(base_url: str) -> str:
     """Base address of `/models` and `/chat/completions`, with its query if it has one.
 
-    `/chat/completions` at the end is removed. `/v1` is appended unless the path contains a version such as `v1` or
-    `v1beta`, or the query names a version, as for Azure.
+    `/chat/completions` at the end is removed, and another page of the interface after its version. `/v1` is appended
+    unless the path contains a version such as `v1` or `v1beta`, or the query names a version, as for Azure.
 
     Raises:
-        InvalidInputError: The text is not a server address, or contains a password.
+        InvalidInputError: The text is not a server address, or contains a password or a key.
     """
     try:
         parts = urlsplit(base_url.strip())
@@ -47,14 +54,11 @@ def server_address(base_url: str) -> str:
         is_address = False
     if not is_address:
         message, remedy = "is not an address of a server", "write it like http://127.0.0.1:8000/v1"
-        # Not shown if it could contain a password.
-        shown = None if "@" in base_url else repr(base_url)
+        # Not shown if it could contain a password or a key.
+        shown = None if set(base_url) & set("@?#") else repr(base_url)
         raise InvalidInputError(Problem("server-address", message, remedy, key="decision.server", value=shown))
-    if "@" in parts.netloc:
-        message = "holds a user name or password"
-        remedy = "leave it out and put the key of the server into the environment variable that llm.api_key_env names"
-        raise InvalidInputError(Problem("password-in-address", message, remedy, key="decision.server"))
-    path = parts.path.rstrip("/")
+    check_no_secret(base_url, "decision.server")
+    path = _PAGE.sub("", parts.path.rstrip("/"))
     is_whole = path.endswith("/chat/completions") or "api-version=" in parts.query
     path = path.removesuffix("/chat/completions").rstrip("/")
     if not is_whole and not re.search(r"/v\d+\w*(/|$)", path):
@@ -80,12 +84,14 @@ class Response:
     """Response of the server, or the error.
 
     Attributes:
-        status: HTTP status; None if there was no whole response.
+        status: HTTP status, that of an error within a good response included; None if there was no whole response.
         content: Body of the response.
         error: Description of the failure without a response; else empty.
         timed_out: Whether it was a time-out.
         retry_after: Pause that the server requests [s]; None if it does not.
+        patience: Longest pause that a request may be sent again after [s].
         server: Name that the server gives itself.
+        location: Address that the server redirects to; empty without one.
     """
 
     status: int | None = None
@@ -93,14 +99,28 @@ class Response:
     error: str = ""
     timed_out: bool = False
     retry_after: float | None = None
+    patience: float = math.inf
     server: str = ""
+    location: str = ""
+
+    @property
+    def reason(self) -> str:
+        """What the response says if it is no answer, on one line."""
+        if self.status is None:
+            return self.error
+        is_moved = 300 <= self.status < 400 and self.location
+        return f"HTTP {self.status}: {f'it redirects to {self.location}' if is_moved else read_error(self.content)}"
 
     @property
     def is_refusal(self) -> bool:
         """True if the server refuses the request permanently; sending it again would not help."""
+        if self.status is None or self.status < 300:
+            return False
+        if (self.retry_after or 0.0) > self.patience:
+            return True
         if self.status == 429:
             return any(word in self.content for word in _EXHAUSTED)
-        return self.status is not None and 300 <= self.status < 500 and self.status != 408
+        return self.status < 500 and self.status != 408
 
 
 class Connection:
@@ -160,7 +180,7 @@ class Connection:
         url = f"{self.address}{path}" + (f"?{self._query}" if self._query else "")
         try:
             async with client.stream(method, url, content=body, timeout=timeout) as response:
-                return await _read(response)
+                return await _read(response, self._config.deadline)
         except httpx.TimeoutException as error:
             return Response(error=_said(error), timed_out=True)
         except (httpx.HTTPError, httpx.InvalidURL, UnicodeError) as error:
@@ -211,18 +231,21 @@ def _no_proxy(proxy: Proxy | None, error: Exception) -> InvalidInputError:
     return unusable(name, "holds no address of a proxy", "write it as http://HOST:PORT")
 
 
-async def _read(response: httpx.Response) -> Response:
-    """The whole response, as long as it is not too large."""
+async def _read(response: httpx.Response, patience: float) -> Response:
+    """The whole response, as long as it is not too large, to a request that waits for `patience` [s] at most."""
     content = bytearray()
     async for part in response.aiter_bytes():
         content += part
         if len(content) > MAX_BODY_BYTES:
             return Response(error=f"the response is larger than {MAX_BODY_BYTES >> 20} MiB")
+    body = bytes(content)
     return Response(
-        status=response.status_code,
-        content=bytes(content),
+        status=stated_status(response.status_code, body),
+        content=body,
         retry_after=read_retry_after(response.headers.get("retry-after"), time.time()),
+        patience=patience,
         server=response.headers.get("server", ""),
+        location=response.headers.get("location", ""),
     )
 
 

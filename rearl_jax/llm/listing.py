@@ -11,7 +11,8 @@ from tenacity import AsyncRetrying, RetryCallState, stop_before_delay, wait_fixe
 
 from rearl_jax.config.llm import LlmConfig
 from rearl_jax.llm.connection import Connection, Response
-from rearl_jax.llm.profiles import read_error, read_json
+from rearl_jax.llm.profiles import read_json
+from rearl_jax.llm.proxies import exceptions_variable
 from rearl_jax.llm.retries import retrying
 from rearl_jax.problems import InvalidInputError, Problem, ProblemError
 
@@ -31,6 +32,8 @@ class ServerError(ProblemError, ConnectionError):
 async def find_model(connection: Connection, config: LlmConfig) -> tuple[str, Response | None]:
     """The server's name for the wanted model, and its list of models; None for a server without a list.
 
+    An empty or partial list without the configured model counts as none.
+
     If the list is only found without the version in the address, the connection's address is changed accordingly.
 
     Raises:
@@ -47,13 +50,16 @@ async def find_model(connection: Connection, config: LlmConfig) -> tuple[str, Re
             connection.address = versioned
     if is_list(response):
         names = [model["id"] for model in entries(response)]
-        return _choose_model(names, config.model, connection.place), response
-    if response.status is None or not config.model:
+        if name := _choose_model(names, config.model):
+            return name, response
+        if not (config.model and _is_partial(response)):
+            raise _no_model(names, config.model, connection.place)
+    elif not config.model or (response.status is None and not response.timed_out):
         raise _no_server(connection, config, response)
     log.info(
-        "the server at %s lists no models (HTTP %d): it is asked for llm.model=%s",
+        "the server at %s lists no such model (%s): it is asked for llm.model=%s",
         connection.place,
-        response.status,
+        response.error or f"HTTP {response.status}",
         config.model,
     )
     return config.model, None
@@ -101,7 +107,7 @@ async def _models(connection: Connection, config: LlmConfig) -> Response:
     asked = retrying(config, lambda response: not (is_list(response) or response.is_refusal or _is_loading(response)))
     response = await until_loaded(connection, config)(asked, connection.get, "/models", PATIENCE)
     if _is_loading(response):
-        http = f"HTTP {response.status}: {connection.without_key(read_error(response.content))}"
+        http = connection.without_key(response.reason)
         message = f"the server at {connection.place} is still loading after {config.startup:g} s ({http})"
         raise ServerError(
             Problem("server-loading", message, "start rearl again when it is ready, or raise llm.startup")
@@ -121,18 +127,18 @@ def _say_once(state: RetryCallState, connection: Connection, config: LlmConfig) 
 def _no_server(connection: Connection, config: LlmConfig, response: Response) -> ProblemError:
     """The problem for a response that is not a list of models."""
     place, status = connection.place, response.status
-    http = f"HTTP {status}: {connection.without_key(read_error(response.content))}"
+    http = connection.without_key(response.reason)
     if status is None:
-        message = f"no server answers at {place} ({response.error})"
+        message = f"no server answers at {place} ({http})"
         remedy = "start one there, or set decision.server"
         if connection.is_proxied:
-            remedy += ", or name its host in NO_PROXY if it needs no proxy"
+            remedy += f", or name its host in {exceptions_variable()} if it needs no proxy"
         return ServerError(Problem("server-absent", message, remedy))
     if status in (401, 403):
         return refused_access(connection, config, http)
     if status >= 500:
         return ServerError(Problem("server-fails", f"the server at {place} reports an error ({http})", "restart it"))
-    message = f"what answers at {place} lists no models (HTTP {status} for /models)"
+    message = f"what answers at {place} lists no models ({http})"
     return InvalidInputError(
         Problem("server-unknown", message, "check decision.server, and name the model with llm.model")
     )
@@ -144,17 +150,27 @@ def refused_access(connection: Connection, config: LlmConfig, http: str) -> Inva
     return InvalidInputError(Problem("server-key", f"the server at {connection.place} refuses access ({http})", remedy))
 
 
-def _choose_model(names: list[str], wanted: str, place: str) -> str:
-    """The server's name for the wanted model; an empty name selects its only model."""
-    listed = ", ".join(names) or "none"
+def _is_partial(response: Response) -> bool:
+    """True if a list of models is empty, or one page of several."""
+    listed = read_json(response.content)
+    return not entries(response) or (
+        isinstance(listed, dict) and any(listed[name] for name in listed if name == "has_more" or "next" in name)
+    )
+
+
+def _choose_model(names: list[str], wanted: str) -> str | None:
+    """The server's name for the wanted model, None without it; an empty name selects its only model."""
     if not wanted and len(names) == 1:
         return names[0]
     for name in (wanted, f"{wanted}:latest"):  # Ollama's name for a model without a tag
         if name in names:
             return name
     behind = [name for name in names if wanted and name.endswith(f"/{wanted}")]  # after the name of its maker
-    if len(behind) == 1:
-        return behind[0]
+    return behind[0] if len(behind) == 1 else None
+
+
+def _no_model(names: list[str], wanted: str, place: str) -> InvalidInputError:
+    listed = ", ".join(names) or "none"
     message = f"must be one of the models of the server at {place} ({listed})"
     problem = Problem("choice-unknown", message, "set it to one of them, or load it there", key="llm.model")
-    raise InvalidInputError(replace(problem, value=repr(wanted)))
+    return InvalidInputError(replace(problem, value=repr(wanted)))

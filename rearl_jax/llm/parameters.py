@@ -19,7 +19,9 @@ _OTHER_NAMES = {"max_tokens": "max_completion_tokens"}
 SYSTEM = "system"
 """Entry for the system message among the refused parameters; if refused, its text is put before the user's message."""
 
-_REFUSED_SYSTEM = re.compile(r"system (?:role|message|prompt|instruction)\w* (?:is |are )?(?:not|un)", re.IGNORECASE)
+_REFUSED_SYSTEM = re.compile(
+    r"(?:system|developer) (?:role|message|prompt|instruction)\w* (?:is |are )?(?:not|un)", re.IGNORECASE
+)
 
 
 def without(body: str, refused: tuple[str, ...]) -> str:

@@ -37,7 +37,7 @@ class LanguageModelPolicy:
         """Future of the actions that the answers choose; NO_ACTION for vehicles without an admissible answer.
 
         Raises:
-            InvalidInputError: From the future: no question has had a usable answer, see `Client.check_usable`.
+            InvalidInputError: From the future: too few questions have an answer, see `Client.check_usable`.
         """
         questions = self._prompter.questions(situation, self._thresholds)
         n_vehicles, n_scenarios = situation.detection.mask.shape

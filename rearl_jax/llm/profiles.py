@@ -97,7 +97,7 @@ def read_completion(content: bytes) -> Completion:
     """Completion in the body of a response.
 
     A response without a text gives the empty text if the model was cut off or returned only reasoning. A text in parts
-    is joined; a refusal of the model is its text.
+    is joined, a number is its text; a refusal of the model is its text.
 
     Raises:
         ValueError: The content is not a chat completion: no JSON, an error, a different structure, no choices, or no
@@ -113,15 +113,18 @@ def read_completion(content: bytes) -> Completion:
     if choice.get("error"):
         raise ValueError(f"the response is an error: {read_error(_encode(choice).encode())}")
     message = _object(choice.get("message"), "the message")
-    content_of, finish = message.get("content"), _text(choice.get("finish_reason"))
-    text, thought = _joined(content_of) if isinstance(content_of, list) else (content_of, "")
+    finish = _text(choice.get("finish_reason"))
+    try:
+        text, thought = _content(message.get("content"))
+    except RecursionError:
+        raise ValueError("the content is nested too deeply") from None
     thinking = _text(message.get("reasoning_content")) or _text(message.get("reasoning")) or thought
     if text is None:
         text = message.get("refusal")
     if text is None and (thinking or finish == "length"):
         text = ""
     if not isinstance(text, str):
-        raise ValueError("the message has no text")
+        raise ValueError(f"the message has no text, only {', '.join(map(_text, message))[:80] or 'nothing'}")
     usage, timings = _mapping(body.get("usage")), _mapping(body.get("timings"))
     details = _mapping(usage.get("prompt_tokens_details"))
     cached = _count(details.get("cached_tokens"))
@@ -135,21 +138,19 @@ def read_completion(content: bytes) -> Completion:
     )
 
 
-def _joined(parts: list[Any]) -> tuple[str | None, str]:
-    """Text and reasoning of a content in parts; None as text if no part contains one.
-
-    Raises:
-        ValueError: A part is no object.
-    """
-    texts, thoughts = [], []
-    for part in parts:
-        part = _object(part, "a part of the content")
-        if part.get("type") in ("thinking", "reasoning"):
-            inside = part.get("thinking", part.get("text"))
-            thoughts.append((_joined(inside)[0] or "") if isinstance(inside, list) else _text(inside))
-        elif isinstance(said := part.get("text", part.get("refusal")), str):
-            texts.append(_text(said))
-    return "".join(texts) if texts else None, "".join(thoughts)
+def _content(content: Any) -> tuple[str | None, str]:
+    """Text and reasoning of a content: a text, a number, a part, or a list of these; None as text if it has none."""
+    if isinstance(content, int | float) and not isinstance(content, bool):
+        return str(content), ""
+    if isinstance(content, list):
+        texts, thoughts = zip(*map(_content, content), strict=True) if content else ((), ())
+        said = [text for text in texts if text is not None]
+        return "".join(said) if said else None, "".join(thoughts)
+    if not isinstance(content, dict):
+        return (_text(content) if isinstance(content, str) else None), ""
+    if content.get("type") in ("thinking", "reasoning"):
+        return None, _content(content.get("thinking", content.get("text")))[0] or ""
+    return _content(content.get("text", content.get("refusal", content.get("value"))))
 
 
 def read_error(content: bytes, longest: int = 300) -> str:
@@ -163,6 +164,18 @@ def read_error(content: bytes, longest: int = 300) -> str:
         reported = error.get("message", error) if isinstance(error, dict) else error
     line = " ".join(_text(reported if isinstance(reported, str) else str(reported)).split())
     return line if len(line) <= longest else f"{line[:longest]} ..."
+
+
+def stated_status(status: int, content: bytes) -> int:
+    """HTTP status of a response, or the one that its error has, as some servers send errors with status 200."""
+    if status != 200 or b'"error"' not in content:
+        return status
+    try:
+        body = _mapping(read_json(content))
+    except ValueError:
+        return status
+    code = _mapping(body.get("error")).get("code")
+    return code if not body.get("choices") and type(code) is int and 400 <= code < 600 else status
 
 
 def read_json(content: bytes) -> Any:

@@ -48,6 +48,9 @@ def proxy_for(address: str) -> Proxy | None:
     url = proxies[name] if "://" in proxies[name] else f"http://{proxies[name]}"
     wanted = f"{name}_proxy"
     variable = next((variable for variable in sorted(os.environ, reverse=True) if variable.lower() == wanted), "")
+    if (secret := url.partition("://")[2].rpartition("@")[0]) and set(secret) & set("/?#@"):
+        fault = "holds a user name or password with a character that addresses do not allow there"
+        raise unusable(variable or wanted, fault, "write @ as %40, # as %23, / as %2F and ? as %3F")
     try:
         there = urlsplit(url)
         place, is_proxy = f"{there.hostname}:{there.port or _port(there.scheme)}", bool(there.hostname)
@@ -61,8 +64,13 @@ def proxy_for(address: str) -> Proxy | None:
 
 def unusable(variable: str, fault: str, remedy: str) -> InvalidInputError:
     """The error for a variable that names a proxy that cannot be used."""
-    remedy = f"{remedy}, or unset it, or name the server's host in NO_PROXY"
+    remedy = f"{remedy}, or unset it, or name the server's host in {exceptions_variable()}"
     return InvalidInputError(Problem("proxy-unusable", fault, remedy, key=variable))
+
+
+def exceptions_variable() -> str:
+    """The variable that names hosts without a proxy: the one in lower case, even if empty, hides the other."""
+    return "no_proxy" if "no_proxy" in os.environ else "NO_PROXY"
 
 
 def _port(scheme: str) -> int:
@@ -78,7 +86,7 @@ def _is_loopback(host: str) -> bool:
 
 def _is_excepted(host: str) -> bool:
     """True if `no_proxy` contains a network with this address."""
-    excepted = os.environ.get("no_proxy") or os.environ.get("NO_PROXY", "")
+    excepted = os.environ.get(exceptions_variable(), "")
     try:
         own = ip_address(host)
     except ValueError:

@@ -33,6 +33,11 @@ class Cause(Enum):
     not_kept = "not_kept"
     """Replay: the cache contains no answer."""
 
+    @property
+    def is_answer(self) -> bool:
+        """True if the model has answered, usably or not."""
+        return self not in (Cause.late, Cause.refused, Cause.failed, Cause.broken, Cause.not_kept)
+
 
 @dataclass(frozen=True)
 class Message:

@@ -15,7 +15,7 @@ from tenacity import RetryCallState, wait_random_exponential
 from rearl_jax.config.llm import LlmConfig
 from rearl_jax.llm.breaker import Breaker
 from rearl_jax.llm.connection import Connection, Response
-from rearl_jax.llm.profiles import read_completion, read_error
+from rearl_jax.llm.profiles import read_completion
 from rearl_jax.llm.records import TEXTS, Cause, Completion, Reply
 from rearl_jax.llm.retries import last_result, retrying
 
@@ -214,7 +214,7 @@ class Sender:
             Cause.refused if response.is_refusal else Cause.failed,
             is_transient=not response.is_refusal,
             is_alive=response.is_refusal or response.status == 429,
-            why=f"HTTP {response.status}: {read_error(response.content)}",
+            why=response.reason,
             retry_after=response.retry_after or 0.0,
         )
 
@@ -247,6 +247,8 @@ class Sender:
     def _report(self, job: Job, result: _Try) -> None:
         """Logs each kind of failure when it occurs for the first time."""
         self.reasons[result.cause] = self._connection.without_key(result.why)
+        if not result.is_alive:  # the reason, too, of the questions that are not sent from now on
+            self.reasons[Cause.broken] = self.reasons[result.cause]
         if result.cause not in self._reported:
             self._reported.add(result.cause)
             log.warning(

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 from jaxtyping import Float, Int
 
-from rearl_jax.core.model import LANE_TEST_LENGTH, TrafficModel
+from rearl_jax.core.model import ROAD_END_MARGIN, TrafficModel
 from rearl_jax.core.neighbours import LANE_MARGIN
 from rearl_jax.core.rollout import Frames
 
@@ -47,7 +47,7 @@ def look_around(
     exists = [(lane >= 0) & (lane < model.n_lanes) for lane in lanes]
     for other in range(len(frame.x)):
         x, y = frame.x[other, scenario], frame.y[other, scenario]
-        is_visible = (x >= -LANE_TEST_LENGTH) & (x < model.road_length + LANE_TEST_LENGTH) & (vehicle != other)
+        is_visible = (x >= -ROAD_END_MARGIN) & (x < model.road_length + ROAD_END_MARGIN) & (vehicle != other)
         distance = x - own_x
         other_gap = np.abs(distance) - (length[other, scenario] + own_length) / 2
         for number, (lane, there) in enumerate(zip(lanes, exists, strict=True)):

@@ -12,7 +12,7 @@ from rearl_jax.config.llm import LlmConfig
 from rearl_jax.llm.connection import Connection, Response
 from rearl_jax.llm.listing import ServerError, refused_access, until_loaded
 from rearl_jax.llm.parameters import SYSTEM, optional_parameters, refused_parameter, without
-from rearl_jax.llm.profiles import Dialect, is_constrained, read_completion, read_error, request_body
+from rearl_jax.llm.profiles import Dialect, is_constrained, read_completion, request_body
 from rearl_jax.llm.records import Message
 from rearl_jax.llm.retries import retrying
 from rearl_jax.problems import InvalidInputError, Problem
@@ -134,8 +134,7 @@ def _check_answer(
 
 def _refusal(connection: Connection, config: LlmConfig, dialect: Dialect, response: Response) -> InvalidInputError:
     """The problem with a refusal that no parameter explains."""
-    said = connection.without_key(read_error(response.content))
-    http = f"HTTP {response.status}: {said}"
+    http = connection.without_key(response.reason)
     if response.status in (401, 403):
         return refused_access(connection, config, http)
     if response.status in _OF_CONTENT and is_constrained(config, dialect):
@@ -159,7 +158,7 @@ def _said(name: str) -> tuple[str, str]:
 def _text_of(response: Response) -> tuple[str | None, str]:
     """Text of a completion, None without one, and then the problem."""
     if response.status != 200:
-        return None, response.error or f"HTTP {response.status}: {read_error(response.content)}"
+        return None, response.reason
     try:
         return read_completion(response.content).text, ""
     except ValueError as error:

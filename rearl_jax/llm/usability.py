@@ -1,4 +1,4 @@
-"""Check for usable answers: without any, the result of a run would be that of traffic without corrections."""
+"""Check for usable answers: without them, the result of a run would be that of traffic without corrections."""
 
 from collections.abc import Mapping
 
@@ -7,18 +7,20 @@ from rearl_jax.llm.requests_table import Counts
 from rearl_jax.problems import InvalidInputError, Problem
 
 MAX_UNUSABLE = 100
-"""Number of questions after which a run without a single usable answer is stopped."""
+"""Number of questions without a usable answer after which a run is stopped, or without any answer in a row."""
+
+MAX_UNANSWERED = 0.5
+"""Largest share of questions without an answer in a result; with more, it would be that of traffic without corrections.
+"""
+
+_RESUME = "give the same command again: answers received are stored"
 
 _REMEDIES = {
     Cause.truncated: "raise llm.max_tokens, or see llm.thinking",
     Cause.unparsable: "choose another model, or see prompt.template and llm.constrained",
     Cause.not_kept: "replay with the configuration that the answers were asked with",
-    Cause.late: "raise llm.read_timeout and llm.deadline, or lower llm.max_in_flight",
+    Cause.late: "see the cause, or raise llm.read_timeout and llm.deadline, or lower llm.max_in_flight",
 }
-
-
-_WITH_TEXT = (Cause.unparsable, Cause.out_of_range, Cause.inadmissible, Cause.truncated, Cause.disagreed)
-"""Causes of questions that the model has answered, but not usably."""
 
 
 def check_usable(
@@ -27,34 +29,45 @@ def check_usable(
     *,
     is_finished: bool,
     any_text: bool,
+    unanswered_in_a_row: int,
     refused_in_a_row: int,
     most_refused: int,
 ) -> None:
-    """Raise InvalidInputError if further questions are pointless.
+    """Raise InvalidInputError if the answers are too few for a result, or further questions are pointless.
 
     Args:
         counts: Progress of the client.
         reasons: Last message of the server, by cause.
         is_finished: Whether there are no further questions.
         any_text: Whether any text of the model counts as a result.
+        unanswered_in_a_row: Questions without an answer since the last answer.
         refused_in_a_row: Requests since the last answer that were refused independently of their content, for example
             without credit.
         most_refused: Number of such requests that stops the run.
     """
     if counts.answers == 0 or not (causes := {cause: n for cause, n in counts.causes.items() if n}):
         return
-    is_answered = any(cause in causes for cause in (Cause.answered, *(_WITH_TEXT if any_text else ())))
+    is_answered = any(cause is Cause.answered or (any_text and cause.is_answer) for cause in causes)
     refused = max(refused_in_a_row, 0 if is_answered else causes.get(Cause.refused, 0))
     if refused >= most_refused:
         fault = f"the server refuses every request ({reasons.get(Cause.refused, 'no reason given')})"
-        remedy = "correct what it names and give the same command again: answers received are stored"
-        raise InvalidInputError(Problem("requests-refused", fault, remedy))
-    if is_answered or not (is_finished or counts.answers >= MAX_UNUSABLE):
-        return
+        raise InvalidInputError(Problem("requests-refused", fault, f"correct what it names and {_RESUME}"))
+    unanswered = {cause: n for cause, n in causes.items() if not cause.is_answer}
+    n_unanswered = sum(unanswered.values())
+    if not is_answered and (is_finished or counts.answers >= MAX_UNUSABLE):
+        fault = f"none of {counts.answers} questions to the language model has a usable answer"
+        raise _unusable("answers-unusable", fault, causes, reasons)
+    if is_finished and n_unanswered > MAX_UNANSWERED * counts.answers:
+        fault = f"{n_unanswered} of {counts.answers} questions to the language model have no answer"
+        raise _unusable("answers-too-few", f"{fault}, more than {MAX_UNANSWERED:.0%}", unanswered, reasons)
+    if unanswered_in_a_row >= MAX_UNUSABLE:
+        fault = f"the last {unanswered_in_a_row} of {counts.answers} questions to the language model have no answer"
+        raise _unusable("answers-too-few", fault, unanswered, reasons)
+
+
+def _unusable(code: str, fault: str, causes: Mapping[Cause, int], reasons: Mapping[Cause, str]) -> InvalidInputError:
     commonest = max(causes, key=causes.__getitem__)
     counted = ", ".join(f"{cause.name} {n}" for cause, n in causes.items())
     why = f"; {reasons[commonest]}" if commonest in reasons else ""
-    fault = f"none of {counts.answers} questions to the language model has a usable answer ({counted}{why})"
-    raise InvalidInputError(
-        Problem("answers-unusable", fault, _REMEDIES.get(commonest, "see the cause and correct it"))
-    )
+    remedy = _REMEDIES.get(commonest, "correct the cause")
+    return InvalidInputError(Problem(code, f"{fault} ({counted}{why})", f"{remedy}, and {_RESUME}"))

@@ -12,7 +12,7 @@ from jaxtyping import Int
 
 from rearl_jax.core.model import TrafficModel
 from rearl_jax.core.state import nearest_level
-from rearl_jax.decision.execution import LONG_AGO
+from rearl_jax.decision.execution import MAX_SINCE_LANE_CHANGE
 from rearl_jax.decision.situation import Situation
 from rearl_jax.detection.detector import Thresholds
 from rearl_jax.detection.table import ReferenceTable
@@ -167,7 +167,7 @@ def cars_of(situation: Situation, asked: Asked, model: TrafficModel) -> Iterator
         ranks(frame.speed, asked).tolist(),
         ranks(spacing, asked).tolist(),
         [None if action < 0 else WORDS[action] for action in values(situation.last_action)],
-        [None if seconds >= LONG_AGO else seconds for seconds in values(situation.since_lane_change)],
+        [None if seconds >= MAX_SINCE_LANE_CHANGE else seconds for seconds in values(situation.since_lane_change)],
     )
 
 

@@ -2,7 +2,7 @@
 
 The names are the columns of the result tables and the keys of their summaries. Those in `MEASURED` are measured in one
 scene: fields of `rearl_jax.metrics.scene.SceneMetrics`, and further metrics, one per file of
-`rearl_jax.metrics.further`. The others need the runs of a scene together, or the trajectories: likelihoods come from
+`rearl_jax.metrics.further`. The others need all runs of a scene, or the trajectories: likelihoods come from
 `rearl_jax.metrics.realism.realism_scores`, distances from `rearl_jax.metrics.paths` and `rearl_jax.metrics.energy`.
 """
 
@@ -218,8 +218,8 @@ _OF_SCENES = (
         "displacement",
         "m",
         _LOWER,
-        "mean distance of a vehicle from its partner in the real scene, over vehicles and seconds; paired in the order "
-        "along the road in the first snapshot, of which only the vehicles count, while they are picked",
+        "mean distance of a vehicle from its partner in the real scene, over vehicles and seconds; paired by the order "
+        "along the road in the first snapshot; only the vehicles of this snapshot count, as long as they are picked",
         "average displacement error of Montali et al., NeurIPS 2023; pairing of this project",
         compares=True,
         needs_lanes=True,
@@ -230,8 +230,8 @@ _OF_SCENES = (
         "Frechet distance of trajectories",
         "m",
         _LOWER,
-        "mean over the same pairs of vehicles of the discrete Frechet distance of their trajectories; when they are "
-        "where does not matter",
+        "mean over the same pairs of vehicles of the discrete Frechet distance of their trajectories; the times at "
+        "which they pass a position do not matter",
         "Eiter & Mannila, TU Wien report CD-TR 94/64 (1994)",
         compares=True,
         needs_lanes=True,
@@ -255,7 +255,7 @@ def _by_name(metrics: Iterable[Metric]) -> dict[str, Metric]:
     named: dict[str, Metric] = {}
     for metric in metrics:
         if named.setdefault(metric.name, metric) is not metric:
-            raise ValueError(f"two metrics are called {metric.name}: give the one in rearl_jax/metrics/further another")
+            raise ValueError(f"two metrics are called {metric.name}: rename the one in rearl_jax/metrics/further")
     return named
 
 

@@ -17,20 +17,20 @@ def energy_score(
 ) -> Float[np.ndarray, " cases"]:
     """Energy score E d(X, y) - E d(X, X') / 2 of simulations X, X' of the observation y, in the unit of the distance.
 
-    Both expectations are means over the samples, the second over pairs of different ones, so that the estimate is
-    unbiased for any number of them. A score of one distribution is lowest on average if the observation comes from it.
-    NaN with fewer than two samples. Distances that are NaN do not count.
+    Both expectations are means over the samples, the second over pairs of different samples, so that the estimate is
+    unbiased for any number of samples. The expected score is lowest if observation and samples have the same
+    distribution. NaN with fewer than two samples. Distances that are NaN do not count.
 
     Args:
-        samples: Simulations, each of all cases.
+        samples: Simulations; each contains all cases.
         observed: The observed value.
-        distance: Distance of two of them, case by case; of negative type, as a mean of Euclidean distances is.
+        distance: Distance of two samples, case by case; of negative type, such as a mean of Euclidean distances.
 
     Source: Gneiting & Raftery, J. Am. Stat. Assoc. 102 (2007) 359, section 4.3.
     """
-    away = _mean([distance(sample, observed) for sample in samples])
-    apart = [distance(one, other) for one, other in combinations(samples, 2)]
-    return away - _mean(apart) / 2 if apart else np.full_like(away, np.nan)
+    to_observed = _mean([distance(sample, observed) for sample in samples])
+    between = [distance(first, second) for first, second in combinations(samples, 2)]
+    return to_observed - _mean(between) / 2 if between else np.full_like(to_observed, np.nan)
 
 
 def _mean(distances: Sequence[Float[np.ndarray, " cases"]]) -> Float[np.ndarray, " cases"]:

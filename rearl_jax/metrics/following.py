@@ -8,7 +8,15 @@ from rearl_jax.metrics.measure import fold_vehicles
 
 
 class Followers(eqx.Module):
-    """Leader of each vehicle. Without a leader both distances are inf and the approach rate is 0."""
+    """Each vehicle as the follower of its leader. Without a leader both distances are inf and the approach rate is 0.
+
+    Attributes:
+        has_leader: Whether there is a leader.
+        centre_distance: Distance to the leader, centre to centre [m].
+        gap: Distance to the leader, bumper to bumper [m].
+        dv: Approach rate, the follower's minus the leader's speed [m/s].
+        leader_crashed: Whether the leader has crashed.
+    """
 
     has_leader: Bool[Array, "steps vehicles *scenarios"]
     centre_distance: Float[Array, "steps vehicles *scenarios"]
@@ -36,7 +44,7 @@ def find_leaders(
         lane: Lane index.
         length: Vehicle length [m]; the gap is the centre distance less half of both lengths.
         crashed: Whether the vehicle has crashed; crashed vehicles lead like others.
-        direction: Carriageway; None if there is one.
+        direction: Carriageway; None if there is only one.
 
     Source: REARL (Bi et al.), time headway over leader-follower pairs; the paper names no distance limit.
     """

@@ -1,7 +1,7 @@
 """Discrete Frechet distance of pairs of curves.
 
-The distance runs over anti-diagonals of the table of couplings: all cells of one are independent, so every step is one
-pass over `[points, curves]` with the curves contiguous.
+The computation runs over the anti-diagonals of the table of couplings: all cells of an anti-diagonal are independent,
+so every step is one pass over `[points, curves]` with the curves contiguous.
 """
 
 import jax.numpy as jnp
@@ -12,11 +12,11 @@ from jaxtyping import Array, Float, Int
 def reversed_between_infinities(
     curves: Float[Array, "features points curves"], n_vertices: int
 ) -> Float[Array, "features padded curves"]:
-    """The curves backwards between points at infinity: every anti-diagonal is then one contiguous slice.
+    """The curves reversed, between points at infinity: every anti-diagonal is then one contiguous slice.
 
     Args:
         curves: Curves.
-        n_vertices: Number of points of the curves they are compared with.
+        n_vertices: Number of points of the partners, the curves that these curves are compared with.
     """
     outside = jnp.full((curves.shape[0], n_vertices - 1, curves.shape[2]), jnp.inf, curves.dtype)
     return jnp.concatenate([outside, curves[:, ::-1], outside], axis=1)
@@ -25,9 +25,9 @@ def reversed_between_infinities(
 def frechet_distances(
     vertices: Float[Array, "features vertices #curves"], backwards: Float[Array, "features padded curves"]
 ) -> Float[Array, " curves"]:
-    """Discrete Frechet distance of every curve to its partner, or to one partner of all.
+    """Discrete Frechet distance of every curve to its partner, or to one partner common to all.
 
-    min over couplings of the two point sequences, both run through monotonously, of the largest distance coupled:
+    The minimum, over couplings that run through both point sequences monotonously, of the largest coupled distance:
     y[i, j] = max(d[i, j], min(y[i-1, j], y[i, j-1], y[i-1, j-1])), along i + j = 0, 1, ...
 
     Args:
@@ -37,23 +37,23 @@ def frechet_distances(
     Source: Eiter & Mannila, Computing discrete Frechet distance, TU Wien report CD-TR 94/64 (1994).
     """
     n_vertices = vertices.shape[1]
-    last = backwards.shape[1] - n_vertices
+    last_diagonal = backwards.shape[1] - n_vertices
     n_curves = backwards.shape[2]
 
     def squared(diagonal: Int[Array, ""]) -> Float[Array, "vertices curves"]:
-        difference = lax.dynamic_slice_in_dim(backwards, last - diagonal, n_vertices, axis=1) - vertices
+        difference = lax.dynamic_slice_in_dim(backwards, last_diagonal - diagonal, n_vertices, axis=1) - vertices
         total = difference[0] * difference[0]
         for feature in range(1, difference.shape[0]):
             total = total + difference[feature] * difference[feature]
         return total
 
     def step(before, diagonal):
-        one, two = before  # the last anti-diagonal and the one before, below a row at infinity
-        best = jnp.minimum(jnp.minimum(one[1:], one[:-1]), two[:-1])
+        last, second_last = before  # anti-diagonals, below a row at infinity
+        best = jnp.minimum(jnp.minimum(last[1:], last[:-1]), second_last[:-1])
         reached = jnp.maximum(squared(diagonal), best)
-        return (lax.dynamic_update_slice(two, reached, (1, 0)), one), None
+        return (lax.dynamic_update_slice(second_last, reached, (1, 0)), last), None
 
     nothing = jnp.full((n_vertices + 1, n_curves), jnp.inf, backwards.dtype)
     first = nothing.at[1:2].set(squared(jnp.asarray(0))[:1])
-    (final, _), _ = lax.scan(step, (first, nothing), jnp.arange(1, last + 1))
+    (final, _), _ = lax.scan(step, (first, nothing), jnp.arange(1, last_diagonal + 1))
     return jnp.sqrt(final[-1])

@@ -40,7 +40,7 @@ def bin_counts(
         values: Values of one frame.
         edges: Edges of the bins, ascending.
         drop: Leave out values outside the edges, instead of counting them in the outer bins.
-        valid: Which values count; None for all.
+        valid: Mask of the values that count; None for all.
     """
     first = values >= (edges[0] if drop else -jnp.inf)
     beyond = (values > edges[-1]) if drop else jnp.zeros(values.shape, bool)
@@ -65,10 +65,10 @@ def cumulative_counts(
         values: Values per frame and vehicle.
         edges: Edges of the bins, ascending.
         drop: Leave out values outside the edges, instead of counting them in the outer bins.
-        valid: Which values count; None for all.
+        valid: Mask of the values that count; None for all.
     """
 
-    # A loop over frames, because its input is computed once: fused, every bin would compute the values again.
+    # A loop over frames, because XLA computes the input of a loop once; otherwise it would do so again for every bin.
     def add_frame(counts, frame):
         counts = counts + bin_counts(frame[0], edges, drop=drop, valid=frame[1])
         return counts, counts
@@ -101,7 +101,7 @@ def cumulative_speed_counts(
 ) -> Int[Array, "steps+1 bins *scenarios"]:
     """Number of speeds per bin before each frame, see `cumulative_counts`.
 
-    A caller that sees one frame at a time gets the next row by adding `speed_counts` to the last one.
+    A caller that has one frame at a time gets the next row by adding `speed_counts` to the last row.
     """
     return cumulative_counts(speed, speed_edges(hist), drop=hist.oob is OutOfBounds.drop)
 
@@ -131,7 +131,7 @@ def hellinger_distance(
     Source: REARL (Bi et al.), Eq. 7.
     """
     half_square = unrolled_sum((safe_sqrt(p) - safe_sqrt(q)) ** 2, 0) / 2
-    # rounding may leave 1 + 1e-7 for disjoint distributions
+    # Rounding may give 1 + 1e-7 for disjoint distributions.
     return jnp.minimum(safe_sqrt(half_square), 1)
 
 
@@ -166,11 +166,11 @@ def window_distances(
 
 
 def legacy_scale(hist: HistConfig) -> float:
-    """Factor between the Hellinger distance and the one whose histograms are densities times 0.5 m/s.
+    """Factor from the Hellinger distance to that of histograms that are densities times 0.5 m/s.
 
     sqrt(0.5 / bin width), 0.3849 for eight bins on [5, 32] m/s. The published values of REARL (Bi et al.)
-    stay below it, which fits histograms that were normalised for bins 0.5 m/s wide; an inference from the
-    numbers, not stated.
+    stay below this factor, which fits histograms that were normalised for bins 0.5 m/s wide; this is inferred from
+    the numbers, not stated there.
     """
     return math.sqrt(0.5 * hist.n_bins / (hist.high - hist.low))
 
@@ -180,7 +180,7 @@ def noise_floor(
 ) -> Float[Array, " draws"]:
     """Hellinger distances between two independent samples of one distribution.
 
-    The distances of identical distributions: below their mean no method can be distinguished from the truth.
+    Below the mean of these distances no method can be distinguished from the real traffic.
 
     Args:
         shares: The distribution; sums to 1.

@@ -14,8 +14,8 @@ Carry = TypeVar("Carry")
 class Measure(eqx.Module):
     """A figure and the number of samples behind it.
 
-    `value` is finite for finite inputs; if `count` is 0 it is 0 and undefined. Pool several as sum(value * count) /
-    sum(count) if the metric is a mean or a share.
+    `value` is finite for finite inputs; if `count` is 0, it is a placeholder of 0. Measures of a mean or a share are
+    pooled as sum(value * count) / sum(count).
     """
 
     value: Float[Array, "*scenarios"]
@@ -25,8 +25,8 @@ class Measure(eqx.Module):
 def unrolled_sum(values: Num[Array, "..."], axis: int) -> Num[Array, "..."]:
     """Sum over one short axis, written out term by term.
 
-    XLA's CPU back end turns a reduction with a computed operand into scalar code; the written-out sum stays
-    element-wise and is vectorised over the contiguous scenario axis (10 times faster for whole-scene counts).
+    XLA turns a reduction of a computed operand into scalar code on a CPU; the written-out sum stays element-wise
+    and is vectorised over the contiguous scenario axis (10 times faster for whole-scene counts).
     """
     terms = [jax.lax.index_in_dim(values, i, axis, keepdims=False) for i in range(values.shape[axis])]
     return sum(terms[1:], start=terms[0])
@@ -35,11 +35,10 @@ def unrolled_sum(values: Num[Array, "..."], axis: int) -> Num[Array, "..."]:
 def fold_vehicles(
     step: Callable[[Carry, Int[Array, ""], Callable[[Array], Array]], Carry], start: Carry, n_vehicles: int
 ) -> Carry:
-    """Result of `carry = step(carry, slot, pick)` over all slots, where pick(array) is the array of that one
-    slot.
+    """Result of `carry = step(carry, slot, pick)` over all slots, where pick(array) is the array of that one slot.
 
-    A loop over the other vehicle compares it with all vehicles of its frame at once. XLA stores the loop's
-    result once; written out, it would be fused into, and computed again for, every reduction that uses it.
+    Each pass of the loop compares one vehicle with all vehicles of its frame. XLA stores the result of a loop once; if
+    the loop were written out, XLA would compute it again in every reduction that uses it.
     """
 
     def body(carry: Carry, slot: Int[Array, ""]) -> tuple[Carry, None]:
@@ -66,7 +65,7 @@ def scene_count(mask: Bool[Array, "steps vehicles *scenarios"]) -> Int[Array, "*
 
 
 def ratio(numerator: Num[Array, "*scenarios"], count: Int[Array, "*scenarios"], dtype: jnp.dtype) -> Measure:
-    """Measure numerator / count."""
+    """Measure of numerator / count."""
     safe_count = jnp.maximum(count, 1).astype(dtype)
     return Measure(jnp.where(count > 0, numerator.astype(dtype) / safe_count, 0), count)
 
@@ -76,19 +75,19 @@ def share_of(
     among: Bool[Array, "steps vehicles *scenarios"],
     dtype: jnp.dtype,
 ) -> Measure:
-    """Measure share of the entries of `among` for which `mask` is also true."""
+    """Measure of the share of the entries of `among` for which `mask` is also true."""
     return ratio(scene_count(mask & among), scene_count(among), dtype)
 
 
 def scene_mean(
     values: Float[Array, "steps vehicles *scenarios"], valid: Bool[Array, "steps vehicles *scenarios"]
 ) -> Measure:
-    """Measure mean over the valid entries of all frames and vehicles."""
+    """Measure of the mean over the valid entries of all frames and vehicles."""
     return ratio(scene_sum(jnp.where(valid, values, 0)), scene_count(valid), values.dtype)
 
 
 def frame_mean(values: Float[Array, " frames *scenarios"], valid: Bool[Array, " frames *scenarios"]) -> Measure:
-    """Measure mean over the valid frames."""
+    """Measure of the mean over the valid frames."""
     total = jnp.sum(jnp.where(valid, values, 0), axis=0)
     return ratio(total, jnp.sum(valid, axis=0, dtype=jnp.int32), values.dtype)
 
@@ -96,17 +95,17 @@ def frame_mean(values: Float[Array, " frames *scenarios"], valid: Bool[Array, " 
 def scene_median(
     values: Float[Array, "steps vehicles *scenarios"], valid: Bool[Array, "steps vehicles *scenarios"]
 ) -> Measure:
-    """Measure median over the valid entries, which must not be negative; exact, without gradient.
+    """Measure of the median over the valid entries, which must not be negative; exact, without gradient.
 
     The bits of non-negative IEEE 754 numbers, read as integers, are ordered like the numbers, so the middle
-    value is found bit by bit from the top: a bit is set when not too many values lie below. That is a few
-    whole-scene counts per bit and vectorises over scenarios, unlike sorting (12 times slower for 60 x 10
-    values).
+    value is found bit by bit from the top: a bit is set if at most `rank` values lie below the resulting
+    number. That is a few whole-scene counts per bit and vectorises over scenarios, unlike sorting (12 times
+    slower for 60 x 10 values).
     """
     n_bits = 8 * values.dtype.itemsize
     integer = jnp.dtype(f"int{n_bits}")
     largest = jnp.array(jnp.iinfo(integer).max, integer)
-    # + 0 turns -0.0, whose bits are the smallest integer, into 0.0
+    # The sum with 0 turns -0.0, whose bits are the smallest integer, into 0.0.
     bits = jnp.where(valid, jax.lax.bitcast_convert_type(values + 0, integer), largest)
     count = scene_count(valid)
     rank = jnp.maximum(count - 1, 0) // 2

@@ -27,8 +27,8 @@ class Metric:
         direction: Direction of improvement.
         definition: Definition in one line.
         source: Source of the definition.
-        compares: Whether it compares two scenes; then it is undefined for a single scene.
-        needs_lanes: Whether it needs lanes in the recording.
+        compares: Whether the metric compares two scenes; it is then undefined for a single scene.
+        needs_lanes: Whether the metric needs lanes in the recording.
         digits: Digits after the decimal point in tables of documents.
     """
 

@@ -8,14 +8,14 @@ from rearl_jax.metrics.measure import Measure, ratio, safe_sqrt, scene_count, sc
 
 
 class Rates(eqx.Module):
-    """Rates of change into each frame but the first; 0 where not `valid` (the vehicle was absent before)."""
+    """Rates of change from the frame before, for each frame but the first; 0 where not `valid` (no frame before)."""
 
     value: Float[Array, "intervals vehicles *scenarios"]
     valid: Bool[Array, "intervals vehicles *scenarios"]
 
 
 class JerkStatistics(eqx.Module):
-    """Root mean square [m/s^3] and share of large jerk."""
+    """Root mean square of the jerk [m/s^3] and share of large jerk."""
 
     rms: Measure
     share: Measure
@@ -36,8 +36,8 @@ def previous_values(
 
     Args:
         values: Any quantity per frame and slot.
-        track_id: Which vehicle a slot holds, unique within a frame; None if a slot always holds the same
-            vehicle. In recordings the selected vehicles and their order change from frame to frame.
+        track_id: Id of the vehicle in each slot, unique within a frame; None if it never changes. In recordings the
+            selected vehicles and their order change from frame to frame.
     """
     earlier = values[:-1]
     if track_id is None:
@@ -60,7 +60,7 @@ def rate_of_change(
 
     Args:
         values: Quantity to differentiate.
-        track_id: Which vehicle a slot holds; None if that never changes.
+        track_id: Id of the vehicle in each slot; None if it never changes.
         frame_interval: Time between frames [s].
         known: Mask of the values of the quantity that are known; None if all are.
     """
@@ -88,7 +88,7 @@ def jerk_statistics(
     Args:
         acceleration: `rate_of_change` of the speed [m/s^2].
         crashed: Whether the vehicle has crashed.
-        track_id: Which vehicle a slot holds; None if that never changes.
+        track_id: Id of the vehicle in each slot; None if it never changes.
         frame_interval: Time between frames [s].
         threshold: Large jerk [m/s^3], positive.
 
@@ -112,14 +112,14 @@ def lane_changes(
     """Lane-change rates, both in [0, 1].
 
     rate = #(lane differs between frames i and i+1, not crashed at i+1) / (frames x vehicles);
-    observed_rate divides the same number by the pairs of frames in which the vehicle is present and not
-    crashed, which is what compares recorded scenes, whose vehicles leave, with simulated ones. Both count the
-    observed pairs.
+    observed_rate divides the same number by the observed pairs of frames, those in which the vehicle is present and not
+    crashed; it also compares recorded scenes, whose vehicles leave, with simulated ones. The count of both measures is
+    the number of observed pairs.
 
     Args:
         lane: Lane index.
         crashed: Whether the vehicle has crashed.
-        track_id: Which vehicle a slot holds; None if that never changes.
+        track_id: Id of the vehicle in each slot; None if it never changes.
         dtype: Floating-point type of the result.
 
     Source: REARL (Bi et al.): lane-change rate, clipped to [0, 1]; the denominator uses all 60 frames.

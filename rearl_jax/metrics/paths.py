@@ -1,4 +1,4 @@
-"""Distances between the trajectories of the vehicles of two scenes, which are paired by their places at the start."""
+"""Distances between the trajectories of two scenes, whose vehicles are paired by their order at the start."""
 
 import equinox as eqx
 import jax
@@ -24,45 +24,46 @@ class Paths(eqx.Module):
     known: Bool[Array | np.ndarray, "seconds vehicles *scenarios"]
 
 
-def displacement(one: Paths, other: Paths) -> Measure:
-    """Measure mean Euclidean distance of paired vehicles [m], over vehicles and seconds in which both are known.
+def displacement(first: Paths, second: Paths) -> Measure:
+    """Mean Euclidean distance of paired vehicles [m], over vehicles and seconds in which both positions are known.
 
     Source: Montali et al., NeurIPS 2023 Datasets and Benchmarks: average displacement error.
     """
-    dx, dy = jnp.subtract(one.along, other.along), jnp.subtract(one.across, other.across)
-    return scene_mean(safe_sqrt(dx * dx + dy * dy), jnp.logical_and(one.known, other.known))
+    dx, dy = jnp.subtract(first.along, second.along), jnp.subtract(first.across, second.across)
+    return scene_mean(safe_sqrt(dx * dx + dy * dy), jnp.logical_and(first.known, second.known))
 
 
-def frechet(one: Paths, other: Paths) -> Measure:
-    """Measure mean over paired vehicles of the discrete Frechet distance of their trajectories [m].
+def frechet(first: Paths, second: Paths) -> Measure:
+    """Mean over paired vehicles of the discrete Frechet distance of their trajectories [m].
 
-    A trajectory is the sequence of positions in the seconds in which both are known; vehicles without any do not count.
+    A trajectory consists of the positions in those seconds in which both positions of a pair are known; pairs without
+    such a second do not count.
     """
-    known = jnp.logical_and(one.known, other.known)
-    first, second = (_points(paths, known) for paths in (one, other))
-    curves, vertices = (points.reshape(*points.shape[:2], -1) for points in (first, second))
+    known = jnp.logical_and(first.known, second.known)
+    both = (_filled_positions(paths, known) for paths in (first, second))
+    curves, vertices = (points.reshape(*points.shape[:2], -1) for points in both)
     distance = frechet_distances(vertices, reversed_between_infinities(curves, vertices.shape[1]))
     is_there = jnp.any(known, axis=0)
     total = unrolled_sum(jnp.where(is_there, distance.reshape(is_there.shape), 0), 0)
     return ratio(total, unrolled_sum(is_there.astype(jnp.int32), 0), distance.dtype)
 
 
-def _points(
+def _filled_positions(
     paths: Paths, known: Bool[Array, "seconds vehicles *scenarios"]
 ) -> Float[Array, "features seconds vehicles *scenarios"]:
-    """Positions with the last known one where it is unknown, before the first known one that one.
+    """Positions, the unknown ones replaced by the last known one or, before it, by the first known one.
 
-    Points that are repeated change no discrete Frechet distance: they are coupled as the point they repeat.
+    Repeated points do not change the discrete Frechet distance: they are coupled like the point they repeat.
     """
     points = jnp.stack([paths.along, paths.across])
 
-    def keep(kept, second):
-        point, is_known = second
+    def keep_last(kept, point_of_second):
+        point, is_known = point_of_second
         kept = jnp.where(is_known, point, kept)
         return kept, kept
 
     seconds = (jnp.moveaxis(points, 1, 0), known)
-    # From behind first, which ends with the first known point; then on from it.
-    earliest, _ = jax.lax.scan(keep, points[:, 0], seconds, reverse=True)
-    _, filled = jax.lax.scan(keep, earliest, seconds)
+    # The reverse scan ends with the first known point, from which the forward scan begins.
+    earliest, _ = jax.lax.scan(keep_last, points[:, 0], seconds, reverse=True)
+    _, filled = jax.lax.scan(keep_last, earliest, seconds)
     return jnp.moveaxis(filled, 0, 1)

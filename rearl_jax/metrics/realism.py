@@ -5,20 +5,20 @@ vehicle's values in 32 simulations; the meta-metric is the weighted mean of the 
 (ten from 2025 on). Similarities and differences here:
 
 - Features: linear speed, linear acceleration, distance to the nearest object, time to collision, collision. The two
-angular features, the two map features and the traffic-light feature carry no information on a straight carriageway.
-- One more feature, the time headway of the pairs of the metric `thw`, is scored in the same way. It is not among
-  Waymo's, so its weight in the mean is 0.
+  angular features, the two map features and the traffic-light feature carry no information on a straight carriageway.
+- One more feature, the time headway of the pairs of the metric `thw`, is scored in the same way. Waymo does not
+  score it, so its weight in the mean is 0.
 - Our simulations share no vehicles with the recording, so a scene's simulated values are pooled over
   vehicles, frames and runs, and all its real values are scored under this one histogram. Waymo's
   scenario-generation challenge pools in the same way (`aggregate_objects: true`, with `independent_timesteps:
   true`).
 - Likelihood of a feature = exp(mean over real values of log p(bin)), p = (count + pseudocount) / total,
   values outside the range in the outer bins. It depends on the values only through their bin counts, so
-  counts are all that is kept of a rollout, and counts of runs add.
+  only counts are kept of a rollout, and the counts of runs are added.
 - The weights of the five features are divided by their sum (0.05 + 0.05 + 0.1 + 0.1 + 0.25 = 0.55).
 - Speeds reach 32 m/s and more here; the range is [0, 35] m/s as in the 2023 challenge, not [0, 25] as from
   2024 on.
-- Frames are 1 s apart (there 0.1 s): acceleration is the backward difference of the speed over 1 s.
+- Frames are 1 s apart (Waymo: 0.1 s): acceleration is the backward difference of the speed over 1 s.
 - Objects are the selected vehicles, as rectangles along the road; the leader is the one in the same lane.
 
 Source: Montali et al., "The Waymo Open Sim Agents Challenge", NeurIPS 2023 Datasets and Benchmarks; bins,
@@ -39,7 +39,10 @@ from rearl_jax.metrics.safety import pair_headways, time_to_collision
 
 
 class RealismCounts(eqx.Module):
-    """Bin counts of the features of a scene; runs add. Collision: vehicles never and ever crashed."""
+    """Bin counts of the features of a scene; those of several runs can be added.
+
+    The two bins of `collision` count the vehicles that never crashed and those that crashed.
+    """
 
     speed: Int[Array, " speed_bins *scenarios"]
     acceleration: Int[Array, " acceleration_bins *scenarios"]
@@ -50,7 +53,10 @@ class RealismCounts(eqx.Module):
 
 
 class Realism(eqx.Module):
-    """Likelihoods in [0, 1] with the number of real values scored; `meta` counts the features it averages."""
+    """Likelihoods in [0, 1] with the number of real values scored.
+
+    `meta` is the weighted mean of the features that have values; its count is their number.
+    """
 
     meta: Measure
     speed: Measure
@@ -67,7 +73,7 @@ def distance_to_nearest(
     length: Float[Array, "steps vehicles *scenarios"],
     width: Float[Array, "steps vehicles *scenarios"],
 ) -> Float[Array, "steps vehicles *scenarios"]:
-    """Signed distance of each vehicle's rectangle to the nearest other one [m]; inf for a lone vehicle.
+    """Signed distance of each vehicle's rectangle to the nearest other one [m]; inf if there is only one vehicle.
 
     Rectangles stand along the road (a heading of 5 degrees shifts a corner by 0.2 m). Negative if they overlap: minus
     the shortest shift that separates them.
@@ -82,7 +88,8 @@ def distance_to_nearest(
     """
     slots = jnp.arange(x.shape[1]).reshape((1, -1) + (1,) * (x.ndim - 2))
 
-    # apart: least squared distance, one root at the end; overlapping: deepest overlap, whatever else is near
+    # Carried are the least squared distance of separate rectangles, whose root is taken once at the end, and the
+    # deepest overlap, which counts if any rectangle overlaps.
     def nearer_of(best, slot, pick):
         over_x = jnp.abs(pick(x) - x) - (pick(length) + length) / 2
         over_y = jnp.abs(pick(y) - y) - (pick(width) + width) / 2
@@ -91,8 +98,8 @@ def distance_to_nearest(
         pairs = zip(candidate, best, strict=True)
         return tuple(jnp.where(slots == slot, old, jnp.minimum(old, new)) for new, old in pairs)
 
-    nothing = (jnp.full_like(x, jnp.inf), jnp.zeros_like(x))
-    square, overlap = fold_vehicles(nearer_of, nothing, x.shape[1])
+    no_vehicle = (jnp.full_like(x, jnp.inf), jnp.zeros_like(x))
+    square, overlap = fold_vehicles(nearer_of, no_vehicle, x.shape[1])
     apart = square > 0
     return jnp.where(apart, jnp.sqrt(jnp.where(apart, square, 1)), overlap)
 
@@ -116,8 +123,7 @@ def realism_counts(
     crashed: Bool[Array, "steps vehicles *scenarios"],
     config: MetricsConfig,
 ) -> RealismCounts:
-    """Bin counts of the features of one scene; crashed vehicles count, as in Waymo's measures, but
-    for headways.
+    """Bin counts of the features of one scene; as in Waymo's measures, crashed vehicles count, except in headways.
 
     Args:
         speed: Speed of the vehicles [m/s].
@@ -148,7 +154,7 @@ def likelihood(
     pseudocount: float,
     dtype: jnp.dtype,
 ) -> Measure:
-    """Measure exp(mean over real values of log p(bin)), p the smoothed simulated histogram.
+    """Likelihood exp(mean over real values of log p(bin)), with p the smoothed simulated histogram.
 
     The count is the number of real values, and 0 if there are no simulated values.
 
@@ -170,8 +176,8 @@ def likelihood(
 def realism_scores(simulated: RealismCounts, real: RealismCounts, realism: RealismConfig, dtype: jnp.dtype) -> Realism:
     """Likelihoods of a real scene's features under the simulated scene, and their weighted mean.
 
-    Weights are renormalised over the features that have values. A recording scored as if it were simulated
-    needs nothing else: pass its counts as `simulated`.
+    Weights are renormalised over the features that have values. To score a recording as if it were
+    simulated, pass its counts as `simulated`.
 
     Args:
         simulated: Counts of the simulation, summed over its runs.

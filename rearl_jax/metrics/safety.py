@@ -48,7 +48,7 @@ def pair_headways(
         followers: Result of `find_leaders`.
         speed: Speed of the follower [m/s].
         crashed: Whether the follower has crashed.
-        thw: Kind of gap and slowest follower.
+        thw: Kind of gap, and lowest speed of a follower.
 
     Source: REARL (Bi et al.); the rule for valid pairs is this package's reading.
     """
@@ -130,7 +130,7 @@ def collisions(
     Args:
         crashed: Whether the vehicle has crashed.
         left_crashed: Crashed vehicles that others have replaced in the slot so far [count]; None if no vehicle enters.
-        track_id: Which vehicle holds a place; needed with `left_crashed`.
+        track_id: Id of the vehicle in each slot; needed with `left_crashed`.
         dtype: Floating-point type of the result.
     """
     n_crashed = jnp.sum(crashed[-1], axis=0, dtype=jnp.int32)

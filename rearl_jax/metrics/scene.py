@@ -24,7 +24,7 @@ VEHICLE_WIDTH = 2.0
 
 
 class SceneSeries(eqx.Module):
-    """Figures per window (h) or frame; if a `valid` is false its values are placeholders of 0."""
+    """Figures per window (h) or frame; where a `valid` is false, the values are placeholders of 0."""
 
     h: Float[Array, " windows *scenarios"]
     h_valid: Bool[Array, " windows *scenarios"]
@@ -63,7 +63,7 @@ class SceneMetrics(eqx.Module):
     further: dict[str, Measure]
 
     def measure(self, name: str) -> Measure:
-        """The measure of a metric; `realism` has none of a single scene."""
+        """The measure of a metric by name; a single scene has none of `realism`."""
         return self.further[name] if name in self.further else getattr(self, name)
 
 
@@ -73,7 +73,7 @@ def scene_reference(
     vehicle: Float[Array, "steps vehicles *scenarios"],
     hist: HistConfig,
 ) -> SceneReference:
-    """Reference made of a real scene's scaled speeds, mean spacing [m] and spacing of each vehicle [m]."""
+    """Reference made of a real scene's scaled speeds [m/s], mean spacing [m] and spacing of each vehicle [m]."""
     return SceneReference(cumulative_speed_counts(scaled_speed, hist), mean, vehicle)
 
 
@@ -82,7 +82,7 @@ def scene_metrics(scene: Trajectories, reference: SceneReference, config: Metric
 
     Args:
         scene: The simulated scene, or a recorded one scored as if it were simulated.
-        reference: The real scene it is compared with, of as many frames.
+        reference: The real scene that it is compared with, with as many frames.
         config: Bins, thresholds and switches; static under `jax.jit`.
     """
     dtype, dt = scene.speed.dtype, config.frame_interval

@@ -11,7 +11,7 @@ from rearl_jax.metrics.measure import fold_vehicles, safe_sqrt, unrolled_sum
 class SpacingErrors(eqx.Module):
     """Relative errors of the mean spacing per frame under three definitions.
 
-    `valid` is false if a mean spacing is 0 (a lone vehicle, or all at one place): the errors are then undefined and set
+    `valid` is false if a mean spacing is 0 (one vehicle, or all at one position): the errors are then undefined and set
     to 0.
     """
 
@@ -27,7 +27,7 @@ def vehicle_spacing(
     y: Float[Array, "steps vehicles *scenarios"],
     spacing: SpacingConfig,
 ) -> Float[Array, "steps vehicles *scenarios"]:
-    """Mean distance of each vehicle's centre to the centres of the others [m]; 0 for a lone vehicle.
+    """Mean distance of each vehicle's centre to the centres of the others [m]; 0 if there is only one vehicle.
 
     Args:
         x: Position along the road in the ground frame [m].

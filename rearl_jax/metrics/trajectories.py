@@ -1,22 +1,22 @@
-"""Input of the metrics: the vehicles of one scene, and the real scene it is compared with."""
+"""Input of the metrics: the vehicles of one scene, and the real scene that it is compared with."""
 
 import equinox as eqx
 from jaxtyping import Array, Bool, Float, Int
 
 
 class Trajectories(eqx.Module):
-    """Vehicles of a scene, as needed for the metrics.
+    """Vehicles of a scene, as needed for the metrics; a slot is an index of the vehicle axis.
 
     Attributes:
         x, y: Centre in the ground frame [m], both carriageways in the same frame.
-        position: Centre along the own driving direction [m]; x in a simulation.
+        position: Centre along the vehicle's driving direction [m]; x in a simulation.
         speed: Speed [m/s].
         scaled_speed: Speed rescaled to the simulator's range; equal to `speed` in a simulation.
         lane: Lane index within the carriageway.
         crashed: Whether the vehicle has crashed; false in recordings.
         length, width: Size of the vehicle [m].
-        direction: Carriageway; None if there is one.
-        track_id: Vehicle in a slot; None if it never changes.
+        direction: Carriageway; None if there is only one.
+        track_id: Id of the vehicle in each slot; None if it never changes.
         left_crashed: Crashed vehicles that others have replaced in the slot so far [count]; None if no vehicle enters.
     """
 

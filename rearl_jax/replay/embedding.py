@@ -15,7 +15,7 @@ from rearl_jax.data.scenes.scene_windows import UNKNOWN_LANE
 from rearl_jax.replay.scenes import Replay, ReplayedScene
 
 MAX_CHARACTERS = 600_000
-"""Length of the data in a page; scenes beyond it are left out."""
+"""Largest length of the data in a page [characters]; scenes beyond it are left out."""
 
 _CM = 100.0
 
@@ -32,9 +32,9 @@ def replay_data(replay: Replay) -> dict[str, Any]:
     """Data of the player.
 
     `lanes`, `laneWidth` [cm]: the simulated road; `seconds`: frames of a scene; `decisions`: whether vehicles with
-    decisions are known; `scenes`: objects with `id`, `recording`, `start` [s], `run`, `h`, `sim` and `real`. Both have
-    `vehicles`: pieces `{t, x, y, l}`, first frame, positions along and across the road as differences [cm], length
-    [cm]; and `speed`, the mean of each frame [m/s]. `sim` has `crash` (frame of each vehicle's crash, -1 for none),
+    decisions are known; `scenes`: objects with `id`, `recording`, `start` [s], `run`, `h`, `sim` and `real`. The last
+    two have `vehicles`: pieces `{t, x, y, l}`, first frame, positions along and across the road as differences [cm],
+    length [cm]; and `speed`, the mean of each frame [m/s]. `sim` has `crash` (frame of a vehicle's crash, -1 for none),
     `asked`, `[frame, vehicle, action]`, and `places`, the vehicles simulated at a time; pieces of replayed vehicles
     have `r`.
     """
@@ -59,19 +59,19 @@ def replay_data(replay: Replay) -> dict[str, Any]:
 def _scene(scenes: SceneSet, replayed: ReplayedScene, lane_width: float) -> dict[str, Any]:
     index, frames = replayed.index, replayed.frames
     y, n_lanes = _lateral(scenes, index, lane_width)
-    stays = _stays(replayed)
+    presences = _presences(replayed)
     sim_x, sim_y = np.asarray(frames.x), np.asarray(frames.y)
-    vehicles = [_piece(first, sim_x[at], sim_y[at], float(replayed.lengths[place])) for place, first, at in stays]
-    crashes = [np.flatnonzero(np.asarray(frames.crashed)[at]) for _, _, at in stays]
+    vehicles = [_piece(first, sim_x[at], sim_y[at], float(replayed.lengths[slot])) for slot, first, at in presences]
+    crashes = [np.flatnonzero(np.asarray(frames.crashed)[at]) for _, _, at in presences]
     around = [] if replayed.around is None else _replayed_pieces(replayed.around, lane_width)
     asked = []
     for decision in replayed.decisions:
-        own = (
+        numbers = (
             number
-            for number, (place, first, (seconds, _)) in enumerate(stays)
-            if place == decision.vehicle and first <= decision.second < first + len(seconds)
+            for number, (slot, first, (seconds, _)) in enumerate(presences)
+            if slot == decision.vehicle and first <= decision.second < first + len(seconds)
         )
-        asked += [[decision.second, number, decision.action] for number in own]
+        asked += [[decision.second, number, decision.action] for number in numbers]
     return {
         "id": int(scenes.scene_id[index]),
         "recording": str(scenes.recording[index]),
@@ -83,7 +83,9 @@ def _scene(scenes: SceneSet, replayed: ReplayedScene, lane_width: float) -> dict
             "vehicles": vehicles + around,
             "places": len(replayed.lengths),
             "speed": _means(np.asarray(frames.speed)),
-            "crash": [first + int(at[0]) if len(at) else -1 for (_, first, _), at in zip(stays, crashes, strict=True)],
+            "crash": [
+                first + int(at[0]) if len(at) else -1 for (_, first, _), at in zip(presences, crashes, strict=True)
+            ],
             "asked": asked,
         },
         "real": {
@@ -94,23 +96,23 @@ def _scene(scenes: SceneSet, replayed: ReplayedScene, lane_width: float) -> dict
     }
 
 
-_Stay = tuple[int, int, tuple[np.ndarray, int]]
-"""Place of a simulated vehicle, its first frame, and where it is in `[frames, places]`."""
+_Presence = tuple[int, int, tuple[np.ndarray, int]]
+"""Slot of a simulated vehicle, its first frame, and its indices in arrays `[frames, slots]`."""
 
 
-def _stays(replayed: ReplayedScene) -> list[_Stay]:
-    """Simulated vehicles, place by place: one each, or several after each other if vehicles enter as recorded."""
-    n_frames, n_places = replayed.frames.x.shape
-    is_new = np.zeros((n_frames, n_places), bool) if replayed.around is None else replayed.around.is_new[0]
-    stays = []
-    for place in range(n_places):
-        for seconds in np.split(np.arange(n_frames), np.flatnonzero(is_new[:, place])):
-            stays.append((place, int(seconds[0]), (seconds, place)))
-    return stays
+def _presences(replayed: ReplayedScene) -> list[_Presence]:
+    """Simulated vehicles, slot by slot: one each, or several after each other if vehicles enter as recorded."""
+    n_frames, n_slots = replayed.frames.x.shape
+    is_new = np.zeros((n_frames, n_slots), bool) if replayed.around is None else replayed.around.is_new[0]
+    presences = []
+    for slot in range(n_slots):
+        for seconds in np.split(np.arange(n_frames), np.flatnonzero(is_new[:, slot])):
+            presences.append((slot, int(seconds[0]), (seconds, slot)))
+    return presences
 
 
 def _replayed_pieces(around: SceneBoundary, lane_width: float) -> list[dict[str, Any]]:
-    """Every replayed vehicle as long as it is replayed without a break."""
+    """Pieces of replayed vehicles: intervals in which a vehicle is replayed without interruption."""
     lane = around.replayed_lane[0][:, 0].astype(np.int64)
     track = np.where(lane == NOT_RECORDED, NO_VEHICLE, around.replayed_id[0])
     x, y, length = around.replayed_x[0][:, 0], lane * lane_width, around.replayed_length[0]

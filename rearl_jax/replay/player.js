@@ -7,19 +7,19 @@
     ["play", "scrub", "clock", "scene", "speed", "view", "state", "sim", "real", "chart", "sim-note", "real-note"].map(n => [n, part(n)]));
   const last = data.seconds - 1;
   const LANE = data.laneWidth / 100;
-  const WIDTH = 2;            // of every vehicle, metres: recordings hold none
-  const TRUCK = 7;            // metres from which a vehicle is drawn with a cab
+  const WIDTH = 2;            // width at which every vehicle is drawn, metres; recordings hold no widths
+  const TRUCK = 7;            // length from which a vehicle is drawn with a cab, metres
   const MARKS = ["left", "keep", "right", "faster", "slower"];
   let scene, time = 0, playing = false, before = null, colours;
 
   // Differences in whole centimetres become positions in metres.
   const summed = steps => { let at = 0; return steps.map(step => (at += step) / 100); };
-  for (const one of data.scenes) for (const side of [one.sim, one.real])
+  for (const item of data.scenes) for (const side of [item.sim, item.real])
     for (const vehicle of side.vehicles) { vehicle.x = summed(vehicle.x); vehicle.y = summed(vehicle.y); vehicle.l /= 100; }
-  for (const one of data.scenes) {
-    one.told = Array.from({ length: data.seconds }, () => new Map());
-    for (const [second, vehicle, action] of one.sim.asked) one.told[second].set(vehicle, action);
-    one.reach = Math.max(spread(one.sim), spread(one.real)) + 30;
+  for (const item of data.scenes) {
+    item.told = Array.from({ length: data.seconds }, () => new Map());
+    for (const [second, vehicle, action] of item.sim.asked) item.told[second].set(vehicle, action);
+    item.reach = Math.max(spread(item.sim), spread(item.real)) + 30;
   }
 
   // Vehicles present at a time, between two frames in a straight line.

@@ -19,7 +19,7 @@ class Decision:
         rollout: Number of the rollout.
         second: Frame at whose end the decision was made; the action is followed in the next second.
         vehicle: Number of the vehicle.
-        action: Action it gets, in the order of `MetaAction`; NO_ACTION if the answer cannot be followed.
+        action: Action of the vehicle, in the order of `MetaAction`; NO_ACTION if the answer cannot be followed.
     """
 
     rollout: int
@@ -34,7 +34,7 @@ class ReplayedScene:
 
     Attributes:
         index: Index of the scene in the `SceneSet`.
-        run: Run of the study.
+        run: Number of the run.
         frames: The rollout, `[n_steps, n_vehicles]`.
         lengths: Lengths of its vehicles [m].
         h: Hellinger distance of the rollout [-].
@@ -58,7 +58,7 @@ class Replay:
     Attributes:
         config: The method that was simulated.
         scenes: All recorded scenes.
-        replayed: The chosen ones.
+        replayed: The replayed scenes.
         origin: Description of the origin of the rollouts.
         has_decisions: Whether the method intervenes and the vehicles with decisions are known.
     """

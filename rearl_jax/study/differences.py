@@ -88,7 +88,7 @@ def of_traffic_figures() -> list[str]:
 def of_references(n_references: int, config: EvaluateTask | ClusterTask) -> list[str]:
     """Representative scenes."""
     if config.cluster.fit_on is FitOn.not_eval:
-        held = "fitted without evaluation and tuning scenes; the paper fits on all"
+        fit = "fitted without evaluation and tuning scenes; the paper fits on all"
     else:
-        held = "fitted on all scenes, as in the paper"
-    return [f"representative scenes: {n_references}, {held}"]
+        fit = "fitted on all scenes, as in the paper"
+    return [f"representative scenes: {n_references}, {fit}"]

@@ -16,20 +16,20 @@ from rearl_jax.metrics import METRICS
 from rearl_jax.results import PROVENANCE, Study
 from rearl_jax.study.published import TABLE1
 
-_SHORT = 100
-"""Longest text [characters] in summary.json that counts as a figure instead of a paragraph."""
+_LONGEST_FIGURE = 100
+"""Longest text in summary.json that is a figure, not a paragraph [characters]."""
 
 _FIGURES = ("ours", "low", "high", "sd", "less_base", "less_base_low", "less_base_high", "paper")
 
 
 @dataclass(frozen=True)
 class Form:
-    """The form of a study.
+    """The parts of a study's document that differ between studies.
 
     Attributes:
         name: Name of the task after `study`, and of its long table.
         title: Title of its document, before the names of the data sets.
-        sections: Its tables, from the task's record, the long table and the summary.
+        sections: Function that makes its sections from the task's record, the long table and the summary.
         captions: Text below each figure, by name.
     """
 
@@ -147,11 +147,11 @@ def document_of(
 def beside_paper(
     title: str, table: pd.DataFrame, headings: Mapping[str, str], digits: Mapping[str, int] | None = None
 ) -> Table:
-    """Rows of a long table with a column per metric; the paper's figures are in a row below the last they belong to.
+    """Rows of a long table with a column per metric; the paper's figures are in a row below the last corresponding one.
 
     Args:
         title: Title of the table.
-        table: The long table; its column `paper_row` names rows of Table 1 of the paper.
+        table: The long table; its column `paper_row` names the corresponding row of the paper's Table 1.
         headings: Headings of the metrics.
         digits: Digits after the decimal point, for metrics outside `METRICS` or with other digits than there.
     """
@@ -229,6 +229,6 @@ def _other_figures(summary: Mapping[str, Any], rows: Sequence[str]) -> Table:
             and not key.endswith(left_out)
             and not key.startswith(of_rows)
             and value is not None
-            and len(str(value)) <= _SHORT
+            and len(str(value)) <= _LONGEST_FIGURE
         ),
     )

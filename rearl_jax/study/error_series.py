@@ -1,4 +1,4 @@
-"""Errors second by second: mean and band of every second from the frames of evaluations."""
+"""Errors second by second: mean and band of every second, from `frames.parquet` of evaluations."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from rearl_jax.evaluation.scores import REAL_VS_REAL, TITLES
 from rearl_jax.study.row_results import Evaluated, Results
 
 BAND = (0.1, 0.9)
-"""Shares of the rollouts and scenes between which a band lies; as in the figures of an evaluation."""
+"""Quantiles over rollouts and scenes at the ends of a band [-]; as in the figures of an evaluation."""
 
 
 @dataclass(frozen=True)
@@ -70,7 +70,7 @@ def band(second: Int[np.ndarray, " values"], values: Float[np.ndarray, " values"
     """Mean and band of every second; NaN is ignored."""
     known = np.isfinite(values)
     seconds = np.unique(second[known])
-    groups = [values[known & (second == at)] for at in seconds]
+    groups = [values[known & (second == group_second)] for group_second in seconds]
     low, high = (np.array([np.quantile(group, share) for group in groups]) for share in BAND)
     means, counts = np.array([group.mean() for group in groups]), np.array([len(group) for group in groups])
     return Band(seconds, means, low, high, counts)

@@ -31,7 +31,7 @@ _CAPTION = (
     "the row, grey: real against real, dashed: base. The first Hellinger distance is that of the first full window."
 )
 
-_NOT_AT_HAND = "Fig. 6: the values of the paper's figure are not known, so only our figures are shown"
+_NO_PAPER_VALUES = "Fig. 6: the values of the paper's figure are not known, so only our figures are shown"
 
 
 def _sections(config: StudyFig6Task, table: pd.DataFrame, summary: Mapping[str, Any]) -> tuple[Section, ...]:
@@ -71,7 +71,7 @@ def run(config: StudyFig6Task) -> dict:
         inputs.scenes,
         table,
         summary,
-        remarks_on_rows(config, results, inputs, _findings(parts, metrics), _NOT_AT_HAND),
+        remarks_on_rows(config, results, inputs, _findings(parts, metrics), _NO_PAPER_VALUES),
         partial(_draw, config, series, generated=inputs.scenes.generated),
         seeds=config.seeds,
     )
@@ -85,7 +85,7 @@ def _draw(config: StudyFig6Task, series: list[ErrorSeries], *, generated: bool) 
 
 
 def thirds(table: pd.DataFrame) -> pd.DataFrame:
-    """Mean of every error in each third of the rollout, missing without a second: `row`, `title`, `metric`, `ours`.
+    """Mean of every error in each third of the rollout, null if it has no second: `row`, `title`, `metric`, `ours`.
 
     Args:
         table: The long table.
@@ -94,9 +94,9 @@ def thirds(table: pd.DataFrame) -> pd.DataFrame:
     for _, part in table.groupby(["row", "metric"], sort=False):
         row, title, metric = (part[name].iloc[0] for name in ("row", "title", "metric"))
         second, ours = part["second"].to_numpy(int), part["ours"].to_numpy(np.float64)
-        number = len(THIRDS) * second // (second.max() + 1)
-        for place, third in enumerate(THIRDS):
-            values = ours[number == place]
+        third_index = len(THIRDS) * second // (second.max() + 1)
+        for index, third in enumerate(THIRDS):
+            values = ours[third_index == index]
             mean = float(values.mean()) if len(values) else None
             records.append({"row": row, "title": title, "metric": f"{metric}_{third}", "ours": mean})
     return long_table(records)

@@ -78,7 +78,7 @@ def run(config: StudyFig8Task) -> dict:
         *differences.of_references(len(clustering["references"]), config),
         f"clusters of tracks: (k,l)-clustering with l = {clustering['l']}; the paper does not state l",
     )
-    summary: dict[str, Any] = {name: clustering[name] for name in _KEPT} | {
+    summary: dict[str, Any] = {name: clustering[name] for name in _CLUSTERING_KEYS} | {
         "n_scenes_paper": PAPER_SCENES,
         "n_scene_clusters_paper": N_SCENE_CLUSTERS,
         "k_paper": N_TRACK_CLUSTERS,
@@ -99,7 +99,8 @@ def run(config: StudyFig8Task) -> dict:
     return summary
 
 
-_KEPT = ("n_tracks", "k", "l", "n_scenes", "n_fitted_scenes", "n_distinct", "n_scene_clusters", "n_leaked")
+_CLUSTERING_KEYS = ("n_tracks", "k", "l", "n_scenes", "n_fitted_scenes", "n_distinct", "n_scene_clusters", "n_leaked")
+"""Keys of the clustering's summary that are copied."""
 
 
 def _draw(folder: Path, clustering: dict, *, generated: bool) -> dict[str, bytes]:

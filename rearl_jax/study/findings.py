@@ -108,7 +108,7 @@ def _against_controls(title: str, rows: Sequence[RowDifferences]) -> list[str]:
             f"not distinguished from its controls {same}" if same else "",
             f"farther than its controls {farther}" if farther else "",
         ]
-        what = "; ".join(part for part in parts if part)
+        comparison = "; ".join(part for part in parts if part)
         if same or farther:
             end = (
                 " Controls do as well, so its choices do not explain the gain."
@@ -117,7 +117,7 @@ def _against_controls(title: str, rows: Sequence[RowDifferences]) -> list[str]:
             )
         else:
             end = " All its controls do worse."
-        sentences.append(f"{title}: {row.title} is {what}.{end}")
+        sentences.append(f"{title}: {row.title} is {comparison}.{end}")
     return sentences
 
 

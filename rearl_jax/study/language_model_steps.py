@@ -1,7 +1,7 @@
 """Time of consecutive decision steps with a language model as policy: real questions to a real server.
 
-The steps are those of the program `loop` of the decision steps (traffic, references, a decision for every vehicle every
-second); only the policy differs. Stored answers would cost no time, so none are used.
+Traffic, references and a decision for every vehicle every second are those of `timing.decision_steps.LOOP`; only the
+policy differs. Stored answers would cost no time, so none are used.
 """
 
 import tempfile
@@ -22,7 +22,14 @@ from rearl_jax.llm.policy import LanguageModelPolicy
 from rearl_jax.llm.prompts import Prompter
 from rearl_jax.llm.records import Cause
 from rearl_jax.llm.template import load_template
-from rearl_jax.timing.decision_steps import ALWAYS, LOOP_MODEL, Batch, Scenes, scene_of, synthetic_table
+from rearl_jax.timing.decision_steps import (
+    LOOP_MODEL,
+    TRIGGER_ALWAYS,
+    Batch,
+    Scenes,
+    program_arguments,
+    synthetic_table,
+)
 
 
 @dataclass(frozen=True)
@@ -30,7 +37,7 @@ class ModelSteps:
     """One measurement.
 
     Attributes:
-        batch: Scenarios at a time.
+        batch: Scenarios simulated at a time.
         repetition: Number of the measurement, from 0.
         wall_s: Elapsed time of all steps, simulation included [s].
         n_steps: Decision steps.
@@ -69,8 +76,8 @@ def fresh_client(llm: LlmConfig, server: str) -> Iterator[Client]:
 def measure_model_steps(
     client: Client, prompt: PromptConfig, loop: StepsConfig, batch: int, repetitions: int
 ) -> list[ModelSteps]:
-    """Measurements after a warm-up of one step, each from other traffic."""
-    scene = scene_of(loop, loop.steps_vehicles, loop.steps, batch)
+    """Measurements after a warm-up of one step, each with different traffic."""
+    scene = program_arguments(loop, loop.steps_vehicles, loop.steps, batch)
     scenes = Scenes(loop.steps_vehicles, loop.density, synthetic_table(scene["references"]))
     prepare = jax.jit(lambda keys: replace(scenes.draw_recorded(keys, loop.steps), recorded=None))
     measurements = []
@@ -89,7 +96,7 @@ def _measure(client: Client, prompt: PromptConfig, batch: Batch, repetition: int
     template = load_template(prompt.template)
 
     def policy_of(part: slice) -> LanguageModelPolicy:
-        prompter = Prompter(batch.table, LOOP_MODEL, prompt, ALWAYS.detection, template)
+        prompter = Prompter(batch.table, LOOP_MODEL, prompt, TRIGGER_ALWAYS.detection, template)
         limits = jax.tree.map(lambda leaf: leaf[part], batch.thresholds)
         return LanguageModelPolicy(client, prompter, limits, part.start)
 
@@ -104,7 +111,7 @@ def _measure(client: Client, prompt: PromptConfig, batch: Batch, repetition: int
         batch.thresholds,
         (policy_of(slice(0, half)), policy_of(slice(half, size))),
         LOOP_MODEL,
-        ALWAYS,
+        TRIGGER_ALWAYS,
         n_seconds=n_steps + 1,
     )
     wall_s = time.perf_counter() - begin

@@ -16,7 +16,7 @@ from rearl_jax.sweep.task import FIGURES
 METRICS = (*FIGURES, "mape")
 """Metrics of a pair; `mape` is the chosen definition of the spacing error."""
 
-_OF_PAIRS = ("h_pct", "m_pct", "threshold_h", "threshold_m", "win_share")
+_PAIR_COLUMNS = ("h_pct", "m_pct", "threshold_h", "threshold_m", "win_share")
 
 
 def pareto(points: Sequence[tuple[float, float]]) -> list[int]:
@@ -42,14 +42,14 @@ def read_pairs(folder: Path, config: StudyTable3Task) -> pd.DataFrame:
     for pair in table.to_dict("records"):
         own = (h_pct == pair["h_pct"]) & (m_pct == pair["m_pct"])
         name = f"{pair['h_pct']:g} % / {pair['m_pct']:g} %"
-        records.append({"row": name} | {key: pair[key] for key in _OF_PAIRS} | _figures(runs, own, config))
+        records.append({"row": name} | {key: pair[key] for key in _PAIR_COLUMNS} | _figures(runs, own, config))
     records.append({"row": BASE} | _figures(runs, np.isnan(h_pct), config))
     summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
     return with_choice(pd.DataFrame(records), (summary["best_h_pct"], summary["best_m_pct"]))
 
 
 def with_choice(pairs: pd.DataFrame, best: tuple[float, float]) -> pd.DataFrame:
-    """The pairs, base last, with `score`, `is_pareto` and `is_best`; `best` are percentiles of the sweep's choice."""
+    """The pairs, base last, with `score`, `is_pareto` and `is_best`; `best` are the percentiles chosen by the sweep."""
     points = list(zip(pairs["h"], pairs["mape"], strict=True))[:-1]
     return pairs.assign(
         score=pairs["h"] + pairs["mape"],

@@ -124,7 +124,7 @@ def evaluate_rows(config: StudyTable1Task) -> Results:
     """The rows, each evaluated in its own folder unless it is finished there.
 
     Raises:
-        FileNotFoundError, ValueError: See `rearl_jax.evaluation.task.run`; or there is no row of a name.
+        FileNotFoundError, ValueError: See `rearl_jax.evaluation.task.run`; or a chosen row does not exist.
     """
     rows = chosen_rows(config.table1, config.model)
     # All records first, so that an invalid one stops before hours of work.

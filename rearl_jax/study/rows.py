@@ -34,13 +34,13 @@ class Row:
     """A row of the table.
 
     Attributes:
-        name: Name in `table1.rows`, and of its folder.
+        name: Name in `table1.rows` and of the folder of the row.
         title: Title in tables and figures.
         changes: Values of keys, as written on the command line.
         paper: Corresponding row of `published.TABLE1`; None without one.
         role: Comparisons of the row.
         asks_model: Whether a language model is used.
-        is_repaired: Whether it uses the traffic of a repaired model instead of highway-env's.
+        is_repaired: Whether the traffic is that of a repaired model, not highway-env's.
     """
 
     name: str
@@ -103,7 +103,7 @@ def chosen_rows(table1: Table1Config, model: str | None = None) -> list[Row]:
     """The requested rows, in the order of the table.
 
     Raises:
-        ValueError: There is no row of a name, or it needs a model.
+        ValueError: A chosen row does not exist or needs a model.
     """
     known = {row.name: row for row in ROWS}
     if table1.rows is None:

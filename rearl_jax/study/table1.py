@@ -37,7 +37,7 @@ def run(config: StudyTable1Task) -> dict:
 
     Raises:
         FileNotFoundError, ValueError: There are no recordings, a recording is invalid, too few scenes can be cut from
-            them, two keys contradict each other, or there is no row of a name.
+            them, two keys contradict each other, or a chosen row does not exist.
     """
     if config.table1.traffic:
         check_traffic(config)

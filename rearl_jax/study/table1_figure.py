@@ -1,4 +1,4 @@
-"""The figure of Table 1: a line per row, a panel per metric; own figures with intervals, and the paper's."""
+"""The figure of Table 1: a line per row, a panel per metric; our figures with intervals, and the paper's."""
 
 from matplotlib.axes import Axes
 
@@ -10,18 +10,18 @@ from rearl_jax.study.row_results import Results
 from rearl_jax.study.rows import Role
 from rearl_jax.study.table1_tables import TITLES_OF_METRICS, paper_figure
 
-METRICS_DRAWN = ("h_legacy", "mape", "thw", "lcr", "collisions")
-"""Metrics with a panel; `mape` is the definition that decides."""
+DRAWN_METRICS = ("h_legacy", "mape", "thw", "lcr", "collisions")
+"""Metrics with a panel; `mape` is that of `mape.definition`."""
 
 _COLOURS = {Role.method: BLUE, Role.matcher: VERMILION, Role.control: ORANGE}
 
-_LINEAR = 0.001
+_LINEAR_RATE = 0.001
 """Lane-change rate below which the scale is linear [1/s]: rates span three orders of magnitude and may be 0."""
 
 
 def draw_rows(config: StudyTable1Task, results: Results, *, generated: bool) -> bytes:
     """PNG of all rows."""
-    metrics = [config.mape.column if name == "mape" else name for name in METRICS_DRAWN]
+    metrics = [config.mape.column if name == "mape" else name for name in DRAWN_METRICS]
     n_rows = len(results.rows)
     figure, axes = panels(12.0, 1.6 + 0.3 * max(n_rows, 3), columns=len(metrics), generated=generated)
     for panel, metric in zip(axes, metrics, strict=True):
@@ -33,7 +33,7 @@ def draw_rows(config: StudyTable1Task, results: Results, *, generated: bool) -> 
         panel.grid(axis="y", color=LIGHT_GREY, linewidth=0.6)
         panel.set_axisbelow(True)
         if metric == "lcr":
-            panel.set_xscale("symlog", linthresh=_LINEAR)
+            panel.set_xscale("symlog", linthresh=_LINEAR_RATE)
             panel.set_xlim(right=2 * panel.dataLim.x1)
         panel.set_xlim(left=0)
     kind = "generated" if generated else "recorded"
@@ -48,28 +48,28 @@ def draw_rows(config: StudyTable1Task, results: Results, *, generated: bool) -> 
 
 
 def _draw_panel(panel: Axes, results: Results, metric: str) -> None:
-    other = REAL_VS_REAL if metric in COMPARING else REAL
-    real = results.reference.estimates.get((other, metric))
+    reference_row = REAL_VS_REAL if metric in COMPARING else REAL
+    real = results.reference.estimates.get((reference_row, metric))
     if real is not None:
         panel.axvline(real.value, color=GREY, linewidth=1.2, label="recorded (real against real for H and MAPE)")
     for role, colour in _COLOURS.items():
         points = [
-            (place, estimate)
-            for place, item in enumerate(results.rows)
+            (position, estimate)
+            for position, item in enumerate(results.rows)
             if item.row.role is role and (estimate := item.estimate(metric)) is not None
         ]
         if not points:
             continue
-        places, values = [place for place, _ in points], [estimate.value for _, estimate in points]
-        panel.plot(values, places, "o", color=colour, markersize=4, label=f"ours: {role.name}", clip_on=False)
-        for place, estimate in points:
+        positions, values = [position for position, _ in points], [estimate.value for _, estimate in points]
+        panel.plot(values, positions, "o", color=colour, markersize=4, label=f"ours: {role.name}", clip_on=False)
+        for position, estimate in points:
             if estimate.low is not None and estimate.high is not None:
-                panel.hlines(place, estimate.low, estimate.high, color=colour, linewidth=1.4)
+                panel.hlines(position, estimate.low, estimate.high, color=colour, linewidth=1.4)
     published = [
-        (place, value)
-        for place, item in enumerate(results.rows)
+        (position, value)
+        for position, item in enumerate(results.rows)
         if item.row.paper is not None and (value := paper_figure(TABLE1[item.row.paper], metric)) is not None
     ]
     if published:
-        places, values = zip(*published, strict=True)
-        panel.plot(values, places, "D", color=DARK_GREY, mfc="none", markersize=5, linestyle="", label="paper")
+        positions, values = zip(*published, strict=True)
+        panel.plot(values, positions, "D", color=DARK_GREY, mfc="none", markersize=5, linestyle="", label="paper")

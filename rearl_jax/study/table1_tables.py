@@ -15,7 +15,7 @@ from rearl_jax.metrics import METRICS
 from rearl_jax.study.document import beside_paper, cell, long_table, records_of
 from rearl_jax.study.published import TABLE1, PublishedRow
 from rearl_jax.study.row_results import REFERENCES, Evaluated, Results
-from rearl_jax.study.traffic.tables import parted, sections_on_traffic
+from rearl_jax.study.traffic.tables import sections_on_traffic, split_rows
 
 TITLES_OF_METRICS = {
     "h": HEADINGS["h"],
@@ -27,22 +27,22 @@ TITLES_OF_METRICS = {
 LESS_BASE = tuple(name for name in TITLES_OF_METRICS if name not in ("h_legacy", "realism"))
 """Metrics of the table of differences; H legacy differs as H does."""
 
-PUBLISHED = {"h_legacy": "h_legacy", "mape_a": "mape", "thw": "thw", "lcr": "lcr"}
-"""The paper's column that corresponds to an own metric."""
+PAPER_COLUMNS = {"h_legacy": "h_legacy", "mape_a": "mape", "thw": "thw", "lcr": "lcr"}
+"""Column of the paper's Table 1 by metric of ours."""
 
-EXTRAS = ("trigger_rate", "main_reference_share", "ratio_aggressive", "ratio_defensive", "ratio_truck")
+EXTRA_FIGURES = ("trigger_rate", "main_reference_share", "ratio_aggressive", "ratio_defensive", "ratio_truck")
 """Figures of the closed loop and of CRITICAL without an interval."""
 
 
 def paper_figure(row: PublishedRow | None, metric: str) -> float | None:
-    """The paper's value of a metric; None if it has none."""
-    return None if row is None or metric not in PUBLISHED else getattr(row, PUBLISHED[metric])
+    """The paper's value of a metric; None if the paper states none."""
+    return None if row is None or metric not in PAPER_COLUMNS else getattr(row, PAPER_COLUMNS[metric])
 
 
 def sections(config: StudyTable1Task, table: pd.DataFrame, summary: Mapping[str, Any]) -> tuple[Section, ...]:
     """Sections: own and published figures, differences from base, and all metrics."""
     intervals = f"{100 * config.eval.confidence:g} % intervals"
-    table, on_traffic = parted(table)
+    table, on_traffic = split_rows(table)
     ours = beside_paper(
         f"Table 1, ours and the paper's; {summary['n_scenes']} held-out scenes, {intervals}",
         table,
@@ -64,13 +64,13 @@ def sections(config: StudyTable1Task, table: pd.DataFrame, summary: Mapping[str,
         tuple(changes),
     )
     names = dict.fromkeys(table["metric"])
-    every = {
+    titles = {
         name: f"{METRICS[name].title} [{METRICS[name].unit}]" if name in METRICS else spoken(name) for name in names
     }
     return (
         Section("Ours and the paper's", tables=(ours, less_base)),
         *sections_on_traffic(on_traffic, intervals),
-        Section("All metrics", tables=(beside_paper("Every metric", table, every),), is_folded=True),
+        Section("All metrics", tables=(beside_paper("Every metric", table, titles),), is_folded=True),
     )
 
 
@@ -98,18 +98,18 @@ def long_rows(results: Results) -> pd.DataFrame:
         records += _records(item, item.method, item.row.name, item.row.title, item.row.paper)
         records += [
             {"row": item.row.name, "title": item.row.title, "metric": name, "unit": "-", "ours": item.figures[name]}
-            for name in EXTRAS
+            for name in EXTRA_FIGURES
             if item.figures.get(name) is not None
         ]
     for name in REFERENCES:
         records += _records(results.reference, name, name, TITLES[name], None)
-    beside = {item.row.paper for item in results.rows}
+    shown_rows = {item.row.paper for item in results.rows}
     records += [
         {"row": f"paper_{name}", "title": row.title, "metric": metric, "unit": METRICS[metric].unit, "paper_row": name}
         | {"paper": paper_figure(row, metric)}
         for name, row in TABLE1.items()
-        if name not in beside
-        for metric in PUBLISHED
+        if name not in shown_rows
+        for metric in PAPER_COLUMNS
     ]
     return long_table(records)
 

@@ -46,7 +46,7 @@ def run(config: StudyTable3Task) -> dict:
     with progress_bar() as bar:
         inputs = read_inputs(config, study, bar, with_references=True)
     scenes, splits = inputs.scenes, inputs.splits
-    assert inputs.references is not None  # requested
+    assert inputs.references is not None  # read_inputs was called with_references
     n_runs = config.eval.n_runs
     differing = (
         *differences.of_data(config, scenes),

@@ -22,8 +22,8 @@ def draw_pairs(pairs: pd.DataFrame, n_scenes: int, *, generated: bool) -> bytes:
         axes.plot(pairs["h"], pairs["mape"], "o", color=BLUE, markersize=4, linestyle="", label="pairs")
         axes.set_xlabel("Hellinger distance [-]")
     for row, colour, label in ((best, VERMILION, "least sum"), (base, GREY, "base")):
-        x_reach, y_reach = _reach(row, "h"), _reach(row, "mape")
-        left.errorbar(row["h"], row["mape"], y_reach, x_reach, fmt="o", color=colour, capsize=2, label=label)
+        x_lengths, y_lengths = _interval_lengths(row, "h"), _interval_lengths(row, "mape")
+        left.errorbar(row["h"], row["mape"], y_lengths, x_lengths, fmt="o", color=colour, capsize=2, label=label)
     left.set_ylabel("spacing error [-]")
     set_title(left, f"{len(pairs)} pairs and base; {n_scenes} tuning scenes")
     right.plot(front["h"], front["mape"], color=BLUE, linewidth=1.0, label="no other pair is closer in both")
@@ -42,7 +42,7 @@ def draw_pairs(pairs: pd.DataFrame, n_scenes: int, *, generated: bool) -> bytes:
     return png(figure)
 
 
-def _reach(row: pd.DataFrame, name: str) -> list[np.ndarray] | None:
+def _interval_lengths(row: pd.DataFrame, name: str) -> list[np.ndarray] | None:
     """Lengths of the interval below and above the mean; None without an interval."""
     value, low, high = (row[column].to_numpy(np.float64) for column in (name, f"{name}_low", f"{name}_high"))
     return [value - low, high - value] if np.isfinite(low).all() else None

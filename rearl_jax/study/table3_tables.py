@@ -34,10 +34,10 @@ def sections(config: StudyTable3Task, table: pd.DataFrame, summary: Mapping[str,
         "collisions": "crashed",
     }
     title = "Table 3, ours and the known values of the paper; pairs are percentiles of H / MAPE"
-    every = headings | {f"mape_{name}": f"MAPE {name.upper()}" for name in "abc"}
+    all_headings = headings | {f"mape_{name}": f"MAPE {name.upper()}" for name in "abc"}
     return (
         Section("Pairs of thresholds", tables=(beside_paper(title, table, headings, _DIGITS),)),
-        Section("All errors", tables=(beside_paper("Every figure", table, every, _DIGITS),), is_folded=True),
+        Section("All errors", tables=(beside_paper("Every figure", table, all_headings, _DIGITS),), is_folded=True),
     )
 
 
@@ -52,9 +52,9 @@ def conclusions(pairs: pd.DataFrame, summary: Mapping[str, Any], n_scenes: int) 
     ]
     published = pairs.loc[(pairs["h_pct"] == BEST_PAIR[0]) & (pairs["m_pct"] == BEST_PAIR[1]) & ~pairs["is_best"]]
     for pair in published.to_dict("records"):
-        place = 1 + (pairs["score"][:-1] < pair["score"]).sum()
+        rank = 1 + (pairs["score"][:-1] < pair["score"]).sum()
         sentences.append(
-            f"The paper's pair is number {place} of {len(pairs) - 1} here and best in {100 * pair['win_share']:.0f} % "
+            f"The paper's pair is number {rank} of {len(pairs) - 1} here and best in {100 * pair['win_share']:.0f} % "
             "of the resamples."
         )
     shared = len(_front(pairs) & set(PARETO_PAIRS))
@@ -104,8 +104,8 @@ def summary_of(config: StudyTable3Task, pairs: pd.DataFrame, sweep: Mapping[str,
     """Flat figures: those of the sweep, `mape`, `pareto` (pairs as text), for each percentile `threshold_h_pP` and
     `threshold_m_pP` with `_paper`; `best_h_pct_paper`, `best_m_pct_paper`, `n_pareto_shared`.
     """
-    own = {name: value for name, value in sweep.items() if name not in PROVENANCE}
-    summary: dict[str, Any] = own | {
+    figures = {name: value for name, value in sweep.items() if name not in PROVENANCE}
+    summary: dict[str, Any] = figures | {
         "mape": config.mape.definition.name,
         "pareto": ", ".join(pairs.loc[pairs["is_pareto"]].sort_values("h")["row"]),
         "n_pareto_shared": len(_front(pairs) & set(PARETO_PAIRS)),

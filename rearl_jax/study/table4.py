@@ -102,7 +102,7 @@ def _references(config: StudyTable4Task) -> str:
 
 
 def _timings(config: StudyTable4Task) -> tuple[pd.DataFrame, dict[str, Any]]:
-    """One row per program, batch and measurement, and the machine; read from disk if it was measured before."""
+    """One row per program, batch and measurement, and the machine; read from disk if measured before."""
     part = Study(config.results.root, f"{config.study}/steps", config.loop, "study table4")
     path = part.path / f"{STEPS}.parquet"
     if not part.owns(STEPS):
@@ -121,7 +121,7 @@ def _timings(config: StudyTable4Task) -> tuple[pd.DataFrame, dict[str, Any]]:
 
 
 def _timings_with_model(config: StudyTable4Task) -> pd.DataFrame:
-    """One row per batch and measurement, with the fields of `ModelSteps`; read from disk if it was measured before."""
+    """One row per batch and measurement, with the fields of `ModelSteps`; read from disk if measured before."""
     part = Study(config.results.root, f"{config.study}/llm", config, "study table4")
     if not part.owns(MODEL_STEPS):
         rows = []

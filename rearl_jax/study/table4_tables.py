@@ -27,8 +27,8 @@ TITLES = {
 """Rows of the table in their order, and their titles."""
 
 PAPER = {BASE: "idm_mobil", PPO: "ppo", MODEL: "rearl"}
-"""The paper's figure that corresponds to a row. The paper's REARL queries a language model, so the matcher's rows have
-no counterpart.
+"""Key in `PAPER_MS` of the paper's figure that corresponds to a row. The paper's REARL queries a language model, so the
+matcher's rows have no counterpart.
 """
 
 

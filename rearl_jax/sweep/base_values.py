@@ -1,4 +1,4 @@
-"""Errors of base whose percentiles are the thresholds, as stored in the study folder."""
+"""Errors of base whose percentiles are the thresholds, kept in the study folder."""
 
 from collections.abc import Callable, Mapping
 

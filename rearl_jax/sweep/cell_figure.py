@@ -9,7 +9,7 @@ from rearl_jax.evaluation.estimates import BASE
 from rearl_jax.evaluation.scores import COMPARING, REAL, REAL_VS_REAL, TITLES
 from rearl_jax.evaluation.tables import HEADINGS
 
-METRICS_DRAWN = ("h", "mape", "thw", "lcr", "collisions")
+DRAWN_METRICS = ("h", "mape", "thw", "lcr", "collisions")
 """Metrics with a panel; `mape` is the definition common to all cells."""
 
 _RECORDED = "recorded scenes (real against real for H and MAPE)"
@@ -24,12 +24,12 @@ def draw_cells(config: EvaluateTask, names: list[str], table: pd.DataFrame, *, g
         table: `cells.parquet`.
         generated: Whether the recordings were generated, not measured.
     """
-    metrics = [config.mape.column if name == "mape" else name for name in METRICS_DRAWN]
+    metrics = [config.mape.column if name == "mape" else name for name in DRAWN_METRICS]
     height = 1.4 + 0.28 * len(names)
     figure, axes = panels(11.0, max(height, 2.4), columns=len(metrics), generated=generated)
     for panel, metric in zip(axes, metrics, strict=True):
-        other = REAL_VS_REAL if metric in COMPARING else REAL
-        _marks(panel, table, names, other, metric, _RECORDED, "|", DARK_GREY)
+        reference_row = REAL_VS_REAL if metric in COMPARING else REAL
+        _marks(panel, table, names, reference_row, metric, _RECORDED, "|", DARK_GREY)
         _marks(panel, table, names, BASE, metric, BASE, "D", VERMILION)
         for method in (name for name in table["method"].unique() if name not in (BASE, *TITLES)):
             _intervals(panel, table, names, method, metric)
@@ -53,18 +53,20 @@ def _marks(
     """Draws one mark per cell for a reference row."""
     figures = _figures(table, row, metric)
     if not figures.empty:
-        at = [names.index(cell) for cell in figures.index]
+        positions = [names.index(cell) for cell in figures.index]
         size = 10 if marker == "|" else 4
-        panel.plot(figures["value"], at, marker, color=colour, markersize=size, mfc="none", linestyle="", label=label)
+        panel.plot(
+            figures["value"], positions, marker, color=colour, markersize=size, mfc="none", linestyle="", label=label
+        )
 
 
 def _intervals(panel: Axes, table: pd.DataFrame, names: list[str], method: str, metric: str) -> None:
     """One dot per cell for a method, with its interval."""
     figures = _figures(table, method, metric)
-    at = [names.index(cell) for cell in figures.index]
-    panel.plot(figures["value"], at, "o", color=BLUE, markersize=4, label=method)
+    positions = [names.index(cell) for cell in figures.index]
+    panel.plot(figures["value"], positions, "o", color=BLUE, markersize=4, label=method)
     known = figures["low"].notna().to_numpy()
-    lines = [y for y, is_known in zip(at, known, strict=True) if is_known]
+    lines = [y for y, is_known in zip(positions, known, strict=True) if is_known]
     panel.hlines(lines, figures["low"][known], figures["high"][known], color=BLUE, linewidth=1.2)
 
 

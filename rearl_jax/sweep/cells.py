@@ -77,7 +77,9 @@ def collect(config: EvaluateTask, swept: list[dict[str, str]]) -> None:
     from rearl_jax.sweep.cell_figure import draw_cells
 
     study.write_bytes("cells.png", draw_cells(config, names, table, generated=generated))
-    study.write_summary([{"cell": cell.name, **_columns(cell), **_own(cell.figures[0])} for cell in cells])
+    study.write_summary(
+        [{"cell": cell.name, **_columns(cell), **_without_provenance(cell.figures[0])} for cell in cells]
+    )
 
 
 def _read(root: Path, keys: dict[str, str]) -> Cell | None:
@@ -90,7 +92,7 @@ def _read(root: Path, keys: dict[str, str]) -> Cell | None:
     return Cell(keys, folder, pd.read_parquet(folder / "summary.parquet"), figures)
 
 
-def _own(figures: dict) -> dict:
+def _without_provenance(figures: dict) -> dict:
     """Figures of a cell, without provenance."""
     return {name: value for name, value in figures.items() if name not in PROVENANCE}
 

@@ -9,7 +9,7 @@ from rearl_jax.evaluation.estimates import BASE
 from rearl_jax.evaluation.scores import REAL, REAL_VS_REAL, TITLES
 from rearl_jax.evaluation.tables import HEADINGS
 
-_SHOWN = ("h", "mape_a", "mape_b", "mape_c", "thw", "lcr", "collisions")
+_METRICS = ("h", "mape_a", "mape_b", "mape_c", "thw", "lcr", "collisions")
 _LESS_BASE = ["less_base", "less_base_low", "less_base_high"]
 
 
@@ -34,7 +34,7 @@ def document_of(config: EvaluateTask, cells: pd.DataFrame, *, generated: bool) -
     ]
     rows = pd.concat([own, *references])
     title = f"{n_cells} cells of {config.study}"
-    columns = {"title": "", **{metric: HEADINGS[metric] for metric in _SHOWN}, "less_base": "H less base"}
+    columns = {"title": "", **{metric: HEADINGS[metric] for metric in _METRICS}, "less_base": "H less base"}
     emphasis = {name: Emphasis.subdued for part in references for name in part["title"]}
     note = f"H less base: paired over scenes, with its {100 * config.eval.confidence:g} % bootstrap interval"
     closest = own.sort_values("h").iloc[0]
@@ -49,8 +49,8 @@ def document_of(config: EvaluateTask, cells: pd.DataFrame, *, generated: bool) -
 
 
 def _reference(rows: pd.DataFrame) -> pd.DataFrame:
-    """Rows to compare with, once if they are the same in all cells."""
+    """Reference rows; a single row if it is the same in all cells."""
     titles = rows["method"].map(lambda name: TITLES.get(name, name))
-    if len(rows[[metric for metric in _SHOWN if metric in rows]].drop_duplicates()) == 1:
+    if len(rows[[metric for metric in _METRICS if metric in rows]].drop_duplicates()) == 1:
         return rows.assign(title=titles).head(1)
     return rows.assign(title=titles + ": " + rows["cell"])

@@ -46,29 +46,29 @@ def document_of(
     pairs = pairs.sort_values("score", kind="stable")
     names = [f"{h:g} % / {m:g} %" for h, m in zip(pairs["h_pct"], pairs["m_pct"], strict=True)]
     shown = pairs.assign(pair=names, win_share=[percent(share) for share in pairs["win_share"]])
-    without = pd.DataFrame([{**base, "pair": "base", "score": summary["base_score"]}])
+    base_row = pd.DataFrame([{**base, "pair": "base", "score": summary["base_score"]}])
     table = table_of(
         "Threshold pairs on the tuning scenes",
-        pd.concat([shown, without]),
+        pd.concat([shown, base_row]),
         columns,
         {names[0]: Emphasis.strong, "base": Emphasis.subdued},
     )
     interval = f"{100 * config.eval.confidence:g} % bootstrap interval over scenes"
-    told = "can" if summary["is_distinguishable"] else "cannot"
-    closer = summary["best_score"] < summary["base_score"]
+    can = "can" if summary["is_distinguishable"] else "cannot"
+    is_closer = summary["best_score"] < summary["base_score"]
     notes = (
         "H > and MAPE >: thresholds, percentiles of Hellinger distance / spacing error of base; sum: sum of both "
         "errors, smaller is closer",
         "best in: share of the resamples of the scenes in which the pair has the least sum",
         f"lead of {names[0]} over {names[min(1, len(names) - 1)]}: {summary['lead']:.4f}, "
         f"{interval} {summary['lead_low']:.4f} to {summary['lead_high']:.4f}",
-        *(() if closer else ("no pair is closer to the recorded scenes than base",)),
+        *(() if is_closer else ("no pair is closer to the recorded scenes than base",)),
     )
     return Document(
         title="Thresholds of the detection",
         verdict=f"Of {summary['n_pairs']} pairs of thresholds the percentiles {names[0]} leave the least error, "
         f"{summary['best_score']:.3f} compared with {summary['base_score']:.3f} without interventions; the scenes "
-        f"{told} distinguish it from the next.",
+        f"{can} distinguish it from the next.",
         sections=(Section("Pairs", tables=(table,), notes=notes),),
         command="sweep thresholds",
         generated=generated,

@@ -15,8 +15,8 @@ from rearl_jax.evaluation.percentiles import BaseValues
 
 _LINE, _MARK, _OTHERS = drawing.BLUE, drawing.VERMILION, drawing.DARK_GREY
 
-_NEAR = 0.3
-"""Share of the horizontal axis that a text occupies."""
+_TEXT_WIDTH = 0.3
+"""Width of a text as a share of the horizontal axis [-]."""
 
 _PUBLISHED = {"color": _OTHERS, "marker": "D", "markerfacecolor": "none", "markersize": 5, "linewidth": 0.8}
 
@@ -36,7 +36,7 @@ def cumulative(
         base: The values.
         sweep: The percentiles.
         title: Above the figure.
-        published: Thresholds of others by percentile [%], of the Hellinger distance and of the spacing error.
+        published: The paper's thresholds by percentile [%], of the Hellinger distance and of the spacing error.
     """
     figure = Figure(figsize=(8.0, 3.4), layout="constrained")
     figure.suptitle(title, fontsize=drawing.FONT_SIZE)
@@ -59,15 +59,15 @@ def cumulative(
 def _distribution(
     axes: Axes, values: np.ndarray, percentiles: tuple[float, ...], others: Mapping[float, float]
 ) -> None:
-    at = np.linspace(0, 100, 1001)
-    axes.plot(np.percentile(values, at), at / 100, color=_LINE, linewidth=1.4)
+    levels = np.linspace(0, 100, 1001)
+    axes.plot(np.percentile(values, levels), levels / 100, color=_LINE, linewidth=1.4)
     axes.set_xlim(0, float(np.percentile(values, 99.5)))
     for percentile in percentiles:
         threshold = float(np.percentile(values, percentile))
         axes.plot([threshold], [percentile / 100], "o", color=_MARK, markersize=4)
-        # Text is placed to the right of nearby elements.
+        # The text is placed to the right of a published threshold that it would cover.
         other = others.get(percentile, threshold)
-        is_near = threshold < other < threshold + _NEAR * axes.get_xlim()[1]
+        is_near = threshold < other < threshold + _TEXT_WIDTH * axes.get_xlim()[1]
         axes.annotate(
             f"{percentile:g} %: {threshold:.3f}",
             (other if is_near else threshold, percentile / 100),

@@ -130,5 +130,5 @@ def scene_means(
 ) -> Float[np.ndarray, "pairs scenes"]:
     """Mean over runs of every pair and scene; NaN where no run has a figure."""
     n_pairs = int(pair.max()) + 1
-    cell = pair * len(subset) + np.searchsorted(subset, scene)
-    return grouped_mean(values, cell, n_pairs * len(subset)).reshape(n_pairs, len(subset))
+    group = pair * len(subset) + np.searchsorted(subset, scene)
+    return grouped_mean(values, group, n_pairs * len(subset)).reshape(n_pairs, len(subset))

@@ -16,7 +16,7 @@ from rearl_jax.results import Study, part_name
 
 log = logging.getLogger(__name__)
 
-PART = 16_384
+MAX_PART_ROLLOUTS = 16_384
 """Largest number of rollouts per part: seconds of computation, and a file of a few megabytes."""
 
 RUNS = "runs"
@@ -37,7 +37,7 @@ def write_runs(
     The parts do not depend on the machine, so a study may be continued on another machine.
 
     Args:
-        study: Study of the table.
+        study: Study whose folder holds the table.
         rollouts: All rollouts, with eval.seed_scope=run_x_scene.
         scenes: All scenes.
         table_of: Rows of a part.
@@ -51,25 +51,25 @@ def write_runs(
         log.info("%d of %d parts were simulated before", len(finished), len(parts))
     for number, part in enumerate(parts):
         if number not in finished:
-            some = rollouts[part]
+            selected = rollouts[part]
             advance = partial(_advance, progress, part.start, len(rollouts))
-            scores = scored_rollouts(some, scenes, some.scene, advance)
-            study.write_table(part_name(RUNS, number), table_of(some, scores), **metadata)
-            on_part(number, len(some))
+            scores = scored_rollouts(selected, scenes, selected.scene, advance)
+            study.write_table(part_name(RUNS, number), table_of(selected, scores), **metadata)
+            on_part(number, len(selected))
         progress(part.stop, len(rollouts))
 
 
 def parts_of(n_rollouts: int) -> list[slice]:
     """Ranges of rollouts of almost equal size, so that one compiled program serves all parts."""
-    n_parts = math.ceil(n_rollouts / PART)
+    n_parts = math.ceil(n_rollouts / MAX_PART_ROLLOUTS)
     bounds = [number * n_rollouts // n_parts for number in range(n_parts + 1)]
     return [slice(start, stop) for start, stop in zip(bounds[:-1], bounds[1:], strict=True)]
 
 
 def finished_parts(study: Study, n_rollouts: int) -> dict[int, slice]:
     """Finished parts on disk, by number; other files of the table are removed."""
-    there = study.finished_parts(RUNS)
-    return {number: part for number, part in enumerate(parts_of(n_rollouts)) if number in there}
+    on_disk = study.finished_parts(RUNS)
+    return {number: part for number, part in enumerate(parts_of(n_rollouts)) if number in on_disk}
 
 
 def run_columns(scene_id: np.ndarray, rollouts: Rollouts, scores: Scores) -> dict[str, np.ndarray]:

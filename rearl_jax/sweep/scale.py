@@ -80,15 +80,15 @@ def _measured(config: SweepScaleTask, study: Study, bar: Progress, *, generated:
         "scenes_id": scenes.data_id,
         "thresholds": json.dumps([str(value) for value in thresholds]),
     }
-    measured = metadata | {"machine": json.dumps(machine)}
+    with_machine = metadata | {"machine": json.dumps(machine)}
     costs = batch_costs(rollouts, scenes, shown(bar, "batch sizes"))
-    study.write_table("cost", pd.DataFrame(map(asdict, costs)), **measured)
+    study.write_table("cost", pd.DataFrame(map(asdict, costs)), **with_machine)
 
-    def table_of(some: Rollouts, scores: Scores) -> pd.DataFrame:
-        return pd.DataFrame(run_columns(scenes.scene_id, some, scores))
+    def table_of(part: Rollouts, scores: Scores) -> pd.DataFrame:
+        return pd.DataFrame(run_columns(scenes.scene_id, part, scores))
 
     before = list(finished_parts(study, len(rollouts)).values())
-    stream = StreamLog(study, sum(part.stop - part.start for part in before), measured)
+    stream = StreamLog(study, sum(part.stop - part.start for part in before), with_machine)
     progress = shown_with_rate(bar, "rollouts", before)
     write_runs(study, rollouts, scenes, table_of, metadata, progress, stream.add)
     return ScaleResults(
@@ -105,6 +105,6 @@ def list_rollouts(
 ) -> Rollouts:
     """Exactly `n_rollouts` rollouts: as many runs of every scene as needed, the last run incomplete."""
     n_rollouts = int(config.n_rollouts)
-    enough = replace(config, eval=replace(config.eval, n_runs=math.ceil(n_rollouts / len(subset))))
-    row = Row(enough, config.method.name, thresholds)
+    with_runs = replace(config, eval=replace(config.eval, n_runs=math.ceil(n_rollouts / len(subset))))
+    row = Row(with_runs, config.method.name, thresholds)
     return Rollouts([row], scenes, subset, references)[:n_rollouts]

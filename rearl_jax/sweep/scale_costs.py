@@ -14,7 +14,7 @@ from rearl_jax.timing.measurement import Stopwatch
 BATCHES = (1, 10, 100, 1_000, 10_000)
 """Measured batch sizes, up to the number of rollouts."""
 
-LEAST_REPETITIONS, LEAST_S = 3, 1.0
+MIN_REPETITIONS, MIN_TIME_S = 3, 1.0
 """Least number of repetitions of a batch, and least time of all its repetitions [s]."""
 
 
@@ -64,7 +64,7 @@ def _cost(rollouts: Rollouts, scenes: SceneSet) -> BatchCost:
     simulating, scoring = _timed(rollouts, scorer)
     first_s = simulating.wall_s + scoring.wall_s
     passes, passed_s = [], 0.0
-    while len(passes) < LEAST_REPETITIONS or passed_s < LEAST_S:
+    while len(passes) < MIN_REPETITIONS or passed_s < MIN_TIME_S:
         simulating, scoring = _timed(rollouts, scorer)
         passes.append((simulating.wall_s, simulating.cpu_s, scoring.wall_s, scoring.cpu_s))
         passed_s += simulating.wall_s + scoring.wall_s

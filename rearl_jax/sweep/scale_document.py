@@ -1,4 +1,4 @@
-"""Document of a stream of rollouts: time of a rollout by the number at a time, rates, memory."""
+"""Document of a stream of rollouts: time of a rollout by the number simulated at a time, rates, memory."""
 
 import pandas as pd
 

@@ -1,4 +1,4 @@
-"""The stream as a figure: cost of a rollout by the number at a time, memory by the rollouts done."""
+"""Figure of a stream: cost of a rollout by the number simulated at a time, memory by the rollouts done."""
 
 from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator, StrMethodFormatter
@@ -20,11 +20,13 @@ def draw_scale(results: ScaleResults) -> bytes:
 
 
 def _costs(panel: Axes, results: ScaleResults) -> None:
-    at = [cost.n_rollouts for cost in results.costs]
+    batch_sizes = [cost.n_rollouts for cost in results.costs]
     for name, label, colour in (("simulate", "simulation", BLUE), ("score", "scoring", ORANGE)):
         for clock, text, style in (("s", "elapsed", "o--"), ("cpu_s", "CPU", "o-")):
             times = [1000 * getattr(cost, f"{name}_{clock}") for cost in results.costs]
-            panel.plot(at, times, style, color=colour, markersize=4, linewidth=1.4, label=f"{label}, {text} time")
+            panel.plot(
+                batch_sizes, times, style, color=colour, markersize=4, linewidth=1.4, label=f"{label}, {text} time"
+            )
     panel.set(xscale="log", yscale="log", xlabel="rollouts at a time", ylabel="time per rollout [ms]")
     set_title(panel, f"{results.config.method.name}, rollouts of {results.seconds} s")
 

@@ -31,8 +31,8 @@ class StreamLog:
     Attributes:
         n_before: Rollouts on disk when the log was opened.
         n_simulated: Rollouts simulated since the log was opened.
-        wall_s: Time since, up to the end of the last part [s].
-        cpu_s: CPU time of all threads of the process since, up to the end of the last part [s].
+        wall_s: Time from the opening of the log to the end of the last part [s].
+        cpu_s: CPU time of all threads of the process over the same time [s].
     """
 
     def __init__(self, study: Study, n_before: int, metadata: dict[str, str]) -> None:

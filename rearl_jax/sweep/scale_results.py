@@ -16,10 +16,10 @@ class ScaleResults:
 
     Attributes:
         config: The task.
-        n_scenes: Scenes the rollouts are of.
+        n_scenes: Number of simulated scenes.
         seconds: Simulated time of a rollout [s].
         thresholds: Thresholds of the Hellinger distance and of the spacing error; infinite if nothing is detected.
-        costs: Cost of a rollout by the number at a time.
+        costs: Cost of a rollout by the number simulated at a time.
         stream: Simulated rollouts of this run, and their memory use.
         machine: Description of the machine.
         load_average: Processes that wanted to run when the task began; None if the system does not report it.
@@ -75,7 +75,7 @@ class ScaleResults:
         return figures
 
     def summary(self) -> dict[str, str | int | float | None]:
-        """Flat figures for summary.json; those of a batch size end in `_n` and the rollouts at a time."""
+        """Flat figures for summary.json; those of a batch size end in `_n` and its number of rollouts."""
         threshold_h, threshold_m = (value if math.isfinite(value) else None for value in self.thresholds)
         figures: dict[str, str | int | float | None] = {
             "method": self.config.method.name,

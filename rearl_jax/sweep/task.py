@@ -1,4 +1,4 @@
-"""The task `rearl sweep thresholds`: finds the detection thresholds with traffic closest to the recorded one.
+"""The task `rearl sweep thresholds`: finds the detection thresholds whose traffic is closest to the recorded one.
 
 Writes into the study folder `base_values.parquet` (the values of base whose percentiles are used),
 `runs/part-*.parquet` (one row per pair, scene and run), `table3.parquet` (one row per pair), two PNG figures,
@@ -22,7 +22,7 @@ from rearl_jax.evaluation.inputs import read_inputs
 from rearl_jax.evaluation.rollouts import Rollouts
 from rearl_jax.evaluation.rows import Row
 from rearl_jax.evaluation.scores import Scores
-from rearl_jax.evaluation.simulators import NEVER
+from rearl_jax.evaluation.simulators import NEVER_EXCEEDED
 from rearl_jax.evaluation.traffic import inputs_id, require_one_variant
 from rearl_jax.problems import out_of_range
 from rearl_jax.progress import progress_bar, shown
@@ -63,7 +63,7 @@ def run(config: SweepThresholdsTask, *, show: bool = True) -> dict:
     with progress_bar() as bar:
         inputs = read_inputs(config, study, bar, with_references=True)
         scenes, splits = inputs.scenes, inputs.splits
-        assert inputs.clusters is not None  # asked for
+        assert inputs.clusters is not None  # read_inputs was called with_references
         metadata = {
             "seeds": config.seeds,
             "scenes_id": scenes.data_id,
@@ -74,7 +74,7 @@ def run(config: SweepThresholdsTask, *, show: bool = True) -> dict:
         pairs = threshold_pairs(config.sweep, base)
         rows = [Row(config, pair.name, (pair.threshold_h, pair.threshold_m)) for pair in pairs]
         # Base is the row with infinite thresholds, in the same program and with bitwise equal results.
-        rows.append(Row(config, Method.base.name, NEVER))
+        rows.append(Row(config, Method.base.name, NEVER_EXCEEDED))
         rollouts = Rollouts(rows, scenes, splits.tuning, inputs.references)
         table_of = partial(_run_table, pairs, scenes.scene_id)
         write_runs(study, rollouts, scenes, table_of, metadata, shown(bar, "threshold pairs"))
@@ -133,6 +133,6 @@ def _run_table(pairs: list[Pair], scene_id: np.ndarray, rollouts: Rollouts, scor
 
     The rows of base come last; its percentiles are missing.
     """
-    base = Pair(np.nan, np.nan, *NEVER)
+    base = Pair(np.nan, np.nan, *NEVER_EXCEEDED)
     columns = {name: np.array([getattr(pair, name) for pair in [*pairs, base]])[rollouts.row] for name in vars(base)}
     return pd.DataFrame(columns | run_columns(scene_id, rollouts, scores))

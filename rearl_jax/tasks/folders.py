@@ -9,7 +9,7 @@ def conf_dir() -> Path:
     Raises:
         FileNotFoundError: Neither exists, because the installation is incomplete.
     """
-    return _beside("conf")
+    return _shipped_folder("conf")
 
 
 def sweeps_dir() -> Path:
@@ -18,10 +18,10 @@ def sweeps_dir() -> Path:
     Raises:
         FileNotFoundError: The folder does not exist, because the installation is incomplete.
     """
-    return _beside("sweeps")
+    return _shipped_folder("sweeps")
 
 
-def _beside(name: str) -> Path:
+def _shipped_folder(name: str) -> Path:
     package = Path(__file__).resolve().parents[1]
     for folder in (package / name, package.parent / name):
         if folder.is_dir():

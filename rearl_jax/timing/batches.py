@@ -20,7 +20,7 @@ class Subject:
 
     Attributes:
         prepare: Function of one random key per scenario to the input of the program; not measured.
-        run: The program. Only what it returns is computed; XLA removes all other work.
+        run: The program. XLA computes only what it returns.
         frames: Function of the input and the output of the program to the traffic.
         decisions: Function of the output of the program to the decisions; None if it contains none.
     """

@@ -1,4 +1,4 @@
-"""Consecutive decision steps as subjects of a measurement: Base, PPO, the closed loop, and its parts alone.
+"""Consecutive decision steps as subjects of a measurement: Base, PPO, the closed loop, and parts of the loop alone.
 
 References are synthetic, so that no data are read.
 """
@@ -52,28 +52,29 @@ PPO = "ppo"
 """All vehicles controlled by the shipped trained policy."""
 
 LOOP, DETECTION, DECISION = "loop", "detection", "decision"
-"""Whole steps of the closed loop with the matcher by rank; detection alone, on recorded traffic; all steps after
-detection alone, on recorded traffic.
+"""Whole steps of the closed loop with the matcher by rank; only the detection, on recorded traffic; only the part after
+the detection (admissible actions, policy, orders), on recorded traffic.
 """
 
 PARTS = (BASE, PPO, LOOP, DETECTION, DECISION)
 """Programs of the decision steps."""
 
 PAPER_MS = {"idm_mobil": 0.461, "ppo": 15.898, "rearl": 86_241.0}
-"""Inference time of 10 consecutive decisions [ms]. Source: REARL (Bi et al.), which leaves open whether it is the time
-of one decision or of all ten, and of how many vehicles.
+"""Inference time of 10 consecutive decisions [ms]. Source: REARL (Bi et al.), which does not state whether that is the
+time of one decision or of all ten, and for how many vehicles.
 """
 
-WARM_UP = 20
+WARM_UP_SECONDS = 20
 """Simulated time before decision steps are measured [s], so that vehicles interact."""
 
 BASE_MODEL = TrafficModel(ticks_per_second=TICKS_PER_SECOND)
+"""The road with highway-env's traffic model."""
 
 LOOP_MODEL = model_under_decisions(BASE_MODEL, ExecConfig().longitudinal)
 """The road of `BASE_MODEL` with the additional stages of a closed loop with default options."""
 
-ALWAYS = LoopOptions(DetectionOptions(cues=Cues.always))
-"""The closed loop at its defaults, triggered every second."""
+TRIGGER_ALWAYS = LoopOptions(DetectionOptions(cues=Cues.always))
+"""The closed loop with default options, except that decisions are triggered every second."""
 
 
 class Batch(eqx.Module):
@@ -84,9 +85,9 @@ class Batch(eqx.Module):
         drivers: Drivers of the traffic.
         keys: Random keys of the policy.
         table: The references.
-        thresholds: Infinite, so that no value passes them.
+        thresholds: Infinite thresholds, which no value exceeds.
         recorded: Traffic at the end of successive seconds, for programs that only evaluate it; else None.
-        shown: Situations of that traffic as a policy sees them, for programs that only decide; else None.
+        situations: Situations of that traffic as a policy sees them, for programs that only decide; else None.
     """
 
     state: TrafficState
@@ -95,7 +96,7 @@ class Batch(eqx.Module):
     table: ReferenceTable
     thresholds: Thresholds
     recorded: TrafficState | None = None
-    shown: Situation | None = None
+    situations: Situation | None = None
 
 
 @dataclasses.dataclass(frozen=True)
@@ -109,33 +110,33 @@ class Scenes:
     def draw(self, keys: Key[Array, " scenarios"]) -> Batch:
         """Traffic as highway-env places it, one scenario per key."""
         state, drivers = spawn(keys, BASE_MODEL, n_vehicles=self.n_vehicles, density=self.density)
-        nothing = jnp.full(keys.shape, jnp.inf, state.x.dtype)
-        return Batch(state, drivers, keys, self.table, Thresholds(nothing, nothing))
+        infinite = jnp.full(keys.shape, jnp.inf, state.x.dtype)
+        return Batch(state, drivers, keys, self.table, Thresholds(infinite, infinite))
 
     def draw_recorded(self, keys: Key[Array, " scenarios"], n_seconds: int) -> Batch:
-        """Batch whose traffic starts some time later, with the recorded seconds before."""
+        """Batch of traffic after a warm-up and `n_seconds` recorded seconds; `state` is the traffic at their end."""
         batch = self.draw(keys)
 
         def second(state: TrafficState, _: None) -> tuple[TrafficState, TrafficState]:
             state = simulate_second(state, batch.drivers, BASE_MODEL)
             return state, state
 
-        state, seconds = lax.scan(second, batch.state, None, length=WARM_UP + n_seconds)
-        recorded = jax.tree.map(lambda leaf: leaf[WARM_UP:], seconds)
+        state, seconds = lax.scan(second, batch.state, None, length=WARM_UP_SECONDS + n_seconds)
+        recorded = jax.tree.map(lambda leaf: leaf[WARM_UP_SECONDS:], seconds)
         return dataclasses.replace(batch, state=state, recorded=recorded)
 
-    def draw_shown(self, keys: Key[Array, " scenarios"], n_seconds: int) -> Batch:
-        """Batch as of `draw_recorded`, with the situations of a policy that decides every second."""
+    def draw_situations(self, keys: Key[Array, " scenarios"], n_seconds: int) -> Batch:
+        """Batch as from `draw_recorded`, with the situations of a policy that decides every second."""
         batch = self.draw_recorded(keys, n_seconds)
 
-        def second(traffic: LoopState, state: TrafficState) -> tuple[LoopState, tuple[TrafficState, Situation]]:
-            traffic = dataclasses.replace(traffic, state=state)
-            traffic, situation = assess(traffic, batch.drivers, batch.table, batch.thresholds, LOOP_MODEL, ALWAYS)
-            return traffic, (state, situation)
+        def second(loop: LoopState, state: TrafficState) -> tuple[LoopState, tuple[TrafficState, Situation]]:
+            loop = dataclasses.replace(loop, state=state)
+            loop, situation = assess(loop, batch.drivers, batch.table, batch.thresholds, LOOP_MODEL, TRIGGER_ALWAYS)
+            return loop, (state, situation)
 
-        start = initial_loop_state(batch.state, batch.keys, batch.table, LOOP_MODEL, ALWAYS)
-        recorded, shown = lax.scan(second, start, batch.recorded)[1]
-        return dataclasses.replace(batch, recorded=recorded, shown=shown)
+        start = initial_loop_state(batch.state, batch.keys, batch.table, LOOP_MODEL, TRIGGER_ALWAYS)
+        recorded, situations = lax.scan(second, start, batch.recorded)[1]
+        return dataclasses.replace(batch, recorded=recorded, situations=situations)
 
 
 def synthetic_table(references: Mapping[str, int]) -> ReferenceTable:
@@ -143,22 +144,22 @@ def synthetic_table(references: Mapping[str, int]) -> ReferenceTable:
     return tabulate(synthetic_references(**references), DetectionOptions().hist)
 
 
-def scene_of(loop: StepsConfig, n_vehicles: int, seconds: int, batch: int) -> dict[str, Any]:
-    """Arguments of a program, except its name."""
+def program_arguments(loop: StepsConfig, n_vehicles: int, seconds: int, batch: int) -> dict[str, Any]:
+    """Arguments of a program for its process, except the name."""
     references = {
         "seed": loop.seed,
         "n_references": loop.n_references,
         "n_seconds": loop.reference_seconds,
         "n_vehicles": loop.reference_vehicles,
     }
-    scene = {"n_vehicles": n_vehicles, "seconds": seconds, "batch": batch}
-    return {**scene, "density": loop.density, "references": references}
+    size = {"n_vehicles": n_vehicles, "seconds": seconds, "batch": batch}
+    return {**size, "density": loop.density, "references": references}
 
 
 def measure_steps(loop: StepsConfig, batch: int, report: Report) -> dict[str, Series]:
-    """Consecutive decision steps, whole and in parts, in turn; a measurement is one call."""
+    """Series of consecutive decision steps, whole and in parts, measured in turn; each measurement is one call."""
     label = f"{loop.steps} decision steps, {batch} at a time"
-    scene = scene_of(loop, loop.steps_vehicles, loop.steps, batch)
+    scene = program_arguments(loop, loop.steps_vehicles, loop.steps, batch)
     with open_sessions(f"{__name__}:decision_steps", PARTS, scene, label, report) as sessions:
         warm_up(sessions, loop.seed, label, report)
         n_scenarios = dict.fromkeys(sessions, batch)
@@ -167,7 +168,7 @@ def measure_steps(loop: StepsConfig, batch: int, report: Report) -> dict[str, Se
 
 
 def count_reports(loop: StepsConfig) -> int:
-    """Steps of a progress bar: in every batch all programs are compiled, warmed up and measured."""
+    """Number of steps of the progress bar: for every batch size all programs are compiled, warmed up and measured."""
     return len(loop.steps_batches) * len(PARTS) * (loop.steps_repetitions + 2)
 
 
@@ -180,7 +181,7 @@ def decision_steps(
         name: One of `PARTS`.
         n_vehicles: Vehicles per scenario.
         density: highway-env's `vehicles_density` [-].
-        seconds: Number of steps, which is their simulated time [s].
+        seconds: Number of steps of one second.
         batch: Scenarios at a time.
         references: Arguments of `synthetic_references`.
 
@@ -193,7 +194,7 @@ def decision_steps(
 
     def prepare(keys: Key[Array, " scenarios"]) -> Batch:
         if name == DECISION:
-            return scenes.draw_shown(keys, seconds)
+            return scenes.draw_situations(keys, seconds)
         batch = scenes.draw_recorded(keys, seconds)
         return batch if name == DETECTION else dataclasses.replace(batch, recorded=None)
 
@@ -202,9 +203,9 @@ def decision_steps(
     elif name == LOOP:
         subject = loop_subject(matcher(MatchSpace.rank), prepare, seconds)
     elif name == PPO:
-        subject = _driven_subject(prepare, seconds)
+        subject = _ppo_subject(prepare, seconds)
     else:
-        run = look_for_drift if name == DETECTION else decide_on_shown
+        run = run_detection if name == DETECTION else decide_in_situations
         subject = Subject(prepare, run, lambda batch, _: jax.vmap(_observe_base)(batch.recorded), lambda _: None)
     return Batches(subject, batch=batch, n_vehicles=n_vehicles, seconds=seconds)
 
@@ -243,7 +244,7 @@ def loop_subject(policy: Policy, prepare: Any, seconds: int, cues: Cues = Cues.a
     return Subject(prepare, run_loop, lambda _, result: result[0], lambda result: result[1])
 
 
-def _driven_subject(prepare: Any, seconds: int) -> Subject:
+def _ppo_subject(prepare: Any, seconds: int) -> Subject:
     """Rollouts from prepared traffic in which the trained policy of the package drives all vehicles.
 
     Raises:
@@ -251,11 +252,11 @@ def _driven_subject(prepare: Any, seconds: int) -> Subject:
     """
     policy = load_policy(None, CoreConfig())
 
-    def run_driven(batch: Batch) -> tuple[Frames, Array]:
+    def run_ppo(batch: Batch) -> tuple[Frames, Array]:
         actor = jax.tree.map(jnp.asarray, policy.network.actor)
         return rollout_with_actor(batch.state, batch.drivers, actor, BASE_MODEL, policy.options, n_seconds=seconds)
 
-    return Subject(prepare, run_driven, lambda _, result: result[0], lambda _: None)
+    return Subject(prepare, run_ppo, lambda _, result: result[0], lambda _: None)
 
 
 def matcher(space: MatchSpace) -> Policy:
@@ -263,13 +264,13 @@ def matcher(space: MatchSpace) -> Policy:
     return make_policy(PolicyName.matcher, MatcherConfig(space=space), LOOP_MODEL)
 
 
-def look_for_drift(batch: Batch) -> tuple[Array, ...]:
-    """Results of the detection in each second of the recorded traffic, those used in a rollout."""
+def run_detection(batch: Batch) -> tuple[Array, ...]:
+    """Results of the detection that a rollout uses, in each second of the recorded traffic."""
 
     def second(memory: DetectorMemory, state: TrafficState) -> tuple[DetectorMemory, tuple[Array, ...]]:
-        # In a rollout the state is an array; here it is a slice, which XLA would compute again for every use.
+        # In a rollout the state is an array. Here it is a slice, which XLA would compute again for every use.
         frame = frame_of(lax.optimization_barrier(state), LOOP_MODEL)
-        memory, detection = detect(memory, frame, batch.table, batch.thresholds, ALWAYS.detection)
+        memory, detection = detect(memory, frame, batch.table, batch.thresholds, TRIGGER_ALWAYS.detection)
         return memory, (
             detection.reference,
             detection.hellinger,
@@ -278,25 +279,25 @@ def look_for_drift(batch: Batch) -> tuple[Array, ...]:
             count(detection.mask),
         )
 
-    return lax.scan(second, initial_memory(batch.table, batch.keys, ALWAYS.detection), batch.recorded)[1]
+    return lax.scan(second, initial_memory(batch.table, batch.keys, TRIGGER_ALWAYS.detection), batch.recorded)[1]
 
 
-def decide_on_shown(batch: Batch) -> tuple[Orders, Decisions]:
+def decide_in_situations(batch: Batch) -> tuple[Orders, Decisions]:
     """Decisions in each second of the recorded traffic: admissible actions, policy, orders.
 
-    As in a rollout the orders of a second are carried to the next one: measured on a CPU, XLA computes what is handed
-    over at once by another program, which takes 1.7 times as long.
+    As in a rollout, the orders of a second are carried to the next one. If they were used in the same second, XLA
+    would compile another program, which takes 1.7 times as long on a CPU.
     """
     policy = matcher(MatchSpace.rank)
-    # Prepared by `draw_shown`.
+    # Prepared by `draw_situations`.
     assert batch.recorded is not None
-    assert batch.shown is not None
+    assert batch.situations is not None
 
     def second(orders: Orders, seen: tuple[TrafficState, Situation]) -> tuple[Orders, Decisions]:
         state, situation = lax.optimization_barrier(seen)
-        admissible = admissible_actions(state, batch.drivers, LOOP_MODEL, ALWAYS.admissible)
+        admissible = admissible_actions(state, batch.drivers, LOOP_MODEL, TRIGGER_ALWAYS.admissible)
         situation = dataclasses.replace(situation, admissible=admissible)
-        coming = accept(policy(situation, batch.table, batch.keys), situation.is_asked, admissible)
-        return coming, decisions_of(orders, situation)
+        next_orders = accept(policy(situation, batch.table, batch.keys), situation.is_asked, admissible)
+        return next_orders, decisions_of(orders, situation)
 
-    return lax.scan(second, no_orders(batch.state), (batch.recorded, batch.shown))
+    return lax.scan(second, no_orders(batch.state), (batch.recorded, batch.situations))

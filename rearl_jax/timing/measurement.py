@@ -38,12 +38,12 @@ def spread_of(values: Sequence[float]) -> Spread:
 
 @dataclass(frozen=True)
 class Measurement:
-    """One run: its size, its cost, and what happened in the traffic.
+    """One run of a program: size, cost, and figures of the traffic.
 
     Attributes:
         n_scenarios: Scenarios simulated.
-        seconds: Simulated time of each of them [s].
-        n_substeps: Steps of 1/15 s times vehicles, over all scenarios.
+        seconds: Simulated time of each scenario [s].
+        n_substeps: Vehicles times steps of 1/15 s, over all scenarios.
         cpu_s: CPU time of the stepping over all threads of the process [s].
         wall_s: Elapsed time of the stepping [s].
         mean_speed: Mean speed of all vehicles at the end [m/s].
@@ -102,7 +102,7 @@ class Series:
 
     @property
     def crashed_share(self) -> float | None:
-        """Vehicles that have collided by the end, of all; None if collisions are off."""
+        """Share of the vehicles that have collided by the end; None if the program has no collisions."""
         counts = [run.crashed for run in self.measurements if run.crashed is not None]
         n_agents = sum(run.n_scenarios * self.n_vehicles for run in self.measurements)
         return sum(counts) / n_agents if counts else None
@@ -119,7 +119,7 @@ class Simulator(Protocol):
 
     @property
     def facts(self) -> Mapping[str, float | int]:
-        """`unit`, the least sensible number of scenarios, and figures found while starting."""
+        """`unit`, the smallest sensible number of scenarios, and figures measured at the start."""
         ...
 
     def measure(self, n_scenarios: int, seed: int) -> Measurement:
@@ -147,7 +147,7 @@ class Stopwatch:
 def measurement_of(
     chunks: "Iterable[Frames]", watch: Stopwatch, *, n_scenarios: int, n_vehicles: int, seconds: int
 ) -> Measurement:
-    """Traffic of the core, chunk by chunk, and the time on the watch when the last chunk is there."""
+    """Measurement of traffic of the core that is simulated chunk by chunk; the watch is read after the last chunk."""
     crashed = lane_changes = 0
     speed_sum = 0.0
     for frames in chunks:

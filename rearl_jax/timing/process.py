@@ -3,7 +3,7 @@
 The other process runs `python -m rearl_jax.timing.process SPECIFICATION`. In: a JSON object as argument (`program`, the
 address of a function or class as `module:name`, its `arguments`, and `cpu_devices`), then one JSON object per line on
 standard input (`n_scenarios`, `seed`). Out: one JSON object per line, first the facts of the program, then a
-`Measurement` each. Ends with its input.
+`Measurement` per line of input. The process ends with its input.
 """
 
 import dataclasses
@@ -36,20 +36,20 @@ class ProcessSession:
             program: Address `module:name` of the function or class that creates the simulator.
             cpu_devices: CPU devices of JAX; None for one per core.
             on_cpu: Whether JAX sees the CPU alone.
-            remedy: Remedy if the program fails.
-            **arguments: What the function or class takes.
+            remedy: Advice to the user if the program fails.
+            **arguments: Arguments of the function or class.
 
         Raises:
-            RuntimeError: The program ended instead.
+            RuntimeError: The program ended without an answer.
         """
         self._program, self._remedy = program, remedy
-        self._complaints = tempfile.TemporaryFile("w+", encoding="utf-8")
+        self._error_output = tempfile.TemporaryFile("w+", encoding="utf-8")
         specification = {"program": program, "cpu_devices": cpu_devices, "arguments": arguments}
         self._process = subprocess.Popen(
             [sys.executable, "-P", "-m", "rearl_jax.timing.process", json.dumps(specification)],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
-            stderr=self._complaints,
+            stderr=self._error_output,
             encoding="utf-8",
             env=fresh_environment(on_cpu=on_cpu),
         )
@@ -57,33 +57,33 @@ class ProcessSession:
 
     @property
     def facts(self) -> dict[str, float | int]:
-        """Facts of the program, known since it was ready."""
+        """Facts of the program, known as soon as it is ready."""
         return self._facts
 
     def measure(self, n_scenarios: int, seed: int) -> Measurement:
         """One measurement.
 
         Raises:
-            RuntimeError: The program ended instead.
+            RuntimeError: The program ended without an answer.
         """
         assert self._process.stdin is not None
         try:
             self._process.stdin.write(json.dumps({"n_scenarios": n_scenarios, "seed": seed}) + "\n")
             self._process.stdin.flush()
         except BrokenPipeError:
-            pass  # it has ended; the missing answer is handled below
+            pass  # the process has ended; `_answer` finds that its answer is missing
         return Measurement(**self._answer())
 
     def close(self) -> None:
-        """Ends the process, which ends by itself when its input does."""
-        if self._complaints.closed:
+        """Ends the process by closing its input."""
+        if self._error_output.closed:
             return
         try:
             self._process.communicate(timeout=_SECONDS_TO_END)
         except subprocess.TimeoutExpired:
             self._process.kill()
             self._process.communicate()
-        self._complaints.close()
+        self._error_output.close()
 
     def _answer(self) -> dict[str, Any]:
         assert self._process.stdout is not None
@@ -91,8 +91,8 @@ class ProcessSession:
         if line:
             return json.loads(line)
         code = self._process.wait(_SECONDS_TO_END)
-        self._complaints.seek(0)
-        last = "\n".join(self._complaints.read().splitlines()[-20:])
+        self._error_output.seek(0)
+        last = "\n".join(self._error_output.read().splitlines()[-20:])
         self.close()
         remedy = f"; {self._remedy}" if self._remedy else ""
         raise RuntimeError(
@@ -101,8 +101,8 @@ class ProcessSession:
 
 
 def fresh_environment(*, on_cpu: bool = True) -> dict[str, str]:
-    """Environment of a process that imports what this one can, and takes no compiled program from the cache: that would
-    hide the compile time.
+    """Environment of a process with the import paths of this one, but without the cache of compiled programs, which
+    would hide the compile time.
     """
     return {
         **os.environ,
@@ -131,7 +131,7 @@ def open_sessions(
 
 def main() -> None:
     """Serves measurements until the input ends."""
-    # Libraries greet and warn on standard output; what they write there must not mix with the answers.
+    # Libraries print greetings and warnings on standard output; these must not mix with the answers.
     answers = os.fdopen(os.dup(1), "w", encoding="utf-8")
     os.dup2(2, 1)
     specification = json.loads(sys.argv[1])

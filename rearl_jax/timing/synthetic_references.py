@@ -1,6 +1,6 @@
 """References made from a seed, of the shapes that real studies have, so that a measurement reads no data.
 
-They decide how much work there is, not what is real: only costs may be concluded from traffic compared with them.
+They determine the amount of work, but are not realistic: traffic compared with them only yields costs.
 """
 
 import jax.numpy as jnp
@@ -16,24 +16,25 @@ SPACINGS = (30.0, 160.0)
 """Range of the mean distances between vehicles of the references [m]; a camera sees about 400 m of road."""
 
 LANE_CHANGE_SHARE = 0.01
-"""Share of the vehicles that change lanes within a second [-], of the order of measured rates."""
+"""Share of the vehicles that change lanes in a second [-], of the order of magnitude of measured shares."""
 
 SPEED_RANGE = (5.0, 32.0)
-"""Range of the rescaled speeds [m/s]; REARL (Bi et al.)."""
+"""Range of the rescaled speeds [m/s]. Source: REARL (Bi et al.)."""
 
 N_LANES = 4
+"""Number of lanes of the references."""
 
 
 def synthetic_references(seed: int, n_references: int, n_seconds: int, n_vehicles: int) -> References:
     """References whose speeds and spacings wander slowly about levels of their own, all equally frequent."""
     random = np.random.default_rng(seed)
-    # One second more, for what vehicles do in the last one.
+    # One second more, because the action in the last second follows from the state after it.
     shape = (n_references, n_seconds + 1, n_vehicles)
     of_scene, of_vehicle = (n_references, 1, 1), (n_references, 1, n_vehicles)
     speed = random.uniform(*FLOW_SPEEDS, of_scene) + random.normal(0, 3, of_vehicle)
     speed = np.clip(speed + np.cumsum(random.normal(0, 0.4, shape), axis=1), *SPEED_RANGE)
-    turn = random.choice([-1, 0, 1], shape, p=[LANE_CHANGE_SHARE / 2, 1 - LANE_CHANGE_SHARE, LANE_CHANGE_SHARE / 2])
-    lane = np.clip(random.integers(0, N_LANES, of_vehicle) + np.cumsum(turn, axis=1), 0, N_LANES - 1)
+    shift = random.choice([-1, 0, 1], shape, p=[LANE_CHANGE_SHARE / 2, 1 - LANE_CHANGE_SHARE, LANE_CHANGE_SHARE / 2])
+    lane = np.clip(random.integers(0, N_LANES, of_vehicle) + np.cumsum(shift, axis=1), 0, N_LANES - 1)
     spacing = random.uniform(*SPACINGS, of_scene) * random.uniform(0.7, 1.4, of_vehicle)
     spacing = (spacing * np.exp(np.cumsum(random.normal(0, 0.02, shape), axis=1)))[:, :-1]
     action = actions(lane[:, :-1], lane[:, 1:], speed[:, :-1], speed[:, 1:])

@@ -24,7 +24,7 @@ def reporting(n_steps: int) -> Iterator[Report]:
 
 
 def warm_up(sessions: Mapping[str, Simulator], seed: int, label: str, report: Report) -> dict[str, Measurement]:
-    """A first measurement of each, of as few scenarios as are sensible."""
+    """A first measurement of each program, with its smallest sensible number of scenarios."""
     first = {}
     for name, session in sessions.items():
         report(f"{label}: {name}, warming up", 0)
@@ -42,7 +42,7 @@ def take_turns(
     label: str,
     report: Report,
 ) -> dict[str, Series]:
-    """The series of each program; a repetition draws the same scenes for all, and new ones every time."""
+    """The series of each program; all programs get the same scenes in a repetition, new ones in the next."""
     measured: dict[str, list[Measurement]] = {name: [] for name in sessions}
     for repetition in range(repetitions):
         for name in list(sessions) if repetition % 2 == 0 else list(sessions)[::-1]:

@@ -13,9 +13,9 @@ from rearl_jax.validation.scenarios import TICKS_PER_SECOND
 JUMP_FACTOR = 100.0
 """Growth of a difference within one tick that is a jump: no rounding error of a smooth step grows like that."""
 
-GROWING_TICKS = 30
-"""Ticks before the first difference in which a vehicle may have been slow. Two seconds; errors grow tenfold per
-tick.
+SLOW_TICKS = 30
+"""Ticks before the first difference in which slow driving can have caused it: two seconds, in which errors grow
+tenfold per tick.
 """
 
 
@@ -32,18 +32,18 @@ class Cause(Enum):
 
 @dataclass(frozen=True)
 class Facts:
-    """The first vehicle to differ, at the first tick at which it does.
+    """The vehicle that differs first, at the first tick with a difference.
 
     Attributes:
-        tick: That tick.
-        vehicle: Place of the vehicle in the list; of several the one that differs most.
+        tick: This tick.
+        vehicle: Index of the vehicle; of several the one that differs most.
         difference: Difference of the vehicle's position [m].
-        growth: That difference over the one a tick before [-].
+        growth: This difference over that of the tick before [-].
         speed: Speed [m/s].
         slowest: Smallest absolute speed in the two seconds before [m/s].
         unstable_below: Speed below which its lateral controller is unstable [m/s].
         is_crashed: Whether it has crashed.
-        has_flipped: Whether its target lanes have differed.
+        has_flipped: Whether its target lanes in the two runs have differed.
         contact_tick: First tick at which a vehicle of the scene has crashed.
     """
 
@@ -65,7 +65,7 @@ def measure(comparison: Comparison, recorded: Recorded, scene: int, tick: int, t
     flipped = comparison.flipped[: tick + 1, :, scene]
     marked = flipped[tick] | comparison.crash_differs[tick, :, scene]
     vehicle = int(np.argmax(position[tick])) if (position[tick] > tolerance).any() else int(np.argmax(marked))
-    speed = np.abs(recorded.tracks.speed[max(0, tick - GROWING_TICKS) : tick + 1, vehicle, scene])
+    speed = np.abs(recorded.tracks.speed[max(0, tick - SLOW_TICKS) : tick + 1, vehicle, scene])
     before = max(float(position[tick - 1, vehicle]), float(np.finfo(np.float64).eps))
     length = float(recorded.start.length[vehicle, scene])
     return Facts(
@@ -86,7 +86,7 @@ def unstable_below(length: float) -> float:
     """Speed [m/s] below which highway-env's lateral controller is unstable for a vehicle of a length [m].
 
     A lateral offset y is steered back by the slip angle -(l / 2) y / (v^2 t_h t_l), which moves the vehicle sideways by
-    that times v dt: y is multiplied by 1 - (l / 2) dt / (v t_h t_l) each tick, beyond -1 if v is below
+    the slip angle times v dt: y is multiplied by 1 - (l / 2) dt / (v t_h t_l) each tick, beyond -1 if v is below
     (l / 2) dt / (2 t_h t_l). 0.69 m/s for 5 m, dt = 1/15 s, t_h = 0.2 s, t_l = 0.6 s.
 
     Source: highway-env 1.12.1, `ControlledVehicle.steering_control`, linearised.

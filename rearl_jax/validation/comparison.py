@@ -2,7 +2,7 @@
 
 A run is highway-env's or the core's. "Before contact" means the ticks before any vehicle of the scene has crashed in
 the reference: collisions push vehicles apart along the axis of least overlap, and if two axes tie, or a vehicle rests
-against another, the last place decides about a push of centimetres.
+against another, a rounding error in the last place decides about a push of centimetres.
 """
 
 from dataclasses import dataclass
@@ -48,7 +48,7 @@ class Comparison:
 
 def compare(reference: Tracks, other: Tracks) -> Comparison:
     """Differences of two runs of the same scenes."""
-    position = np.maximum(_apart(reference.x, other.x), _apart(reference.y, other.y))
+    position = np.maximum(_difference(reference.x, other.x), _difference(reference.y, other.y))
     any_crashed = reference.crashed.any(1)
     n_steps = len(position)
     changed = reference.lane[1:] != reference.lane[:-1]
@@ -56,8 +56,8 @@ def compare(reference: Tracks, other: Tracks) -> Comparison:
     return Comparison(
         errors={
             "position": position.max(1),
-            "speed": _apart(reference.speed, other.speed).max(1),
-            "heading": _apart(reference.heading, other.heading).max(1),
+            "speed": _difference(reference.speed, other.speed).max(1),
+            "heading": _difference(reference.heading, other.heading).max(1),
         },
         position=position,
         contact=np.where(any_crashed.any(0), any_crashed.argmax(0), n_steps),
@@ -75,7 +75,7 @@ def agrees(comparison: Comparison, *, tolerance: float, only_before_contact: boo
     Args:
         comparison: Comparison of the two runs.
         tolerance: Largest difference of a position [m].
-        only_before_contact: Whether what happens from the first contact on is left out.
+        only_before_contact: Whether ticks from the first contact on are left out.
     """
     return ~first_disagreement(comparison, tolerance=tolerance, only_before_contact=only_before_contact)[0]
 
@@ -83,7 +83,7 @@ def agrees(comparison: Comparison, *, tolerance: float, only_before_contact: boo
 def first_disagreement(
     comparison: Comparison, *, tolerance: float, only_before_contact: bool
 ) -> tuple[Bool[np.ndarray, " scenarios"], Int[np.ndarray, " scenarios"]]:
-    """Mask of the scenes that disagree, and their first tick that does. Arguments as for `agrees`."""
+    """Mask of the scenes that disagree, and their first tick of disagreement. Arguments as for `agrees`."""
     lane_differs = np.zeros(comparison.flipped.shape, bool)
     lane_differs[1:] = comparison.changed_either & ~comparison.changed_alike
     differs = (comparison.position > tolerance) | comparison.flipped | comparison.crash_differs | lane_differs
@@ -100,14 +100,14 @@ def aborts(tracks: Tracks, is_meta: Bool[np.ndarray, "vehicles scenarios"]) -> I
     of an IDM vehicle. Source: highway-env 1.12.1, `IDMVehicle.change_lane_policy`.
     """
     was_changing = tracks.lane[:-1] != tracks.target_lane[:-1]
-    given_up = tracks.target_lane[1:] != tracks.target_lane[:-1]
-    return (was_changing & given_up & ~is_meta).sum((0, 1))
+    is_new_target = tracks.target_lane[1:] != tracks.target_lane[:-1]
+    return (was_changing & is_new_target & ~is_meta).sum((0, 1))
 
 
 def rows(comparison: Comparison, reference: Tracks, is_meta: Bool[np.ndarray, "vehicles scenarios"]) -> list[dict]:
-    """One row per scene: what happened in the reference, and the largest differences in all and before contact."""
+    """One row per scene: events in the reference, and the largest differences over all ticks and before contact."""
     before = comparison.before_contact
-    happened = {
+    columns = {
         "lane_changes": comparison.changed.sum((0, 1)),
         "aborts": aborts(reference, is_meta),
         "crashes": reference.crashed[-1].sum(0),
@@ -118,11 +118,11 @@ def rows(comparison: Comparison, reference: Tracks, is_meta: Bool[np.ndarray, "v
         "crash_flags_equal": ~comparison.crash_differs.any((0, 1)),
     }
     for name in QUANTITIES:
-        happened[f"max_{name}"] = comparison.errors[name].max(0)
-        happened[f"max_{name}_before_contact"] = np.where(before, comparison.errors[name], 0.0).max(0)
-    names = list(happened)
-    return [dict(zip(names, values, strict=True)) for values in zip(*happened.values(), strict=True)]
+        columns[f"max_{name}"] = comparison.errors[name].max(0)
+        columns[f"max_{name}_before_contact"] = np.where(before, comparison.errors[name], 0.0).max(0)
+    names = list(columns)
+    return [dict(zip(names, values, strict=True)) for values in zip(*columns.values(), strict=True)]
 
 
-def _apart(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+def _difference(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return np.abs(a - b.astype(np.float64))

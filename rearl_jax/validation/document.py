@@ -8,7 +8,7 @@ import pandas as pd
 from rearl_jax.config.validation import ValidationConfig
 from rearl_jax.document.document import Document, Section
 from rearl_jax.document.table import NONE, Emphasis, table_of
-from rearl_jax.validation.summary import PRECISIONS, where
+from rearl_jax.validation.summary import PRECISIONS, rows_with
 
 _SHARES = ("lane_change_agreement", "crash_agreement", "agree_share")
 
@@ -40,7 +40,7 @@ def document_of(
         "unit"
     )
     for precision in PRECISIONS:
-        excepted = where(scenes, precision=precision, agrees=False)
+        excepted = rows_with(scenes, precision=precision, agrees=False)
         if len(excepted):
             named = excepted.assign(scene=excepted["set"] + " " + excepted["index"].astype(str))
             table = table_of(f"Scenes that differ in {precision}", named, _EXCEPTION)
@@ -61,8 +61,8 @@ def _agreement(groups: pd.DataFrame, precision: str, summary: Mapping[str, Any],
     """Section on the agreement of one precision: float64 over all ticks, float32 before the first contact of each
     scene.
     """
-    whole = precision == "float64"
-    ending, scope = ("", "at all ticks") if whole else ("_before_contact", "before the first contact")
+    is_double = precision == "float64"
+    ending, scope = ("", "at all ticks") if is_double else ("_before_contact", "before the first contact")
     columns = {
         "group": "set",
         "scenes": "scenes",
@@ -75,14 +75,14 @@ def _agreement(groups: pd.DataFrame, precision: str, summary: Mapping[str, Any],
         f"flips{ending}": "decision\nflips",
         "lane_change_agreement": "lane changes\nalike",
         "crash_agreement": "crash flags\nalike",
-        "agree_share": f"agree\n({config.tolerance_f64 if whole else config.tolerance_f32:g} m)",
+        "agree_share": f"agree\n({config.tolerance_f64 if is_double else config.tolerance_f32:g} m)",
     }
-    rows = where(groups, precision=precision)
+    rows = rows_with(groups, precision=precision)
     rows = rows.assign(**{name: rows[name].map(_percent) for name in _SHARES})
     title = f"{precision} against {summary['reference']}, largest differences {scope}"
     note = "lane changes and crash flags: of all ticks, those after contact included"
     table = table_of(title, rows, columns, {"all": Emphasis.strong})
-    return Section(precision, tables=(table,), notes=() if whole else (note,))
+    return Section(precision, tables=(table,), notes=() if is_double else (note,))
 
 
 def _control(summary: Mapping[str, Any]) -> str:

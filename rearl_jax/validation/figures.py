@@ -9,8 +9,8 @@ from rearl_jax import drawing
 
 COLOURS = {"float64": drawing.BLUE, "float32": drawing.VERMILION}
 
-FLOOR = 1e-17
-"""Difference [m] at which none at all is drawn; a logarithm has no zero."""
+DRAWN_ZERO = 1e-17
+"""Difference at which zero is drawn [m], because the axis is logarithmic."""
 
 
 def error_over_time(errors: pd.DataFrame, tolerances: dict[str, float]) -> bytes:
@@ -32,10 +32,10 @@ def error_over_time(errors: pd.DataFrame, tolerances: dict[str, float]) -> bytes
             for scope, style in (("all", ":"), ("before_contact", "-")):
                 line = part[part["scope"] == scope]
                 label = f"{precision}, largest" + (" before contact" if scope == "before_contact" else "")
-                axis.plot(line["time"], line["largest"].clip(FLOOR), style, color=colour, lw=1.1, label=label)
+                axis.plot(line["time"], line["largest"].clip(DRAWN_ZERO), style, color=colour, lw=1.1, label=label)
             median = part[part["scope"] == "all"]
             label = f"{precision}, median"
-            axis.plot(median["time"], median["median"].clip(FLOOR), color=colour, lw=0.7, alpha=0.45, label=label)
+            axis.plot(median["time"], median["median"].clip(DRAWN_ZERO), color=colour, lw=0.7, alpha=0.45, label=label)
             axis.axhline(tolerances[precision], color=colour, lw=0.6, ls="--")
         axis.set_title(name, fontsize=drawing.FONT_SIZE)
         axis.set_yscale("log")

@@ -1,8 +1,8 @@
 """Reference simulation in highway-env: builds a scene, simulates it tick by tick, and records it. The only module that
 imports highway-env.
 
-Run in worker processes (see `workers`), never imported by the main process: the arithmetic of NumPy is chosen there,
-by environment, before NumPy is loaded.
+Run in worker processes (see `workers`), never imported by the main process: in workers the arithmetic of NumPy
+is chosen by an environment variable before NumPy is loaded.
 
 Nothing of highway-env is replaced. The road is ticked directly (`Road.act`, `Road.step`) as `AbstractEnv._simulate`
 does, so that observations and rewards, which do not act on the traffic, need not be computed.
@@ -56,7 +56,7 @@ def simulate(scenario: Scenario, *, nudged: bool = False) -> Recorded:
         ValueError: If a result is not finite.
     """
     road = _BUILDERS[scenario.source](scenario)
-    # Annotated as a list of any vehicles; those of all scenes steer themselves.
+    # highway-env annotates a list of any vehicles; here all of them steer themselves.
     vehicles = cast("list[ControlledVehicle]", road.vehicles)
     if nudged:
         for vehicle in vehicles:
@@ -124,7 +124,7 @@ def _injected_vehicle(
     if injection.is_meta[number]:
         vehicle = MDPVehicle(road, position, heading, speed, target_speed=desired, target_speeds=list(speed_levels))
     else:
-        # Annotated as a number, but None by default.
+        # highway-env annotates a number, but the default is None.
         timer: Any = None if injection.timer is None else injection.timer[number]
         vehicle = IDMVehicle(road, position, heading, speed, target_speed=desired, timer=timer)
     for name, values in injection.parameters:
@@ -139,13 +139,13 @@ _BUILDERS = {Source.road: _spawn_on_road, Source.env: _reset_env, Source.injecte
 
 def _straight_road(scenario: Scenario) -> Road:
     network = RoadNetwork.straight_road_network(4, speed_limit=30)
-    # Annotated as NumPy's old generator, but highway-env's environments pass the new one.
+    # highway-env annotates NumPy's old generator, but its environments pass the new one.
     random: Any = np.random.default_rng(scenario.seed)
     return Road(network=network, np_random=random, record_history=False)
 
 
 def _describe(vehicles: list[ControlledVehicle]) -> Start:
-    """Start of the core's run: read off the finished vehicles, not off the scenario."""
+    """Start of the core's run, read from the vehicles that highway-env has built, not from the scenario."""
 
     def column(values: list, kind: type = np.float64) -> np.ndarray:
         return np.array(values, kind)

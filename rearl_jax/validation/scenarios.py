@@ -15,7 +15,7 @@ from enum import Enum
 import numpy as np
 
 TICKS_PER_SECOND = 15
-"""Source: highway-env 1.12.1, `AbstractEnv.default_config`, simulation_frequency."""
+"""Simulated ticks per second. Source: highway-env 1.12.1, `AbstractEnv.default_config`, simulation_frequency."""
 
 N_ACTIONS = 5
 """Number of meta-actions. Source: highway-env 1.12.1, `DiscreteMetaAction`."""
@@ -67,7 +67,7 @@ class Scenario:
         n_meta: Vehicles driven by meta-actions.
         speed_levels: Target speeds of the meta-actions [m/s].
         actions: Meta-actions, one row per second, one column per vehicle that follows them, in list order.
-        injection: The vehicles, where we place them.
+        injection: The vehicles, for source=injected.
     """
 
     set_name: str
@@ -109,7 +109,7 @@ class ScenarioSet:
         n_idm: Vehicles driven by IDM and MOBIL.
         n_meta: Vehicles driven by meta-actions.
         speed_levels: Target speeds of the meta-actions [m/s].
-        inject: Draws the vehicles of one scene, where we place them.
+        inject: Function that draws the vehicles of one scene, for source=injected.
         cooperative: Whether some driver's politeness is not zero.
     """
 
@@ -148,7 +148,7 @@ class ScenarioSet:
         )
 
 
-def _places(random: np.random.Generator, n_vehicles: int, speed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _positions(random: np.random.Generator, n_vehicles: int, speed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Positions [m] along and across the road, each vehicle ahead of all before it.
 
     Source: highway-env 1.12.1, `Vehicle.create_random`, at vehicles_density 2 on four lanes.
@@ -174,9 +174,9 @@ def _stress(n_vehicles: int) -> Callable[[np.random.Generator, int], Injection]:
 
     def draw(random: np.random.Generator, index: int) -> Injection:
         speed = random.uniform(10, 32, n_vehicles)
-        x, y = _places(random, n_vehicles, random.uniform(21, 24, n_vehicles))
+        x, y = _positions(random, n_vehicles, random.uniform(21, 24, n_vehicles))
         if n_vehicles == 2:
-            y = y * (index % 2)  # every other scene on one lane, where two vehicles always meet
+            y = y * (index % 2)  # every other scene on one lane, so that its two vehicles always meet
         desired = random.uniform(10, 34, n_vehicles)
         return _injection(random, shuffled=True, x=x, y=y, speed=speed, desired_speed=desired)
 
@@ -187,7 +187,7 @@ def _edge(random: np.random.Generator, index: int) -> Injection:
     """Ten vehicles that start before the beginning of the road, or about its end; every fifth follows meta-actions."""
     n_vehicles = 10
     speed = random.uniform(18, 28, n_vehicles)
-    x, y = _places(random, n_vehicles, speed)
+    x, y = _positions(random, n_vehicles, speed)
     if index % 2:
         x = x - x[-1] + random.uniform(9_000, 10_020)
     else:

@@ -19,9 +19,9 @@ from rearl_jax.core.timer import decision_period
 from rearl_jax.validation.records import Recorded, Start, Tracks, stack
 from rearl_jax.validation.scenarios import ScenarioSet
 
-VECTOR = 8
-"""Scenarios of a device are a multiple of this. XLA runs what does not fill a vector through scalar code, whose last
-place may differ; eight doubles fill the widest vectors there are."""
+VECTOR_WIDTH = 8
+"""The number of scenarios of a device is a multiple of this. XLA runs a rest that does not fill a vector through scalar
+code, whose last place may differ; eight doubles fill the widest vectors."""
 
 
 def batch_width(n_vehicles: int) -> int:
@@ -29,7 +29,7 @@ def batch_width(n_vehicles: int) -> int:
 
     Every batch of a set is filled up to this width, so that one program serves all.
     """
-    return jax.local_device_count() * VECTOR * max(1, min(4, 40 // n_vehicles))
+    return jax.local_device_count() * VECTOR_WIDTH * max(1, min(4, 40 // n_vehicles))
 
 
 def model_of(scenario_set: ScenarioSet) -> TrafficModel:
@@ -66,7 +66,7 @@ def simulate(scenes: Sequence[Recorded], model: TrafficModel, dtype: type) -> Tr
 
 @functools.cache
 def _program(model: TrafficModel, width: int) -> ScenarioMap:
-    """Compiled for the model: from (state, drivers, actions) to what `_observe` shows after every tick."""
+    """Compiled for the model: from (state, drivers, actions) to the result of `_observe` after every tick."""
 
     def run(arguments: tuple[TrafficState, Drivers, jax.Array]) -> tuple[jax.Array, ...]:
         state, drivers, actions = arguments
@@ -110,8 +110,8 @@ def initial_state(start: Start, model: TrafficModel, dtype: type) -> TrafficStat
 def _drivers(start: Start, model: TrafficModel, dtype: type) -> Drivers:
     """Parameters as arrays of full size.
 
-    XLA turns the division by a number that it knows, or spreads over an array, into a multiplication by its inverse.
-    That is faster and one unit in the last place off, which a comparison with highway-env would show.
+    XLA turns the division by a constant, or by a number broadcast to an array, into a multiplication by its inverse.
+    That is faster but one unit in the last place off, which a comparison with highway-env would show.
     """
 
     def numbers(name: str) -> jax.Array:

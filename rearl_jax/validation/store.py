@@ -17,7 +17,7 @@ from rearl_jax.validation.workers import Job
 REFERENCES = "reference/"
 """Folder of the files in a study."""
 
-FORMAT = 1
+FORMAT_VERSION = 1
 """Version of the stored scenes. Raise it when scenes are recorded differently, so that older files are not read."""
 
 
@@ -27,7 +27,7 @@ class ReferenceStore:
     def __init__(self, study: Study) -> None:
         """Uses the folder of the study."""
         self._study = study
-        self._origin = f"{FORMAT} highway-env {version('highway-env')} numpy {version('numpy')}"
+        self._origin = f"{FORMAT_VERSION} highway-env {version('highway-env')} numpy {version('numpy')}"
 
     def collect(self, jobs: Iterable[Job], n_workers: int) -> Iterator[Job]:
         """The jobs as their files become available: stored ones at once, then the others as they are finished."""
@@ -51,7 +51,7 @@ class ReferenceStore:
         content = path.read_bytes()
         try:
             return records.from_bytes(content)
-        except Exception as error:  # zipfile and NumPy have half a dozen for what is not their format
+        except Exception as error:  # zipfile and NumPy raise many kinds for a damaged file
             problem = Problem("reference-damaged", f"is damaged ({error})", "delete it and run again", file=str(path))
             raise InvalidInputError(problem) from error
 

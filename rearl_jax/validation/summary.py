@@ -1,4 +1,4 @@
-"""From rows per scene to figures per set, per size and overall, to the flat summary, and to what the run demands.
+"""Figures per set, per size and overall from rows per scene; the flat summary, and the requirements of a run.
 
 Keys of summary.json, overall and with the prefix `n2_`, `n10_`, `n30_`, `n60_` for one size of scene:
 
@@ -14,8 +14,8 @@ Keys of summary.json, overall and with the prefix `n2_`, `n10_`, `n30_`, `n60_` 
 | ..._before_contact_f64 | the same before the first contact of a scene |
 | ..._f32 | the same for float32 |
 
-Only overall: `control_scenes`, `control_agree_share`, `control_max_dx` (highway-env with against without NumPy's vector
-functions, judged like float64), `control_core_agree_share` (the core in the same scenes), `exceptions_f64` and
+Only overall: `control_scenes`, `control_agree_share`, `control_max_dx` (highway-env with NumPy's vector functions
+against without, judged like float64), `control_core_agree_share` (the core in the same scenes), `exceptions_f64` and
 `exceptions_f32` (scenes that disagree, by cause, in float32 before the first contact), `unexplained`, and `reference`.
 """
 
@@ -31,10 +31,10 @@ PRECISIONS = {"float64": "f64", "float32": "f32"}
 """Floating types and the endings of their keys."""
 
 CONTROL = "control"
-"""Name in the column of the precision for runs of highway-env itself in place of the core."""
+"""Value in the column of the precision for runs of highway-env in place of the core."""
 
 
-def where(table: pd.DataFrame, **values: str | int | bool) -> pd.DataFrame:
+def rows_with(table: pd.DataFrame, **values: str | int | bool) -> pd.DataFrame:
     """The rows that hold some values, by column."""
     kept = np.ones(len(table), bool)
     for name, value in values.items():
@@ -73,9 +73,9 @@ def groups(scenes: pd.DataFrame) -> pd.DataFrame:
     """Figures per set, per size and overall, one row for each and each precision."""
     rows = []
     for precision in PRECISIONS:
-        chosen = where(scenes, precision=precision)
+        chosen = rows_with(scenes, precision=precision)
         parts = [("set", name, part) for name, part in chosen.groupby("set", sort=False, observed=True)]
-        parts += [("size", f"N = {size}", where(chosen, size=size)) for size in SIZES]
+        parts += [("size", f"N = {size}", rows_with(chosen, size=size)) for size in SIZES]
         parts += [("all", "all", chosen)]
         rows += [
             {"level": level, "group": str(name), "precision": precision, **figures(part)}
@@ -86,12 +86,12 @@ def groups(scenes: pd.DataFrame) -> pd.DataFrame:
 
 
 def summarise(scenes: pd.DataFrame, reference: str) -> dict:
-    """The flat summary, see the head of this module."""
+    """The flat summary; its keys are in the docstring of this module."""
     summary: dict = {"reference": reference, **_flat(scenes, "")}
     for size in SIZES:
-        if len(part := where(scenes, size=size)):
+        if len(part := rows_with(scenes, size=size)):
             summary |= _flat(part, f"n{size}_")
-    control, core = where(scenes, precision=CONTROL), where(scenes, precision="float64")
+    control, core = rows_with(scenes, precision=CONTROL), rows_with(scenes, precision="float64")
     same = core.loc[np.isin(core["scenario"].to_numpy(), control["scenario"].to_numpy())]
     summary |= {
         "control_scenes": len(control),
@@ -100,7 +100,7 @@ def summarise(scenes: pd.DataFrame, reference: str) -> dict:
         "control_core_agree_share": _mean(same, "agrees"),
     }
     for precision, ending in PRECISIONS.items():
-        named = list(where(scenes, precision=precision, agrees=False)["cause"])
+        named = list(rows_with(scenes, precision=precision, agrees=False)["cause"])
         summary[f"exceptions_{ending}"] = {cause.value: named.count(cause.value) for cause in Cause}
     summary["unexplained"] = sum(
         summary[f"exceptions_{ending}"][Cause.unexplained.value] for ending in PRECISIONS.values()
@@ -136,7 +136,7 @@ def shortfalls(summary: dict, config: ValidationConfig) -> list[Problem]:
 def _flat(scenes: pd.DataFrame, prefix: str) -> dict:
     flat: dict = {}
     for precision, ending in PRECISIONS.items():
-        for name, value in figures(where(scenes, precision=precision)).items():
+        for name, value in figures(rows_with(scenes, precision=precision)).items():
             flat[prefix + (name if name in EVENTS else f"{name}_{ending}")] = value
     return flat
 

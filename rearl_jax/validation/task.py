@@ -1,6 +1,6 @@
 """The task `rearl validate`: the core against highway-env, tick by tick.
 
-Writes into the study folder `reference/` (what highway-env did, kept for the next run), `scenes.parquet` (one row per
+Writes into the study folder `reference/` (runs of highway-env, kept for the next run), `scenes.parquet` (one row per
 scene and precision, with the cause of every difference), `agreement.parquet` (per set, per size, overall),
 `errors.parquet` (differences at every tick), `error_over_time.png`, `config.json` and `summary.json`.
 
@@ -35,7 +35,7 @@ from rearl_jax.validation.scenarios import SETS, TICKS_PER_SECOND, ScenarioSet
 from rearl_jax.validation.store import REFERENCES, ReferenceStore
 from rearl_jax.validation.workers import Job, Variant, vector_features
 
-FACTS = {
+FACT_COLUMNS = {
     "cause": "str",
     "first_time": "float64",
     "first_vehicle": "Int64",
@@ -51,7 +51,7 @@ def run(config: ValidateTask) -> dict:
     """The figures, as written to summary.json; its keys are documented in `rearl_jax.validation.summary`.
 
     Raises:
-        InvalidInputError: After everything is written, if the core does not agree or too little happened.
+        InvalidInputError: After everything is written, if the core does not agree or too few events occurred.
     """
     if jnp.result_type(float) != jnp.float64:
         raise ValueError("the comparison needs double precision: call rearl_jax.runtime.start(x64=True) first")
@@ -84,7 +84,7 @@ def n_scenes(scenario_set: ScenarioSet, options: ValidationConfig) -> int:
 
 
 def _part(number: int, share: float) -> int:
-    """A share of a number, rounded up, but 7 % of 100 are 7 although 100 * 0.07 is a little more."""
+    """A share of a number, rounded up; 7 % of 100 are 7, although 100 * 0.07 is a little more in floating point."""
     return math.ceil(round(number * share, 9))
 
 
@@ -116,7 +116,7 @@ class _Validation:
                 rows += self._control(chosen, jobs, recorded)
                 self.progress.advance(work, len(jobs))
             errors += [_errors(chosen, precision, compared) for precision, compared in parts.items()]
-        scenes = pd.DataFrame(rows).astype({"first_contact": "float64", **FACTS})
+        scenes = pd.DataFrame(rows).astype({"first_contact": "float64", **FACT_COLUMNS})
         return self._with_own_differences(scenes, sets), pd.concat(errors, ignore_index=True)
 
     def _jobs(self, chosen: ScenarioSet, variant: Variant) -> list[Job]:
@@ -141,7 +141,7 @@ class _Validation:
             self.progress.advance(work)
 
     def _control(self, chosen: ScenarioSet, jobs: Sequence[Job], recorded: Sequence[Recorded]) -> list[dict]:
-        """Rows of those scenes of a batch that highway-env has run both ways."""
+        """Rows of the scenes of a batch that highway-env has run with and without vector functions."""
         n_control = len(self._jobs(chosen, Variant.vectorised)) if vector_features() else 0
         pairs = [
             (job, plain, self.store.load(dataclasses.replace(job, variant=Variant.vectorised)))
@@ -162,7 +162,7 @@ class _Validation:
         tolerance = self.options.tolerance_f32 if before_contact else self.options.tolerance_f64
         bounds = {"tolerance": tolerance, "only_before_contact": before_contact}
         agrees = comparison.agrees(compared, **bounds)
-        # What a scene of float32 does after contact is no exception, but its cause is of interest all the same.
+        # A float32 scene that differs after contact is no exception, but its cause is recorded.
         differs, first = comparison.first_disagreement(compared, tolerance=tolerance, only_before_contact=False)
         if before_contact:
             excepted, first_before = comparison.first_disagreement(compared, **bounds)
@@ -182,16 +182,17 @@ class _Validation:
                 "agrees": bool(agrees[number]),
             }
             facts = _facts(compared, batch, number, int(first[number]), tolerance) if differs[number] else {}
-            rows.append(scene | row | dict.fromkeys(FACTS) | facts)
+            rows.append(scene | row | dict.fromkeys(FACT_COLUMNS) | facts)
         return rows
 
     def _with_own_differences(self, scenes: pd.DataFrame, sets: Sequence[ScenarioSet]) -> pd.DataFrame:
-        """The rows with the column `own_difference`: what highway-env makes of one unit in the last place [m].
+        """The rows with the column `own_difference`: largest difference between runs of highway-env that differ by
+        one unit in the last place at the start [m].
 
         Measured for the scenes that disagree in float64; empty for all others.
         """
         by_name = {chosen.name: chosen for chosen in sets}
-        excepted = summary.where(scenes, precision="float64", agrees=False)
+        excepted = summary.rows_with(scenes, precision="float64", agrees=False)
         jobs = {}
         for name, index in zip(excepted["set"], excepted["index"], strict=True):
             scenario = by_name[name].scenario(int(index), seed=self.options.seed, n_seconds=self.options.seconds)

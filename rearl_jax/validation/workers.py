@@ -3,7 +3,7 @@
 On processors with AVX-512 NumPy has its own vector versions of arcsin, tan, arctan and pow. They differ from those of
 the C library, which XLA calls, by one unit in the last place for 0.5 to 10 % of the arguments, and highway-env's
 lateral controller, unstable below about 0.1 m/s, amplifies that. Therefore the reference runs in processes in which
-NumPy's documented variable NPY_DISABLE_CPU_FEATURES disables its vector versions. Other processors have no vector
+NumPy's documented variable NPY_DISABLE_CPU_FEATURES disables NumPy's vector versions. Other processors have no vector
 versions. The control of the report compares highway-env with and without the vector versions.
 """
 
@@ -19,8 +19,8 @@ from importlib import import_module
 from rearl_jax.validation.records import Recorded
 from rearl_jax.validation.scenarios import Scenario
 
-SWITCH = "NPY_DISABLE_CPU_FEATURES"
-"""NumPy's environment variable, read when it is imported."""
+DISABLING_VARIABLE = "NPY_DISABLE_CPU_FEATURES"
+"""Environment variable that disables NumPy's vector versions, read when NumPy is imported."""
 
 
 class Variant(Enum):
@@ -84,18 +84,18 @@ def run(jobs: Iterable[Job], n_workers: int) -> Iterator[tuple[Job, Recorded]]:
 @contextmanager
 def _environment(*, vectorised: bool) -> Iterator[None]:
     """Environment variables for new processes with or without NumPy's vector functions; restored at the end."""
-    before = os.environ.get(SWITCH)
+    before = os.environ.get(DISABLING_VARIABLE)
     if vectorised:
-        os.environ.pop(SWITCH, None)
+        os.environ.pop(DISABLING_VARIABLE, None)
     elif features := vector_features():
-        os.environ[SWITCH] = " ".join([*(before or "").replace(",", " ").split(), *features])
+        os.environ[DISABLING_VARIABLE] = " ".join([*(before or "").replace(",", " ").split(), *features])
     try:
         yield
     finally:
         if before is None:
-            os.environ.pop(SWITCH, None)
+            os.environ.pop(DISABLING_VARIABLE, None)
         else:
-            os.environ[SWITCH] = before
+            os.environ[DISABLING_VARIABLE] = before
 
 
 def _simulate(job: Job) -> Recorded:

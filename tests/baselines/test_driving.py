@@ -86,13 +86,13 @@ def test_every_recorded_action_was_admissible(start, network, model):
     state, drivers = start
     run = jax.jit(lambda key: collect(state, drivers, network, key, model, DrivingOptions(), n_seconds=8))
     seen = run(jax.random.key(2))
-    action, admissible = np.asarray(seen.action), np.asarray(seen.given.admissible)
+    action, admissible = np.asarray(seen.action), np.asarray(seen.inputs.admissible)
     taken = np.take_along_axis(admissible, np.maximum(action, 0)[:, None], axis=1)[:, 0]
     assert taken.all()
     assert (~admissible).sum() > 500
     assert np.asarray(seen.decides).all()  # nobody crashes here
-    assert np.isfinite(np.asarray(seen.log_share)).all()
-    assert (np.asarray(seen.log_share) <= 0).all()
+    assert np.isfinite(np.asarray(seen.log_probability)).all()
+    assert (np.asarray(seen.log_probability) <= 0).all()
 
 
 def test_crashed_vehicles_decide_nothing(start, network, model):

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from rearl_jax.baselines.experience import advantages, share_of_action
+from rearl_jax.baselines.experience import advantages, value_of_action
 from rearl_jax.baselines.learning import Decisions, Learner, improve, loss, make_optimiser, split
 from rearl_jax.baselines.network import drawn_actions, log_probabilities, make_network
 from rearl_jax.config.ppo import PpoConfig
@@ -56,7 +56,7 @@ def toy():
             observation=observation,
             admissible=admissible,
             action=action,
-            log_share=share_of_action(log_probabilities(logits, admissible), action),
+            log_probability=value_of_action(log_probabilities(logits, admissible), action),
             advantage=gain - 0.2,
             target=gain,
             weight=(jnp.arange(n) % 4 > 0).astype(jnp.float32),
@@ -81,7 +81,7 @@ def test_loss_on_hand_values(ppo):
         observation=jnp.zeros((25, 4), jnp.float32),
         admissible=admissible,
         action=jnp.asarray([0, 1, 0, 1], jnp.int32),
-        log_share=jnp.asarray(np.log(0.5 / ratio), jnp.float32),
+        log_probability=jnp.asarray(np.log(0.5 / ratio), jnp.float32),
         advantage=jnp.asarray(advantage, jnp.float32),
         target=jnp.asarray([1.0, 2.0, 3.0, 50.0], jnp.float32),
         weight=jnp.asarray([1.0, 1.0, 1.0, 0.0], jnp.float32),  # the last does not count

@@ -90,7 +90,7 @@ def test_a_killed_training_goes_on_and_equals_an_uninterrupted_one(tiny, tmp_pat
     seeded = replace(config, ppo=replace(config.ppo, seed=1))
     fresh = train(seeded, Study(config.results.root, config.study, seeded, "train ppo"))
     assert fresh.n_before == 0  # the checkpoint is of another configuration
-    assert (np.asarray(fresh.curve.gain) != np.asarray(whole.curve.gain)).all()
+    assert (np.asarray(fresh.curve.episode_return) != np.asarray(whole.curve.episode_return)).all()
 
 
 @pytest.mark.usefixtures("lenient")

@@ -42,6 +42,30 @@ def test_what_an_encoding_has_is_kept():
     assert "3.5 \u00b1 0.1 \u2013 \u2264" in printed("utf-8").stdout.decode("utf-8")
 
 
+@pytest.mark.parametrize("encoding", ["utf-8", "ascii", "latin-1"])
+def test_names_of_files_that_are_no_text_are_printed(encoding):
+    code = (
+        "import sys\nfrom rearl_jax.cli.streams import make_writable\nmake_writable()\n"
+        "for stream in (sys.stdout, sys.stderr):\n    print('m\\udcfcll', file=stream, flush=True)"
+    )
+    environment = os.environ | {"PYTHONIOENCODING": encoding}
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, env=environment, check=True)
+    assert all(text.startswith(b"m") and b"ll" in text for text in (done.stdout, done.stderr))
+
+
+@pytest.mark.skipif(not os.path.exists("/dev/full"), reason="a device that is full")
+@pytest.mark.parametrize("words", ["--version", "doctor --json results.root=."])
+def test_an_output_that_cannot_be_written_is_named(tmp_path, words):
+    with open("/dev/full", "w", encoding="utf-8") as full:
+        command = [sys.executable, "-m", "rearl_jax", *words.split()]
+        environment = os.environ | {"PYTHONPATH": os.getcwd()}
+        done = subprocess.run(command, stdout=full, stderr=subprocess.PIPE, cwd=tmp_path, env=environment, check=False)
+    assert done.returncode == 2
+    last = done.stderr.decode().splitlines()[-1]
+    assert "standard output" in last
+    assert "results.root" not in last
+
+
 @pytest.mark.skipif(shutil.which("sh") is None, reason="a POSIX shell closes the streams")
 @pytest.mark.parametrize("closing", [">&-", "2>&-", "<&-", ">&- 2>&-", ">&- 2>&- <&-"])
 def test_closed_streams_are_no_error_and_no_file_takes_their_place(tmp_path, closing):

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from sklearn.metrics import adjusted_rand_score
 
-from rearl_jax.clustering.kl import Centres, Curves, cluster_curves, enclosing_ball, moved
+from rearl_jax.clustering.kl import Centres, Curves, cluster_curves, enclosing_ball, move_centres
 from rearl_jax.config.clustering import CurveDistance, KlConfig, KlInit, KlUpdate
 from tests.clustering.curves import grouped_curves
 from tests.refusal import refused
@@ -59,7 +59,7 @@ def test_centre_without_members_stays():
     searched = Curves(curves, SMALL)
     centres = Centres(vertices, searched.distances(vertices))
     assert set(centres.labels) == {0}
-    after = moved(searched, centres, replace(SMALL, k=2), np.random.default_rng(0))
+    after = move_centres(searched, centres, replace(SMALL, k=2), np.random.default_rng(0))
     np.testing.assert_array_equal(after[1], vertices[1])
     assert not np.array_equal(after[0], vertices[0])
 

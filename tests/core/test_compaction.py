@@ -83,9 +83,9 @@ def test_a_block_begins_anywhere():
 
 
 def test_bits_of_numbers_are_listed_with_number_and_bit():
-    numbers = jnp.asarray([0, 5, 0x80000001, 0], jnp.uint32)
-    block = list_bits(numbers).block(0, 5)
-    found = [(int(n), int(b)) for n, b, there in zip(block.number, block.bit, block.is_filled, strict=True) if there]
+    words = jnp.asarray([0, 5, 0x80000001, 0], jnp.uint32)
+    block = list_bits(words).block(0, 5)
+    found = [(int(n), int(b)) for n, b, there in zip(block.word, block.bit, block.is_filled, strict=True) if there]
     assert sorted(found) == [(1, 0), (1, 2), (2, 0), (2, 31)]
 
 
@@ -98,9 +98,9 @@ def test_values_that_are_one_for_all_are_taken_as_such():
 
 def test_position_of_the_nth_bit():
     rng = np.random.default_rng(0)
-    numbers = rng.integers(1, 2**32, 400, dtype=np.uint32)
-    counts = np.asarray(bits.count(jnp.asarray(numbers)))
+    words = rng.integers(1, 2**32, 400, dtype=np.uint32)
+    counts = np.asarray(bits.count(jnp.asarray(words)))
     rank = rng.integers(0, counts)
-    expected = [[b for b in range(32) if n >> b & 1][r] for n, r in zip(numbers.tolist(), rank, strict=True)]
-    found = bits.position(jnp.asarray(numbers), jnp.asarray(rank, jnp.int32))
+    expected = [[b for b in range(32) if n >> b & 1][r] for n, r in zip(words.tolist(), rank, strict=True)]
+    found = bits.position(jnp.asarray(words), jnp.asarray(rank, jnp.int32))
     np.testing.assert_array_equal(found, expected)

@@ -32,9 +32,9 @@ def test_where_more_are_due_than_have_places_all_decide(monkeypatch):
         return np.asarray(jax.jit(decide, compiler_options=HASTE)(state))
 
     assert LARGEST_SMALL_TRAFFIC < N_VEHICLES
-    assert idm_driving.ONE_IN_SEARCHES > 3
+    assert idm_driving.VEHICLES_PER_SEARCHER > 3
     some_at_a_time = target_lanes()
-    monkeypatch.setattr(idm_driving, "ONE_IN_SEARCHES", 1)
+    monkeypatch.setattr(idm_driving, "VEHICLES_PER_SEARCHER", 1)
     changes = some_at_a_time != np.asarray(state.target_lane)
     assert changes[: N_VEHICLES // 3].any()
     assert changes[-N_VEHICLES // 3 :].any()

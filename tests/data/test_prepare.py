@@ -93,3 +93,25 @@ def test_unknown_lanes_are_no_lane_changes(highd_files, tmp_path):
     assert counts_of(recording)["lane_changes"] == 4
     recording.table.loc[::2, "lane"] = pd.NA
     assert counts_of(recording)["lane_changes"] == 0
+
+
+def test_recordings_whose_names_differ_by_case_only_have_tables_of_their_own_on_every_system(vehicle_rows, tmp_path):
+    rows = vehicle_rows.assign(time=vehicle_rows["frame"] / 10.0)
+    both = [
+        rows.assign(recording="Cam"),
+        rows.assign(recording="cam", x=rows["x"] + 5.0, position=rows["position"] + 5.0),
+    ]
+    pd.concat(both).to_csv(tmp_path / "a.csv", index=False)
+    config = PrepareTask(
+        study="p",
+        results=ResultsConfig(str(tmp_path)),
+        data=DataConfig(DataFormat.table, str(tmp_path / "a.csv")),
+        scenes=ScenesConfig(seconds=3, min_vehicles=2, slots=2),
+    )
+    run(config)
+    tables = sorted((tmp_path / "p" / "tables").iterdir())
+    assert len({file.name.lower() for file in tables}) == 2
+    assert {next(iterate_recordings(DataConfig(DataFormat.table, str(file)))).info.id for file in tables} == {
+        "Cam",
+        "cam",
+    }

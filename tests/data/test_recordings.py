@@ -33,6 +33,15 @@ def test_recordings_come_in_order_and_can_be_selected(highd):
         count_recordings(dataclasses.replace(highd, recordings="us101_*"))
 
 
+def test_the_name_of_a_recording_selects_it_even_with_brackets(vehicle_rows, tmp_path):
+    rows = vehicle_rows.assign(time=vehicle_rows["frame"] / 10.0)
+    for name in ("run[1]", "run2"):
+        rows.to_csv(tmp_path / f"{name}.csv", index=False)
+    data = DataConfig(DataFormat.table, str(tmp_path), recordings="run[1]")
+    assert [r.info.id for r in iterate_recordings(data)] == ["run[1]"]
+    assert [r.info.id for r in iterate_recordings(dataclasses.replace(data, recordings="run[2]"))] == ["run2"]
+
+
 def test_nothing_is_read_before_it_is_asked_for(highd, tmp_path):
     (tmp_path / "02_tracks.csv").write_text("damaged")
     stream = iterate_recordings(highd)

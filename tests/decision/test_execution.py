@@ -10,7 +10,13 @@ from rearl_jax.core.drivers import highway_env_drivers
 from rearl_jax.core.model import TrafficModel
 from rearl_jax.core.rollout import rollout
 from rearl_jax.core.state import Controller, make_state
-from rearl_jax.decision.execution import LONG_AGO, accept, execute, initial_decision_memory, record_lane_changes
+from rearl_jax.decision.execution import (
+    MAX_SINCE_LANE_CHANGE,
+    accept,
+    execute,
+    initial_decision_memory,
+    record_lane_changes,
+)
 
 LEFT, KEEP, RIGHT, FASTER, SLOWER = range(5)
 NONE = -1
@@ -102,4 +108,4 @@ def test_a_change_is_seen_in_the_memory(model):
     memory = record_lane_changes(vehicle.memory, moved, model)
     assert int(memory.since_lane_change[0, 0]) == 0
     assert int(record_lane_changes(memory, moved, model).since_lane_change[0, 0]) == 1
-    assert int(vehicle.memory.since_lane_change[0, 0]) == LONG_AGO
+    assert int(vehicle.memory.since_lane_change[0, 0]) == MAX_SINCE_LANE_CHANGE

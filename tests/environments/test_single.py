@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from functools import partial
 
 import gymnasium
 import jax
@@ -9,10 +10,12 @@ import numpy as np
 import pytest
 from gymnasium.utils.env_checker import check_env
 
-from rearl_jax import MetaAction, make_env
+from rearl_jax import FunctionalHighway, MetaAction, make_env
 from rearl_jax.environments.highway import HighwayOptions
 from rearl_jax.environments.single import HighwayEnv
+from rearl_jax.environments.starts import options_of
 from rearl_jax.problems import InvalidInputError
+from tests.refusal import refused
 
 
 @pytest.fixture(scope="module")
@@ -106,8 +109,35 @@ def test_bad_options_are_named(key, value):
 
 
 def test_unknown_options_are_named(small):
-    with pytest.raises(TypeError, match="vehicles_count"):
+    with refused("key-unknown", key="vehicles_count"):
         make_env(**small, vehicles_count=4)
+    with refused("key-unknown", key="n_other") as caught:
+        make_env(n_other=4)
+    assert "n_others" in caught.value.problem.fault
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [("n_others", "4"), ("n_others", None), ("n_others", True), ("density", "1"), ("see_behind", 1)]
+    + [("speed_levels", 20.0), ("speed_levels", ["20", "30"]), ("n_lanes", 2.5), ("dtype", 32)],
+)
+@pytest.mark.parametrize("make", [make_env, partial(make_env, num_envs=2), FunctionalHighway])
+def test_options_of_another_type_are_named(make, key, value):
+    with refused("wrong-type") as caught:
+        make(**{key: value})
+    assert caught.value.problem.key.startswith(key)
+
+
+def test_options_may_be_numbers_and_arrays_of_numpy():
+    options = options_of({"n_others": np.int64(3), "speed_levels": np.array([20.0, 30.0])})
+    assert options == HighwayOptions(n_others=3, speed_levels=(20.0, 30.0))
+
+
+def test_options_of_reset_are_refused_unless_known(env, small):
+    with refused("key-unknown", key="x"):
+        env.reset(options={"x": 1})
+    with refused("key-unknown", key="x"):
+        make_env(num_envs=2, **small).reset(options={"x": 1})
 
 
 def test_double_precision_needs_x64(monkeypatch):

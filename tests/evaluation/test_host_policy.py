@@ -30,7 +30,7 @@ def test_every_policy_is_told_its_own_scenarios(monkeypatch):
     table = jax.jit(lambda: tabulate(references, HistConfig(), np.dtype("float32")))()
 
     blocks = []
-    monkeypatch.setattr(host_policy, "BURST", 4)
+    monkeypatch.setattr(host_policy, "MAX_BURST", 4)
     monkeypatch.setattr(host_policy, "rollout_in_lockstep", lambda *_, n_seconds: (None, None))
     monkeypatch.setattr(host_policy, "Simulated", lambda frames, length, decisions: length)
     bursts = host_policy.simulate_with_host_policy(

@@ -11,9 +11,9 @@ from rearl_jax.config.ppo import PpoPolicyConfig
 from rearl_jax.core.rollout import Frames
 from rearl_jax.data.recordings import data_id
 from rearl_jax.evaluation import simulators
-from rearl_jax.evaluation.driven import count_actions
 from rearl_jax.evaluation.estimates import estimates
 from rearl_jax.evaluation.figures import draw
+from rearl_jax.evaluation.policy_actions import count_actions
 from rearl_jax.evaluation.rollouts import Rollouts
 from rearl_jax.evaluation.rows import Row
 from rearl_jax.evaluation.runner import evaluate

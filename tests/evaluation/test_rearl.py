@@ -16,7 +16,7 @@ from rearl_jax.evaluation.percentiles import base_values, thresholds_of
 from rearl_jax.evaluation.rollouts import Rollouts
 from rearl_jax.evaluation.rows import Row
 from rearl_jax.evaluation.runner import evaluate
-from rearl_jax.evaluation.simulators import NEVER, program
+from rearl_jax.evaluation.simulators import NEVER_EXCEEDED, program
 from rearl_jax.evaluation.task import documented
 from rearl_jax.problems import InvalidInputError
 from rearl_jax.progress import silent
@@ -62,7 +62,7 @@ def test_base_stands_beside_the_method_from_the_same_initial_states(scenes, inte
 def test_rows_of_one_batch_get_the_same_rollouts_and_thresholds_do_not_recompile(scenes, intervening, references):
     held_out = np.array([0, 3])
     (resting,) = Rollouts([Row(intervening)], scenes, held_out, references).chunks()
-    pairs = [NEVER, (0.1, 0.05), (np.inf, float(np.median(resting.decisions.mape)))]
+    pairs = [NEVER_EXCEEDED, (0.1, 0.05), (np.inf, float(np.median(resting.decisions.mape)))]
     rows = [Row(intervening, thresholds=pair) for pair in pairs]
     together = Rollouts(rows, scenes, held_out, references)
     assert together.row.tolist() == [0] * 6 + [1] * 6 + [2] * 6

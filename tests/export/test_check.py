@@ -13,7 +13,7 @@ from rearl_jax.config.driver import record_of
 from rearl_jax.config.export import ExportConfig, ExportTask, Target
 from rearl_jax.config.mobil import MobilConfig
 from rearl_jax.export import sumo_platoon
-from rearl_jax.export.drawn import columns
+from rearl_jax.export.drawn import driver_columns
 from rearl_jax.export.leaders import leader_speeds
 from rearl_jax.export.platoon import simulate, start_platoons
 from rearl_jax.export.sumo import sumo_file, type_attributes
@@ -44,7 +44,9 @@ def in_sumo(people, start, leaders, seed=0, extended=False):
     """The followers of the start in SUMO, each with its own type."""
     own, names = {}, []
     for platoon in range(N_LEADERS):
-        types = type_attributes(columns(people, start.drivers, N_FOLLOWERS + 1, platoon), (), extended=extended)[1:]
+        types = type_attributes(driver_columns(people, start.drivers, N_FOLLOWERS + 1, platoon), (), extended=extended)[
+            1:
+        ]
         names.append([f"{platoon}_{k}" for k in range(N_FOLLOWERS)])
         own |= dict(zip(names[-1], types, strict=True))
     return simulate_in_sumo(start, leaders, sumo_file(own), names, seed)

@@ -8,7 +8,7 @@ import numpy as np
 
 from rearl_jax.config.metrics import HistConfig
 from rearl_jax.core.rollout import Frames
-from rearl_jax.decision.execution import LONG_AGO
+from rearl_jax.decision.execution import MAX_SINCE_LANE_CHANGE
 from rearl_jax.decision.situation import Situation
 from rearl_jax.detection.detector import Detection, Thresholds
 from rearl_jax.detection.references import References
@@ -73,7 +73,7 @@ def make_situation(second, **given) -> Situation:
         target_lane=values("target_lane", lane, np.int32),
         detection=detection,
         admissible=values("admissible", np.ones((5, *x.shape)), bool),
-        since_lane_change=values("since_lane_change", np.full(x.shape, LONG_AGO), np.int32),
+        since_lane_change=values("since_lane_change", np.full(x.shape, MAX_SINCE_LANE_CHANGE), np.int32),
         last_action=values("last_action", np.full(x.shape, -1), np.int32),
     )
     return jax.tree.map(np.asarray, situation)
@@ -127,7 +127,7 @@ def small_situation(second) -> Situation:
         admissible=admissible,
         mask=mask,
         last_action=[[-1, FASTER, KEEP], [KEEP, -1, -1], [RIGHT, SLOWER, -1]],
-        since_lane_change=[[LONG_AGO, 3, 4], [LONG_AGO, 1, 2], [0, 1, 2]],
+        since_lane_change=[[MAX_SINCE_LANE_CHANGE, 3, 4], [MAX_SINCE_LANE_CHANGE, 1, 2], [0, 1, 2]],
     )
 
 

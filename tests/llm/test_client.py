@@ -10,6 +10,7 @@ from dataclasses import replace
 
 import pytest
 
+from rearl_jax.config.decision import DecisionConfig
 from rearl_jax.config.llm import Profile, Thinking
 from rearl_jax.llm.answers import Answers
 from rearl_jax.llm.breaker import Breaker
@@ -20,6 +21,7 @@ from rearl_jax.llm.requests_table import COLUMNS
 from rearl_jax.problems import InvalidInputError, MissingInputError
 from tests.llm.asking import CHOICES, make_config, make_questions, outcomes
 from tests.llm.stub import Fault, Stub, right_answer
+from tests.refusal import refused
 
 SECRET = "sk-3f9a71c2d5e84b60"
 
@@ -350,6 +352,10 @@ def test_two_processes_share_the_answers(tmp_path):
         ("https://host/v1beta", "https://host/v1beta"),
         ("https://host/prefix", "https://host/prefix/v1"),
         ("http://[::1]:8000", "http://[::1]:8000/v1"),
+        *((f"http://h/v1/{page}", "http://h/v1") for page in ("models", "chat", "completions/", "responses")),
+        ("http://h:11434/api/chat", "http://h:11434/v1"),
+        ("https://h/openai/v1/models", "https://h/openai/v1"),
+        ("https://h/models", "https://h/models/v1"),
     ],
 )
 def test_address(given, address):
@@ -368,6 +374,16 @@ def test_address_with_a_password_is_refused_and_not_repeated(scheme, code):
     with pytest.raises(InvalidInputError) as caught:
         server_address(f"{scheme}://me:{SECRET}@host/v1")
     assert caught.value.code == code
+    assert SECRET not in str(caught.value)
+
+
+@pytest.mark.parametrize("end", [f"?key={SECRET}", f"?tenant=3&api_key={SECRET}", f"?{SECRET}", f"#{SECRET}"])
+def test_address_with_a_key_is_refused_and_not_repeated(end):
+    with refused("key-in-address", key="decision.server") as caught:
+        server_address(f"http://host/v1{end}")
+    assert SECRET not in str(caught.value)
+    with refused("key-in-address", key="server") as caught:
+        DecisionConfig(server=f"http://host/v1{end}").check()
     assert SECRET not in str(caught.value)
 
 

@@ -16,6 +16,7 @@ from rearl_jax.llm.connection import read_retry_after
 from rearl_jax.llm.records import NO_DECISION, Cause
 from tests.llm.asking import make_config, make_questions, outcomes
 from tests.llm.stub import STATUS, Fault, Seen, Stub, chat_digest
+from tests.refusal import refused
 
 TIMED_OUT = {Fault.late, Fault.never}
 NO_RESPONSE = {Fault.garbage, Fault.half_body, Fault.closed, Fault.reset, Fault.enormous, Fault.endless}
@@ -82,11 +83,13 @@ def test_retry_after_is_waited_for(tmp_path, expected, fault):
 
 def test_retry_after_the_deadline_is_not_waited_for(tmp_path):
     with Stub(retry_after=3600, fault=lambda seen: Fault.too_many_wait) as stub:
-        with Client(make_config(tmp_path), stub.url) as client:
+        with Client(make_config(tmp_path, breaker_failures=8), stub.url) as client:
             start = time.monotonic()
             answers = client.submit(make_questions(40)).result()
+            with refused("requests-refused"):
+                client.check_usable(is_finished=False)
     assert time.monotonic() - start < 20.0
-    assert {answer.cause for answer in answers} == {Cause.late}
+    assert {answer.cause for answer in answers} == {Cause.refused}
     assert len(stub.chats) == 40
 
 

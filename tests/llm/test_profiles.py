@@ -148,7 +148,8 @@ def test_completion(response, expected):
     [b"", b"<html></html>", b"\xff\xfe", b"null", b"[]", b"[" * 100_000, b"{}", b'{"error": {"message": "no"}}']
     + [b'{"choices": null}', b'{"choices": []}', b'{"choices": [null]}', b'{"choices": [{"text": "3"}]}']
     + [b'{"choices": [{"message": "3"}]}', b'{"choices": [{"message": {}}]}']
-    + [b'{"choices": [{"message": {"content": 3}}]}', b'{"choices": [{"message": {"content": ["3"]}}]}']
+    + [b'{"choices": [{"message": {"content": [true, null]}}]}', b'{"choices": [{"message": {"content": []}}]}']
+    + [b'{"choices": [{"message": {"content": ' + b"[" * 900 + b"]" * 900 + b"}}]}"]
     + [b'{"choices": [{"message": {"content": "3"}}]'],
 )
 def test_no_completion(content):

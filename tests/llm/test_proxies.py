@@ -39,6 +39,8 @@ def no_proxies(monkeypatch):
         ({"http_proxy": "http://a:1", "NO_PROXY": "10.0.0.0/8"}, "http://10.1.2.3:8000/v1", None, None),
         ({"http_proxy": "http://a:1", "NO_PROXY": "10.0.0.0/8"}, "http://11.1.2.3:8000/v1", "a:1", "http_proxy"),
         ({"http_proxy": "http://a:1"}, "http://localhost:8000/v1", None, None),
+        ({"http_proxy": "http://a:1", "no_proxy": "", "NO_PROXY": "model.invalid"}, ADDRESS, "a:1", "http_proxy"),
+        ({"http_proxy": "http://a:1", "no_proxy": "", "NO_PROXY": "::/0"}, "http://[::2]:8000/v1", "a:1", "http_proxy"),
     ],
 )
 def test_proxy_that_counts(monkeypatch, variables, address, place, variable):
@@ -54,6 +56,16 @@ def test_a_proxy_that_cannot_be_used_is_named(tmp_path, monkeypatch, value):
     monkeypatch.setenv("ALL_PROXY", value)
     with refused("proxy-unusable", key="ALL_PROXY"):
         Connection(ADDRESS, make_config(tmp_path), "")
+
+
+@pytest.mark.parametrize("separator", "@#/?")
+def test_a_password_of_a_proxy_that_is_not_encoded_is_not_printed(tmp_path, monkeypatch, separator):
+    monkeypatch.setenv("http_proxy", f"http://user:x7{separator}y8#z9@127.0.0.1:9")
+    monkeypatch.setenv("no_proxy", "")
+    with refused("proxy-unusable", key="http_proxy") as caught:
+        Connection(ADDRESS, make_config(tmp_path), "")
+    assert not any(part in str(caught.value) for part in ("x7", "y8", "z9"))
+    assert "no_proxy" in caught.value.problem.remedy
 
 
 @pytest.mark.parametrize("scheme", ["socks5", "socks5h"])

@@ -6,7 +6,7 @@ import pytest
 
 from rearl_jax.config.llm import Profile
 from rearl_jax.llm.client import Client
-from rearl_jax.llm.connection import server_address
+from rearl_jax.llm.connection import Response, server_address
 from rearl_jax.llm.listing import ServerError
 from rearl_jax.llm.parameters import refused_parameter, without
 from rearl_jax.llm.profiles import read_completion
@@ -15,6 +15,7 @@ from rearl_jax.llm.records import Cause, Message, Question
 from rearl_jax.problems import InvalidInputError
 from tests.llm.asking import CHOICES, make_config, make_questions
 from tests.llm.stub import Fault, Stub
+from tests.refusal import refused
 
 NEW_NAME = {"error": {"message": "max_tokens is not supported, use max_completion_tokens"}}
 
@@ -65,6 +66,35 @@ def test_query_of_the_address_and_the_key_azure_wants(tmp_path, monkeypatch):
     assert chat.headers["api-key"] == "a long secret"
 
 
+@pytest.mark.parametrize(
+    "response",
+    [
+        Response(200, b'{"object": "list", "data": []}'),
+        Response(200, b'{"object": "list", "data": [{"id": "x"}], "has_more": true}'),
+        Response(200, b'{"data": [{"id": "x"}], "next_page_token": "2"}'),
+        Response(error="ReadTimeout", timed_out=True),
+    ],
+)
+def test_a_list_that_is_empty_or_partial_or_does_not_come_refuses_no_named_model(tmp_path, monkeypatch, response):
+    async def get(connection, path, read_timeout):
+        return response
+
+    monkeypatch.setattr("rearl_jax.llm.connection.Connection.get", get)
+    with Stub() as stub:
+        assert causes(stub, make_config(tmp_path, model="m", profile=Profile.plain)) == {Cause.answered}
+    assert {seen.body["model"] for seen in stub.chats} == {"m"}
+
+
+def test_a_redirect_names_its_target(tmp_path, monkeypatch):
+    async def get(connection, path, read_timeout):
+        return Response(301, b"", location="https://other.invalid/v1/models")
+
+    monkeypatch.setattr("rearl_jax.llm.connection.Connection.get", get)
+    with Stub() as stub, refused("server-unknown") as caught:
+        Client(make_config(tmp_path), stub.url).open()
+    assert "https://other.invalid/v1/models" in caught.value.problem.fault
+
+
 @pytest.mark.parametrize("status", [404, 405, 400, 501, 500, 403])
 def test_a_server_without_a_list_of_models_is_asked_for_the_configured_one(tmp_path, monkeypatch, status):
     monkeypatch.setattr("rearl_jax.llm.connection.Connection.get", unlisted(status))
@@ -76,8 +106,6 @@ def test_a_server_without_a_list_of_models_is_asked_for_the_configured_one(tmp_p
 
 
 def unlisted(status):
-    from rearl_jax.llm.connection import Response
-
     async def get(self, path, read_timeout):
         return Response(status=status, content=b'{"error": "none"}')
 
@@ -141,10 +169,11 @@ def test_refused_parameters_are_left_out_and_said(tmp_path, caplog, refuse, gone
     assert {reply.cause for reply in replies} == {Cause.answered}
 
 
-def test_a_message_of_the_system_that_is_refused_begins_that_of_the_user(tmp_path):
+@pytest.mark.parametrize("refusal", ["System role not supported", "Developer instruction is not enabled for models/m"])
+def test_a_message_of_the_system_that_is_refused_begins_that_of_the_user(tmp_path, refusal):
     def refuse(body):
         has_system = any(message["role"] == "system" for message in body["messages"])
-        return {"error": {"message": "System role not supported"}} if has_system else None
+        return {"error": {"message": refusal}} if has_system else None
 
     with Stub(refuse=refuse) as stub:
         assert causes(stub, make_config(tmp_path), n=1) == {Cause.answered}
@@ -206,6 +235,10 @@ def said(**message) -> bytes:
         ),
         ([{"type": "reasoning", "text": "hm"}], "", "hm"),
         ([{"type": "refusal", "refusal": "I cannot"}], "I cannot", ""),
+        (["1"], "1", ""),
+        (1, "1", ""),
+        ({"type": "text", "text": "1"}, "1", ""),
+        ([{"type": "text", "text": {"value": "1", "annotations": []}}], "1", ""),
     ],
 )
 def test_content_in_parts_is_joined(content, text, thinking):

@@ -1,4 +1,4 @@
-"""A run in which no question gets a usable answer is stopped with the reason; a run with usable answers goes on."""
+"""A run without usable answers, or with too few answers, is stopped with the reason; a run with them goes on."""
 
 import pytest
 
@@ -6,7 +6,7 @@ from rearl_jax.cli.running import is_for_user
 from rearl_jax.llm.client import Client
 from rearl_jax.llm.records import Cause
 from rearl_jax.llm.requests_table import Counts
-from rearl_jax.llm.usability import MAX_UNUSABLE, check_usable
+from rearl_jax.llm.usability import MAX_UNANSWERED, MAX_UNUSABLE, check_usable
 from rearl_jax.problems import InvalidInputError
 from tests.llm.asking import make_config, make_questions
 from tests.llm.stub import Stub
@@ -15,10 +15,13 @@ from tests.refusal import refused
 MOST_REFUSED = 8
 """Number of refused requests that stops a run."""
 
+FEW = int(1000 * MAX_UNANSWERED)
+"""Most of a thousand questions that may remain without an answer."""
+
 REFUSAL = "HTTP 402: no credit"
 
 
-def check(n_by_cause, *, is_finished=False, refused_in_a_row=0, reasons=None, any_text=False):
+def check(n_by_cause, *, is_finished=False, unanswered_in_a_row=0, refused_in_a_row=0, reasons=None, any_text=False):
     """`check_usable` for a run with this number of questions by cause."""
     n_questions = sum(n_by_cause.values())
     counts = Counts(
@@ -36,6 +39,7 @@ def check(n_by_cause, *, is_finished=False, refused_in_a_row=0, reasons=None, an
         reasons or {},
         is_finished=is_finished,
         any_text=any_text,
+        unanswered_in_a_row=unanswered_in_a_row,
         refused_in_a_row=refused_in_a_row,
         most_refused=MOST_REFUSED,
     )
@@ -49,7 +53,9 @@ def check(n_by_cause, *, is_finished=False, refused_in_a_row=0, reasons=None, an
         ({Cause.late: MAX_UNUSABLE - 1}, False, 0),
         ({Cause.refused: MOST_REFUSED - 1}, False, MOST_REFUSED - 1),
         ({Cause.answered: 1, Cause.unparsable: 5000}, True, 0),
-        ({Cause.answered: 1, Cause.refused: 5000}, True, MOST_REFUSED - 1),
+        ({Cause.answered: 1000 - FEW, Cause.refused: FEW}, True, MOST_REFUSED - 1),
+        ({Cause.answered: 1, Cause.unparsable: 999 - FEW, Cause.broken: FEW}, True, 0),
+        ({Cause.answered: 1, Cause.failed: 5000}, False, 0),
     ],
 )
 def test_a_run_with_usable_answers_or_few_questions_goes_on(n_by_cause, is_finished, refused_in_a_row):
@@ -64,6 +70,8 @@ def test_a_run_with_usable_answers_or_few_questions_goes_on(n_by_cause, is_finis
         ({Cause.not_kept: 3}, True, 0, "answers-unusable"),
         ({Cause.refused: MOST_REFUSED}, False, 0, "requests-refused"),
         ({Cause.answered: 50, Cause.refused: MOST_REFUSED}, False, MOST_REFUSED, "requests-refused"),
+        ({Cause.answered: 999 - FEW, Cause.failed: 1, Cause.broken: FEW}, True, 0, "answers-too-few"),
+        ({Cause.answered: 1, Cause.late: 2}, True, 0, "answers-too-few"),
     ],
 )
 def test_a_run_without_usable_answers_or_with_refused_requests_is_stopped(
@@ -74,6 +82,13 @@ def test_a_run_without_usable_answers_or_with_refused_requests_is_stopped(
         check(n_by_cause, is_finished=is_finished, refused_in_a_row=refused_in_a_row, reasons=reasons)
     assert REFUSAL in caught.value.problem.fault
     assert is_for_user(caught.value)
+
+
+def test_a_run_is_stopped_after_a_hundred_questions_in_a_row_without_an_answer():
+    causes = {Cause.answered: 5000, Cause.broken: MAX_UNUSABLE}
+    check(causes, unanswered_in_a_row=MAX_UNUSABLE - 1)
+    with refused("answers-too-few"):
+        check(causes, unanswered_in_a_row=MAX_UNUSABLE)
 
 
 def test_an_unparsable_answer_counts_as_usable_if_any_text_does():
@@ -98,6 +113,39 @@ def test_a_run_without_credit_is_stopped_and_its_answers_are_stored(tmp_path):
     with Client(config, "", replay=True) as client:
         client.submit(make_questions(20)).result()
         client.check_usable(is_finished=True)
+
+
+@pytest.mark.parametrize("status", [402, 502])
+def test_an_error_sent_as_a_good_response_is_read_as_the_status_it_states(tmp_path, status):
+    config = make_config(tmp_path, breaker_failures=3, tries=1)
+    error = {"error": {"message": "no credit left", "code": status}}
+    good = {"choices": [{"message": {"content": "1"}}]}
+    with Stub(say=lambda body: error if "scenario" in str(body) else good) as stub, Client(config, stub.url) as client:
+        (answer, *_) = client.submit(make_questions(3)).result()
+        with refused("requests-refused" if status == 402 else "answers-unusable") as caught:
+            client.check_usable(is_finished=True)
+    assert answer.replies[0].status == status
+    assert "no credit left" in caught.value.problem.fault
+
+
+def test_a_run_whose_server_dies_is_stopped_with_the_reason_and_resumed_by_the_same_command(tmp_path):
+    config = make_config(tmp_path, breaker_failures=3, tries=1, max_in_flight=1)
+    with Stub() as stub, Client(config, stub.url) as client:
+        client.submit(make_questions(5)).result()
+        stub.fault = lambda seen: 500
+        causes = [answer.cause for answer in client.submit(make_questions(20)).result()]
+        assert causes.count(Cause.broken) > 10
+        client.check_usable(is_finished=False)
+        with refused("answers-too-few") as caught:
+            client.check_usable(is_finished=True)
+        assert "status 500" in caught.value.problem.fault
+        client.submit(make_questions(MAX_UNUSABLE, "later")).result()
+        with refused("answers-too-few"):
+            client.check_usable(is_finished=False)
+    with Stub() as stub, Client(config, stub.url) as client:
+        client.submit(make_questions(20)).result()
+        client.check_usable(is_finished=True)
+    assert len(stub.chats) == 15
 
 
 def test_a_replay_without_stored_answers_is_stopped(tmp_path):

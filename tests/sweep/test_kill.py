@@ -16,7 +16,7 @@ import sys
 from rearl_jax.cli import main
 from rearl_jax.sweep import parts
 
-parts.PART = 40
+parts.MAX_PART_ROLLOUTS = 40
 sys.exit(main())
 """
 

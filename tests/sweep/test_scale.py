@@ -44,7 +44,7 @@ import sys
 from rearl_jax.cli import main
 from rearl_jax.sweep import parts, scale_costs
 
-parts.PART, scale_costs.BATCHES = 2_000, (2_000,)
+parts.MAX_PART_ROLLOUTS, scale_costs.BATCHES = 2_000, (2_000,)
 sys.exit(main())
 """
 
@@ -70,9 +70,9 @@ def measured(config):
     jax.monitoring.register_event_duration_secs_listener(listen)
     try:
         with pytest.MonkeyPatch.context() as patch, contextlib.redirect_stdout(printed):
-            patch.setattr(parts, "PART", PART)
+            patch.setattr(parts, "MAX_PART_ROLLOUTS", PART)
             patch.setattr(scale_costs, "BATCHES", (PART,))
-            patch.setattr(scale_costs, "LEAST_S", 0.0)
+            patch.setattr(scale_costs, "MIN_TIME_S", 0.0)
             summary = scale.run(config)
     finally:
         jax.monitoring.unregister_event_duration_listener(listen)
@@ -171,7 +171,7 @@ def test_no_part_compiles_anew(whole, resumed):
 def test_costs_are_of_batches_up_to_the_number_of_rollouts(whole):
     cost = pd.read_parquet(whole.folder / "cost.parquet")
     assert cost["n_rollouts"].tolist() == [PART]
-    assert (cost["repetitions"] == scale_costs.LEAST_REPETITIONS).all()
+    assert (cost["repetitions"] == scale_costs.MIN_REPETITIONS).all()
     assert (cost[["simulate_s", "simulate_cpu_s", "score_s", "score_cpu_s"]] > 0).all(axis=None)
     # The first call compiles.
     assert (cost["first_s"] > 5 * cost["n_rollouts"] * (cost["simulate_s"] + cost["score_s"])).all()

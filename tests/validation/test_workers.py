@@ -7,7 +7,7 @@ import pytest
 from numpy._core._multiarray_umath import __cpu_dispatch__
 
 from rearl_jax.validation import reference, workers
-from rearl_jax.validation.workers import SWITCH, Job, Variant, vector_features
+from rearl_jax.validation.workers import DISABLING_VARIABLE, Job, Variant, vector_features
 
 
 def test_workers_run_what_highway_env_runs(jobs, recorded):
@@ -24,7 +24,7 @@ def test_a_failure_names_the_scene(jobs):
     broken = Job(dataclasses.replace(job.scenario, injection=None), Variant.nudged)
     with pytest.raises(RuntimeError, match=r"scene 2 of stress10 \(nudged\)"):
         list(workers.run([broken], 1))
-    assert SWITCH not in os.environ
+    assert DISABLING_VARIABLE not in os.environ
 
 
 def test_no_jobs_start_no_worker(monkeypatch):
@@ -48,7 +48,7 @@ def test_only_the_control_keeps_the_vector_functions(monkeypatch, jobs, recorded
             assert mp_context.get_start_method() == "spawn"
 
         def submit(self, function, job):
-            seen.append(os.environ.get(SWITCH))
+            seen.append(os.environ.get(DISABLING_VARIABLE))
             future = Future()
             future.set_result(recorded[jobs["stress10"][0]])
             return future
@@ -56,13 +56,13 @@ def test_only_the_control_keeps_the_vector_functions(monkeypatch, jobs, recorded
         def shutdown(self, cancel_futures):
             assert cancel_futures
 
-    monkeypatch.delenv(SWITCH, raising=False)
+    monkeypatch.delenv(DISABLING_VARIABLE, raising=False)
     monkeypatch.setattr(workers, "vector_features", lambda: ("X86_V4",))
     monkeypatch.setattr(workers, "ProcessPoolExecutor", Executor)
     asked = [dataclasses.replace(job, variant=Variant(variant)) for job in jobs["stress10"]]
     assert {job for job, _ in workers.run(asked, 2)} == set(asked)
     assert seen == [switched] * 3
-    assert SWITCH not in os.environ
+    assert DISABLING_VARIABLE not in os.environ
 
 
 def test_a_nudged_job_is_run_nudged(jobs):
@@ -76,15 +76,15 @@ def test_a_nudged_job_is_run_nudged(jobs):
 @pytest.mark.parametrize("before", [None, "AVX2, FMA3"])
 def test_the_switch_is_set_for_new_processes_and_restored(monkeypatch, before):
     monkeypatch.setattr(workers, "vector_features", lambda: ("X86_V4", "AVX512_ICL"))
-    monkeypatch.delenv(SWITCH, raising=False)
+    monkeypatch.delenv(DISABLING_VARIABLE, raising=False)
     if before is not None:
-        monkeypatch.setenv(SWITCH, before)
+        monkeypatch.setenv(DISABLING_VARIABLE, before)
     with workers._environment(vectorised=False):
-        assert os.environ[SWITCH].split() == ["AVX2", "FMA3", "X86_V4", "AVX512_ICL"][0 if before else 2 :]
-    assert os.environ.get(SWITCH) == before
+        assert os.environ[DISABLING_VARIABLE].split() == ["AVX2", "FMA3", "X86_V4", "AVX512_ICL"][0 if before else 2 :]
+    assert os.environ.get(DISABLING_VARIABLE) == before
     with workers._environment(vectorised=True):
-        assert SWITCH not in os.environ
-    assert os.environ.get(SWITCH) == before
+        assert DISABLING_VARIABLE not in os.environ
+    assert os.environ.get(DISABLING_VARIABLE) == before
 
 
 def test_vector_features_are_names_that_numpy_knows():

@@ -12,7 +12,7 @@ import numpy as np
 from rearl_jax.baselines.critical.mixture import ALL_REGULAR, Mixture
 
 GIVEN, START, KNOWN = "given", "start", "known"
-"""Origins of mixtures without a proposal: set by the user, the first mixture, known from the start."""
+"""Origins of mixtures that no proposer gave: set by the user, start of the rounds, known beforehand."""
 
 
 @dataclass(frozen=True)
@@ -21,7 +21,7 @@ class Assessment:
 
     Attributes:
         h: Mean Hellinger distance to the threshold scenes [-].
-        mape: Mean error of the mean spacing to them [-].
+        mape: Mean error of the mean spacing against these scenes [-].
         crashed: Vehicles that crashed.
         near_misses: Vehicle-seconds with a short time to collision.
         n_vehicles: Vehicles of all rollouts.
@@ -53,8 +53,8 @@ class Trial:
         mixture: Shares of the classes.
         assessment: Assessment of the mixture.
         attempts: Answers that were requested until one contained the mixture.
-        cause: `answered` if a proposer gave the mixture; else the reason why it equals that of the round before, or its
-            origin.
+        cause: `answered` if a proposer gave the mixture; else the reason why the mixture of the round before was kept,
+            or the origin of the mixture.
     """
 
     number: int
@@ -110,7 +110,7 @@ Propose: TypeAlias = Callable[[int, Sequence[Trial]], Proposal]
 
 
 def best_of(candidates: Sequence[Mixture], assess: Assess, proposer: str) -> Adaptation:
-    """The candidate with the smallest sum of the two errors in `Assessment`; of equally good ones the first."""
+    """The candidate with the lowest score (`Assessment.score`); of equally good candidates the first."""
     trials = tuple(
         Trial(0, mixture, assessment, 0, KNOWN)
         for mixture, assessment in zip(candidates, assess(candidates), strict=True)
@@ -128,10 +128,10 @@ def adapt_by_rounds(
     start: Mixture = ALL_REGULAR,
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> Adaptation:
-    """The last valid proposal, independent of its figures.
+    """The last valid proposal, whatever its score.
 
-    The first mixture is simulated, then every round proposes and simulates another, so the selected mixture has figures
-    too.
+    The first mixture is simulated, then every round proposes and simulates another. So the selected mixture has been
+    simulated, too.
 
     Source: CRITICAL, main.py: the configuration that was accepted last applies.
     """

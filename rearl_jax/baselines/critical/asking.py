@@ -13,22 +13,22 @@ from rearl_jax.baselines.critical.classes import CLASSES
 from rearl_jax.baselines.critical.mixture import Mixture
 
 NEAR_MISS_TIME = 1.5
-"""Time to collision below which two vehicles nearly miss each other [s]. Source: CRITICAL's near misses; the value is
+"""Time to collision below which two vehicles count as a near miss [s]. Source: CRITICAL's near misses; the value is
 that of `safety.ttc`, FHWA-HRT-08-051 (2008).
 """
 
 _MAX_REPEATED = 200
-"""Number of characters of a refused answer that are repeated in the next prompt."""
+"""Largest number of characters of a refused answer that the next prompt repeats."""
 
 
-class Said(NamedTuple):
-    """Reply to one chat: its text, or None and the reason."""
+class Reply(NamedTuple):
+    """Reply of the language model: the text, or None; and the cause of the outcome."""
 
     text: str | None
     cause: str
 
 
-Ask: TypeAlias = Callable[[str, str, int, int], Said]
+Ask: TypeAlias = Callable[[str, str, int, int], Reply]
 """Function from the system message, the user message, the round and the attempt within it to the reply."""
 
 
@@ -43,8 +43,8 @@ class LanguageModelProposer:
     def __call__(self, number: int, trials: Sequence[Trial]) -> Proposal:
         """The proposal of a round.
 
-        If an answer is not a mixture, the request is repeated with a reminder of the ranges. If there was no reply, it
-        is not repeated, because the client has already retried.
+        If an answer is not a mixture, the request is repeated with a reminder of the ranges. If there was no reply, the
+        request is not repeated, because the client has already retried.
         """
         refused, why, cause = "", "", ""
         for attempt in range(1, self._attempts + 1):
@@ -59,7 +59,7 @@ class LanguageModelProposer:
         return Proposal(None, self._attempts, cause)
 
     def _messages(self, trials: Sequence[Trial], attempt: int, refused: str, why: str) -> tuple[str, str]:
-        """The system and the user message."""
+        """The system message and the user message."""
         *past, now = trials
         variables = {
             "schema": json.dumps(SCHEMA),
@@ -95,7 +95,7 @@ def _template() -> Template:
 
 
 def _written(value: object) -> object:
-    """Text form of the value of an expression."""
+    """Text of a value in the prompt."""
     return f"{value:.3g}" if isinstance(value, float) else value
 
 

@@ -19,7 +19,7 @@ from rearl_jax.core.state import TrafficState
 from rearl_jax.core.timer import decision_period
 
 CLASS_STREAM = 2
-"""Separates the random numbers of classes and their speeds from those of the initial state."""
+"""Number of the random stream of classes and speeds, separate from that of the initial state."""
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class DriverClass:
 
     Attributes:
         max_accel: IDM acceleration a [m/s^2].
-        jam_spacing: IDM spacing at rest s0, centre to centre as highway-env's DISTANCE_WANTED [m].
+        jam_spacing: IDM spacing at rest, centre to centre like highway-env's DISTANCE_WANTED [m].
         gain_threshold: MOBIL gain in acceleration that justifies a change [m/s^2].
         delay: Time between two lane-change decisions, highway-env's LANE_CHANGE_DELAY [s].
         politeness: MOBIL weight p of the followers' change of acceleration [-].
@@ -53,10 +53,10 @@ CLASSES = {
 }
 """Classes in the order of `Mixture`; the last one takes the remaining share.
 
-Source: CRITICAL, highway_env/vehicle/behavior.py. In highway-env DISTANCE_WANTED includes one vehicle length; CRITICAL
-overwrites it with values that do not. They are used unchanged, as centre-to-centre distances, because the code of
-highway-env treats them so. Trucks have highway-env 1.12.1's constants (IDMVehicle) and CRITICAL's speeds. All vehicles
-are 5 m long as with `method=base`; CRITICAL's trucks are 10 m.
+Source: CRITICAL, highway_env/vehicle/behavior.py. In highway-env DISTANCE_WANTED includes one vehicle length, unlike
+CRITICAL's values. They are used unchanged as centre-to-centre distances, as the code of highway-env treats them. Trucks
+have highway-env 1.12.1's constants (IDMVehicle) and CRITICAL's speeds. All vehicles are 5 m long as with `method=base`;
+CRITICAL's trucks are 10 m long.
 """
 
 
@@ -69,8 +69,8 @@ def populate(
 ) -> tuple[TrafficState, Drivers]:
     """State and drivers of the same vehicles at the same positions, with classes and speeds drawn.
 
-    Initial speeds are clipped to the range of `model.speed_levels`. The same values are the desired speeds, capped at
-    the speed limit. Politeness has an effect with `model.cooperative` only.
+    Initial speeds are clipped to the range of `model.speed_levels`. They are also the desired speeds, which the speed
+    limit caps. Politeness only has an effect with `model.cooperative`.
 
     Args:
         state: Drawn initial state.

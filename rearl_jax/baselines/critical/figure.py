@@ -26,8 +26,8 @@ def draw_adaptation(adaptation: Adaptation, spacing_error: str, *, generated: bo
         spacing_error: Title of the error of the mean spacing.
         generated: Whether the recordings were generated, not measured.
     """
-    shares_a_round = len({trial.number for trial in adaptation.trials}) < len(adaptation.trials)
-    draw = _draw_grid if shares_a_round else _draw_rounds  # all points of a grid are one round
+    is_grid = len({trial.number for trial in adaptation.trials}) < len(adaptation.trials)
+    draw = _draw_grid if is_grid else _draw_rounds  # all points of a grid are one round
     return draw(adaptation, spacing_error, generated)
 
 

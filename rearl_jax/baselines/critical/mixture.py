@@ -4,7 +4,7 @@ from itertools import product
 from typing import NamedTuple
 
 GRID_STEPS = 5
-"""Steps of the grid from 0 to 1; five give 56 points."""
+"""Number of steps of a share from 0 to 1; five steps give a grid of 56 points."""
 
 
 class Mixture(NamedTuple):
@@ -20,13 +20,13 @@ class Mixture(NamedTuple):
         return max(0.0, 1.0 - sum(self))
 
     def written(self) -> str:
-        """The shares in words."""
+        """The shares as text."""
         shares = (*zip(self._fields, self, strict=True), ("regular", self.regular))
         return ", ".join(f"{name} {100 * share:.0f} %" for name, share in shares)
 
 
 ALL_REGULAR = Mixture(0.0, 0.0, 0.0)
-"""Mixture a language model starts from."""
+"""Mixture that a language model starts from."""
 
 
 def grid(steps: int = GRID_STEPS) -> list[Mixture]:

@@ -1,7 +1,7 @@
 """Shares of aggressive drivers, defensive drivers and trucks among the vehicles of recordings.
 
-Every vehicle in given parts of the recordings counts, not only the vehicles picked for scenes: these are longest in
-view, so slow vehicles would be over-represented.
+Every vehicle in given parts of the recordings counts, not only the vehicles picked for scenes, which are those longest
+in view and thus too often slow.
 """
 
 from collections.abc import Iterable, Mapping, Sequence
@@ -35,7 +35,7 @@ class Stretch:
 
 @dataclass(frozen=True)
 class Driving:
-    """Statistics of driving.
+    """Statistics of driving, one entry per vehicle.
 
     Attributes:
         speed: Mean speed [m/s].
@@ -52,11 +52,13 @@ class Driving:
 
 
 def driving_of(recordings: Iterable[Recording], stretches: Mapping[str, Sequence[Stretch]]) -> Driving:
-    """Every car and truck that is in view for more than a second in some parts of the recordings, once per recording.
+    """Statistics of every car and truck in view for a second or more in some parts of the recordings.
+
+    A vehicle counts once per recording.
 
     Args:
         recordings: The recordings, one in memory at a time.
-        stretches: By id of the recording; recordings without an entry are skipped.
+        stretches: Parts by id of the recording; recordings without an entry are skipped.
     """
     parts = [_of_recording(rec, stretches[rec.info.id]) for rec in recordings if rec.info.id in stretches]
     return Driving(
@@ -69,8 +71,8 @@ def _of_recording(recording: Recording, stretches: Sequence[Stretch]) -> Driving
     frame, direction = table["frame"].to_numpy(), table["direction"].to_numpy()
     wanted = np.zeros(len(table), bool)
     for stretch in stretches:
-        on_road = True if stretch.direction is None else direction == stretch.direction
-        wanted |= (frame >= stretch.first) & (frame < stretch.stop) & on_road
+        on_carriageway = True if stretch.direction is None else direction == stretch.direction
+        wanted |= (frame >= stretch.first) & (frame < stretch.stop) & on_carriageway
     is_car, is_truck = (table["vehicle_class"].eq(name).to_numpy() for name in ("car", "truck"))
     rows = np.flatnonzero(wanted & (is_car | is_truck))
     _, first, vehicle = np.unique(table["track_id"].to_numpy()[rows], return_index=True, return_inverse=True)
@@ -92,12 +94,12 @@ def _of_recording(recording: Recording, stretches: Sequence[Stretch]) -> Driving
     change = np.bincount(vehicle[pairs], np.abs(speed[pairs + second] - speed[pairs]), n_vehicles)
     before, after = lane[steps], lane[steps + 1]
     changed = steps[np.isfinite(before) & np.isfinite(after) & (before != after)]
-    seen = n_pairs > 0
+    has_pairs = n_pairs > 0
     return Driving(
-        speed=(np.bincount(vehicle, speed, n_vehicles) / np.bincount(vehicle, minlength=n_vehicles))[seen],
-        acceleration=change[seen] / n_pairs[seen],
-        lane_changes=np.bincount(vehicle[changed], minlength=n_vehicles)[seen],
-        is_truck=is_truck[rows[first]][seen],
+        speed=(np.bincount(vehicle, speed, n_vehicles) / np.bincount(vehicle, minlength=n_vehicles))[has_pairs],
+        acceleration=change[has_pairs] / n_pairs[has_pairs],
+        lane_changes=np.bincount(vehicle[changed], minlength=n_vehicles)[has_pairs],
+        is_truck=is_truck[rows[first]][has_pairs],
     )
 
 
@@ -129,6 +131,6 @@ def recorded_mixture(driving: Driving, *, seed: int = 0) -> Mixture:
     labels, centres = groups.fit_predict(scaled), groups.cluster_centers_
     slowest = int(centres[:, 0].argmin())
     activity = np.where(np.arange(N_GROUPS) == slowest, -np.inf, centres.sum(axis=1))
-    n_of = np.bincount(labels, minlength=N_GROUPS)
-    counts = (n_of[activity.argmax()], n_of[slowest], (~cars).sum())
+    n_cars = np.bincount(labels, minlength=N_GROUPS)
+    counts = (n_cars[activity.argmax()], n_cars[slowest], (~cars).sum())
     return Mixture(*(float(count / len(cars)) for count in counts))

@@ -2,7 +2,7 @@
 
     min(a [1 - (s* / s)^p] - k dv, k0 (v0 - v))   with   s* = s0 + v T
 
-IDM responds to the approach rate through its desired gap, with a strength that follows from a and b. In adaptive cruise
+IDM responds to the approach rate through the desired gap, with a strength that follows from a and b. In adaptive cruise
 controls this response is a separate parameter, k, and a speed controller, k0 (v0 - v), bounds the acceleration.
 
 Source: after Treiber, Hennecke & Helbing, Phys. Rev. E 62 (2000) 1805; relative-speed term as in Milanes &

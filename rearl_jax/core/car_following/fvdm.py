@@ -1,4 +1,4 @@
-"""The full velocity difference model: relaxation towards a speed that belongs to the gap, and the approach rate.
+"""The full velocity difference model: relaxation to a speed that depends on the gap, and response to the approach rate.
 
     k0 [V(s) - v] - k dv   with   V(s) = v0 tanh((s - s0) / (v0 T)), 0 below s0
 
@@ -18,8 +18,8 @@ from rearl_jax.config.driver import fvdm
 from rearl_jax.config.driver.declaration import DriverModel
 from rearl_jax.core.car_following.model import CarFollowing
 
-NEAR_DESIRED_SPEED = 0.999
-"""Share of the desired speed above which the equilibrium gap is kept constant."""
+MAX_SPEED_SHARE = 0.999
+"""Upper bound of v / v0 in the equilibrium gap, which is infinite at the desired speed v0 [-]."""
 
 
 class FVDM(CarFollowing):
@@ -43,11 +43,11 @@ class FVDM(CarFollowing):
         self, gap: Float[Array, "*#n"], speed: Float[Array, "*#n"], approach_rate: Float[Array, "*#n"]
     ) -> Float[Array, "*n"]:
         """Acceleration behind a leader [m/s^2]: k0 [V(s) - v] - k dv."""
-        reach = self.desired_speed * self.time_gap
-        optimal_speed = self.desired_speed * jnp.tanh(jnp.maximum(gap - self.jam_gap, 0.0) / reach)
+        length_scale = self.desired_speed * self.time_gap
+        optimal_speed = self.desired_speed * jnp.tanh(jnp.maximum(gap - self.jam_gap, 0.0) / length_scale)
         return self.speed_gain * (optimal_speed - speed) - self.approach_gain * approach_rate
 
     def equilibrium_gap(self, speed: Float[Array, "*#n"]) -> Float[Array, "*n"]:
         """Equilibrium gap [m]: s0 + v0 T artanh(v / v0)."""
-        share = jnp.clip(speed / self.desired_speed, 0.0, NEAR_DESIRED_SPEED)
+        share = jnp.clip(speed / self.desired_speed, 0.0, MAX_SPEED_SHARE)
         return self.jam_gap + self.desired_speed * self.time_gap * jnp.arctanh(share)

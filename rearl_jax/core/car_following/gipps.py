@@ -20,12 +20,14 @@ from rearl_jax.config.driver import gipps
 from rearl_jax.config.driver.declaration import DriverModel
 from rearl_jax.core.car_following.model import CarFollowing
 
-TIME_GAP_OF_REACTIONS = 1.5
-"""Time gap at equilibrium over the reaction time [-]: the reaction time and half of it as a margin. Source: ibid."""
+TIME_GAP_PER_REACTION_TIME = 1.5
+"""Equilibrium time gap over the reaction time [-]: the reaction time and half of it as a margin.
 
-SLOWEST_ROOT = 0.1
-"""Lower bound [m/s] of the square root in the safe speed, for gaps too short to stop; it keeps the slope finite.
+Source: Gipps (1981).
 """
+
+MIN_SQUARE_ROOT = 0.1
+"""Lower bound of the square root in the safe speed [m/s], for gaps too short to stop; it keeps the slope finite."""
 
 
 class Gipps(CarFollowing):
@@ -50,11 +52,11 @@ class Gipps(CarFollowing):
         self, gap: Float[Array, "*#n"], speed: Float[Array, "*#n"], approach_rate: Float[Array, "*#n"]
     ) -> Float[Array, "*n"]:
         """Acceleration behind a leader [m/s^2]: (min(v_free, v_safe) - v) / tau."""
-        reaction_time = self.time_gap / TIME_GAP_OF_REACTIONS
+        reaction_time = self.time_gap / TIME_GAP_PER_REACTION_TIME
         decel, leader_speed = self.comfort_decel, jnp.maximum(speed - approach_rate, 0.0)
         reserve = 2 * (gap - self.jam_gap) - speed * reaction_time
         square = (decel * reaction_time) ** 2 + decel * reserve + leader_speed**2
-        safe_speed = -decel * reaction_time + jnp.sqrt(jnp.maximum(square, SLOWEST_ROOT**2))
+        safe_speed = -decel * reaction_time + jnp.sqrt(jnp.maximum(square, MIN_SQUARE_ROOT**2))
         return jnp.minimum(self.free_acceleration(speed), (safe_speed - speed) / reaction_time)
 
     def equilibrium_gap(self, speed: Float[Array, "*#n"]) -> Float[Array, "*n"]:

@@ -3,9 +3,10 @@
     a [1 - (max(v, 0) / |v0|)^delta - (s* / d)^2]   with   s* = d0 + v T + v dv / (2 sqrt(a b))
 
 Two deviations from the published model matter: distances d are centre to centre (d0 = s0 + 5 m includes one vehicle
-length, the same for all), and s* may be negative, so a leader that drives away fast enough makes its follower brake.
+length, the same for all), and s* may be negative; as s* enters squared, a leader that drives away fast enough then
+makes its follower brake.
 
-Traffic without effects uses the functions with keyword arguments, which reproduce the rounding of highway-env.
+Traffic without effects uses the methods with keyword arguments, which reproduce the rounding of highway-env.
 
 Source: Treiber, Hennecke & Helbing, Phys. Rev. E 62 (2000) 1805; highway-env 1.12.1, `IDMVehicle.acceleration`.
 """
@@ -17,7 +18,7 @@ from jaxtyping import Array, Float
 
 from rearl_jax.config.driver import highway_env_idm
 from rearl_jax.config.driver.declaration import DriverModel
-from rearl_jax.core.car_following.model import SMALLEST_GAP, CarFollowing, Spacing
+from rearl_jax.core.car_following.model import SMALLEST_GAP, CarFollowing, SpacingStimulus
 from rearl_jax.core.double_double import rounded
 from rearl_jax.core.elementary import not_zero, power
 
@@ -29,7 +30,7 @@ class HighwayEnvIDM(CarFollowing):
     """highway-env's Intelligent Driver Model.
 
     Attributes:
-        desired_speed: None if each vehicle has its own, in the state.
+        desired_speed: Desired speed v0 [m/s]; None if only the traffic's state contains it.
         max_accel: Maximum acceleration a [m/s^2].
         comfort_decel: Comfortable deceleration b, positive [m/s^2].
         accel_exponent: Acceleration exponent delta [-].
@@ -49,7 +50,7 @@ class HighwayEnvIDM(CarFollowing):
 
     def free_acceleration(self, speed: Float[Array, "*#n"]) -> Float[Array, "*n"]:
         """Free-road acceleration [m/s^2]: a [1 - (max(v, 0) / |v0|)^delta]."""
-        speed_ratio = jnp.maximum(speed, 0.0) / jnp.abs(not_zero(self._wanted()))
+        speed_ratio = jnp.maximum(speed, 0.0) / jnp.abs(not_zero(self._known_desired_speed()))
         return self.free_acceleration_at(speed_ratio=speed_ratio)
 
     def acceleration(
@@ -67,18 +68,18 @@ class HighwayEnvIDM(CarFollowing):
 
     def equilibrium_gap(self, speed: Float[Array, "*#n"]) -> Float[Array, "*n"]:
         """Equilibrium gap [m]: (d0 + v T) / sqrt(1 - (v / v0)^delta) - 5 m; without bound towards the desired speed."""
-        free = 1 - power(jnp.maximum(speed, 0.0) / self._wanted(), self.accel_exponent)
+        free = 1 - power(jnp.maximum(speed, 0.0) / self._known_desired_speed(), self.accel_exponent)
         return (self.jam_spacing + speed * self.time_gap) / jnp.sqrt(jnp.maximum(free, 1e-6)) - VEHICLE_LENGTH
 
     def desired_gap(self, speed: Float[Array, "*#n"], approach_rate: Float[Array, "*#n"]) -> Float[Array, "*n"]:
         """Desired gap [m]: s* - 5 m."""
         return self.desired_distance(speed=speed, approach_rate=approach_rate) - VEHICLE_LENGTH
 
-    def _wanted(self) -> Float[Array, "*#n"]:
-        """Desired speed [m/s] of the record.
+    def _known_desired_speed(self) -> Float[Array, "*#n"]:
+        """Desired speed of these parameters [m/s].
 
         Raises:
-            ValueError: The desired speed is only known in the state.
+            ValueError: Only the traffic's state contains desired speeds.
         """
         if self.desired_speed is None:
             raise ValueError("these drivers' desired speeds are in the traffic's state: set one by with_setpoints")
@@ -88,21 +89,21 @@ class HighwayEnvIDM(CarFollowing):
         """Comfortable deceleration [m/s^2]: b."""
         return self.comfort_decel
 
-    def spacing_acceleration(self, seen: Spacing) -> Float[Array, "*n"]:
+    def spacing_acceleration(self, seen: SpacingStimulus) -> Float[Array, "*n"]:
         """Acceleration behind a leader [m/s^2], independent of vehicle lengths.
 
         a [1 - (max(v, 0) / |v0|)^delta - (s* / d)^2]
         """
         return self.free_acceleration_at(speed_ratio=seen.speed_ratio) - self.spacing_interaction(seen)
 
-    def spacing_interaction(self, seen: Spacing) -> Float[Array, "*n"]:
+    def spacing_interaction(self, seen: SpacingStimulus) -> Float[Array, "*n"]:
         """Deceleration because of a leader [m/s^2]: a (s* / d)^2, independent of vehicle lengths."""
         return self.interaction_at(distance=seen.spacing, speed=seen.speed, approach_rate=seen.approach_rate)
 
     def desired_spacing(
         self, length: Float[Array, "*#n"], speed: Float[Array, "*#n"], approach_rate: Float[Array, "*#n"]
     ) -> Float[Array, "*n"]:
-        """s*, independent of vehicle lengths."""
+        """Desired centre-to-centre spacing s* [m], independent of vehicle lengths."""
         return self.desired_distance(speed=speed, approach_rate=approach_rate)
 
     def free_acceleration_at(self, *, speed_ratio: Float[Array, "*n"]) -> Float[Array, "*n"]:
@@ -114,11 +115,11 @@ class HighwayEnvIDM(CarFollowing):
         return rounded(self.max_accel * (1 - power(speed_ratio, self.accel_exponent)))
 
     def desired_distance(self, *, speed: Float[Array, "*n"], approach_rate: Float[Array, "*n"]) -> Float[Array, "*n"]:
-        """Spacing s* a driver wants to a leader, centre to centre [m].
+        """Desired spacing s* to the leader, centre to centre [m].
 
         Args:
             speed: Own speed [m/s].
-            approach_rate: Own minus leader's speed along the own heading [m/s].
+            approach_rate: Own minus leader's speed along the driver's heading [m/s].
         """
         v, a, b = speed, self.max_accel, self.comfort_decel
         return self.jam_spacing + rounded(v * self.time_gap) + v * approach_rate / (2 * jnp.sqrt(a * b))
@@ -131,7 +132,7 @@ class HighwayEnvIDM(CarFollowing):
         Args:
             distance: To the leader, centre to centre [m]; inf without one.
             speed: Own speed [m/s].
-            approach_rate: Own minus leader's speed along the own heading [m/s].
+            approach_rate: Own minus leader's speed along the driver's heading [m/s].
         """
         ratio = self.desired_distance(speed=speed, approach_rate=approach_rate) / not_zero(distance)
         return rounded(self.max_accel * (ratio * ratio))

@@ -1,7 +1,7 @@
 """Car following: the interface of every model, and its linearisation.
 
 A model is a record of its drivers' parameters, one value per vehicle, with methods for the acceleration. Traffic,
-effects and discovery use only this interface and do not depend on its formula or number of parameters.
+effects and discovery use only this interface; they do not depend on the formula of a model or its parameters.
 """
 
 from abc import abstractmethod
@@ -16,7 +16,7 @@ from jaxtyping import Array, Bool, Float
 from rearl_jax.config.driver.declaration import DriverModel
 
 SMALLEST_GAP = 0.5
-"""Lower bound of the gap in all models [m], because measured gaps may be negative."""
+"""Lower bound of gaps [m] in models that divide by the gap, because measured gaps may be negative."""
 
 LEAST_DESIRED_SPEED = 0.1
 """Lower bound of desired speeds [m/s]; the zero of absent vehicles would cause a division by zero."""
@@ -38,7 +38,7 @@ class CarFollowing(eqx.Module):
         declaration: Names, units, usual values, bounds and sources of the parameters, in the order of the fields.
 
     Attributes:
-        desired_speed: Desired speed v0 [m/s]; in a simulation the desired speed of the state replaces it.
+        desired_speed: Desired speed v0 [m/s]; in a simulation that of the traffic's state replaces it.
         time_gap: Time gap T [s].
         jam_gap: Bumper-to-bumper gap s0 at standstill [m].
     """
@@ -51,10 +51,10 @@ class CarFollowing(eqx.Module):
 
     def __init_subclass__(cls, **arguments: object) -> None:
         super().__init_subclass__(**arguments)
-        stated, declared = [*CarFollowing.__annotations__][1:], cls.declaration.names
-        stated += [name for name in cls.__annotations__ if name not in ("declaration", *stated)]
-        if tuple(stated) != declared:
-            raise TypeError(f"{cls.__name__} has the fields {stated}, but its declaration says {list(declared)}")
+        names, declared = [*CarFollowing.__annotations__][1:], cls.declaration.names
+        names += [name for name in cls.__annotations__ if name not in ("declaration", *names)]
+        if tuple(names) != declared:
+            raise TypeError(f"{cls.__name__} has the fields {names}, but its declaration says {list(declared)}")
 
     @abstractmethod
     def free_acceleration(self, speed: Float[Array, "*#n"]) -> Float[Array, "*n"]:
@@ -90,25 +90,25 @@ class CarFollowing(eqx.Module):
         """Deceleration because of a leader [m/s^2]: free-road acceleration minus acceleration."""
         return self.free_acceleration(speed) - self.acceleration(gap, speed, approach_rate)
 
-    def spacing_acceleration(self, seen: "Spacing") -> Float[Array, "*n"]:
+    def spacing_acceleration(self, seen: "SpacingStimulus") -> Float[Array, "*n"]:
         """`acceleration` [m/s^2] from centre-to-centre spacings, with each driver's own desired speed; 0 without a
         leader.
         """
-        gap = jnp.where(seen.has_leader, seen.spacing - seen.length, 0.0)
-        return jnp.where(seen.has_leader, self._wanting(seen).acceleration(gap, seen.speed, seen.approach_rate), 0.0)
+        gap, drivers = jnp.where(seen.has_leader, seen.spacing - seen.length, 0.0), self._with_desired_speed_of(seen)
+        return jnp.where(seen.has_leader, drivers.acceleration(gap, seen.speed, seen.approach_rate), 0.0)
 
-    def spacing_interaction(self, seen: "Spacing") -> Float[Array, "*n"]:
+    def spacing_interaction(self, seen: "SpacingStimulus") -> Float[Array, "*n"]:
         """`interaction` [m/s^2] from centre-to-centre spacings, with each driver's own desired speed; 0 without a
         leader.
         """
-        gap = jnp.where(seen.has_leader, seen.spacing - seen.length, 0.0)
-        return jnp.where(seen.has_leader, self._wanting(seen).interaction(gap, seen.speed, seen.approach_rate), 0.0)
+        gap, drivers = jnp.where(seen.has_leader, seen.spacing - seen.length, 0.0), self._with_desired_speed_of(seen)
+        return jnp.where(seen.has_leader, drivers.interaction(gap, seen.speed, seen.approach_rate), 0.0)
 
-    def _wanting(self, seen: "Spacing") -> "CarFollowing":
-        """The same drivers with desired speeds v / (v / v0) from the stimulus; at standstill, those of the record."""
+    def _with_desired_speed_of(self, seen: "SpacingStimulus") -> "CarFollowing":
+        """The same drivers with desired speeds v / (v / v0) from the stimulus; at standstill, with their own."""
         is_moving = (seen.speed > 0) & (seen.speed_ratio > 0)
-        own = LEAST_DESIRED_SPEED if self.desired_speed is None else self.desired_speed
-        desired_speed = jnp.where(is_moving, seen.speed / jnp.where(is_moving, seen.speed_ratio, 1), own)
+        at_standstill = LEAST_DESIRED_SPEED if self.desired_speed is None else self.desired_speed
+        desired_speed = jnp.where(is_moving, seen.speed / jnp.where(is_moving, seen.speed_ratio, 1), at_standstill)
         return self.with_setpoints(desired_speed, self.time_gap, self.jam_gap)
 
     def desired_spacing(
@@ -137,15 +137,15 @@ class CarFollowing(eqx.Module):
         return [getattr(self, item.name) for item in fields(self)]
 
 
-class Spacing(NamedTuple):
+class SpacingStimulus(NamedTuple):
     """Stimulus with centre-to-centre distances, as in highway-env.
 
     Attributes:
-        spacing: To the leader, centre to centre [m]; inf without one.
-        length: Part of a spacing that is vehicle length [m].
+        spacing: Distance to the leader, centre to centre [m]; inf without a leader.
+        length: Vehicle length [m], the difference of spacing and gap.
         speed: Own speed [m/s].
-        speed_ratio: max(v, 0) over the own desired speed [-].
-        approach_rate: Own minus leader's speed along the own heading [m/s].
+        speed_ratio: max(v, 0) / v0 with the driver's desired speed v0 [-].
+        approach_rate: Own minus leader's speed along the driver's heading [m/s].
     """
 
     spacing: Float[Array, "*#n"]
@@ -185,11 +185,11 @@ class Linearisation(NamedTuple):
     def amplification(self, frequency: Float[Array, "*#n"]) -> Float[Array, "*n"]:
         """Amplitude of a follower's speed over its leader's [-] at an angular frequency [rad/s].
 
-        Source: transfer function of the linearised platoon, same chapter.
+        Source: Treiber & Kesting (2013), chapter 15: transfer function of the linearised platoon.
         """
         numerator = self.gap**2 + (self.approach_rate * frequency) ** 2
-        own = self.speed + self.approach_rate
-        return jnp.sqrt(numerator / ((self.gap - frequency**2) ** 2 + (own * frequency) ** 2))
+        own_speed = self.speed + self.approach_rate  # slope with the driver's own speed at constant leader speed
+        return jnp.sqrt(numerator / ((self.gap - frequency**2) ** 2 + (own_speed * frequency) ** 2))
 
 
 def linearise(model: CarFollowing, speed: Float[Array, "*n"]) -> Linearisation:

@@ -106,11 +106,13 @@ def _table(path: Path, names: Sequence[str], only: tuple[str, str | int] | None)
 
 
 def _has(batch: pa.RecordBatch, name: str, value: str | int) -> pa.Array:
-    """Mask of the rows with a value in a column; numbers are compared as text if the value is a text."""
+    """Mask of the rows with a value in a column, for a text whatever blanks are around it and if it is a number."""
     values = batch.column(name)
     kind = values.type.value_type if pa.types.is_dictionary(values.type) else values.type
     if isinstance(value, str) and _is_scalar(kind):
         values = _as_text(pa.chunked_array([values.cast(kind)])).combine_chunks()
+    elif isinstance(value, str):
+        values = pc.call_function("utf8_trim_whitespace", [values.cast(kind)])
     return pc.call_function("equal", [values, pa.scalar(value)])
 
 

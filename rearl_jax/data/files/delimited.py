@@ -274,25 +274,27 @@ class _Lines:
             broken.append(row)
             return "skip"
 
-        return csv.read_csv(
-            self.path if self.content is None else io.BytesIO(self.content),
-            # Row numbers are known only to the sequential parser.
-            read_options=csv.ReadOptions(
-                use_threads=broken is None, column_names=self.names, skip_rows=self.header_lines
-            ),
-            parse_options=csv.ParseOptions(
-                delimiter=self.delimiter,
-                quote_char=self.quote or False,
-                invalid_row_handler=None if broken is None else skip,
-            ),
-            convert_options=csv.ConvertOptions(
-                include_columns=list(columns),
-                column_types=columns,
-                null_values=_UNKNOWN,
-                strings_can_be_null=True,
-                decimal_point=self.decimal_point,
-            ),
-        )
+        # Opened here: Arrow would unpack a plain file with the name of a packed one.
+        with self.path.open("rb") if self.content is None else io.BytesIO(self.content) as file:
+            return csv.read_csv(
+                file,
+                # Row numbers are known only to the sequential parser.
+                read_options=csv.ReadOptions(
+                    use_threads=broken is None, column_names=self.names, skip_rows=self.header_lines
+                ),
+                parse_options=csv.ParseOptions(
+                    delimiter=self.delimiter,
+                    quote_char=self.quote or False,
+                    invalid_row_handler=None if broken is None else skip,
+                ),
+                convert_options=csv.ConvertOptions(
+                    include_columns=list(columns),
+                    column_types=columns,
+                    null_values=_UNKNOWN,
+                    strings_can_be_null=True,
+                    decimal_point=self.decimal_point,
+                ),
+            )
 
     def _broken_line(self, row: csv.InvalidRow, n_rows: int) -> BadRecordingError:
         text = f"the line has {row.actual_columns} fields instead of {row.expected_columns}"

@@ -1,11 +1,16 @@
 """Files of recordings in a folder: hidden ones are left out, packed and nested ones are pointed out."""
 
 import hashlib
-from collections.abc import Sequence
+import logging
+import os
+from collections.abc import Collection, Sequence
+from functools import lru_cache
 from pathlib import Path
 from urllib.parse import quote
 
-from rearl_jax.problems import MissingInputError, Problem
+from rearl_jax.problems import InvalidInputError, MissingInputError, Problem
+
+log = logging.getLogger(__name__)
 
 PACKED = (".gz", ".bz2", ".xz", ".zst", ".zip", ".7z", ".rar", ".tar", ".tgz")
 """Endings of compressed files and archives."""
@@ -21,9 +26,12 @@ def visible_files(root: Path, endings: Sequence[str]) -> list[Path]:
 
     Hidden files are left out: locks of editors (`.~lock.a.csv`, `~$a.csv`) and companions that macOS writes
     (`._a.csv`) have names like recordings but are not recordings.
+
+    Raises:
+        InvalidInputError: The name of one is not text.
     """
     files = sorted(root.glob("*")) if root.is_dir() else []
-    return [file for file in files if is_visible(file) and _ends(file, endings) and file.is_file()]
+    return [_with_text_name(file) for file in files if is_visible(file) and _ends(file, endings) and file.is_file()]
 
 
 def named_files(root: Path, endings: Sequence[str], wanted: str, usual: str) -> list[Path]:
@@ -38,22 +46,36 @@ def named_files(root: Path, endings: Sequence[str], wanted: str, usual: str) -> 
     Raises:
         MissingInputError: There is none.
     """
-    found = [root] if root.is_file() else visible_files(root, endings)
+    if root.is_file():
+        return [_with_text_name(root)]
+    found = visible_files(root, endings)
     if not found:
         raise recordings_missing(f"no {usual}", root, wanted, endings)
+    tell_of_others_below(root, tuple(endings))
     return found
 
 
-def file_name_of(recording: str) -> str:
+@lru_cache(maxsize=256)
+def tell_of_others_below(root: Path, endings: tuple[str, ...]) -> None:
+    """Says, once, that files in folders below the named one are not read."""
+    if below := _folders_below(root, endings):
+        log.warning("%s: the files in %s are not read: name that folder, or move them up", root, _listed(below))
+
+
+def file_name_of(recording: str, taken: Collection[str] = ()) -> str:
     """A file name without ending for a recording of any name, on every system; letters, digits, - _ . stay as they are.
 
     Different names give different file names. Other characters are written as in addresses, %5C for a backslash.
+
+    Args:
+        recording: Name of the recording.
+        taken: File names of others; where one differs by case only, as Windows and macOS do not, a mark is added.
     """
     name = quote(recording, safe="")
     if name.startswith(_HIDDEN) or name.endswith(".") or name.partition(".")[0].lower() in _DEVICES:
         name = f"%{ord(name[0]):02X}{name[1:]}"
         name = f"{name[:-1]}%2E" if name.endswith(".") else name
-    if len(name) > _MAX_NAME_LENGTH:
+    if len(name) > _MAX_NAME_LENGTH or name.lower() in {other.lower() for other in taken if other != name}:
         name = f"{name[:_MAX_NAME_LENGTH]}-{hashlib.sha256(recording.encode()).hexdigest()[:12]}"
     return name
 
@@ -68,6 +90,21 @@ def only_parquet(root: Path, wanted: str) -> Path:
     if len(files) != 1:
         raise recordings_missing(f"{len(files)} Parquet files", root, wanted, (".parquet",))
     return files[0]
+
+
+def _with_text_name(file: Path) -> Path:
+    """The same file.
+
+    Raises:
+        InvalidInputError: Its path is not text in the encoding of file names, as on a disk of another system.
+    """
+    try:
+        str(file).encode()
+    except UnicodeEncodeError:
+        shown = os.fsencode(file).decode(errors="backslashreplace")
+        problem = Problem("name-not-text", "the name is not UTF-8 text", "rename it in ASCII letters", file=shown)
+        raise InvalidInputError(problem) from None
+    return file
 
 
 def is_visible(file: Path) -> bool:
@@ -94,14 +131,30 @@ def _hint(root: Path, endings: Sequence[str]) -> str:
     packed = [file.name for file in sorted(root.glob("*")) if is_visible(file) and file.suffix.lower() in PACKED]
     if packed:
         return f"; unpack {', '.join(packed[:3])}"
-    for depth in range(1, _DEEP + 1):
-        folders = sorted(
-            folder for folder in root.glob("/".join("*" * depth)) if folder.is_dir() and is_visible(folder)
-        )
-        holding = [folder for folder in folders if endings and visible_files(folder, endings)]
-        if holding:
-            return f"; there are some in {', '.join(str(folder) for folder in holding[:3])}: name that folder"
+    if below := _folders_below(root, endings):
+        return f"; there are some in {_listed(below)}: name that folder"
     return ""
+
+
+def _folders_below(root: Path, endings: Sequence[str]) -> list[Path]:
+    """The folders nearest below a folder that hold files with one of the endings; of a study that of its tables."""
+    for depth in range(1, _DEEP + 1):
+        below = sorted(root.glob("/".join("*" * depth)))
+        folders = [tables_of_study(folder) or folder for folder in below if folder.is_dir() and is_visible(folder)]
+        if holding := [folder for folder in folders if endings and visible_files(folder, endings)]:
+            return holding
+    return []
+
+
+def _listed(folders: Sequence[Path]) -> str:
+    return ", ".join(str(folder) for folder in folders[:3])
+
+
+def tables_of_study(folder: Path) -> Path | None:
+    """The folder of the recordings in the results of `rearl prepare`; None for another folder."""
+    tables = folder / "tables"
+    is_study = (folder / "config.json").is_file() and (folder / "recordings.parquet").is_file()
+    return tables if is_study and tables.is_dir() else None
 
 
 def _ends(file: Path, endings: Sequence[str]) -> bool:

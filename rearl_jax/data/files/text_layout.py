@@ -45,6 +45,13 @@ _UNDEFINED = re.compile(rb"[\x81\x8d\x8f\x90\x9d]")  # no characters of Windows-
 _MULTIBYTE = re.compile(rb"[\xc3-\xdf][\x80-\xbf]|[\xe1-\xef][\x80-\xbf]{2}")
 _NUMBER = re.compile(r"[+-]?\d*(?:([.,])\d+|\d)(?:[eE][+-]?\d+)?")
 _JSON = re.compile(r'\s*(\[\s*)?(\{\s*("|$)|\[\s*$)|\s*\[\s*$')
+_AS_CSV = "write it as CSV, one row per vehicle and frame, for instance with pandas.read_json and to_csv"
+_NO_TABLES = (
+    (_JSON, "JSON", _AS_CSV),
+    (re.compile(r"\s*<(!doctype\s+)?html\b", re.IGNORECASE), "a web page", "log in, and download the table again"),
+    (re.compile("version https://git-lfs"), "a pointer of Git LFS, not the table", "fetch it with `git lfs pull`"),
+)
+"""First lines of other files: pattern, what they are of and the remedy."""
 _BRACKETED = re.compile(r"[\[(<{]\s*(.*?)\s*[\])>}]")
 _NO_UNIT = frozenset({"", "-", "--", "1", "n/a", "none", "id", "text", "string"})
 _SINGLE_QUOTED = re.compile(r"'[^']*'")
@@ -205,9 +212,9 @@ def _layout(path: Path, size: int, changed: int) -> Layout:
     filled = [number for number, line in enumerate(lines) if line.strip()]
     if not filled:
         raise bad_recording("file-empty", "the file is empty", "remove the file or complete it", path)
-    if _JSON.match(lines[filled[0]]):
-        remedy = "write it as CSV, one row per vehicle and frame, for instance with pandas.read_json and to_csv"
-        raise bad_recording("not-a-table", "the file is JSON", remedy, path)
+    for pattern, what, remedy in _NO_TABLES:
+        if pattern.match(lines[filled[0]]):
+            raise bad_recording("not-a-table", f"the file is {what}", remedy, path)
     header, rows = _header(lines, filled)
     stated = re.fullmatch(r"sep=(.)", lines[filled[0]].strip(), re.IGNORECASE)
     name_line = lines[header].lstrip("# ") if lines[header].startswith("#") else lines[header]

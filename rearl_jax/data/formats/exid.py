@@ -19,7 +19,7 @@ from rearl_jax.config.data import DataConfig, OnBad
 from rearl_jax.data.checks.losses import Losses, reject
 from rearl_jax.data.checks.recorded_tracks import not_in_meta, require_rows, truncated
 from rearl_jax.data.files.delimited import read_csv, read_header
-from rearl_jax.data.formats.highd import recording_files
+from rearl_jax.data.formats.highd import number_of, recording_files
 from rearl_jax.data.formats.highd_meta import read_tracks_meta, sound_frame_rate, sound_speed_limit
 from rearl_jax.data.problems import Finding, bad_recording, without_value
 from rearl_jax.data.roads.straightened import Straightened, leave_out, straightened
@@ -58,7 +58,7 @@ _SPELLING = {
 
 def recording_id(tracks_file: Path) -> str:
     """Id of the recording with this tracks file, such as exid_01."""
-    return f"exid_{tracks_file.name.removesuffix('_tracks.csv')}"
+    return f"exid_{number_of(tracks_file)}"
 
 
 def read_recording(tracks_file: Path, policy: DataConfig) -> Recording:

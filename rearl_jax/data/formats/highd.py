@@ -14,11 +14,12 @@ import pandas as pd
 import pyarrow as pa
 
 from rearl_jax.config.data import DataConfig
+from rearl_jax.data.checks.leader_ids import without_absent
 from rearl_jax.data.checks.losses import Losses, reject
 from rearl_jax.data.checks.recorded_tracks import not_in_meta, require_rows, truncated
 from rearl_jax.data.checks.typed_table import RANGES
 from rearl_jax.data.files.delimited import read_csv, read_header
-from rearl_jax.data.files.folder import recordings_missing, visible_files
+from rearl_jax.data.files.folder import recordings_missing, tell_of_others_below, visible_files
 from rearl_jax.data.formats.highd_meta import read_recording_meta, read_tracks_meta
 from rearl_jax.data.problems import Finding, bad_recording, file_missing, without_value
 from rearl_jax.data.schema import Recording, RecordingInfo, validate
@@ -55,6 +56,7 @@ _SOURCE_COLUMNS = {
     "vehicle_class": "class",
     "direction": "drivingDirection",
 }
+_TRACKS_END = "_tracks.csv"
 _RARE_SHARE = 0.01  # share of the rows of a direction below which a laneId far from the markings is a fault
 _MIN_DIRECTED_SPEED = 0.5  # m/s; the mean velocity of a vehicle in a jam has no reliable sign
 
@@ -66,24 +68,36 @@ def find_recordings(root: Path) -> list[Path]:
         FileNotFoundError: There is none.
     """
     for folder in (root, root / "data"):
-        found = visible_files(folder, ("_tracks.csv",))
+        found = visible_files(folder, (_TRACKS_END,))
         if found:
+            tell_of_others_below(folder, (_TRACKS_END,))
             return found
     wanted = (
         "the folder with NN_tracks.csv, NN_tracksMeta.csv and NN_recordingMeta.csv of the highD format; "
         "`rearl prepare data=generated` writes such recordings"
     )
-    raise recordings_missing(
-        "no NN_tracks.csv, neither there nor in its subfolder data", root, wanted, ("_tracks.csv",)
-    )
+    raise recordings_missing("no NN_tracks.csv, neither there nor in its subfolder data", root, wanted, (_TRACKS_END,))
 
 
 def recording_files(tracks_file: Path) -> tuple[Path, Path, Path]:
-    """Tracks, tracks meta and recording meta file of the recording with this tracks file."""
-    number = tracks_file.name.removesuffix("_tracks.csv")
-    parts = ("tracks", "tracksMeta", "recordingMeta")
-    tracks, meta, recording = (tracks_file.with_name(f"{number}_{part}.csv") for part in parts)
-    return tracks, meta, recording
+    """Tracks, tracks meta and recording meta file of the recording with this tracks file, in whatever case."""
+    meta, recording = (
+        tracks_file.with_name(f"{number_of(tracks_file)}_{part}.csv") for part in ("tracksMeta", "recordingMeta")
+    )
+    return tracks_file, _in_any_case(meta), _in_any_case(recording)
+
+
+def _in_any_case(file: Path) -> Path:
+    """The file, or the one whose name differs from its name by case only."""
+    if file.is_file():
+        return file
+    return next((other for other in file.parent.glob("*") if other.name.lower() == file.name.lower()), file)
+
+
+def number_of(tracks_file: Path) -> str:
+    """Number of the recording with this tracks file, such as 01; its name may be in capitals."""
+    is_one = tracks_file.name.lower().endswith(_TRACKS_END)
+    return tracks_file.name[: -len(_TRACKS_END)] if is_one else tracks_file.name
 
 
 def require_files(tracks_file: Path) -> tuple[Path, Path, Path]:
@@ -101,7 +115,7 @@ def require_files(tracks_file: Path) -> tuple[Path, Path, Path]:
 
 def recording_id(tracks_file: Path, *, generated: bool = False) -> str:
     """Id of the recording with this tracks file, such as highd_01; generated_01 if it is not a measurement."""
-    return f"{'generated' if generated else 'highd'}_{tracks_file.name.removesuffix('_tracks.csv')}"
+    return f"{'generated' if generated else 'highd'}_{number_of(tracks_file)}"
 
 
 def read_recording(tracks_file: Path, policy: DataConfig, *, generated: bool = False) -> Recording:
@@ -229,15 +243,17 @@ def _driver_frame(
     x = source["x"].to_numpy() + 0.5 * source["width"].to_numpy()
     y = source["y"].to_numpy() + 0.5 * source["height"].to_numpy()
     lane_id = source["laneId"].to_numpy()
-    leader = source["precedingId"].to_numpy().astype(np.float64)
+    position = np.where(to_right, x, road_length - x)
+    track, frame = source["track_id"].to_numpy(), source["frame"].to_numpy()
+    leader = source["precedingId"].to_numpy()
     return pd.DataFrame(
         {
-            "track_id": source["track_id"].to_numpy(),
-            "frame": source["frame"].to_numpy(),
+            "track_id": track,
+            "frame": frame,
             "direction": direction.astype(np.int8),
             "x": x,
             "y": y,
-            "position": np.where(to_right, x, road_length - x),
+            "position": position,
             "lateral": np.where(to_right, y - _left_edge(markings[2], 2), _left_edge(markings[1], 1) - y),
             "lane": np.where(to_right, lane_id - lanes[2][0], lanes[1][1] - lane_id),
             "speed": np.abs(source["xVelocity"].to_numpy()),
@@ -246,7 +262,7 @@ def _driver_frame(
             "width": source["height"].to_numpy(),
             "vehicle_class": pd.Categorical.from_codes(classes.codes[inverse], categories=classes.categories),
             # precedingId 0 says that there is no vehicle ahead in the picture.
-            "leader_id": np.where(leader == 0.0, np.nan, leader),
+            "leader_id": without_absent(leader, track=track, frame=frame, lane=lane_id, position=position),
         },
         index=source.index,
         copy=False,

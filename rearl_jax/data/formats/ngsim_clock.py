@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
+from rearl_jax.data.checks.stray_rows import are_few, are_shared, continue_in, fill_gaps_of
 from rearl_jax.data.problems import bad_recording
 
 # Lanes with the ramps, NGSIM data descriptions: US-101 has five lanes, the auxiliary lane 6, on-ramp 7 and
@@ -18,11 +19,9 @@ ARTERIALS = ("lankershim", "peachtree")
 _LOCAL_TIME = timedelta(hours=-7)
 _PERIOD = 100.0  # ms between two frames
 _LATEST = 4.1e12  # ms, the end of the year 2099
-_UNITS = {"s": 1e3, "us": 1e-3, "ns": 1e-6}  # ms
+_UNITS = {"s": 1e3, "us": 1e-3, "ns": 1e-6, "min": 6e4, "h": 3.6e6, "days": 8.64e7}  # ms
 _SINCE = 3.1e11  # ms, the year 1980: smaller times since 1970 are in a larger unit
-_MIN_VEHICLE_SHARE = (
-    0.05  # share of the vehicles of a site's largest recording below which another one is a fault of the clock
-)
+_MAX_STANDING = 0.5  # share of the frames up to which a clock may stand still since the frame before
 
 
 def recordings_of(rows: pd.DataFrame, path: Path) -> dict[str, np.ndarray]:
@@ -33,8 +32,8 @@ def recordings_of(rows: pd.DataFrame, path: Path) -> dict[str, np.ndarray]:
         path: The file, whose name may state the place.
 
     Raises:
-        BadRecordingError: Times are in another unit, a time is impossible, or it belongs to another frame than the row
-            says.
+        BadRecordingError: Times are in another unit, a time is impossible, or it belongs to another frame or place than
+            the row says.
     """
     impossible = impossible_times(rows, path)
     if impossible.any():
@@ -44,7 +43,9 @@ def recordings_of(rows: pd.DataFrame, path: Path) -> dict[str, np.ndarray]:
         raise bad_recording("time-impossible", text, remedy, path, column="Global_Time", row=int(rows.index[row]) + 1)
     start = _start(rows)
     recordings: dict[str, np.ndarray] = {}
-    for place, here in places_of(rows, path).items():
+    places = places_of(rows, path)
+    _require_one_place(rows, start, places, path)
+    for place, here in places.items():
         if place in ARTERIALS:
             continue
         starts, inverse = np.unique(start[here], return_inverse=True)
@@ -77,13 +78,27 @@ def _start(rows: pd.DataFrame) -> np.ndarray:
 
 
 def places_of(rows: pd.DataFrame, path: Path) -> dict[str, np.ndarray]:
-    """Place, such as us101 -> its row positions; by the name of the file where the rows do not state it."""
+    """Place, such as us101 -> its row positions; by the name of the file where the rows do not state it.
+
+    Raises:
+        BadRecordingError: A few places are none of those of NGSIM, though others are.
+    """
     if "location" not in rows:
-        return {_place_of(path): np.arange(len(rows))}
+        return {_place_of(path.name): np.arange(len(rows))}
     categories = pd.Categorical(rows["location"].fillna(""))
-    names = [plain(str(name)) or _place_of(path) for name in categories.categories]
-    places = {name: np.flatnonzero(categories.codes == code) for code, name in enumerate(names)}
-    return places or {_place_of(path): np.arange(0)}
+    words = [plain(str(word)) for word in categories.categories]
+    names = [_place_of(word, word) if word else _place_of(path.name) for word in words]
+    of_word = np.array(names, dtype=object)[categories.codes]
+    places = {name: np.flatnonzero(of_word == name) for name in dict.fromkeys(names)}
+    known = [name for name in places if name in (*LANES, *ARTERIALS)]
+    strange = [name for name in places if name not in known]
+    if known and strange:
+        part = places[strange[0]]
+        stated = rows["location"].iloc[part[0]]
+        text = f"{_rows_of(rows, part)} have " + ("no place" if pd.isna(stated) else f"the place {str(stated)!r}")
+        remedy = f"write {' or '.join(known)} there, or remove the rows"
+        raise _stop("location-unknown", f"{text}, the others {' and '.join(known)}", remedy, rows, part, path)
+    return places or {_place_of(path.name): np.arange(0)}
 
 
 def plain(name: str) -> str:
@@ -105,48 +120,69 @@ def _require_ms(track: np.ndarray, frame: np.ndarray, time: np.ndarray, path: Pa
         if is_date and (grows_so or not steps.size):
             text = f"the times are in {unit}, not ms: they are about {usual:.6g}"
             raise bad_recording("wrong-units", text, "give milliseconds since 1970", path, column="Global_Time")
+    if steps.size and np.mean(steps == 0.0) > _MAX_STANDING:
+        text = f"the times have lost digits: {np.mean(steps == 0.0):.0%} of them are as in the frame before"
+        remedy = "export them with all digits, in milliseconds since 1970"
+        raise bad_recording("time-contradicts-frame", text, remedy, path, column="Global_Time")
+
+
+def _require_one_place(rows: pd.DataFrame, start: np.ndarray, places: dict[str, np.ndarray], path: Path) -> None:
+    """Raise BadRecordingError for rows with a wrong place: vehicles that complete a recording of another place."""
+    if len(places) < 2:
+        return
+    track, frame = rows["track_id"].to_numpy(), rows["frame"].to_numpy()
+    with_start: dict[float, str] = {}
+    for place in sorted(places, key=lambda name: -len(places[name])):
+        for first in np.unique(start[places[place]]):
+            main = with_start.setdefault(first, place)
+            if main == place:
+                continue
+            part, other = (here[start[here] == first] for here in (places[place], places[main]))
+            if not are_shared(track, frame, part, other):
+                text = f"{_rows_of(rows, part)} have the place {place}, the other vehicles of their time {main}"
+                remedy = "correct or remove the rows"
+                raise _stop("location-contradicts-time", text, remedy, rows, part, path)
 
 
 def _require_many_vehicles(rows: pd.DataFrame, parts: list[np.ndarray], path: Path) -> None:
     """Raise BadRecordingError for some rows with a shifted clock, which would be a recording of a few vehicles.
 
     Vehicle numbers restart in every recording. So rows belong to the other recording if their vehicles are few compared
-    with those of the other one, or if they continue there in the next frame.
+    with those of the other one, have the numbers that are missing there, or continue there in the next frame.
     """
     track, frame = rows["track_id"].to_numpy(), rows["frame"].to_numpy()
     vehicles = [np.unique(track[part]) for part in parts]
     largest = max(range(len(parts)), key=lambda number: len(parts[number]), default=0)
     for number, part in enumerate(parts):
-        few = number != largest and len(vehicles[number]) <= max(1.0, _MIN_VEHICLE_SHARE * len(vehicles[largest]))
-        alone = len(vehicles[number]) < len(vehicles[largest])
-        if number != largest and ((few and alone) or _continues(track, frame, part, parts[largest])):
-            text = f"{len(part)} rows of vehicle {vehicles[number][0]}"
-            text += f" and {len(vehicles[number]) - 1} others" if len(vehicles[number]) > 1 else ""
-            text += " have another Global_Time for their Frame_ID than all other rows"
+        own, others = vehicles[number], vehicles[largest]
+        if number != largest and (
+            are_few(len(own), len(others))
+            or fill_gaps_of(own, others)
+            or continue_in(track, frame, part, parts[largest])
+        ):
+            text = f"{_rows_of(rows, part)} have another Global_Time for their Frame_ID than all other rows"
             raise _contradiction(text, rows, part, path)
 
 
-def _continues(track: np.ndarray, frame: np.ndarray, part: np.ndarray, other: np.ndarray) -> bool:
-    """True if every vehicle of a part has its next or last frame, and none of its own frames, in the other part."""
-    own = pd.DataFrame({"track": track[part], "frame": frame[part]})
-    there = pd.MultiIndex.from_arrays([track[other], frame[other]])
-    if pd.MultiIndex.from_frame(own).isin(there).any():
-        return False
-    ends = own.groupby("track")["frame"].agg(["min", "max"])
-    before = pd.MultiIndex.from_arrays([ends.index, ends["min"] - 1]).isin(there)
-    after = pd.MultiIndex.from_arrays([ends.index, ends["max"] + 1]).isin(there)
-    return bool((before | after).all())
+def _rows_of(rows: pd.DataFrame, part: np.ndarray) -> str:
+    vehicles = np.unique(rows["track_id"].to_numpy()[part])
+    others = f" and {len(vehicles) - 1} others" if len(vehicles) > 1 else ""
+    return f"{len(part)} rows of vehicle {vehicles[0]}{others}"
 
 
 def _contradiction(text: str, rows: pd.DataFrame, part: np.ndarray, path: Path) -> Exception:
-    row = int(rows.index[part[0]]) + 1
-    remedy = "correct or remove the rows"
-    return bad_recording("time-contradicts-frame", text, remedy, path, column="Global_Time", row=row)
+    return _stop("time-contradicts-frame", text, "correct or remove the rows", rows, part, path, "Global_Time")
 
 
-def _place_of(path: Path) -> str:
-    """Name of the place if the file name contains it."""
-    return next((place for place in LANES if place in plain(path.name)), "ngsim")
+def _stop(
+    code: str, text: str, remedy: str, rows: pd.DataFrame, part: np.ndarray, path: Path, column: str = "Location"
+) -> Exception:
+    return bad_recording(code, text, remedy, path, column=column, row=int(rows.index[part[0]]) + 1)
+
+
+def _place_of(name: str, otherwise: str = "ngsim") -> str:
+    """Place that the name of a file or place contains."""
+    return next((place for place in (*LANES, *ARTERIALS) if place in plain(name)), otherwise)
 
 
 def _clock(start_ms: int) -> str:

@@ -17,6 +17,7 @@ import pandas as pd
 import pyarrow as pa
 
 from rearl_jax.config.data import DataConfig, OnBad
+from rearl_jax.data.checks.leader_ids import without_absent
 from rearl_jax.data.checks.losses import Losses, reject
 from rearl_jax.data.checks.typed_table import MAX_LANES
 from rearl_jax.data.files.columnar import is_parquet
@@ -132,9 +133,11 @@ class PublishedFile:
         """Raise BadRecordingError for a file that is something else, such as a readme."""
         required = {name for name, _, needed in _PUBLISHED.values() if needed}
         if is_txt:
-            is_table = any(len(line.split()) >= len(_TXT_COLUMNS) for line in first_lines(self.path, _SAMPLE_LINES))
+            lines = [line.split() for line in first_lines(self.path, _SAMPLE_LINES)]
+            # Not _are_numbers: what is no number in a table is to be reported with its row and column.
+            is_table = any(2 * sum(map(_is_number, line)) > max(len(line), len(_TXT_COLUMNS)) for line in lines)
         else:
-            is_table = bool(required & {plain(name) for name in read_header(self.path)})
+            is_table = 2 * len(required & {plain(name) for name in read_header(self.path)}) > len(required)
         if not is_table:
             text = f"{self.path.name} is not a trajectory table of NGSIM"
             raise bad_recording("not-a-table", text, "move it out of the folder", self.path)
@@ -193,7 +196,11 @@ def recognises(path: Path) -> Path | None:
 
 
 def _are_numbers(words: list[str]) -> bool:
-    return all(re.fullmatch(r"-?\d+(\.\d*)?", word) for word in words)
+    return all(map(_is_number, words))
+
+
+def _is_number(word: str) -> bool:
+    return re.fullmatch(r"-?\d+(\.\d*)?", word) is not None
 
 
 def find_published(root: Path) -> list[Path]:
@@ -243,8 +250,8 @@ def _converted(recording: str, rows: pd.DataFrame, path: Path) -> tuple[pd.DataF
         "vehicle_class": pd.Categorical(rows["vehicle_class"].replace(_CLASS)),
     }
     if "leader_id" in rows:
-        leader = rows["leader_id"].to_numpy(dtype=np.float64)
-        columns["leader_id"] = np.where(leader == 0.0, np.nan, leader)
+        own = {name: columns[name] for name in ("frame", "lane", "position")}
+        columns["leader_id"] = without_absent(rows["leader_id"].to_numpy(), track=columns["track_id"], **own)
     return pd.DataFrame(columns, index=rows.index), info
 
 

@@ -41,7 +41,7 @@ def by_tracks(columns: Collection[str]) -> Callable[[Path], Path | None]:
 
     def recognises(path: Path) -> Path | None:
         folder = path if path.is_dir() else path.parent
-        if path.is_file() and not path.name.endswith(("_tracks.csv", "_tracksMeta.csv", "_recordingMeta.csv")):
+        if path.is_file() and not path.name.lower().endswith(("_tracks.csv", "_tracksmeta.csv", "_recordingmeta.csv")):
             return None
         try:
             first = highd.find_recordings(folder)[0]

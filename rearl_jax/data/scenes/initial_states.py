@@ -54,7 +54,7 @@ def measured_state(scenes: SceneSet, core: CoreConfig) -> TrafficState:
 
     x = position along the own driving direction less the least one of the scene, so the carriageways lie side by side
     and all vehicles drive towards larger x; lane as in `first_lanes`; `desired_speed` is the highest recorded speed
-    of the vehicle, to which `core.boundary.cut_desired_speed` limits that of its driver.
+    of the vehicle, to which `core.boundary.limited_desired_speed` limits that of its driver.
     Speeds are rescaled by `scenes.speed_norm`.
 
     Raises:

@@ -19,15 +19,16 @@ import pyarrow.parquet as pq
 from rearl_jax.config.data import DataConfig
 from rearl_jax.data.checks.labels import with_labels
 from rearl_jax.data.checks.losses import Losses
+from rearl_jax.data.checks.recording_names import require_own_rows
 from rearl_jax.data.files.columnar import column_names, is_parquet, is_text, read_columns, stored_text
 from rearl_jax.data.files.delimited import read_csv, read_header, stem_of, text_endings
-from rearl_jax.data.files.folder import named_files
+from rearl_jax.data.files.folder import named_files, recordings_missing, tables_of_study
 from rearl_jax.data.files.text_layout import layout_of
 from rearl_jax.data.problems import BadRecordingError, bad_recording, recording_unnamed
-from rearl_jax.data.schema import COLUMNS, REQUIRED, Recording, RecordingInfo, validate
+from rearl_jax.data.schema import COLUMNS, Recording, RecordingInfo, validate
 from rearl_jax.data.tables.completion import completed
 from rearl_jax.data.tables.row_info import info_of_rows
-from rearl_jax.data.tables.spelling import Spelling, require_needed_columns, spelling_of
+from rearl_jax.data.tables.spelling import ENDS, Spelling, require_needed_columns, spelling_of
 from rearl_jax.data.tables.track_names import IDS, MAX_EXACT_ID
 from rearl_jax.problems import InvalidInputError, Problem
 from rearl_jax.whole_files import replacing
@@ -36,6 +37,8 @@ METADATA = "recordings"
 """Name of the metadata with the RecordingInfo of every recording; rearl_jax.recordings in Parquet."""
 
 _NAMES = tuple(column.name for column in COLUMNS)
+_MOVING = {"position", "x", "speed", "frame", "time", *ENDS}
+"""Columns of which a table of trajectories has some, under these names or those that `data.columns` states."""
 _ENDINGS = (".parquet", *text_endings(".csv"))
 _TEXTS = tuple(column.name for column in COLUMNS if column.dtype == "category")
 
@@ -49,6 +52,8 @@ def find_tables(root: Path) -> list[Path]:
     wanted = (
         "a table, or a folder of tables, one row per vehicle and frame; `rearl prepare FILE` prints how to read one"
     )
+    if (tables := tables_of_study(root)) is not None:
+        raise recordings_missing(f"the results of a task, with the recordings in {tables}", root, wanted)
     return named_files(root, _ENDINGS, wanted, ".parquet or .csv")
 
 
@@ -60,9 +65,11 @@ class TableFile:
         self._policy = policy
         self._is_csv = not is_parquet(path)
         self._kept: dict[tuple[str, ...], tuple[pd.DataFrame, int]] = {}
+        self._has_own_rows = False  # once it is known that no recording holds rows of another one
 
     def recordings(self) -> list[str]:
         """Ids of the recordings in the file."""
+        self._require_table()
         column = self._spelling.columns.get("recording")
         if column is None:
             return [stem_of(self.path)]
@@ -72,7 +79,8 @@ class TableFile:
             names = rows[column].unique().to_pandas()
         else:
             names = pd.Series(read_columns(self.path, (), (column,))[column].unique())
-        if names.isna().any():
+        names = _without_blanks(names).unique()
+        if pd.isna(names).any():
             raise recording_unnamed(str(self.path))
         return [str(name) for name in names]
 
@@ -87,10 +95,7 @@ class TableFile:
             BadRecordingError: The file or a row breaks the schema.
         """
         spelling = self._spelling
-        if not set(spelling.columns) & set(REQUIRED):
-            text = f"the file is not a table of trajectories: its columns are {', '.join(self._columns[:8])}"
-            remedy = "move it out of the folder, or name its columns with data.columns; `rearl prepare FILE` finds them"
-            raise bad_recording("not-a-table", text, remedy, self.path)
+        self._require_table()
         require_needed_columns(list(spelling.columns), str(self.path))
         losses = Losses()
         stated = self.stated()
@@ -105,6 +110,8 @@ class TableFile:
             rows = self._parquet_rows(recording, texts)
         rows = spelling.renamed(rows)
         if "recording" in rows:
+            rows = rows.assign(recording=_without_blanks(pd.Series(rows["recording"])))
+            self._require_own_rows(rows)
             rows = rows.iloc[np.flatnonzero(rows["recording"].to_numpy() == recording)]
         if rows.empty:
             text = "the table has no rows" + (" that are whole" if losses.counts else "")
@@ -127,6 +134,26 @@ class TableFile:
             text = f"it states the recordings {', '.join(stated)}, and the table holds {', '.join(sorted(known)[:5])}"
             file = sidecar(self.path) if self._is_csv else self.path
             raise bad_recording("metadata-unusable", text, "correct the id, or remove what is stated", file)
+
+    def _require_table(self) -> None:
+        """Raises BadRecordingError if the file is something else, such as a list of vehicles."""
+        given = set(self._spelling.columns)
+        if not given & _MOVING:
+            text = f"the file is not a table of trajectories: its columns are {', '.join(self._columns[:8])}"
+            remedy = "move it out of the folder, or name its columns with data.columns; `rearl prepare FILE` finds them"
+            raise bad_recording("not-a-table", text, remedy, self.path)
+
+    def _require_own_rows(self, rows: pd.DataFrame) -> None:
+        """Raises BadRecordingError if rows of one recording have the name of another; of Parquet, `rows` is a part."""
+        if self._has_own_rows:
+            return
+        columns = self._spelling.columns
+        if not self._is_csv:
+            further = [columns[name] for name in ("track_id", "frame", "time") if name in columns]
+            rows = self._spelling.renamed(read_columns(self.path, (), (columns["recording"],), either=further))
+            rows = rows.assign(recording=_without_blanks(pd.Series(rows["recording"])))
+        require_own_rows(rows, str(self.path), columns["recording"])
+        self._has_own_rows = True
 
     @cached_property
     def _columns(self) -> list[str]:
@@ -199,7 +226,7 @@ class TableFile:
         if "recording" not in columns:
             return read_columns(self.path, numbers, texts, either=either)
         own = columns["recording"]
-        names = read_columns(self.path, (), (own,))[own].to_numpy()
+        names = _without_blanks(pd.Series(read_columns(self.path, (), (own,))[own])).to_numpy()
         rows = read_columns(self.path, numbers, texts, either=either, only=(own, recording))
         return rows.set_axis(np.flatnonzero(names == recording), axis=0)
 
@@ -221,6 +248,12 @@ class TableFile:
                 "metadata-unusable", text, "correct it, or remove it to have it derived from the rows", file
             ) from None
         return {info.id: info for info in infos}
+
+
+def _without_blanks(names: pd.Series) -> pd.Series:
+    """Names of recordings without blanks around them, None for those that are nothing else."""
+    plain = {name: name.strip() or None for name in names.dropna().unique()}
+    return names if all(name == word for name, word in plain.items()) else pd.Series(names.map(plain))
 
 
 def _loses_digits(ids: pa.ChunkedArray) -> bool:

@@ -134,7 +134,7 @@ def _innovation_change(
 
     rows = jnp.moveaxis(jnp.asarray(accelerations, float), 1, 0)
     nothing = jnp.zeros_like(rows[0])
-    begin = (State(nothing, nothing, nothing, nothing), nothing)
+    begin = (State(*[nothing] * 5), nothing)
     return jnp.moveaxis(lax.scan(step, begin, (rows, by_x[:, None], by_v[:, None], is_corrected))[1], 0, 1)
 
 

@@ -1,8 +1,10 @@
 """The Kalman filter of a driver: gain, prediction and correction.
 
 State of a driver: position x, speed v, acceleration residual o (the acceleration that the model does not explain, an
-Ornstein-Uhlenbeck process), and w, the part of the position error that is correlated in time. The functions accept
-NumPy and JAX arrays, and also tangents of a state, because both steps are linear except for the bound of the speed.
+Ornstein-Uhlenbeck process), and w, the part of the position error that is correlated in time. w is an
+Ornstein-Uhlenbeck process too, or follows one, u, with the same time constant: then it is smooth, as trackers leave it.
+The functions accept NumPy and JAX arrays, and also tangents of a state, because both steps are linear except for the
+bound of the speed.
 
 Source: Kalman, J. Basic Eng. 82 (1960) 35.
 """
@@ -14,22 +16,20 @@ from typing import Any, NamedTuple
 import numpy as np
 from jaxtyping import Float
 
+from rearl_jax.discovery.read.lasting import SMOOTH_COVARIANCE, smooth_step
+
 GAIN_ITERATIONS = 600
 """Recursions of the covariance. For every tested noise the gains are then within 2e-6 of the limit that
 `scipy.linalg.solve_discrete_are` gives.
 """
 
-MEASURED = np.array([1.0, 0.0, 0.0, 1.0])
-"""Measurement vector: coefficients of x, v, o, w in the measured position [-]."""
+MEASURED = np.array([1.0, 0.0, 0.0, 1.0, 0.0])
+"""Measurement vector: coefficients of x, v, o, w, u in the measured position [-]."""
 
 STIFFNESS, DAMPING = 0.075, 0.5
 """Response of the acceleration to a position ahead of equilibrium [1/s^2] and to excess speed [1/s] in the observer:
 IDM at 20 m/s and a gap of 30 m with default parameters. Without it, the corrections that drivers make would be mistaken
 for lower noise.
-"""
-
-WHITE_SHARE = 0.01
-"""Share of the variance of correlated errors that is white [-]; with a share of zero the covariance is singular.
 """
 
 
@@ -41,8 +41,10 @@ class Gain(NamedTuple):
         v: Correction of the speed [1/s].
         o: Correction of the acceleration residual [1/s^2].
         w: Correction of the correlated position error [-].
+        u: Correction of the process that it follows [-].
         kept_o: Share of o that remains after a time step [-].
-        kept_w: Share of w that remains after a time step [-].
+        kept_w: Share of w, and of u, that remains after a time step [-].
+        fed_w: Share of u that is added to w in a time step [-].
         variance: Variance of the innovations [m^2].
     """
 
@@ -50,8 +52,10 @@ class Gain(NamedTuple):
     v: Any
     o: Any
     w: Any
+    u: Any
     kept_o: Any
     kept_w: Any
+    fed_w: Any
     variance: Any
 
 
@@ -63,15 +67,17 @@ class State(NamedTuple):
         v: Speed [m/s].
         o: Acceleration residual [m/s^2].
         w: Correlated position error [m].
+        u: Process that the correlated position error follows if it is smooth [m].
     """
 
     x: Any
     v: Any
     o: Any
     w: Any
+    u: Any
 
 
-CLOSED_LOOP = Gain(0.0, 0.0, 0.0, 0.0, kept_o=0.0, kept_w=0.0, variance=1.0)
+CLOSED_LOOP = Gain(0.0, 0.0, 0.0, 0.0, 0.0, kept_o=0.0, kept_w=0.0, fed_w=0.0, variance=1.0)
 """Zero gain: the observer becomes a simulation behind the measured leader."""
 
 
@@ -82,8 +88,10 @@ class Noise:
     Attributes:
         acceleration: Standard deviation of the acceleration residual [m/s^2].
         time: Its correlation time [s].
-        position: Standard deviation of measured positions [m].
-        position_time: Correlation time of position errors [s]; 0 for white errors.
+        position: Standard deviation of the white errors of measured positions [m].
+        lasting: Standard deviation of their errors that are correlated in time [m].
+        lasting_time: Time constant of these errors [s].
+        is_smooth: Whether these errors follow an Ornstein-Uhlenbeck process; otherwise they are one.
         independent: Effective share of independent innovations [-]; below 1 if innovations are correlated because the
             true noise differs from this model.
         growth: Growth of the innovations' variance with the squared acceleration of the leader [s^4/m^2], because
@@ -93,7 +101,9 @@ class Noise:
     acceleration: float
     time: float
     position: float
-    position_time: float = 0.0
+    lasting: float = 0.0
+    lasting_time: float = 1.0
+    is_smooth: bool = False
     independent: float = 1.0
     growth: float = 0.0
 
@@ -112,27 +122,31 @@ class SteadyState(NamedTuple):
 
     Attributes:
         gain: Gain of the filter.
-        step: Transition matrix of x, v, o, w over one step.
+        step: Transition matrix of x, v, o, w, u over one step.
         corrected: Transition matrix of the prediction error when a correction precedes the step.
-        covariance: Covariance of x, v, o, w before each step of a period; the first step includes a correction.
+        covariance: Covariance of x, v, o, w, u before each step of a period; the first step includes a correction.
     """
 
     gain: Gain
-    step: Float[np.ndarray, "4 4"]
-    corrected: Float[np.ndarray, "4 4"]
-    covariance: list[Float[np.ndarray, "4 4"]]
+    step: Float[np.ndarray, "5 5"]
+    corrected: Float[np.ndarray, "5 5"]
+    covariance: list[Float[np.ndarray, "5 5"]]
 
 
 @cache
 def steady_state(noise: Noise, dt: float, stride: int) -> SteadyState:
     """The observer's steady state; arguments as of `Noise.gain`."""
-    kept, lasting = np.exp(-dt / noise.time), np.exp(-dt / noise.position_time) if noise.position_time else 0.0
-    step = np.diag([1.0, 1.0 - DAMPING * dt, kept, lasting])
-    step[0, 1:3], step[1, 0], step[1, 2] = (dt, dt * dt / 2), -STIFFNESS * dt, dt
-    position = max(noise.position, 1e-4) ** 2
-    error, measured = (position * (1 - lasting**2), WHITE_SHARE * position) if noise.position_time else (0.0, position)
-    shock = np.diag([0.0, 0.0, noise.acceleration**2 * (1 - kept**2), error])
-    variance, gain, covariance = np.diag([1.0, 1.0, 1.0, error]), np.zeros(4), []
+    kept = np.exp(-dt / noise.time)
+    errors, of_errors = SMOOTH_COVARIANCE, smooth_step(noise.lasting_time, dt)
+    if not noise.is_smooth:
+        errors, of_errors = np.diag([1.0, 0.0]), np.diag(np.diag(of_errors))
+    step = np.zeros((5, 5))
+    step[:2, :3] = [[1.0, dt, dt * dt / 2], [-STIFFNESS * dt, 1.0 - DAMPING * dt, dt]]
+    step[2, 2], step[3:, 3:] = kept, of_errors
+    shock = np.diag([0.0, 0.0, noise.acceleration**2 * (1 - kept**2), 0.0, 0.0])
+    shock[3:, 3:] = noise.lasting**2 * (errors - of_errors @ errors @ of_errors.T)  # which keeps them stationary
+    measured = max(noise.position, 1e-4) ** 2
+    variance, gain, covariance = np.diag([1.0, 1.0, 1.0, 0.0, 0.0]) + shock, np.zeros(5), []
     for _ in range(GAIN_ITERATIONS):
         covariance = []
         for _ in range(stride):
@@ -142,7 +156,7 @@ def steady_state(noise: Noise, dt: float, stride: int) -> SteadyState:
         variance = variance - np.outer(gain, MEASURED @ variance)
     expected = MEASURED @ covariance[-1] @ MEASURED + measured
     # NumPy numbers instead of Python numbers: they make single-precision arrays compute in double precision.
-    steady_gain = Gain(*np.array([*gain, kept, lasting, expected]))
+    steady_gain = Gain(*np.array([*gain, kept, *of_errors[0], expected]))
     corrected = step - step @ np.outer(gain, MEASURED)
     return SteadyState(steady_gain, step, corrected, [covariance[-1], *covariance[:-1]])
 
@@ -154,6 +168,7 @@ def correct(state: State, innovation: Any, gain: Gain) -> State:
         state.v + gain.v * innovation,
         state.o + gain.o * innovation,
         state.w + gain.w * innovation,
+        state.u + gain.u * innovation,
     )
 
 
@@ -167,4 +182,10 @@ def halfway(state: State, last: Any, dt: float) -> tuple[Any, Any]:
 
 def predict(state: State, speed: Any, gain: Gain, dt: float) -> State:
     """The state one step later, where the driver has the given speed [m/s]."""
-    return State(state.x + dt * (state.v + speed) / 2, speed, gain.kept_o * state.o, gain.kept_w * state.w)
+    return State(
+        state.x + dt * (state.v + speed) / 2,
+        speed,
+        gain.kept_o * state.o,
+        gain.kept_w * state.w + gain.fed_w * state.u,
+        gain.kept_w * state.u,
+    )

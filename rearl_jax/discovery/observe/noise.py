@@ -1,6 +1,6 @@
 """Estimation of driver and measurement noise by maximum likelihood of the innovations."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -52,6 +52,24 @@ SIGNIFICANT = 3.5
 POSITION_TIMES = (0.2, 0.5, 1.0)
 """Tested correlation times of position errors [s], as trackers and filters cause; white errors are tested too."""
 
+WHITE_SHARE = 0.1
+"""Standard deviation of the white part of such errors over that of all [-]; without one their covariance is singular.
+"""
+
+SMOOTH_ERRORS = (0.03, 0.05, 0.08, 0.12, 0.16, 0.2, 0.25, 0.3, 0.4, 0.5)
+"""Tested standard deviations of smooth position errors [m]. Their size does not follow from fourth differences, to
+which they hardly contribute.
+"""
+
+SMOOTH_TIMES = (0.2, 0.35, 0.5, 0.65, 0.8, 1.0)
+"""Tested time constants of smooth position errors [s]; slower ones cannot be told from driving."""
+
+SMOOTH_STARTS = (0.08, 0.2), (0.2, 0.5, 0.8)
+"""Sizes [m] and time constants [s] of smooth errors from which the search for the most likely ones begins."""
+
+MOST_CLIMBS = 6
+"""Largest number of alternating searches for the noise of drivers and the errors of positions."""
+
 
 def best_noise(solver: Solver, state: FitState, tried: Sequence[Noise]) -> tuple[Noise, float]:
     """The noise with the largest likelihood of a state's innovations, parameters fixed, and this log-likelihood [nats].
@@ -92,35 +110,39 @@ def under_best_noise(
         levels: Tested standard deviations of the acceleration residual, ascending [m/s^2].
         iterations, tolerance: As in `Solver.solve`.
     """
-    noise = _climbed(solver, state, noise, levels)
+    noise, _ = _climbed(solver, state, noise, {"acceleration": levels, "time": TIMES})
     state = with_noise(state, noise)
     solver.solve([state], iterations=iterations, tolerance=tolerance)
     return state, noise
 
 
-def _climbed(solver: Solver, state: FitState, noise: Noise, levels: Sequence[float]) -> Noise:
-    """The most likely noise near a noise, by steps to the best neighbour among the levels and correlation times until
-    no neighbour is more likely. The likelihood has one maximum, so most of the table need not be computed.
+def _climbed(
+    solver: Solver, state: FitState, noise: Noise, levels: Mapping[str, Sequence[float]]
+) -> tuple[Noise, float]:
+    """The most likely noise near a noise, and its log-likelihood [nats], by steps to the best neighbour among the
+    levels of two fields until no neighbour is more likely. The likelihood has one maximum, so most of the table need
+    not be computed.
     """
-    times = sorted({*TIMES, noise.time})
+    (first, rows), (second, columns) = ((name, sorted({*values})) for name, values in levels.items())
+    columns = sorted({*columns, getattr(noise, second)})
     likely: dict[tuple[int, int], float] = {}
 
     def at(place: tuple[int, int]) -> Noise:
-        return replace(noise, acceleration=levels[place[0]], time=times[place[1]])
+        return replace(noise, **{first: rows[place[0]], second: columns[place[1]]})
 
-    here = int(np.argmin(np.abs(np.asarray(levels) - noise.acceleration))), times.index(noise.time)
+    here = int(np.argmin(np.abs(np.asarray(rows) - getattr(noise, first)))), columns.index(getattr(noise, second))
     while True:
-        rows, columns = (
-            range(max(place - 1, 0), min(place + 2, size))
-            for place, size in zip(here, (len(levels), len(times)), strict=True)
+        near_rows, near_columns = (
+            range(max(place - 1, 0), min(place + 2, len(values)))
+            for place, values in zip(here, (rows, columns), strict=True)
         )
-        around = [(row, column) for row in rows for column in columns]
+        around = [(row, column) for row in near_rows for column in near_columns]
         new = [place for place in around if place not in likely]
         if new:
             likely |= dict(zip(new, noise_likelihoods(solver, state, [at(place) for place in new]), strict=True))
         best = max(around, key=likely.__getitem__)
         if likely[best] <= likely[here]:
-            return at(here)
+            return at(here), likely[here]
         here = best
 
 
@@ -162,13 +184,17 @@ def calibrate(solver: Solver, data: Measured) -> tuple[FitState, Noise]:
     solver.solve([state], iterations=8, tolerance=1.0)
     noise, likely = best_noise(solver, state, noise_levels(start, ACCELERATIONS))
     lasting = [
-        replace(noise, acceleration=sd, position=lasting_noise(data.noise, time, data.dt), position_time=time)
+        replace(noise, acceleration=sd, position=WHITE_SHARE * size, lasting=size, lasting_time=time)
         for time in POSITION_TIMES
+        for size in [lasting_noise(data.noise, time, data.dt)]
         for sd in ACCELERATIONS
     ]
     other, with_lasting = best_noise(solver, state, lasting)
     if with_lasting > likely + THRESHOLDS.lasting_noise_gain:
-        noise = other
+        noise, likely = other, with_lasting
+    smooth = None if data.smoothing else _with_smooth_errors(solver, state, replace(noise, position=data.noise), likely)
+    if smooth is not None:
+        state, noise = smooth
     state, noise = under_best_time(solver, state, noise_levels(noise, ACCELERATIONS))
     for _ in range(SPREAD_ITERATIONS):
         state = replaced(state, spread=spread_of(state))
@@ -176,6 +202,34 @@ def calibrate(solver: Solver, data: Measured) -> tuple[FitState, Noise]:
     noise = _with_growth_and_independence(solver, state, noise)
     state = with_noise(state, noise)
     solver.solve([state], iterations=10)
+    return state, noise
+
+
+def _with_smooth_errors(solver: Solver, state: FitState, noise: Noise, likely: float) -> tuple[FitState, Noise] | None:
+    """The state solved again under the most likely noise with smooth position errors, and that noise; None if it is no
+    more likely than a log-likelihood [nats].
+
+    Parameters that were found without such errors speak against them, so noise and parameters are found in turns.
+    """
+    sizes, times = SMOOTH_STARTS
+    levels = {level for level in (noise.acceleration, noise.acceleration / 2, noise.acceleration / 4)}
+    starts = [
+        replace(noise, acceleration=sd, lasting=size, lasting_time=time, is_smooth=True)
+        for sd in levels
+        for size in sizes
+        for time in times
+    ]
+    noise, better = best_noise(solver, state, starts)
+    if better < likely + THRESHOLDS.lasting_noise_gain:
+        return None
+    for _ in range(MOST_CLIMBS):
+        before = noise
+        noise, _ = _climbed(solver, state, noise, {"lasting": SMOOTH_ERRORS, "lasting_time": SMOOTH_TIMES})
+        noise, _ = _climbed(solver, state, noise, {"acceleration": ACCELERATIONS, "time": TIMES})
+        state = with_noise(state, noise)
+        solver.solve([state], iterations=8, tolerance=1.0)
+        if noise == before:
+            break
     return state, noise
 
 

@@ -100,7 +100,7 @@ def innovations(
     nothing = jnp.zeros_like(x)
     memory = begin_effects(effects, seen(x, v, jax.tree.map(lambda values: values[0], pieces.seen)), driver, dt)
     extra = jnp.broadcast_to(pieces.known, pieces.y.shape)
-    begin = (State(x, v, o=nothing, w=nothing), nothing, memory)
+    begin = (State(x, v, o=nothing, w=nothing, u=nothing), nothing, memory)
     return lax.scan(step, begin, (pieces.y, pieces.is_corrected, pieces.seen, extra, pieces.varied))[1]
 
 

@@ -137,7 +137,7 @@ def smoothed_acceleration(
     for t in range(len(known)):
         before[t] = o
         o = gain.kept_o * (o + gain.o * known[t])
-    later_information, out = np.zeros((4, known.shape[1])), np.empty_like(known)
+    later_information, out = np.zeros((5, known.shape[1])), np.empty_like(known)
     for t in range(len(known) - 1, -1, -1):
         later_information = (observer.corrected if is_corrected[t] else observer.step).T @ later_information
         later_information += MEASURED[:, None] * known[t] / gain.variance

@@ -137,8 +137,8 @@ def sensitivity_sums(
     effects = effects_at(numbers, knots, active)
     memory = begin_effects(effects, seen, prior.drivers(z, pieces.is_truck), dt)
     zero = jnp.zeros_like(x)
-    tangents = State(d_x, d_v, o=nothing, w=nothing), nothing
-    carry = ((State(x, v, o=zero, w=zero), zero, memory), tangents, total)
+    tangents = State(d_x, d_v, o=nothing, w=nothing, u=nothing), nothing
+    carry = ((State(x, v, o=zero, w=zero, u=zero), zero, memory), tangents, total)
     extra = jnp.broadcast_to(pieces.known, pieces.y.shape)
     (_, _, total), _ = lax.scan(
         step, carry, (pieces.y, pieces.weight, pieces.is_corrected, pieces.seen, extra, jnp.moveaxis(following, 1, 0))

@@ -9,7 +9,13 @@ import pandas as pd
 
 from rearl_jax.core.effects.stimulus import OUT_OF_SIGHT
 from rearl_jax.core.following import HARDEST_BRAKING
-from rearl_jax.core.leader_history import IN_SIGHT, MOST_GAP_LOST, NEVER_CHANGED, SLOWEST, TIME_GAPS
+from rearl_jax.core.leader_history import (
+    MAX_GAP_IN_SIGHT,
+    MAX_GAP_LOST,
+    MAX_TIME_SINCE_CHANGE,
+    MIN_SPEED,
+    TIME_GAP_RANGE,
+)
 from rearl_jax.core.order import NO_VEHICLE
 from rearl_jax.data.records import Recording
 from rearl_jax.discovery.read.fused_errors import FusedErrors
@@ -267,7 +273,7 @@ class _Rows:
             "time_since_change": since,
             "gap_lost": lost,
             "time_gap_at_change": headway,
-            "time_to_next": np.where(near.following != NO_VEHICLE, near.time_to, NEVER_CHANGED),
+            "time_to_next": np.where(near.following != NO_VEHICLE, near.time_to, MAX_TIME_SINCE_CHANGE),
             "next_rear": next_rear,
             "next_speed": of(near.following, v, leader_speed),
             "next_by_own": near.by_own,
@@ -309,15 +315,15 @@ def _changes(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Time since the last change of leader [s], the gap lost at it [m], the time gap right after it [s]."""
     n = len(leader)
-    since, lost, headway = np.full(n, NEVER_CHANGED), np.zeros(n), np.full(n, TIME_GAPS[1])
+    since, lost, headway = np.full(n, MAX_TIME_SINCE_CHANGE), np.zeros(n), np.full(n, TIME_GAP_RANGE[1])
     for start, stop in zip(starts, stops, strict=True):
         changes = start + 1 + np.flatnonzero(leader[start + 1 : stop] != leader[start : stop - 1])
         for k in changes:
             if leader[k] == NO_VEHICLE:
-                since[k:stop], lost[k:stop] = NEVER_CHANGED, 0.0
+                since[k:stop], lost[k:stop] = MAX_TIME_SINCE_CHANGE, 0.0
                 continue
-            since[k:stop] = np.minimum(np.arange(stop - k) * dt, NEVER_CHANGED)
-            near = min(gap[k - 1], gap[k]) < IN_SIGHT
-            lost[k:stop] = np.clip(gap[k - 1] - gap[k], 0.0, MOST_GAP_LOST) if near else 0.0
-            headway[k:stop] = np.clip(gap[k] / max(speed[k], SLOWEST), *TIME_GAPS)
+            since[k:stop] = np.minimum(np.arange(stop - k) * dt, MAX_TIME_SINCE_CHANGE)
+            near = min(gap[k - 1], gap[k]) < MAX_GAP_IN_SIGHT
+            lost[k:stop] = np.clip(gap[k - 1] - gap[k], 0.0, MAX_GAP_LOST) if near else 0.0
+            headway[k:stop] = np.clip(gap[k] / max(speed[k], MIN_SPEED), *TIME_GAP_RANGE)
     return since, lost, headway

@@ -12,6 +12,7 @@ from rearl_jax.discovery.observe.fit_state import FitState
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.observe.uncertainty import complexity_penalty
 from rearl_jax.discovery.read.measured import Measured
+from rearl_jax.discovery.search.families import confounded
 from rearl_jax.discovery.thresholds import THRESHOLDS
 
 OF_FOLLOWER = frozenset({"follower_gap", "follower_approach_rate"})
@@ -127,6 +128,19 @@ def is_of_numerics(trial: Trial) -> bool:
         return False
     data, delays = trial.fit.state.data, trial.fit.state.theta[list(trial.candidate.free)]
     return bool(np.abs(delays).max() < max(2 * data.dt, data.smoothing))
+
+
+def imitating_delay(trials: list[Trial]) -> set[Term]:
+    """Candidates that a delay within the time resolution explains better: fast responses, as to the acceleration of the
+    leader, imitate it.
+    """
+    delays = [trial for trial in trials if is_of_numerics(trial) and trial.holds]
+    return {
+        trial.candidate.term
+        for trial in trials
+        for delay in delays
+        if delay.beats(trial) and confounded(trial.candidate.term, delay.candidate.term)
+    }
 
 
 def copies_leader(trial: Trial) -> bool:

@@ -8,24 +8,33 @@ from jaxtyping import Float
 from scipy.ndimage import gaussian_filter1d
 from scipy.signal import bilinear, lfilter
 
+from rearl_jax.core.following import HARDEST_BRAKING
 from rearl_jax.discovery.observe.candidates import Term
 from rearl_jax.discovery.observe.fit_state import FitState, replaced
 from rearl_jax.discovery.observe.kalman import CLOSED_LOOP, Noise
 from rearl_jax.discovery.observe.observer import squared_leader_acceleration
+from rearl_jax.discovery.observe.residuals import smoothed_acceleration
 from rearl_jax.discovery.observe.solver import Solver
-from rearl_jax.discovery.read.lasting import lasting
+from rearl_jax.discovery.read.lasting import lasting, smooth_lasting
 from rearl_jax.discovery.read.measured import Measured
-from rearl_jax.discovery.read.smoothing import cut_off, smoothed
+from rearl_jax.discovery.read.smoothing import cut_off, low_pass, smoothed
 from rearl_jax.discovery.search.screen import evidences, scores
 from rearl_jax.discovery.thresholds import THRESHOLDS
 
 AT_ONCE = 1200
 """Pieces that are simulated and fitted in one batch."""
 
-FOLLOWER_GAINS = (0.125, 0.5, 0.125)
-"""Response of a following driver to the gap [1/s^2], to the speed difference [1/s] and, by a time headway of 1 s, to
-the own speed [1/s]. Source: Helly, Proc. Symp. Theory of Traffic Flow (1959).
+FOLLOWER_GAINS = np.array([0.125, 0.5, 0.125, 0.0])
+"""Usual response of a following driver to the gap [1/s^2], to the speed difference [1/s], by a time headway of 1 s to
+the own speed [1/s], and to the acceleration of the vehicle ahead [-]. Source: Helly, Proc. Symp. Theory of Traffic Flow
+(1959).
 """
+
+LEAST_FOLLOWER_GAINS, MOST_FOLLOWER_GAINS = np.array([0.01, 0.05, 0.0, 0.0]), np.array([2.0, 3.0, 1.0, 0.9])
+"""Bounds of the response, for a following driver who neither falls behind for ever nor overreacts."""
+
+USUAL_FOLLOWERS = 0.01
+"""Weight of the usual response beside the measured one, in driver-minutes."""
 
 
 @dataclass(frozen=True)
@@ -69,7 +78,9 @@ def position_errors(
     noise: Noise, shape: tuple[int, int], dt: float, rng: np.random.Generator
 ) -> Float[np.ndarray, "steps pieces"]:
     """Realisations of the errors of measured positions [m]."""
-    return lasting(noise.position, noise.position_time, shape, dt, rng)
+    white = noise.position * rng.standard_normal(shape)
+    series = smooth_lasting if noise.is_smooth else lasting
+    return white + series(noise.lasting, noise.lasting_time, shape, dt, rng) if noise.lasting else white
 
 
 def smoothed_alike(known: Float[np.ndarray, "steps pieces"], data: Measured) -> Float[np.ndarray, "steps pieces"]:
@@ -93,11 +104,22 @@ def behind_noisy_drive(
     return behind
 
 
-def simulate_again(solver: Solver, state: FitState, noise: Noise, rng: np.random.Generator) -> FitState:
-    """The state with simulated drives: its model behind the same leaders, measured again with errors."""
+def simulate_again(
+    solver: Solver, state: FitState, noise: Noise, rng: np.random.Generator, *, with_others: bool = True
+) -> FitState:
+    """The state with simulated drives: its model behind the same leaders, measured again with errors.
+
+    Args:
+        solver: Solver of the car-following model.
+        state: State of the calibrated model.
+        noise: Noise of drivers and measurements.
+        rng: Generator of the noise.
+        with_others: Whether other vehicles are measured again with errors too.
+    """
     driven = state.data.y - behind_noisy_drive(solver, state, noise, rng)
-    data = measured_again(state.data, driven, rng)
-    y = data.y + position_errors(noise, driven.shape, data.dt, rng)
+    errors = position_errors(noise, driven.shape, state.data.dt, rng)
+    data = measured_again(state.data, driven, noise, rng, with_others=with_others)
+    y = data.y + errors
     frequency = cut_off(data.noise, data.dt)
     x, v = np.empty_like(y), np.empty_like(y)
     for piece in range(y.shape[1]):
@@ -106,56 +128,114 @@ def simulate_again(solver: Solver, state: FitState, noise: Noise, rng: np.random
     return replaced(state, data=replace(data, y=y, smooth=x, smooth_speed=v), pieces=pieces)
 
 
-def measured_again(data: Measured, driven: Float[np.ndarray, "steps pieces"], rng: np.random.Generator) -> Measured:
+def measured_again(
+    data: Measured,
+    driven: Float[np.ndarray, "steps pieces"],
+    noise: Noise,
+    rng: np.random.Generator,
+    *,
+    with_others: bool = True,
+) -> Measured:
     """Measured data if the drivers had driven to other positions [m]; `smooth` and `smooth_speed` are not changed.
 
     The vehicle behind responds to the other drive. Without this response, its position would tell less about the
-    driver's than a measured one does, and all that it tells would look like an influence on the driver. If positions
-    were fused with speeds, all have errors of that kind.
+    driver's than a measured one does, and all that it tells would look like an influence on the driver. The other
+    vehicles are measured with errors of their own, if requested and if errors last: smoothing removes all others.
     """
-    seen, farther = data.surroundings, response_of_follower(driven - data.smooth, data.dt)
+    seen, farther = data.surroundings, response_of_follower(driven - data.smooth, data.dt, follower_gains(data))
     seen = replace(
         seen,
         follower_front=seen.follower_front + farther * seen.has_follower,
         follower_speed=seen.follower_speed + np.gradient(farther, data.dt, axis=0) * seen.has_follower,
     )
     if data.fused_errors is not None:
-        own, leader, second, follower = (data.fused_errors.drawn(driven.shape, data.dt, rng) for _ in range(4))
-        driven = driven + own
+        driven = driven + data.fused_errors.drawn(driven.shape, data.dt, rng)
+    if with_others and (data.fused_errors is not None or noise.lasting):
+        leader, second, follower = (_lasting_errors(data, noise, rng) for _ in range(3))
+        leader_speed, second_speed, follower_speed = (
+            np.gradient(errors, data.dt, axis=0) for errors in (leader, second, follower)
+        )
+        leader_acceleration = seen.leader_acceleration + np.gradient(leader_speed, data.dt, axis=0) * seen.has_leader
         seen = replace(
             seen,
             leader_rear=seen.leader_rear + leader * seen.has_leader,
             leader_centre=seen.leader_centre + leader * seen.has_leader,
+            leader_speed=seen.leader_speed + leader_speed * seen.has_leader,
+            leader_acceleration=np.clip(leader_acceleration, HARDEST_BRAKING, -HARDEST_BRAKING),
             second_rear=seen.second_rear + second * seen.has_second,
+            second_speed=seen.second_speed + second_speed * seen.has_second,
             follower_front=seen.follower_front + follower * seen.has_follower,
+            follower_speed=seen.follower_speed + follower_speed * seen.has_follower,
         )
     return replace(data, y=driven, surroundings=seen)
 
 
+def _lasting_errors(data: Measured, noise: Noise, rng: np.random.Generator) -> Float[np.ndarray, "steps pieces"]:
+    """Errors of the smoothed positions of other vehicles [m]."""
+    if data.fused_errors is not None:
+        return data.fused_errors.drawn(data.y.shape, data.dt, rng)
+    errors = position_errors(replace(noise, position=0.0), data.y.shape, data.dt, rng)
+    return low_pass(errors, data.dt, cut_off(data.noise, data.dt))
+
+
+def follower_gains(data: Measured) -> Float[np.ndarray, " four"]:
+    """Mean response of the vehicles behind, as in `FOLLOWER_GAINS`, by least squares on their measured acceleration."""
+    seen, dt = data.surroundings, data.dt
+    rear = data.smooth - data.length / 2
+    columns = np.stack(
+        [
+            rear - seen.follower_front,
+            data.smooth_speed - seen.follower_speed,
+            -seen.follower_speed,
+            np.gradient(data.smooth_speed, dt, axis=0),
+            np.gradient(seen.follower_speed, dt, axis=0),
+        ]
+    )
+    same = np.abs(np.diff(columns[0], axis=0, prepend=columns[0, :1])) < data.smooth_speed * dt + 1.0
+    counts = seen.has_follower * (data.weight > 0) * same
+    share = counts / np.maximum(counts.sum(axis=0), 1.0)
+    columns = (columns - (columns * share).sum(axis=1, keepdims=True)) * counts
+    gram = np.einsum("itn,jtn->ij", columns, columns)
+    minutes = max(float(counts.sum() * dt / 60), 1e-9)
+    usual = np.diag(np.diag(gram)[:4]) * USUAL_FOLLOWERS / minutes + 1e-9 * np.eye(4)
+    fitted = np.linalg.solve(gram[:4, :4] + usual, gram[:4, 4] + usual @ FOLLOWER_GAINS)
+    return np.clip(fitted, LEAST_FOLLOWER_GAINS, MOST_FOLLOWER_GAINS)
+
+
 def response_of_follower(
-    displacement: Float[np.ndarray, "steps pieces"], dt: float
+    displacement: Float[np.ndarray, "steps pieces"], dt: float, gains: Float[np.ndarray, " four"] = FOLLOWER_GAINS
 ) -> Float[np.ndarray, "steps pieces"]:
     """Displacement of the vehicle behind [m] if a vehicle is displaced, by a linear car-following model."""
-    by_gap, by_approach, by_speed = FOLLOWER_GAINS
-    above, below = [by_approach, by_gap], [1.0, by_approach + by_speed, by_gap]
+    by_gap, by_approach, by_speed, by_acceleration = gains
+    above, below = [by_acceleration, by_approach, by_gap], [1.0, by_approach + by_speed, by_gap]
     return np.asarray(lfilter(*bilinear(above, below, 1 / dt), displacement, axis=0))
 
 
 def matched_noise(solver: Solver, state: FitState, noise: Noise, rng: np.random.Generator) -> Noise:
-    """The drivers' noise for which simulated innovations vary as much as measured ones, or as the fitted noise makes
-    them vary if that is more.
+    """The drivers' noise for which the acceleration residual of simulated drives, measured with errors, varies as much
+    as the fitted noise makes it vary without them.
 
-    The noise was fitted to drives whose positions have errors, so it accounts for these errors too. If positions were
-    fused with speeds, the errors are drawn separately and must not count twice.
+    The noise was fitted to drives behind vehicles whose positions have errors, so it accounts for these errors too. If
+    they last, they are drawn separately and must not count twice.
     """
-    if state.data.fused_errors is None:
+    data, still = state.data, replace(noise, acceleration=0.0)
+    if data.fused_errors is None and not noise.lasting:
         return noise
-    exact, still = replace(state, data=replace(state.data, fused_errors=None)), replace(noise, acceleration=0.0)
-    simulated = [simulate_again(solver, *each, rng) for each in ((state, noise), (exact, noise), (state, still))]
-    measured, both, without, errors = (
-        float((innovation**2 * state.data.weight).sum()) for innovation in solver.innovations([state, *simulated])
+    exact = replace(state, data=replace(data, fused_errors=None))
+    seed = int(rng.integers(2**32))
+
+    def size(simulated: FitState) -> float:
+        (innovation,) = solver.innovations([simulated])
+        residual = smoothed_acceleration(innovation, data.weight, noise, data.dt, data.stride)
+        return float((residual**2 * data.weight).sum())
+
+    def again(state: FitState, noise: Noise, with_others: bool) -> FitState:
+        return simulate_again(solver, state, noise, np.random.default_rng(seed), with_others=with_others)
+
+    both, without, errors = (
+        size(each) for each in (again(state, noise, True), again(exact, noise, False), again(state, still, True))
     )
-    share = np.clip((max(measured, without) - errors) / max(both - errors, 1e-12), 0.0, 1.0)
+    share = np.clip((without - errors) / max(both - errors, 1e-12), 0.0, 1.0)
     return replace(noise, acceleration=noise.acceleration * float(np.sqrt(share)))
 
 

@@ -17,6 +17,7 @@ from rearl_jax.discovery.search.clock_check import check_clocks, correct_shifts
 from rearl_jax.discovery.search.decision import (
     Trial,
     believed,
+    imitating_delay,
     is_of_numerics,
     lane_change_trials,
     trial_of,
@@ -221,9 +222,9 @@ def _round(solver: Solver, base: Fit, screen: _Screen, outcome: Search, report: 
             trial_of(solver, fit, base.state, other, other_base, null.null_mean(term))
             for (term, fit), other in zip(fits.items(), others, strict=True)
         ]
-        accepted = believed(
-            [trial for trial in trials if is_significant(trial, exceeding) and _is_additional(trial, added)]
-        )
+        imitating = imitating_delay(trials)
+        significant = [trial for trial in trials if is_significant(trial, exceeding) and _is_additional(trial, added)]
+        accepted = believed([trial for trial in significant if trial.candidate.term not in imitating])
         # A candidate is added only after all candidates that it is easily confused with have been tried.
         accepted, contradicted = simulated(solver, other_base, accepted)
         simulated_trials = {trial.candidate.term: trial for trial in (*accepted, *contradicted)}
@@ -231,6 +232,7 @@ def _round(solver: Solver, base: Fit, screen: _Screen, outcome: Search, report: 
         tried = with_families({trial.candidate.term for trial in accepted[:1]}, known)
         if tried <= fits.keys():
             z_score |= {trial.candidate.term: 0.0 for trial in trials if is_of_numerics(trial)}
+            z_score |= dict.fromkeys(imitating, 0.0)
             return screened(base=base, exceeding=exceeding, trials=trials, accepted=accepted, contradicted=contradicted)
 
 

@@ -2,8 +2,8 @@
 
     measure(scene, reference, config) -> Measure
 
-It takes the arrays of a scene and of the real one it is compared with, "steps vehicles *scenarios", and leaves the
-trailing axes as they are. Every module here is one metric; a new metric needs one new file.
+`measure` takes the arrays of a scene and of the real scene that it is compared with, "steps vehicles *scenarios", and
+keeps their trailing axes. Every module here is one metric; a new metric needs one new file.
 """
 
 import pkgutil
@@ -26,4 +26,4 @@ FURTHER: tuple[Metric, ...] = tuple(module.METRIC for module in _MODULES)
 """Rows of these metrics in the metric table."""
 
 KERNELS: "dict[str, Kernel]" = {module.METRIC.name: module.measure for module in _MODULES}
-"""The functions that measure them, by name."""
+"""Functions that compute these metrics, by name."""

@@ -1,4 +1,4 @@
-"""Calibrated drivers of the budget: those of a given model, or calibrated on what the judged scenes leave."""
+"""Calibrated drivers of the budget: those of a given model, or calibrated outside the judged scenes."""
 
 import logging
 from collections.abc import Iterable, Iterator
@@ -20,8 +20,8 @@ from rearl_jax.results import Study
 
 log = logging.getLogger(__name__)
 
-MODEL, ORIGIN = "model.yaml", "model.txt"
-"""Files of a calibration of the study's own: the drivers, and on what they were calibrated."""
+MODEL_FILE, ORIGIN_FILE = "model.yaml", "model.txt"
+"""Files of drivers calibrated for this study, and of a sentence on the recordings behind them."""
 
 
 @dataclass(frozen=True)
@@ -29,8 +29,8 @@ class Drivers:
     """Calibrated drivers.
 
     Attributes:
-        model: The drivers with all that belongs to them; None if there are none.
-        origin: Where they come from, or why there are none, in a sentence.
+        model: Drivers, effects, noise and lane changes; None without drivers.
+        origin: Sentence on their origin, or on why there are none.
     """
 
     model: RepairedModel | None
@@ -38,7 +38,7 @@ class Drivers:
 
 
 def calibrated_drivers(config: StudyBudgetTask, study: Study, scenes: SceneSet, held_out: np.ndarray) -> Drivers:
-    """The drivers of `model`; without it those calibrated for this study, read from its folder if they were before.
+    """The drivers of the key `model`; without it drivers calibrated for this study, or read from its folder.
 
     Args:
         config: The task.
@@ -51,21 +51,21 @@ def calibrated_drivers(config: StudyBudgetTask, study: Study, scenes: SceneSet, 
     """
     if config.model is not None:
         model = read_model(config.model)
-        return Drivers(model, _given(config, model))
+        return Drivers(model, _origin_of_model(config, model))
     if not config.budget.calibrate:
         return Drivers(None, "no model is given, and budget.calibrate is false")
-    if not (study.path / MODEL).exists():
+    if not (study.path / MODEL_FILE).exists():
         try:
             model, origin = _calibrated(config, scenes, held_out)
         except InvalidInputError as error:
             return Drivers(None, f"drivers cannot be calibrated: {error}")
-        study.write_text(ORIGIN, origin)
-        model.save(study.own(MODEL))
-    return Drivers(read_model(study.path / MODEL), (study.path / ORIGIN).read_text(encoding="utf-8"))
+        study.write_text(ORIGIN_FILE, origin)
+        model.save(study.own(MODEL_FILE))
+    return Drivers(read_model(study.path / MODEL_FILE), (study.path / ORIGIN_FILE).read_text(encoding="utf-8"))
 
 
-def _given(config: StudyBudgetTask, model: RepairedModel) -> str:
-    """Sentence on the origin of the drivers of a given model, and on whether they have seen the judged scenes."""
+def _origin_of_model(config: StudyBudgetTask, model: RepairedModel) -> str:
+    """Sentence on the origin of a model's drivers, and on whether the judged scenes were used to calibrate them."""
     origin = f"drivers of {model.source.study} ({model_id(str(config.model))}), calibrated on {model.source.data_id}"
     if model.source.data_id == data_id(config.data):
         return (
@@ -76,25 +76,25 @@ def _given(config: StudyBudgetTask, model: RepairedModel) -> str:
 
 
 def _calibrated(config: StudyBudgetTask, scenes: SceneSet, held_out: np.ndarray) -> tuple[Calibration, str]:
-    """A calibration, and on what."""
+    """A calibration, and a sentence on the recordings behind it."""
     task = DiscoverTask(study=config.study, results=config.results, data=config.data, discover=config.discover)
     try:
-        found = calibration(task, outside(iterate_recordings(config.data), scenes, held_out))
+        result = calibration(task, without_scenes(iterate_recordings(config.data), scenes, held_out))
         origin = (
-            f"{len(found.drivers)} drivers were calibrated on the recordings outside the seconds of the judged scenes"
+            f"{len(result.drivers)} drivers were calibrated on the recordings outside the seconds of the judged scenes"
         )
     except InvalidInputError as error:
         log.info("outside the judged scenes: %s", error)
-        found = calibration(task)
+        result = calibration(task)
         origin = (
-            f"{len(found.drivers)} drivers were calibrated on the whole recordings, the judged scenes included, "
+            f"{len(result.drivers)} drivers were calibrated on the whole recordings, the judged scenes included, "
             f"because outside them too little is left ({error.code})"
         )
-    return found, origin
+    return result, origin
 
 
-def outside(recordings: Iterable[Recording], scenes: SceneSet, held_out: np.ndarray) -> Iterator[Recording]:
-    """The recordings without the seconds of some scenes, in which tracks are cut; those left without rows are left out.
+def without_scenes(recordings: Iterable[Recording], scenes: SceneSet, held_out: np.ndarray) -> Iterator[Recording]:
+    """The recordings without the seconds of some scenes; tracks are split there, recordings without rows are left out.
 
     Args:
         recordings: The recordings.

@@ -50,20 +50,20 @@ def _is_possible(order: Sequence[str]) -> bool:
 
 def rows_of(components: Sequence[str]) -> list[Row]:
     """All sets of components that occur in some order, small ones first."""
-    found = {frozenset(order[:size]) for order in orders(components) for size in range(len(components) + 1)}
-    return sorted(found, key=lambda row: (len(row), [COMPONENTS.index(name) for name in named(row)]))
+    rows = {frozenset(order[:size]) for order in orders(components) for size in range(len(components) + 1)}
+    return sorted(rows, key=lambda row: (len(row), [COMPONENTS.index(name) for name in names_of(row)]))
 
 
-def named(row: Row) -> list[str]:
+def names_of(row: Row) -> list[str]:
     """Names of the components of a row, in the order of `COMPONENTS`."""
     return [name for name in COMPONENTS if name in row]
 
 
 def row_name(row: Row) -> str:
     """Name of a row in tables: its components joined by +, `base` without any."""
-    return "+".join(named(row)) or BASE
+    return "+".join(names_of(row)) or BASE
 
 
 def row_of(name: str) -> Row:
-    """The row of that name."""
+    """The row with a name."""
     return frozenset() if name == BASE else frozenset(name.split("+"))

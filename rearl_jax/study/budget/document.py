@@ -1,4 +1,4 @@
-"""Document of the budget: rows of the stated order, shares of the components, and what the rest of the error is."""
+"""Document of the budget: rows of the stated order, shares of the components, and the remaining error."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
@@ -18,14 +18,14 @@ from rearl_jax.study.budget.components import TITLES
 from rearl_jax.study.budget.figures import COLUMNS, DIGITS
 from rearl_jax.study.budget.tables import FIRST, LAST, OF_REAL, REST, WHOLE
 
-SHOWN = {**HEADINGS, "position_error": "position error [m]"}
-"""Figures of the rows and their headings."""
+ROW_HEADINGS = {**HEADINGS, "position_error": "position error [m]"}
+"""Figures of a row and their headings."""
 
-MAIN = ("h", "{mape}", "position_error")
-"""Errors that the findings speak of; the second is that of `mape.definition`."""
+MAIN_ERRORS = ("h", "{mape}", "position_error")
+"""Errors in the findings; the second is that of `mape.definition`."""
 
-SURE = 0.95
-"""Share of the orders from which on the order does not decide which component has the largest reduction [-]."""
+CLEAR_LEAD = 0.95
+"""Share of the orders in which a component must have the largest reduction for the order not to matter [-]."""
 
 CAPTIONS = {
     "waterfall": "From Base to the row with all components: bars are shares (means over all possible orders) with "
@@ -89,12 +89,12 @@ def _rows(steps: pd.DataFrame) -> Table:
     rows = tuple(
         Row(
             title,
-            tuple(_cell(figures.get(name), name) for name in SHOWN),
+            tuple(_cell(figures.get(name), name) for name in ROW_HEADINGS),
             Emphasis.subdued if name in REFERENCE_TITLES else Emphasis.plain,
         )
         for (name, title), figures in records.items()
     )
-    return Table("Base with one component more in every row", tuple(SHOWN.values()), rows)
+    return Table("Base with one component more in every row", tuple(ROW_HEADINGS.values()), rows)
 
 
 def _shares(table: pd.DataFrame) -> Table:
@@ -115,13 +115,13 @@ def _shares(table: pd.DataFrame) -> Table:
 def _by_error(table: pd.DataFrame) -> Iterable[Table]:
     """A table per error: shares, the reduction in the stated order, extremes over all orders."""
     headings = ("share", "in the stated order", "least", "most", "leads in")
-    for error, own in table.dropna(subset=["leads"]).groupby("error", sort=False):
+    for error, rows_of_error in table.dropna(subset=["leads"]).groupby("error", sort=False):
         rows = []
-        for record in own.astype(object).to_dict("records"):
+        for record in rows_of_error.astype(object).to_dict("records"):
             others = tuple(Cell(_text(record[name], str(error), "+")) for name in ("stated", "least", "most"))
             leads = Cell(percent(record["leads"]), "of the orders")
             rows.append(Row(record["title"], (_cell(record, str(error), "+"), *others, leads)))
-        yield Table(f"{COLUMNS[str(error)].title}, {own['n_orders'].iloc[0]} orders", headings, tuple(rows))
+        yield Table(f"{COLUMNS[str(error)].title}, {rows_of_error['n_orders'].iloc[0]} orders", headings, tuple(rows))
 
 
 def _records(table: pd.DataFrame) -> dict[tuple[str, str], dict[str, Any]]:
@@ -138,14 +138,16 @@ def findings_of(table: pd.DataFrame, mape: str, components: Sequence[str]) -> tu
         mape: The spacing error that decides, as in `MapeConfig.column`.
         components: The components, in the stated order.
     """
-    errors = [name.format(mape=mape) for name in MAIN]
-    own = {error: pd.DataFrame(table[table["error"] == error]) for error in errors if error in set(table["error"])}
-    if not own:
+    errors = [name.format(mape=mape) for name in MAIN_ERRORS]
+    parts = {error: pd.DataFrame(table[table["error"] == error]) for error in errors if error in set(table["error"])}
+    if not parts:
         return ("No main error has a value in all rows of the budget, so nothing can be divided.",)
-    paragraphs = [_verdict(*next(iter(own.items())))]
-    paragraphs += [_finding(error, _records(part)) for error, part in own.items()]
+    paragraphs = [_verdict(*next(iter(parts.items())))]
+    paragraphs += [_finding(error, _records(part)) for error, part in parts.items()]
     known = set(table["error"])
-    missing = [_name(error) for error, column in COLUMNS.items() if error not in known and column.falls_by(components)]
+    missing = [
+        _name(error) for error, column in COLUMNS.items() if error not in known and column.reduced_by(components)
+    ]
     if missing:
         paragraphs.append(f"Not divided, because some rows have no value: {', '.join(missing)}.")
     if _name("position_error") in missing:
@@ -177,26 +179,28 @@ def _finding(error: str, records: Mapping[tuple[str, str], Mapping[str, Any]]) -
     """Sentences on the shares of the components in an error, on their order, and on the remaining error."""
     of = {part: record for (_, part), record in records.items()}
     title, whole = _name(error), of[WHOLE]
-    said = [
+    sentences = [
         f"{title} goes from {_text(of[FIRST]['value'], error)} ({of[FIRST]['title']}) to "
         f"{_text(of[LAST]['value'], error)} with all components, a reduction of {_inline(whole, error)}"
     ]
     shares = sorted((part for part in of if part in TITLES), key=lambda part: -of[part]["value"])
-    said.append("shares: " + ", ".join(f"{TITLES[part]} {_inline(of[part], error)}" for part in shares))
+    sentences.append("shares: " + ", ".join(f"{TITLES[part]} {_inline(of[part], error)}" for part in shares))
     return (
-        ". ".join(sentence[:1].upper() + sentence[1:] for sentence in (*said, _order(of, shares), _rest(of, error)))
+        ". ".join(
+            sentence[:1].upper() + sentence[1:] for sentence in (*sentences, _order(of, shares), _rest(of, error))
+        )
         + "."
     )
 
 
 def _order(of: Mapping[str, Mapping[str, Any]], shares: Sequence[str]) -> str:
-    """Sentence on whether the order of the components decides which one is the largest."""
+    """Sentence on whether the order of the components decides which component has the largest reduction."""
     leader = shares[0]
     leads, n_orders = float(of[leader]["leads"]), int(of[leader]["n_orders"])
     if n_orders == 1:
         return "these components can be added in one order only"
     stated = max(shares, key=lambda part: of[part]["stated"])
-    if leads >= SURE and stated == leader:
+    if leads >= CLEAR_LEAD and stated == leader:
         return (
             f"the order hardly matters: {TITLES[leader]} has the largest reduction in {percent(leads)} of {n_orders} "
             "orders"
@@ -209,11 +213,12 @@ def _order(of: Mapping[str, Mapping[str, Any]], shares: Sequence[str]) -> str:
 
 
 def _rest(of: Mapping[str, Mapping[str, Any]], error: str) -> str:
-    """Sentence on the remaining error, compared with real against real if recordings have the error themselves."""
+    """Sentence on the remaining error, compared with real against real where that has a value."""
     if REST not in of:
         left = f"no component explains the remaining {_inline(of[LAST], error, '')}"
-        is_alone = error in METRICS and METRICS[error].compares
-        return f"{left}; {'there is no other recorded scene to compare with' if is_alone else 'recordings have 0'}"
+        needs_other_scene = error in METRICS and METRICS[error].compares
+        reason = "there is no other recorded scene to compare with" if needs_other_scene else "recordings have 0"
+        return f"{left}; {reason}"
     last, real, rest = of[LAST], of[OF_REAL], of[REST]
     recorded = f"that of another recorded scene is {_text(real['value'], error)}"
     left = f"the remaining error, {_text(last['value'], error)},"

@@ -1,7 +1,7 @@
 """Drivers of the rows of the budget, from a repaired model whose parts are switched on and off.
 
-All rows with calibrated drivers have the same parts, those that a row lacks with strength 0: so they are one compiled
-program, and have the same random numbers.
+All rows with calibrated drivers have the same effects; those that a row lacks have strength 0. So the rows share one
+compiled program and the same random numbers.
 """
 
 from collections.abc import Iterable
@@ -19,8 +19,8 @@ from rearl_jax.models.record import EffectValues, RepairedModel
 from rearl_jax.study.budget.components import Row
 
 
-def parts_of(model: RepairedModel) -> dict[str, bool]:
-    """Whether a model has each component, in addition to calibrated drivers."""
+def components_of(model: RepairedModel) -> dict[str, bool]:
+    """Components besides calibrated drivers, and whether a model has them."""
     is_noisy = any(drivers.noise_sd > 0 for drivers in model.population.values())
     return {
         FOUND: any(not is_random(effect) for effect in model.effects),
@@ -37,8 +37,8 @@ def is_random(effect: EffectValues) -> bool:
 def drivers_of(model: RepairedModel, row: Row, core: CoreConfig) -> Population:
     """Drivers of a row.
 
-    Without what discovery found they are those calibrated without it. Acceleration noise belongs to the variation
-    within drivers; rows with noise use the noise that was estimated together with that variation.
+    Rows without the effects that discovery found have the drivers calibrated without effects. Acceleration noise
+    belongs to the variation within drivers: rows with it have the noise that was estimated with the effects.
 
     Args:
         model: The model.
@@ -62,11 +62,12 @@ def drivers_of(model: RepairedModel, row: Row, core: CoreConfig) -> Population:
     )
     if VARIATION in row:
         return population
+    # Columns of the noise: standard deviation and correlation time.
     return replace(population, noise=np.asarray(population.noise) * np.array([[0, 1]], dtype))
 
 
 def _effects(model: RepairedModel, row: Row) -> Iterable[EffectValues]:
-    """Effects of a model, those that the row lacks switched off; the bias of lane changes is one of them."""
+    """Effects of a model, switched off where the row lacks them, and `keep_right` with the calibrated bias."""
     bias = 0.0 if model.lane_changing is None or LANE_CHANGES not in row else model.lane_changing.bias
     has_bias = False
     for effect in model.effects:
@@ -81,7 +82,7 @@ def _effects(model: RepairedModel, row: Row) -> Iterable[EffectValues]:
 
 
 def switched_off(effect: EffectValues) -> EffectValues:
-    """The effect with all its strengths at the values at which it does nothing."""
+    """The effect with every strength at its value without influence."""
     parameters = dict(effect.parameters)
     for known in EFFECTS[effect.name].parameters:
         if known.is_strength and known.name in parameters:
@@ -91,7 +92,7 @@ def switched_off(effect: EffectValues) -> EffectValues:
 
 
 def _mobil(model: RepairedModel, row: Row) -> MobilConfig:
-    """Parameters of lane changes: the model's or highway-env's; an effect of the same kind takes their place."""
+    """Parameters of lane changes: the model's or highway-env's; politeness 0 beside an effect on politeness."""
     own = model.lane_changing
     if own is None or LANE_CHANGES not in row:
         return MobilConfig()

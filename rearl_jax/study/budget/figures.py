@@ -22,7 +22,7 @@ class Column:
         title: Heading, with the unit.
         source: Metric it is taken from.
         form: `as it is`, `less real` (distance from the figure of the recorded scene) or `up` (higher is better).
-        first: Components of the first row: errors that rows without them do not have.
+        first: Components of the first row: rows without them do not have the error.
     """
 
     title: str
@@ -30,8 +30,8 @@ class Column:
     form: str = "as it is"
     first: Row = frozenset()
 
-    def falls_by(self, components: Sequence[str]) -> tuple[str, ...]:
-        """Components that can reduce the error: those beyond its first row, none if that row does not occur."""
+    def reduced_by(self, components: Sequence[str]) -> tuple[str, ...]:
+        """Components that can reduce the error: those beyond its first row; none if that row does not occur."""
         return tuple(name for name in components if name not in self.first) if self.first <= set(components) else ()
 
 
@@ -53,7 +53,7 @@ COLUMNS: Mapping[str, Column] = {
 """Errors of the budget by name."""
 
 DIGITS: Mapping[str, int] = {"thw_error": 2, "lcr_error": 4, "position_error": 1, "energy_score": 1, "frechet": 1}
-"""Digits after the decimal point; 3 where none are stated."""
+"""Digits after the decimal point of errors whose digits are not those of their metric."""
 
 Figure = tuple[float, float | None, float | None]
 """Mean over scenes, and the ends of its interval."""
@@ -104,26 +104,26 @@ class ColumnBudget:
 
 def budgets(table: pd.DataFrame, components: Sequence[str]) -> dict[str, ColumnBudget]:
     """The budget of every error that has a figure in some scene in all of its rows."""
-    found = {}
+    result = {}
     for name, column in COLUMNS.items():
-        if not column.falls_by(components) or column.source not in table:
+        if not column.reduced_by(components) or column.source not in table:
             continue
         errors = errors_of(table, column)
-        rows: Errors = {row_of(row): values for row, values in errors.items() if is_row(row)}
+        rows: Errors = {row_of(row): values for row, values in errors.items() if is_budget_row(row)}
         shares = shares_of(rows, _after(orders(components), column.first), column.first)
         if np.isfinite(shares.whole).any():
-            found[name] = ColumnBudget(column, errors, shares, row_name(frozenset(components)))
-    return found
+            result[name] = ColumnBudget(column, errors, shares, row_name(frozenset(components)))
+    return result
 
 
-def is_row(name: str) -> bool:
+def is_budget_row(name: str) -> bool:
     """True for the name of a row of the budget, False for that of a reference row."""
     return name not in TITLES
 
 
-def _after(every: Sequence[tuple[str, ...]], first: Row) -> list[tuple[str, ...]]:
-    """Remainders of the orders that begin with some components; that of the stated order comes first."""
-    return [order[len(first) :] for order in every if set(order[: len(first)]) == first]
+def _after(all_orders: Sequence[tuple[str, ...]], first: Row) -> list[tuple[str, ...]]:
+    """Orders that begin with the components of a row, without these; the stated order first."""
+    return [order[len(first) :] for order in all_orders if set(order[: len(first)]) == first]
 
 
 def figures_of(values: Sequence[np.ndarray], eval: EvaluationConfig) -> list[Figure]:

@@ -18,25 +18,20 @@ class Shares:
 
     Attributes:
         components: The components, in the stated order.
-        of: Shapley share of each component, scene by scene; NaN in scenes in which some row has no error.
-        stated: Fall by each component in the stated order, mean over these scenes.
-        by_order: Fall by each component in each order, mean over these scenes.
-        whole: Fall from the first row to the last, scene by scene.
+        by_component: Shapley share of each component, scene by scene; NaN in scenes in which some row has no error.
+        stated: Reduction by each component in the stated order, mean over these scenes.
+        by_order: Reduction by each component in each order, mean over these scenes.
+        whole: Reduction from the first row to the last, scene by scene.
     """
 
     components: tuple[str, ...]
-    of: Float[np.ndarray, "components scenes"]
+    by_component: Float[np.ndarray, "components scenes"]
     stated: Float[np.ndarray, " components"]
     by_order: Float[np.ndarray, "orders components"]
     whole: Float[np.ndarray, " scenes"]
 
     @property
-    def leader(self) -> int:
-        """Index of the component with the largest share."""
-        return int(np.nanmean(self.of, axis=1).argmax())
-
-    @property
-    def lead_share(self) -> Float[np.ndarray, " components"]:
+    def leading_share(self) -> Float[np.ndarray, " components"]:
         """Share of the orders in which each component has the largest reduction [-]."""
         return np.bincount(self.by_order.argmax(axis=1), minlength=len(self.components)) / len(self.by_order)
 
@@ -67,7 +62,7 @@ def shares_of(errors: Errors, orders: Sequence[tuple[str, ...]], first: Row = fr
 def _reductions(
     errors: Errors, order: Sequence[str], components: Sequence[str], first: Row
 ) -> Float[np.ndarray, "components scenes"]:
-    """Fall of the error by each component when they are added in an order."""
+    """Reduction of the error by each component, added in an order."""
     row, reductions = first, {}
     for name in order:
         reductions[name] = errors[row] - errors[row | {name}]

@@ -22,11 +22,11 @@ from rearl_jax.evaluation.rows import Row as SimulatedRow
 from rearl_jax.evaluation.runner import example_scene, make_scorer, reference_rows, simulated_row
 from rearl_jax.evaluation.scores import REAL, Scores, with_realism
 from rearl_jax.evaluation.scoring import Scorer
-from rearl_jax.evaluation.simulators import NEVER
+from rearl_jax.evaluation.simulators import NEVER_EXCEEDED
 from rearl_jax.metrics import METRICS
 from rearl_jax.models.record import RepairedModel
 from rearl_jax.results import Study, part_name
-from rearl_jax.study.budget.components import TITLES, Row, named, row_name, rows_of
+from rearl_jax.study.budget.components import TITLES, Row, names_of, row_name, rows_of
 from rearl_jax.study.budget.drivers import drivers_of
 
 ERRORS = "errors"
@@ -42,7 +42,7 @@ class Setting:
         inputs: Scenes, their splits, and representative scenes where REARL is a component.
         held_out: Indices of the judged scenes.
         components: The components, in the stated order.
-        model: Calibrated drivers; None without.
+        model: The calibrated drivers; None without them.
         thresholds: Thresholds of REARL's detection.
     """
 
@@ -51,7 +51,7 @@ class Setting:
     held_out: np.ndarray
     components: tuple[str, ...]
     model: RepairedModel | None = None
-    thresholds: tuple[float, float] = NEVER
+    thresholds: tuple[float, float] = NEVER_EXCEEDED
 
     @property
     def references(self) -> References | None:
@@ -72,32 +72,32 @@ def simulated_rows(setting: Setting, study: Study, bar: Progress, metadata: Mapp
     """
     rows, finished = rows_of(setting.components), study.finished_parts(ERRORS)
     line = bar.add_task("rows", total=len(rows) + 1)
-    scorer = references = None
+    scorer = reference_scores = None
     for number, row in enumerate([None, *rows]):
         bar.update(line, description=f"row: {_title(row)}", completed=number)
         if number in finished:
             continue
-        if scorer is None or references is None:
+        if scorer is None or reference_scores is None:
             config, inputs = setting.config, setting.inputs
             scorer = make_scorer(config, inputs.scenes, config.eval.n_runs * len(setting.held_out))
-            references = reference_rows(config, inputs.scenes, setting.held_out, scorer)
+            reference_scores = reference_rows(config, inputs.scenes, setting.held_out, scorer)
         if row is None:
-            table = reference_table(setting, references)
+            table = reference_table(setting, reference_scores)
         else:
-            table, _ = simulated_table(setting, row, scorer, references)
+            table, _ = simulated_table(setting, row, scorer, reference_scores)
         study.write_table(part_name(ERRORS, number), table, **metadata)
     bar.update(line, completed=len(rows) + 1)
     return pd.read_parquet(study.path / ERRORS)
 
 
 def _title(row: Row | None) -> str:
-    return "references" if row is None else ", ".join(TITLES[name] for name in named(row)) or "base"
+    return "references" if row is None else ", ".join(TITLES[name] for name in names_of(row)) or "base"
 
 
-def reference_table(setting: Setting, references: Sequence[Scores]) -> pd.DataFrame:
+def reference_table(setting: Setting, reference_scores: Sequence[Scores]) -> pd.DataFrame:
     """Figures of the reference rows, scene by scene."""
-    real = next(row for row in references if row.row == REAL)
-    complete = with_realism(list(references), real, setting.config.realism)
+    real = next(row for row in reference_scores if row.row == REAL)
+    complete = with_realism(list(reference_scores), real, setting.config.realism)
     return pd.concat([_table(setting, row) for row in complete], ignore_index=True)
 
 
@@ -105,45 +105,45 @@ def simulated_table(
     setting: Setting,
     row: Row,
     scorer: Scorer,
-    references: Sequence[Scores],
+    reference_scores: Sequence[Scores],
     host_policy: MakePolicy | None = None,
 ) -> tuple[pd.DataFrame, DecisionLog | None]:
-    """Figures of a row scene by scene, simulated and scored, and what was decided in it; None without REARL.
+    """Figures of a row scene by scene, simulated and scored, and its decisions; None without REARL.
 
     Args:
         setting: What all rows have in common.
         row: Components of the row.
         scorer: Scorer of the judged scenes.
-        references: Scores of the reference rows.
+        reference_scores: Scores of the reference rows.
         host_policy: Makes the policies that decide outside the compiled program, where one does.
     """
     scenes, held_out, name = setting.inputs.scenes, setting.held_out, row_name(row)
-    rollouts = Rollouts([as_simulated(setting, row)], scenes, held_out, setting.references, host_policy)
+    rollouts = Rollouts([evaluation_row(setting, row)], scenes, held_out, setting.references, host_policy)
     example = example_scene(scenes, held_out, None)
     scores, _, log, positions = simulated_row(
         name, rollouts, scorer, scenes, held_out, example, lambda done, total: None
     )
-    real = next(reference for reference in references if reference.row == REAL)
+    real = next(reference for reference in reference_scores if reference.row == REAL)
     (complete,) = with_realism([scores], real, setting.config.realism)
     return _table(setting, complete, positions), log
 
 
-def as_simulated(setting: Setting, row: Row) -> SimulatedRow:
+def evaluation_row(setting: Setting, row: Row) -> SimulatedRow:
     """A row of the budget as a row of an evaluation."""
     config = replace(setting.config, model=None, method=Method.rearl if REARL in row else Method.base)
     if START in row:
         config = replace(config, init=replace(config.init, source=InitialSource.scene))
     if BOUNDARY not in row:
-        config = free(config)
+        config = without_replay(config)
     drivers = None
     if CALIBRATED in row:
-        assert setting.model is not None  # else it is no component
+        assert setting.model is not None  # without a model CALIBRATED is no component
         drivers = drivers_of(setting.model, row, config.core)
-    thresholds = setting.thresholds if REARL in row else NEVER
+    thresholds = setting.thresholds if REARL in row else NEVER_EXCEEDED
     return SimulatedRow(config, row_name(row), thresholds, drivers=drivers)
 
 
-def free(config: StudyBudgetTask) -> StudyBudgetTask:
+def without_replay(config: StudyBudgetTask) -> StudyBudgetTask:
     """The configuration without replayed neighbours."""
     return replace(config, scenes=replace(config.scenes, boundary=BoundarySource.free))
 
@@ -155,9 +155,9 @@ def _table(setting: Setting, scores: Scores, positions: Positions | None = None)
     columns = {name: scene_means(scores, name, held_out) for name in METRICS}
     columns |= dict.fromkeys(("position_error", "overlap_share"), np.full(len(held_out), np.nan))
     if positions is not None:
-        at = np.searchsorted(held_out, positions.scene)
-        columns["position_error"] = grouped_mean(positions.first_error, at, len(held_out))
-        columns["overlap_share"] = grouped_mean(positions.overlap, at, len(held_out))
+        scene_index = np.searchsorted(held_out, positions.scene)
+        columns["position_error"] = grouped_mean(positions.first_error, scene_index, len(held_out))
+        columns["overlap_share"] = grouped_mean(positions.overlap, scene_index, len(held_out))
     frame = pd.DataFrame({"row": [scores.row] * len(held_out), "scene_id": scene_id.astype(np.int32)})
-    missing = {name: pd.arrays.FloatingArray(np.nan_to_num(v), ~np.isfinite(v)) for name, v in columns.items()}
-    return frame.assign(**missing)
+    nullable = {name: pd.arrays.FloatingArray(np.nan_to_num(v), ~np.isfinite(v)) for name, v in columns.items()}
+    return frame.assign(**nullable)

@@ -24,14 +24,14 @@ BUDGET_COLUMNS = ("error", "heading", "part", "title", "value", "low", "high", "
 STEP_COLUMNS = ("row", "title", "figure", "value", "low", "high")
 
 
-def budget_table(found: Mapping[str, ColumnBudget], eval: EvaluationConfig) -> pd.DataFrame:
+def budget_table(budgets: Mapping[str, ColumnBudget], eval: EvaluationConfig) -> pd.DataFrame:
     """One row per error and part, with BUDGET_COLUMNS, `n_scenes` and `n_orders`; missing figures are null.
 
     `value` of a component is its share: the mean reduction by it over all admissible orders, positive towards
     the recording; `stated`, `least` and `most` are its reductions in the stated order and its extremes over all orders,
     `leads` the share of the orders in which it has the largest reduction.
     """
-    records = [record for name, budget in found.items() for record in _records(name, budget, eval)]
+    records = [record for name, budget in budgets.items() for record in _records(name, budget, eval)]
     table = pd.DataFrame(records)
     numbers = ["value", "low", "high", "stated", "least", "most", "leads"]
     return table.reindex(columns=[*BUDGET_COLUMNS, "n_scenes", "n_orders"]).astype(dict.fromkeys(numbers, "Float64"))
@@ -41,11 +41,11 @@ def _records(name: str, budget: ColumnBudget, eval: EvaluationConfig) -> list[di
     shares, errors = budget.shares, budget.errors
     is_known = np.isfinite(shares.whole)
     sign = -1.0 if budget.column.form == "up" else 1.0
-    nothing = np.full(len(is_known), np.nan)
-    ends = {FIRST: errors[budget.first], LAST: errors[budget.last], OF_REAL: errors.get(REAL_VS_REAL, nothing)}
+    missing = np.full(len(is_known), np.nan)
+    ends = {FIRST: errors[budget.first], LAST: errors[budget.last], OF_REAL: errors.get(REAL_VS_REAL, missing)}
     values = {part: np.where(is_known, sign * error, np.nan) for part, error in ends.items()}
     values |= {WHOLE: shares.whole, REST: np.where(is_known, budget.rest(), np.nan)}
-    values |= dict(zip(shares.components, shares.of, strict=True))
+    values |= dict(zip(shares.components, shares.by_component, strict=True))
     figures = dict(zip(values, figures_of(list(values.values()), eval), strict=True))
     titles = {FIRST: title_of_row(budget.first), LAST: "all components", OF_REAL: title_of(REAL_VS_REAL)}
     titles |= {WHOLE: "total reduction", REST: "rest less real against real"} | dict(TITLES)
@@ -59,17 +59,17 @@ def _records(name: str, budget: ColumnBudget, eval: EvaluationConfig) -> list[di
         "stated": shares.stated,
         "least": shares.by_order.min(axis=0),
         "most": shares.by_order.max(axis=0),
-        "leads": shares.lead_share,
+        "leads": shares.leading_share,
     }
-    places = {component: place for place, component in enumerate(shares.components)}
+    index = {component: number for number, component in enumerate(shares.components)}
     for record in records:
-        if record["part"] in places:
-            record |= {key: float(column[places[record["part"]]]) for key, column in of_orders.items()}
+        if record["part"] in index:
+            record |= {key: float(column[index[record["part"]]]) for key, column in of_orders.items()}
     return records
 
 
 def title_of_row(name: str) -> str:
-    """Title of a row of the budget: what it has, in words."""
+    """Title of a row of the budget: its components in words."""
     return " + ".join(TITLES.get(part, title_of(part)) for part in name.split("+"))
 
 
@@ -95,7 +95,7 @@ def step_table(rows: pd.DataFrame, components: Sequence[str], eval: EvaluationCo
         {"row": name, "title": titles[name], "figure": figure, "value": value, "low": low, "high": high}
         for (name, figure), (value, low, high) in zip(keys, figures_of(values, eval), strict=True)
     ]
-    order = {name: place for place, name in enumerate(titles)}
+    order = {name: number for number, name in enumerate(titles)}
     table = pd.DataFrame(records).sort_values("row", key=lambda column: column.map(order), kind="stable")
     return table.reset_index(drop=True).astype(dict.fromkeys(("value", "low", "high"), "Float64"))
 
@@ -118,7 +118,7 @@ def summary_of(table: pd.DataFrame, components: Sequence[str], n_scenes: int, n_
         for ending in ("", "_low", "_high"):
             value = record[ending.removeprefix("_") or "value"]
             summary[f"{record['error']}_{record['part']}{ending}"] = None if pd.isna(value) else float(value)
-    for error, own in table.dropna(subset=["leads"]).groupby("error", sort=False):
-        leader = own.loc[own["value"].astype(float).idxmax()]
+    for error, rows in table.dropna(subset=["leads"]).groupby("error", sort=False):
+        leader = rows.loc[rows["value"].astype(float).idxmax()]
         summary |= {f"{error}_leader": leader["part"], f"{error}_leads": float(leader["leads"])}
     return summary

@@ -1,4 +1,4 @@
-"""The task `rearl study budget`: how much of the error of simulated scenes comes from what.
+"""The task `rearl study budget`: shares of traffic components in the error of simulated scenes.
 
 Components are added to Base one at a time, in a stated order and in every other possible order, up to the row with all
 of them, and real against real. Writes `errors/part-*.parquet` (a row per row of the budget and scene),
@@ -26,7 +26,7 @@ from rearl_jax.evaluation import task as evaluation
 from rearl_jax.evaluation.inputs import Inputs, read_inputs
 from rearl_jax.evaluation.percentiles import thresholds_of
 from rearl_jax.evaluation.remarks import Remarks, data_summary
-from rearl_jax.evaluation.simulators import NEVER
+from rearl_jax.evaluation.simulators import NEVER_EXCEEDED
 from rearl_jax.evaluation.traffic import inputs_id
 from rearl_jax.problems import InvalidInputError, out_of_range
 from rearl_jax.progress import progress_bar
@@ -35,9 +35,9 @@ from rearl_jax.runtime import set_precision
 from rearl_jax.study.budget.calibrating import Drivers, calibrated_drivers
 from rearl_jax.study.budget.components import TITLES, orders
 from rearl_jax.study.budget.document import definitions_of, document_of, findings_of
-from rearl_jax.study.budget.drivers import parts_of
+from rearl_jax.study.budget.drivers import components_of
 from rearl_jax.study.budget.figures import budgets
-from rearl_jax.study.budget.simulating import Setting, free, simulated_rows
+from rearl_jax.study.budget.simulating import Setting, simulated_rows, without_replay
 from rearl_jax.study.budget.tables import budget_table, step_table, summary_of
 
 log = logging.getLogger(__name__)
@@ -50,7 +50,7 @@ def run(config: StudyBudgetTask) -> dict:
         FileNotFoundError, ValueError: There are no recordings, a recording is invalid, no scene can be cut from them,
             or two keys contradict each other.
     """
-    evaluation.check(free(config))
+    evaluation.check(without_replay(config))
     set_precision(config.core.dtype)
     generated = is_generated(config.data)
     study = Study(config.results.root, config.study, config, "study budget", inputs_id(config), generated=generated)
@@ -61,8 +61,8 @@ def run(config: StudyBudgetTask) -> dict:
         scenes = setting.inputs.scenes
         metadata = {"seeds": config.seeds, "scenes_id": scenes.data_id}
         rows = simulated_rows(setting, study, bar, metadata)
-    found = budgets(rows, setting.components)
-    table, steps = budget_table(found, config.eval), step_table(rows, setting.components, config.eval)
+    divided = budgets(rows, setting.components)
+    table, steps = budget_table(divided, config.eval), step_table(rows, setting.components, config.eval)
     summary = summary_of(table, setting.components, len(setting.held_out), len(orders(setting.components)))
     remarks = Remarks(
         data_summary(config, scenes, f"{len(setting.held_out)} of them judged"),
@@ -101,11 +101,11 @@ def prepared(config: StudyBudgetTask, study: Study, bar: Progress) -> tuple[Sett
         drivers = calibrated_drivers(config, study, scenes, held_out)
         absent |= _lacking(drivers)
     config = with_road(config, scenes, needs_lanes=START not in absent)
-    thresholds = NEVER
+    thresholds = NEVER_EXCEEDED
     if REARL in config.budget.components and REARL not in absent:
         try:
-            alone = replace(free(config), method=Method.rearl, model=None)
-            thresholds = thresholds_of(alone, inputs, bar)
+            rearl_config = replace(without_replay(config), method=Method.rearl, model=None)
+            thresholds = thresholds_of(rearl_config, inputs, bar)
         except InvalidInputError as error:
             absent[REARL] = str(error)
     components = present(config.budget.components, absent)
@@ -115,13 +115,13 @@ def prepared(config: StudyBudgetTask, study: Study, bar: Progress) -> tuple[Sett
 
 
 def present(components: tuple[str, ...], absent: Mapping[str, str]) -> tuple[str, ...]:
-    """Components that are there, and whose needs are."""
-    there = tuple(name for name in components if name not in absent)
-    there = tuple(name for name in there if NEEDS.get(name) is None or NEEDS[name] in there)
-    if not there:
+    """Components that are not absent and whose needed component is not."""
+    kept = tuple(name for name in components if name not in absent)
+    kept = tuple(name for name in kept if NEEDS.get(name) is None or NEEDS[name] in kept)
+    if not kept:
         message = "names nothing that these recordings have: " + "; ".join(f"{n}: {why}" for n, why in absent.items())
         raise out_of_range("budget.components", message, f"[{', '.join(components)}]")
-    return there
+    return kept
 
 
 def _inputs(config: StudyBudgetTask, study: Study, bar: Progress, absent: dict[str, str]) -> Inputs:
@@ -142,11 +142,15 @@ def _lacking(drivers: Drivers) -> dict[str, str]:
             (CALIBRATED, *(name for name, other in NEEDS.items() if other == CALIBRATED)), drivers.origin
         )
     why = "`rearl discover` writes a model; budget.calibrate estimates drivers and noise only"
-    return {name: f"the model has none ({why})" for name, is_there in parts_of(drivers.model).items() if not is_there}
+    return {
+        name: f"the model has none ({why})"
+        for name, is_present in components_of(drivers.model).items()
+        if not is_present
+    }
 
 
 def with_road(config: StudyBudgetTask, scenes: SceneSet, *, needs_lanes: bool) -> StudyBudgetTask:
-    """The configuration with the vehicles of a snapshot and the lanes of the recordings, for all rows alike.
+    """The configuration with as many vehicles as a snapshot and as many lanes as the recordings, for all rows alike.
 
     Raises:
         InvalidInputError: The recordings have more lanes than a simulated road can have.

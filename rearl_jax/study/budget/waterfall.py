@@ -5,11 +5,11 @@ from matplotlib.axes import Axes
 
 from rearl_jax.drawing import BLUE, DARK_GREY, GREY, LIGHT_GREY, VERMILION, panels, png, set_title
 from rearl_jax.study.budget.components import TITLES
-from rearl_jax.study.budget.document import MAIN
+from rearl_jax.study.budget.document import MAIN_ERRORS
 from rearl_jax.study.budget.figures import COLUMNS
 from rearl_jax.study.budget.tables import FIRST, LAST, OF_REAL
 
-_HALF = 0.36
+_HALF_BAR = 0.36
 """Half the thickness of a bar."""
 
 
@@ -21,7 +21,7 @@ def draw_waterfall(table: pd.DataFrame, mape: str, *, generated: bool) -> bytes:
         mape: The spacing error that decides, as in `MapeConfig.column`.
         generated: Whether any of the data were generated.
     """
-    errors = [name.format(mape=mape) for name in MAIN]
+    errors = [name.format(mape=mape) for name in MAIN_ERRORS]
     drawn = [error for error in errors if error in set(table["error"])] or list(dict.fromkeys(table["error"]))[:1]
     parts = [name for name in TITLES if name in set(table["part"])]
     names = [FIRST, *parts, LAST]
@@ -39,21 +39,21 @@ def draw_waterfall(table: pd.DataFrame, mape: str, *, generated: bool) -> bytes:
     return png(figure)
 
 
-def _draw_panel(panel: Axes, own: pd.DataFrame, parts: list[str]) -> None:
+def _draw_panel(panel: Axes, shares: pd.DataFrame, parts: list[str]) -> None:
     """Bars from the error of the first row to that of the last."""
-    level = stated = float(own.loc[FIRST, "value"])
-    begin = len([name for name in parts if name not in own.index])  # components of the first row of this error
-    panel.barh(begin, level, 2 * _HALF, color=GREY)
-    for place, name in enumerate(parts[begin:], begin + 1):
-        share = own.loc[name]
+    level = stated = float(shares.loc[FIRST, "value"])
+    begin = len([name for name in parts if name not in shares.index])  # components of the first row of this error
+    panel.barh(begin, level, 2 * _HALF_BAR, color=GREY)
+    for row, name in enumerate(parts[begin:], begin + 1):
+        share = shares.loc[name]
         value = float(share["value"])
-        panel.barh(place, -value, 2 * _HALF, left=level, color=BLUE if value >= 0 else VERMILION)
+        panel.barh(row, -value, 2 * _HALF_BAR, left=level, color=BLUE if value >= 0 else VERMILION)
         if not pd.isna(share["low"]):
             low, high = (level - float(share[end]) for end in ("high", "low"))
-            panel.hlines(place, low, high, color=DARK_GREY, linewidth=1.0)
+            panel.hlines(row, low, high, color=DARK_GREY, linewidth=1.0)
         level, stated = level - value, stated - float(share["stated"])
-        panel.plot(stated, place, "x", color=DARK_GREY, markersize=4)
-    panel.barh(len(parts) + 1, float(own.loc[LAST, "value"]), 2 * _HALF, color=DARK_GREY)
-    if OF_REAL in own.index:
-        panel.axvline(float(own.loc[OF_REAL, "value"]), color=GREY, linewidth=1.2)
+        panel.plot(stated, row, "x", color=DARK_GREY, markersize=4)
+    panel.barh(len(parts) + 1, float(shares.loc[LAST, "value"]), 2 * _HALF_BAR, color=DARK_GREY)
+    if OF_REAL in shares.index:
+        panel.axvline(float(shares.loc[OF_REAL, "value"]), color=GREY, linewidth=1.2)
     panel.set_xlim(left=0.0)

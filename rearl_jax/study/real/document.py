@@ -12,9 +12,10 @@ from rearl_jax.document.document import Document, Section
 from rearl_jax.document.table import Cell, Row, Table, number, percent, spoken, table_of
 from rearl_jax.evaluation.remarks import Remarks
 from rearl_jax.study.real.known import TOLERANCE
-from rearl_jax.study.real.table import SPEEDS, WORSE
+from rearl_jax.study.real.table import SPEEDS, WORSE_INCREASE
 
-STRONGEST_FIRST = ("named", "improved", "unexplained", "artefact", "nothing")
+VERDICTS = ("named", "improved", "unexplained", "artefact", "nothing")
+"""Verdicts of a discovery, strongest first."""
 
 
 def summary_of(table: pd.DataFrame, facts: pd.DataFrame, differences: pd.DataFrame) -> dict[str, Any]:
@@ -24,17 +25,17 @@ def summary_of(table: pd.DataFrame, facts: pd.DataFrame, differences: pd.DataFra
     behind ACC minus that behind a person, for the same drivers), `leader_cars`, and `is_leader_equal`. None for values
     that were not computed.
     """
-    words = Counter(table["verdict"].tolist())
+    counts = Counter(table["verdict"].tolist())
     known = facts.dropna(subset=["known"])
-    away = known["model_free"].to_numpy(float, na_value=np.nan) - known["known"].to_numpy(float, na_value=np.nan)
+    difference = known["model_free"].to_numpy(float, na_value=np.nan) - known["known"].to_numpy(float, na_value=np.nan)
     summary: dict[str, Any] = {
         "n_sets": len(set(table["set"].tolist())),
         "n_groups": len(table),
         "n_worse": sum(name != "" for name in table["worse_in"].tolist()),
-        **{f"n_{word}": words[word] for word in STRONGEST_FIRST},
+        **{f"n_{word}": counts[word] for word in VERDICTS},
         "n_known": len(known),
         "n_within": sum(value is True for value in known["within"].astype(object).tolist()),
-        "n_within_model_free": int((np.abs(away) <= TOLERANCE).sum()),
+        "n_within_model_free": int((np.abs(difference) <= TOLERANCE).sum()),
     }
     setting = _difference(differences, "L", "S")
     summary |= {"n_cars": None, "n_shorter": None}
@@ -52,9 +53,9 @@ def summary_of(table: pd.DataFrame, facts: pd.DataFrame, differences: pd.DataFra
 
 def _difference(differences: pd.DataFrame, first: str, second: str) -> Mapping[str, Any] | None:
     """Difference between two settings for calibrated drivers, in the first set with both."""
-    asked = {"told": "calibrated", "first": first, "second": second}
+    wanted = {"told": "calibrated", "first": first, "second": second}
     for row in differences.astype(object).to_dict("records"):
-        if all(row[name] == value for name, value in asked.items()):
+        if all(row[name] == value for name, value in wanted.items()):
             return {str(name): value for name, value in row.items()}
     return None
 
@@ -90,7 +91,7 @@ def document_of(
 
 
 def _verdict(summary: Mapping[str, Any]) -> str:
-    words = ", ".join(f"{summary[f'n_{word}']} {word}" for word in STRONGEST_FIRST if summary[f"n_{word}"])
+    words = ", ".join(f"{summary[f'n_{word}']} {word}" for word in VERDICTS if summary[f"n_{word}"])
     text = f"Groups of drivers: {words}"
     if summary["n_known"]:
         text += (
@@ -108,8 +109,8 @@ def _verdicts(named: pd.DataFrame) -> Section:
     words = (
         "Each group was calibrated and searched alone; its folder in sets/ has candidates, curves and the repaired "
         "model. Time gaps are those at equilibrium behind a leader of constant speed, medians of the calibrated "
-        f"drivers. Worse in: protocols in which the repaired model's mean gap error is more than {percent(WORSE)} "
-        "above that of the base model.",
+        f"drivers. Worse in: protocols in which the repaired model's mean gap error is more than "
+        f"{percent(WORSE_INCREASE)} above that of the base model.",
     )
     return Section("Verdicts", words, (table_of("Verdicts", named.assign(**spoken_words, worse_in=worse), columns),))
 
@@ -157,8 +158,8 @@ def _score(summary: Mapping[str, Any], facts: pd.DataFrame) -> Section:
         )
     if summary["is_leader_equal"] is not None:
         low, high = (number(summary[f"leader_difference_{end}"], "+") for end in ("low", "high"))
-        said = f"{'yes' if summary['is_leader_equal'] else 'no'}, {summary['leader_cars']} persons"
-        rows.append(Row("behind ACC as behind people", (Cell(said, f"{low} to {high} s"),)))
+        answer = f"{'yes' if summary['is_leader_equal'] else 'no'}, {summary['leader_cars']} persons"
+        rows.append(Row("behind ACC as behind people", (Cell(answer, f"{low} to {high} s"),)))
     if not rows:
         return Section("Facts", (f"No time gap is known of these {len(facts)} cars and settings.",))
     return Section("Facts", tables=(Table("Known facts of these vehicles", ("confirmed",), tuple(rows)),))

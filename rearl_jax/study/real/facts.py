@@ -1,4 +1,4 @@
-"""Time gaps at equilibrium of each car (or person) under each setting (or leader): measured, and of calibrated drivers.
+"""Time gaps at equilibrium of each car (or person) under each setting (or leader): measured, and calibrated.
 
 Measured time gaps need no model: they are the median of gap over speed in intervals near equilibrium. For calibrated
 time gaps, the car-following model chosen by discovery is calibrated to all tracks of a setting; the time gap of a car
@@ -22,10 +22,10 @@ from rearl_jax.discovery.report.error_block import Resampling
 from rearl_jax.discovery.report.protocols import gap_of
 from rearl_jax.study.real.known import KnownTimeGap
 
-MOST_ACCELERATION, MOST_APPROACH, LEAST_SPEED = 0.2, 0.3, 5.0
+MAX_ACCELERATION, MAX_APPROACH_RATE, MIN_SPEED = 0.2, 0.3, 5.0
 """Limits of near equilibrium: largest acceleration [m/s^2], largest approach rate [m/s], smallest speed [m/s]."""
 
-LEAST_STEADY = 2.0
+MIN_STEADY_TIME = 2.0
 """Smallest time near equilibrium for a measured time gap [s]."""
 
 FACT_COLUMNS = ("setting", "car", "tracks", "runs", "steady_seconds", "speed", "model_free", "model_free_deviation")
@@ -33,12 +33,12 @@ FACT_COLUMNS += ("calibrated", "difference", "known", "known_deviation", "within
 
 
 def near_equilibrium(data: Measured) -> Bool[np.ndarray, "steps pieces"]:
-    """True for time steps that count in which drivers neither accelerate nor approach their leaders."""
+    """True for counted time steps in which drivers hardly accelerate or approach their leaders."""
     speed = data.smooth_speed
     acceleration = np.gradient(speed, data.dt, axis=0)
     approach = speed - data.surroundings.leader_speed
-    is_steady = (np.abs(acceleration) < MOST_ACCELERATION) & (np.abs(approach) < MOST_APPROACH)
-    return is_steady & (speed > LEAST_SPEED) & (data.weight > 0)
+    is_steady = (np.abs(acceleration) < MAX_ACCELERATION) & (np.abs(approach) < MAX_APPROACH_RATE)
+    return is_steady & (speed > MIN_SPEED) & (data.weight > 0)
 
 
 def facts_of(
@@ -65,17 +65,17 @@ def facts_of(
     rows = []
     settings = data.labels[by]
     for setting in sorted({value for value in settings.tolist() if value is not None}):
-        inside = data.select(np.flatnonzero(settings == setting))
-        is_steady = near_equilibrium(inside)
-        speed = float(np.median(inside.smooth_speed[is_steady])) if is_steady.any() else np.nan
-        of_driver = np.full(inside.n_drivers, np.nan)
+        of_setting = data.select(np.flatnonzero(settings == setting))
+        is_steady = near_equilibrium(of_setting)
+        speed = float(np.median(of_setting.smooth_speed[is_steady])) if is_steady.any() else np.nan
+        of_driver = np.full(of_setting.n_drivers, np.nan)
         if setting in models and np.isfinite(speed):
-            of_driver = _calibrated(inside, models[setting], speed, lane_changes=lane_changes)
-        cars = inside.label(car)
+            of_driver = _calibrated(of_setting, models[setting], speed, lane_changes=lane_changes)
+        cars = of_setting.label(car)
         for name in sorted({value for value in cars.tolist() if value is not None}):
             row = {"setting": setting, "car": name, "speed": speed}
-            row |= _measured(inside, is_steady, inside.labels[car] == name)
-            row |= {"tracks": int((cars == name).sum()), "calibrated": _middle(of_driver[cars == name])}
+            row |= _measured(of_setting, is_steady, of_setting.labels[car] == name)
+            row |= {"tracks": int((cars == name).sum()), "calibrated": _median(of_driver[cars == name])}
             row["difference"] = row["calibrated"] - row["model_free"]
             if (fact := known.get(name, {}).get(setting)) is not None:
                 row |= {"known": fact.value, "known_deviation": fact.deviation}
@@ -83,8 +83,7 @@ def facts_of(
                     row["within"] = bool(abs(row["calibrated"] - fact.value) <= tolerance)
             rows.append(row)
     table = pd.DataFrame(rows, columns=list(FACT_COLUMNS))
-    whole, truth = ("tracks", "runs"), ("within",)
-    kinds = {name: "Int64" if name in whole else "boolean" for name in (*whole, *truth)}
+    kinds = {"tracks": "Int64", "runs": "Int64", "within": "boolean"}
     numbers = [name for name in FACT_COLUMNS if name not in ("setting", "car", *kinds)]
     return table.astype(kinds | dict.fromkeys(numbers, "Float64"))
 
@@ -98,27 +97,27 @@ def _calibrated(
 
 
 def _measured(data: Measured, is_steady: np.ndarray, pieces: np.ndarray) -> dict[str, float | int]:
-    """Measured time gap of the given pieces, the standard error of its medians by run, and the amount of data."""
-    time_gap = gap_of(data) / np.maximum(data.smooth_speed, LEAST_SPEED)
+    """Measured time gap of the given pieces, its standard error between runs, and the amount of data."""
+    time_gap = gap_of(data) / np.maximum(data.smooth_speed, MIN_SPEED)
     step = data.dt * data.stride
 
     def median(chosen: np.ndarray) -> float:
         values = time_gap[:, chosen][is_steady[:, chosen]]
-        return float(np.median(values)) if len(values) * step >= LEAST_STEADY else np.nan
+        return float(np.median(values)) if len(values) * step >= MIN_STEADY_TIME else np.nan
 
     runs = np.unique(data.recording[pieces])
     by_run = np.array([median(pieces & (data.recording == run)) for run in runs])
     by_run = by_run[np.isfinite(by_run)]
-    deviation = float(by_run.std(ddof=1) / np.sqrt(len(by_run))) if len(by_run) > 1 else np.nan
+    standard_error = float(by_run.std(ddof=1) / np.sqrt(len(by_run))) if len(by_run) > 1 else np.nan
     return {
         "runs": len(runs),
         "steady_seconds": float(is_steady[:, pieces].sum() * step),
         "model_free": median(pieces),
-        "model_free_deviation": deviation,
+        "model_free_deviation": standard_error,
     }
 
 
-def _middle(values: Float[np.ndarray, " tracks"]) -> float:
+def _median(values: Float[np.ndarray, " tracks"]) -> float:
     """Median of the known values; NaN if fewer than half are known."""
     known = values[np.isfinite(values)]
     return float(np.median(known)) if len(known) and len(known) >= len(values) / 2 else np.nan
@@ -131,19 +130,20 @@ def differences_of(facts: pd.DataFrame, options: DiscoverConfig) -> pd.DataFrame
     `second_mean`, `value`, `low`, `high` [s] and `longer`, the number of cars that keep the longer time gap in `first`.
     Pairs of settings that fewer than two cars drove in are left out.
     """
-    over, rows = Resampling(options.confidence, options.draws, options.seed), []
-    for name, inside in facts.groupby("set", sort=False):
-        title, settings = inside["title"].iloc[0], sorted(set(inside["setting"].tolist()))
+    resampling, rows = Resampling(options.confidence, options.draws, options.seed), []
+    for name, of_set in facts.groupby("set", sort=False):
+        title, settings = of_set["title"].iloc[0], sorted(set(of_set["setting"].tolist()))
         for number, first in enumerate(settings):
             for second in settings[number + 1 :]:
                 for told in ("calibrated", "model_free"):
-                    wide = inside.pivot(index="car", columns="setting", values=told)[[first, second]].dropna()
+                    wide = of_set.pivot(index="car", columns="setting", values=told)[[first, second]].dropna()
                     ends = wide.to_numpy(float)
                     if len(ends) < 2:
                         continue
-                    away = ends[:, 0] - ends[:, 1]
+                    difference = ends[:, 0] - ends[:, 1]
                     row = {"set": name, "title": title, "first": first, "second": second, "told": told}
-                    row |= {"cars": len(away), "first_mean": ends[:, 0].mean(), "second_mean": ends[:, 1].mean()}
-                    rows.append(row | over.figure(over.drawn(away, np.mean)) | {"longer": int((away > 0).sum())})
+                    row |= {"cars": len(difference), "first_mean": ends[:, 0].mean(), "second_mean": ends[:, 1].mean()}
+                    figure = resampling.figure(resampling.drawn(difference, np.mean))
+                    rows.append(row | figure | {"longer": int((difference > 0).sum())})
     columns = ["set", "title", "first", "second", "told", "cars", "first_mean", "second_mean", "value", "low", "high"]
     return pd.DataFrame(rows, columns=[*columns, "longer"])

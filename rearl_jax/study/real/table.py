@@ -8,12 +8,12 @@ import pandas as pd
 from rearl_jax.discovery.report.groups_section import with_numbers
 from rearl_jax.discovery.report.protocols import PROTOCOLS
 
-WORSE = 0.01
+WORSE_INCREASE = 0.01
 """Relative increase of the mean gap error above which the repaired model counts as worse [-]."""
 
 FIGURES = ("before", "after", "change", "change_share", "idm", "idm_share")
 """Mean gap error over drivers before and after [m], its change [m] and its relative change [-], the error of IDM
-calibrated to the same drivers [m], and the relative difference of the error after from that [-].
+calibrated to the same drivers [m], and the relative difference of the error after from that of IDM [-].
 """
 
 SPEEDS = ("10", "20")
@@ -31,14 +31,14 @@ def rows_of(name: str, title: str, group: str, verdict: Mapping[str, Any]) -> li
         group: Name of the drivers of a discovery without groups.
         verdict: As in verdict.json.
     """
-    usual = verdict["data"]["car_following"]
+    default_base = verdict["data"]["car_following"]
     if "groups" in verdict:
-        return [_row(name, title, row["value"], row, row["drivers"], usual) for row in verdict["groups"]]
-    return [_row(name, title, group, verdict, verdict["data"]["drivers"], usual)]
+        return [_row(name, title, row["value"], row, row["drivers"], default_base) for row in verdict["groups"]]
+    return [_row(name, title, group, verdict, verdict["data"]["drivers"], default_base)]
 
 
 def _row(
-    name: str, title: str, group: str, verdict: Mapping[str, Any], drivers: Mapping[str, int], usual: str
+    name: str, title: str, group: str, verdict: Mapping[str, Any], drivers: Mapping[str, int], default_base: str
 ) -> dict[str, Any]:
     base = verdict["base"]
     protocols = verdict["error"]["protocols"]
@@ -49,11 +49,13 @@ def _row(
         "title": title,
         "group": group,
         "drivers": sum(drivers.values()),
-        "base": usual if base is None else base["chosen"],
+        "base": default_base if base is None else base["chosen"],
         "verdict": verdict["verdict"],
         "effects": "; ".join(map(with_numbers, verdict["effects"])),
         "worse_in": ",".join(
-            protocol for protocol in PROTOCOLS if (errors := gaps[protocol]) and errors["change_share"]["value"] > WORSE
+            protocol
+            for protocol in PROTOCOLS
+            if (errors := gaps[protocol]) and errors["change_share"]["value"] > WORSE_INCREASE
         ),
     }
     for protocol in PROTOCOLS:

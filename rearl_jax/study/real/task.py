@@ -35,19 +35,19 @@ from rearl_jax.study.real.table import real_table, rows_of
 
 TASK = "study real"
 
-ALL_DRIVERS = 2**31
-"""Largest number of drivers of a group whose time gaps are computed: no limit, because one car may have few tracks."""
+NO_DRIVER_LIMIT = 2**31
+"""Value of discover.max_drivers without influence: one car may have few tracks, so time gaps use all."""
 
 
 @dataclass(frozen=True)
-class Cell:
-    """One discovery of the study.
+class SetTask:
+    """Discovery in one set of recordings.
 
     Attributes:
         name: Name of the set.
         title: Name of the set in tables.
         group: Name of the group of drivers if there is only one.
-        part: Task of the discovery.
+        part: Record of the discovery's task.
         id: Identity of the data.
         generated: Whether any of the data were generated.
     """
@@ -67,16 +67,16 @@ class Cell:
         return None if options.by in (None, AUTO, car) else car
 
 
-def cells_of(config: StudyRealTask) -> list[Cell]:
+def set_tasks_of(config: StudyRealTask) -> list[SetTask]:
     """The discoveries of a study, in the order of `real.sets`.
 
     Raises:
         FileNotFoundError: There are no recordings.
     """
-    return [_cell(config, name) for name in config.real.sets]
+    return [_set_task(config, name) for name in config.real.sets]
 
 
-def _cell(config: StudyRealTask, name: str) -> Cell:
+def _set_task(config: StudyRealTask, name: str) -> SetTask:
     if name == OWN:
         own, data, options = RealSet("own recordings", config.data.format), config.data, config.discover
     else:
@@ -84,7 +84,7 @@ def _cell(config: StudyRealTask, name: str) -> Cell:
         data = _shipped(config.data, own)
         options = replace(config.discover, by=own.by, same=None)
     part = part_record(DiscoverTask, config, f"{config.study}/sets/{name}", data=data, discover=options)
-    return Cell(name, own.title, own.group, part, data_id(data), is_generated(data))
+    return SetTask(name, own.title, own.group, part, data_id(data), is_generated(data))
 
 
 def _shipped(data: DataConfig, own: RealSet) -> DataConfig:
@@ -99,58 +99,58 @@ def run(config: StudyRealTask) -> dict:
     Raises:
         FileNotFoundError, ValueError: As `rearl_jax.discovery.task.run`, of each set.
     """
-    cells = cells_of(config)
-    identity = f"real-{hashlib.sha256(' '.join(cell.id for cell in cells).encode()).hexdigest()[:12]}"
-    generated = any(cell.generated for cell in cells)
+    set_tasks = set_tasks_of(config)
+    identity = f"real-{hashlib.sha256(' '.join(set_task.id for set_task in set_tasks).encode()).hexdigest()[:12]}"
+    generated = any(set_task.generated for set_task in set_tasks)
     study = Study(config.results.root, config.study, config, TASK, identity, generated=generated)
     study.write_config()
     rows, facts = [], []
     with progress_bar() as bar:
-        line = bar.add_task("sets", total=len(cells))
-        for number, cell in enumerate(cells):
-            bar.update(line, description=f"set {number + 1} of {len(cells)}: {cell.title}", completed=number)
-            verdict = discovery.run(cell.part, show=False, bar=bar)
-            set_rows = rows_of(cell.name, cell.title, cell.group, verdict)
+        line = bar.add_task("sets", total=len(set_tasks))
+        for number, set_task in enumerate(set_tasks):
+            bar.update(line, description=f"set {number + 1} of {len(set_tasks)}: {set_task.title}", completed=number)
+            verdict = discovery.run(set_task.part, show=False, bar=bar)
+            set_rows = rows_of(set_task.name, set_task.title, set_task.group, verdict)
             rows += set_rows
-            if cell.car is not None:
-                facts.append(_facts(cell, cell.car, {row["group"]: row["base"] for row in set_rows}, bar))
+            if set_task.car is not None:
+                facts.append(_facts(set_task, set_task.car, {row["group"]: row["base"] for row in set_rows}, bar))
             for finished in set(bar.task_ids) - {line}:
                 bar.remove_task(finished)
     columns = ["set", "title", *FACT_COLUMNS]
     table = pd.concat(facts, ignore_index=True) if facts else pd.DataFrame(columns=columns)
-    return _publish(study, config, cells, identity, real_table(rows), table)
+    return _publish(study, config, set_tasks, identity, real_table(rows), table)
 
 
-def _facts(cell: Cell, car: str, bases: Mapping[str, str], bar: Progress) -> pd.DataFrame:
-    """Time gaps of the cars of a set; read from disk if they were computed before.
+def _facts(set_task: SetTask, car: str, bases: Mapping[str, str], bar: Progress) -> pd.DataFrame:
+    """Time gaps of the cars of a set; read from disk if computed before.
 
     Args:
-        cell: The set.
+        set_task: The set.
         car: Label of the car or person.
         bases: Car-following model that was chosen for each group.
         bar: Progress display.
     """
-    by = cell.part.discover.by
+    by = set_task.part.discover.by
     assert by is not None
-    folder = cell.part.study.replace("/sets/", "/facts/")
-    part = Study(cell.part.results.root, folder, cell.part, TASK, cell.id, generated=cell.generated)
+    folder = set_task.part.study.replace("/sets/", "/facts/")
+    part = Study(set_task.part.results.root, folder, set_task.part, TASK, set_task.id, generated=set_task.generated)
     if not part.owns("facts"):
-        models = {driver.model: driver for driver in cell.part.compared}
-        all_drivers = replace(cell.part, discover=replace(cell.part.discover, max_drivers=ALL_DRIVERS))
+        models = {driver.model: driver for driver in set_task.part.compared}
+        all_drivers = replace(set_task.part, discover=replace(set_task.part.discover, max_drivers=NO_DRIVER_LIMIT))
         bar.add_task(f"time gaps of each {car}", total=None)
         table = facts_of(
-            read_drivers(all_drivers, cell.id, bar, generated=cell.generated).data,
+            read_drivers(all_drivers, set_task.id, bar, generated=set_task.generated).data,
             by,
             car,
             {group: models[base] for group, base in bases.items()},
-            KNOWN_TIME_GAPS if _is_zalazone(cell.part.data) else {},
+            KNOWN_TIME_GAPS if _is_zalazone(set_task.part.data) else {},
             TOLERANCE,
-            lane_changes=cell.part.discover.lane_changes,
+            lane_changes=set_task.part.discover.lane_changes,
         )
         part.write_table("facts", table)
     stored = pd.read_parquet(Path(part.path) / "facts.parquet")
-    stored.insert(0, "title", cell.title)
-    stored.insert(0, "set", cell.name)
+    stored.insert(0, "title", set_task.title)
+    stored.insert(0, "set", set_task.name)
     return stored
 
 
@@ -160,19 +160,24 @@ def _is_zalazone(data: DataConfig) -> bool:
 
 
 def _publish(
-    study: Study, config: StudyRealTask, cells: list[Cell], identity: str, table: pd.DataFrame, facts: pd.DataFrame
+    study: Study,
+    config: StudyRealTask,
+    set_tasks: list[SetTask],
+    identity: str,
+    table: pd.DataFrame,
+    facts: pd.DataFrame,
 ) -> dict[str, Any]:
     """The summary, with tables, page and summary written."""
     differences = differences_of(facts, config.discover)
-    read = (recording.info for cell in cells for recording in iterate_recordings(cell.part.data))
+    read = (recording.info for set_task in set_tasks for recording in iterate_recordings(set_task.part.data))
     infos = tuple({info.id: info for info in read}.values())
-    data = f"{len(infos)} recordings in {len(cells)} sets: {', '.join(cell.title for cell in cells)}."
+    data = f"{len(infos)} recordings in {len(set_tasks)} sets: {', '.join(set_task.title for set_task in set_tasks)}."
     remarks = Remarks(data, sources=data_sources(infos))
     seeds = {"seeds": f"discover.seed={config.discover.seed}"}
     study.write_table("real", table, **seeds, remarks=remarks.to_json())
     study.write_table("facts", facts)
     study.write_table("differences", differences, **seeds)
-    generated = any(cell.generated for cell in cells)
+    generated = any(set_task.generated for set_task in set_tasks)
     document = document_of(table, facts, differences, remarks, generated=generated)
     print_document(document)
     study.write_text("page.html", page_of(document, config, {}, data_id=identity))

@@ -9,7 +9,7 @@ from jaxtyping import Float
 from rearl_jax.config.stability import StabilityConfig
 from rearl_jax.export.platoon import STEPS_PER_SECOND, simulate, start_platoons
 from rearl_jax.study.stability.analysis import amplification
-from rearl_jax.study.stability.cases import NEAR_DESIRED, Case
+from rearl_jax.study.stability.cases import MAX_SPEED_SHARE, Case
 
 N_FOLLOWERS = 3
 """Followers of each first vehicle. The amplitudes of the third and the second are compared, because both are simulated;
@@ -19,8 +19,8 @@ the first vehicle's motion is prescribed.
 TRANSIENT = 300.0
 """Time until the followers oscillate steadily [s]."""
 
-EVALUATED_PERIODS, LEAST_EVALUATED_TIME = 4, 60.0
-"""Periods of the slowest oscillation that are evaluated after the transient [-], and the least time that is [s]."""
+EVALUATED_PERIODS, MIN_EVALUATED_TIME = 4, 60.0
+"""Periods of the slowest oscillation that are evaluated after the transient [-], and the least evaluated time [s]."""
 
 AMPLIFICATION_COLUMNS = ("speed", "frequency", "analysis", "simulated", "difference")
 
@@ -29,11 +29,11 @@ def amplification_table(case: Case, options: StabilityConfig) -> pd.DataFrame:
     """One row per speed [m/s] and frequency [Hz]: amplitude of a follower's speed over its leader's [-] by the analysis
     and in the simulation, and the difference.
     """
-    speeds = [speed for speed in options.speeds if speed < NEAR_DESIRED * case.desired_speed]
+    speeds = [speed for speed in options.speeds if speed < MAX_SPEED_SHARE * case.desired_speed]
     if not speeds:
         return pd.DataFrame(columns=list(AMPLIFICATION_COLUMNS))
     speed, frequency = (axis.ravel() for axis in np.meshgrid(speeds, options.frequencies, indexing="ij"))
-    duration = max(EVALUATED_PERIODS / frequency.min(), LEAST_EVALUATED_TIME)
+    duration = max(EVALUATED_PERIODS / frequency.min(), MIN_EVALUATED_TIME)
     time = np.arange(round((TRANSIENT + duration) * STEPS_PER_SECOND) + 1)[:, None] / STEPS_PER_SECOND
     first = speed + options.amplitude * np.sin(2 * np.pi * frequency * time)
     motion = simulate(start_platoons(case.typical, first, N_FOLLOWERS, options.seed), first)
@@ -51,10 +51,10 @@ def amplitudes(
     time: Float[np.ndarray, "steps one"],
 ) -> Float[np.ndarray, " platoons"]:
     """Amplitude of each platoon's oscillation at its frequency [m/s], by least squares with a mean and a trend."""
-    found = []
+    result = []
     for series, series_frequency in zip(speed.T, frequency, strict=True):
         angle = 2 * np.pi * series_frequency * time[:, 0]
         basis = np.stack([np.sin(angle), np.cos(angle), np.ones_like(angle), angle], axis=1)
         sine, cosine, *_ = np.linalg.lstsq(basis, series, rcond=None)[0]
-        found.append(np.hypot(sine, cosine))
-    return np.array(found)
+        result.append(np.hypot(sine, cosine))
+    return np.array(result)

@@ -5,9 +5,9 @@ Small deviations of position y and speed w from the equilibrium develop in a tim
     y' = y + dt w
     w' = w + dt [f_s D (y_l - y) + f_v D_own w + f_dv (D_own w - D w_l)]
 
-behind a leader l; D and D_own delay by the reaction times to the vehicle ahead and to the own speed, which the effect
-`reaction_delay` interpolates between time steps. With z = exp(i omega dt) and p = (z - 1) / dt, a leader's speed is
-passed on by the transfer function
+behind a leader l; D and D_own delay by the reaction times to the vehicle ahead and to the driver's own speed, which the
+effect `reaction_delay` interpolates between time steps. With z = exp(i omega dt) and p = (z - 1) / dt, a leader's speed
+is passed on by the transfer function
 
     G(z) = D (f_s - f_dv p) / [p^2 - (f_v + f_dv) D_own p + f_s D].
 
@@ -34,7 +34,7 @@ class Scheme:
     Attributes:
         dt: Time step [s].
         delay: Reaction time to the vehicle ahead [s]; negative values extrapolate.
-        own_delay: Time until the own speed is felt [s].
+        own_delay: Reaction time to the driver's own speed [s].
     """
 
     dt: float
@@ -43,7 +43,7 @@ class Scheme:
 
     @property
     def memory(self) -> int:
-        """Time steps that the longer delay reaches back."""
+        """Whole time steps of the longer delay, and one more for the interpolation."""
         return max(_whole(self.delay, self.dt), _whole(self.own_delay, self.dt)) + 1
 
     def delays(self) -> tuple[Polynomial, Polynomial]:

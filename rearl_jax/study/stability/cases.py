@@ -18,11 +18,11 @@ from rearl_jax.models.file import read_model
 from rearl_jax.models.population import Population, population_of_keys, population_of_model
 from rearl_jax.study.stability.analysis import Scheme
 
-DRAWN = {"desired_speed": 30.0, "accel_exponent": 4.0}
-"""Values of parameters that highway-env draws with the initial state: the middle of its range."""
+TYPICAL_DRAWN = {"desired_speed": 30.0, "accel_exponent": 4.0}
+"""Typical values of parameters that highway-env draws with the initial state: the middle of the drawn range."""
 
-NEAR_DESIRED = 0.98
-"""Share of the desired speed up to which an equilibrium behind a leader is sought [-]."""
+MAX_SPEED_SHARE = 0.98
+"""Largest speed of an equilibrium behind a leader, as a share of the desired speed [-]."""
 
 
 @dataclass(frozen=True)
@@ -39,17 +39,17 @@ class Case:
 
     @property
     def typical(self) -> Population:
-        """The same drivers without differences and chance: medians of the first class, no random numbers."""
-        own = self.population
+        """The typical driver: medians of the first class, without random effects and noise."""
+        drivers = self.population
         return replace(
-            own,
-            shares=own.shares[:0],
-            median=own.median[:1],
-            factor=np.zeros_like(own.factor[:1]),
-            noise=np.zeros_like(own.noise[:1]),
-            length=own.length[:1] * np.array([1.0, 0.0], own.length.dtype),
-            is_truck=own.is_truck[:1],
-            effects=tuple(effect for effect in own.effects if "seed" not in {item.name for item in fields(effect)}),
+            drivers,
+            shares=drivers.shares[:0],
+            median=drivers.median[:1],
+            factor=np.zeros_like(drivers.factor[:1]),
+            noise=np.zeros_like(drivers.noise[:1]),
+            length=drivers.length[:1] * np.array([1.0, 0.0], drivers.length.dtype),
+            is_truck=drivers.is_truck[:1],
+            effects=tuple(effect for effect in drivers.effects if "seed" not in {item.name for item in fields(effect)}),
             is_noisy=False,
         )
 
@@ -95,8 +95,8 @@ class Case:
         return self.length + float(self.equilibrium_gaps(np.zeros(1))[0])
 
     def speed_at(self, gap: float) -> float:
-        """Speed of the typical driver at equilibrium at a gap [m/s]; at most NEAR_DESIRED of the desired speed."""
-        speeds = np.linspace(0.0, NEAR_DESIRED * self.desired_speed, 4001)
+        """Speed of the typical driver at equilibrium at a gap [m/s]; at most MAX_SPEED_SHARE of the desired speed."""
+        speeds = np.linspace(0.0, MAX_SPEED_SHARE * self.desired_speed, 4001)
         return float(np.interp(gap, self.equilibrium_gaps(speeds), speeds))
 
 
@@ -119,7 +119,7 @@ def cases_of(config: StudyStabilityTask) -> list[Case]:
 
 
 def _population(driver: DriverConfig, dtype: np.dtype) -> Population:
-    drawn = {name: value for name, value in DRAWN.items() if getattr(driver, name, value) is None}
-    population = population_of_keys(replace(driver, **drawn), MobilConfig(), dtype, STEPS_PER_SECOND)
-    assert population is not None  # only for highway-env's drivers with drawn desired speeds
+    missing = {name: value for name, value in TYPICAL_DRAWN.items() if getattr(driver, name, value) is None}
+    population = population_of_keys(replace(driver, **missing), MobilConfig(), dtype, STEPS_PER_SECOND)
+    assert population is not None  # None only where desired speeds are drawn
     return population

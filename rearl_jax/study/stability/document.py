@@ -23,17 +23,17 @@ CAPTIONS = {
 
 def summary_of(tables: Mapping[str, pd.DataFrame], verdict: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     """Flat figures: `n_models`, `n_unstable` and `n_colliding` models, `n_stated` (models with a statement in
-    verdict.json); `n_rings` and `n_agree` (rings on which analysis and simulation agree), `largest_difference` of both
-    in a platoon's amplification [-]; `n_bands` compared with recordings and `n_equivalent` of them. None for values
-    that were not computed.
+    verdict.json); `n_rings` and `n_agree` (rings on which analysis and simulation agree), `largest_difference`
+    between both in a platoon's amplification [-]; `n_bands` compared with recordings and `n_equivalent` of them. None
+    for values that were not computed.
     """
     ring, measured = tables["ring"], tables["measured"]
     difference = np.abs(tables["amplification"]["difference"].to_numpy(float))
     return {
         "n_models": len(verdict),
-        "n_unstable": sum(one["string_unstable"] for one in verdict),
-        "n_colliding": sum(one["collides"] for one in verdict),
-        "n_stated": sum(bool(one["statements"]) for one in verdict),
+        "n_unstable": sum(model["string_unstable"] for model in verdict),
+        "n_colliding": sum(model["collides"] for model in verdict),
+        "n_stated": sum(bool(model["statements"]) for model in verdict),
         "n_rings": len(ring),
         "n_agree": ring["agree"].tolist().count(True),
         "largest_difference": float(difference.max()) if difference.size else None,
@@ -85,8 +85,8 @@ def document_of(
 
 
 def _verdicts(verdict: Sequence[Mapping[str, Any]], remarks: Remarks) -> Section:
-    said = pd.DataFrame(verdict)
-    said["statements"] = [" and ".join(one) or None for one in said["statements"]]
+    rows = pd.DataFrame(verdict)
+    rows["statements"] = [" and ".join(statements) or None for statements in rows["statements"]]
     columns = {
         "model": "",
         "string_unstable": "string-unstable",
@@ -97,7 +97,7 @@ def _verdicts(verdict: Sequence[Mapping[str, Any]], remarks: Remarks) -> Section
         "recording_collides": "recording collides",
         "statements": "where the recording is not",
     }
-    return Section("Verdicts", tables=(table_of("Verdicts", said, columns),), notes=remarks.notes)
+    return Section("Verdicts", tables=(table_of("Verdicts", rows, columns),), notes=remarks.notes)
 
 
 def _platoons(table: pd.DataFrame) -> Section:

@@ -1,7 +1,7 @@
 """Flow of drawn drivers: the fundamental diagram on rings, a queue that discharges on an open road, and collisions.
 
-Densities of a ring are vehicles over its length, flows density times mean speed. The jam of a discharging queue moves
-against traffic at the speed at which vehicles start; its outflow is that of vehicles which have passed it.
+Densities of a ring are vehicles over its length, flows density times mean speed. The starting wave of a discharging
+queue moves against traffic; the outflow is the flow of the vehicles that have started, at a cross-section downstream.
 """
 
 from dataclasses import replace
@@ -22,27 +22,27 @@ from rearl_jax.models.traffic import populate
 from rearl_jax.study.stability.cases import Case
 from rearl_jax.study.stability.roads import Motion, drive
 
-UNEVEN = 0.5
+MAX_DISPLACEMENT = 0.5
 """Largest displacement from equal spacing at the start [m]."""
 
-LEAST_WAVE = 1.0
-"""Standard deviation of the speeds on a ring [m/s] above which the speed of its wave is measured."""
+MIN_WAVE_SPEED_SD = 1.0
+"""Least standard deviation of the speeds on a ring [m/s] for which the speed of the wave is measured."""
 
-STARTED = 2.0
+STARTED_SPEED = 2.0
 """Speed above which a vehicle of a queue counts as started [m/s]."""
 
-DETECTOR = 1000.0
-"""Distance of the measured cross-section from the head of the queue [m], where most have reached their speed."""
+DETECTOR_DISTANCE = 1000.0
+"""Distance of the measured cross-section from the head of the queue [m], where most vehicles drive at their speed."""
 
-LEADING = 10
-"""Vehicles at the head of the queue that count in neither figure: they drive more freely than the others."""
+N_FREE_LEADERS = 10
+"""Vehicles at the head of the queue that are left out of outflow and wave speed: they drive more freely."""
 
 QUEUE_SECONDS = 400
 """Simulated time of the queue [s]."""
 
-SCENE = TrafficModel(n_lanes=4, speed_limit=None, ticks_per_second=STEPS_PER_SECOND)
+SCENE_MODEL = TrafficModel(n_lanes=4, speed_limit=None, ticks_per_second=STEPS_PER_SECOND)
 SCENE_VEHICLES, SCENE_SECONDS = 30, 60
-"""Scenes with lane changes: those of `rearl_jax.core.spawn`, as `rearl evaluate` simulates them."""
+"""Vehicles and length [s] of scenes with lane changes: those of `core.spawn`, as `rearl evaluate` simulates them."""
 
 FLOW_COLUMNS = ("start", "density", "flow", "speed", "speed_sd", "wave_speed", "overlaps")
 QUEUE_COLUMNS = ("outflow", "wave_speed", "overlaps")
@@ -53,12 +53,12 @@ def flow_table(case: Case, options: StabilityConfig) -> pd.DataFrame:
     `speed_sd` [m/s], `wave_speed` of the largest wave (null without one) [m/s], `overlaps` of vehicles.
     """
     n, standing = options.flow_vehicles, case.standing_spacing
-    density = np.array([own for own in options.densities if 1000 / own > standing])
+    density = np.array([value for value in options.densities if 1000 / value > standing])
     if not len(density):
         return pd.DataFrame(columns=list(FLOW_COLUMNS))
     spacing, order = 1000 / density, np.arange(n)[:, None]
-    even = -order * spacing + np.random.default_rng(options.seed).uniform(-UNEVEN, UNEVEN, (n, 1))
-    speed = np.tile([case.speed_at(own - case.length) for own in spacing], (n, 1))
+    even = -order * spacing + np.random.default_rng(options.seed).uniform(-MAX_DISPLACEMENT, MAX_DISPLACEMENT, (n, 1))
+    speed = np.tile([case.speed_at(distance - case.length) for distance in spacing], (n, 1))
     circumference = n * np.tile(spacing, 2)
     motion = drive(
         case.population,
@@ -77,7 +77,7 @@ def flow_table(case: Case, options: StabilityConfig) -> pd.DataFrame:
         3.6 * np.tile(density, 2) * mean,
         mean,
         deviation,
-        np.where(deviation >= LEAST_WAVE, waves, np.nan),
+        np.where(deviation >= MIN_WAVE_SPEED_SD, waves, np.nan),
         motion.overlaps.sum(axis=0),
     )
     return pd.DataFrame(dict(zip(FLOW_COLUMNS, columns, strict=True)))
@@ -100,22 +100,22 @@ def queue_table(case: Case, options: StabilityConfig) -> pd.DataFrame:
     """
     position = -np.arange(options.queue_vehicles)[:, None] * case.standing_spacing
     motion = drive(case.population, position, np.zeros_like(position), seconds=QUEUE_SECONDS, seed=options.seed)
-    start = _first_time(motion.speed[:, :, 0], STARTED)[LEADING:]
-    passed = _first_time(motion.position[:, :, 0], DETECTOR)[LEADING:]
+    start = _first_time(motion.speed[:, :, 0], STARTED_SPEED)[N_FREE_LEADERS:]
+    passed = _first_time(motion.position[:, :, 0], DETECTOR_DISTANCE)[N_FREE_LEADERS:]
     outflow = wave_speed = np.nan
     if np.isfinite(passed).all():
         outflow = 3600 * (len(passed) - 1) / (passed[-1] - passed[0])
-        wave_speed = np.polyfit(start, position[LEADING:, 0], 1)[0]
+        wave_speed = np.polyfit(start, position[N_FREE_LEADERS:, 0], 1)[0]
     return pd.DataFrame([(outflow, wave_speed, int(motion.overlaps.sum()))], columns=list(QUEUE_COLUMNS))
 
 
-def _first_time(values: Float[np.ndarray, "seconds vehicles"], least: float) -> Float[np.ndarray, " vehicles"]:
-    """Time [s] at which each series first reaches a value, interpolated; nan where it does not."""
-    reached = values >= least
+def _first_time(values: Float[np.ndarray, "seconds vehicles"], threshold: float) -> Float[np.ndarray, " vehicles"]:
+    """Time [s] at which each series first reaches a threshold, interpolated; nan where it does not."""
+    reached = values >= threshold
     after = reached.argmax(axis=0)
     before, vehicle = np.maximum(after - 1, 0), np.arange(values.shape[1])
     step = values[after, vehicle] - values[before, vehicle]
-    share = (least - values[before, vehicle]) / np.where(step > 0, step, 1.0)
+    share = (threshold - values[before, vehicle]) / np.where(step > 0, step, 1.0)
     return np.where(reached.any(axis=0), before + 1 + np.where(step > 0, share, 0.0), np.nan)
 
 
@@ -137,8 +137,8 @@ def traffic_table(case: Case, flow: pd.DataFrame, queue: pd.DataFrame, options: 
 @eqx.filter_jit
 def _crashed(keys: Key[Array, " scenarios"], population: Population) -> Int[Array, ""]:
     """Vehicles that collide in scenes with lane changes."""
-    own = population.lane_changing
-    scene = replace(SCENE, cooperative=own is not None)  # politeness is only known when the program runs
+    # Politeness is known only when the program runs, so any lane changing counts as cooperative.
+    scene = replace(SCENE_MODEL, cooperative=population.lane_changing is not None)
     state, drivers = spawn(keys, scene, n_vehicles=SCENE_VEHICLES, dtype=population.median.dtype)
     state, drivers = populate(state, drivers, keys, population, scene)
     after, _ = rollout(state, drivers, scene, n_seconds=SCENE_SECONDS)

@@ -1,11 +1,11 @@
 """Amplification between measured vehicles and their leaders, and between simulated drivers and the same leaders.
 
-A piece is a stretch of a track behind one leader. In a band of frequencies its amplification is the root of the ratio
-of the powers of both speeds, without mean and trend and weighted by a Hann window. A follower's figure is the mean of
-the logarithms of its pieces; followers are taken as independent of each other.
+A piece is a stretch of a track behind one leader. The amplification of a piece in a band of frequencies is the
+root of the follower's spectral power over the leader's, of speeds without mean and trend, weighted by a Hann window. A
+follower's figure is the mean of the logarithms over its pieces; followers are taken as independent of each other.
 
 Two one-sided t-tests hold the mean difference of the logarithms, model less recording follower by follower, against a
-margin: both are equivalent if the 90 % interval lies within it.
+margin: model and recording are equivalent if the 90 % interval lies within it.
 
 Source: Schuirmann, J. Pharmacokinet. Biopharm. 15 (1987) 657 (two one-sided tests).
 """
@@ -25,10 +25,10 @@ from rearl_jax.study.stability.cases import Case
 BANDS = ((0.02, 0.05), (0.05, 0.1), (0.1, 0.2))
 """Bands of frequencies [Hz], around those at which traffic oscillates."""
 
-LEAST_SPEED = 2.0
+MIN_SPEED = 2.0
 """Smallest mean speed of leader and follower in a piece [m/s], because standing traffic amplifies nothing."""
 
-LEAST_FOLLOWERS = 5
+MIN_FOLLOWERS = 5
 """Smallest number of followers whose mean is tested."""
 
 MEASURED_COLUMNS = ("band_low", "band_high", "followers", "measured", "measured_low", "measured_high", "simulated")
@@ -66,12 +66,12 @@ def read_pairs(recordings: Iterable[Recording], seconds: int) -> Pairs:
     hours = 0.0
     for recording in recordings:
         rate = recording.info.frame_rate
-        for _, own in _behind_leaders(recording.table).groupby(["track_id", "leader_id", "stretch"]):
-            inside = own["gap"].to_numpy() < 0
-            overlaps += int((inside[1:] & ~inside[:-1]).sum())
-            hours += len(own) / rate / 3600
+        for _, stretch in _behind_leaders(recording.table).groupby(["track_id", "leader_id", "stretch"]):
+            is_overlap = stretch["gap"].to_numpy() < 0
+            overlaps += int((is_overlap[1:] & ~is_overlap[:-1]).sum())
+            hours += len(stretch) / rate / 3600
             n_tracks += 1
-            pieces += [(*piece, n_tracks) for piece in _pieces(own, rate, seconds)]
+            pieces += [(*piece, n_tracks) for piece in _pieces(stretch, rate, seconds)]
     n_steps = seconds * STEPS_PER_SECOND + 1
     leader, follower = (
         np.stack([piece[k] for piece in pieces], axis=1) if pieces else np.empty((n_steps, 0)) for k in (0, 1)
@@ -87,19 +87,19 @@ def _behind_leaders(table: pd.DataFrame) -> pd.DataFrame:
     leaders = table.loc[:, columns].assign(leader_id=table["track_id"])
     both = followers.merge(leaders, on=["leader_id", "frame"], suffixes=("", "_leader"))
     both = both.sort_values(["track_id", "frame"], ignore_index=True)
-    new = (both[["track_id", "leader_id"]].diff() != 0).any(axis=1) | (both["frame"].diff() != 1)
+    is_start = (both[["track_id", "leader_id"]].diff() != 0).any(axis=1) | (both["frame"].diff() != 1)
     gap = both["position_leader"] - both["position"] - (both["length_leader"] + both["length"]) / 2
-    return both.assign(stretch=new.cumsum(), gap=gap)
+    return both.assign(stretch=is_start.cumsum(), gap=gap)
 
 
-def _pieces(own: pd.DataFrame, rate: float, seconds: int) -> list[tuple[np.ndarray, np.ndarray]]:
+def _pieces(stretch: pd.DataFrame, rate: float, seconds: int) -> list[tuple[np.ndarray, np.ndarray]]:
     """Speeds of leader and follower in consecutive pieces of one stretch, at the clock of the simulation."""
-    time = np.arange(len(own)) / rate
+    time = np.arange(len(stretch)) / rate
     clock = np.arange(0, time[-1] + 1e-9, 1 / STEPS_PER_SECOND)
-    speeds = [np.interp(clock, time, own[name].to_numpy(float)) for name in ("speed_leader", "speed")]
+    speeds = [np.interp(clock, time, stretch[name].to_numpy(float)) for name in ("speed_leader", "speed")]
     n_steps = seconds * STEPS_PER_SECOND + 1
-    cut = [[own[k : k + n_steps] for own in speeds] for k in range(0, len(clock) - n_steps + 1, n_steps)]
-    return [(leader, follower) for leader, follower in cut if min(leader.mean(), follower.mean()) >= LEAST_SPEED]
+    cut = [[speed[k : k + n_steps] for speed in speeds] for k in range(0, len(clock) - n_steps + 1, n_steps)]
+    return [(leader, follower) for leader, follower in cut if min(leader.mean(), follower.mean()) >= MIN_SPEED]
 
 
 def log_amplification(
@@ -107,36 +107,36 @@ def log_amplification(
 ) -> Float[np.ndarray, "bands pieces"]:
     """Logarithm of the amplification in each of BANDS."""
     window = np.hanning(len(leader))[:, None]
-    power = [np.abs(np.fft.rfft(signal.detrend(own, axis=0) * window, axis=0)) ** 2 for own in (leader, follower)]
+    power = [np.abs(np.fft.rfft(signal.detrend(speed, axis=0) * window, axis=0)) ** 2 for speed in (leader, follower)]
     frequency = np.fft.rfftfreq(len(leader), 1 / STEPS_PER_SECOND)
-    inside = [(frequency >= low) & (frequency < high) for low, high in BANDS]
-    leaders, followers = (np.stack([own[band].sum(axis=0) for band in inside]) for own in power)
+    in_band = [(frequency >= low) & (frequency < high) for low, high in BANDS]
+    leaders, followers = (np.stack([values[band].sum(axis=0) for band in in_band]) for values in power)
     return np.log(followers / leaders) / 2
 
 
 def measured_table(case: Case, pairs: Pairs, margin: float, seed: int) -> pd.DataFrame:
     """One row per band with MEASURED_COLUMNS: geometric means over the followers of the `measured` amplification (95 %
     interval) and that of the model (`simulated`), their `ratio` (model over recording, 90 % interval) and whether both
-    are `equivalent`; empty with fewer than LEAST_FOLLOWERS.
+    are `equivalent`; empty with fewer than MIN_FOLLOWERS.
 
     Args:
         case: The traffic model; its drawn drivers follow the measured leaders from the gap that they want.
         pairs: Measured pieces.
-        margin: Largest ratio less 1, or 1 over it less 1, that counts as equivalent.
+        margin: Largest excess of the ratio, or of its inverse, over 1 that counts as equivalent [-].
         seed: Seed of the drivers.
     """
     n = len(set(pairs.track.tolist()))
-    if n < LEAST_FOLLOWERS:
+    if n < MIN_FOLLOWERS:
         return pd.DataFrame(columns=list(MEASURED_COLUMNS))
     motion = simulate(start_platoons(case.population, pairs.leader, 1, seed), pairs.leader)
     measured = _by_follower(log_amplification(pairs.leader, pairs.follower), pairs.track)
     model = _by_follower(log_amplification(pairs.leader, motion.speed[:, 1]), pairs.track)
     rows = []
-    for band, own, simulated in zip(BANDS, measured, model, strict=True):
-        low, high = mean_interval(own, 0.95)
-        ratio_low, ratio_high = mean_interval(simulated - own, 0.9)
+    for band, recorded, simulated in zip(BANDS, measured, model, strict=True):
+        low, high = mean_interval(recorded, 0.95)
+        ratio_low, ratio_high = mean_interval(simulated - recorded, 0.9)
         within = -np.log1p(margin) < ratio_low and ratio_high < np.log1p(margin)
-        means = (own.mean(), low, high, simulated.mean(), (simulated - own).mean(), ratio_low, ratio_high)
+        means = (recorded.mean(), low, high, simulated.mean(), (simulated - recorded).mean(), ratio_low, ratio_high)
         rows.append((*band, n, *np.exp(means), bool(within)))
     return pd.DataFrame(rows, columns=list(MEASURED_COLUMNS))
 
@@ -150,5 +150,5 @@ def _by_follower(
 
 def mean_interval(values: Float[np.ndarray, " n"], confidence: float) -> tuple[float, float]:
     """Student's interval of a mean."""
-    reach = stats.t.ppf((1 + confidence) / 2, len(values) - 1) * values.std(ddof=1) / np.sqrt(len(values))
-    return float(values.mean() - reach), float(values.mean() + reach)
+    half_width = stats.t.ppf((1 + confidence) / 2, len(values) - 1) * values.std(ddof=1) / np.sqrt(len(values))
+    return float(values.mean() - half_width), float(values.mean() + half_width)

@@ -1,8 +1,8 @@
 """Vehicles on one lane in this package's traffic core: on a ring, and on an open road.
 
-The core's roads are straight. A ring is one on which the vehicles are also seen one lap ahead and one lap behind
-themselves, as replayed vehicles; nothing else differs, so drivers keep all their effects. One vehicle is seen behind
-the last and two ahead of the first, as many as any effect considers.
+The core's roads are straight. On a ring, copies of its vehicles one lap ahead and one lap behind are added as replayed
+vehicles; nothing else differs, so drivers keep all their effects. One copy drives behind the last vehicle and two ahead
+of the first, as many as any effect considers.
 """
 
 from dataclasses import replace
@@ -20,8 +20,8 @@ from rearl_jax.core.gap_driving import begin_driving
 from rearl_jax.core.replayed import ReplayedVehicles
 from rearl_jax.core.state import TrafficState
 from rearl_jax.core.step import step
-from rearl_jax.export.drawn import place
-from rearl_jax.export.platoon import ROAD, SETBACK, STEPS_PER_SECOND
+from rearl_jax.export.drawn import place_vehicles
+from rearl_jax.export.platoon import LAST_START, ROAD, STEPS_PER_SECOND
 from rearl_jax.models.population import Population
 
 
@@ -50,7 +50,7 @@ def drive(
     seed: int,
     circumference: Float[np.ndarray, " scenarios"] | None = None,
 ) -> Motion:
-    """Drivers of a population on one lane.
+    """Motion of drivers of a population on one lane.
 
     Args:
         population: The population.
@@ -60,14 +60,14 @@ def drive(
         seed: Seed of the drivers.
         circumference: Length of each ring [m]; None for an open road.
     """
-    state, drivers = place(population, speed, ROAD, seed)
+    state, drivers = place_vehicles(population, speed, ROAD, seed)
     dtype = state.x.dtype
-    back = SETBACK - position.min()  # no vehicle is before the beginning of the core's road
-    state = replace(state, x=jnp.asarray(position + back, dtype))
+    shift = LAST_START - position.min()  # no vehicle may start before the beginning of the core's road
+    state = replace(state, x=jnp.asarray(position + shift, dtype))
     length = jnp.broadcast_to(drivers.body.length, state.x.shape)
-    around = None if circumference is None else jnp.asarray(circumference, dtype)
-    x, v, overlaps = _drive(state, drivers, length, around, seconds)
-    return Motion(np.asarray(x) - back, np.asarray(v), np.asarray(length), np.asarray(overlaps))
+    lap = None if circumference is None else jnp.asarray(circumference, dtype)
+    x, v, overlaps = _drive(state, drivers, length, lap, seconds)
+    return Motion(np.asarray(x) - shift, np.asarray(v), np.asarray(length), np.asarray(overlaps))
 
 
 @partial(jax.jit, static_argnames="seconds")
@@ -82,22 +82,22 @@ def _drive(
     Float[Array, "seconds vehicles scenarios"],
     Int[Array, "vehicles scenarios"],
 ]:
-    def around(state: TrafficState) -> ReplayedVehicles | None:
+    def copies(state: TrafficState) -> ReplayedVehicles | None:
         return None if circumference is None else one_lap_away(state, drivers, length, circumference)
 
-    def tick(_: Array, now: tuple[TrafficState, Array, Array]) -> tuple[TrafficState, Array, Array]:
-        before, was_inside, overlaps = now
-        after = step(before, drivers, ROAD, around(before))
-        is_inside = gaps(after.x, length, circumference) < 0
-        return after, is_inside, overlaps + (is_inside & ~was_inside).astype(jnp.int32)
+    def one_step(_: Array, carry: tuple[TrafficState, Array, Array]) -> tuple[TrafficState, Array, Array]:
+        before, was_overlap, overlaps = carry
+        after = step(before, drivers, ROAD, copies(before))
+        is_overlap = gaps(after.x, length, circumference) < 0
+        return after, is_overlap, overlaps + (is_overlap & ~was_overlap).astype(jnp.int32)
 
-    def second(now: tuple, _: None) -> tuple[tuple, tuple[Array, Array]]:
-        now = lax.fori_loop(0, STEPS_PER_SECOND, tick, now)
-        return now, (now[0].x, now[0].speed)
+    def one_second(carry: tuple, _: None) -> tuple[tuple, tuple[Array, Array]]:
+        carry = lax.fori_loop(0, STEPS_PER_SECOND, one_step, carry)
+        return carry, (carry[0].x, carry[0].speed)
 
-    begun = begin_driving(state, drivers, ROAD, around(state))
+    begun = begin_driving(state, drivers, ROAD, copies(state))
     start = begun, gaps(begun.x, length, circumference) < 0, jnp.zeros(state.x.shape, jnp.int32)
-    (_, _, overlaps), (x, v) = lax.scan(second, start, length=seconds)
+    (_, _, overlaps), (x, v) = lax.scan(one_second, start, length=seconds)
     return x, v, overlaps
 
 

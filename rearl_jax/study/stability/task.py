@@ -49,7 +49,7 @@ def run(config: StudyStabilityTask) -> dict[str, Any]:
         return stored
     recordings = list(iterate_recordings(config.data)) if options.measured else []
     pairs = read_pairs(recordings, options.seconds)
-    found: dict[str, list[pd.DataFrame]] = {name: [] for name in TABLES}
+    parts_by_table: dict[str, list[pd.DataFrame]] = {name: [] for name in TABLES}
     with progress_bar() as bar:
         line = bar.add_task("", total=len(cases) * len(TABLES))
         for case in cases:
@@ -59,9 +59,9 @@ def run(config: StudyStabilityTask) -> dict[str, Any]:
             for name in TABLES:
                 bar.update(line, description=f"{case.name}: {name}")
                 made[name] = _table(name, case, config, made, pairs, part)
-                found[name].append(made[name])
+                parts_by_table[name].append(made[name])
                 bar.advance(line)
-    tables = {name: pd.concat(parts, ignore_index=True) for name, parts in found.items()}
+    tables = {name: pd.concat(parts, ignore_index=True) for name, parts in parts_by_table.items()}
     verdict = [verdict_of(case.name, tables, pairs) for case in cases]
     remarks = _remarks(cases, recordings)
     return _publish(study, config, tables, verdict, remarks, identity)
@@ -70,7 +70,7 @@ def run(config: StudyStabilityTask) -> dict[str, Any]:
 def _table(
     name: str, case: Case, config: StudyStabilityTask, made: Mapping[str, pd.DataFrame], pairs: Pairs, part: Study
 ) -> pd.DataFrame:
-    """A table of one model, with its name in the first column; read from disk if it was made before.
+    """A table of one model, with its name in the first column; read from disk if made before.
 
     Args:
         name: One of TABLES.

@@ -1,9 +1,10 @@
 """The verdict of a study of stability, in `verdict.json`: a list with one object per model.
 
-`model`, `string_unstable` (waves grow along its simulated platoons), `largest_amplification` [-] of those, `collides`
-(any vehicle did in the simulated traffic), `collisions_per_vehicle_hour` [1/h]; `recording_string_unstable` (null if
-the interval of the measured amplification holds 1, or nothing was measured), `recording_collides` (null if nothing was
-measured), and `statements`: `string_unstable` or `collides` if that is true of the model and not of the recording.
+`model`, `string_unstable` (waves grow along its simulated platoons), `largest_amplification` [-] of these platoons,
+`collides` (any simulated vehicle did), `collisions_per_vehicle_hour` [1/h]; `recording_string_unstable` (null if the
+interval of the measured amplification holds 1, or nothing was measured), `recording_collides` (null if nothing was
+measured), and `statements`: those of `string_unstable` and `collides` that are true of the model and false of the
+recording.
 """
 
 from collections.abc import Mapping
@@ -17,20 +18,20 @@ TOLERANCE = 1e-3
 """Amplification above 1 from which a platoon counts as unstable [-], above the error of the simulation."""
 
 
-def verdict_of(name: str, tables: Mapping[str, pd.DataFrame], pairs: Pairs) -> dict[str, Any]:
+def verdict_of(model: str, tables: Mapping[str, pd.DataFrame], pairs: Pairs) -> dict[str, Any]:
     """The object of one model.
 
     Args:
-        name: The model.
+        model: Name of the model.
         tables: Tables of all models, as `task` writes them.
         pairs: Measured followers, perhaps none.
     """
     amplification, traffic, measured = (
-        tables[table].loc[tables[table]["model"] == name] for table in ("amplification", "traffic", "measured")
+        tables[table].loc[tables[table]["model"] == model] for table in ("amplification", "traffic", "measured")
     )
     largest = max(amplification["simulated"].tolist(), default=None)
     collided, hours = (sum(traffic[column].tolist()) for column in ("collided", "vehicle_hours"))
-    found = {
+    simulated = {
         "string_unstable": largest is not None and largest > 1 + TOLERANCE,
         "largest_amplification": largest,
         "collides": collided > 0,
@@ -40,9 +41,10 @@ def verdict_of(name: str, tables: Mapping[str, pd.DataFrame], pairs: Pairs) -> d
         "recording_string_unstable": _is_unstable(measured),
         "recording_collides": None if not pairs.hours else pairs.overlaps > 0,
     }
-    said = ("string_unstable", "collides")
-    statements = [one for one in said if found[one] and recording[f"recording_{one}"] is False]
-    return {"model": name, **found, **recording, "statements": statements}
+    statements = [
+        name for name in ("string_unstable", "collides") if simulated[name] and recording[f"recording_{name}"] is False
+    ]
+    return {"model": model, **simulated, **recording, "statements": statements}
 
 
 def _is_unstable(measured: pd.DataFrame) -> bool | None:

@@ -16,21 +16,21 @@ def findings_of(rows: pd.DataFrame, eval: EvaluationConfig, mape: str) -> list[s
     """A paragraph for each of the two main errors, and the matcher's interventions on the first and the last traffic.
 
     Args:
-        rows: Scene by scene, see `rows`.
+        rows: Figures of the rows of `table1.traffic`, scene by scene.
         eval: Resamples, confidence and seed of the intervals.
         mape: The spacing error that decides.
     """
-    found = [_paragraph(scene_figures(rows, figure), HEADINGS[figure], eval) for figure in ("h", mape)]
-    asked, changed = scene_figures(rows, "interventions"), scene_figures(rows, "changes")
-    kinds = [kind for kind in TITLES_OF_KINDS if name_of(kind, PolicyName.matcher) in asked]
+    paragraphs = [_paragraph(scene_figures(rows, figure), HEADINGS[figure], eval) for figure in ("h", mape)]
+    interventions, changes = scene_figures(rows, "interventions"), scene_figures(rows, "changes")
+    kinds = [kind for kind in TITLES_OF_KINDS if name_of(kind, PolicyName.matcher) in interventions]
     parts = []
     for kind in dict.fromkeys((*kinds[:1], *kinds[-1:])):
         name = name_of(kind, PolicyName.matcher)
-        rates = f"{np.nanmean(asked[name]):.1f}", f"{np.nanmean(changed[name]):.1f}"
+        rates = f"{np.nanmean(interventions[name]):.1f}", f"{np.nanmean(changes[name]):.1f}"
         parts.append(f"{rates[0]} ({TITLES_OF_KINDS[kind]}), {rates[1]} of them changing speed or lane")
     if parts:
-        found.append(f"Interventions of the matcher per vehicle and minute: {'; '.join(parts)}.")
-    return found
+        paragraphs.append(f"Interventions of the matcher per vehicle and minute: {'; '.join(parts)}.")
+    return paragraphs
 
 
 def _paragraph(of_rows: dict[str, np.ndarray], heading: str, eval: EvaluationConfig) -> str:
@@ -56,22 +56,22 @@ def _paragraph(of_rows: dict[str, np.ndarray], heading: str, eval: EvaluationCon
     if change is None:
         return text
     choices = _difference(of_rows[name_of(kind, PolicyName.matcher)], of_rows[name_of(kind, PolicyName.idle)], eval)
-    return f"{text} On the last traffic, {TITLES_OF_KINDS[kind]}, {_left(change, choices)}."
+    return f"{text} On the last traffic, {TITLES_OF_KINDS[kind]}, {_use_of_decisions(change, choices)}."
 
 
-def _left(change: Difference, choices: Difference) -> str:
+def _use_of_decisions(change: Difference, choices: Difference) -> str:
     """Sentence on the use of decisions on the last kind of traffic.
 
     Args:
         change: The matcher less traffic without REARL.
         choices: The matcher less idle.
     """
-    beside = {
+    comparison = {
         -1: "its choices are closer than",
         0: "its choices are not distinguished from",
         1: "its choices are farther than",
     }
-    idle = f"{beside[choices.sign]} keeping speed and lane ({choices})"
+    idle = f"{comparison[choices.sign]} keeping speed and lane ({choices})"
     if change.sign > 0:
         return f"the matcher moves the traffic away from the recording, so its decisions are of no use here; {idle}"
     if change.sign == 0:

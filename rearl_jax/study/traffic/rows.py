@@ -34,14 +34,14 @@ from rearl_jax.evaluation.interventions import DecisionLog
 from rearl_jax.evaluation.runner import make_scorer, reference_rows
 from rearl_jax.problems import InvalidInputError, Problem
 from rearl_jax.results import Study, part_name
-from rearl_jax.study.budget.simulating import Setting, free, reference_table, simulated_table
+from rearl_jax.study.budget.simulating import Setting, reference_table, simulated_table, without_replay
 from rearl_jax.study.budget.task import prepared
 from rearl_jax.study.parts import part_record
 from rearl_jax.study.traffic.findings import findings_of
 from rearl_jax.study.traffic.tables import figures_of_rows, long_rows_on_traffic, name_of
 
 DRIVERS = (CALIBRATED, FOUND, LANE_CHANGES, VARIATION)
-"""Components that are drivers."""
+"""Components that belong to calibrated drivers."""
 
 TRAFFIC: Mapping[str, tuple[str, ...]] = {
     "base": (START,),
@@ -51,7 +51,7 @@ TRAFFIC: Mapping[str, tuple[str, ...]] = {
 }
 """Kinds of traffic, and their components as far as the recordings and the model have them."""
 
-PARTS = "traffic"
+ROW_TABLE = "traffic"
 """Name of the table of all rows scene by scene: a folder of parts."""
 
 DEFINITION = (
@@ -65,13 +65,13 @@ _SECONDS_PER_MINUTE = 60
 
 
 @dataclass(frozen=True)
-class OnTraffic:
-    """The rows with their figures.
+class TrafficRows:
+    """The rows of `table1.traffic` with their figures.
 
     Attributes:
         table: Rows of the long table of Table 1.
         figures: Keys of summary.json.
-        notes: What follows from the figures, whose drivers there are, and what is absent.
+        notes: What follows from the figures, the origin of the drivers, and absent components.
     """
 
     table: pd.DataFrame
@@ -83,7 +83,7 @@ def budget_task(config: StudyTable1Task) -> StudyBudgetTask:
     """The task whose components the traffic is made of: scenes of one carriageway each, speeds as recorded.
 
     Raises:
-        InvalidInputError: Keys contradict it.
+        InvalidInputError: Keys contradict each other.
     """
     record = part_record(
         StudyBudgetTask,
@@ -98,10 +98,10 @@ def budget_task(config: StudyTable1Task) -> StudyBudgetTask:
 
 def check_traffic(config: StudyTable1Task) -> None:
     """Raise InvalidInputError if two keys contradict each other, before hours of work."""
-    evaluation.check(free(budget_task(config)))
+    evaluation.check(without_replay(budget_task(config)))
 
 
-def rows_on_traffic(config: StudyTable1Task, study: Study, bar: Progress) -> OnTraffic:
+def rows_on_traffic(config: StudyTable1Task, study: Study, bar: Progress) -> TrafficRows:
     """The rows, simulated and scored on the held-out scenes.
 
     Args:
@@ -118,11 +118,11 @@ def rows_on_traffic(config: StudyTable1Task, study: Study, bar: Progress) -> OnT
         raise InvalidInputError(Problem("lane-missing", message, key="table1.traffic"))
     rows = _scene_by_scene(config, setting, study, bar)
     figures = figures_of_rows(rows, setting.config.eval)
-    found = findings_of(rows, setting.config.eval, setting.config.mape.column)
-    return OnTraffic(
+    findings = findings_of(rows, setting.config.eval, setting.config.mape.column)
+    return TrafficRows(
         long_rows_on_traffic(figures, len(setting.held_out), has_found=FOUND in setting.components),
         {f"{row}_{metric}{ending}": value for (row, metric), own in figures.items() for ending, value in own.items()},
-        (*found, *origin, *absent),
+        (*findings, *origin, *absent),
     )
 
 
@@ -131,49 +131,52 @@ def _scene_by_scene(config: StudyTable1Task, setting: Setting, study: Study, bar
     and `changes`, both per vehicle and minute.
     """
     wanted = list(_rows(config, setting))
-    done, metadata = study.finished_parts(PARTS), {"seeds": config.seeds, "scenes_id": setting.inputs.scenes.data_id}
+    done, metadata = (
+        study.finished_parts(ROW_TABLE),
+        {"seeds": config.seeds, "scenes_id": setting.inputs.scenes.data_id},
+    )
     line = bar.add_task("traffic", total=len(wanted) + 1)
     scorer = make_scorer(setting.config, setting.inputs.scenes, setting.config.eval.n_runs * len(setting.held_out))
-    references = None
+    reference_scores = None
     for number, row in enumerate([None, *wanted]):
         bar.update(line, completed=number)
         if number in done:
             continue
-        if references is None:
-            references = reference_rows(setting.config, setting.inputs.scenes, setting.held_out, scorer)
+        if reference_scores is None:
+            reference_scores = reference_rows(setting.config, setting.inputs.scenes, setting.held_out, scorer)
         if row is None:
-            table = reference_table(setting, references)
+            table = reference_table(setting, reference_scores)
             table = table.assign(row="recorded_" + table["row"], interventions=np.nan, changes=np.nan)
         else:
             kind, policy = row
-            own, components = _deciding(config, setting, policy), _components(setting, kind)
+            own, components = _with_policy(config, setting, policy), _components(setting, kind)
             with ExitStack() as opened:
-                asked = None
+                model = None
                 if own.config.decision.policy.is_outside:
-                    from rearl_jax.evaluation.language_model import language_model  # it brings a client
+                    from rearl_jax.evaluation.language_model import language_model  # slow to import: it brings a client
 
-                    asked = opened.enter_context(language_model(own.config, bar))
+                    model = opened.enter_context(language_model(own.config, bar))
                 table, log = simulated_table(
                     own,
                     components if policy is None else components | {REARL},
                     scorer,
-                    references,
-                    None if asked is None else asked.make_policy,
+                    reference_scores,
+                    None if model is None else model.make_policy,
                 )
             table = table.assign(row=name_of(kind, policy), **_interventions(own, log))
         missing = {name: table[name].astype("Float64") for name in ("interventions", "changes")}
-        study.write_table(part_name(PARTS, number), table.assign(**missing), **metadata)
+        study.write_table(part_name(ROW_TABLE, number), table.assign(**missing), **metadata)
     bar.update(line, completed=len(wanted) + 1)
-    return pd.read_parquet(study.path / PARTS)
+    return pd.read_parquet(study.path / ROW_TABLE)
 
 
 def _rows(config: StudyTable1Task, setting: Setting):
-    """Kinds of traffic that are there, and the policies on each; None for traffic without REARL."""
+    """Kinds of traffic whose components exist, each with its policies; None for traffic without REARL."""
     policies: list[PolicyName | None] = [None]
     if REARL in setting.components:
         policies += [PolicyName.idle, PolicyName.matcher, *([PolicyName.llm] if config.table1.llm else [])]
     for kind, components in TRAFFIC.items():
-        needed = set(components) - {FOUND, LANE_CHANGES, VARIATION}
+        needed = set(components) - {FOUND, LANE_CHANGES, VARIATION}  # a model may lack these
         if needed <= set(setting.components):
             for policy in policies:
                 if policy is not PolicyName.llm or BOUNDARY not in components:
@@ -184,7 +187,7 @@ def _components(setting: Setting, kind: str) -> frozenset[str]:
     return frozenset(TRAFFIC[kind]) & frozenset(setting.components)
 
 
-def _deciding(config: StudyTable1Task, setting: Setting, policy: PolicyName | None) -> Setting:
+def _with_policy(config: StudyTable1Task, setting: Setting, policy: PolicyName | None) -> Setting:
     """The setting with a policy; a language model is asked less often and in fewer rollouts."""
     if policy is None:
         return setting
@@ -204,11 +207,11 @@ def _interventions(setting: Setting, log: DecisionLog | None) -> dict[str, np.nd
     if log is None:
         return {"interventions": 0.0, "changes": 0.0}
     accepted = np.asarray(log.decisions.n_accepted)  # [seconds, actions, rollouts]
-    at = np.searchsorted(setting.held_out, log.scene)
+    scene_index = np.searchsorted(setting.held_out, log.scene)
     per_vehicle_minute = _SECONDS_PER_MINUTE / (len(accepted) * setting.config.core.n_vehicles)
     kept = accepted[:, MetaAction.IDLE].sum(axis=0)
-    every = accepted.sum(axis=(0, 1))
+    total = accepted.sum(axis=(0, 1))
     return {
-        name: grouped_mean(values * per_vehicle_minute, at, len(setting.held_out))
-        for name, values in (("interventions", every), ("changes", every - kept))
+        name: grouped_mean(values * per_vehicle_minute, scene_index, len(setting.held_out))
+        for name, values in (("interventions", total), ("changes", total - kept))
     }

@@ -17,9 +17,9 @@ from rearl_jax.study.budget.figures import figures_of
 from rearl_jax.study.document import beside_paper, cell, long_table, records_of
 
 PREFIX = "recorded_"
-"""Beginning of the names of these rows, whose scenes start as recorded."""
+"""Prefix of the names of the rows of `table1.traffic`, whose scenes start as recorded."""
 
-COMPARED = ("h", "mape_a", "mape_b", "mape_c", "position_error")
+COMPARED_FIGURES = ("h", "mape_a", "mape_b", "mape_c", "position_error")
 """Figures that are compared with those of the same traffic without REARL."""
 
 HEADINGS_ON_TRAFFIC = {
@@ -39,6 +39,7 @@ TITLES_OF_KINDS = {
     "calibrated": "calibrated drivers",
     "both": "calibrated drivers, replayed neighbours",
 }
+"""Titles of the kinds of traffic, in the order of the table."""
 
 TITLES_OF_POLICIES = {
     None: "without REARL",
@@ -46,9 +47,10 @@ TITLES_OF_POLICIES = {
     PolicyName.matcher: "matcher",
     PolicyName.llm: "language model",
 }
+"""Titles of the policies; None is traffic without REARL."""
 
 Figures = Mapping[tuple[str, str], Mapping[str, float | None]]
-"""By row and figure: the value under "", `_low`, `_high`, and, where it is compared, `_less_base` with both ends."""
+"""By row and figure: the value under "", `_low`, `_high`, and for compared figures `_less_base` with both ends."""
 
 
 def name_of(kind: str, policy: PolicyName | None) -> str:
@@ -57,15 +59,15 @@ def name_of(kind: str, policy: PolicyName | None) -> str:
 
 
 def named_rows(names: set[str]) -> list[tuple[str, str, PolicyName | None]]:
-    """Name, kind and policy of those rows that are among the names, in the order of the table."""
-    every = ((name_of(kind, policy), kind, policy) for kind in TITLES_OF_KINDS for policy in TITLES_OF_POLICIES)
-    return [row for row in every if row[0] in names]
+    """Name, kind and policy of the rows with the given names, in the order of the table."""
+    all_rows = ((name_of(kind, policy), kind, policy) for kind in TITLES_OF_KINDS for policy in TITLES_OF_POLICIES)
+    return [row for row in all_rows if row[0] in names]
 
 
-def parted(table: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """The rows of the long table that are not of `table1.traffic`, and those that are."""
-    is_own = table["row"].str.startswith(PREFIX).to_numpy(bool)
-    return table.iloc[np.flatnonzero(~is_own)], table.iloc[np.flatnonzero(is_own)]
+def split_rows(table: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """The long table without the rows of `table1.traffic`, and these rows."""
+    is_on_traffic = table["row"].str.startswith(PREFIX).to_numpy(bool)
+    return table.iloc[np.flatnonzero(~is_on_traffic)], table.iloc[np.flatnonzero(is_on_traffic)]
 
 
 def scene_figures(rows: pd.DataFrame, figure: str) -> dict[str, np.ndarray]:
@@ -78,7 +80,7 @@ def figures_of_rows(rows: pd.DataFrame, eval: EvaluationConfig) -> Figures:
     """Figures of all rows and of real against real, with bootstrap intervals over scenes.
 
     Args:
-        rows: Scene by scene, see `rows`.
+        rows: Figures of the rows of `table1.traffic`, scene by scene.
         eval: Resamples, confidence and seed of the intervals.
     """
     keys, values = [], []
@@ -90,14 +92,13 @@ def figures_of_rows(rows: pd.DataFrame, eval: EvaluationConfig) -> Figures:
             if np.isfinite(of_rows[name]).any():
                 keys.append((name, figure, ""))
                 values.append(of_rows[name])
-                if policy is not None and figure in COMPARED:
+                if policy is not None and figure in COMPARED_FIGURES:
                     keys.append((name, figure, "_less_base"))
                     values.append(of_rows[name] - of_rows[name_of(kind, None)])
-    found: dict[tuple[str, str], dict[str, float | None]] = {}
+    figures: dict[tuple[str, str], dict[str, float | None]] = {}
     for (name, figure, ending), (value, low, high) in zip(keys, figures_of(values, eval), strict=True):
-        own = found.setdefault((name, figure), {})
-        own |= {ending: value, f"{ending}_low": low, f"{ending}_high": high}
-    return found
+        figures.setdefault((name, figure), {}).update({ending: value, f"{ending}_low": low, f"{ending}_high": high})
+    return figures
 
 
 def long_rows_on_traffic(figures: Figures, n_scenes: int, *, has_found: bool) -> pd.DataFrame:
@@ -106,13 +107,13 @@ def long_rows_on_traffic(figures: Figures, n_scenes: int, *, has_found: bool) ->
     Args:
         figures: Figures of all rows.
         n_scenes: Scenes behind them.
-        has_found: Whether the drivers have effects that were found.
+        has_found: Whether the drivers have effects that discovery found.
     """
     titles = {PREFIX + REAL_VS_REAL: f"{TITLES[REAL_VS_REAL]}, not rescaled"}
     for name, kind, policy in named_rows({name for name, _ in figures}):
         title = TITLES_OF_KINDS[kind].replace("calibrated", "repaired" if has_found else "calibrated")
         titles[name] = f"{title}: {TITLES_OF_POLICIES[policy]}"
-    order = {name: place for place, name in enumerate([*list(titles)[1:], next(iter(titles))])}
+    order = {name: number for number, name in enumerate([*list(titles)[1:], next(iter(titles))])}
     records: list[dict[str, Any]] = []
     for name, figure in sorted(figures, key=lambda key: order[key[0]]):
         own = figures[name, figure]
@@ -124,25 +125,27 @@ def long_rows_on_traffic(figures: Figures, n_scenes: int, *, has_found: bool) ->
     return long_table(records)
 
 
-def sections_on_traffic(own: pd.DataFrame, intervals: str) -> tuple[Section, ...]:
-    """The section of these rows; none without them.
+def sections_on_traffic(table: pd.DataFrame, intervals: str) -> tuple[Section, ...]:
+    """The section of the rows of `table1.traffic`; none without them.
 
     Args:
-        own: These rows of the long table.
+        table: These rows of the long table.
         intervals: Name of the intervals.
     """
-    if own.empty:
+    if table.empty:
         return ()
     title = f"Started as recorded, speeds not rescaled, the same thresholds in all rows; {intervals}"
-    figures = beside_paper(title, own, HEADINGS_ON_TRAFFIC, _DIGITS)
+    figures = beside_paper(title, table, HEADINGS_ON_TRAFFIC, _DIGITS)
     changes = []
-    for records in records_of(own).values():
+    for records in records_of(table).values():
         if any(pd.notna(record.get("less_base")) for record in records.values()):
             digits = {name: METRICS[name].digits for name in METRICS} | _DIGITS
-            cells = (cell(records.get(name), name, "less_base", digits=digits[name], sign="+") for name in COMPARED)
+            cells = (
+                cell(records.get(name), name, "less_base", digits=digits[name], sign="+") for name in COMPARED_FIGURES
+            )
             changes.append(Row(str(next(iter(records.values()))["title"]), tuple(cells)))
-    headings = tuple(HEADINGS_ON_TRAFFIC[name] for name in COMPARED)
-    less = Table(
+    headings = tuple(HEADINGS_ON_TRAFFIC[name] for name in COMPARED_FIGURES)
+    differences = Table(
         f"Difference from the same traffic without REARL, paired over scenes; {intervals}", headings, tuple(changes)
     )
-    return (Section("REARL on a better traffic model", tables=(figures, less)),)
+    return (Section("REARL on a better traffic model", tables=(figures, differences)),)

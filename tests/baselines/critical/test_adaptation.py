@@ -5,7 +5,7 @@ import json
 import pytest
 
 from rearl_jax.baselines.critical.adaptation import Assessment, Proposal, Trial, adapt_by_rounds, best_of
-from rearl_jax.baselines.critical.asking import LanguageModelProposer, Said
+from rearl_jax.baselines.critical.asking import LanguageModelProposer, Reply
 from rearl_jax.baselines.critical.mixture import ALL_REGULAR, Mixture, grid
 
 
@@ -61,7 +61,7 @@ class Model:
     def __call__(self, system, user, number, attempt):
         self.asked.append((system, user, number, attempt))
         answer = self.answers.pop(0)
-        return answer if isinstance(answer, Said) else Said(answer, "answered")
+        return answer if isinstance(answer, Reply) else Reply(answer, "answered")
 
 
 def proposing(model, n_trials=1, **keys):
@@ -111,7 +111,7 @@ def test_a_refused_answer_is_asked_for_again_with_a_reminder():
 
 
 def test_after_so_many_attempts_the_shares_stay():
-    model = Model(*[Said("x" * 1000, "unparsable")] * 9)
+    model = Model(*[Reply("x" * 1000, "unparsable")] * 9)
     proposal = proposing(model, attempts=5)
     assert (proposal.mixture, proposal.attempts, proposal.cause) == (None, 5, "unparsable")
     assert len(model.asked) == 5
@@ -119,6 +119,6 @@ def test_after_so_many_attempts_the_shares_stay():
 
 
 def test_where_nothing_came_back_nothing_is_asked_again():
-    model = Model("garbage", Said(None, "late"), GOOD)
+    model = Model("garbage", Reply(None, "late"), GOOD)
     proposal = proposing(model)
     assert (proposal.mixture, proposal.attempts, proposal.cause) == (None, 2, "late")

@@ -11,7 +11,7 @@ import pytest
 
 from rearl_jax.config.driver import CALIBRATED, DEFAULT, MODELS
 from rearl_jax.core.car_following import CAR_FOLLOWING, CarFollowing
-from rearl_jax.core.car_following.model import Spacing, linearise
+from rearl_jax.core.car_following.model import SpacingStimulus, linearise
 from tests.core.car_following.oracle import DESIRED_GAPS, ORACLES
 
 NAMES = sorted(ORACLES)
@@ -225,7 +225,7 @@ def test_drivers_who_see_spacings_are_the_same_drivers(name):
     driver = driver_of(name, {key: value[seen] for key, value in values.items()})
     ratio = speed / values["desired_speed"]
     columns = (gap + length, np.full_like(gap, length), speed, ratio, rate)
-    spacing = Spacing(*(jnp.asarray(column[seen]) for column in columns))
+    spacing = SpacingStimulus(*(jnp.asarray(column[seen]) for column in columns))
     whole, behind = said["acceleration"][seen], said["interaction"][seen]
     far = spacing.spacing > 0.5  # highway-env's own rules have another least distance
     for value, expected in ((driver.spacing_acceleration, whole), (driver.spacing_interaction, behind)):

@@ -3,8 +3,10 @@
 import bz2
 import gzip
 import lzma
+import os
 import shutil
 import zipfile
+from pathlib import Path
 
 import pandas as pd
 import pytest
@@ -64,6 +66,60 @@ def test_compressed_tables_are_read(table, ending):
         TableFile(packed, DataConfig()).read("a")
 
 
+@pytest.mark.parametrize("ending", [".gz", ".bz2", ".xz", ".zip"])
+def test_a_plain_table_with_the_ending_of_a_packed_one_is_read(table, ending):
+    expected = TableFile(table, DataConfig()).read("a").table
+    (recording,) = iterate_recordings(DataConfig(DataFormat.table, str(table.rename(f"{table}{ending}"))))
+    pd.testing.assert_frame_equal(recording.table, expected)
+
+
+@pytest.mark.parametrize(
+    ("text", "what"),
+    [
+        ("version https://git-lfs.github.com/spec/v1\noid sha256:4d7a\nsize 12345\n", "Git LFS"),
+        ("<!DOCTYPE html>\n<html><head><title>Sign in</title></head></html>\n", "web page"),
+    ],
+)
+def test_what_is_downloaded_instead_of_a_table_is_named(table, text, what):
+    table.write_text(text)
+    with refused("not-a-table", file=str(table)) as caught:
+        _names(table.parent)
+    assert what in caught.value.problem.fault
+
+
+def test_files_that_are_left_out_below_the_folder_are_told_of(table, caplog):
+    deep = table.parent / "tuesday"
+    deep.mkdir()
+    shutil.copy(table, deep / "b.csv")
+    assert _names(table.parent) == ["a"]
+    told = [record.getMessage() for record in caplog.records if str(deep) in record.getMessage()]
+    assert len(told) == 1
+
+
+def test_a_name_that_is_not_text_is_to_be_changed(table):
+    strange = Path(os.fsdecode(bytes(table.parent) + b"/stra\xdfe.csv"))
+    try:
+        table.rename(strange)
+    except OSError:
+        pytest.skip("the file system takes text names only")
+    for path in (strange, table.parent):
+        with refused("name-not-text", file=f"{table.parent}/stra\\xdfe.csv"):
+            find_tables(path)
+
+
+def test_the_folder_of_a_study_is_no_folder_of_tables(table, tmp_path):
+    study = tmp_path / "results" / "s"
+    (study / "tables").mkdir(parents=True)
+    (study / "config.json").write_text("{}")
+    pd.DataFrame({"recording": ["a"], "rows": [1]}).to_parquet(study / "recordings.parquet")
+    pd.read_csv(table).to_parquet(study / "tables" / "a.parquet")
+    for root in (study, tmp_path / "results"):
+        with refused("recordings-missing", MissingInputError, file=str(root)) as caught:
+            find_tables(root)
+        assert f"{study / 'tables'}" in caught.value.problem.fault
+    assert find_tables(study / "tables") == [study / "tables" / "a.parquet"]
+
+
 def test_archives_and_folders_below_are_pointed_out(table, tmp_path):
     deep = tmp_path / "one" / "two"
     deep.mkdir(parents=True)
@@ -78,9 +134,10 @@ def test_archives_and_folders_below_are_pointed_out(table, tmp_path):
         assert "unpack all.zip" in caught.value.problem.fault
 
 
-def test_a_foreign_table_is_named_as_such(table):
+@pytest.mark.parametrize("text", ["hour,rain\n1,0\n", "track_id,length,vehicle_class\n1,4.2,car\n"])
+def test_a_foreign_table_is_named_as_such(table, text):
     other = table.with_name("weather.csv")
-    other.write_text("hour,rain\n1,0\n")
+    other.write_text(text)
     with refused("not-a-table", file=str(other)):
         _names(table.parent)
 
@@ -117,6 +174,9 @@ def test_every_name_of_a_recording_makes_a_file_name(name, tmp_path):
     assert not set('/\\:*?"<>|') & set(file)
     assert file_name_of(f"{name}x") != file
     assert file_name_of("highd_01-a.b") == "highd_01-a.b"
+    twin = file_name_of(name.swapcase())
+    assert twin == file or file_name_of(name, {twin}).lower() != twin.lower()
+    assert file_name_of(name, {file}) == file
 
 
 @pytest.mark.parametrize(("delimiter", "decimal"), [(";", "."), (";", ","), ("\t", "."), ("\t", ","), ("|", ".")])

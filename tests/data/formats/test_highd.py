@@ -236,6 +236,16 @@ def test_speeds_in_kmh_stop(tracks):
         read_recording(tracks, DROP_ROW)
 
 
+def test_names_in_capitals_are_those_of_the_same_files(tracks):
+    expected = read_recording(tracks, STOP)
+    for file in list(tracks.parent.iterdir()):
+        file.rename(file.with_name(file.name.upper()))
+    (found,) = find_recordings(tracks.parent)
+    recording = read_recording(found, STOP)
+    assert recording.info.id == expected.info.id
+    pd.testing.assert_frame_equal(recording.table, expected.table)
+
+
 def test_missing_files_and_empty_files_stop(tracks, tmp_path):
     with refused("recordings-missing", MissingInputError):
         find_recordings(tmp_path / "elsewhere")

@@ -102,6 +102,20 @@ def _write(folder, rows: pd.DataFrame, name: str = "trajectories.csv") -> Publis
     return PublishedFile(find_published(folder)[0], DROP_ROW)
 
 
+def test_a_leader_0_is_a_vehicle_only_where_one_with_this_id_is_ahead(tmp_path):
+    rows = _published()
+    for none in (0, -1, 9999):
+        stated = rows.assign(Preceding=rows["Preceding"].replace(0, none))
+        leader = _write(tmp_path, stated).read("us101_0750").table.groupby("track_id")["leader_id"].first()
+        assert leader.isna().tolist() == [True, False, True]
+    # Vehicle 2 follows vehicle 0; for vehicle 0 itself and for vehicle 3, 0 means none.
+    stated = rows.assign(Preceding=0, Vehicle_ID=rows["Vehicle_ID"].replace(1, 0))
+    recording = _write(tmp_path, stated).read("us101_0750")
+    leader = recording.table.groupby("track_id")["leader_id"].first()
+    assert leader.isna().to_dict() == {0: True, 2: False, 3: True}
+    assert recording.dropped == {}
+
+
 def test_feet_become_metres_and_the_front_becomes_the_centre(tmp_path):
     file = _write(tmp_path, _published())
     assert file.recordings() == ["us101_0750"]

@@ -38,6 +38,48 @@ def test_rows_with_a_shifted_clock_are_no_recording(tmp_path, vehicles, frames):
     assert f"{where.sum()} rows of vehicle {vehicles[0]}" in caught.value.problem.fault
 
 
+def _fleet(n: int, **columns) -> pd.DataFrame:
+    """n vehicles one behind another, whose numbers are 1 .. n."""
+    one = _published().query("Vehicle_ID == 1").assign(Preceding=0, **columns)
+    return pd.concat([one.assign(Vehicle_ID=k, Local_Y=one["Local_Y"] + 50.0 * k) for k in range(1, n + 1)])
+
+
+def test_whole_tracks_with_a_shifted_clock_are_no_recording(tmp_path):
+    rows = _fleet(20).reset_index(drop=True)
+    file = _file(tmp_path, _shifted(rows, rows["Vehicle_ID"].isin([3, 17]), 20 * 60_000))
+    with refused("time-contradicts-frame", column="Global_Time", row=121):
+        file.recordings()
+    # Numbers begin anew in a real recording of a few vehicles.
+    both = pd.concat([rows, _shifted(rows[rows["Vehicle_ID"] < 3], pd.Series(True, rows.index), QUARTER)])
+    assert _file(tmp_path, both).recordings() == ["us101_0750", "us101_0805"]
+
+
+@pytest.mark.parametrize(
+    ("place", "vehicles", "frames", "code"),
+    [
+        ("i-80", (3,), (100, 130), "location-contradicts-time"),
+        ("i-80", (3, 4), (100, 160), "location-contradicts-time"),
+        ("lankershim", (3,), (120, 130), "location-contradicts-time"),
+        (None, (3,), (100, 160), "location-unknown"),
+        ("us-1O1", (3, 4, 5), (100, 160), "location-unknown"),
+    ],
+)
+def test_rows_with_another_place_are_no_recording(tmp_path, place, vehicles, frames, code):
+    rows = _fleet(9).reset_index(drop=True)
+    where = rows["Vehicle_ID"].isin(vehicles) & rows["Frame_ID"].between(frames[0], frames[1] - 1)
+    file = _file(tmp_path, rows.assign(Location=rows["Location"].mask(where, place)))
+    with refused(code, column="Location", row=int(np.argmax(where)) + 1):
+        file.recordings()
+
+
+def test_recordings_of_two_places_and_of_an_unknown_one_are_read(tmp_path):
+    both = pd.concat([_published(), _published("i-80")])
+    assert _file(tmp_path, both).recordings() == ["i80_0400", "us101_0750"]
+    assert _file(tmp_path, _published().assign(Location="Autobahn 8")).recordings() == ["autobahn8_0750"]
+    blank = _published().assign(Location=lambda rows: rows["Location"].where(rows["Vehicle_ID"] < 3, " "))
+    assert _file(tmp_path, blank, "US-101.csv").recordings() == ["us101_0750"]
+
+
 def test_recordings_of_one_file_stay_apart(tmp_path):
     names = ["us101_0750", "us101_0805"]
     both = pd.concat([_published(), _published(start=QUARTER)], ignore_index=True)
@@ -48,15 +90,27 @@ def test_recordings_of_one_file_stay_apart(tmp_path):
     assert _file(tmp_path, pd.concat([_published(), later], ignore_index=True)).recordings() == names
 
 
-@pytest.mark.parametrize(("unit", "factor"), [("s", 1e-3), ("us", 1e3), ("ns", 1e6)])
+@pytest.mark.parametrize(
+    ("unit", "factor"), [("s", 1e-3), ("us", 1e3), ("ns", 1e6), ("min", 1 / 6e4), ("h", 1 / 3.6e6)]
+)
 @pytest.mark.parametrize("whole", [True, False])
 def test_a_time_in_another_unit_is_named(tmp_path, unit, factor, whole):
+    if whole and factor < 1e-3:
+        pytest.skip("six seconds are no whole minute")
     rows = _published()
     time = rows["Global_Time"] * factor
     file = _file(tmp_path, rows.assign(Global_Time=np.floor(time).astype(np.int64) if whole else time))
     with refused("wrong-units", column="Global_Time") as caught:
         file.recordings()
     assert f"in {unit}, not ms" in caught.value.problem.fault
+
+
+@pytest.mark.parametrize("lossy", [lambda time: time.map("{:.5E}".format), lambda time: time.astype(np.float32)])
+def test_times_that_lost_digits_are_named_as_such(tmp_path, lossy):
+    rows = _published()
+    with refused("time-contradicts-frame", column="Global_Time", row=None) as caught:
+        _file(tmp_path, rows.assign(Global_Time=lossy(rows["Global_Time"]))).recordings()
+    assert "lost digits" in caught.value.problem.fault
 
 
 def test_whole_numbers_may_be_written_with_a_fraction_of_0(tmp_path):
@@ -68,8 +122,27 @@ def test_whole_numbers_may_be_written_with_a_fraction_of_0(tmp_path):
         _file(tmp_path, as_float.assign(Lane_ID=as_float["Lane_ID"].where(as_float.index != 2, 2.5))).read("us101_0750")
 
 
-def test_a_file_of_arterials_only_says_so(tmp_path):
-    _file(tmp_path, _published().assign(Location="lankershim"))
+@pytest.mark.parametrize("name", ["NGSIM_Peachtree_Vehicle_Trajectories.csv", "lankershim-0830am-0845am.txt"])
+def test_an_arterial_is_recognised_by_the_name_of_its_file(tmp_path, name):
+    rows = _published().drop(columns="Location")
+    if name.endswith(".txt"):
+        place = rows.columns.get_loc("Local_Y") + 1
+        further = ["Global_X", "Global_Y"], ["Following", "Space_Headway", "Time_Headway"]
+        rows = pd.concat(
+            [rows.iloc[:, :place], rows[["Lane_ID"] * 2].set_axis(further[0], axis=1), rows.iloc[:, place:]]
+            + [rows[["Lane_ID"] * 3].set_axis(further[1], axis=1)],
+            axis=1,
+        )
+        rows.to_csv(tmp_path / name, sep=" ", header=False, index=False)
+    else:
+        rows.to_csv(tmp_path / name, index=False)
+    with refused("arterials-only", MissingInputError):
+        count_recordings(DataConfig(DataFormat.ngsim, str(tmp_path)))
+
+
+@pytest.mark.parametrize("place", ["lankershim", "Lankershim Blvd"])
+def test_a_file_of_arterials_only_says_so(tmp_path, place):
+    _file(tmp_path, _published().assign(Location=place))
     data = DataConfig(DataFormat.ngsim, str(tmp_path))
     with refused("arterials-only", MissingInputError, file=str(tmp_path)) as caught:
         count_recordings(data)
@@ -79,10 +152,21 @@ def test_a_file_of_arterials_only_says_so(tmp_path):
     assert count_recordings(data) == 1
 
 
-@pytest.mark.parametrize("name", ["readme.txt", "notes.csv"])
-def test_a_file_that_is_no_trajectory_table_is_named_as_such(tmp_path, name):
+PROSE = "These are the paths of vehicles that 8 cameras above the 5 lanes of US 101 saw on 15 June 2005 in LA.\n"
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [
+        ("readme.txt", "these files belong to a course\nask me\n"),
+        ("notes.csv", "these files belong to a course\nask me\n"),
+        ("readme.txt", PROSE),
+        ("detector.csv", "Vehicle_ID,count\n1,2\n"),
+    ],
+)
+def test_a_file_that_is_no_trajectory_table_is_named_as_such(tmp_path, name, text):
     _file(tmp_path, _published())
-    (tmp_path / name).write_text("these files belong to a course\nask me\n")
+    (tmp_path / name).write_text(text)
     with refused("not-a-table", file=str(tmp_path / name)):
         count_recordings(DataConfig(DataFormat.ngsim, str(tmp_path)))
 

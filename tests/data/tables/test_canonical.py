@@ -214,8 +214,8 @@ def test_what_is_read_can_be_written_and_read_again(vehicle_rows, tmp_path, endi
     pd.testing.assert_frame_equal(again.table, recording.table)
 
 
-def test_metadata_that_could_not_be_read_again_stops_before_it_is_written(vehicle_rows, tmp_path):
-    far = vehicle_rows.assign(time=vehicle_rows["frame"] / 10.0, recording="")
-    far.to_parquet(tmp_path / "a.parquet")
-    with refused("out-of-range", key="id"):
+@pytest.mark.parametrize("name", ["", "  "])
+def test_a_recording_without_a_name_stops(name, vehicle_rows, tmp_path):
+    vehicle_rows.assign(time=vehicle_rows["frame"] / 10.0, recording=name).to_parquet(tmp_path / "a.parquet")
+    with refused("recording-unnamed", column="recording"):
         list(iterate_recordings(DataConfig(DataFormat.table, str(tmp_path))))

@@ -124,7 +124,7 @@ def smoothing_error(noise: Noise, dt: float, stride: int) -> float:
     steady = steady_state(noise, dt, stride)
     period = np.linalg.matrix_power(steady.step, stride - 1) @ steady.corrected
     information = np.outer(MEASURED, MEASURED) / steady.gain.variance
-    ahead = np.linalg.solve(np.eye(16) - np.kron(period.T, period.T), information.ravel()).reshape(4, 4)
+    ahead = np.linalg.solve(np.eye(25) - np.kron(period.T, period.T), information.ravel()).reshape(5, 5)
     left = steady.covariance[0] - steady.covariance[0] @ ahead @ steady.covariance[0]
     return float(np.sqrt(max(left[2, 2], 0.0)))
 

@@ -203,6 +203,19 @@ def test_a_delay_of_less_than_a_time_step_is_of_the_numerics(trial, calibrated, 
     assert Round(Fit(None, state, noise), {}, {}, {}, exceeding, [holds, delay], [holds]).is_beaten == counts
 
 
+@pytest.mark.parametrize(("steps", "gain", "imitates"), [(1.0, 2.5, True), (3.0, 2.5, False), (1.0, 0.7, False)])
+def test_a_fast_response_that_a_short_delay_explains_better_is_no_effect(trial, calibrated, steps, gain, imitates):
+    fast, slow = (trial(name, [0.6] * 10, [1.3] * 10) for name in ("leader_acceleration", "resignation"))
+    delay = trial("reaction_delay", [2.5] * 10, [gain] * 10)
+    state, noise = calibrated
+    theta = state.theta.copy()
+    theta[list(delay.candidate.free)] = steps * state.data.dt
+    delay = replace(delay, fit=Fit(delay.candidate, replaced(state, theta=theta), noise))
+    if gain < 1:
+        delay = replace(delay, fitted=np.full(10, 0.4))
+    assert decision.imitating_delay([fast, slow, delay]) == ({Term("leader_acceleration")} if imitates else set())
+
+
 @pytest.mark.parametrize(("kinds", "doubtful"), [(("driver", "generic"), False), (("generic", "driver"), True)])
 def test_a_name_after_a_free_curve_is_doubtful(trial, solver, calibrated, kinds, doubtful):
     """The remainder after a curve may belong to the effect that the curve stands for."""

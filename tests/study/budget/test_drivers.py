@@ -12,7 +12,7 @@ from rearl_jax.core.effects.lane_changes import KeepRight, Politeness
 from rearl_jax.models.population import population_of_model
 from rearl_jax.models.record import EffectValues
 from rearl_jax.study.budget.components import rows_of
-from rearl_jax.study.budget.drivers import drivers_of, parts_of, switched_off
+from rearl_jax.study.budget.drivers import components_of, drivers_of, switched_off
 from tests.models.drivers import CURVE, GAIN, MOBIL, model
 
 VARIES = EffectValues("time_gap_variation", {"sd": 0.2, "time": 20.0, "start_share": 0.5})
@@ -26,9 +26,9 @@ def row(*names):
 
 
 def test_a_model_says_which_components_it_has():
-    assert parts_of(FULL) == {FOUND: True, LANE_CHANGES: True, VARIATION: True}
-    assert parts_of(model(noise_sd=0.0)) == {FOUND: False, LANE_CHANGES: False, VARIATION: False}
-    assert parts_of(model(VARIES, noise_sd=0.0)) == {FOUND: False, LANE_CHANGES: False, VARIATION: True}
+    assert components_of(FULL) == {FOUND: True, LANE_CHANGES: True, VARIATION: True}
+    assert components_of(model(noise_sd=0.0)) == {FOUND: False, LANE_CHANGES: False, VARIATION: False}
+    assert components_of(model(VARIES, noise_sd=0.0)) == {FOUND: False, LANE_CHANGES: False, VARIATION: True}
 
 
 def test_all_rows_are_one_program():

@@ -22,7 +22,7 @@ def test_shares_sum_to_the_whole_in_every_scene(components):
     shares = shares_of(errors, orders(components))
     whole = errors[frozenset()] - errors[frozenset(components)]
     assert np.abs(whole).min() > 1e-3
-    np.testing.assert_allclose(shares.of.sum(axis=0), whole)
+    np.testing.assert_allclose(shares.by_component.sum(axis=0), whole)
     np.testing.assert_allclose(shares.whole, whole)
     np.testing.assert_allclose(shares.by_order.sum(axis=1), whole.mean())
     assert shares.components == components
@@ -48,7 +48,7 @@ def test_without_constraints_a_share_is_that_of_shapley():
         for order in permutations(components):
             before = frozenset(order[: order.index(name)])
             falls.append(errors[before] - errors[before | {name}])
-        np.testing.assert_allclose(shares.of[place], np.mean(falls, axis=0))
+        np.testing.assert_allclose(shares.by_component[place], np.mean(falls, axis=0))
     np.testing.assert_allclose(shares.stated[0], np.mean(errors[frozenset()] - errors[frozenset({"start"})]))
 
 
@@ -56,16 +56,15 @@ def test_a_component_that_does_nothing_has_no_share_and_an_additive_one_its_effe
     effect = {"start": 2.0, "boundary": 0.0, "rearl": 0.5}
     errors = {row: np.full(3, 5.0 - sum(effect[name] for name in row)) for row in rows_of(tuple(effect))}
     shares = shares_of(errors, orders(tuple(effect)))
-    np.testing.assert_allclose(shares.of, np.array(list(effect.values()))[:, None] * np.ones(3))
-    assert shares.components[shares.leader] == "start"
-    np.testing.assert_array_equal(shares.lead_share, [1.0, 0.0, 0.0])
+    np.testing.assert_allclose(shares.by_component, np.array(list(effect.values()))[:, None] * np.ones(3))
+    np.testing.assert_array_equal(shares.leading_share, [1.0, 0.0, 0.0])
 
 
 def test_a_scene_without_an_error_in_some_row_counts_in_none():
     errors = drawn(("start", "rearl"))
     errors[frozenset({"rearl"})][1] = np.nan
     shares = shares_of(errors, orders(("start", "rearl")))
-    assert np.isfinite(shares.of).all(axis=0).tolist() == [True, False, True, True]
+    assert np.isfinite(shares.by_component).all(axis=0).tolist() == [True, False, True, True]
     assert np.isfinite(shares.whole).tolist() == [True, False, True, True]
     kept = [0, 2, 3]
     np.testing.assert_allclose(shares.stated[0], (errors[frozenset()] - errors[frozenset({"start"})])[kept].mean())

@@ -16,9 +16,9 @@ from rearl_jax.data.records import Recording, RecordingInfo
 from rearl_jax.data.scenes.splits import Splits
 from rearl_jax.evaluation.inputs import Inputs
 from rearl_jax.problems import InvalidInputError
-from rearl_jax.study.budget.calibrating import outside
+from rearl_jax.study.budget.calibrating import without_scenes
 from rearl_jax.study.budget.components import rows_of
-from rearl_jax.study.budget.simulating import Setting, as_simulated
+from rearl_jax.study.budget.simulating import Setting, evaluation_row
 from rearl_jax.study.budget.task import present, with_road
 from tests.evaluation.conftest import made_scenes
 from tests.models.drivers import GAIN, model
@@ -73,7 +73,7 @@ def recording():
 def test_drivers_are_calibrated_outside_the_judged_seconds():
     scenes = made_scenes().select(np.array([0, 1]))
     scenes = replace(scenes, start_frame=np.array([10, 50]), frame_rate=np.full(2, 10 / 12))  # 10 frames a scene
-    (left,) = outside([recording()], scenes, np.array([0]))
+    (left,) = without_scenes([recording()], scenes, np.array([0]))
     frame, track = left.table["frame"].to_numpy(), left.table["track_id"].to_numpy()
     assert not ((frame >= 10) & (frame < 20)).any()
     assert len(frame) == 30
@@ -81,10 +81,10 @@ def test_drivers_are_calibrated_outside_the_judged_seconds():
     assert sorted(set(track)) == [1, 2]
     assert frame[track == 1].max() == 9
     assert frame[track == 2].min() == 20
-    (whole,) = outside([recording()], scenes, np.array([1]))
+    (whole,) = without_scenes([recording()], scenes, np.array([1]))
     assert len(whole.table) == 46
     everything = replace(scenes, start_frame=np.array([0, 50]), frame_rate=np.full(2, 4.0))
-    assert list(outside([recording()], everything, np.array([0]))) == []
+    assert list(without_scenes([recording()], everything, np.array([0]))) == []
 
 
 def test_rows_start_and_drive_as_their_components_say():
@@ -92,7 +92,7 @@ def test_rows_start_and_drive_as_their_components_say():
     inputs = Inputs(scenes, Splits(np.zeros(6, np.int8), {}, 0, 0))
     setting = Setting(StudyBudgetTask(), inputs, np.arange(2), COMPONENTS, model(GAIN), (0.3, 0.2))
     for row in rows_of(COMPONENTS):
-        made = as_simulated(setting, row)
+        made = evaluation_row(setting, row)
         assert made.config.init.source is (InitialSource.scene if START in row else InitialSource.seed)
         is_measured = made.config.scenes.boundary is BoundarySource.measured
         assert (is_measured, made.config.method is Method.rearl) == (BOUNDARY in row, REARL in row)

@@ -104,22 +104,24 @@ def test_known_time_gaps_are_those_of_the_shipped_platoons(config, done):
 def test_own_recordings_are_told_apart_by_the_keys(config):
     data = DataConfig(DataFormat.openacc, root=str(DataFormat.openacc.shipped), recordings="*part1*")
     options = DiscoverConfig(by="setting")
-    (cell,) = task.cells_of(replace(config, data=data, discover=options, real=RealConfig((OWN,))))
+    (cell,) = task.set_tasks_of(replace(config, data=data, discover=options, real=RealConfig((OWN,))))
     assert cell.part.data == data
     assert cell.car == "model"
     assert cell.part.discover == options
-    (by_car,) = task.cells_of(replace(config, data=data, discover=DiscoverConfig(by="model"), real=RealConfig((OWN,))))
+    (by_car,) = task.set_tasks_of(
+        replace(config, data=data, discover=DiscoverConfig(by="model"), real=RealConfig((OWN,)))
+    )
     assert by_car.car is None
 
 
 def test_a_pattern_takes_the_place_of_that_of_the_sets(config):
-    cells = task.cells_of(replace(config, data=DataConfig(DataFormat.i80_slice, recordings="*_1*")))
+    cells = task.set_tasks_of(replace(config, data=DataConfig(DataFormat.i80_slice, recordings="*_1*")))
     assert {cell.part.data.recordings for cell in cells} == {"*_1*"}
     assert len({cell.id for cell in cells}) == 2
 
 
 def test_every_set_selects_recordings(config):
-    cells = task.cells_of(replace(config, real=RealConfig(tuple(SETS))))
+    cells = task.set_tasks_of(replace(config, real=RealConfig(tuple(SETS))))
     counts = {cell.name: count_recordings(cell.part.data) for cell in cells}
     assert counts == {"i80": 3, "fhwa": 10, "openacc": 20, "openacc_people": 6, "openacc_model": 14}
 

@@ -26,7 +26,7 @@ from rearl_jax.study.traffic.tables import (
     figures_of_rows,
     long_rows_on_traffic,
     name_of,
-    parted,
+    split_rows,
 )
 
 EVAL = EvaluationConfig(resamples=200)
@@ -117,7 +117,7 @@ def test_the_rows_of_the_paper_stay_as_they_are():
     own = long_rows_on_traffic(figures_of_rows(made_rows(), EVAL), 6, has_found=True)
     alone, both = printed(paper_rows()), printed(pd.concat([paper_rows(), own], ignore_index=True))
     for rows, place in ((paper_rows(), 0), (own, 1)):
-        pd.testing.assert_frame_equal(parted(rows)[place], rows)
+        pd.testing.assert_frame_equal(split_rows(rows)[place], rows)
     title = "Started as recorded"
     assert title not in alone
     assert alone.startswith(both.split(title)[0].rstrip())

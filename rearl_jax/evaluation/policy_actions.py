@@ -19,10 +19,10 @@ def count_actions(
     speed: Float[np.ndarray, "seconds vehicles scenarios"],
     edges: Float[np.ndarray, " edges"],
 ) -> Int[np.ndarray, "actions bins"]:
-    """Counts of each action in each bin of the speed before it, in the order of `MetaAction`.
+    """Counts of each action in each bin of the speed before the action, in the order of `MetaAction`.
 
-    The first second is left out, because no frame shows the speed before it. Speeds outside the edges count in the
-    outermost bins.
+    The first second is left out, because no frame shows the speed before its actions. Speeds outside the edges count
+    in the outermost bins.
 
     Args:
         actions: Actions followed during each second, NO_ACTION for none.

@@ -1,0 +1,93 @@
+"""Words of the command line in a form that Hydra reads as they are meant.
+
+Hydra reads a value by its look: `1e5` is a number even for a key with text, `größe` cannot be read at all, and neither
+can a quoted key within a mapping. Such values are quoted here, and keys within mappings are replaced by plain names
+that `with_words` turns back into the words.
+"""
+
+import re
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
+from typing import Any
+
+from rearl_jax.config._schema import Key
+from rearl_jax.config.quoting import quoted
+
+_MARK = "rearl_word_"
+"""Beginning of the name that stands for a quoted key; the rest is the word in hexadecimal digits."""
+
+_STRINGS = re.compile(r"\"(?:[^\"\\]|\\.)*\"|'(?:[^'\\]|\\.)*'", re.DOTALL)
+
+
+def readable(overrides: list[str], keys: Mapping[str, Key]) -> list[str]:
+    """The overrides, as Hydra reads them according to the types of their keys."""
+    return [_readable(text, keys) for text in overrides]
+
+
+def with_words(record: Any) -> Any:
+    """The record with the words of its mappings in place of the names that stand for them."""
+    for item in fields(record):
+        value = getattr(record, item.name)
+        if is_dataclass(value):
+            with_words(value)
+        elif isinstance(value, dict):
+            object.__setattr__(record, item.name, {_word(key): part for key, part in value.items()})
+    return record
+
+
+def _readable(text: str, keys: Mapping[str, Key]) -> str:
+    name, equals, value = text.partition("=")
+    if not equals or name not in keys:
+        return text
+    kind = keys[name].type_name
+    if kind == "dict":
+        return f"{name}={_STRINGS.sub(_named_key, value)}"
+    if not kind.startswith(("str", "[str")) or _STRINGS.search(value):
+        return text
+    if kind.startswith("str") and not _is_read(value):
+        # Several values, and a value that begins with a quotation mark, are not the text as it stands.
+        return text if "," in value or value[:1] in ("'", '"') else f"{name}={quoted(value)}"
+    parts = map(_as_text, re.split(r"([\[\],])", value))
+    return f"{name}={''.join(parts)}"
+
+
+def _named_key(found: re.Match[str]) -> str:
+    """A quoted string; the name that stands for it if it is a key."""
+    before, after = found.string[: found.start()].rstrip(), found.string[found.end() :].lstrip()
+    if not (before.endswith(("{", ",")) and after.startswith(":")):
+        return found[0]
+    from omegaconf import OmegaConf
+
+    # Backslashes before a reference to another key are read by OmegaConf.
+    word = OmegaConf.create({"word": _parsed(found[0]).value()}).word
+    return _MARK + word.encode("utf-8", "surrogatepass").hex()
+
+
+def _word(key: Any) -> Any:
+    if not (isinstance(key, str) and re.fullmatch(rf"{_MARK}(?:[0-9a-f]{{2}})*", key)):
+        return key
+    return bytes.fromhex(key.removeprefix(_MARK)).decode("utf-8", "surrogatepass")
+
+
+def _as_text(part: str) -> str:
+    """A part of a value, quoted if Hydra would read it as a number or truth value that is written in another way."""
+    bare = part.strip()
+    value = _parsed(bare).value() if bare and _is_read(bare) else None
+    is_changed = isinstance(value, bool | int | float) and str(value) != bare
+    return part.replace(bare, f"'{bare}'") if is_changed else part
+
+
+def _is_read(value: str) -> bool:
+    from hydra.errors import HydraException
+
+    try:
+        _parsed(value)
+    except HydraException:
+        return False
+    return True
+
+
+def _parsed(value: str) -> Any:
+    from hydra.core.override_parser.overrides_parser import OverridesParser
+
+    return OverridesParser.create().parse_override(f"key={value}")

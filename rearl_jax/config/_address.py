@@ -1,0 +1,30 @@
+"""Secrets in the address of a server, which logs and results repeat."""
+
+import re
+from urllib.parse import urlsplit
+
+from rearl_jax.problems import InvalidInputError, Problem
+
+_SECRET = re.compile(r"key|token|secret|pass|auth|sig|cred|code", re.IGNORECASE)
+"""Part of the names of parameters that contain a secret."""
+
+
+def check_no_secret(address: str, key: str) -> None:
+    """Raise InvalidInputError, without the address, if it contains a password or a key.
+
+    Args:
+        address: Text given as the address.
+        key: Configuration key that it is the value of.
+    """
+    try:
+        parts = urlsplit(address.strip())
+    except ValueError:  # no address, which its user reports
+        return
+    remedy = "leave it out and put the key of the server into the environment variable that llm.api_key_env names"
+    if "@" in parts.netloc:
+        raise InvalidInputError(Problem("password-in-address", "holds a user name or password", remedy, key=key))
+    pairs = [part.partition("=") for part in (*parts.query.split("&"), parts.fragment) if part]
+    if any(_SECRET.search(name) or not equals for name, equals, _ in pairs):
+        raise InvalidInputError(
+            Problem("key-in-address", "holds a key or another secret after ? or #", remedy, key=key)
+        )

@@ -1,0 +1,30 @@
+"""Ids of leaders that stand for no leader."""
+
+import numpy as np
+
+from rearl_jax.data.checks.placeholders import is_placeholder
+
+
+def without_absent(
+    leader: np.ndarray, *, track: np.ndarray, frame: np.ndarray, lane: np.ndarray, position: np.ndarray
+) -> np.ndarray:
+    """Ids of leaders as float64, NaN for 0, -1 or another placeholder that is the id of no vehicle.
+
+    The formats write 0 where there is no leader. If a vehicle has that id, it is meant where it is ahead in the lane.
+
+    Args:
+        leader: Stated ids of leaders.
+        track: Ids of the vehicles.
+        frame: Frames.
+        lane: Lanes, with other numbers for the other carriageway.
+        position: Positions along the road, rising in driving direction.
+    """
+    leader = leader.astype(np.float64)
+    none = ((leader == 0.0) | is_placeholder(leader)) & ~np.isin(leader, track)
+    rows, zero = np.flatnonzero(leader == 0.0), np.flatnonzero(track == 0)
+    if rows.size and zero.size:
+        zero = zero[np.argsort(frame[zero], kind="stable")]
+        found = zero[np.minimum(np.searchsorted(frame[zero], frame[rows]), len(zero) - 1)]
+        is_ahead = (frame[found] == frame[rows]) & (lane[found] == lane[rows]) & (position[found] > position[rows])
+        none[rows[~is_ahead]] = True
+    return np.where(none, np.nan, leader)
