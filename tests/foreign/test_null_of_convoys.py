@@ -32,6 +32,6 @@ def test_errors_of_receivers_are_no_effects_of_other_vehicles(tmp_path):
     (seen,) = scores(solver, [base.state])
     evidence = evidences(base.state, seen, solver.layout)
     z_scores = null_of(solver, base.state, base.noise, 8, 0).z_scores(evidence)
-    # The pedals' lag of a tenth of a second looks like a response to the leader's acceleration: data can be conspicuous.
+    # The pedals lag by a tenth of a second, which looks like a response to the acceleration of the leader.
     assert z_scores[Term("leader_acceleration")] > THRESHOLDS.candidate_z_score
     assert max(z_scores[term] for term in OTHERS) < THRESHOLDS.candidate_z_score, {t: z_scores[t] for t in OTHERS}
