@@ -74,7 +74,12 @@ _MADE_HERE = ("recording", "time")
 # Checked as 64-bit integers and narrowed last, so that a lane of 300 is reported and does not wrap around.
 _SMALL = {"int8": "int64", "Int8": "Int64"}
 _MAX_EXACT_INTEGER = 2**53  # whole numbers beyond it do not survive as float64
-_ROW_CHECKS = (typed_table.unknown_class, typed_table.out_of_order, placeholders.misplaced)
+_ROW_CHECKS = (
+    typed_table.unknown_class,
+    typed_table.out_of_order,
+    placeholders.misplaced,
+    placeholders.unavailable_acceleration,
+)
 # Motion by whole vehicles, after cuts at jumps. Leaders last, where all positions are sound: a row that is left out for
 # its leader leaves a gap.
 _RANGE_CHECKS = (
@@ -178,6 +183,8 @@ def _number(values: pd.Series, column: Column, info: RecordingInfo) -> pd.Series
     if column.dtype.lower().startswith("int"):
         array = values.to_numpy(dtype=np.float64, na_value=np.nan)
         unfit = (array != np.rint(array)) | (np.abs(array) > _MAX_EXACT_INTEGER)
+        if column.nullable:  # what NumPy makes of NaN is a fault of its row
+            unfit &= array != -(2.0**63)
         _stop_at(np.isfinite(array) & unfit, values, "a whole number below 2^53", info)
     return values
 

@@ -45,9 +45,13 @@ def class_of(word: object) -> object:
     return plain if plain in CLASSES else SYNONYMS.get(plain, word)
 
 
+NO_CLASS = "nan"
+"""Code of an empty field."""
+
+
 def code_of(word: object) -> str:
-    """A code or word for a class as text; 1.0 and "1.0" are the code 1."""
-    return str(word).strip().removesuffix(".0")
+    """A code or word for a class as text; 1.0 and "1.0" are the code 1, and what is missing is NO_CLASS."""
+    return NO_CLASS if word is None or word is pd.NA or word != word else str(word).strip().removesuffix(".0")
 
 
 def classes_of(words: pd.Series) -> pd.Series:

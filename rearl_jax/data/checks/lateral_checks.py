@@ -4,7 +4,15 @@ import numpy as np
 import pandas as pd
 
 from rearl_jax.data.checks.typed_table import follows_row_before
-from rearl_jax.data.checks.unit_checks import LANE_WIDTH, MIN_STEPS, is_other_unit, moving_steps, scale_of, unit_finding
+from rearl_jax.data.checks.unit_checks import (
+    LANE_WIDTH,
+    MIN_STEPS,
+    WRONG_SHARE,
+    is_other_unit,
+    moving_steps,
+    scale_of,
+    unit_finding,
+)
 from rearl_jax.data.problems import Finding
 from rearl_jax.data.records import RecordingInfo
 
@@ -49,7 +57,9 @@ def wrong_origin(table: pd.DataFrame, info: RecordingInfo) -> Finding | None:
     """Lanes that do not count from 0, or lateral positions that do not count from the left edge to the right."""
     lateral = table["lateral"].to_numpy()
     outside = lateral < -EDGE_TOLERANCE
-    if np.isfinite(lateral).sum() >= MIN_STEPS and outside.sum() > 0.5 * np.isfinite(lateral).sum():
+    # Lanes tell where the left edge is, and that vehicles may be beside them.
+    allowed = 0.5 if table["lane"].notna().to_numpy().any() else WRONG_SHARE
+    if np.isfinite(lateral).sum() >= MIN_STEPS and outside.sum() > allowed * np.isfinite(lateral).sum():
         text = f"lateral is negative in {outside.sum()} rows, left of the carriageway"
         remedy = "count lateral from the left edge of the carriageway, positive to the right"
         return Finding("wrong_origin", "lateral", outside, text, remedy)

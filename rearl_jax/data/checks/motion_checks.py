@@ -1,7 +1,10 @@
 """Checks of single vehicles: their positions, speeds and accelerations must agree with one another.
 
-A median over all vehicles would hide one vehicle whose speed is always 0, or that drives backwards.
+A median over all vehicles would hide one vehicle whose speed is always 0, or that drives backwards, and a sum over its
+track a fault that began on the way: each is judged as a whole and in stretches of some seconds.
 """
+
+from collections.abc import Sequence
 
 import numpy as np
 import pandas as pd
@@ -25,8 +28,16 @@ MIN_DISTANCE = 5.0
 MOTION_TOLERANCE = 0.3
 """Relative difference [-] allowed between the distance moved and speed x time.
 
-Over whole tracks it is .13 or less in NGSIM and OpenACC; the least wrong unit gives .47.
+Over whole tracks it is .13 or less in NGSIM and OpenACC, over stretches .12; the least wrong unit gives .47.
 """
+STRETCH = 5.0
+"""Time [s] over which a part of a track is judged, several times that of a dropout of a GPS receiver."""
+LAGS = (-1.0, -0.5, 0.0, 0.5, 1.0)
+"""Times [s] by which the speeds of a source may be late; speed x time of a stretch is between those of all of them."""
+ACCELERATION_STRETCH = 15.0
+"""Time [s] over which accelerations of a part of a track are judged: in a shorter one noise may look like a sign."""
+MIN_CHANGE = 0.3
+"""Root mean square [m/s^2] of the changes of speed from which on a stretch tells the sign of its accelerations."""
 ACCELERATION_SCALE = (0.25, 1.8)
 """Smallest and largest ratio [-] of acceleration to change of speed per second that measurement errors explain.
 
@@ -38,66 +49,155 @@ accelerations are clipped.
 def wrong_motion(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -> Finding | None:
     """Rows of vehicles whose speeds, ground positions or accelerations contradict their positions or speeds."""
     track = table["track_id"].to_numpy()
-    vehicle = np.cumsum(~follows_row_before(track)) - 1
-    rows = np.flatnonzero(follows_row_before(track))
-    dt = (table["frame"].to_numpy()[rows] - table["frame"].to_numpy()[rows - 1]) / info.frame_rate
+    follows = follows_row_before(track)
+    vehicle = np.cumsum(~follows) - 1
     speed, position, x, y = (table[name].to_numpy() for name in ("speed", "position", "x", "y"))
-    step = position[rows] - position[rows - 1]
-    expected = 0.5 * (speed[rows] + speed[rows - 1]) * dt
-    ground = np.hypot(x[rows] - x[rows - 1], y[rows] - y[rows - 1])
+    dt = _steps(table["frame"].to_numpy(), follows) / info.frame_rate
+    step = _steps(position, follows)
+    expected = np.where(follows, 0.5 * (speed + np.roll(speed, 1)), 0.0) * dt
+    ground = np.hypot(_steps(x, follows), _steps(y, follows))
     for column, measured, predicted in (("speed", step, expected), ("x", ground, np.abs(step))):
-        wrong = _contradicting(vehicle[rows], measured, predicted, dt)
-        if wrong is not None:
-            vehicles, total, other = wrong
-            first = track[int(np.argmax(vehicle == vehicles[0]))]
-            what = "moves {:.1f} m where speed x time is {:.1f} m" if column == "speed" else "moves {:.1f} m in x, y "
-            text = f"vehicle {first} " + what.format(total, other)
-            text += "" if column == "speed" else f"and {other:.1f} m in position"
+        ratio = _steps_off(measured, predicted, dt)
+        rows = _of_whole_tracks(vehicle, measured, predicted, dt, *ratio)
+        if not rows.any():
+            stretch = _Stretches(vehicle, round(STRETCH * info.frame_rate))
+            if column == "speed":
+                low, high = stretch.between(expected, [round(lag * info.frame_rate) for lag in LAGS])
+                moved = stretch.change(position)
+            else:
+                low = high = np.abs(stretch.change(position))
+                moved = np.hypot(stretch.change(x), stretch.change(y))
+            rows = stretch.rows(_apart(moved, low, high) & _mostly(*(stretch.sums(mask) for mask in ratio)))
+        if rows.any():
+            own = rows & (vehicle == vehicle[np.argmax(rows)])
+            total, other = float(measured[own & follows].sum()), float(predicted[own & follows].sum())
+            text = f"vehicle {track[np.argmax(rows)]} moves {total:.1f} m "
+            text += (
+                f"where speed x time is {other:.1f} m"
+                if column == "speed"
+                else f"in x, y and {other:.1f} m in position"
+            )
+            text += f", in the {dt[own].sum():.1f} s from frame {table['frame'].iloc[int(np.argmax(rows))]}"
             remedy = "position must grow while driving, and all columns must be of the same vehicle and unit"
-            return Finding("wrong_motion", column, np.isin(vehicle, vehicles), text, remedy)
-    vehicles = _wrongly_accelerating(table, vehicle, info)
-    if vehicles.size:
-        first = track[int(np.argmax(vehicle == vehicles[0]))]
-        text = f"the acceleration of vehicle {first} is not the change of its speed per second"
+            return Finding("wrong_motion", column, rows, text, remedy)
+    rows = _wrongly_accelerating(table, vehicle, info)
+    if rows.any():
+        row = int(np.argmax(rows))
+        text = (
+            f"from frame {table['frame'].iloc[row]} the acceleration of vehicle {track[row]} is not the change of its "
+        )
         remedy = "give it in m/s^2 along the driving direction, negative for braking"
-        return Finding("wrong_motion", "acceleration", np.isin(vehicle, vehicles), text, remedy)
+        return Finding("wrong_motion", "acceleration", rows, f"{text}speed per second", remedy)
     return None
 
 
-def _contradicting(
-    vehicle: np.ndarray, measured: np.ndarray, predicted: np.ndarray, dt: np.ndarray
-) -> tuple[np.ndarray, float, float] | None:
-    """Vehicles whose measured and predicted distances differ in most steps and in total; totals of the first [m]."""
+class _Stretches:
+    """All stretches of n steps, from the row `first` to the row `last`, both of one vehicle."""
+
+    def __init__(self, vehicle: np.ndarray, n: int) -> None:
+        self._vehicle, self._n = vehicle, max(n, 1)
+        self.first = np.flatnonzero(vehicle[self._n :] == vehicle[: -self._n])
+        self.last = self.first + self._n
+
+    def change(self, values: np.ndarray) -> np.ndarray:
+        """By how much a value grows."""
+        return values[self.last] - values[self.first]
+
+    def sums(self, of_steps: np.ndarray) -> np.ndarray:
+        """Sum over the steps, each given at the row that it ends in."""
+        return self.change(np.cumsum(of_steps, dtype=np.float64))
+
+    def between(self, of_steps: np.ndarray, shifts: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
+        """Least and largest sum over the steps if these came earlier or later by some rows, within the track."""
+        starts = np.flatnonzero(np.diff(self._vehicle, prepend=-1))
+        ends = np.append(starts[1:], len(self._vehicle)) - 1
+        own = self._vehicle[self.first]
+        back, ahead = starts[own] - self.first, ends[own] - self.last
+        total = np.cumsum(of_steps)
+        moves = (np.clip(shift, back, ahead) for shift in shifts)
+        sums = np.stack([total[self.last + move] - total[self.first + move] for move in moves])
+        return np.min(sums, axis=0), np.max(sums, axis=0)
+
+    def rows(self, bad: np.ndarray) -> np.ndarray:
+        """Mask of the rows of the marked stretches."""
+        n_rows = len(self._vehicle)
+        begun = (
+            np.bincount(self.first[bad], minlength=n_rows) - np.bincount(self.last[bad] + 1, minlength=n_rows + 1)[:-1]
+        )
+        return np.cumsum(begun) > 0
+
+
+def _steps(values: np.ndarray, follows: np.ndarray) -> np.ndarray:
+    """Difference to the row before; 0 in the first row of a track."""
+    return np.where(follows, np.diff(values, prepend=values[:1]), 0.0)
+
+
+def _steps_off(measured: np.ndarray, predicted: np.ndarray, dt: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Masks of the steps of a moving vehicle, and of those among them whose two distances differ."""
     size = np.maximum(np.abs(measured), np.abs(predicted))
     moving = size > MIN_MOVING_SPEED * dt
-    off = np.abs(measured - predicted) > MOTION_TOLERANCE * size
-    number, n_off, time = (np.bincount(vehicle, weights=values) for values in (moving, moving & off, moving * dt))
+    return moving, moving & (np.abs(measured - predicted) > MOTION_TOLERANCE * size)
+
+
+def _mostly(n_moving: np.ndarray, n_off: np.ndarray) -> np.ndarray:
+    """True where most steps are off, not a single one at a jump."""
+    return (n_moving >= MIN_MOVING_STEPS) & (n_off > 0.5 * n_moving)
+
+
+def _apart(moved: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
+    """True where the distance moved is not between two others, beyond noise and tolerance."""
+    off = np.maximum(moved - high, low - moved)
+    return (off > MIN_DISTANCE) & (
+        off > MOTION_TOLERANCE * np.maximum.reduce([np.abs(moved), np.abs(low), np.abs(high)])
+    )
+
+
+def _of_whole_tracks(
+    vehicle: np.ndarray,
+    measured: np.ndarray,
+    predicted: np.ndarray,
+    dt: np.ndarray,
+    moving: np.ndarray,
+    off: np.ndarray,
+) -> np.ndarray:
+    """Mask of the rows of vehicles whose measured and predicted distances differ in most steps and in total."""
+    number, n_off, time = (np.bincount(vehicle, weights=values) for values in (moving, off, moving * dt))
     total, other = (np.bincount(vehicle, weights=values) for values in (measured, predicted))
     far = np.maximum(np.abs(total), np.abs(other))
-    wrong = (number >= MIN_MOVING_STEPS) & (time >= MIN_MOVING_TIME) & (far > MIN_DISTANCE)
-    wrong &= (n_off > 0.5 * number) & (np.abs(total - other) > MOTION_TOLERANCE * far)
-    vehicles = np.flatnonzero(wrong)
-    return (vehicles, float(total[vehicles[0]]), float(other[vehicles[0]])) if vehicles.size else None
+    wrong = _mostly(number, n_off) & (time >= MIN_MOVING_TIME) & (far > MIN_DISTANCE)
+    wrong &= np.abs(total - other) > MOTION_TOLERANCE * far
+    return wrong[vehicle]
 
 
 def _wrongly_accelerating(table: pd.DataFrame, vehicle: np.ndarray, info: RecordingInfo) -> np.ndarray:
-    """Vehicles whose accelerations correlate with their changes of speed, but with a wrong sign or unit."""
+    """Mask of rows whose accelerations correlate with the changes of speed, but with a wrong sign or unit."""
     speed, values = table["speed"].to_numpy(), table["acceleration"].to_numpy()
     n = max(round(AVERAGING_TIME * info.frame_rate), 1)
     if len(table) <= n:
-        return np.empty(0, np.int64)
+        return np.zeros(len(table), dtype=bool)
     mean = np.convolve(0.5 * (values[1:] + values[:-1]), np.full(n, 1.0 / n), mode="valid")
     change = (speed[n:] - speed[:-n]) * info.frame_rate / n
-    used = (vehicle[n:] == vehicle[:-n]) & np.isfinite(mean)
+    used = np.flatnonzero((vehicle[n:] == vehicle[:-n]) & np.isfinite(mean))
     number, mean, change = vehicle[n:][used], mean[used], change[used]
-    sums = {
-        name: np.bincount(number, weights=weights, minlength=vehicle[-1] + 1)
-        for name, weights in (("n", None), ("product", mean * change), ("own", mean**2), ("other", change**2))
-    }
-    alike = np.abs(sums["product"]) > MIN_CORRELATION * np.sqrt(sums["own"] * sums["other"])
-    alike &= (sums["n"] >= MIN_STEPS) & (sums["product"] != 0.0)
-    product = np.where(alike, sums["product"], 1.0)
+    parts = (np.ones(len(used)), mean * change, mean**2, change**2)
+    wrong = _has_other_scale(*(np.bincount(number, weights=part, minlength=vehicle[-1] + 1) for part in parts))
+    if wrong.any():
+        return wrong[vehicle]
+    stretch = _Stretches(number, round(ACCELERATION_STRETCH * info.frame_rate))
+    count, product, own, other = (stretch.sums(part) for part in parts)
+    # Accelerations that hold nothing have no sign; `remarks` looks for them.
+    wrong = _has_other_scale(count, product, own, other) & (other > MIN_CHANGE**2 * count) & (own > 1e-6 * count)
+    rows = np.zeros(len(table), dtype=bool)
+    means = used[stretch.rows(wrong)]
+    rows[means] = rows[means + n] = True  # averaged from one to the other
+    return rows
+
+
+def _has_other_scale(n: np.ndarray, product: np.ndarray, own: np.ndarray, other: np.ndarray) -> np.ndarray:
+    """True where accelerations are not the changes of speed by a factor, from sums of products and squares of both."""
+    alike = (n >= MIN_STEPS) & (product != 0.0) & (np.abs(product) > MIN_CORRELATION * np.sqrt(np.abs(own * other)))
+    product = np.where(alike, product, 1.0)
     with np.errstate(divide="ignore", invalid="ignore"):
-        slopes = np.stack([product / sums["other"], sums["own"] / product])
+        slopes = np.stack([product / other, own / product])
     low, high = np.min(slopes, axis=0), np.max(slopes, axis=0)
-    return np.flatnonzero(alike & ((high < ACCELERATION_SCALE[0]) | (low > ACCELERATION_SCALE[1])))
+    return alike & ((high < ACCELERATION_SCALE[0]) | (low > ACCELERATION_SCALE[1]))

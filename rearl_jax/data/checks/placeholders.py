@@ -5,15 +5,19 @@ import pandas as pd
 
 from rearl_jax.config.data import DataConfig
 from rearl_jax.data.checks.typed_table import MAX_LANES, RANGES
+from rearl_jax.data.checks.unit_checks import ACCELERATION_P99, MIN_STEPS
 from rearl_jax.data.problems import Finding
 from rearl_jax.data.records import RecordingInfo
 
-# Runs of nines, and the largest and smallest integers of two and four bytes, as programs write them for "no value".
-NUMBERS = np.array([*(10.0**n - 1 for n in range(3, 11)), 2.0**15 - 1, 2.0**15, 2.0**16 - 1, 2.0**31 - 1, 2.0**31])
+# Runs of nines, and the largest and smallest integers of two, four and eight bytes, as programs write them for "no
+# value"; NumPy makes -2^63 of NaN.
+_INTEGERS = (2.0**15 - 1, 2.0**15, 2.0**16 - 1, 2.0**31 - 1, 2.0**31, 2.0**63)
+NUMBERS = np.array([*(10.0**n - 1 for n in range(3, 11)), *_INTEGERS])
 FAR_FACTOR = (
     10.0  # distance from the middle half of all positions, in widths of that half, from which one is impossible
 )
 MIN_FAR = 1000.0  # m, added to that distance
+NEAR, MAX_NEAR = 0.7, 0.1  # largest share of rows with nearly such an acceleration as a placeholder
 APART = 100.0  # m from all positions of vehicles from which on a number of NUMBERS is a placeholder
 _PLACES = ("position", "lateral", "x", "y")  # x and y may be filled in from the others
 
@@ -42,6 +46,25 @@ def misplaced(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -> F
             text = f"{name} is {values[np.argmax(bad)]:g} m, which seems to mean an unknown value"
             return Finding("out_of_range", name, bad, text, "correct the value")
     return None
+
+
+def unavailable_acceleration(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -> Finding | None:
+    """Rows with one acceleration beyond tyre friction and beyond all others: what ETSI's 16.1 m/s^2 stands for.
+
+    In another unit accelerations beyond friction would differ from one another and join up with the others.
+    """
+    values = table["acceleration"].to_numpy()
+    size = np.abs(values)
+    beyond = values[size > ACCELERATION_P99]
+    if beyond.size < MIN_STEPS:
+        return None
+    found, counts = np.unique(beyond, return_counts=True)
+    value, n_rows = found[np.argmax(counts)], int(counts.max())
+    bad = values == value
+    if n_rows < MIN_STEPS or np.count_nonzero(~bad & (size > NEAR * abs(value))) > MAX_NEAR * n_rows:
+        return None
+    text = f"acceleration is {value:g} m/s^2 in {n_rows} rows, which seems to mean an unknown value"
+    return Finding("out_of_range", "acceleration", bad, text, "leave it empty where it is unknown")
 
 
 def impossible_rows(table: pd.DataFrame) -> np.ndarray:

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
-from rearl_jax.data.checks.lateral_checks import lanes_off
+from rearl_jax.data.checks.lateral_checks import EDGE_TOLERANCE, lanes_off
 from rearl_jax.data.checks.leaders import next_in_lane, notes_on_leaders
 from rearl_jax.data.checks.typed_table import MAX_LANES, follows_row_before
 from rearl_jax.data.records import Recording
@@ -18,6 +18,7 @@ It is .0004 in NGSIM US-101, whose lengths are assumed, and 0 in I-80.
 """
 _CHANGE = 2.0  # m/s, a change of speed that is no noise
 _LENGTH_CHANGE = 1.0  # m, beyond what a camera measures differently from frame to frame
+_LONG_CAR = 9.8  # m, beyond every car; a short one in feet
 _WIDTH = 1.8  # m, of a car whose width is unknown
 
 
@@ -25,7 +26,7 @@ def noted(recording: Recording) -> Recording:
     """The recording with notes on its leaders, lanes and overlapping vehicles behind its own notes, each once."""
     table = recording.table
     found = [*notes_on_leaders(table), *_on_lanes(table), *_on_overlaps(table), *_on_starts(table)]
-    found += [*_on_accelerations(table), *_on_changing_vehicles(table)]
+    found += [*_on_accelerations(table), *_on_changing_vehicles(table), *_on_long_cars(table)]
     notes = tuple(dict.fromkeys([*recording.info.notes, *found]))
     return recording if notes == recording.info.notes else replace(recording, info=replace(recording.info, notes=notes))
 
@@ -37,6 +38,10 @@ def _on_lanes(table: pd.DataFrame) -> list[str]:
         part = table.iloc[np.flatnonzero(direction == side)]
         if (lanes_off(part) or 0) > 0:
             notes.append(f"direction {side}: vehicles are further to the right by lateral than by their lane")
+        n_left = int((part["lateral"] < -EDGE_TOLERANCE).sum())
+        if n_left:
+            text = "lateral is taken to count from the left edge of the carriageway, positive to the right"
+            notes.append(f"direction {side}: lateral is negative in {n_left} rows; {text}")
     return notes
 
 
@@ -52,6 +57,8 @@ def _on_overlaps(table: pd.DataFrame) -> list[str]:
     if not n_overlaps or n_overlaps < OVERLAPS * len(rows):
         return []
     text = "rows overlap with the vehicle ahead (gap below 0): lengths, positions or ids may be wrong"
+    if not _tells_places(table):
+        text += ", or vehicles are in several lanes, which the table does not tell"
     return [f"{n_overlaps} of {len(rows)} {text}"]
 
 
@@ -87,17 +94,33 @@ def _on_changing_vehicles(table: pd.DataFrame) -> list[str]:
     return [f"{int(bad.sum())} vehicles change their {what}" for what, bad in changing.items() if bad.any()]
 
 
+def _on_long_cars(table: pd.DataFrame) -> list[str]:
+    cars = table.iloc[np.flatnonzero(table["vehicle_class"] == "car")]
+    length = cars.groupby("track_id")["length"].median().to_numpy()
+    n_long = int(np.count_nonzero(length > _LONG_CAR))
+    text = f"cars are longer than {_LONG_CAR:g} m: their lengths may be in ft, or they are trucks"
+    return [f"{n_long} of {len(length)} {text}"] if n_long else []
+
+
 def _ranges(values: np.ndarray, track: np.ndarray) -> np.ndarray:
     """Largest less smallest value of each track; the rows of a track are together."""
     starts = np.flatnonzero(~follows_row_before(track))
     return np.maximum.reduceat(values, starts) - np.minimum.reduceat(values, starts)
 
 
+def _tells_places(table: pd.DataFrame) -> bool:
+    """True if anything tells which vehicles are in different lanes."""
+    return any(table[name].notna().any() for name in ("lane", "lateral", "leader_id"))
+
+
 def _next_at_same_place(table: pd.DataFrame) -> np.ndarray:
-    """Row of the next vehicle ahead that is less than a width beside, for rows without a lane; ABSENT without one."""
+    """Row of the next vehicle ahead that is less than a width beside, for rows without a lane; ABSENT without one.
+
+    If the table tells neither lanes nor lateral positions nor leaders, all vehicles are taken to be in one lane.
+    """
     lane = table["lane"].to_numpy(dtype=np.float64, na_value=np.nan)
     frame, direction = table["frame"].to_numpy(), table["direction"].to_numpy()
-    lateral = table["lateral"].to_numpy()
+    lateral = table["lateral"].to_numpy() if _tells_places(table) else np.zeros(len(table))
     width = np.nan_to_num(table["width"].to_numpy(), nan=_WIDTH)
     order = np.lexsort((table["position"].to_numpy(), direction, frame))
     here, there = order[:-1], order[1:]

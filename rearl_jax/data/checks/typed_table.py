@@ -7,10 +7,11 @@ import numpy as np
 import pandas as pd
 
 from rearl_jax.config.data import DataConfig, DataFormat
+from rearl_jax.config.quoting import quoted
 from rearl_jax.data.checks.clock import resolution
 from rearl_jax.data.problems import Finding
 from rearl_jax.data.records import RecordingInfo
-from rearl_jax.data.vehicle_classes import CLASSES, code_of
+from rearl_jax.data.vehicle_classes import CLASSES, NO_CLASS, code_of
 
 NULLABLE = frozenset({"lateral", "lane", "acceleration", "width", "leader_id"})
 NUMBERED = frozenset({"track_id", "frame", "direction", "lane", "leader_id"})
@@ -52,14 +53,11 @@ def unknown_class(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) 
     value = table["vehicle_class"].iloc[int(np.argmax(bad))]
     remedy = f"use one of {', '.join(CLASSES)}"
     if policy.format is DataFormat.table:
-        remedy += f", or say what it is: 'data.classes={{{code_of(value)}: car}}'"
-    return Finding(
-        "unknown_class",
-        "vehicle_class",
-        bad,
-        f"class {value!r} is unknown",
-        remedy,
-    )
+        code = code_of(value)
+        plain = code if code.isdecimal() or code == NO_CLASS else quoted(code)
+        remedy += f", or say what it is: 'data.classes={{{plain}: car}}'"
+    text = "the class is empty" if pd.isna(value) else f"class {value!r} is unknown"
+    return Finding("unknown_class", "vehicle_class", bad, text, remedy)
 
 
 def out_of_order(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -> Finding | None:
@@ -201,9 +199,11 @@ def times_beside_frames(table: pd.DataFrame, info: RecordingInfo) -> np.ndarray:
     """
     time = table["time"].to_numpy()
     off = time - table["frame"].to_numpy() / info.frame_rate
-    middle = 0.5 * (np.quantile(off, 0.1) + np.quantile(off, 0.9))
     # 1 % more, because the common start is known to no better than that.
-    return np.abs(off - middle) > max(0.5 / info.frame_rate, 0.505 * resolution(time))
+    allowed = max(0.5 / info.frame_rate, 0.505 * resolution(time))
+    sound = off[np.abs(off - np.median(off)) <= 2.0 * allowed]  # not vehicles with another clock
+    middle = 0.5 * (np.quantile(sound, 0.1) + np.quantile(sound, 0.9))
+    return np.abs(off - middle) > allowed
 
 
 def follows_row_before(track: np.ndarray) -> np.ndarray:

@@ -25,7 +25,7 @@ ACCELERATION_P99 = 9.0  # m/s^2, about the friction limit of a dry road
 # Two measurements of one quantity: in NGSIM, I-80 and OpenACC they correlate with .92 or more and agree within 25 %.
 MIN_CORRELATION = 0.8  # correlation from which two measurements reveal each other's unit
 MAX_SAME_UNIT_FACTOR = 1.8  # factor between them that no error makes; the least wrong unit has 3.28
-WRONG_SHARE = 0.1  # of the rows have a wrong time: a unit or a frame rate, no matter of single rows
+WRONG_SHARE = 0.1  # of the rows are wrong: a unit, a frame rate or an origin, no matter of single rows
 AVERAGING_TIME = 1.0  # s over which changes of speed are compared with accelerations, beyond most of their noise
 
 # step / (speed * time) that a wrong unit of position or speed produces.
@@ -89,8 +89,10 @@ def wrong_time(table: pd.DataFrame, info: RecordingInfo) -> Finding | None:
     bad = times_beside_frames(table, info)
     if np.mean(bad) < WRONG_SHARE:
         return None
-    text = f"time does not follow frame / frame rate at {info.frame_rate:g} frames per second"
-    found = clock.period_of(*(table[name].to_numpy(np.float64) for name in ("track_id", "frame", "time")))
+    track = table["track_id"].to_numpy()
+    of = "" if np.isin(track, track[~bad]).sum() == 0 else f" of vehicle {track[np.argmax(bad)]}"
+    text = f"time{of} does not follow frame / frame rate at {info.frame_rate:g} frames per second"
+    found = clock.period_of(*(table[name].to_numpy(np.float64)[bad] for name in ("track_id", "frame", "time")))
     units = {unit: found[0] * seconds * info.frame_rate for unit, seconds in clock.SECONDS.items()} if found else {}
     unit = next((unit for unit, ratio in units.items() if abs(ratio - 1.0) <= RATIO_TOLERANCE), None)
     if unit is not None:

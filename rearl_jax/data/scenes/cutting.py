@@ -5,7 +5,7 @@ which are known only once the last recording has been seen.
 """
 
 import logging
-from collections import defaultdict
+from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Mapping
 
 import numpy as np
@@ -41,6 +41,7 @@ def build_scenes(
     parts: dict[str, list[np.ndarray]] = defaultdict(list)
     infos: list[RecordingInfo] = []
     seen: dict[str, WindowCount] = {}
+    dropped: Counter[str] = Counter()
     n_scenes = 0
     for recording in recordings:
         info = recording.info
@@ -52,6 +53,7 @@ def build_scenes(
             infos.append(info)
         for name, values in arrays.items():
             parts[name].append(values)
+        dropped.update(recording.dropped)
         n_scenes += seen[info.id].accepted
         log.info("%s: %d of %d windows", info.id, seen[info.id].accepted, seen[info.id].windows)
         # The loop variable would keep this recording alive while the next one is read.
@@ -59,7 +61,7 @@ def build_scenes(
         if progress is not None:
             progress(info.id, n_scenes)
     if n_scenes == 0:
-        raise InvalidInputError(_no_scene(seen, keys.scenes))
+        raise InvalidInputError(_no_scene(seen, dropped, keys.scenes))
     counts = _counts(seen)
     log.info("%d scenes of %d windows; REARL reports %d from highD", n_scenes, counts.windows, PAPER_SCENES)
     # Field by field, so that the parts of a field are freed before the next one is joined.
@@ -91,7 +93,7 @@ def _counts(seen: Mapping[str, WindowCount]) -> SceneCounts:
     )
 
 
-def _no_scene(seen: Mapping[str, WindowCount], scenes: ScenesConfig) -> Problem:
+def _no_scene(seen: Mapping[str, WindowCount], dropped: Mapping[str, int], scenes: ScenesConfig) -> Problem:
     """Problem of recordings that give no scene, with the key to change."""
     if not seen:
         message = "there are no recordings to cut scenes from: check data.format and data.root"
@@ -108,8 +110,10 @@ def _no_scene(seen: Mapping[str, WindowCount], scenes: ScenesConfig) -> Problem:
     if count.best_window >= 2:
         remedy = f"set scenes.min_vehicles={count.best_window}"
         remedy += f" and scenes.slots={count.best_window}" if count.best_window < scenes.slots else ""
-    else:
+    elif most >= 2:
         remedy = "lower scenes.seconds"
+    else:
+        remedy = "give recordings with several vehicles at a time, each with an id of its own"
     if scenes.direction is not Direction.pooled:
         remedy += " or scenes.direction=pooled"
     message = (
@@ -117,4 +121,6 @@ def _no_scene(seen: Mapping[str, WindowCount], scenes: ScenesConfig) -> Problem:
         f"snapshot: at best {count.best_window} in every snapshot of a window (recording {best}), {most} in "
         "a single snapshot"
     )
+    if dropped:
+        message += f"; left out by data.on_bad: {', '.join(f'{cause} {n}' for cause, n in dropped.items())}"
     return Problem("vehicles-too-few", message, remedy)

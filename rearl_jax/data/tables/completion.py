@@ -102,13 +102,22 @@ def _with_frames(rows: pd.DataFrame, spelling: Spelling, file: str) -> tuple[pd.
             text = "the table has neither frames nor times"
             remedy = "name the column of times: 'data.columns={time: NAME}'"
             raise bad_recording("column-missing", text, remedy, file, column="frame")
-        found = clock.frames_of(track, numbers_of(pd.Series(rows["time"])))
+        time, column = numbers_of(pd.Series(rows["time"])), spelling.columns.get("time", "time")
+        if _share_times(rows, track, time):
+            text = (
+                "rows of one vehicle at different positions have the same time: times are too coarse, or ids are shared"
+            )
+            remedy = (
+                "write times to the hundredth of a second, or name the column of frames: 'data.columns={frame: NAME}'"
+            )
+            raise bad_recording("times-too-coarse", text, remedy, file, column=column)
+        found = clock.frames_of(track, time)
         if found is None:
             text = "the times of a vehicle do not rise by multiples of one step, so frames cannot be derived from them"
             remedy = (
                 "resample the recording to a fixed rate, or name the column of frames: 'data.columns={frame: NAME}'"
             )
-            raise bad_recording("frames-unknown", text, remedy, file, column=spelling.columns.get("time", "time"))
+            raise bad_recording("frames-unknown", text, remedy, file, column=column)
         return rows.assign(frame=found[0]), ["frames counted from the times"]
     frame = numbers_of(pd.Series(rows["frame"]))
     known = np.isfinite(track) & np.isfinite(frame)
@@ -123,6 +132,14 @@ def _with_frames(rows: pd.DataFrame, spelling: Spelling, file: str) -> tuple[pd.
     return rows.assign(frame=(frame - np.min(frame[known])) / every), [
         f"only every {every}th frame is recorded; frames were renumbered"
     ]
+
+
+def _share_times(rows: pd.DataFrame, track: np.ndarray, time: np.ndarray) -> bool:
+    """True if many rows have the time of another row of their vehicle and are no copies of it."""
+    place = next(name for name in ("position", *ENDS) if name in rows)
+    table = pd.DataFrame({"track": track, "time": time, "place": numbers_of(pd.Series(rows[place]))}).dropna()
+    table = table.drop_duplicates()
+    return bool(table.duplicated(["track", "time"]).sum() > clock.MAX_IRREGULAR_SHARE * len(table))
 
 
 def _with_centres(rows: pd.DataFrame, data: DataConfig) -> tuple[pd.DataFrame, list[str]]:

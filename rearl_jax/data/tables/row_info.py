@@ -81,6 +81,10 @@ def _frame_rate(values: dict[str, np.ndarray], file: str, is_in_seconds: bool) -
     if found is None:
         text = "the frame rate cannot be determined: no track has two rows with rising frame and time"
         remedy = "correct frame and time [s], or state the frame rate in the metadata"
+        back = _back(values)
+        if back > 0.0:
+            text = f"the times of all vehicles go back, by up to {back:g}, while frames rise"
+            remedy = "local times repeat an hour at the end of summer time: write them in UTC or with their offset"
         raise bad_recording("frame-rate-unknown", text, remedy, file, column="time")
     period, uncertainty = found
     scale = None if is_in_seconds else _steps_over_speed(values, period)
@@ -96,6 +100,13 @@ def _frame_rate(values: dict[str, np.ndarray], file: str, is_in_seconds: bool) -
         raise bad_recording("time-unit-unknown", text, remedy, file, column="time")
     seconds = SI_FACTOR[unit]
     return clock.rate_of(period * seconds, uncertainty * seconds), unit
+
+
+def _back(values: dict[str, np.ndarray]) -> float:
+    """By how much the times of a vehicle go back at most from one frame to the next."""
+    order = np.lexsort((values["frame"], values["track_id"]))
+    track, time = values["track_id"][order], values["time"][order]
+    return -float(np.nanmin(np.where(np.diff(track) == 0, np.diff(time), 0.0), initial=0.0))
 
 
 def _steps_over_speed(values: dict[str, np.ndarray], period: float) -> float | None:

@@ -12,7 +12,7 @@ from rearl_jax.config.data import DataConfig
 from rearl_jax.data.problems import BadRecordingError
 from rearl_jax.data.schema import COLUMNS
 from rearl_jax.data.units import UNITS, factor_of
-from rearl_jax.data.vehicle_classes import CLASSES, class_of, code_of
+from rearl_jax.data.vehicle_classes import CLASSES, NO_CLASS, class_of, code_of
 from rearl_jax.problems import InvalidInputError, Problem
 
 ENDS = {"front": -0.5, "rear": 0.5}
@@ -63,7 +63,8 @@ class Spelling:
         if self.classes and "vehicle_class" in rows:
             words = pd.Series(rows["vehicle_class"]).astype(object)
             known = {word: self.classes.get(code_of(word), word) for word in words.dropna().unique()}
-            rows = rows.assign(vehicle_class=words.map(known))
+            stated = words.map(known).where(words.notna(), self.classes.get(NO_CLASS))
+            rows = rows.assign(vehicle_class=stated)
         return rows
 
 

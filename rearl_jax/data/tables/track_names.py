@@ -17,6 +17,7 @@ MAX_EXACT_ID = 2**53
 """Whole numbers beyond it do not survive as float64."""
 NO_LEADER = frozenset({"", "none", "null", "nan", "na", "n/a", "<na>", "-", "-1", "0"})
 """Spellings of "no leader" in sources, in lower case; if a vehicle has such an id, that vehicle is meant."""
+_ROUNDED = r"^[+-]?\d(?:\.(?P<fraction>\d*))?[eE]\+?(?P<exponent>\d+)$"
 _MAX_DAMAGED_SHARE = 0.02  # share of the rows up to which ids that are not numbers are damage, each in one row
 
 
@@ -37,6 +38,7 @@ def numbered(rows: pd.DataFrame, file: str, spelling: Mapping[str, str]) -> tupl
     if texts is None:
         return _with_numeric_leaders(rows, file, spelling), ()
     known = texts.notna().to_numpy()
+    _require_all_digits(texts, rows, file, spelling.get("track_id", "track_id"))
     numbers = _whole_numbers(texts)
     is_number = np.isfinite(numbers)
     if is_number[known].all() and _are_distinct(pd.Series(texts[known]), numbers[known]):
@@ -81,8 +83,7 @@ def _with_numeric_leaders(rows: pd.DataFrame, file: str, spelling: Mapping[str, 
         return rows
     if pd.api.types.is_numeric_dtype(rows["leader_id"]):
         leaders = pd.Series(rows["leader_id"])
-        numbers = leaders.to_numpy(np.float64, na_value=np.nan)
-        none = ((numbers == 0.0) | is_placeholder(numbers)) & ~leaders.isin(rows["track_id"]).to_numpy()
+        none = _stands_for_none(leaders, rows)
         return rows.assign(leader_id=leaders.mask(none)) if none.any() else rows
     texts = _as_texts(pd.Series(rows["leader_id"]))
     numbers = pd.Series(pd.to_numeric(texts, errors="coerce"), index=rows.index).astype(np.float64)
@@ -97,7 +98,29 @@ def _with_numeric_leaders(rows: pd.DataFrame, file: str, spelling: Mapping[str, 
             column=spelling.get("leader_id", "leader_id"),
             row=int(rows.index[row]) + 1,
         )
-    return rows.assign(leader_id=numbers)
+    return rows.assign(leader_id=numbers.mask(_stands_for_none(numbers, rows)))
+
+
+def _stands_for_none(leaders: pd.Series, rows: pd.DataFrame) -> np.ndarray:
+    """Mask of leaders that are 0, -1 or a placeholder, and the id of no vehicle."""
+    numbers = leaders.to_numpy(np.float64, na_value=np.nan)
+    return ((numbers == 0.0) | is_placeholder(numbers)) & ~leaders.isin(rows["track_id"]).to_numpy()
+
+
+def _require_all_digits(texts: pd.Series, rows: pd.DataFrame, file: str, column: str) -> None:
+    """Raise BadRecordingError if ids such as 1.0e+17 lack digits and are those of several vehicles at a time."""
+    parts = texts.str.extract(_ROUNDED)
+    exponent = numbers_of(parts["exponent"].fillna("0"))
+    rounded = exponent > numbers_of(parts["fraction"].str.len().fillna(0))
+    clocks = [rows[name] for name in ("frame", "time") if name in rows][:1]
+    if not rounded.any() or not clocks:
+        return
+    twice = rounded & pd.concat([texts, *clocks], axis=1).duplicated().to_numpy()
+    if twice.any():
+        row = int(np.argmax(twice))
+        text = f"ids have lost digits: {texts.iloc[row]} is written for several vehicles at the same time"
+        remedy = "write the ids in full, as whole numbers or texts"
+        raise bad_recording("ids-rounded", text, remedy, file, column=column, row=int(rows.index[row]) + 1)
 
 
 def _texts(ids: pd.Series) -> pd.Series | None:

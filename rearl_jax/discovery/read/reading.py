@@ -52,6 +52,9 @@ EDGE = 3.0
 SMOOTHED_NOISE = 0.005
 """Standard deviation of smoothed positions [m]: smoothing hides noise but does not remove its effect."""
 
+RATE_TOLERANCE = 0.002
+"""Relative difference of frame rates [-] that rounded times of short recordings leave: 29.97 and 30 Hz are one."""
+
 UNSMOOTHED = Smoothness()
 
 NO_LABELS: Mapping[str, Sequence[pd.Series]] = MappingProxyType({})
@@ -61,15 +64,19 @@ _STEPS_UNIT = 64
 
 
 def one_frame_rate(recordings: Sequence[Recording]) -> None:
-    """Checks that all recordings have the same frame rate.
+    """Checks that all recordings have the same frame rate, up to RATE_TOLERANCE.
 
     Raises:
         ValueError: The frame rates differ.
     """
-    rates = sorted({recording.info.frame_rate for recording in recordings})
-    if len(rates) > 1:
-        message = f"must have one frame rate, not {', '.join(f'{rate:g}' for rate in rates)} 1/s"
-        raise InvalidInputError(Problem("frame-rates-differ", message, key="data.recordings"))
+    rates = {recording.info.frame_rate: recording.info.id for recording in recordings}
+    if max(rates, default=0.0) <= (1.0 + RATE_TOLERANCE) * min(rates, default=0.0):
+        return
+    examples = ", ".join(f"{rate:.6g} 1/s as {rates[rate]}" for rate in sorted(rates))
+    remedy = "choose those of one rate with data.recordings, or resample the others"
+    raise InvalidInputError(
+        Problem("frame-rates-differ", f"must have one frame rate, not {examples}", remedy, key="data.recordings")
+    )
 
 
 def measure(

@@ -140,6 +140,9 @@ def test_lateral_positions_left_of_the_road_stop(braking):
         validate(braking.drop(columns="lane").assign(lateral=-braking["lateral"]), INFO, STOP)
     with refused("wrong-origin", column="lateral", row=1):
         validate(braking.assign(lateral=braking["lateral"] - 7.0), INFO, STOP)
+    middle = braking.drop(columns="lane").assign(lateral=1.0 + 1.75 - braking["lateral"])  # positive to the left
+    with refused("wrong-origin", column="lateral"):
+        validate(middle.drop(columns="y").assign(y=middle["lateral"]), INFO, STOP)
 
 
 # Placeholders
@@ -180,6 +183,17 @@ def test_an_unknown_column_written_as_a_placeholder_is_named(braking):
         validate(braking.assign(acceleration=-9999.0), INFO, STOP)
     with refused("lane-out-of-range", column="lane", row=1):
         validate(braking.assign(lane=-1), INFO, STOP)
+
+
+@pytest.mark.parametrize("value", [16.1, -16.1, 12.7])
+def test_one_acceleration_beyond_all_others_is_a_placeholder(braking, value):
+    unknown = (braking["track_id"] == 4) & (braking["frame"] < 30)
+    rows = braking.assign(acceleration=braking["acceleration"].mask(unknown, value))
+    with refused("out-of-range", column="acceleration", row=301):
+        validate(rows, INFO, STOP)
+    assert validate(rows, INFO, DROP_ROW)[1]["out_of_range"] == unknown.sum()
+    with refused("wrong-units", column="acceleration"):  # several values beyond friction are another unit
+        validate(_scaled(braking, braking["track_id"] > 0, acceleration=16.0), INFO, STOP)
 
 
 def test_what_a_cut_track_reveals_is_found_before_the_result_is_handed_on(braking):

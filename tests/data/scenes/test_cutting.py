@@ -3,6 +3,7 @@
 import gc
 import logging
 import weakref
+from dataclasses import replace
 from itertools import combinations
 from types import SimpleNamespace
 
@@ -424,7 +425,13 @@ def test_select_keeps_ids_and_extremes():
             "vehicles-too-few",
             ["3 in every snapshot", "recording b", "scenes.min_vehicles=3", "scenes.slots=3"],
         ),
-        ([recording(*standing(1))], SMALL, "vehicles-too-few", ["scenes.seconds"]),
+        ([recording(*standing(1))], SMALL, "vehicles-too-few", ["an id of its own"]),
+        (
+            [replace(recording(*standing(3)), dropped={"out_of_range": 60, "tracks": 1})],
+            SMALL,
+            "vehicles-too-few",
+            ["out_of_range 60"],
+        ),
         ([recording(*standing(4)), recording(*standing(4))], SMALL, "recording-twice", ["recording a"]),
         (
             [recording(*standing(4))],

@@ -2,6 +2,7 @@
 
 import gzip
 import json
+import re
 import zipfile
 
 import numpy as np
@@ -9,9 +10,11 @@ import pandas as pd
 import pytest
 
 from rearl_jax import read_recordings
+from rearl_jax.cli.composition import compose_task
 from rearl_jax.config.data import DataConfig, DataFormat
 from rearl_jax.data.recordings import data_id, iterate_recordings
 from rearl_jax.data.tables.in_memory import in_memory
+from rearl_jax.tasks import TASKS
 from tests.refusal import refused
 
 
@@ -206,3 +209,74 @@ def test_codes_of_classes_are_what_is_stated(rows, tmp_path, ending, codes):
         _in_file(path, classes=codes, columns={"vehicle_class": None})
     with refused("class-unknown", key="data.classes.2"):
         _in_file(path, classes={1: "car", 2: "tank"})
+
+
+def test_an_empty_class_is_what_is_stated_and_the_advice_helps(rows, tmp_path):
+    path = tmp_path / "a.csv"
+    rows.assign(vehicle_class=rows["vehicle_class"].mask(rows["track_id"] == 2)).to_csv(path, index=False)
+    with refused("unknown-class", column="vehicle_class", row=101) as stopped:
+        _in_file(path)
+    assert "'data.classes={nan: car}'" in stopped.value.problem.remedy
+    for key in ("nan", float("nan")):
+        found = _in_file(path, classes={key: "truck"}).table
+        assert set(found.loc[found["track_id"] == 2, "vehicle_class"]) == {"truck"}
+        assert set(found.loc[found["track_id"] == 1, "vehicle_class"]) == {"car"}
+
+
+@pytest.mark.parametrize("word", ["car (M1)", "Car, small: #1", "a {b}", 'say "car"', "yes"])
+def test_the_advice_for_an_odd_class_can_be_typed(rows, word):
+    with refused("unknown-class") as stopped:
+        _read(rows.assign(vehicle_class=word))
+    (advice,) = re.findall(r"'data\.classes=(\{.*: car\})'", stopped.value.problem.remedy)
+    prepare = next(task for task in TASKS if task.words == "prepare")
+    config = compose_task(prepare, ["data=table", "data.root=.", f"data.classes={advice}"], None)
+    assert config.data.classes == {word: "car"}
+
+
+@pytest.mark.parametrize("ending", ["csv", "parquet"])
+def test_the_least_integer_stands_for_an_unknown_value(rows, tmp_path, ending):
+    path, least = tmp_path / f"a.{ending}", -(2**63)
+
+    def written(table: pd.DataFrame):
+        table.to_csv(path, index=False) if ending == "csv" else table.to_parquet(path)
+        return path
+
+    found = _in_file(written(rows.assign(leader_id=rows["leader_id"].fillna(least).astype(np.int64))))
+    np.testing.assert_array_equal(found.table["leader_id"], _read(rows).table["leader_id"])
+    lane = rows["lane"].where(rows.index != 120, least).astype(np.int64)
+    with refused("lane-out-of-range", column="lane", row=121):
+        _in_file(written(rows.assign(lane=lane)))
+    assert _in_file(path, on_bad="drop_row").dropped["lane_out_of_range"] == 1
+
+
+@pytest.mark.parametrize("rounded", [np.floor, np.rint])
+def test_times_too_coarse_for_frames_are_named(rows, rounded):
+    coarse = rows.assign(time=rounded((rows["frame"] - 7) * 10.0 / 15.0) / 10.0, speed=1.5 * rows["speed"])
+    with refused("times-too-coarse", column="time"):
+        _read(coarse.drop(columns="frame"))
+    assert _read(coarse).info.frame_rate == 15.0
+
+
+def test_ids_that_lost_digits_are_named(rows, tmp_path):
+    path = tmp_path / "a.csv"
+    ids = rows["track_id"].map(lambda track: f"{1e17 + 16.0 * track:.6e}")
+    rows.assign(track_id=ids).drop(columns="leader_id").to_csv(path, index=False)
+    with refused("ids-rounded", column="track_id", row=101):
+        _in_file(path)
+    own = rows["track_id"].map(lambda track: f"{track:d}.000e+17")
+    rows.assign(track_id=own).drop(columns="leader_id").to_csv(path, index=False)
+    assert _in_file(path).table["track_id"].nunique() == 3
+
+
+def test_the_vehicle_with_another_clock_is_named(rows):
+    other = rows["track_id"] == 2
+    with refused("wrong-units", column="time", row=101) as stopped:
+        _read(rows.assign(time=rows["time"].where(~other, 1000.0 * rows["time"])))
+    assert all(fact in stopped.value.problem.fault for fact in ("of vehicle 2 ", "ms"))
+
+
+def test_times_that_go_back_are_named(rows):
+    back = rows["time"].where(rows["frame"] < 60, rows["time"] - 3600.0)
+    with refused("frame-rate-unknown", column="time") as stopped:
+        _read(rows.assign(time=back))
+    assert "UTC" in stopped.value.problem.remedy

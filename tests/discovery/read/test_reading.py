@@ -148,7 +148,9 @@ def test_nobody_who_follows_is_an_error(recordings_of):
     with pytest.raises(InvalidInputError) as error:
         reading.one_frame_rate([recording, other])
     assert (error.value.code, error.value.problem.key) == ("frame-rates-differ", "data.recordings")
-    reading.one_frame_rate([recording, recording])
+    assert recording.info.id in error.value.problem.fault
+    rounded = Recording(replace(recording.info, frame_rate=0.999 * recording.info.frame_rate), recording.table)
+    reading.one_frame_rate([recording, rounded])
 
 
 def test_positions_without_noise_get_a_little(tables_of):
