@@ -110,17 +110,15 @@ def under_best_noise(
         levels: Tested standard deviations of the acceleration residual, ascending [m/s^2].
         iterations, tolerance: As in `Solver.solve`.
     """
-    noise, _ = _climbed(solver, state, noise, {"acceleration": levels, "time": TIMES})
+    noise = _climbed(solver, state, noise, {"acceleration": levels, "time": TIMES})
     state = with_noise(state, noise)
     solver.solve([state], iterations=iterations, tolerance=tolerance)
     return state, noise
 
 
-def _climbed(
-    solver: Solver, state: FitState, noise: Noise, levels: Mapping[str, Sequence[float]]
-) -> tuple[Noise, float]:
-    """The most likely noise near a noise, and its log-likelihood [nats], by steps to the best neighbour among the
-    levels of two fields until no neighbour is more likely. The likelihood has one maximum, so most of the table need
+def _climbed(solver: Solver, state: FitState, noise: Noise, levels: Mapping[str, Sequence[float]]) -> Noise:
+    """The most likely noise near a noise, by steps to the best neighbour among the levels of two fields until no
+    neighbour is more likely. The likelihood has one maximum, so most of the table need
     not be computed.
     """
     (first, rows), (second, columns) = ((name, sorted({*values})) for name, values in levels.items())
@@ -142,7 +140,7 @@ def _climbed(
             likely |= dict(zip(new, noise_likelihoods(solver, state, [at(place) for place in new]), strict=True))
         best = max(around, key=likely.__getitem__)
         if likely[best] <= likely[here]:
-            return at(here), likely[here]
+            return at(here)
         here = best
 
 
@@ -212,7 +210,7 @@ def _with_smooth_errors(solver: Solver, state: FitState, noise: Noise, likely: f
     Parameters that were found without such errors speak against them, so noise and parameters are found in turns.
     """
     sizes, times = SMOOTH_STARTS
-    levels = {level for level in (noise.acceleration, noise.acceleration / 2, noise.acceleration / 4)}
+    levels = (noise.acceleration, noise.acceleration / 2, noise.acceleration / 4)
     starts = [
         replace(noise, acceleration=sd, lasting=size, lasting_time=time, is_smooth=True)
         for sd in levels
@@ -224,8 +222,8 @@ def _with_smooth_errors(solver: Solver, state: FitState, noise: Noise, likely: f
         return None
     for _ in range(MOST_CLIMBS):
         before = noise
-        noise, _ = _climbed(solver, state, noise, {"lasting": SMOOTH_ERRORS, "lasting_time": SMOOTH_TIMES})
-        noise, _ = _climbed(solver, state, noise, {"acceleration": ACCELERATIONS, "time": TIMES})
+        noise = _climbed(solver, state, noise, {"lasting": SMOOTH_ERRORS, "lasting_time": SMOOTH_TIMES})
+        noise = _climbed(solver, state, noise, {"acceleration": ACCELERATIONS, "time": TIMES})
         state = with_noise(state, noise)
         solver.solve([state], iterations=8, tolerance=1.0)
         if noise == before:
