@@ -38,7 +38,7 @@ DONE, FAILED, UNUSABLE, BROKEN_PIPE = 0, 1, 2, 141
 def main(argv: list[str] | None = None) -> int:
     """Exit code of `rearl`.
 
-    0 done, 1 a check has failed (faults of the program are raised, which is 1 as well), 2 an error in the input, 130
+    0 done, 1 a check has failed (errors of the program are raised, which gives 1 as well), 2 an error in the input, 130
     interrupted by Ctrl-C, 143 by SIGTERM, 141 standard output was closed by its reader.
     """
     arguments = sys.argv[1:] if argv is None else list(argv)
@@ -50,7 +50,7 @@ def main(argv: list[str] | None = None) -> int:
             sys.stdout.flush()
             return code
     except KeyboardInterrupt as stop:
-        complain(f"interrupted by {name_of(stop)}{_how_to_go_on(arguments)}")
+        complain(f"interrupted by {name_of(stop)}{_continuation(arguments)}")
         return exit_code(stop)
     except BrokenPipeError:
         _discard_output()
@@ -99,19 +99,19 @@ def _dispatch(arguments: list[str]) -> int:
         print(OmegaConf.to_yaml(OmegaConf.structured(compose_task(task, overrides, options.config_dir))), end="")
         return DONE
     if task.on_file is not None and any(_is_file(word) for word in overrides):
-        carry_out = functools.partial(_look_at, task, overrides)
+        run = functools.partial(_describe_file, task, overrides)
     else:
-        carry_out = functools.partial(_carry_out, task, overrides, options)
+        run = functools.partial(_run, task, overrides, options)
     if not options.json:
-        return carry_out()[0]
+        return run()[0]
     with standard_output_apart() as output:
-        code, summary = carry_out()
+        code, summary = run()
         write_object(summary, output)
     return code
 
 
-def _look_at(task: Task, words: list[str]) -> tuple[int, dict[str, Any]]:
-    """Exit code and result of `rearl TASK FILE`."""
+def _describe_file(task: Task, words: list[str]) -> tuple[int, dict[str, Any]]:
+    """Exit code and result of `rearl TASK FILE`, which describes an unknown file or folder."""
     if len(words) > 1:
         conflict = f"takes one file and no keys: rearl {task.words} {shlex.quote(next(filter(_is_file, words)))}"
         raise UsageError(Problem("file-and-keys", conflict, key=f"rearl {task.words} FILE"))
@@ -119,15 +119,15 @@ def _look_at(task: Task, words: list[str]) -> tuple[int, dict[str, Any]]:
 
 
 def _is_file(word: str) -> bool:
-    """True if a word names a file or folder and no key: one that is there, or that looks like a path."""
+    """True if a word names a file or folder and not a key: it exists, or looks like a path."""
     if word.startswith(("/", "./", "../")):
         return True
     return "=" not in word and ("." in word or os.sep in word or os.path.exists(word))
 
 
-def _carry_out(task: Task, overrides: list[str], options: argparse.Namespace) -> tuple[int, dict[str, Any]]:
-    """Exit code, and what `--json` shows."""
-    # First, as keys that imply others are logged while the configuration is composed.
+def _run(task: Task, overrides: list[str], options: argparse.Namespace) -> tuple[int, dict[str, Any]]:
+    """Exit code and the summary that `--json` prints."""
+    # Before the configuration is composed, because keys that imply others are logged then.
     logging.basicConfig(format="%(message)s")
     logging.getLogger("rearl_jax").setLevel(logging.INFO)
     if options.multirun or options.sweep:
@@ -139,8 +139,8 @@ def _carry_out(task: Task, overrides: list[str], options: argparse.Namespace) ->
     return FAILED if is_failed else DONE, summary_object(task, folder, returned)
 
 
-def _how_to_go_on(arguments: list[str]) -> str:
-    """Message after an interruption: stored results, and the command that continues."""
+def _continuation(arguments: list[str]) -> str:
+    """End of the message after an interruption: whether results are stored, and the command that continues."""
     try:
         options = _parser().parse_intermixed_args(arguments)
         task = _task(options.words)
@@ -175,7 +175,7 @@ def _task(words: list[str]) -> Task:
     if "=" in words[0]:
         remedy = f"name a task before {words[0]!r}: rearl TASK {words[0]}"
         raise UsageError(Problem("task-missing", remedy))
-    # `discover blind` before `discover`.
+    # Longest names first, so that `discover blind` is found before `discover`.
     for task in sorted(tasks.TASKS, key=lambda task: -len(task.words.split())):
         if words[: len(task.words.split())] == task.words.split():
             return task

@@ -49,17 +49,17 @@ def compose_task(task: Task, overrides: list[str], config_dir: str | None) -> An
     with hydra_errors(task, overrides), initialize_config_dir(str(tasks.conf_dir()), version_base="1.3"):
         try:
             composed = OmegaConf.to_object(compose(task.config_name, overrides))
-        except _READING as error:
+        except _READ_ERRORS as error:
             raise _unreadable(overrides, config_dir, error) from error
     return finished(with_words(composed))
 
 
-_READING = (YAMLError, UnicodeError, OSError, AssertionError, OverflowError, TypeError, ValueError, RecursionError)
+_READ_ERRORS = (YAMLError, UnicodeError, OSError, AssertionError, OverflowError, TypeError, ValueError, RecursionError)
 """Exceptions that Hydra does not catch when it cannot read a configuration file or a value."""
 
 
 def _unreadable(overrides: list[str], config_dir: str | None, error: Exception) -> Exception:
-    """The problem when Hydra has failed: the configuration file at fault, else the words of the command line."""
+    """The problem after a failure of Hydra; it names the unreadable configuration file, else the command line."""
     from hydra.errors import HydraException
     from omegaconf.errors import OmegaConfBaseException
 
@@ -99,13 +99,13 @@ def with_implied(task: Task, overrides: list[str]) -> list[str]:
 
 
 def opened(task: Task, overrides: list[str]) -> list[str]:
-    """The overrides; those inside a key with user-defined keys get the prefix `++`, which Hydra needs for new keys."""
+    """The overrides; those of a mapping with names of the user, such as `data.columns`, get Hydra's prefix `++`."""
     mappings = {name for name, key in keys_of(defaults_with(task, overrides)).items() if key.type_name == "dict"}
     return [f"++{text}" if _inside(text.partition("=")[0], mappings) else text for text in overrides]
 
 
 def _inside(name: str, mappings: Iterable[str]) -> bool:
-    """True if a key is one of some mappings, or inside one."""
+    """True if a key is one of the mappings, or inside one."""
     return any(name == mapping or name.startswith(f"{mapping}.") for mapping in mappings)
 
 
@@ -115,7 +115,7 @@ def register(task: Task) -> None:
 
     _register_drivers()
     defaults = task.defaults()
-    # The record of one model replaces the base of all of them, not the record of another model.
+    # `driver` gets the common base record, because Hydra can replace a record only by one of a derived class.
     schema = replace(defaults, driver=DriverConfig()) if hasattr(defaults, "driver") else defaults
     ConfigStore.instance().store(name="schema", node=schema)
 
@@ -130,7 +130,7 @@ def _register_drivers() -> None:
 
 
 def choices(task: Task, config_dir: str | None = None) -> dict[str, dict[str, str]]:
-    """Config groups of a task, e.g. `data`, and what is chosen by `data=NAME`: by name, one line each."""
+    """Config groups of a task, such as `data`, each with the names that `data=NAME` accepts and their descriptions."""
     roots = [tasks.conf_dir()] if config_dir is None else [tasks.conf_dir(), Path(config_dir)]
     groups = sorted(group.name for group in groups_of(task.defaults()) if group.name)
     files = {name: sorted(file for root in roots for file in (root / name).glob("*.yaml")) for name in groups}
@@ -142,13 +142,13 @@ def choices(task: Task, config_dir: str | None = None) -> dict[str, dict[str, st
 
 def first_comment(file: Path) -> str:
     """The comment a file begins with; empty for none."""
-    # A file that is not text is refused when it is chosen, with its name; here it is passed over.
+    # A file that is not text is reported when it is chosen; here it is only listed.
     first = file.read_text(encoding="utf-8", errors="replace").partition("\n")[0]
     return first.lstrip("# ") if first.startswith("#") else ""
 
 
 def defaults_with(task: Task, overrides: list[str]) -> Any:
-    """The record of a task with every key at its default, of the driver model that is chosen."""
+    """The record of a task with all defaults, for the driver model that the overrides choose."""
     record = task.defaults()
     chosen = [value for text in overrides for name, _, value in [text.partition("=")] if name == "driver"]
     if not hasattr(record, "driver") or not chosen:
@@ -163,7 +163,7 @@ def _every_driver_key() -> Any:
 
 
 def repeated_keys(overrides: list[str]) -> list[str]:
-    """The last word of every key that is given more than once with different values: it alone counts."""
+    """Last override of every key that is given more than once with different values; earlier ones have no effect."""
     last = {text.partition("=")[0]: text for text in overrides}
     return list(dict.fromkeys(last[key] for text in overrides if last[key := text.partition("=")[0]] != text))
 
@@ -223,7 +223,7 @@ def _unreadable_value(text: str, keys: Mapping[str, Key]) -> Problem:
 def _value_problem(
     override: Any, keys: Iterable[str], known_groups: Mapping[str, Mapping[str, str]], *, many: bool
 ) -> Problem | None:
-    """What is wrong with the value of a known key whatever its type is; None for nothing."""
+    """Problem with the value of a known key that does not depend on the key's type; None without one."""
     name, value = override.key_or_group, override.input_line.partition("=")[2]
     if override.is_sweep_override():
         remedy = f"add -m for one job per value, or write {name}=[{value}] for a list"
@@ -238,7 +238,7 @@ def _value_problem(
 
 @contextmanager
 def hydra_errors(task: Task, overrides: list[str]) -> Iterator[None]:
-    """Turn what Hydra and OmegaConf raise into a problem with the full key and the nearest valid one."""
+    """Turns errors of Hydra and OmegaConf into a UsageError with the full key and the nearest valid one."""
     from hydra.errors import HydraException, MissingConfigException
     from omegaconf.errors import OmegaConfBaseException
 

@@ -49,8 +49,8 @@ def general_help() -> str:
 
 
 def tasks_beginning_with(words: list[str]) -> list[Task]:
-    """Tasks of several words that begin with the first of these, if the words name no task of their own."""
-    if any(words[: len(own)] == own for own in (task.words.split() for task in tasks.TASKS)):
+    """Tasks of several words whose first word is the given one; none if the given words name a task themselves."""
+    if any(words[: len(name)] == name for name in (task.words.split() for task in tasks.TASKS)):
         return []
     return [task for task in tasks.TASKS if task.words.startswith(f"{words[0]} ")]
 

@@ -8,11 +8,11 @@ from types import FrameType
 from typing import NoReturn
 
 _ENDING = ("SIGTERM", "SIGHUP")
-"""Signals that end a task as Ctrl-C does; the second one is not known everywhere."""
+"""Signals that end a task as Ctrl-C does; Windows does not have SIGHUP."""
 
 
 class Ended(KeyboardInterrupt):
-    """A signal has ended the task; as with Ctrl-C, nothing but cleaning up is left to do."""
+    """A signal has ended the task; as after Ctrl-C, the program only cleans up."""
 
     def __init__(self, number: int) -> None:
         super().__init__(signal.Signals(number).name)
@@ -27,20 +27,20 @@ def ended_by_signals() -> Iterator[None]:
         yield
         return
     # A signal that is ignored already, as under nohup, stays ignored.
-    before = {handled: was for handled in known if (was := signal.getsignal(handled)) is not signal.SIG_IGN}
+    previous = {number: handler for number in known if (handler := signal.getsignal(number)) is not signal.SIG_IGN}
 
     def end(number: int, frame: FrameType | None) -> NoReturn:
-        for handled in before:
+        for handled in previous:
             signal.signal(handled, signal.SIG_DFL)
         raise Ended(number)
 
-    for handled in before:
+    for handled in previous:
         signal.signal(handled, end)
     try:
         yield
     finally:
-        for handled, was in before.items():
-            signal.signal(handled, was)
+        for handled, handler in previous.items():
+            signal.signal(handled, handler)
 
 
 def name_of(stop: KeyboardInterrupt) -> str:

@@ -1,7 +1,7 @@
 """Launchers that run the jobs of a multirun in parallel: checks of the plugin, and the cores of each job.
 
-From the words of the command line follow the settings that Hydra needs in addition. Without a launcher the jobs run one
-after another in this process, and no setting is needed.
+The additional settings that Hydra needs are derived from the command line. Without a launcher the jobs run one after
+another in this process, and no setting is needed.
 """
 
 import os
@@ -22,7 +22,7 @@ _EXTRAS = {
     "submitit_local": ("submitit", "hydra-submitit-launcher"),
     "submitit_slurm": ("submitit", "hydra-submitit-launcher"),
 }
-"""By launcher: the extra of this package that brings it, and the plugin in that extra."""
+"""For each launcher: the pip extra of this package that installs it, and the Hydra plugin in that extra."""
 
 _RAY = {
     "init.include_dashboard": "false",
@@ -36,10 +36,10 @@ _RAY = {
 """Default settings of Ray, under `hydra.launcher.ray`; the user may override them."""
 
 _LIMITS = ("JAX_NUM_CPU_DEVICES", "OMP_NUM_THREADS")
-"""Variables that keep a job to its cores: JAX's, and that of the numerical libraries below NumPy and scikit-learn."""
+"""Environment variables that limit the cores of a job: of JAX, and of the libraries below NumPy and scikit-learn."""
 
 _UNKNOWN = -1
-"""Stands for a number of cores that only Slurm knows."""
+"""Number of cores of a job if only Slurm knows it."""
 
 
 def settings(given: Mapping[str, Any], n_jobs: int) -> list[str]:
@@ -88,7 +88,7 @@ def launcher_errors(given: Mapping[str, Any]) -> Iterator[None]:
 def _joblib(given: Mapping[str, Any], n_jobs: int) -> tuple[dict[str, Any], int]:
     """Keys for joblib, and the cores of a job; as in joblib, -1 jobs at a time means one per core, -2 one less.
 
-    In batches, as joblib makes them, some cells would wait for others although cores are idle.
+    Batches have one job, because in joblib's larger batches jobs would wait for each other while cores are idle.
     """
     wanted = _number(given, "hydra.launcher.n_jobs", -1)
     at_once = min(wanted if wanted > 0 else max(_available_cores() + 1 + wanted, 1), n_jobs)
@@ -96,10 +96,10 @@ def _joblib(given: Mapping[str, Any], n_jobs: int) -> tuple[dict[str, Any], int]
 
 
 def _ray(given: Mapping[str, Any], n_jobs: int) -> tuple[dict[str, Any], int]:
-    """Keys for Ray, and the cores of a job: those of this machine shared out, or one each on a running cluster.
+    """Keys for Ray, and the cores of a job: an equal share of this machine, or one core on a running cluster.
 
-    Without an address, Ray would take any cluster of this user that it finds. It gets the number of cores, because a
-    job that requests more than Ray has found would wait for ever. A running cluster refuses such settings.
+    The address is set, because without one Ray would use any cluster of this user that it finds. The number of cores is
+    set, because a job that requests more cores than Ray has detected would wait forever; a running cluster refuses it.
     """
     keys: dict[str, Any] = {"init.address": _address(given), **_RAY}
     if _is_elsewhere(given):
@@ -138,17 +138,17 @@ def _number(given: Mapping[str, Any], key: str, default: int) -> int:
 
 
 def _address(given: Mapping[str, Any]) -> str:
-    """The running Ray cluster, or `local`: one of this machine for as long as the jobs run."""
+    """Address of the running Ray cluster; `local` for a cluster on this machine that exists while the jobs run."""
     return str(given.get("hydra.launcher.ray.init.address") or os.environ.get("RAY_ADDRESS") or "local")
 
 
 def _is_elsewhere(given: Mapping[str, Any]) -> bool:
-    """True if the jobs run on a Ray cluster that was started from elsewhere."""
+    """True if the jobs run on a Ray cluster that this process has not started."""
     return given.get("hydra/launcher") == "ray" and _address(given) != "local"
 
 
 def _available_cores() -> int:
-    # Only now, so that a multirun in this process does not wait for JAX before it starts.
+    # Imported here, so that a multirun without a launcher starts without waiting for JAX.
     from rearl_jax.runtime import available_cores
 
     return available_cores()

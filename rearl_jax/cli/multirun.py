@@ -1,7 +1,7 @@
 """Hydra multirun: one job for every combination of the swept values, each in a folder of its own.
 
-Finished jobs are not run again, so a killed multirun continues where it stopped. At the end the task combines all
-cells.
+Finished jobs are not run again, so a killed multirun continues where it stopped. At the end the task combines the
+results of all jobs. A cell holds the swept keys and their values in one job.
 """
 
 import itertools
@@ -35,8 +35,8 @@ from rearl_jax.tasks import Task
 
 log = logging.getLogger(__name__)
 
-_OWN_FOLDER = ("study", "results.root", "results.resume")
-"""Keys that do not name the folder of a job."""
+_NOT_IN_FOLDER_NAME = ("study", "results.root", "results.resume")
+"""Keys whose values are not part of the folder name of a job."""
 
 
 def run_many(task: Task, overrides: list[str], config_dir: str | None) -> tuple[Path, list[dict[str, str]]]:
@@ -61,33 +61,33 @@ def run_many(task: Task, overrides: list[str], config_dir: str | None) -> tuple[
         _launch(task, opened(task, overrides), given, len(cells), config_dir)
     except JobError as error:
         failed = error
-    own = [text for text in fixed if not text.lstrip("+~").startswith("hydra")]
-    whole = compose_task(task, own, config_dir)
-    folder = Path(whole.results.root) / whole.study
+    of_task = [text for text in fixed if not text.lstrip("+~").startswith("hydra")]
+    common = compose_task(task, of_task, config_dir)
+    folder = Path(common.results.root) / common.study
     if failed is not None:
         # If a job failed before it wrote anything, its folder may still contain the results of an earlier multirun.
-        cells = [cell for cell in cells if not _is_of_before(task, own, folder, cell, config_dir)]
+        cells = [cell for cell in cells if not _is_outdated(task, of_task, folder, cell, config_dir)]
     if task.collect is not None:
-        task.load_collect()(whole, cells)
+        task.load_collect()(common, cells)
         print(f"all cells: {folder}")
     if failed is not None:
         raise failed
     return folder, cells
 
 
-def _is_of_before(
+def _is_outdated(
     task: Task, fixed: Sequence[str], folder: Path, cell: Mapping[str, str], config_dir: str | None
 ) -> bool:
     """True if the results in the folder of a job belong to another configuration."""
-    own = cell_folder(folder, cell)
+    job_folder = cell_folder(folder, cell)
     try:
-        summary = json.loads((own / "summary.json").read_text(encoding="utf-8"))
+        summary = json.loads((job_folder / "summary.json").read_text(encoding="utf-8"))
     except FileNotFoundError:
         return False
     overrides = [*fixed, *(f"{key}={value}" for key, value in cell.items())]
     if first_part(summary)["config_hash"] == config_hash(compose_task(task, overrides, config_dir)):
         return False
-    log.warning("%s: these results belong to another configuration and are left out", own)
+    log.warning("%s: these results belong to another configuration and are left out", job_folder)
     return True
 
 
@@ -126,7 +126,7 @@ def _launch(task: Task, overrides: list[str], given: Mapping[str, Any], n_jobs: 
     import hydra
     from hydra.core.utils import env_override
 
-    unnamed = sorted({*_OWN_FOLDER, *given})
+    unnamed = sorted({*_NOT_IN_FOLDER_NAME, *given})
     defaults = [
         "hydra.output_subdir=null",
         f"hydra.job.name={task.config_name}",
@@ -135,12 +135,12 @@ def _launch(task: Task, overrides: list[str], given: Mapping[str, Any], n_jobs: 
         "hydra.sweep.dir=${results.root}/${study}",
         "hydra.sweep.subdir=${hydra.job.override_dirname}",
     ]
-    shares = settings(given, n_jobs)
+    of_launcher = settings(given, n_jobs)
     folder = [] if config_dir is None else [f"--config-dir={Path(config_dir).resolve()}"]
     register(task)
-    # Hydra prints and exits by itself unless it is asked for the whole error; Ray reports its use unless told not to.
+    # Without the first variable Hydra prints errors and exits by itself; without the second Ray sends usage statistics.
     environment = {"HYDRA_FULL_ERROR": "1", "RAY_USAGE_STATS_ENABLED": os.environ.get("RAY_USAGE_STATS_ENABLED", "0")}
-    command, sys.argv = sys.argv, ["rearl", "--multirun", *folder, *defaults, *shares, *overrides]
+    command, sys.argv = sys.argv, ["rearl", "--multirun", *folder, *defaults, *of_launcher, *overrides]
     try:
         with env_override(environment), hydra_errors(task, overrides), launcher_errors(given):
             hydra.main(config_path=str(tasks.conf_dir()), config_name=task.config_name, version_base="1.3")(run_job)()
@@ -149,7 +149,7 @@ def _launch(task: Task, overrides: list[str], given: Mapping[str, Any], n_jobs: 
 
 
 def run_job(composed: Any) -> None:
-    """One job of a multirun; a launcher may call it in another process."""
+    """Runs one job of a multirun; a launcher may call it in another process."""
     from hydra.core.hydra_config import HydraConfig
     from omegaconf import OmegaConf
 

@@ -25,8 +25,8 @@ def run_task(task: Task, config: Any) -> tuple[Path | None, dict]:
     if task.uses_jax:
         _start_jax(task)
     run = task.load_run()
-    # Imported modules and traced programs stay to the end; garbage collection, which visits them all, takes 0.2 s as
-    # measured and would run every few seconds during requests.
+    # Imported modules and traced programs exist until the end. Without these lines garbage collection would visit them
+    # all every few seconds during requests and take 0.2 s each time (measured).
     gc.freeze()
     gc.set_threshold(50_000, 20, 100)
     returned = run(config)
@@ -48,7 +48,7 @@ def _start_jax(task: Task) -> None:
     import_jax()
     from rearl_jax import runtime
 
-    # A multirun shows the log of every library; that JAX found no TPU is irrelevant.
+    # A multirun shows the log of every library, in which JAX would report that it found no TPU.
     logging.getLogger("jax").setLevel(logging.WARNING)
     is_safe = _is_own(runtime.cache_folder())
     runtime.start(x64=task.x64)
@@ -59,9 +59,9 @@ def _start_jax(task: Task) -> None:
 
 
 def _is_own(cache: Path) -> bool:
-    """True if no other user can write to the cache, whose programs run unchecked; warns otherwise.
+    """True if no other user can write to the cache, whose compiled programs run without checks; warns otherwise.
 
-    The folder is created with access for this user alone.
+    A missing folder is created with access for this user alone.
     """
     try:
         private_folder(cache.parent)
@@ -69,7 +69,7 @@ def _is_own(cache: Path) -> bool:
         if all(map(is_private, (cache.parent, cache))):
             return True
     except OSError:
-        return True  # there is no cache, which runtime.start reports
+        return True  # the cache cannot be created; runtime.start reports it
     complain(
         f"other users can write to {cache}, so the cache of compiled programs is not used; make the folder your own "
         "(chmod o-w, chown), or set XDG_CACHE_HOME"
@@ -78,9 +78,9 @@ def _is_own(cache: Path) -> bool:
 
 
 def is_for_user(error: BaseException) -> bool:
-    """True if the message of an error is meant for the user: raised by this package, or for want of files or memory.
+    """True if the message of an error is meant for the user: raised by this package, or caused by files or memory.
 
-    Warnings of this package are raised under PYTHONWARNINGS=error.
+    Warnings are included, because PYTHONWARNINGS=error raises them.
     """
     if isinstance(error, (OSError, MemoryError, JobError, ProblemError)):
         return True
@@ -93,13 +93,13 @@ def is_for_user(error: BaseException) -> bool:
 
 
 def is_of_output(error: BaseException) -> bool:
-    """True if standard output could not be written, as on a full disk; the other files of this package have names."""
+    """True if standard output could not be written, as on a full disk; errors of other files have a file name."""
     full = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
     return isinstance(error, OSError) and error.errno in full and error.filename is None
 
 
 def explained(error: BaseException) -> str:
-    """Message to the user about an error; for want of memory and errors of the file system it includes a remedy."""
+    """Message to the user about an error, with a remedy for lack of memory and errors of the file system."""
     if isinstance(error, MemoryError):
         return f"not enough memory ({error}): ask for fewer scenes, runs, vehicles or seconds at a time"
     if not isinstance(error, OSError) or error.errno is None:
@@ -124,7 +124,7 @@ def explained(error: BaseException) -> str:
 
 
 def complain(message: str) -> None:
-    """One sentence on standard error, red if that is a terminal."""
+    """Prints one sentence on standard error, in red if that is a terminal."""
     colour = sys.stderr.isatty() and "NO_COLOR" not in os.environ
     start, stop = ("\033[31m", "\033[0m") if colour else ("", "")
     print(f"{start}rearl: {message}{stop}", file=sys.stderr)

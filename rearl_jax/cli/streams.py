@@ -1,4 +1,4 @@
-"""Standard streams that any text can be written to, whatever a terminal can show and whether or not they are open."""
+"""Standard streams that accept any text, even if they are closed or their encoding lacks characters."""
 
 import codecs
 import io
@@ -22,42 +22,42 @@ _PLAIN = {
     "\u03bc": "u",
     "\u0394": "d",
 }
-"""Characters of tables and notes, as a terminal gets them that does not know them."""
+"""ASCII replacements of characters in tables and notes, for encodings that lack these characters."""
 
 _HANDLER = "rearl-plain"
 
 
 def make_writable() -> None:
-    """Opens closed standard streams on the null device, and lets all write any text, if need be as plain characters.
+    """Opens closed standard streams on the null device, and replaces characters that the encoding of a stream lacks.
 
-    A closed descriptor would be given to the next file that is opened, and whatever a library prints would land there.
+    The operating system gives a closed descriptor to the next file that is opened; output of libraries would go there.
     """
     for number, name, mode in ((0, "stdin", "r"), (1, "stdout", "w"), (2, "stderr", "w")):
         if getattr(sys, name) is None:
-            setattr(sys, name, open(_occupied(number), mode, encoding="utf-8", closefd=False))  # noqa: SIM115
+            setattr(sys, name, open(_null_descriptor(number), mode, encoding="utf-8", closefd=False))  # noqa: SIM115
     codecs.register_error(_HANDLER, _plain)
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
-            if not _is_universal(stream.encoding):
+            if not _is_unicode(stream.encoding):
                 stream.reconfigure(errors=_HANDLER)
-            elif stream.errors == "strict":  # names of files that are no text
+            elif stream.errors == "strict":  # because file names may contain bytes that are not text
                 stream.reconfigure(errors="backslashreplace")
 
 
-def _occupied(number: int) -> int:
-    """A descriptor of the null device: this one, unless a file has taken its place."""
-    nowhere = os.open(os.devnull, os.O_RDWR)
+def _null_descriptor(number: int) -> int:
+    """Descriptor of the null device: the given number, or another one if an open file uses that number."""
+    null = os.open(os.devnull, os.O_RDWR)
     try:
         os.fstat(number)
     except OSError:
-        os.dup2(nowhere, number)
-    if nowhere == number or not os.path.sameopenfile(nowhere, number):
-        return nowhere
-    os.close(nowhere)
+        os.dup2(null, number)
+    if null == number or not os.path.sameopenfile(null, number):
+        return null
+    os.close(null)
     return number
 
 
-def _is_universal(encoding: str) -> bool:
+def _is_unicode(encoding: str) -> bool:
     try:
         return codecs.lookup(encoding).name.startswith("utf")
     except LookupError:
@@ -65,7 +65,7 @@ def _is_universal(encoding: str) -> bool:
 
 
 def _plain(error: UnicodeError) -> tuple[str, int]:
-    """Characters that an encoding has for those it has not; a question mark where there are none."""
+    """Codec error handler that replaces characters by ASCII ones; a question mark where there is no similar one."""
     if not isinstance(error, UnicodeEncodeError):
         raise error
     text = error.object[error.start : error.end]

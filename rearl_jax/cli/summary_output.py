@@ -14,19 +14,19 @@ from rearl_jax.tasks import Task
 
 @contextmanager
 def standard_output_apart() -> Iterator[TextIO]:
-    """Standard output as it was; inside the block everything else that is written there goes to standard error.
+    """A stream to the original standard output; all other output inside the block goes to standard error.
 
-    By file descriptor, so that the output of child processes and of compiled libraries is redirected too.
+    File descriptors are redirected, so that this includes the output of child processes and of compiled libraries.
     """
     sys.stdout.flush()
-    with os.fdopen(os.dup(1), "w", encoding="utf-8") as kept:
+    with os.fdopen(os.dup(1), "w", encoding="utf-8") as original:
         os.dup2(2, 1)
         try:
-            yield kept
+            yield original
         finally:
             sys.stdout.flush()
-            kept.flush()
-            os.dup2(kept.fileno(), 1)
+            original.flush()
+            os.dup2(original.fileno(), 1)
 
 
 def summary_object(task: Task, folder: Path | None, returned: Mapping[str, Any]) -> dict[str, Any]:
@@ -41,20 +41,20 @@ def summary_object(task: Task, folder: Path | None, returned: Mapping[str, Any])
 
 
 def multirun_object(task: Task, folder: Path, cells: Sequence[Mapping[str, str]]) -> dict[str, Any]:
-    """The summary of a multirun: the one of all cells if the task writes one, else those of all finished jobs."""
+    """The summary of a multirun: the combined one if the task writes it, else those of all finished jobs."""
     stored = _read(folder / "summary.json") if task.collect is not None else None
     if stored is None:
         stored = []
         for cell in cells:
-            own = cell_folder(folder, cell)
-            summary = _read(own / "summary.json")
+            job_folder = cell_folder(folder, cell)
+            summary = _read(job_folder / "summary.json")
             parts = summary if isinstance(summary, list) else [summary] if summary is not None else []
-            stored += [{"results": str(own), **cell, **part} for part in parts]
+            stored += [{"results": str(job_folder), **cell, **part} for part in parts]
     return {"task": task.words, "results": str(folder), "rows": stored}
 
 
 def write_object(value: Mapping[str, Any], stream: TextIO) -> None:
-    """Writes one line of JSON; numbers that JSON does not know become null."""
+    """Writes one line of JSON; inf and nan, which JSON lacks, become null."""
     print(json.dumps(_plain(value), allow_nan=False), file=stream)
 
 

@@ -1,4 +1,4 @@
-"""Sweep files: a multirun stored as `sweeps/NAME.yaml`, and the overrides it is translated into.
+"""Sweep files: a multirun stored as `sweeps/NAME.yaml`, and the overrides it is translated into. An example:
 
 # What triggers a decision
 task: evaluate

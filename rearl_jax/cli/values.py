@@ -1,8 +1,8 @@
-"""Words of the command line in a form that Hydra reads as they are meant.
+"""Words of the command line, quoted so that Hydra reads each with the type of its key.
 
-Hydra reads a value by its look: `1e5` is a number even for a key with text, `größe` cannot be read at all, and neither
-can a quoted key within a mapping. Such values are quoted here, and keys within mappings are replaced by plain names
-that `with_words` turns back into the words.
+Hydra determines the type of a value from its spelling: `1e5` is a number even for a key with text, `größe` cannot be
+read at all, and neither can a quoted key within a mapping. Such values are quoted here, and quoted keys within mappings
+are replaced by plain names, which `with_words` turns back into the keys.
 """
 
 import re
@@ -20,12 +20,12 @@ _STRINGS = re.compile(r"\"(?:[^\"\\]|\\.)*\"|'(?:[^'\\]|\\.)*'", re.DOTALL)
 
 
 def readable(overrides: list[str], keys: Mapping[str, Key]) -> list[str]:
-    """The overrides, as Hydra reads them according to the types of their keys."""
+    """The overrides, quoted so that Hydra reads values according to the types of their keys."""
     return [_readable(text, keys) for text in overrides]
 
 
 def with_words(record: Any) -> Any:
-    """The record with the words of its mappings in place of the names that stand for them."""
+    """The record with the original keys of its mappings in place of the names that stand for them."""
     for item in fields(record):
         value = getattr(record, item.name)
         if is_dataclass(value):
@@ -44,22 +44,22 @@ def _readable(text: str, keys: Mapping[str, Key]) -> str:
         return f"{name}={_STRINGS.sub(_named_key, value)}"
     if not kind.startswith(("str", "[str")) or _STRINGS.search(value):
         return text
-    if kind.startswith("str") and not _is_read(value):
-        # Several values, and a value that begins with a quotation mark, are not the text as it stands.
+    if kind.startswith("str") and not _is_readable(value):
+        # A comma separates several values, and a value that begins with a quotation mark is quoted already.
         return text if "," in value or value[:1] in ("'", '"') else f"{name}={quoted(value)}"
     parts = map(_as_text, re.split(r"([\[\],])", value))
     return f"{name}={''.join(parts)}"
 
 
-def _named_key(found: re.Match[str]) -> str:
-    """A quoted string; the name that stands for it if it is a key."""
-    before, after = found.string[: found.start()].rstrip(), found.string[found.end() :].lstrip()
+def _named_key(match: re.Match[str]) -> str:
+    """The quoted string; if it is a key of a mapping, the name that stands for it."""
+    before, after = match.string[: match.start()].rstrip(), match.string[match.end() :].lstrip()
     if not (before.endswith(("{", ",")) and after.startswith(":")):
-        return found[0]
+        return match[0]
     from omegaconf import OmegaConf
 
-    # Backslashes before a reference to another key are read by OmegaConf.
-    word = OmegaConf.create({"word": _parsed(found[0]).value()}).word
+    # Through OmegaConf, which removes backslashes before `${`, the beginning of a reference to another key.
+    word = OmegaConf.create({"word": _parsed(match[0]).value()}).word
     return _MARK + word.encode("utf-8", "surrogatepass").hex()
 
 
@@ -70,14 +70,14 @@ def _word(key: Any) -> Any:
 
 
 def _as_text(part: str) -> str:
-    """A part of a value, quoted if Hydra would read it as a number or truth value that is written in another way."""
+    """A part of a value, quoted if Hydra would read it as a number or truth value and so change its spelling."""
     bare = part.strip()
-    value = _parsed(bare).value() if bare and _is_read(bare) else None
+    value = _parsed(bare).value() if bare and _is_readable(bare) else None
     is_changed = isinstance(value, bool | int | float) and str(value) != bare
     return part.replace(bare, f"'{bare}'") if is_changed else part
 
 
-def _is_read(value: str) -> bool:
+def _is_readable(value: str) -> bool:
     from hydra.errors import HydraException
 
     try:

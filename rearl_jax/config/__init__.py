@@ -100,7 +100,7 @@ class DiscoverTask:
 
     @property
     def compared(self) -> tuple[DriverConfig, ...]:
-        """Car-following models that are compared: that of `driver` first, without others if none are requested."""
+        """Car-following models to compare: that of `driver` first, then the requested others."""
         others = self.discover.base
         if others is None:
             others = CALIBRATED if self.driver == record_of("idm")() else ()
@@ -322,7 +322,7 @@ class StudyRealTask(DiscoverTask):
     real: RealConfig = _group(RealConfig)
 
     def check(self) -> None:
-        """Raise InvalidInputError for keys that the sets set themselves."""
+        """Raise InvalidInputError for keys whose values follow from the chosen sets of recordings."""
         super().check()
         self.real.check_discovery(self.discover)
 

@@ -1,4 +1,4 @@
-"""Secrets in the address of a server, which logs and results repeat."""
+"""Check for secrets in the address of a server, because logs and results contain the address."""
 
 import re
 from urllib.parse import urlsplit
@@ -6,7 +6,7 @@ from urllib.parse import urlsplit
 from rearl_jax.problems import InvalidInputError, Problem
 
 _SECRET = re.compile(r"key|token|secret|pass|auth|sig|cred|code", re.IGNORECASE)
-"""Part of the names of parameters that contain a secret."""
+"""Pattern in the names of address parameters that contain a secret."""
 
 
 def check_no_secret(address: str, key: str) -> None:
@@ -14,11 +14,11 @@ def check_no_secret(address: str, key: str) -> None:
 
     Args:
         address: Text given as the address.
-        key: Configuration key that it is the value of.
+        key: Configuration key whose value it is.
     """
     try:
         parts = urlsplit(address.strip())
-    except ValueError:  # no address, which its user reports
+    except ValueError:  # not an address; reported where it is used
         return
     remedy = "leave it out and put the key of the server into the environment variable that llm.api_key_env names"
     if "@" in parts.netloc:

@@ -28,8 +28,9 @@ def key(default: Any, help: str) -> Any:
 
 
 def mapping_key(help: str) -> Any:
-    """Dataclass field for a mapping, empty by default; it is mutable, so it is left out of the hash of its record, but
-    not of equality.
+    """Dataclass field for a mapping, empty by default.
+
+    The mapping is mutable, so the hash of its record leaves it out; comparisons of records include it.
 
     Args:
         help: As of `key`.

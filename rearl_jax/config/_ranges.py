@@ -1,4 +1,4 @@
-"""Range checks of numbers for several records; null passes."""
+"""Range checks of numbers, shared by several records; null is accepted."""
 
 from rearl_jax.problems import out_of_range
 
@@ -12,7 +12,7 @@ def check_rising(record: object, *names: str) -> None:
 
 
 def check_least(record: object, least: float, *names: str) -> None:
-    """Raise InvalidInputError unless these keys are at least a number."""
+    """Raise InvalidInputError unless the values of these keys are at least `least`."""
     for name in names:
         value = getattr(record, name)
         if value is not None and not value >= least:
@@ -20,7 +20,7 @@ def check_least(record: object, least: float, *names: str) -> None:
 
 
 def check_positive(record: object, *names: str) -> None:
-    """Raise InvalidInputError unless these keys are greater than zero."""
+    """Raise InvalidInputError unless the values of these keys are greater than zero."""
     for name in names:
         value = getattr(record, name)
         if value is not None and not value > 0:
@@ -28,7 +28,7 @@ def check_positive(record: object, *names: str) -> None:
 
 
 def check_within(record: object, least: float, greatest: float, *names: str) -> None:
-    """Raise InvalidInputError unless these keys lie between two numbers, bounds included."""
+    """Raise InvalidInputError unless the values of these keys are within two bounds, which are allowed."""
     for name in names:
         value = getattr(record, name)
         if value is not None and not least <= value <= greatest:

@@ -68,12 +68,12 @@ def keys_of(record: Any) -> dict[str, Key]:
 def nearest(name: str, known: Iterable[str]) -> str:
     """The known name most similar to a given one, also by the last part alone (`stride` for `scenes.stride`)."""
 
-    def likeness(candidate: str) -> float:
+    def similarity(candidate: str) -> float:
         whole = difflib.SequenceMatcher(None, name.lower(), candidate.lower()).ratio()
-        tails = (name.lower().rpartition(".")[2], candidate.lower().rpartition(".")[2])
-        return max(whole, 0.99 * difflib.SequenceMatcher(None, *tails).ratio())
+        last_parts = (name.lower().rpartition(".")[2], candidate.lower().rpartition(".")[2])
+        return max(whole, 0.99 * difflib.SequenceMatcher(None, *last_parts).ratio())
 
-    return max(sorted(known), key=likeness)
+    return max(sorted(known), key=similarity)
 
 
 def type_name(hint: Any) -> str:
@@ -166,7 +166,7 @@ def _from_plain(hint: Any, value: Any, name: str) -> Any:
             raise _wrong_type(name, type_name(hint), value)
         inner = [parts[0]] * len(value) if Ellipsis in parts else parts
         return tuple(_from_plain(part, item, name) for part, item in zip(inner, value, strict=True))
-    is_inf_or_nan = hint is float and value in ("inf", "-inf", "nan")  # the form of `as_plain`
+    is_inf_or_nan = hint is float and value in ("inf", "-inf", "nan")  # as `as_plain` writes them
     kind = {int: Integral, float: Real}.get(hint, hint)
     if not is_inf_or_nan and (not isinstance(value, kind) or (isinstance(value, bool) and hint is not bool)):
         raise _wrong_type(name, type_name(hint), value)
@@ -174,7 +174,7 @@ def _from_plain(hint: Any, value: Any, name: str) -> Any:
 
 
 def _record_from_plain(hint: type, value: Any, name: str) -> Any:
-    """The record of a group; for a group with several records, the name of one is sufficient."""
+    """The record of a group; a group with one record per model, such as `driver`, may be given as the model's name."""
     record_for = getattr(hint, "record_for", None)
     if record_for is None:
         return from_plain(hint, value, f"{name}.")

@@ -14,11 +14,11 @@ START, BOUNDARY, CALIBRATED, FOUND = "start", "boundary", "calibrated", "found"
 LANE_CHANGES, VARIATION, REARL = "lane_changes", "variation", "rearl"
 
 COMPONENTS = (START, BOUNDARY, CALIBRATED, FOUND, LANE_CHANGES, VARIATION, REARL)
-"""Names of all components, in the stated order."""
+"""Names of all components, in the order in which they are added to Base."""
 
 NEEDS = {BOUNDARY: START, FOUND: CALIBRATED, LANE_CHANGES: CALIBRATED, VARIATION: CALIBRATED}
-"""Component without which another one cannot be: recorded vehicles drive around recorded ones, and effects, lane
-changes and fluctuations were estimated together with the calibrated drivers.
+"""Component that another component requires. Replayed surrounding vehicles require recorded initial states. Effects,
+lane changes and fluctuations require the calibrated drivers, because they were estimated together.
 """
 
 
@@ -33,11 +33,11 @@ class BudgetConfig:
     )
     calibrate: bool = key(
         True,
-        "without model: calibrate the drivers on the recordings outside the judged scenes; false: leave them out",
+        "without model: calibrate the drivers on the recordings outside the evaluated scenes; false: leave them out",
     )
 
     def check(self) -> None:
-        """Raise InvalidInputError for an unknown component, one that is named twice, or one that lacks another."""
+        """Raise InvalidInputError for an unknown or repeated component, or one whose required component is missing."""
         if not self.components or len(set(self.components)) != len(self.components):
             named = f"[{', '.join(self.components)}]"
             raise out_of_range("components", "must name each component once, and at least one", named)
@@ -50,12 +50,12 @@ class BudgetConfig:
 
 
 def _measured_scenes() -> ScenesConfig:
-    """Scenes of one carriageway each, among all recorded vehicles."""
+    """Scenes of one carriageway each; all recorded vehicles that are not simulated are replayed."""
     return ScenesConfig(direction=Direction.per_direction, boundary=BoundarySource.measured)
 
 
 def _drawn() -> InitConfig:
-    """The start of Base, which rows with the component `start` replace."""
+    """Initial states of Base; rows with the component `start` use recorded ones instead."""
     return InitConfig(InitialSource.seed)
 
 
@@ -72,7 +72,7 @@ class StudyBudgetTask(EvaluateTask):
     discover: DiscoverConfig = key(DiscoverConfig, (DiscoverConfig.__doc__ or "").rstrip("."))
 
     def check(self) -> None:
-        """Raise InvalidInputError for keys that the rows set themselves, or that do not fit recorded positions."""
+        """Raise InvalidInputError for keys whose values follow from the rows, or that do not fit recorded positions."""
         fixed = {"method": Method.base, "variant": Variant.all, "init.source": InitialSource.seed}
         given = {"method": self.method, "variant": self.variant, "init.source": self.init.source}
         for name, usual in fixed.items():

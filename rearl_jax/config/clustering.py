@@ -37,20 +37,20 @@ class KlUpdate(Enum):
     """Update of a centre."""
 
     fsa = "fsa"
-    """Every vertex to the centre of the smallest ball around the points aligned to it (Frechet centring)."""
+    """Moves every vertex to the centre of the smallest ball around the points aligned to it (Frechet centring)."""
     mean = "mean"
-    """Every vertex to the mean of the points aligned to it."""
+    """Moves every vertex to the mean of the points aligned to it."""
     medoid = "medoid"
-    """To the simplified member with the smallest mean distance to a sample of the members."""
+    """Replaces the centre by the simplified member with the smallest mean distance to a sample of the members."""
 
 
 class SceneVector(Enum):
-    """Units counted in the label shares of a scene."""
+    """Units counted in the vector of a scene, its shares of the track clusters."""
 
     unique_tracks = "unique_tracks"
-    """Every labelled track seen in the scene once."""
+    """Every track of the scene that belongs to a cluster, once."""
     slot_weighted = "slot_weighted"
-    """Every slot of every snapshot."""
+    """Every vehicle of every snapshot, so that a track counts once per snapshot."""
 
 
 class Representative(Enum):
@@ -59,14 +59,14 @@ class Representative(Enum):
     medoid = "medoid"
     """The member nearest to the centroid."""
     slot_mean = "slot_mean"
-    """The mean of all members, slot by slot."""
+    """The mean of all members, vehicle by vehicle in the order of each snapshot."""
 
 
 class FitOn(Enum):
     """Scenes, with their tracks, that clusterings are fitted on."""
 
     not_eval = "not_eval"
-    """All but evaluation and tuning scenes and scenes that share traffic with them across a border of splits."""
+    """All except evaluation and tuning scenes, and scenes that share traffic with these."""
     all = "all"
     """All."""
 
@@ -89,7 +89,7 @@ class KlConfig:
     init: KlInit = key(KlInit.pam, "initial centres: pam, gonzalez_pam or gonzalez (as in klcluster)")
     update: KlUpdate = key(KlUpdate.fsa, "update of a centre: fsa = Frechet centring (REARL), mean or medoid")
     sample: int = key(300, "tracks among which the initial centres are sought")
-    members: int = key(500, "sampled members of a cluster that update its centre")
+    members: int = key(500, "members of a cluster, drawn at random, that update its centre")
     ball_steps: int = key(60, "iterations of Badoiu and Clarkson's smallest enclosing ball")
     seed: int = key(0, "seed of the samples")
 
@@ -114,10 +114,12 @@ class ClusterConfig:
     n_clusters: int = key(15, "number of clusters of scenes; fewer if there are fewer different scenes; REARL")
     n_init: int = key(10, "restarts of k-means")
     vector: SceneVector = key(
-        SceneVector.unique_tracks, "label shares of a scene: unique_tracks (each track once) or slot_weighted"
+        SceneVector.unique_tracks,
+        "shares of the track clusters in a scene: unique_tracks (each track counts once) or slot_weighted (once per "
+        "snapshot)",
     )
     representative: Representative = key(Representative.medoid, "medoid: a recorded scene, or slot_mean")
-    fit_on: FitOn = key(FitOn.not_eval, "not_eval: without evaluation and tuning scenes, all (REARL; not held out)")
+    fit_on: FitOn = key(FitOn.not_eval, "not_eval: without evaluation and tuning scenes, all: with them (REARL)")
     seed: int = key(0, "seed of k-means and t-SNE")
 
     def check(self) -> None:

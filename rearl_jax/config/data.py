@@ -14,7 +14,7 @@ _DATA = Path(__file__).resolve().parents[1] / "data"
 
 
 class _Formats(EnumMeta):
-    """Formats whose names are known at run time only; type checkers accept any name."""
+    """Metaclass that lets type checkers accept any format name, because the names are known at run time only."""
 
     if TYPE_CHECKING:
 
@@ -71,8 +71,8 @@ class DataConfig:
     )
     max_jump: float = key(
         20.0,
-        "excess of a step between frames over speed x time, per time, that counts as a jump [m/s]; clean recordings "
-        "stay below 6 m/s (NGSIM US-101, I-80)",
+        "largest difference between the speed that follows from two consecutive positions and the recorded speed "
+        "[m/s]; more counts as a jump; clean recordings stay below 6 m/s (NGSIM US-101, I-80)",
     )
     default_length: float = key(
         4.5,
@@ -101,7 +101,8 @@ class DataConfig:
     units: dict[str, Any] = mapping_key(
         "units of foreign columns by canonical name, for data=table, as in "
         "'data.units={speed: km/h, time: ms}', frame: 25/s for the frame rate, "
-        "0.1 s for a multiple, -m for a reversed axis, lane: from 1 if that is the leftmost; SI for all others"
+        "0.1 s for a multiple of a unit, -m for a reversed axis, lane: from 1 if the leftmost lane has the number 1; "
+        "SI for all others"
     )
     classes: dict[Any, Any] = mapping_key(
         "classes of vehicles by the code or word of a foreign table, for data=table, as in "

@@ -27,19 +27,19 @@ class Method(Enum):
 
     @property
     def needs_splits(self) -> bool:
-        """True for methods that look at scenes besides those they are evaluated on."""
+        """True for methods that also use scenes that they are not evaluated on."""
         return self in (Method.rearl, Method.critical)
 
 
 class Variant(Enum):
-    """Traffic of a repaired model that is simulated."""
+    """Versions of a repaired model that are simulated."""
 
     all = "all"
     """Base and rearl, each without and with the model's effects, side by side."""
     calibrated = "calibrated"
     """Drivers calibrated without effects."""
     repaired = "repaired"
-    """Drivers calibrated with the effects, and the effects."""
+    """Drivers calibrated together with the effects, which are switched on."""
 
 
 class SeedScope(Enum):

@@ -29,13 +29,11 @@ class Target(Enum):
 class ExportConfig:
     """Drawn drivers, and their comparison in SUMO"""
 
-    n_types: int = key(100, "drivers drawn from the population, each as probable as the others")
-    eidm: bool = key(
-        False, "write SUMO's EIDM in place of IDM, which also has noise of perception; idm and to=sumo only"
-    )
+    n_types: int = key(100, "drivers drawn from the population, all equally probable")
+    eidm: bool = key(False, "write SUMO's EIDM, which adds perception errors, in place of IDM; idm and to=sumo only")
     seed: int = key(0, "seed of the drawn drivers, and of the comparison")
     compare: bool = key(False, "simulate the exported drivers in SUMO and here behind the same leaders; to=sumo only")
-    n_leaders: int = key(20, "measured first vehicles of the comparison, taken from the recordings of data")
+    n_leaders: int = key(20, "recorded vehicles that lead in the comparison: first vehicles of the platoons of data")
     n_followers: int = key(10, "followers behind each of these vehicles")
     seconds: int = key(60, "simulated time of the comparison [s]; as a scene of REARL (Bi et al.)")
 
@@ -50,9 +48,10 @@ class SumoFileConfig:
     """Vehicle types of SUMO that become drivers"""
 
     file: str | None = key(None, "file of SUMO with vType elements: a route file, an additional file")
-    types: str = key("*", "ids of the types that are read, or of their distributions, as a pattern with * and ?")
+    types: str = key("*", "ids of the types or type distributions that are read, as a pattern with * and ?")
     speed_limit: float | None = key(
-        None, "limit of the roads they drive on [m/s], which speedFactor multiplies; null: maxSpeed alone counts"
+        None,
+        "speed limit of the roads [m/s]; the desired speed is at most this times speedFactor; null: it is maxSpeed",
     )
 
     def check(self) -> None:

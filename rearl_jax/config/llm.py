@@ -64,7 +64,7 @@ class LlmConfig:
     )
     max_tokens: int = key(8, "longest answer [tokens]; thousands with thinking=on")
     max_in_flight: int = key(
-        48, "simultaneous requests; above what the server processes at a time, to keep it busy; 1 or 2 on a CPU"
+        48, "simultaneous requests; more than the server processes at a time, to keep it busy; 1 or 2 on a CPU"
     )
     startup: float = key(300.0, "longest wait for a server that is still loading [s]")
     connect_timeout: float = key(5.0, "longest time to connect [s]")

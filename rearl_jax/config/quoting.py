@@ -4,7 +4,7 @@ import re
 
 _PLAIN = re.compile(r"[A-Za-z_./][A-Za-z0-9_./-]*")
 _VALUES = frozenset({"null", "true", "false", "yes", "no", "on", "off", "y", "n", "nan", "inf"})
-"""Words that are values of their own where they are not quoted."""
+"""Words that are read as other values than texts unless they are quoted."""
 
 
 def quoted(word: str) -> str:
@@ -16,5 +16,5 @@ def quoted(word: str) -> str:
         return word
     # Dollar signs would begin a reference to another key.
     word = re.sub(r"(\\*)\$\{", r"\1\1\\${", word)
-    # Backslashes count only before a quotation mark.
-    return '"' + re.sub(r'(\\*)("|$)', lambda found: found[1] * 2 + ('\\"' if found[2] else ""), word) + '"'
+    # Backslashes need escaping only before a quotation mark.
+    return '"' + re.sub(r'(\\*)("|$)', lambda match: match[1] * 2 + ('\\"' if match[2] else ""), word) + '"'

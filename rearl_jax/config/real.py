@@ -38,8 +38,8 @@ SETS = {
     "openacc_people": RealSet(
         "ZalaZone, people", DataFormat.openacc, "openacc_no_ACC_*", None, "people", OnBad.drop_row
     ),
-    # One setting only, because two settings of one car differ more than two cars. Names of runs with setting S contain
-    # short or mixed, others medium.
+    # One setting only, because two settings of one car differ more than two cars with the same setting. Names of runs
+    # with setting S contain short or mixed, others medium.
     "openacc_model": RealSet(
         "ZalaZone, setting S, by car", DataFormat.openacc, "openacc_[sm][hi]*_dynamic_*", "model", "", OnBad.drop_row
     ),
@@ -69,7 +69,7 @@ class RealConfig:
                 raise out_of_range("sets", f"must be some of {', '.join((*SETS, OWN))}", name)
 
     def check_discovery(self, options: DiscoverConfig) -> None:
-        """Raise InvalidInputError for keys of discovery that the sets set themselves."""
+        """Raise InvalidInputError for keys of discovery whose values follow from the chosen sets."""
         if options.oracle is not None:
             raise out_of_range("discover.oracle", "must be null: the missing effects are unknown", options.oracle)
         for name in ("by", "same"):

@@ -115,7 +115,7 @@ class ScenesConfig:
             raise out_of_range("stride", "must be > 0 s", self.stride)
 
     def require_free(self) -> None:
-        """Raise InvalidInputError for a boundary where nothing is simulated."""
+        """Raise InvalidInputError for a boundary in a task that simulates nothing."""
         if self.boundary is not BoundarySource.free:
             message = "has no effect where nothing is simulated: leave it out, or use `rearl evaluate`"
             problem = Problem("nothing-simulated", message, key="scenes.boundary", value=self.boundary.name)

@@ -1,8 +1,8 @@
 """The task `rearl prepare`: checked canonical tables, counts and scenes from recordings.
 
-Writes into the study folder `tables/<recording>.parquet`, named by `folder.file_name_of` (not for generated
-recordings, whose own files are there and are read just as fast), `recordings.parquet` with one row per recording,
-`scenes.parquet`, `config.json` and `summary.json`. Recordings are read once, one at a time.
+Writes into the study folder `tables/<recording>.parquet`, named by `folder.file_name_of`, `recordings.parquet` with one
+row per recording, `scenes.parquet`, `config.json` and `summary.json`. Generated recordings get no tables, because their
+own files are read just as fast. Recordings are read once, one at a time.
 """
 
 import json
@@ -108,7 +108,7 @@ def counts_of(recording: Recording) -> dict:
     classes = table["vehicle_class"].to_numpy()[first]
     n_frames = int(frame.max() - frame.min()) + 1
     n_vehicles = int(first.sum())
-    # NaN differs from everything, so unknown lanes have to be asked for.
+    # NaN differs from everything, so unknown lanes must be excluded.
     changes = ~first[1:] & (lane[1:] != lane[:-1]) & np.isfinite(lane[1:]) & np.isfinite(lane[:-1])
     dropped = recording.dropped
     return {
@@ -163,7 +163,7 @@ def _generate(config: PrepareTask, progress: Progress) -> None:
 
 
 def _refuse_others(config: PrepareTask) -> None:
-    """Raise InvalidInputError if the folder also holds recordings that were not asked for."""
+    """Raise InvalidInputError if the folder also holds recordings that the keys of the generator do not name."""
     wanted, found = config.generator.n_recordings, count_recordings(config.data)
     if config.data.recordings == "*" and found > wanted:
         fault = (

@@ -1,7 +1,7 @@
 """Faults of a recording: one finding, and the error that stops the reading.
 
-A finding marks rows. `data.on_bad` decides whether it becomes an error or a counted loss; what concerns the
-table as a whole (a missing column, a wrong unit) is always an error.
+A finding marks rows. `data.on_bad` decides whether it becomes an error, or the rows are dropped and counted. A fault of
+the table as a whole (a missing column, a wrong unit) is always an error.
 """
 
 from dataclasses import dataclass
@@ -39,12 +39,12 @@ class Finding:
     """Rows of a table that share one problem.
 
     Attributes:
-        name: Key under which dropped rows are counted; with hyphens the code of the problem.
+        name: Key under which dropped rows are counted; with hyphens for underscores also the code of the problem.
         column: Column at fault, as named in the schema.
         rows: Mask over the rows of the table; for a step (gap, jump) the row after the step.
         message: Description of the fault in the first marked row.
         remedy: Advice to the user.
-        is_step: The rows are sound, the step from the row before is not.
+        is_step: True if the rows themselves are sound, but the step from the row before is not.
     """
 
     name: str
@@ -55,7 +55,7 @@ class Finding:
     is_step: bool = False
 
     def error(self, table: pd.DataFrame, info: RecordingInfo, hint: str = DROP_HINT) -> BadRecordingError:
-        """The error this finding becomes; the index of the table holds the rows of the source, from 0."""
+        """The error for this finding; the index of the table holds the row numbers of the source, from 0."""
         n_rows = int(self.rows.sum())
         message = self.message if n_rows == 1 else f"{self.message} (and {n_rows - 1} more rows)"
         row = int(table.index[int(np.argmax(self.rows))]) + 1

@@ -20,7 +20,7 @@ class Entry:
     Attributes:
         id: Its name, unique in its data set.
         read: The recording, checked by `schema.validate`; called when the recording is needed.
-        labelled: The same with further columns as labels; None where the format has its own and no others.
+        labelled: The recording with further columns as labels; None for a format whose labels are fixed.
         file: File its rows come from; None for a table in memory.
     """
 
@@ -39,9 +39,9 @@ class Reader:
         entries: The recordings, in order. Names are read here, rows are not.
         files: The files that hold the rows, and those that describe them. Raises FileNotFoundError if there are none.
         same: Label by which the same driver or car is recognised in several recordings; None for a format without one.
-        generated: Whether any of the recordings was made by the generator; None for a format that has no such mark.
-        recognises: Value of data.root for a file or folder in this format, None for another format; decides by
-            names and first lines alone, and raises nothing but errors of reading. None for a format without marks.
+        generated: Whether any of the recordings was generated or simulated; None for a format of measurements only.
+        recognises: Value of data.root for a file or folder in this format, None for another format. It decides by
+            names and first lines alone, and raises errors of reading only. None for a format without such features.
     """
 
     expected: str
@@ -118,7 +118,7 @@ def by_first_file(find: Callable[[Path], list[Path]], is_one: Callable[[Path], b
 
 
 def by_columns(columns: Collection[str]) -> Callable[[Path], Path | None]:
-    """Recognises the one Parquet file of a folder by columns that it has; what data.root must name is the folder."""
+    """Recognises the one Parquet file of a folder by its columns; data.root must name the folder."""
 
     def recognises(path: Path) -> Path | None:
         files = visible_files(path, (".parquet",)) if path.is_dir() else [path]

@@ -47,12 +47,12 @@ def iterate_recordings(data: DataConfig, labels: Sequence[str] = ()) -> Iterator
         entry = entries.pop(0)
         recording = noted(entry.labelled(labels) if labels and entry.labelled is not None else entry.read())
         recording.info.check()
-        # In a published data set, a user cannot mend it: there it is noted.
+        # In a published data set a copy is only noted, because the user cannot correct it.
         yield copies.checked(recording, entry.file if data.format.name == "table" else None)
 
 
 def label_of_same(data: DataConfig) -> str | None:
-    """Label by which the same driver or car is known again in other recordings of the format; None if there is none."""
+    """Label that identifies the same driver or car in several recordings of the format; None if there is none."""
     return None if isinstance(data, TableInMemory) else reader_of(data.format).same
 
 
@@ -62,7 +62,7 @@ def count_recordings(data: DataConfig) -> int:
 
 
 def is_generated(data: DataConfig) -> bool:
-    """True if any of the recordings was made by the generator, whatever they are read as."""
+    """True if any of the recordings was generated or simulated, also if it is read in another format."""
     if isinstance(data, TableInMemory):
         return False
     made = reader_of(data.format).generated
@@ -116,7 +116,7 @@ def _selected(data: DataConfig) -> list[Entry]:
                 problem = Problem("key-without-effect", message, key=f"data.{key}", value=f"data={data.format.name}")
                 raise InvalidInputError(problem)
         entries = list(reader_of(data.format).entries(data, _root(data)))
-    # A name with brackets is no pattern that it matches itself.
+    # Equality is tested too, because a name with brackets does not match itself as a pattern.
     chosen = [entry for entry in entries if entry.id == data.recordings or fnmatchcase(entry.id, data.recordings)]
     if not chosen:
         names = ", ".join(entry.id for entry in entries[:5]) + (", ..." if len(entries) > 5 else "")

@@ -9,10 +9,10 @@ import pandas as pd
 from rearl_jax.problems import out_of_range
 
 SPEED_LIMITS = (11.0, 45.0)
-"""Legal speed limits of highways lie between [m/s]: 40 km/h on ramps are 11.1 m/s, 160 km/h are 44.4 m/s."""
+"""Lowest and highest plausible speed limit [m/s]: 40 km/h on ramps are 11.1 m/s, 160 km/h are 44.4 m/s."""
 
 _MAX_VALUE = 1e6
-"""Beyond every length of a road and every frame rate."""
+"""Larger than every length of a road [m] and every frame rate [1/s]."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class RecordingInfo:
     columns: Mapping[str, str] = field(default_factory=dict)
 
     def to_json(self) -> dict[str, Any]:
-        """The record as JSON values, without what belongs to the local file."""
+        """The record as JSON values, without the fields that describe the local file."""
         record = asdict(self)
         del record["file"], record["columns"]
         return record
@@ -62,7 +62,7 @@ class RecordingInfo:
         """The record that `to_json` wrote; JSON keys of directions become integers again.
 
         Raises:
-            KeyError, TypeError, ValueError: It is none, or a value cannot be true.
+            KeyError, TypeError, ValueError: It is not such a record, or a value is impossible.
         """
         values = dict(record)
         values["lane_count"] = {int(k): int(v) for k, v in values["lane_count"].items()}
@@ -74,7 +74,7 @@ class RecordingInfo:
         return info
 
     def check(self) -> None:
-        """Raise InvalidInputError for what cannot be true of a recording."""
+        """Raise InvalidInputError for a value that no recording can have."""
         for name in ("id", "source", "licence", "attribution"):
             if not (isinstance(value := getattr(self, name), str) and value):
                 raise out_of_range(name, "must be a text", repr(value))

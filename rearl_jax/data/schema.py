@@ -73,15 +73,15 @@ COLUMNS = (
 _MADE_HERE = ("recording", "time")
 # Checked as 64-bit integers and narrowed last, so that a lane of 300 is reported and does not wrap around.
 _SMALL = {"int8": "int64", "Int8": "Int64"}
-_MAX_EXACT_INTEGER = 2**53  # whole numbers beyond it do not survive as float64
+_MAX_EXACT_INTEGER = 2**53  # float64 does not represent all larger whole numbers
 _ROW_CHECKS = (
     typed_table.unknown_class,
     typed_table.out_of_order,
     placeholders.misplaced,
     placeholders.unavailable_acceleration,
 )
-# Motion by whole vehicles, after cuts at jumps. Leaders last, where all positions are sound: a row that is left out for
-# its leader leaves a gap.
+# Leaders are checked last, because this check needs sound positions; the gap check is repeated, because a row that is
+# dropped for its leader leaves a gap.
 _RANGE_CHECKS = (
     typed_table.wrong_time,
     typed_table.out_of_range,
@@ -124,10 +124,10 @@ def validate(
             "no-rows", "the recording has no rows", "remove the file or complete it", info.file or info.id
         )
 
-    def checked(table: pd.DataFrame, questions: tuple[Callable, ...]) -> pd.DataFrame:
-        for question in questions:
-            # Checked again after every removal, because the rows left may have the same problem in another column.
-            while (finding := question(table, info, policy)) is not None:
+    def checked(table: pd.DataFrame, checks: tuple[Callable, ...]) -> pd.DataFrame:
+        for check in checks:
+            # Repeated after every removal, because the remaining rows may have the same problem in another column.
+            while (finding := check(table, info, policy)) is not None:
                 table = reject(table, finding, info, policy, losses)
         return table
 
@@ -137,7 +137,8 @@ def validate(
     impossible = placeholders.impossible_rows(table)
     _require_sound_columns(table.iloc[np.flatnonzero(~impossible)] if impossible.any() else table, info)
     n_found = -1
-    # The rest of a track may fail where the whole did not; a result must pass when it is read again.
+    # Repeated until no row is removed, because a piece of a track may fail a check that the whole track has passed, and
+    # the result must pass all checks when it is read again.
     while n_found != losses.counts.total():
         n_found = losses.counts.total()
         table = checked(table, _RANGE_CHECKS)
@@ -178,12 +179,12 @@ def _number(values: pd.Series, column: Column, info: RecordingInfo) -> pd.Series
         _stop_at(np.asarray(numbers.isna() & values.notna()), values, "a number", info)
         values = numbers
     if not column.nullable and values.isna().any():
-        # NumPy's NaN for the unknown of every library, so that one check finds it.
+        # NaN for the missing values of every library, so that one check finds them.
         values = values.astype(np.float64)
     if column.dtype.lower().startswith("int"):
         array = values.to_numpy(dtype=np.float64, na_value=np.nan)
         unfit = (array != np.rint(array)) | (np.abs(array) > _MAX_EXACT_INTEGER)
-        if column.nullable:  # what NumPy makes of NaN is a fault of its row
+        if column.nullable:  # -2^63, to which NumPy converts NaN, is reported later as a fault of its row
             unfit &= array != -(2.0**63)
         _stop_at(np.isfinite(array) & unfit, values, "a whole number below 2^53", info)
     return values

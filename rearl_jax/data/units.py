@@ -1,4 +1,4 @@
-"""Units and their conversion to SI, the only place of the package where a unit is converted."""
+"""Units and their conversion to SI; no other module of the package converts units."""
 
 import re
 
@@ -38,7 +38,7 @@ def to_si(values: np.ndarray, unit: str) -> np.ndarray:
 
 
 def unit_named(text: str, kind: str) -> str | None:
-    """The unit of a kind that a text names, whatever its case where that leaves no doubt; None if it names none.
+    """The unit of a kind that a text names, in any case of letters; None if it names no such unit.
 
     Args:
         text: Such as km/h or kmh.
@@ -52,9 +52,9 @@ def unit_named(text: str, kind: str) -> str | None:
 
 
 def factor_of(text: str, kind: str) -> float | None:
-    """Factor to SI of a unit, which may be a multiple or reversed: `ft`, `0.1 s`, `-m`; None if it is none of the kind.
+    """Factor to SI of a unit, which may be a multiple or reversed: `ft`, `0.1 s`, `-m`; None if it is not of the kind.
 
-    Counts of time may be given by their rate: `25/s` are 0.04 s each.
+    A unit of time may be given by its rate: `25/s` is 0.04 s.
 
     Args:
         text: The unit.

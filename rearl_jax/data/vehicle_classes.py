@@ -1,4 +1,4 @@
-"""Words for classes of vehicles, as sources write them."""
+"""Vehicle classes, and the words that sources use for them."""
 
 import pandas as pd
 
@@ -30,15 +30,15 @@ SYNONYMS = {
     "bike": "motorcycle",
     "motorbike": "motorcycle",
 }
-"""Other words for them, in lower case with blanks between words: those of inD, exiD, SUMO, NGSIM and
-German tables among them.
+"""Other words for these classes, in lower case with blanks between words, among them those of inD, exiD, SUMO, NGSIM
+and German tables.
 
-A bus is a long and slow vehicle, as a truck is; highD counts vans among cars.
+A bus counts as a truck, because it is long and slow too; a van counts as a car, as in highD.
 """
 
 
 def class_of(word: object) -> object:
-    """The class that a word names, whatever its case, blanks and hyphens; the word itself if it is none."""
+    """The class that a word names, whatever its case, blanks and hyphens; the word itself if it is unknown."""
     if not isinstance(word, str):
         return word
     plain = " ".join(word.casefold().replace("_", " ").replace("-", " ").split())
@@ -50,7 +50,7 @@ NO_CLASS = "nan"
 
 
 def code_of(word: object) -> str:
-    """A code or word for a class as text; 1.0 and "1.0" are the code 1, and what is missing is NO_CLASS."""
+    """A code or word for a class as text; 1.0 and "1.0" become the code 1, and a missing value NO_CLASS."""
     return NO_CLASS if word is None or word is pd.NA or word != word else str(word).strip().removesuffix(".0")
 
 

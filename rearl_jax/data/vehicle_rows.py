@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 
 ABSENT = -1
-"""Instead of a row, where the vehicle has none at that frame."""
+"""Row number of a vehicle that has no row at a frame."""
 
 
 class VehicleRows:
@@ -12,7 +12,7 @@ class VehicleRows:
 
     def __init__(self, table: pd.DataFrame) -> None:
         frame = table["frame"].to_numpy(np.int64)
-        # Ranks instead of ids, whose products with the number of frames might overflow.
+        # Ranks instead of ids, because products of ids with the number of frames might overflow.
         self._tracks, rank = np.unique(table["track_id"].to_numpy(np.int64), return_inverse=True)
         self._first = int(frame.min(initial=0))
         self._span = int(frame.max(initial=0)) - self._first + 1

@@ -68,15 +68,19 @@ class BestSearch:
 def best_search(
     config: DiscoverTask, study: Study | None, priors: Sequence[Prior], parts: Parts, bar: Progress, label: str
 ) -> BestSearch:
-    """Search with the car-following model that fits best, and a test of the effects found in other models. Clock
-    offsets and effects that do not explain the drivers are kept only if they predict the check drivers better.
+    """Search with the car-following model that fits best, and a test of the effects found in other models.
+
+    If the effects found do not explain the drivers (see `is_explained`), clock offsets and effects are kept only if the
+    check drivers are predicted significantly better with them.
     """
     best = _with_best_model(config, study, priors, parts, bar, label)
     if is_explained(best.outcome, best.adequacy):
         return best
     solver, options, outcome = best.solver, config.discover, best.outcome
     if not clocks_predict_better(solver, outcome, parts.checked, options.seed):
-        log.info("other drivers are not surely predicted better with corrected clocks: the search is repeated without")
+        log.info(
+            "corrected clocks do not predict other drivers significantly better: the search is repeated without them"
+        )
         outcome = _search(config, None, solver, parts, bar, label, excluded=frozenset({CLOCK_OFFSET}))
         best = _tested(best, outcome, parts, options.seed)
         if is_explained(outcome, best.adequacy):
@@ -86,7 +90,7 @@ def best_search(
     if outcome is best.outcome:
         return best
     left_out = ", ".join(sorted(map(str, outcome.unpredictive)))
-    log.info("left out, because other drivers are not surely predicted better: %s", left_out or "nothing")
+    log.info("left out, because they do not predict other drivers significantly better: %s", left_out or "nothing")
     return _tested(best, without_bounds(solver, outcome, parts.fitted), parts, options.seed)
 
 
@@ -102,9 +106,9 @@ def _with_best_model(
 ) -> BestSearch:
     """Search with the car-following model that fits best, and a test of the effects found in other models.
 
-    The search is repeated with another model in two cases: that model fits significantly better with the effects found
-    and simulations do not speak against it, or it surely predicts better and explains by named effects what this one
-    leaves to a free curve or a doubtful name.
+    The search is repeated with another model in two cases: with the effects found, the other model fits significantly
+    better, and simulations do not contradict it; or the first model needs a free curve or an effect with a doubtful
+    name, while the other one needs named effects only and predicts significantly better.
     """
     seed = config.discover.seed
     if len(priors) == 1:
@@ -120,7 +124,8 @@ def _with_best_model(
     if better is not None and not comparison.denies(better):
         log.info("with the effects found, %s fits significantly better: the search is repeated with it", better.name)
         comparison, solver = comparison.going_on_with(better), solver_of(parts.fitted, better)
-        outcome = _search(config, None, solver, parts, bar, label)  # stored nulls are of the first model
+        # Not stored, because the stored null distribution is that of the first model.
+        outcome = _search(config, None, solver, parts, bar, label)
         model_tests = effects_in_other_models(solver, outcome, comparison.others, parts.fitted)
     first = BestSearch(solver, outcome, adequacy(solver, outcome, seed), comparison, model_tests)
     if is_explained(outcome, first.adequacy):
@@ -151,10 +156,11 @@ def _first_round(
 ) -> Search:
     """The first round of a search with another car-following model, for named effects only.
 
-    It takes a small part of the time of a whole search, because no nulls are simulated and no curves are fitted.
+    It takes a small part of the time of a whole search: it reuses the null distribution of `outcome`, and fits no
+    curves.
     """
-    kinds, known = other.layout.candidates, outcome.null.mean
-    excluded = {term for term in kinds if term not in known or kinds[term].kind not in NAMED_KINDS}
+    candidates, in_null = other.layout.candidates, outcome.null.mean
+    excluded = {term for term in candidates if term not in in_null or candidates[term].kind not in NAMED_KINDS}
     return search(
         other,
         parts.fitted,
@@ -185,8 +191,9 @@ def _search(
     excluded: frozenset[Term] = frozenset(),
     names_only: bool = False,
 ) -> Search:
-    """Search for effects of car following with one car-following model; None for `calibrated` calibrates it, and the
-    other arguments are those of `search`. The lines of the bar begin with `label`.
+    """Search for effects of car following with one car-following model, without additions that simulations contradict.
+
+    Lines of the bar begin with `label`; other arguments are those of `search`.
     """
     options = config.discover
     report = _reported(bar, label)
@@ -206,14 +213,14 @@ def _search(
 
 
 def _null_for(config: DiscoverTask, study: Study | None, solver: Solver, bar: Progress, label: str) -> NullFor:
-    """Null distributions by simulated drives; the one without added effects is stored in the study."""
+    """Function that simulates null distributions; the one without added effects is stored in the study."""
     options = config.discover
 
     def null_for(base: Fit, n_added: int) -> Null:
         store = study if not n_added else None
         if store is not None and store.owns(NULL_TABLE):  # stored by an interrupted run
             return tables.read_null(store.path / f"{NULL_TABLE}.parquet")
-        replicates = shown(bar, f"{label}simulated nulls")
+        replicates = shown(bar, f"{label}simulating null distributions")
         n = min(options.replicates, LATER_REPLICATES) if n_added else options.replicates
         null = null_of(solver, base.state, base.noise, n, options.seed, replicates)
         if store is not None:

@@ -49,5 +49,10 @@ class Claim:
 
 
 def share_of(total: float, rivals: Sequence[float]) -> float:
-    """Posterior probability of an explanation against its rivals and no effect, from log-likelihoods [nats]."""
+    """Posterior probability of an explanation [-] if it, its rivals and "no effect" are equally probable before.
+
+    Args:
+        total: Its gain of log-likelihood over no effect [nats].
+        rivals: Gains of the rivals [nats].
+    """
     return 1.0 / (1.0 + float(np.exp(np.clip(np.array([0.0, *rivals]) - total, -50, 50)).sum()))

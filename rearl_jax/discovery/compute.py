@@ -51,14 +51,14 @@ class Drivers:
     data: Measured
 
     def parts(self, data: Measured, seed: int) -> Parts:
-        """Fitted, checked and reported drivers among the given ones."""
+        """Fitted, checked and report drivers among the given ones."""
         fitted, checked, reported = split_drivers(data, seed=seed)
         notes = _each_once([note for recording in self.recordings for note in recording.info.notes])
         if data.jumps:
             notes += (f"positions jump {data.jumps} times; samples around the jumps are excluded",)
         if shared := n_shared(fitted, reported):
             text = "too few persons or cars to separate them: runs are divided, and"
-            notes += (f"{text} {shared} of them are among both fitted and reported drivers",)
+            notes += (f"{text} {shared} of them are among both fitted and report drivers",)
         infos = tuple(recording.info for recording in self.recordings)
         return Parts(self.id, self.generated, infos, self.findings, fitted, checked, reported, notes)
 
@@ -194,11 +194,11 @@ def _finished(config: DiscoverTask, identity: str, study: Study) -> Discovery | 
 
 def _each_once(notes: Sequence[str]) -> tuple[str, ...]:
     """Notes without repetition; of notes that differ only in numbers, the first is kept."""
-    alike: dict[str, list[str]] = {}
+    by_form: dict[str, list[str]] = {}
     for note in notes:
-        alike.setdefault(re.sub(r"\d+", "#", note), []).append(note)
-    said = []
-    for same in alike.values():
+        by_form.setdefault(re.sub(r"\d+", "#", note), []).append(note)
+    kept = []
+    for same in by_form.values():
         others = len(set(same)) - 1
-        said.append(f"{same[0]} (and {others} alike with other numbers)" if others else same[0])
-    return tuple(said)
+        kept.append(f"{same[0]} (and {others} alike with other numbers)" if others else same[0])
+    return tuple(kept)

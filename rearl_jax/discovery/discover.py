@@ -68,7 +68,7 @@ class PageData:
         solver: Solver of the car-following model.
         search: Result of the search.
         parts: The drivers as measured.
-        reported: The reported drivers, with corrected clocks if those of the fitted drivers were corrected.
+        reported: The report drivers, with corrected clocks if those of the fitted drivers were corrected.
         errors: Errors of the models without (`before`) and with (`after`) the effects found, and of IDM (`idm`).
     """
 
@@ -86,7 +86,7 @@ class Discovery:
     Attributes:
         config: The task.
         data_id: Identity of the data.
-        verdict: Content of verdict.json, see `discovery.verdict`.
+        verdict: Content of verdict.json, see `report.verdict`.
         tables: Parquet tables by name; empty if `discover.oracle` is set.
         model: The repaired model; None if `discover.oracle` is set, and for groups whose results were written.
         page_data: Data of the figures and the page; None where `model` is None.
@@ -150,15 +150,17 @@ def _discovery(config: DiscoverTask, parts: Parts, found: BestSearch, lanes: Lan
     resampling = Resampling(options.confidence, options.draws, options.seed)
     deviations = standard_deviations(solver, outcome.last.state).theta
     effects = _effects(deviations, outcome, adequacy, parts.findings, options.confidence)
-    without = {
+    not_found_with = {
         (term.effect, outcome.layout.candidates[term].variables): names
         for term, names in dependent_effects(outcome, found.model_tests).items()
     }
-    effects = [replace(claim, depends_on_base=without.get((claim.name, claim.variables), ())) for claim in effects]
+    effects = [
+        replace(claim, depends_on_base=not_found_with.get((claim.name, claim.variables), ())) for claim in effects
+    ]
     error = error_block(errors, options.confidence, options.draws, options.seed)
     change = error["change"]
     time_gaps = equilibrium_time_gaps(solver, outcome.first.state, options)
-    following = {
+    of_car_following = {
         "verdict": verdict_of(outcome, effects, adequacy, is_lower=change is not None and change["high"] < 0),
         "effects": [effect.plain() for effect in effects],
         "candidates": candidate_rows(outcome),
@@ -184,7 +186,7 @@ def _discovery(config: DiscoverTask, parts: Parts, found: BestSearch, lanes: Lan
         "data": _described(parts, solver, (*parts.notes, *_doubts(outcome, adequacy))),
         "thresholds": THRESHOLDS.plain(),
     }
-    verdict = with_lane_choice(following, lanes)
+    verdict = with_lane_choice(of_car_following, lanes)
     verdict["lane_choice"]["prediction"] = prediction_block(lanes.prediction, resampling)
     model = repaired_model(
         calibrated=outcome.first,
@@ -212,8 +214,8 @@ def _discovery(config: DiscoverTask, parts: Parts, found: BestSearch, lanes: Lan
 
 
 def _errors_of_idm(config: DiscoverTask, found: BestSearch, parts: Parts, before: ModelErrors) -> ModelErrors:
-    """Errors of IDM alone, calibrated to the same drivers: the usual model that others are compared with. They are the
-    errors `before` if IDM is the chosen model and the calibrated model contains no effects of lane changes.
+    """Errors of IDM without any effect, calibrated to the same drivers, as a reference. If this is the calibrated model
+    itself (IDM was chosen, and there are no effects of lane changes), its errors `before` are returned.
     """
     if found.solver.layout.prior.name == IDM_PRIOR.name and not found.outcome.before.state.active:
         return before
@@ -231,8 +233,14 @@ def _doubts(outcome: Search, adequacy: Adequacy) -> list[str]:
 def _effects(
     deviations: np.ndarray, outcome: Search, adequacy: Adequacy, findings: Sequence[Finding], confidence: float
 ) -> list[Claim]:
-    """Claims: artefacts that the data check found, then clock offsets and added effects with their parameters in the
-    final model and the standard deviations of these.
+    """Claims: artefacts that the data check found, then clock offsets, then the added effects.
+
+    Args:
+        deviations: Standard deviations of the effects' parameters in the final model, concatenated.
+        outcome: Result of the search.
+        adequacy: Adequacy of the final model.
+        findings: Findings of the data check.
+        confidence: Confidence of the intervals of parameters [-].
     """
     effects = [found_in_columns(finding, confidence) for finding in findings if finding.is_artefact]
     most, doubtful = THRESHOLDS.most_confidence, THRESHOLDS.doubtful_confidence
@@ -251,7 +259,9 @@ def _effects(
 
 
 def _oracle(config: DiscoverTask, solver: Solver, parts: Parts) -> dict[str, Any]:
-    """Verdict with the error of the model with the effect that `discover.oracle` names; no other effect is searched."""
+    """Verdict with the oracle's error, that of the model with the effect that `discover.oracle` names: in generated
+    data, the hidden one. No other effect is searched for.
+    """
     assert config.discover.oracle is not None
     term, candidates = Term.read(config.discover.oracle), solver.layout.candidates
     if term not in candidates:
@@ -277,6 +287,7 @@ def _oracle(config: DiscoverTask, solver: Solver, parts: Parts) -> dict[str, Any
 
 
 def _described(parts: Parts, solver: Solver, notes: Sequence[str]) -> dict[str, Any]:
+    """Entry `data` of the verdict."""
     return {
         "id": parts.id,
         "car_following": solver.layout.prior.name,

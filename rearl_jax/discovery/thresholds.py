@@ -23,7 +23,7 @@ class Thresholds:
     """Smallest usable time behind a leader in a piece [s]."""
 
     least_drivers: int = 9
-    """Smallest number of drivers to fit, check and report on different ones."""
+    """Smallest number of drivers, because models are fitted, checked and reported on different ones."""
 
     least_part_filled: float = 0.7
     """Smallest size of a part, as a share of its target, for a split by whole recordings [-]."""
@@ -85,7 +85,7 @@ class Thresholds:
     """
 
     least_base_gain: float = 16.0
-    """Gain of the checked drivers [nats] that such a model must exceed, because few drivers may agree by chance."""
+    """Gain of the check drivers [nats] that such a model must exceed, because few drivers may agree by chance."""
 
     base_error_share: float = 0.05
     """Relative amount by which the mean gap error of such a model, with parameters of the population or of the first
@@ -118,7 +118,7 @@ class Thresholds:
     """Gain and check, less the null mean, that a candidate must exceed [nats]."""
 
     worst_check: float = -3.0
-    """Gain of the checked drivers that a candidate must exceed [nats]; at lower values they contradict it."""
+    """Gain of the check drivers that a candidate must exceed [nats]; at lower values they contradict it."""
 
     total_below_z_score: float = 25.0
     """Total [nats] above which a candidate is accepted although its evidence is below `candidate_z_score`."""
@@ -155,8 +155,8 @@ class Thresholds:
     """
 
     prediction_share: float = 0.95
-    """Share of resamples of check drivers whose mean gap error must become smaller under one predicting protocol for
-    effects to stay that do not explain the drivers [-].
+    """Share of resamples of check drivers [-] in which the mean gap error must become smaller under a protocol that
+    predicts. It is required of added effects if they do not explain the drivers.
     """
 
     simulated_memory: float = 15.0
@@ -202,8 +202,8 @@ class Thresholds:
     """
 
     whole_acceleration: float = 1.0
-    """Share of the leader's acceleration that drivers add to their own at once [-], from which it is taken for an error
-    that the positions of both share.
+    """Share of the leader's acceleration [-]: if drivers seem to add this share or more to their own acceleration at
+    once, the cause is taken to be an error that the positions of both vehicles share.
     """
 
     unexplained_z_score: float = 8.0
@@ -253,7 +253,7 @@ class Thresholds:
     """Probability of belonging to a kind above which a driver is assigned to it [-]."""
 
     least_truck_share: float = 0.02
-    """Share of trucks above which they form a separate class in the repaired model [-]."""
+    """Smallest share of trucks that form a separate class in the repaired model [-]."""
 
     least_told: float = 0.2
     """Share of the variance between drivers that one driver's data must remove for a parameter to count as identified
@@ -277,7 +277,7 @@ class Thresholds:
     """
 
     lane_false_rate: float = 0.01
-    """Probability that any column without influence passes the score test, over all columns together [-] (Bonferroni).
+    """Probability that at least one of all columns passes the score test if none has an influence [-] (Bonferroni).
     """
 
     lane_check_quantile: float = 0.05

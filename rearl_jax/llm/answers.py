@@ -22,8 +22,8 @@ _FORMAT = 1
 _APPLICATION = 0x5245414C
 """Application id of a file of answers: the letters REAL in ASCII."""
 
-_PATIENCE = 60.0
-"""Longest wait for another process that is writing [s]."""
+_LOCK_TIMEOUT = 60.0
+"""Longest wait for another process that is writing to the file [s]."""
 
 _BATCH_SIZE = 500
 """Requests looked up in one statement."""
@@ -44,14 +44,14 @@ def answers_path(config: LlmConfig) -> Path:
 
 
 class Answers:
-    """The open file; used by one thread at a time."""
+    """Open file of answers; used by one thread at a time."""
 
     def __init__(self, path: Path, *, read_only: bool = False) -> None:
         """Opens the SQLite file, or creates it; with `read_only` it must exist.
 
         Raises:
             MissingInputError: There is no file to read.
-            InvalidInputError: The file is damaged, or no file of answers, or cannot be written.
+            InvalidInputError: The file is damaged, is not a file of answers, or cannot be written.
         """
         self._path = path
         if read_only and not path.is_file():
@@ -63,7 +63,7 @@ class Answers:
             if not read_only:
                 path.parent.mkdir(parents=True, exist_ok=True)
             self._database = sqlite3.connect(
-                _uri(path, read_only), uri=True, timeout=_PATIENCE, isolation_level=None, check_same_thread=False
+                _uri(path, read_only), uri=True, timeout=_LOCK_TIMEOUT, isolation_level=None, check_same_thread=False
             )
         except (OSError, sqlite3.Error) as error:
             message = f"answers cannot be stored there ({error})"
@@ -76,7 +76,7 @@ class Answers:
             raise self._unreadable(error) from None
 
     def find(self, digests: Iterable[str]) -> dict[str, Reply]:
-        """The kept answers among those of some requests.
+        """Stored answers to the given requests, by digest; a request without a stored answer is left out.
 
         Raises:
             InvalidInputError: The file is damaged.
@@ -131,7 +131,7 @@ class Answers:
         }
 
     def sources(self) -> list[tuple[str, Profile]]:
-        """Models with stored answers, each with the dialect of its requests.
+        """Models with stored answers, each with the server profile that its requests were written for.
 
         Raises:
             InvalidInputError: The file is damaged.
@@ -153,16 +153,16 @@ class Answers:
         database = self._database
         database.execute("BEGIN")  # one snapshot of the file, which another process may be creating
         (application,) = database.execute("PRAGMA application_id").fetchone()
-        (form,) = database.execute("PRAGMA user_version").fetchone()
+        (version,) = database.execute("PRAGMA user_version").fetchone()
         (tables,) = database.execute("SELECT count(*) FROM sqlite_schema").fetchone()
         database.execute("COMMIT")
-        if tables and (application, form) != (_APPLICATION, _FORMAT):
+        if tables and (application, version) != (_APPLICATION, _FORMAT):
             raise ValueError("another program's, or another version's")
         if read_only:
             if not tables:
                 raise ValueError("empty")
             return
-        _patiently(database, "PRAGMA journal_mode = WAL")
+        _execute_unlocked(database, "PRAGMA journal_mode = WAL")
         # Answers survive a crash of the process; the last ones may be lost in a crash of the machine.
         database.execute("PRAGMA synchronous = NORMAL")
         database.execute("BEGIN IMMEDIATE")
@@ -191,14 +191,14 @@ def _check(values: Iterable[object]) -> None:
 
 
 def _uri(path: Path, read_only: bool) -> str:
-    # In a read-only folder SQLite cannot create the files that readers share with writers.
+    # In a read-only folder SQLite cannot create its lock files, so the file is declared unchanging.
     mode = "?mode=ro" + ("" if os.access(path.parent, os.W_OK) else "&immutable=1") if read_only else ""
     return path.resolve().as_uri() + mode
 
 
-def _patiently(database: sqlite3.Connection, statement: str) -> None:
-    """Executes a statement, with waiting while another process locks the file (SQLite does not wait here by itself)."""
-    end = time.monotonic() + _PATIENCE
+def _execute_unlocked(database: sqlite3.Connection, statement: str) -> None:
+    """Executes a statement, waiting while another process locks the file (SQLite does not wait here by itself)."""
+    end = time.monotonic() + _LOCK_TIMEOUT
     while True:
         try:
             database.execute(statement)

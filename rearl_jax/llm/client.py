@@ -24,7 +24,7 @@ from rearl_jax.llm.prompt_length import PromptLengths
 from rearl_jax.llm.records import NO_DECISION, Answer, Cause, Question, Reply
 from rearl_jax.llm.requests_table import Counts, request_row, requests_frame
 from rearl_jax.llm.sending import Job, Sender
-from rearl_jax.llm.startup import Server, meet, replayed
+from rearl_jax.llm.startup import Server, examine_server, replayed
 from rearl_jax.llm.usability import check_usable
 
 if TYPE_CHECKING:
@@ -35,7 +35,7 @@ log = logging.getLogger(__name__)
 _Result = TypeVar("_Result")
 
 Read: TypeAlias = Callable[[str, tuple[int, ...], str], tuple[int, Cause]]
-"""Function from an answer's text, the admissible choices and the server's finish reason to an action and a cause."""
+"""Function that parses an answer: its text, the admissible choices and the finish reason give an action and a cause."""
 
 
 _Asked: TypeAlias = tuple[Question, tuple[str, ...]]
@@ -55,7 +55,7 @@ class Client:
             config: Model, sampling, time-outs, and file of the answers.
             base_url: Address of the server, with or without `/v1` at its end; not used for a replay.
             replay: Whether only stored answers are given, without a server.
-            read: Function that parses an answer; NO_DECISION for an answer without an action.
+            read: Function that parses an answer; its action is NO_DECISION if the answer contains none.
 
         Raises:
             InvalidInputError: The address is invalid, or a key of the configuration is out of range.
@@ -163,8 +163,7 @@ class Client:
                     seed=config.seed + vote,
                 )
                 digest = request_digest(body, server.dialect)
-                # The digest is that of the original request, so that a replay finds the answer whichever parameters
-                # were refused.
+                # The digest includes refused parameters, so that a replay finds the answer whichever were refused.
                 bodies.setdefault(digest, without(body, server.refused))
                 digests.append(digest)
             asked.append((question, tuple(digests)))
@@ -178,7 +177,7 @@ class Client:
         return Counts(self._questions, sum(causes.values()), causes, self._kept, **of_sender)
 
     def check_usable(self, *, is_finished: bool, any_text: bool = False) -> None:
-        """Raise InvalidInputError if too few questions have an answer, or none a usable one.
+        """Raise InvalidInputError if too few questions have an answer, or no answer is usable.
 
         Args:
             is_finished: Whether there are no further questions; before the end, a few questions may lack an answer.
@@ -211,7 +210,7 @@ class Client:
             server = replayed(self._answers, config)
         else:
             self._connection = Connection(self._address, config, read_key(config.api_key_env))
-            server = await meet(self._connection, config)
+            server = await examine_server(self._connection, config)
             self._sender = Sender(self._connection, config, self._finish)
         self._keeper = Keeper(self._answers, server.model, server.dialect.profile)
         self._server = server
@@ -232,13 +231,13 @@ class Client:
         await asyncio.get_running_loop().shutdown_asyncgens()
 
     async def _answer(self, asked: list[_Asked], bodies: Mapping[str, str], second: int | None) -> list[Answer]:
-        """The answers of one burst of questions; an answer that has not arrived by the deadline is late."""
+        """Answers to one burst, the questions of one call of `submit`; `late` for those after the deadline."""
         self._enter()
         self._questions += len(asked)
         loop = asyncio.get_running_loop()
         deadline = loop.time() + self._config.deadline
         new = [Job(digest, body) for digest, body in bodies.items() if digest not in self._jobs]
-        # From here on other bursts with the same chat wait for this job, even before it is looked up.
+        # From here on later bursts with the same request wait for this job, even before it is looked up.
         self._jobs |= {job.digest: job for job in new}
         jobs = {digest: self._jobs[digest] for digest in bodies}
         for job in jobs.values():
@@ -246,7 +245,7 @@ class Client:
             job.deadline = deadline  # bursts come in the order of time, so the last deadline is the latest
         try:
             if new:
-                # Not stopped with this burst, because others may already wait for the same chats.
+                # Not stopped with this burst, because others may already wait for the same requests.
                 await asyncio.shield(asyncio.ensure_future(self._look_up(new)))
             waiting = [job.done for job in jobs.values() if not job.done.done()]
             if waiting:
@@ -260,7 +259,7 @@ class Client:
         return self._conclude(asked, replies, {job.digest for job in new if job.tries}, second)
 
     def _enter(self) -> None:
-        """Marks the running task as one that has to end before the client closes."""
+        """Registers the running task, which has to end before the client closes."""
         task = asyncio.current_task()
         assert task is not None
         self._work.add(task)

@@ -35,13 +35,13 @@ _EXHAUSTED = (b"insufficient_quota", b"billing_hard_limit")
 _PAGE = re.compile(
     r"(?<=/)(?:(?<=/v\d/)(?:chat|completions|models|responses|embeddings|messages)|api/(?:chat|generate|tags))$"
 )
-"""End of an address copied from a page of the interface, or of Ollama's own one, which is not used."""
+"""End of an address that is a request path of OpenAI's interface, or of Ollama's own interface, which is not used."""
 
 
 def server_address(base_url: str) -> str:
     """Base address of `/models` and `/chat/completions`, with its query if it has one.
 
-    `/chat/completions` at the end is removed, and another page of the interface after its version. `/v1` is appended
+    `/chat/completions` at the end is removed, and so is another request path after the version. `/v1` is appended
     unless the path contains a version such as `v1` or `v1beta`, or the query names a version, as for Azure.
 
     Raises:
@@ -84,12 +84,12 @@ class Response:
     """Response of the server, or the error.
 
     Attributes:
-        status: HTTP status, that of an error within a good response included; None if there was no whole response.
+        status: HTTP status, or that of an error in the body of a response with status 200; None without a response.
         content: Body of the response.
-        error: Description of the failure without a response; else empty.
+        error: Description of the failure if there was no whole response; else empty.
         timed_out: Whether it was a time-out.
         retry_after: Pause that the server requests [s]; None if it does not.
-        patience: Longest pause that a request may be sent again after [s].
+        patience: Longest pause after which a request may be sent again [s].
         server: Name that the server gives itself.
         location: Address that the server redirects to; empty without one.
     """
@@ -105,7 +105,7 @@ class Response:
 
     @property
     def reason(self) -> str:
-        """What the response says if it is no answer, on one line."""
+        """Error message of a response that is not an answer, on one line."""
         if self.status is None:
             return self.error
         is_moved = 300 <= self.status < 400 and self.location
@@ -182,9 +182,9 @@ class Connection:
             async with client.stream(method, url, content=body, timeout=timeout) as response:
                 return await _read(response, self._config.deadline)
         except httpx.TimeoutException as error:
-            return Response(error=_said(error), timed_out=True)
+            return Response(error=_error_text(error), timed_out=True)
         except (httpx.HTTPError, httpx.InvalidURL, UnicodeError) as error:
-            return Response(error=self.without_key(_said(error)))
+            return Response(error=self.without_key(_error_text(error)))
         finally:
             self._free.append(client)
 
@@ -204,7 +204,7 @@ class Connection:
                 headers=headers,
                 limits=httpx.Limits(max_connections=1, keepalive_expiry=_IDLE),
                 proxy=self._proxy.url if self._proxy else None,
-                trust_env=False,  # not read by httpx, which would also use variables for other addresses
+                trust_env=False,  # `proxy_for` has read the environment; httpx would also use variables of other hosts
                 verify=self._tls,  # shared: reading the certificates takes longer than a request
             )
         except (ImportError, ValueError, httpx.InvalidURL) as error:
@@ -232,7 +232,7 @@ def _no_proxy(proxy: Proxy | None, error: Exception) -> InvalidInputError:
 
 
 async def _read(response: httpx.Response, patience: float) -> Response:
-    """The whole response, as long as it is not too large, to a request that waits for `patience` [s] at most."""
+    """The whole response unless it is too large; `patience` [s] is stored in it."""
     content = bytearray()
     async for part in response.aiter_bytes():
         content += part
@@ -263,5 +263,5 @@ def read_retry_after(value: str | None, now: float) -> float | None:
     return max(seconds, 0.0) if math.isfinite(seconds) else None
 
 
-def _said(error: Exception) -> str:
+def _error_text(error: Exception) -> str:
     return f"{type(error).__name__}: {error}" if str(error) else type(error).__name__

@@ -26,7 +26,7 @@ class Keeper:
         self._is_failing = False
 
     async def find(self, digests: Sequence[str]) -> dict[str, Reply]:
-        """The kept answers among those of some requests.
+        """Stored answers to the given requests, by digest; a request without a stored answer is left out.
 
         Raises:
             InvalidInputError: The file is damaged.
@@ -34,7 +34,7 @@ class Keeper:
         return await asyncio.get_running_loop().run_in_executor(self._thread, self._answers.find, digests)
 
     def keep(self, digest: str, reply: Reply, done: asyncio.Future[Reply]) -> None:
-        """Stores a reply with a text, then returns the stored one: this reply, or an earlier one of another process."""
+        """Stores a reply with a text; `done` gets the stored one, this reply or an earlier one of another process."""
         self._waiting[digest] = reply, done
         if self._writer is None or self._writer.done():
             self._writer = asyncio.create_task(self._write())

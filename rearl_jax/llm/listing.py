@@ -43,9 +43,9 @@ async def find_model(connection: Connection, config: LlmConfig) -> tuple[str, Re
     response = await _models(connection, config)
     if not is_list(response) and response.status in (404, 405) and (other := without_version(connection.address)):
         versioned, connection.address = connection.address, other
-        beside = await _models(connection, config)
-        if is_list(beside):
-            response = beside
+        unversioned = await _models(connection, config)
+        if is_list(unversioned):
+            response = unversioned
         else:
             connection.address = versioned
     if is_list(response):
@@ -74,7 +74,7 @@ def entries(response: Response) -> list[dict[str, Any]]:
     """The models of a list of models; ValueError if it is not such a list."""
     listed = read_json(response.content)
     models = listed.get("data") if isinstance(listed, dict) else listed
-    # Ollama without a model says null.
+    # Ollama sends null if it has no model.
     if models is None and isinstance(listed, dict) and listed.get("object") == "list":
         return []
     if not isinstance(models, list):
@@ -98,7 +98,7 @@ def until_loaded(connection: Connection, config: LlmConfig) -> AsyncRetrying:
         _is_loading,
         wait=wait_fixed(_POLL),
         stop=stop_before_delay(config.startup),
-        before_sleep=lambda state: _say_once(state, connection, config),
+        before_sleep=lambda state: _log_once(state, connection, config),
     )
 
 
@@ -119,7 +119,7 @@ def _is_loading(response: Response) -> bool:
     return response.status in (429, 503) and not response.is_refusal
 
 
-def _say_once(state: RetryCallState, connection: Connection, config: LlmConfig) -> None:
+def _log_once(state: RetryCallState, connection: Connection, config: LlmConfig) -> None:
     if state.attempt_number == 1:
         log.info("the server at %s is loading: waiting up to %g s", connection.place, config.startup)
 
@@ -138,7 +138,7 @@ def _no_server(connection: Connection, config: LlmConfig, response: Response) ->
         return refused_access(connection, config, http)
     if status >= 500:
         return ServerError(Problem("server-fails", f"the server at {place} reports an error ({http})", "restart it"))
-    message = f"what answers at {place} lists no models ({http})"
+    message = f"the server at {place} lists no models ({http})"
     return InvalidInputError(
         Problem("server-unknown", message, "check decision.server, and name the model with llm.model")
     )
@@ -159,14 +159,14 @@ def _is_partial(response: Response) -> bool:
 
 
 def _choose_model(names: list[str], wanted: str) -> str | None:
-    """The server's name for the wanted model, None without it; an empty name selects its only model."""
+    """The server's name for the wanted model; None if the server lacks it. An empty name selects the only model."""
     if not wanted and len(names) == 1:
         return names[0]
     for name in (wanted, f"{wanted}:latest"):  # Ollama's name for a model without a tag
         if name in names:
             return name
-    behind = [name for name in names if wanted and name.endswith(f"/{wanted}")]  # after the name of its maker
-    return behind[0] if len(behind) == 1 else None
+    matching = [name for name in names if wanted and name.endswith(f"/{wanted}")]  # listed as MAKER/MODEL
+    return matching[0] if len(matching) == 1 else None
 
 
 def _no_model(names: list[str], wanted: str, place: str) -> InvalidInputError:

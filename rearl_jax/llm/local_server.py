@@ -1,7 +1,7 @@
 """A small language model on this machine, started and stopped with the study: real HTTP, batching and constraints.
 
-The model has 135 million parameters and does not drive well. It tests the loop with a language model; its decisions say
-nothing about those of larger models.
+The model has 135 million parameters and does not drive well. It serves to test the loop with a language model; nothing
+about larger models follows from its decisions.
 """
 
 import importlib.metadata
@@ -30,7 +30,7 @@ SLOTS = 2
 """Requests served at a time; on a CPU more requests slow each other down, because every slot has its own prefix cache.
 """
 
-_PATIENCE = 180.0
+_LOADING_TIMEOUT = 180.0
 """Longest time for a server to load its model [s]."""
 
 
@@ -67,12 +67,12 @@ def server_at(address: str) -> Iterator[str]:
     model = local_model()
     command = [sys.executable, "-m", "rearl_jax.llm.serve", str(model), str(SLOTS), str(available_cores())]
     # When this process ends for any reason, the pipe to the server's standard input closes and the server exits.
-    pipe, nowhere = subprocess.PIPE, subprocess.DEVNULL
-    with subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=nowhere, text=True) as process:
+    pipe, null = subprocess.PIPE, subprocess.DEVNULL
+    with subprocess.Popen(command, stdin=pipe, stdout=pipe, stderr=null, text=True) as process:
         try:
-            own = _address(process)
-            log.info("language model %s at %s", model.stem, own)
-            yield f"{own}/v1"
+            started = _address(process)
+            log.info("language model %s at %s", model.stem, started)
+            yield f"{started}/v1"
         finally:
             process.kill()
 
@@ -84,9 +84,9 @@ def _address(process: "subprocess.Popen[str]") -> str:
     threading.Thread(target=_read, args=(process.stdout, lines), daemon=True).start()
     while True:
         try:
-            line = lines.get(timeout=_PATIENCE)
+            line = lines.get(timeout=_LOADING_TIMEOUT)
         except queue.Empty:
-            raise TimeoutError(f"the language model's server was not ready within {_PATIENCE:.0f} s") from None
+            raise TimeoutError(f"the language model's server was not ready within {_LOADING_TIMEOUT:.0f} s") from None
         if line.startswith("READY "):
             return line.split()[1]
         if not line:

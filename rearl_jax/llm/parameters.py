@@ -31,7 +31,7 @@ def without(body: str, refused: tuple[str, ...]) -> str:
     changed: dict[str, Any] = json.loads(body)
     for name in refused:
         if name == SYSTEM:
-            changed["messages"] = _in_one(changed["messages"])
+            changed["messages"] = _without_system(changed["messages"])
         elif name in changed:
             value = changed.pop(name)
             if (other := _OTHER_NAMES.get(name)) is not None:
@@ -46,9 +46,9 @@ def refused_parameter(body: str, content: bytes) -> str | None:
         body: The sent body.
         content: Body of the response that refuses it.
     """
-    said = content.decode("utf-8", "replace")
+    text = content.decode("utf-8", "replace")
     optional = [name for name in json.loads(body) if name not in _REQUIRED]
-    named = [(match.start(), name) for name in optional if (match := re.search(rf"(?<!\w){name}(?!\w)", said))]
+    named = [(match.start(), name) for name in optional if (match := re.search(rf"(?<!\w){name}(?!\w)", text))]
     if named:
         return min(named)[1]
     has_system = any(message["role"] == "system" for message in json.loads(body)["messages"])
@@ -62,11 +62,11 @@ def optional_parameters(body: str) -> list[str]:
     return sorted(names, key=lambda name: known[::-1].index(name) if name in known else -1)
 
 
-def _in_one(messages: list[dict[str, str]]) -> list[dict[str, str]]:
+def _without_system(messages: list[dict[str, str]]) -> list[dict[str, str]]:
     """The messages, with system messages put before the text of the first other message."""
-    begin = [message["content"] for message in messages if message["role"] == "system"]
+    instructions = [message["content"] for message in messages if message["role"] == "system"]
     others = [message for message in messages if message["role"] != "system"]
-    if not begin or not others:
+    if not instructions or not others:
         return messages
-    first = others[0] | {"content": "\n\n".join([*begin, others[0]["content"]])}
+    first = others[0] | {"content": "\n\n".join([*instructions, others[0]["content"]])}
     return [first, *others[1:]]

@@ -46,11 +46,11 @@ _KEYS = tuple(map(re.compile, ("action", "answer", r"\Aid(?:entifier)?\Z")))
 _MARKED = re.compile(
     rf"(?:(?:{_MARK}|####(?!#))[^a-z0-9#]{{0,12}}(?P<name>{_NAME}){_WORD_ENDS}"
     rf"|(?:{_MARK}[^0-9]{{0,12}}|####(?!#)[^a-z0-9#]{{0,12}})(?P<number>{_NUMBER}))"
-    # Followed by another one, it is part of a list of actions, not a choice.
+    # An action that is followed by another one is part of a list, not a choice.
     rf"(?![ \t]*+(?:[,/&|-]|or\b|and\b|to\b)?[ \t]*+(?:[0-9]|(?:{_NAME}){_WORD_ENDS}))"
 )
 _ALONE = re.compile(rf"(?P<number>{_NUMBER})")
-# In running text only unambiguous spellings: not "the car ahead is faster".
+# In running text only unambiguous spellings count, because of sentences such as "the car ahead is faster".
 _SPELLED = [spelling for action in MetaAction for spelling in (action.name, action.name.lower())]
 _IDENTIFIER = re.compile(
     rf"(?P<name>{_words([name for name in _SPELLED if name.isupper() or '_' in name])}){_WORD_ENDS}"
@@ -110,10 +110,10 @@ def _value(text: str) -> int | None:
     whole = _WHOLE.fullmatch(answer.lower())
     if whole is not None:
         return _meaning(whole)
-    for look in (_under_keys, _last_marked, _alone):
-        match = look(answer)
-        if match is not None:
-            return match.pop() if len(match) == 1 else None
+    for find in (_under_keys, _last_marked, _alone):
+        identifiers = find(answer)
+        if identifiers is not None:
+            return identifiers.pop() if len(identifiers) == 1 else None
     return None
 
 
@@ -146,8 +146,8 @@ def _under_keys(text: str) -> set[int] | None:
         items = json.loads(text).items()
     except (ValueError, RecursionError):
         return None
-    for meant in _KEYS:
-        values = [value for key, value in items if meant.search(key.lower())]
+    for pattern in _KEYS:
+        values = [value for key, value in items if pattern.search(key.lower())]
         if values:
             wholes = (_WHOLE.fullmatch(str(value).lower()) for value in values if isinstance(value, (str, int)))
             return {_meaning(whole) for whole in wholes if whole is not None}
@@ -161,6 +161,6 @@ def _last_marked(text: str) -> set[int] | None:
 
 
 def _alone(text: str) -> set[int]:
-    """Identifiers of the only whole number and of the only name; empty if there are several of a kind."""
+    """Identifiers of the only whole number and of the only name; empty if there are several numbers or names."""
     numbers, names = ([*islice(pattern.finditer(text), 2)] for pattern in (_ALONE, _IDENTIFIER))
     return set() if max(len(numbers), len(names)) > 1 else {_meaning(match) for match in (*numbers, *names)}

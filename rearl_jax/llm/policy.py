@@ -27,8 +27,8 @@ class LanguageModelPolicy:
     ) -> None:
         """Creates the policy for one half of a batch and one rollout.
 
-        `first` is the number of its first scenario; `watch` is called with the number of every second whose questions
-        have been submitted.
+        `first` is the number of the first scenario of that half; `watch` is called with the number of every simulated
+        second whose questions have been submitted.
         """
         self._client, self._prompter, self._thresholds = client, prompter, thresholds
         self._first, self._watch = first, watch

@@ -17,6 +17,7 @@ _encode = json.JSONEncoder(sort_keys=True, separators=(",", ":"), allow_nan=Fals
 """Canonical JSON: the same object always gives the same text."""
 
 _MAX_TOKENS = 2**31
+"""Token counts from here on are errors of the server."""
 
 
 @dataclass(frozen=True)
@@ -144,8 +145,8 @@ def _content(content: Any) -> tuple[str | None, str]:
         return str(content), ""
     if isinstance(content, list):
         texts, thoughts = zip(*map(_content, content), strict=True) if content else ((), ())
-        said = [text for text in texts if text is not None]
-        return "".join(said) if said else None, "".join(thoughts)
+        known = [text for text in texts if text is not None]
+        return "".join(known) if known else None, "".join(thoughts)
     if not isinstance(content, dict):
         return (_text(content) if isinstance(content, str) else None), ""
     if content.get("type") in ("thinking", "reasoning"):
@@ -167,7 +168,7 @@ def read_error(content: bytes, longest: int = 300) -> str:
 
 
 def stated_status(status: int, content: bytes) -> int:
-    """HTTP status of a response, or the one that its error has, as some servers send errors with status 200."""
+    """HTTP status of a response; for an error in a response with status 200, which some servers send, that error's."""
     if status != 200 or b'"error"' not in content:
         return status
     try:

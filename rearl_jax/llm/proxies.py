@@ -52,12 +52,12 @@ def proxy_for(address: str) -> Proxy | None:
         fault = "holds a user name or password with a character that addresses do not allow there"
         raise unusable(variable or wanted, fault, "write @ as %40, # as %23, / as %2F and ? as %3F")
     try:
-        there = urlsplit(url)
-        place, is_proxy = f"{there.hostname}:{there.port or _port(there.scheme)}", bool(there.hostname)
+        proxy = urlsplit(url)
+        place, is_proxy = f"{proxy.hostname}:{proxy.port or _port(proxy.scheme)}", bool(proxy.hostname)
     except ValueError:
         is_proxy, place = False, ""
-    if not is_proxy or there.scheme.lower() not in SCHEMES:
-        fault = "holds no address of a proxy" if not is_proxy else f"names a {there.scheme} proxy, which is not known"
+    if not is_proxy or proxy.scheme.lower() not in SCHEMES:
+        fault = "holds no address of a proxy" if not is_proxy else f"names a {proxy.scheme} proxy, which is not known"
         raise unusable(variable or wanted, fault, f"write it as {' or '.join(SCHEMES)}://HOST:PORT")
     return Proxy(url, variable, place)
 
@@ -88,12 +88,12 @@ def _is_excepted(host: str) -> bool:
     """True if `no_proxy` contains a network with this address."""
     excepted = os.environ.get(exceptions_variable(), "")
     try:
-        own = ip_address(host)
+        address = ip_address(host)
     except ValueError:
         return False
     for entry in excepted.split(","):
         try:
-            if own in ip_network(entry.strip().strip("[]"), strict=False):
+            if address in ip_network(entry.strip().strip("[]"), strict=False):
                 return True
         except ValueError:
             continue

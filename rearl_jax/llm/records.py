@@ -23,7 +23,7 @@ class Cause(Enum):
     disagreed = "disagreed"
     """No action has the majority of the votes."""
     late = "late"
-    """No answer within the time-outs or the deadline of the burst."""
+    """No answer within the time-outs, or within the deadline of the questions of one second."""
     refused = "refused"
     """The server answered with an error that a retry cannot solve."""
     failed = "failed"
@@ -35,7 +35,7 @@ class Cause(Enum):
 
     @property
     def is_answer(self) -> bool:
-        """True if the model has answered, usably or not."""
+        """True if the model has answered, whether or not the answer is usable."""
         return self not in (Cause.late, Cause.refused, Cause.failed, Cause.broken, Cause.not_kept)
 
 
@@ -55,7 +55,7 @@ class Question:
         scenario: Column of the vehicle's scenario in the batch.
         vehicle: Row of the vehicle.
         messages: The chat, shared text first.
-        choices: Identifiers of the admissible actions, rising.
+        choices: Identifiers of the admissible actions, in ascending order.
     """
 
     scenario: int

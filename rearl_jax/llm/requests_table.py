@@ -48,10 +48,10 @@ The other columns are fields of `Question` and `Reply`.
 
 @dataclass(frozen=True)
 class Counts:
-    """Progress of a client of the language model: totals since its start, except `waiting` and `in_flight`, which are
-    present numbers.
+    """Progress of a client of the language model: totals since its start, except `waiting` and `in_flight`, which
+    count the present requests.
 
-    A request is one vote on a question. Equal requests of the same time count as one.
+    A request is one vote on a question. Equal requests that are pending at the same time count as one.
 
     Attributes:
         questions: Questions submitted.

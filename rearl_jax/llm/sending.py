@@ -22,7 +22,7 @@ from rearl_jax.llm.retries import last_result, retrying
 log = logging.getLogger(__name__)
 
 _OF_CONTENT = (400, 413, 415, 422)
-"""Statuses of refusals that may concern a single request; with other statuses the server refuses all requests."""
+"""HTTP statuses of refusals that may concern a single request; with others the server refuses all requests."""
 
 
 @dataclass(eq=False, slots=True)
@@ -33,8 +33,8 @@ class Job:
         digest: Hash of the request.
         body: Body of the request.
         done: Future of the reply.
-        deadline: Time of the event loop after which no burst waits for the job.
-        waiting: Number of bursts of questions that wait for the job.
+        deadline: Time of the event loop after which no burst waits for the job; a burst is the questions of one second.
+        waiting: Number of bursts that wait for the job.
         started: Time of the first sending; None before.
         tries: Number of times the request was sent.
         status: Last HTTP status.
@@ -131,7 +131,7 @@ class Sender:
         self._finish(job, job.reply(last.cause, last.completion))
 
     async def _send_unless_down(self, job: Job) -> _Try:
-        """Result of a job; if the server counts as down, other jobs wait for the probe."""
+        """Result of a job; while the server counts as down, one job is sent as a probe and the others wait for it."""
         if self._breaker.is_open:
             async with self._probe:
                 if self._breaker.refuses:
@@ -148,7 +148,7 @@ class Sender:
             last = await self._ask(job)
         finally:
             self.in_flight -= 1
-        self._learn(last, is_probe)
+        self._tell_breaker(last, is_probe)
         if last.completion is None:
             self._report(job, last)
         return last
@@ -168,7 +168,7 @@ class Sender:
             self.tries += 1
             response = await self._connection.post("/chat/completions", body)
             job.status = response.status or job.status
-            last = self._judge(response)
+            last = self._result_of(response)
             if last.completion is not None:
                 self.refused_in_a_row = 0
             elif response.is_refusal and response.status not in _OF_CONTENT:
@@ -200,7 +200,7 @@ class Sender:
             return last
         return replace(last, cause=Cause.late, why=f"{last.why}; no time for another try")
 
-    def _judge(self, response: Response) -> _Try:
+    def _result_of(self, response: Response) -> _Try:
         if response.status is None:
             cause = Cause.late if response.timed_out else Cause.failed
             return _Try(cause, is_transient=True, why=response.error)
@@ -222,7 +222,7 @@ class Sender:
         hide = self._connection.without_key
         return replace(completion, **{name: hide(getattr(completion, name)) for name in TEXTS})
 
-    def _learn(self, last: _Try, is_probe: bool) -> None:
+    def _tell_breaker(self, last: _Try, is_probe: bool) -> None:
         """Reports the result of a request to the breaker."""
         if last.is_alive:
             if self._breaker.succeeded():
@@ -247,7 +247,7 @@ class Sender:
     def _report(self, job: Job, result: _Try) -> None:
         """Logs each kind of failure when it occurs for the first time."""
         self.reasons[result.cause] = self._connection.without_key(result.why)
-        if not result.is_alive:  # the reason, too, of the questions that are not sent from now on
+        if not result.is_alive:  # questions that are not sent from now on have the same reason
             self.reasons[Cause.broken] = self.reasons[result.cause]
         if result.cause not in self._reported:
             self._reported.add(result.cause)

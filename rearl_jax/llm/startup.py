@@ -1,4 +1,4 @@
-"""Start of a session with a server: determines model and dialect from the address and the configuration.
+"""First contact with a server: determines model and dialect from the address and the configuration.
 
 Before the first question the server must respond, have loaded the model and list its name, if it lists any. A trial
 request shows whether it answers at all, what it refuses, and whether it restricts answers to the choices.
@@ -18,7 +18,7 @@ from rearl_jax.problems import InvalidInputError, Problem
 log = logging.getLogger(__name__)
 
 _MAKERS = {"vllm": Profile.vllm, "sglang": Profile.sglang, "llamacpp": Profile.llamacpp}
-"""Servers that state themselves as the owner of their models."""
+"""Server software that names itself as the owner of its models."""
 
 
 @dataclass(frozen=True)
@@ -36,8 +36,8 @@ class Server:
     refused: tuple[str, ...] = ()
 
 
-async def meet(connection: Connection, config: LlmConfig) -> Server:
-    """The server's model and dialect, after it responds, has the model, and has answered a trial request.
+async def examine_server(connection: Connection, config: LlmConfig) -> Server:
+    """The server's model and dialect; returned after it has responded, listed the model and answered a trial request.
 
     Raises:
         ServerError: There is no server, or it does not become ready.

@@ -34,9 +34,9 @@ def look_around(
     scenario: Int[np.ndarray, " asked"],
     model: TrafficModel,
 ) -> Surroundings:
-    """The vehicles around some others, as the core sees them (`core.neighbours`).
+    """The nearest vehicles around the given ones, determined as in the traffic model (`core.neighbours`).
 
-    A vehicle between two lanes is on both; the same position counts as ahead; no vehicle is seen beyond the road.
+    A vehicle between two lanes is on both; the same position counts as ahead; vehicles beyond the road are left out.
     Lengths [m] broadcast to `[n_vehicles, n_scenarios]`, `vehicle` and `scenario` are rows and columns.
     """
     length = np.broadcast_to(np.asarray(length, frame.x.dtype), frame.x.shape)

@@ -24,13 +24,13 @@ _CHAT = (
     Message("user", "What is the capital of France? Reply with its name only."),
 )
 _CHOICES = (7, 8)
-"""Choices that no model would answer to the trial question unless it is restricted to them."""
+"""Choices of the trial question; no model would answer with one of them unless it is restricted to them."""
 
 _MAX_NAMED = 8
-"""Refused parameters that are left out one after another."""
+"""Largest number of refused parameters that are left out one after another."""
 
 _OF_CONTENT = (400, 415, 422)
-"""Statuses of a request that is refused for its content."""
+"""HTTP statuses of a request that is refused because of its content."""
 
 
 class RefusedTrialError(InvalidInputError):
@@ -78,7 +78,7 @@ async def try_out(
     if response.is_refusal:
         raise _refusal(connection, config, dialect, first if first.is_refusal else response)
     for name in refused:
-        log.warning("the server at %s refuses %s: requests are sent %s", connection.place, *_said(name))
+        log.warning("the server at %s refuses %s: requests are sent %s", connection.place, *_refusal_words(name))
     _check_answer(connection, config, dialect, response, refused, is_known=is_known)
     return refused
 
@@ -148,15 +148,15 @@ def _refusal(connection: Connection, config: LlmConfig, dialect: Dialect, respon
     return RefusedTrialError(problem, response.status)
 
 
-def _said(name: str) -> tuple[str, str]:
-    """Texts: a refused parameter, and the replacement."""
+def _refusal_words(name: str) -> tuple[str, str]:
+    """Words of a log message: the refused parameter, and what is sent instead."""
     if name == SYSTEM:
         return "a message of the system", "with its text in the message of the user"
     return name, "with max_completion_tokens" if name == "max_tokens" else "without it"
 
 
 def _text_of(response: Response) -> tuple[str | None, str]:
-    """Text of a completion, None without one, and then the problem."""
+    """Text of a completion and an empty string; without a completion None and the problem."""
     if response.status != 200:
         return None, response.reason
     try:

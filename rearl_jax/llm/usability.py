@@ -7,7 +7,9 @@ from rearl_jax.llm.requests_table import Counts
 from rearl_jax.problems import InvalidInputError, Problem
 
 MAX_UNUSABLE = 100
-"""Number of questions without a usable answer after which a run is stopped, or without any answer in a row."""
+"""Number of questions after which a run is stopped: so many without a single usable answer, or so many in a row without
+any answer.
+"""
 
 MAX_UNANSWERED = 0.5
 """Largest share of questions without an answer in a result; with more, it would be that of traffic without corrections.
@@ -66,8 +68,8 @@ def check_usable(
 
 
 def _unusable(code: str, fault: str, causes: Mapping[Cause, int], reasons: Mapping[Cause, str]) -> InvalidInputError:
-    commonest = max(causes, key=causes.__getitem__)
+    most_frequent = max(causes, key=causes.__getitem__)
     counted = ", ".join(f"{cause.name} {n}" for cause, n in causes.items())
-    why = f"; {reasons[commonest]}" if commonest in reasons else ""
-    remedy = _REMEDIES.get(commonest, "correct the cause")
+    why = f"; {reasons[most_frequent]}" if most_frequent in reasons else ""
+    remedy = _REMEDIES.get(most_frequent, "correct the cause")
     return InvalidInputError(Problem(code, f"{fault} ({counted}{why})", f"{remedy}, and {_RESUME}"))

@@ -149,7 +149,7 @@ def scene_of(
 
 
 def cars_of(situation: Situation, asked: Asked, model: TrafficModel) -> Iterator[Car]:
-    """The vehicles that are asked about."""
+    """The vehicles that questions are about."""
     frame, spacing = situation.frame, situation.detection.spacing
 
     def values(values: ArrayLike) -> list:

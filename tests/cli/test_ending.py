@@ -16,7 +16,7 @@ from rich.progress import Progress
 
 from rearl_jax import runtime
 from rearl_jax.cli import main
-from rearl_jax.cli.command_line import _how_to_go_on, _parser, _task
+from rearl_jax.cli.command_line import _continuation, _parser, _task
 from rearl_jax.cli.composition import check_overrides
 from rearl_jax.cli.interruption import Ended, ended_by_signals, exit_code, name_of
 from rearl_jax.cli.running import explained, is_for_user
@@ -104,7 +104,7 @@ def test_a_signal_ends_in_an_orderly_way_and_says_how_to_go_on(tmp_path, number,
     + [("dine", ""), ("", "")],
 )
 def test_what_is_kept_of_a_task_that_was_ended(words, said):
-    sentence = _how_to_go_on(words.split())
+    sentence = _continuation(words.split())
     assert said in sentence
     assert sentence.endswith(f"with: rearl {words}" if said else "")
     assert bool(said) == bool(sentence)

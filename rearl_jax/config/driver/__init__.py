@@ -16,7 +16,7 @@ from rearl_jax.config.driver.declaration import DriverModel, DriverParameter
 from rearl_jax.problems import InvalidInputError, Problem, out_of_range
 
 DEFAULT = "highway_env_idm"
-"""The default model of `driver`: highway-env's, bit for bit."""
+"""The default model of `driver`: highway-env's, with identical results."""
 
 MODELS: dict[str, DriverModel] = {
     model.name: model
@@ -77,8 +77,8 @@ class DriverConfig:
         }
 
     def check_prior(self) -> None:
-        """Raise InvalidInputError if these keys cannot be the prior of a calibration, which estimates differences
-        between drivers.
+        """Raise InvalidInputError if these keys cannot be the prior of a calibration, which itself estimates spreads,
+        sizes and noise.
         """
         if self.model not in CALIBRATED:
             message = f"must be one of {', '.join(CALIBRATED)}, which have usual values to calibrate from"

@@ -16,7 +16,7 @@ class DriverParameter:
         unit: Unit; "-" for none.
         meaning: Meaning in one line.
         usual: Typical value for cars; None if highway-env draws it with the initial state.
-        low, high: Bounds, wide enough for real drivers.
+        low, high: Bounds of the values, wide enough for real drivers.
         source: Source of the typical value.
         spread: Standard deviation of the logarithm between drivers [-], the prior of a calibration. Source of the order
             of magnitude: Kesting & Treiber, Transp. Res. Rec. 2088 (2008) 148.
@@ -45,8 +45,8 @@ class DriverModel:
         name: Name in `driver=NAME`, and of its module in `rearl_jax.core.car_following`.
         title: Title in one line.
         source: Source of its equation.
-        parameters: Parameters in the order of covariances; desired speed, time gap and jam gap, which every model has,
-            come first.
+        parameters: Parameters, in the order of the rows of covariance matrices; desired speed, time gap and jam gap,
+            which every model has, come first.
         calibrated: Whether the model can be calibrated.
     """
 

@@ -1,1 +1,1 @@
-"""Checks of canonical tables: what cannot be true of vehicles on a road, and what becomes of rows that fail."""
+"""Checks of canonical tables: rows that contradict the motion of vehicles on a road, and their removal."""

@@ -1,4 +1,4 @@
-"""The clock of a table: its frame rate from times that may be rounded, and the unit that the times are in."""
+"""Frame rate of a table from times that may be rounded, and the unit of the times."""
 
 from collections.abc import Collection
 
@@ -7,20 +7,20 @@ import numpy as np
 from rearl_jax.data.units import UNITS
 
 STANDARD_RATES = (1.0, 2.0, 5.0, 10.0, 12.5, 15.0, 20.0, 24.0, 25.0, 30.0, 50.0, 60.0, 100.0, 120.0, 200.0)
-"""Frames per second of usual cameras and receivers [1/s]; preferred where rounded times leave a choice."""
+"""Frame rates of usual cameras and receivers [1/s]; preferred where rounded times allow several rates."""
 NTSC_RATES = (24000 / 1001, 30000 / 1001, 60000 / 1001)
-"""Frames per second of NTSC video [1/s]: 23.976, 29.97 and 59.94."""
+"""Frame rates of NTSC video [1/s]: 23.976, 29.97 and 59.94."""
 SECONDS = {unit: factor for unit, factor in UNITS["s"].items() if unit != "s"}
 """Units of time that are not the second [s]."""
 PLAUSIBLE_RATES = (0.5, 300.0)
-"""Frames per second of recordings of traffic [1/s]; beyond them times are in another unit."""
+"""Lowest and highest frame rate of traffic recordings [1/s]; outside of this range the times are in another unit."""
 FRAME_TOLERANCE = 0.3
 """Largest deviation of a time from its frame, as a share of the frame interval [-]."""
 MAX_IRREGULAR_SHARE = 0.05
-"""Largest share of rows with a larger deviation [-]; above it the times are not multiples of one step."""
+"""Share of rows with a larger deviation [-] above which the times are not multiples of one step."""
 _MAX_STEP_EXPONENT = 3  # of resolution: 10^3 s
 _MIN_STEP_EXPONENT = 9  # of resolution: 10^-9 s
-_DECIMALS = 6  # of a frame rate that is none of the usual ones
+_DECIMALS = 6  # of an unusual frame rate
 
 
 def resolution(time: np.ndarray) -> float:
@@ -39,13 +39,13 @@ def resolution(time: np.ndarray) -> float:
 def period_of(track: np.ndarray, frame: np.ndarray, time: np.ndarray) -> tuple[float, float] | None:
     """Time between two frames and its uncertainty, in the unit of the times; None if no track determines it.
 
-    The rounding error of a time is as large for a step as for a whole track, so tracks determine the period better than
-    steps, and the whole recording does so best, if its tracks share a clock.
+    The period follows from the ends of tracks, because rounding errors matter less over a long time. It is refined on
+    the whole recording if all tracks share a clock.
 
     Args:
         track: Vehicle of each row.
         frame: Frame of each row.
-        time: Time of each row; what is not finite does not count.
+        time: Time of each row; rows whose time is not finite are ignored.
     """
     known = np.flatnonzero(np.isfinite(track) & np.isfinite(frame) & np.isfinite(time))
     order = known[np.lexsort((frame[known], track[known]))]
@@ -55,7 +55,7 @@ def period_of(track: np.ndarray, frame: np.ndarray, time: np.ndarray) -> tuple[f
     starts = np.flatnonzero(np.r_[True, track[1:] != track[:-1]])
     spans, periods = [], []
     for start, stop in zip(starts, np.r_[starts[1:], len(track)], strict=True):
-        # Medians of both ends: a single wrong time must not tilt the track.
+        # Medians over the first and the last third, so that a single wrong time does not change the period.
         part = max((stop - start) // 3, 1)
         ends = slice(start, start + part), slice(stop - part, stop)
         span, length = (np.median(values[ends[1]]) - np.median(values[ends[0]]) for values in (frame, time))
@@ -79,11 +79,11 @@ def period_of(track: np.ndarray, frame: np.ndarray, time: np.ndarray) -> tuple[f
 
 
 def rate_of(period: float, uncertainty: float) -> float:
-    """Frames per second: the most usual rate within the uncertainty of the period.
+    """Frame rate [1/s]: the most usual one within the uncertainty of the period.
 
     Args:
         period: Time between two frames [s].
-        uncertainty: By how much it may be off [s].
+        uncertainty: Largest error of the period [s].
     """
     for rates in (STANDARD_RATES, NTSC_RATES):
         rate = min(rates, key=lambda rate: abs(1.0 / rate - period))
@@ -99,13 +99,13 @@ def rate_of(period: float, uncertainty: float) -> float:
 def unit_of(period: float, scale: float | None, ratios: Collection[float] = ()) -> str | None:
     """Unit of the times; None if it cannot be determined.
 
-    The motion of vehicles determines it best, even if position or speed is in another unit. Without motion the step
-    determines it, if only one unit makes it the step of a traffic recording, and if it is not 1 as in frame numbers.
+    The motion of vehicles determines it best, even if position or speed is in another unit. Without motion it follows
+    from the period, if this is plausible for a traffic recording in one unit only, and is not 1 as in frame numbers.
 
     Args:
         period: Time between two frames in that unit.
-        scale: Steps of position over speed x time; None where no vehicle moves.
-        ratios: Values of the scale for usual units of position and speed other than those of SI.
+        scale: Ratio of the steps of position to speed x time; None where no vehicle moves.
+        ratios: Values of this ratio if position or speed is in a usual unit other than that of SI.
     """
     seconds = UNITS["s"]
     units = [unit for unit in seconds if PLAUSIBLE_RATES[0] <= 1.0 / (period * seconds[unit]) <= PLAUSIBLE_RATES[1]]
@@ -126,7 +126,7 @@ def frames_of(track: np.ndarray, time: np.ndarray) -> tuple[np.ndarray, float] |
 
     Args:
         track: Vehicle of each row.
-        time: Time of each row; the frame of what is not finite is NaN.
+        time: Time of each row; where it is not finite the frame is NaN.
     """
     known = np.flatnonzero(np.isfinite(track) & np.isfinite(time))
     order = known[np.lexsort((time[known], track[known]))]
@@ -140,10 +140,10 @@ def frames_of(track: np.ndarray, time: np.ndarray) -> tuple[np.ndarray, float] |
     for _ in range(3):
         rises = np.where(same, np.maximum(np.rint(np.diff(time[order]) / period), 0.0), 0.0)
         number[1:] = np.cumsum(rises)
-        found = period_of(track[order], number, time[order])
-        if found is None:
+        estimate = period_of(track[order], number, time[order])
+        if estimate is None:
             return None
-        period = found[0]
+        period = estimate[0]
     first = float(np.min(time[order]))
     period = _refined(time[order] - first, period)
     frame = np.full(len(time), np.nan)
@@ -155,13 +155,13 @@ def frames_of(track: np.ndarray, time: np.ndarray) -> tuple[np.ndarray, float] |
 
 
 def _refined(time: np.ndarray, period: float) -> float:
-    """The period that fits the whole recording, refined on longer and longer parts of it."""
+    """Period that fits the whole recording, refined by regressions over longer and longer parts of it."""
     low, high = float(np.min(time)), float(np.max(time))
     reach = 50.0 * period
     while reach < 2.0 * (high - low):
-        here = time[time <= low + reach]
-        frame = np.rint(here / period)
+        part = time[time <= low + reach]
+        frame = np.rint(part / period)
         squares = float(np.sum(frame * frame))
-        period = float(np.sum(frame * here)) / squares if squares > 0.0 else period
+        period = float(np.sum(frame * part)) / squares if squares > 0.0 else period
         reach *= 2.0
     return period

@@ -1,6 +1,7 @@
-"""Checks of whole columns: what is wrong for all vehicles, or for all of one carriageway.
+"""Checks of whole columns: faults that concern all vehicles, or all vehicles of one carriageway.
 
-The two carriageways of a recording may come from different cameras, and the median over both hides the smaller one.
+The two carriageways of a recording may come from different cameras. Each is checked by itself, because a median over
+both hides a fault of the one with fewer vehicles.
 """
 
 from collections.abc import Callable, Iterator
@@ -29,23 +30,23 @@ _CHECKS: tuple[Check, ...] = (
     unit_checks.wrong_acceleration,
 )
 ALONE = "only in "
-"""Beginning of what is said of one carriageway where the other is sound."""
-_OF_CARRIAGEWAYS = (lateral_checks.wrong_origin, lateral_checks.wrong_lateral)
+"""Beginning of the message if one carriageway has the fault and the other has not."""
+_PER_CARRIAGEWAY = (lateral_checks.wrong_origin, lateral_checks.wrong_lateral)
 
 
 def wrong_columns(table: pd.DataFrame, info: RecordingInfo) -> Finding | None:
-    """The first sign that a column has another unit, sign or origin than the schema's, for all or on a carriageway."""
+    """First finding of a column with another unit, sign or origin than the schema's, overall or on one carriageway."""
     if table.empty:
         return None
     carriageways = list(_carriageways(table))
     for check in _CHECKS:
-        found = [_of_part(check, table, rows, info) for rows in carriageways]
-        of_some = [finding for finding in found if finding is not None]
-        if of_some and len(of_some) < len(found):
-            return replace(of_some[0], message=f"{ALONE}{of_some[0].message}")
-        # Each carriageway has lanes and a left edge of its own.
-        finding = None if check in _OF_CARRIAGEWAYS and carriageways else check(table, info)
-        finding = finding or (of_some[0] if of_some else None)
+        results = [_of_part(check, table, rows, info) for rows in carriageways]
+        faults = [finding for finding in results if finding is not None]
+        if faults and len(faults) < len(results):
+            return replace(faults[0], message=f"{ALONE}{faults[0].message}")
+        # Lanes and lateral positions count from the left edge of each carriageway, so all rows together mean nothing.
+        finding = None if check in _PER_CARRIAGEWAY and carriageways else check(table, info)
+        finding = finding or (faults[0] if faults else None)
         if finding is not None:
             return finding
     return None
@@ -62,7 +63,7 @@ def _carriageways(table: pd.DataFrame) -> Iterator[np.ndarray]:
 
 
 def _of_part(check: Check, table: pd.DataFrame, rows: np.ndarray, info: RecordingInfo) -> Finding | None:
-    """The finding of a check in some rows, as rows of the whole table."""
+    """Finding of a check that is applied to some rows; it marks rows of the whole table."""
     part = table.iloc[rows]
     finding = check(part, info)
     if finding is None:

@@ -1,4 +1,4 @@
-"""Recordings that are there twice: whole, or the tracks of one among those of another, exactly or changed a little."""
+"""Detection of recordings that are read twice: identical, contained in another one, or slightly changed."""
 
 import hashlib
 from collections import Counter
@@ -14,7 +14,7 @@ from rearl_jax.problems import InvalidInputError, Problem
 
 
 class Copies:
-    """The tracks of the recordings read so far, each as a hash: the same in other formats and under other ids."""
+    """Tracks of the recordings read so far, as hashes that do not depend on the format and the ids."""
 
     def __init__(self) -> None:
         self._infos: list[tuple[RecordingInfo, int]] = []
@@ -23,17 +23,17 @@ class Copies:
         self._profiles = SpeedProfiles()
 
     def checked(self, recording: Recording, file: Path | None) -> Recording:
-        """The recording, which is remembered; with a note if most vehicles drive as those of another one of its file.
+        """The recording, whose tracks are stored; with a note if it is a slightly changed copy of an earlier one.
 
-        The note is for published data: a platoon of OpenACC at ZalaZone (parts 22, 23) is there twice, 21 m apart.
+        The note is for published data: OpenACC contains a platoon at ZalaZone (parts 22, 23) twice, 21 m apart.
 
         Args:
             recording: The recording.
-            file: The file of the user that it is from; None for a part of a published data set.
+            file: File of the user that holds the recording; None for a part of a published data set.
 
         Raises:
-            InvalidInputError: All tracks of it are tracks of one that was read before, or the other way round, or most
-                drive as those of a recording from another file.
+            InvalidInputError: One recording contains all tracks of the other, or most vehicles have the same speeds as
+                those of a recording from another file.
         """
         info, tracks = recording.info, _tracks(recording)
         shared = Counter(self._where[track] for track in tracks if track in self._where)
@@ -49,8 +49,8 @@ class Copies:
         profiles = Profiles(recording.table)
         if (copy := self._profiles.copy_of(profiles)) is not None:
             first, _ = self._infos[copy.recording]
-            message = f"the vehicles of {info.id} drive as those of {first.id} ({first.file or 'the same source'}): "
-            message += f"{copy.share:.0%} of those compared have the same speeds"
+            message = f"{info.id} contains vehicles of {first.id} ({first.file or 'the same source'}): "
+            message += f"{copy.share:.0%} of the compared vehicles have the same speeds"
             message += (
                 f", {abs(copy.offset):.1f} s apart" if abs(copy.offset) > copy.TOLERANCE else " at the same times"
             )
@@ -66,12 +66,12 @@ class Copies:
 
 
 def _tracks(recording: Recording) -> set[bytes]:
-    """A hash of each track: where it is when, and how fast; frames may count from another one."""
+    """Hash of each track, of its times, positions, speeds and frames since its first one."""
     table = recording.table
     starts = np.flatnonzero(~follows_row_before(table["track_id"].to_numpy()))
     frame = table["frame"].to_numpy(np.int64)
     frame = frame - np.repeat(frame[starts], np.diff(np.append(starts, len(frame))))
-    # To 1 ms and 1 mm, more than formats differ by; - 0.0 and 0.0 are the same.
+    # Rounded to 1 ms, 1 mm and 1 mm/s, because formats differ by less; as integers, -0.0 and 0.0 are equal.
     columns = [np.rint(1000.0 * table[name].to_numpy()).astype(np.int64) for name in ("time", "x", "y", "speed")]
     rows = np.stack([frame, *columns], axis=1)
     return {hashlib.sha256(part.tobytes()).digest() for part in np.split(rows, starts[1:])}

@@ -1,4 +1,4 @@
-"""Frames per second of a recording from the steps of its times; times in another unit become errors."""
+"""Frame rate of a recording from the steps of its times; times in another unit are an error."""
 
 from pathlib import Path
 
@@ -8,14 +8,14 @@ from rearl_jax.data.checks import clock
 from rearl_jax.data.problems import bad_recording
 
 _TOLERANCE = 0.02
-"""Share by which the usual step may miss that of a usual frame rate, because times are rounded."""
+"""Largest relative difference between the median step and that of a usual frame rate [-]; times are rounded."""
 
 
 def frame_rate_of(steps: np.ndarray, file: Path | str, column: str) -> float:
     """Frames per second [1/s]: the usual rate nearest to the median step.
 
     Args:
-        steps: Times from one row of a vehicle to the next [s]; what is not positive does not count.
+        steps: Times from one row of a vehicle to the next [s]; steps that are not positive are ignored.
         file: For messages.
         column: Name of the column of times, for messages.
 

@@ -1,7 +1,6 @@
-"""Labels of tracks, in addition to the canonical columns: statements of the source on a vehicle or its driver, one
-value per track.
+"""Labels of tracks: columns in addition to the canonical ones, with one value per track.
 
-A car's model, the setting of its cruise control, the person at the wheel: discovery groups vehicles by them.
+Examples are the car model, the setting of the cruise control and the driver. Discovery groups vehicles by them.
 """
 
 from collections.abc import Sequence
@@ -20,7 +19,7 @@ CANONICAL = ("recording", "vehicle_class", "direction", "lane")
 
 
 def with_labels(info: RecordingInfo, wanted: Sequence[str], columns: Sequence[str]) -> RecordingInfo:
-    """The metadata with those of the wanted labels that are columns of the source and not canonical."""
+    """The metadata, to which wanted labels are added if they are columns of the source and not canonical."""
     known = [name for name in wanted if name in columns and name not in CANONICAL]
     return replace(info, labels=tuple(dict.fromkeys([*info.labels, *known])))
 
@@ -54,7 +53,7 @@ def track_labels(recordings: Sequence[Recording], name: str, key: str) -> list[p
     Args:
         recordings: The recordings.
         name: A label, or one of CANONICAL.
-        key: The key of the configuration that asks for it, for the message.
+        key: Configuration key that names the label, for the message.
 
     Raises:
         InvalidInputError: No recording has the label.
@@ -87,7 +86,7 @@ def _of_canonical(recording: Recording, name: str) -> pd.Series:
 
 
 def _texts(values: np.ndarray | pd.Index) -> list[str]:
-    """Values as texts, 4 and 4.0 alike: a text table does not distinguish them."""
+    """Values as texts, the same for 4 and 4.0, because a text table does not distinguish them."""
     texts = [str(value) for value in values]
     numbers = pd.Series(pd.to_numeric(pd.Series(texts, dtype=object), errors="coerce"), dtype=np.float64)
     if not np.isfinite(numbers).all() or numbers.nunique() < len(texts):

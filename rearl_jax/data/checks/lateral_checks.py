@@ -1,4 +1,4 @@
-"""Checks of lanes and lateral positions: their unit, their direction, where they count from, and the road's axis."""
+"""Checks of lanes and lateral positions: unit, direction, origin, and the direction of the road."""
 
 import numpy as np
 import pandas as pd
@@ -17,26 +17,26 @@ from rearl_jax.data.problems import Finding
 from rearl_jax.data.records import RecordingInfo
 
 EDGE_TOLERANCE = 0.5
-"""Distance [m] left of the left edge above which a centre is a fault: half of the vehicle is off the road."""
+"""Largest distance [m] of a vehicle's centre to the left of the carriageway; beyond, half of the vehicle is off it."""
 
 USUAL_WIDTH = 3.6
 """Width of a lane [m] if a single lane does not show it: 12 ft, and between the 3.5 and 3.75 m of motorways."""
 
 MAX_DRIFT = 0.02
-"""Metres aside per metre along the road [-] above which the road is not along the axis of the positions: 1.1 degrees.
+"""Largest median over vehicles of the lateral drift per distance driven [-]: 0.02 is an angle of 1.1 degrees.
 
-The median over vehicles; one change of lane in 200 m is .018.
+Above it, positions are not measured along the road. One lane change in 200 m gives 0.018.
 """
 
 MIN_DRIFT_VEHICLES = 5
-"""Vehicles that a drift is judged by; the path of a few may be that of their changes of lane."""
+"""Number of vehicles needed to check the drift; the drift of fewer may come from lane changes."""
 
 MIN_DRIFT_DISTANCE = 50.0
-"""Distance [m] that each of them must have moved."""
+"""Distance [m] that each of these vehicles must have driven."""
 
 
 def wrong_lateral(table: pd.DataFrame, info: RecordingInfo) -> Finding | None:
-    """Lateral positions that do not grow by the width of a lane from lane to lane."""
+    """Finding of lateral positions that do not grow by the width of a lane from lane to lane."""
     lateral = table["lateral"].to_numpy()
     lane = table["lane"].to_numpy(dtype=np.float64, na_value=np.nan)
     known = np.isfinite(lateral) & np.isfinite(lane)
@@ -54,10 +54,10 @@ def wrong_lateral(table: pd.DataFrame, info: RecordingInfo) -> Finding | None:
 
 
 def wrong_origin(table: pd.DataFrame, info: RecordingInfo) -> Finding | None:
-    """Lanes that do not count from 0, or lateral positions that do not count from the left edge to the right."""
+    """Finding of lanes that do not count from 0, or lateral positions that do not count from the left edge."""
     lateral = table["lateral"].to_numpy()
     outside = lateral < -EDGE_TOLERANCE
-    # Lanes tell where the left edge is, and that vehicles may be beside them.
+    # More rows may be outside if there are lane numbers, which determine the left edge by themselves.
     allowed = 0.5 if table["lane"].notna().to_numpy().any() else WRONG_SHARE
     if np.isfinite(lateral).sum() >= MIN_STEPS and outside.sum() > allowed * np.isfinite(lateral).sum():
         text = f"lateral is negative in {outside.sum()} rows, left of the carriageway"
@@ -77,7 +77,7 @@ def wrong_origin(table: pd.DataFrame, info: RecordingInfo) -> Finding | None:
 
 
 def lanes_off(table: pd.DataFrame) -> int | None:
-    """By how many lanes most vehicles are further to the right than their lane says; None if that is unknown."""
+    """Number of lanes by which most vehicles are to the right of the lane that their rows state; None if unknown."""
     lateral = table["lateral"].to_numpy()
     lane = table["lane"].to_numpy(dtype=np.float64, na_value=np.nan)
     known = np.isfinite(lateral) & np.isfinite(lane)
@@ -94,7 +94,7 @@ def lanes_off(table: pd.DataFrame) -> int | None:
 
 
 def wrong_axis(table: pd.DataFrame, info: RecordingInfo) -> Finding | None:
-    """Vehicles that all move to the same side while driving: positions are along another axis than the road."""
+    """Finding of a drift of all vehicles to the same side: positions are not measured along the road."""
     starts = np.flatnonzero(~follows_row_before(table["track_id"].to_numpy()))
     ends = np.append(starts[1:], len(table)) - 1
     position, lateral = table["position"].to_numpy(), table["lateral"].to_numpy()
@@ -112,7 +112,7 @@ def wrong_axis(table: pd.DataFrame, info: RecordingInfo) -> Finding | None:
 
 
 def wrong_across(table: pd.DataFrame, info: RecordingInfo) -> Finding | None:
-    """If the ground frame lies along the road, y must grow with the lateral position."""
+    """Finding of y that does not grow with the lateral position, where x is along the road."""
     rows, step, _ = moving_steps(table, info)
     x, y, lateral = (table[name].to_numpy() for name in ("x", "y", "lateral"))
     if rows.size < MIN_STEPS or abs(np.median(np.abs(x[rows] - x[rows - 1]) / np.abs(step)) - 1.0) > 0.001:

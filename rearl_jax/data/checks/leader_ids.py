@@ -10,7 +10,8 @@ def without_absent(
 ) -> np.ndarray:
     """Ids of leaders as float64, NaN for 0, -1 or another placeholder that is the id of no vehicle.
 
-    The formats write 0 where there is no leader. If a vehicle has that id, it is meant where it is ahead in the lane.
+    The formats write 0 where there is no leader. If a vehicle has the id 0, it is the leader of the vehicles behind it
+    in its lane that state 0; for other rows 0 means no leader.
 
     Args:
         leader: Stated ids of leaders.

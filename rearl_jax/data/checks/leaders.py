@@ -1,4 +1,4 @@
-"""Leaders that a source states: whether they can be leaders, and whether they are those of all vehicles."""
+"""Checks of the leaders that a source states: whether each can be a leader, and whether all leaders are stated."""
 
 import numpy as np
 import pandas as pd
@@ -9,18 +9,18 @@ from rearl_jax.data.records import RecordingInfo
 from rearl_jax.data.vehicle_rows import ABSENT, VehicleRows
 
 LANE_CHANGE = 1.0
-"""Time over which a source may name a leader in another lane [s]: lane numbers change before or after the leader."""
+"""Longest time for which a stated leader may be in another lane [s], because lane and leader change separately."""
 
 COMPLETE_SHARE = 0.5
-"""Share of the rows with a vehicle ahead in the lane from which on the stated leaders are those of all vehicles.
+"""Share of the rows with a vehicle ahead in the lane that must have a stated leader for all leaders to count as stated.
 
-Tables of leader-follower pairs state it for .70 of such rows (NGSIM I-80 with lateral positions) or more, because the
-leader of a pair has no leader in the table.
+In tables of leader-follower pairs it is 0.70 (NGSIM I-80 with lateral positions) or more, not 1, because the leader of
+a pair has no leader in the table.
 """
 
 
 def wrong_leader(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -> Finding | None:
-    """Rows whose stated leader is the vehicle itself, or drives behind, on the other carriageway or in another lane."""
+    """Finding of rows whose leader is the vehicle itself, behind it, on the other carriageway or in another lane."""
     track = table["track_id"].to_numpy()
     leader = VehicleRows(table).leaders(table)
     stated = leader != ABSENT
@@ -66,7 +66,7 @@ def next_in_lane(table: pd.DataFrame) -> np.ndarray:
 
 
 def states_all_leaders(in_lane: np.ndarray, stated: np.ndarray) -> bool:
-    """True if a source that states leaders states those of all vehicles, so that others have none.
+    """True if the stated leaders count as complete, so that a vehicle without a stated leader has none.
 
     Args:
         in_lane: Row of the next vehicle ahead in the lane, ABSENT without one.
@@ -101,7 +101,7 @@ def notes_on_leaders(table: pd.DataFrame) -> list[str]:
 
 
 def _in_other_lane(table: pd.DataFrame, stated: np.ndarray, other: np.ndarray, frame_rate: float) -> np.ndarray:
-    """Rows of followers and leaders who are never in the same lane, for longer than a source may be late."""
+    """Mask of the rows of pairs that are never in the same lane and last longer than LANE_CHANGE."""
     lane = table["lane"].to_numpy(dtype=np.float64, na_value=np.nan)
     known = np.flatnonzero(stated & np.isfinite(lane) & np.isfinite(lane[other]))
     bad = np.zeros(len(table), dtype=bool)

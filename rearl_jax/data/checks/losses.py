@@ -1,4 +1,4 @@
-"""Removal of bad rows with counts: the two ways that data.on_bad offers, and the cutting of tracks that they need."""
+"""Removal of bad rows as `data.on_bad` requires, with counts, and the division of tracks at removed rows."""
 
 from collections import Counter
 from dataclasses import dataclass, field
@@ -45,7 +45,7 @@ def reject(
         finding: The fault.
         info: Recording, for its file.
         policy: `on_bad` decides what happens.
-        losses: Account of the recording, changed in place.
+        losses: Counts of the recording, changed in place.
 
     Raises:
         BadRecordingError: data.on_bad is stop, or nothing is left.
@@ -62,7 +62,7 @@ def reject(
         return table
     rows = finding.rows
     if policy.on_bad is OnBad.drop_track:
-        # "or", because an unknown track id (NaN) equals nothing, not even itself.
+        # The marked rows themselves too, because an unknown track id (NaN) is not equal to itself.
         rows = rows | np.isin(track, track[rows])
     table = losses.remove(table, rows, finding.name)
     if table.empty:
@@ -72,7 +72,7 @@ def reject(
 
 
 def remove_fragments(table: pd.DataFrame, info: RecordingInfo, losses: Losses) -> pd.DataFrame:
-    """The table without pieces of cut tracks shorter than 1 s, too short to be a vehicle's passage.
+    """The table without pieces of divided tracks that are shorter than 1 s.
 
     Raises:
         BadRecordingError: Nothing is left.

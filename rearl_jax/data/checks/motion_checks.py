@@ -1,7 +1,7 @@
 """Checks of single vehicles: their positions, speeds and accelerations must agree with one another.
 
-A median over all vehicles would hide one vehicle whose speed is always 0, or that drives backwards, and a sum over its
-track a fault that began on the way: each is judged as a whole and in stretches of some seconds.
+A median over all vehicles would hide one vehicle whose speed is always 0 or that drives backwards, and a sum over a
+track would hide a fault in a part of it. So every track is checked as a whole and in stretches of some seconds.
 """
 
 from collections.abc import Sequence
@@ -16,38 +16,39 @@ from rearl_jax.data.problems import Finding
 from rearl_jax.data.records import RecordingInfo
 
 MIN_MOVING_STEPS = 5
-"""Number of moving steps that a vehicle must have to be judged."""
+"""Number of moving steps that a vehicle must have to be checked."""
 MIN_MOVING_TIME = 2.0
-"""Time [s] that a vehicle must have moved to be judged. The faults that cause a jump may also distort the second before
-and after it.
+"""Time [s] that a vehicle must have moved to be checked. A fault that causes a jump may also distort the second before
+and after it, which must not count as a wrong motion.
 """
 MIN_MOVING_SPEED = 1.0
 """Speed [m/s] below which the noise of positions may exceed the distance between two frames."""
 MIN_DISTANCE = 5.0
-"""Distance [m] that a vehicle must have moved to be judged, well above the noise of positions."""
+"""Distance [m] that a vehicle must have moved to be checked, well above the noise of positions."""
 MOTION_TOLERANCE = 0.3
 """Relative difference [-] allowed between the distance moved and speed x time.
 
-Over whole tracks it is .13 or less in NGSIM and OpenACC, over stretches .12; the least wrong unit gives .47.
+Measured: 0.13 or less over whole tracks of NGSIM and OpenACC, 0.12 over stretches. The wrong unit that is nearest to
+the right one gives 0.47.
 """
 STRETCH = 5.0
-"""Time [s] over which a part of a track is judged, several times that of a dropout of a GPS receiver."""
+"""Length of a stretch [s], several times that of a dropout of a GPS receiver."""
 LAGS = (-1.0, -0.5, 0.0, 0.5, 1.0)
-"""Times [s] by which the speeds of a source may be late; speed x time of a stretch is between those of all of them."""
+"""Delays [s] that the speeds of a source may have; the distance moved must be between speed x time for these delays."""
 ACCELERATION_STRETCH = 15.0
-"""Time [s] over which accelerations of a part of a track are judged: in a shorter one noise may look like a sign."""
+"""Length of a stretch for accelerations [s]; in a shorter one noise may look like accelerations of the wrong sign."""
 MIN_CHANGE = 0.3
-"""Root mean square [m/s^2] of the changes of speed from which on a stretch tells the sign of its accelerations."""
+"""Smallest root mean square of the changes of speed [m/s^2] that determines the sign of a stretch's accelerations."""
 ACCELERATION_SCALE = (0.25, 1.8)
 """Smallest and largest ratio [-] of acceleration to change of speed per second that measurement errors explain.
 
-Outside of this range the sign or the unit is wrong. The tracks of NGSIM and FHWA are between .39 and 1.28; NGSIM's
+Outside of this range the sign or the unit is wrong. Measured: 0.39 to 1.28 for the tracks of NGSIM and FHWA; NGSIM's
 accelerations are clipped.
 """
 
 
 def wrong_motion(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -> Finding | None:
-    """Rows of vehicles whose speeds, ground positions or accelerations contradict their positions or speeds."""
+    """Finding of vehicles whose speeds, ground positions or accelerations contradict their positions or speeds."""
     track = table["track_id"].to_numpy()
     follows = follows_row_before(track)
     vehicle = np.cumsum(~follows) - 1
@@ -100,15 +101,15 @@ class _Stretches:
         self.last = self.first + self._n
 
     def change(self, values: np.ndarray) -> np.ndarray:
-        """By how much a value grows."""
+        """Growth of a value over each stretch."""
         return values[self.last] - values[self.first]
 
     def sums(self, of_steps: np.ndarray) -> np.ndarray:
-        """Sum over the steps, each given at the row that it ends in."""
+        """Sum over the steps of each stretch; a step is given at the row in which it ends."""
         return self.change(np.cumsum(of_steps, dtype=np.float64))
 
     def between(self, of_steps: np.ndarray, shifts: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
-        """Least and largest sum over the steps if these came earlier or later by some rows, within the track."""
+        """Smallest and largest sum over the steps of each stretch, moved by these numbers of rows within its track."""
         starts = np.flatnonzero(np.diff(self._vehicle, prepend=-1))
         ends = np.append(starts[1:], len(self._vehicle)) - 1
         own = self._vehicle[self.first]
@@ -140,12 +141,12 @@ def _steps_off(measured: np.ndarray, predicted: np.ndarray, dt: np.ndarray) -> t
 
 
 def _mostly(n_moving: np.ndarray, n_off: np.ndarray) -> np.ndarray:
-    """True where most steps are off, not a single one at a jump."""
+    """True where most moving steps disagree, not a single one at a jump."""
     return (n_moving >= MIN_MOVING_STEPS) & (n_off > 0.5 * n_moving)
 
 
 def _apart(moved: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """True where the distance moved is not between two others, beyond noise and tolerance."""
+    """True where the distance moved is outside two bounds by more than noise and tolerance explain."""
     off = np.maximum(moved - high, low - moved)
     return (off > MIN_DISTANCE) & (
         off > MOTION_TOLERANCE * np.maximum.reduce([np.abs(moved), np.abs(low), np.abs(high)])
@@ -185,16 +186,19 @@ def _wrongly_accelerating(table: pd.DataFrame, vehicle: np.ndarray, info: Record
         return wrong[vehicle]
     stretch = _Stretches(number, round(ACCELERATION_STRETCH * info.frame_rate))
     count, product, own, other = (stretch.sums(part) for part in parts)
-    # Accelerations that hold nothing have no sign; `remarks` looks for them.
+    # Accelerations that are all 0 have no sign; `remarks` notes them.
     wrong = _has_other_scale(count, product, own, other) & (other > MIN_CHANGE**2 * count) & (own > 1e-6 * count)
     rows = np.zeros(len(table), dtype=bool)
     means = used[stretch.rows(wrong)]
-    rows[means] = rows[means + n] = True  # averaged from one to the other
+    rows[means] = rows[means + n] = True  # the first and the last row of each average
     return rows
 
 
 def _has_other_scale(n: np.ndarray, product: np.ndarray, own: np.ndarray, other: np.ndarray) -> np.ndarray:
-    """True where accelerations are not the changes of speed by a factor, from sums of products and squares of both."""
+    """True where accelerations are proportional to the changes of speed, but by a factor outside ACCELERATION_SCALE.
+
+    The arguments are the number of values and the sums of products, squared accelerations and squared changes of speed.
+    """
     alike = (n >= MIN_STEPS) & (product != 0.0) & (np.abs(product) > MIN_CORRELATION * np.sqrt(np.abs(own * other)))
     product = np.where(alike, product, 1.0)
     with np.errstate(divide="ignore", invalid="ignore"):

@@ -1,4 +1,7 @@
-"""Numbers that mean an unknown value, such as -9999: faults of rows, and no evidence for another unit of the column."""
+"""Placeholders: numbers that mean an unknown value, such as -9999.
+
+They are faults of their rows, and must not be taken for evidence that a column is in another unit.
+"""
 
 import numpy as np
 import pandas as pd
@@ -9,16 +12,15 @@ from rearl_jax.data.checks.unit_checks import ACCELERATION_P99, MIN_STEPS
 from rearl_jax.data.problems import Finding
 from rearl_jax.data.records import RecordingInfo
 
-# Runs of nines, and the largest and smallest integers of two, four and eight bytes, as programs write them for "no
-# value"; NumPy makes -2^63 of NaN.
+# Numbers of nines only, and the largest and smallest integers of two, four and eight bytes, which programs write for
+# "no value"; NumPy converts NaN to the integer -2^63.
 _INTEGERS = (2.0**15 - 1, 2.0**15, 2.0**16 - 1, 2.0**31 - 1, 2.0**31, 2.0**63)
 NUMBERS = np.array([*(10.0**n - 1 for n in range(3, 11)), *_INTEGERS])
-FAR_FACTOR = (
-    10.0  # distance from the middle half of all positions, in widths of that half, from which one is impossible
-)
+FAR_FACTOR = 10.0  # a position further than this from the middle half of all, in widths of that half, is impossible
 MIN_FAR = 1000.0  # m, added to that distance
-NEAR, MAX_NEAR = 0.7, 0.1  # largest share of rows with nearly such an acceleration as a placeholder
-APART = 100.0  # m from all positions of vehicles from which on a number of NUMBERS is a placeholder
+NEAR = 0.7  # share of a placeholder's acceleration above which another acceleration counts as near to it
+MAX_NEAR = 0.1  # largest number of rows near to a placeholder, as a share of its own rows
+APART = 100.0  # m; a number of NUMBERS that is further than this from all positions of vehicles is a placeholder
 _PLACES = ("position", "lateral", "x", "y")  # x and y may be filled in from the others
 
 
@@ -28,9 +30,9 @@ def is_placeholder(values: np.ndarray) -> np.ndarray:
 
 
 def misplaced(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -> Finding | None:
-    """Rows with a position that is a placeholder: one of NUMBERS apart from all vehicles, or any value far beyond them.
+    """Finding of positions that are placeholders: numbers of NUMBERS away from all vehicles, or any value far beyond.
 
-    A reader may have converted a placeholder to m or to the centre of the vehicle, so that it is not in NUMBERS.
+    The latter, because a reader may have converted a placeholder to m or to the centre of the vehicle.
     """
     for name in _PLACES:
         values = table[name].to_numpy()
@@ -49,9 +51,10 @@ def misplaced(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -> F
 
 
 def unavailable_acceleration(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -> Finding | None:
-    """Rows with one acceleration beyond tyre friction and beyond all others: what ETSI's 16.1 m/s^2 stands for.
+    """Finding of one repeated acceleration beyond tyre friction and all others, such as ETSI's 16.1 m/s^2 for unknown.
 
-    In another unit accelerations beyond friction would differ from one another and join up with the others.
+    If the column were in another unit, accelerations beyond friction would differ from each other and form a continuous
+    range with the smaller ones.
     """
     values = table["acceleration"].to_numpy()
     size = np.abs(values)
@@ -68,10 +71,10 @@ def unavailable_acceleration(table: pd.DataFrame, info: RecordingInfo, policy: D
 
 
 def impossible_rows(table: pd.DataFrame) -> np.ndarray:
-    """Mask of rows with a value that no vehicle has while most of its column is possible, or which is a placeholder.
+    """Mask of rows with an impossible value in a column whose values are mostly possible, or with a placeholder.
 
-    They would spoil the medians by which another unit is recognised; if most values of a column on a carriageway are
-    impossible, that is what another unit looks like, and their rows are not marked.
+    These rows are left out of the checks of units, which use medians. If most values of a column on a carriageway are
+    impossible, the column is probably in another unit, and only placeholders are marked.
     """
     bad = np.zeros(len(table), dtype=bool)
     direction = table["direction"].to_numpy()

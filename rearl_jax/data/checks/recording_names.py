@@ -1,4 +1,4 @@
-"""Names of recordings in a table: rows of one recording under two names, by a slip or in two spellings."""
+"""Check of recording names in a table: finds rows of one recording under two names, by mistake or by spelling."""
 
 from collections.abc import Sequence
 
@@ -10,29 +10,31 @@ from rearl_jax.data.problems import bad_recording
 
 
 def require_own_rows(rows: pd.DataFrame, file: str, column: str) -> None:
-    """Raise BadRecordingError if a few vehicles of a recording continue in another one, or complete one whose name
-    differs by case only.
+    """Raise BadRecordingError if a recording of few vehicles is part of another one.
+
+    It is if its vehicles continue in the other one, or if the two names differ by case or blanks only.
 
     Args:
-        rows: Columns `recording`, `track_id`, and `frame` or `time`; the first row has the place 0.
+        rows: Columns `recording`, `track_id`, and `frame` or `time`; errors count the rows from 1.
         file: For messages.
         column: Name in the file of the column of recordings.
     """
-    code, found = pd.factorize(rows["recording"])
-    names = [str(name) for name in found]
-    moment = _moments(rows)
-    if len(names) < 2 or moment is None:
+    code, values = pd.factorize(rows["recording"])
+    names = [str(name) for name in values]
+    frame = _frames(rows)
+    if len(names) < 2 or frame is None:
         return
     track = pd.factorize(rows["track_id"])[0]
     known = (code >= 0) & (track >= 0)
-    table = pd.DataFrame({"recording": code[known], "track": track[known], "moment": moment[known]})
+    table = pd.DataFrame({"recording": code[known], "track": track[known], "frame": frame[known]})
     pairs = np.unique(np.stack([code[known], track[known]]), axis=1)
     n_vehicles = np.bincount(pairs[0], minlength=len(names))
-    suspects = [*_alike(names, n_vehicles), *_continued(table, n_vehicles)]
+    suspects = [*_same_but_for_case(names, n_vehicles), *_continued(table, n_vehicles)]
     for few, many in suspects:
         part, other = np.flatnonzero(code == few), np.flatnonzero(code == many)
-        is_beside = np.isin(moment[part], moment[other]).any()  # a recording cut in two has not
-        if is_beside and not are_shared(track, moment, part, other):
+        # False for a recording that was divided in two in time, which is allowed.
+        is_simultaneous = np.isin(frame[part], frame[other]).any()
+        if is_simultaneous and not are_shared(track, frame, part, other):
             first = rows["track_id"].iloc[part[0]]
             first = f"{first:g}" if isinstance(first, float) else first
             text = f"{len(part)} rows of vehicle {first}"
@@ -43,25 +45,25 @@ def require_own_rows(rows: pd.DataFrame, file: str, column: str) -> None:
             raise bad_recording("recording-contradicts", text, remedy, file, column=column, row=row)
 
 
-def _alike(names: Sequence[str], n_vehicles: np.ndarray) -> list[tuple[int, int]]:
-    """Pairs of recordings whose names differ by case or blanks only, that with fewer vehicles first."""
+def _same_but_for_case(names: Sequence[str], n_vehicles: np.ndarray) -> list[tuple[int, int]]:
+    """Pairs of recordings whose names differ by case or blanks only; the one with fewer vehicles comes first."""
     plain = pd.Series([" ".join(name.casefold().split()) for name in names])
     groups = [sorted(same, key=lambda code: n_vehicles[code]) for same in plain.groupby(plain).groups.values()]
     return [(few, same[-1]) for same in groups for few in same[:-1]]
 
 
 def _continued(table: pd.DataFrame, n_vehicles: np.ndarray) -> list[tuple[int, int]]:
-    """Pairs of recordings: one of few vehicles, all of which have their next or last frame in the other one."""
+    """Pairs of recordings: one of few vehicles, and one that has the frame before or after those of each of them."""
     few = [code for code, number in enumerate(n_vehicles) if are_few(int(number), int(n_vehicles.max()))]
-    ends = table[table["recording"].isin(few)].groupby(["recording", "track"])["moment"].agg(["min", "max"])
+    ends = table[table["recording"].isin(few)].groupby(["recording", "track"])["frame"].agg(["min", "max"])
     ends = ends.reset_index()
-    found = []
+    matches = []
     for end, step in (("min", -1), ("max", 1)):
-        beyond = ends.assign(moment=ends[end] + step)[["recording", "track", "moment"]]
-        met = beyond.merge(table, on=["track", "moment"], suffixes=("", "_other"))
-        found.append(met[met["recording"] != met["recording_other"]])
-    met = pd.concat(found)[["recording", "recording_other", "track"]].to_numpy()
-    pairs, counts = np.unique(np.unique(met, axis=0)[:, :2], axis=0, return_counts=True)
+        adjacent = ends.assign(frame=ends[end] + step)[["recording", "track", "frame"]]
+        same = adjacent.merge(table, on=["track", "frame"], suffixes=("", "_other"))
+        matches.append(same[same["recording"] != same["recording_other"]])
+    continued = pd.concat(matches)[["recording", "recording_other", "track"]].to_numpy()
+    pairs, counts = np.unique(np.unique(continued, axis=0)[:, :2], axis=0, return_counts=True)
     return [
         (int(part), int(other))
         for (part, other), number in zip(pairs, counts, strict=True)
@@ -69,13 +71,13 @@ def _continued(table: pd.DataFrame, n_vehicles: np.ndarray) -> list[tuple[int, i
     ]
 
 
-def _moments(rows: pd.DataFrame) -> np.ndarray | None:
-    """Frame of each row, or its time in steps; None without either."""
+def _frames(rows: pd.DataFrame) -> np.ndarray | None:
+    """Frame of each row, or its time as a number of frame intervals; None without either."""
     name = next((name for name in ("frame", "time") if name in rows), None)
     if name is None:
         return None
     values = pd.Series(pd.to_numeric(rows[name], errors="coerce")).to_numpy(np.float64, na_value=np.nan)
     if not np.isfinite(values).all():
-        return 2 * pd.factorize(rows[name])[0]  # no moment is the next one of another
+        return 2 * pd.factorize(rows[name])[0]  # even numbers, so that none counts as the frame after another
     steps = np.diff(np.unique(values))
     return np.rint((values - values.min()) / np.median(steps)).astype(np.int64) if steps.size else np.zeros(len(rows))

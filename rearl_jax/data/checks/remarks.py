@@ -1,4 +1,4 @@
-"""Notes on recordings that are read without a fault and still need care: what their rows show."""
+"""Notes on properties of recordings that are not faults, but need the attention of the user."""
 
 from dataclasses import replace
 
@@ -12,18 +12,18 @@ from rearl_jax.data.records import Recording
 from rearl_jax.data.vehicle_rows import ABSENT
 
 OVERLAPS = 0.005
-"""Share of the rows with a vehicle ahead in the lane from which on overlaps are no matter of noise.
+"""Share of overlaps [-], among rows with a vehicle ahead in the lane, above which noise does not explain them.
 
-It is .0004 in NGSIM US-101, whose lengths are assumed, and 0 in I-80.
+Measured: 0.0004 in NGSIM US-101, whose lengths are assumed, and 0 in I-80.
 """
-_CHANGE = 2.0  # m/s, a change of speed that is no noise
-_LENGTH_CHANGE = 1.0  # m, beyond what a camera measures differently from frame to frame
-_LONG_CAR = 9.8  # m, beyond every car; a short one in feet
+_CHANGE = 2.0  # m/s; a larger change of speed is not noise
+_LENGTH_CHANGE = 1.0  # m; more than the error of a camera from frame to frame
+_LONG_CAR = 9.8  # m, longer than every car; the length of a short car in ft
 _WIDTH = 1.8  # m, of a car whose width is unknown
 
 
 def noted(recording: Recording) -> Recording:
-    """The recording with notes on its leaders, lanes and overlapping vehicles behind its own notes, each once."""
+    """The recording, with notes on its rows added to its own notes, each once."""
     table = recording.table
     found = [*notes_on_leaders(table), *_on_lanes(table), *_on_overlaps(table), *_on_starts(table)]
     found += [*_on_accelerations(table), *_on_changing_vehicles(table), *_on_long_cars(table)]
@@ -37,10 +37,10 @@ def _on_lanes(table: pd.DataFrame) -> list[str]:
     for side in np.unique(direction):
         part = table.iloc[np.flatnonzero(direction == side)]
         if (lanes_off(part) or 0) > 0:
-            notes.append(f"direction {side}: vehicles are further to the right by lateral than by their lane")
+            notes.append(f"direction {side}: lateral positions are further to the right than lane numbers state")
         n_left = int((part["lateral"] < -EDGE_TOLERANCE).sum())
         if n_left:
-            text = "lateral is taken to count from the left edge of the carriageway, positive to the right"
+            text = "it is assumed to count from the left edge of the carriageway, positive to the right"
             notes.append(f"direction {side}: lateral is negative in {n_left} rows; {text}")
     return notes
 
@@ -57,13 +57,13 @@ def _on_overlaps(table: pd.DataFrame) -> list[str]:
     if not n_overlaps or n_overlaps < OVERLAPS * len(rows):
         return []
     text = "rows overlap with the vehicle ahead (gap below 0): lengths, positions or ids may be wrong"
-    if not _tells_places(table):
-        text += ", or vehicles are in several lanes, which the table does not tell"
+    if not _states_lanes(table):
+        text += ", or vehicles are in several lanes, which the table does not state"
     return [f"{n_overlaps} of {len(rows)} {text}"]
 
 
 def _on_starts(table: pd.DataFrame) -> list[str]:
-    """Remark if more vehicles begin abreast than there can be lanes: times may count from the start of each track."""
+    """Note if more vehicles begin abreast than there can be lanes: times may count from the start of each track."""
     starts = np.flatnonzero(~follows_row_before(table["track_id"].to_numpy()))
     frame, position, length = (table[name].to_numpy()[starts] for name in ("frame", "position", "length"))
     apart = float(np.ptp(position)) if starts.size else 0.0
@@ -74,7 +74,7 @@ def _on_starts(table: pd.DataFrame) -> list[str]:
 
 
 def _on_accelerations(table: pd.DataFrame) -> list[str]:
-    """One acceleration throughout, where speeds change: what a program writes that computes none."""
+    """Note if all rows have the same acceleration although speeds change: the source may not have computed it."""
     values, speed = table["acceleration"].to_numpy(), table["speed"].to_numpy()
     known = values[np.isfinite(values)]
     if not known.size or np.ptp(known) > 0.0:
@@ -85,7 +85,7 @@ def _on_accelerations(table: pd.DataFrame) -> list[str]:
 
 
 def _on_changing_vehicles(table: pd.DataFrame) -> list[str]:
-    """Vehicles of two classes, or whose length changes: tracks of two vehicles, or a camera that is not sure."""
+    """Notes on vehicles whose class or length changes: a track may join two vehicles, or detection was uncertain."""
     track = table["track_id"].to_numpy()
     changing = {
         "class": table["vehicle_class"].astype(str).groupby(track).nunique() > 1,
@@ -108,19 +108,20 @@ def _ranges(values: np.ndarray, track: np.ndarray) -> np.ndarray:
     return np.maximum.reduceat(values, starts) - np.minimum.reduceat(values, starts)
 
 
-def _tells_places(table: pd.DataFrame) -> bool:
-    """True if anything tells which vehicles are in different lanes."""
+def _states_lanes(table: pd.DataFrame) -> bool:
+    """True if any column shows which vehicles are in different lanes."""
     return any(table[name].notna().any() for name in ("lane", "lateral", "leader_id"))
 
 
 def _next_at_same_place(table: pd.DataFrame) -> np.ndarray:
-    """Row of the next vehicle ahead that is less than a width beside, for rows without a lane; ABSENT without one.
+    """Row of the next vehicle ahead whose lateral offset is less than a vehicle width, for rows without a lane.
 
-    If the table tells neither lanes nor lateral positions nor leaders, all vehicles are taken to be in one lane.
+    ABSENT where there is none. In a table without lanes, lateral positions and leaders, all vehicles are assumed to be
+    in one lane.
     """
     lane = table["lane"].to_numpy(dtype=np.float64, na_value=np.nan)
     frame, direction = table["frame"].to_numpy(), table["direction"].to_numpy()
-    lateral = table["lateral"].to_numpy() if _tells_places(table) else np.zeros(len(table))
+    lateral = table["lateral"].to_numpy() if _states_lanes(table) else np.zeros(len(table))
     width = np.nan_to_num(table["width"].to_numpy(), nan=_WIDTH)
     order = np.lexsort((table["position"].to_numpy(), direction, frame))
     here, there = order[:-1], order[1:]

@@ -1,7 +1,8 @@
-"""Speed profiles of tracks: vehicles of two recordings with the same ones, at times a constant apart, are the same.
+"""Speed profiles of tracks, by which a recording is recognised as a copy of an earlier one.
 
-A profile is a few seconds of a track's speed, whatever its clock, origin, ids and frame rate. A recording is compared
-by the profiles of a few of its tracks at all times with those of all tracks of earlier recordings, a few per track.
+A profile is the speed of a track over some seconds; it does not depend on clock, origin, ids and frame rate. Vehicles
+of two recordings are the same if their profiles are equal at times with a constant offset. All profiles of a few tracks
+are compared with a few profiles of every track of earlier recordings.
 """
 
 from dataclasses import dataclass
@@ -15,15 +16,15 @@ from rearl_jax.data.checks.typed_table import follows_row_before
 
 _LENGTH = 6.0  # s, of a profile
 _SPACING = 0.5  # s, between the speeds of a profile
-_EVERY = 3.0  # s, between the profiles of a track that are kept; profiles in a common stretch of twice that are found
-_STEP = 0.1  # s, between those that are compared with them
+_EVERY = 3.0  # s, between the stored profiles of a track; a stretch in both recordings of twice this length is found
+_STEP = 0.1  # s, between the profiles that are compared with stored ones
 _MIN_CHANGE = 0.5  # m/s, of the speed within a profile; steady vehicles are all alike
-_CLOSE = 0.06  # m/s, more than rounding to one decimal and another frame rate change
-_N_COMPARED = 32  # tracks of a recording
-_MAX_COMPARED = 30_000  # profiles of a recording
-_MAX_KEPT = 200_000  # profiles of a recording
-_NEIGHBOURS = 4  # similar profiles that are looked at
-_MIN_SHARE = 0.8  # of the tracks that are in the common stretch of both recordings
+_CLOSE = 0.06  # m/s, more than a speed changes by rounding to one decimal and by another frame rate
+_N_COMPARED = 32  # tracks of a recording that are compared
+_MAX_COMPARED = 30_000  # profiles of a recording that are compared
+_MAX_KEPT = 200_000  # profiles of a recording that are stored
+_NEIGHBOURS = 4  # most similar stored profiles of each
+_MIN_SHARE = 0.8  # of the tracks in the time that both recordings cover, for one to be a copy
 _MIN_TRACKS = 2
 
 
@@ -32,9 +33,9 @@ class Copy:
     """An earlier recording that has the vehicles of another one.
 
     Attributes:
-        recording: Its number, in the order in which they were added.
-        share: Share of the compared vehicles that are in both [-].
-        offset: Its times less those of the other one [s].
+        recording: Number of the earlier recording, in the order in which recordings were added.
+        share: Share of the compared vehicles that are in both recordings [-].
+        offset: Times of the earlier recording minus those of the other one [s].
     """
 
     recording: int
@@ -42,16 +43,16 @@ class Copy:
     offset: float
 
     TOLERANCE: ClassVar[float] = 0.15
-    """Deviation of the times of a vehicle from that offset [s]."""
+    """Largest deviation of a vehicle's time offset from that of the recording [s]."""
 
 
 class Profiles:
     """The speed profiles of one recording.
 
     Attributes:
-        track: Number of the track of each kept profile, counted from 0.
-        time: Its begin [s].
-        speeds: Its speeds [m/s], one row each.
+        track: Number of the track of each stored profile, counted from 0.
+        time: Start of each profile [s].
+        speeds: Speeds of each profile [m/s], one profile per row.
     """
 
     def __init__(self, table: pd.DataFrame) -> None:
@@ -60,7 +61,7 @@ class Profiles:
         time, self._speed = table["time"].to_numpy(np.float64), table["speed"].to_numpy(np.float64)
         last = np.append(starts[1:], len(time)) - 1
         self._begin, self._end = time[starts], time[last]
-        # One axis for all tracks, one after the other, so that one interpolation serves all.
+        # Tracks one after the other on a common time axis, so that one interpolation serves all.
         self._shift = np.concatenate([[0.0], np.cumsum(self._end - self._begin + 1.0)[:-1]]) - self._begin
         self._axis = time + np.repeat(self._shift, last - starts + 1)
         n_kept = np.sum(np.maximum(self._end - self._begin - _LENGTH, 0.0)) / _EVERY
@@ -68,14 +69,14 @@ class Profiles:
         self.track, self.time, self.speeds = self._at(np.arange(len(starts)), self.every)
 
     def compared(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Track, begin and speeds of the profiles of a few tracks at all times."""
+        """Track, start and speeds of the profiles of a few tracks at all times."""
         tracks = np.unique(self.track)
         chosen = tracks[np.unique(np.linspace(0, len(tracks) - 1, min(len(tracks), _N_COMPARED)).astype(int))]
         n_each = np.cumsum(np.maximum(self._end - self._begin - _LENGTH, 0.0)[chosen] / _STEP)
         return self._at(chosen[: max(_MIN_TRACKS, int(np.searchsorted(n_each, _MAX_COMPARED)))], _STEP)
 
     def _at(self, tracks: np.ndarray, every: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Track, begin and speeds of the profiles of the tracks in which the speed changes."""
+        """Track, start and speeds of the profiles of the given tracks, without those of nearly constant speed."""
         begin, span = self._begin[tracks], self._end[tracks] - self._begin[tracks] - _LENGTH
         number = np.where(span >= 0.0, np.floor(np.maximum(span, 0.0) / every + 1e-9) + 1, 0).astype(np.int64)
         which = np.repeat(np.arange(len(tracks)), number)
@@ -92,11 +93,12 @@ class SpeedProfiles:
 
     def __init__(self) -> None:
         self._recordings: list[Profiles] = []
-        # Trees of neighbouring recordings, from `first` on, the earlier the larger: a profile is sorted in log n times.
+        # Each tree holds the profiles of consecutive recordings from `first` on. Small trees are merged into larger
+        # ones, so that each of n profiles is sorted log n times instead of once per recording.
         self._trees: list[tuple[int, KDTree]] = []
 
     def add(self, profiles: Profiles) -> None:
-        """Remembers the profiles of a recording."""
+        """Stores the profiles of a recording."""
         self._recordings.append(profiles)
         if not len(profiles.track):
             return
@@ -107,7 +109,7 @@ class SpeedProfiles:
         self._trees.append((first, KDTree(speeds, balanced_tree=False, compact_nodes=False)))
 
     def copy_of(self, profiles: Profiles) -> Copy | None:
-        """The earlier recording with most of the same vehicles; None if none has most of them."""
+        """The earlier recording that shares the largest share of vehicles; None if none shares enough."""
         if not self._trees or not len(profiles.track):
             return None
         track, time, speeds = profiles.compared()
@@ -118,7 +120,7 @@ class SpeedProfiles:
         return max((copy for copy in copies if copy is not None), key=lambda copy: copy.share, default=None)
 
     def _matches(self, speeds: np.ndarray) -> list[tuple[int, np.ndarray, np.ndarray]]:
-        """Recording, rows of `speeds`, and similar profiles of the recording by their place in it."""
+        """For each recording with similar profiles: its number, rows of `speeds`, and indices of its profiles."""
         found = []
         for place, (first, tree) in enumerate(self._trees):
             stop = self._trees[place + 1][0] if place + 1 < len(self._trees) else len(self._recordings)
@@ -143,7 +145,7 @@ def _compared(
     other: np.ndarray,
     number: int,
 ) -> Copy | None:
-    """The earlier recording as a copy, if most tracks of the smaller one are in the other at the usual offset."""
+    """The earlier recording as a copy, if most tracks of the smaller recording are in the other at one time offset."""
     track, time = compared
     offsets = earlier.time[other] - time[own]
     order = np.argsort(offsets)
@@ -155,12 +157,13 @@ def _compared(
     if n_same < _MIN_TRACKS:
         return None
     low, high = earlier.time.min() - offset, earlier.time.max() - offset
-    # Tracks with a changing speed for so long that one of the kept profiles is among theirs.
+    # Only tracks whose speed changes for so long that a stored profile must be among theirs.
     _, counts = np.unique(track[(time >= low) & (time <= high)], return_counts=True)
     n_compared = max(int(np.sum(counts * _STEP >= earlier.every)), n_same)
     here, there = profiles.time + offset, earlier.time
     n_own = len(np.unique(profiles.track[(here >= there.min()) & (here <= there.max())]))
     n_earlier = len(np.unique(earlier.track[(there >= here.min()) & (there <= here.max())]))
-    whole = max(1.0, n_own / max(n_earlier, 1))  # times more tracks of this recording than of the earlier one
-    share = min(1.0, n_same / n_compared * whole)
+    # If this recording has more tracks, only a part of them can be in the earlier one.
+    size_ratio = max(1.0, n_own / max(n_earlier, 1))
+    share = min(1.0, n_same / n_compared * size_ratio)
     return Copy(number, share, offset) if share >= _MIN_SHARE else None

@@ -1,29 +1,29 @@
-"""Rows that say they are of another recording and cannot be: a wrong clock, place or name of a recording in them.
+"""Detection of stray rows: a wrong time, place or name assigns them to another recording than their own.
 
-Real recordings each hold many vehicles, number them anew and begin their tracks on their own.
+Separate recordings each hold many vehicles and number them independently, and no track continues from one to another.
 """
 
 import numpy as np
 import pandas as pd
 
 _MIN_SHARE = 0.05
-"""Share of the vehicles of another recording up to which the vehicles of a recording are few."""
+"""Largest number of vehicles that count as few, as a share of the vehicles of the other recording [-]."""
 _MAX_CHANCE = 0.05
-"""Chance up to which it is no accident that two recordings, each with numbers of its own, share no vehicle number."""
+"""Probability of two independently numbered recordings to share no number, below which this is no coincidence [-]."""
 
 
 def are_few(n_vehicles: int, n_others: int) -> bool:
-    """True if a recording has so few vehicles, compared with another, that its rows may be strays of that one."""
+    """True if a recording has so few vehicles, compared with another, that its rows may be stray rows of that one."""
     return n_vehicles <= max(1.0, _MIN_SHARE * n_others) and n_vehicles < n_others
 
 
 def are_shared(track: np.ndarray, frame: np.ndarray, part: np.ndarray, other: np.ndarray) -> bool:
-    """True if two parts of the rows have a vehicle at the same frame in common, as only different recordings can."""
+    """True if two parts of the rows have a vehicle and frame in common, which happens in different recordings only."""
     return bool(_keys(track[part], frame[part]).isin(_keys(track[other], frame[other])).any())
 
 
 def continue_in(track: np.ndarray, frame: np.ndarray, part: np.ndarray, other: np.ndarray) -> bool:
-    """True if every vehicle of a part has its next or last frame, and none of its own frames, in the other part."""
+    """True if the other part has the frame before or after those of every vehicle of a part, and none of its frames."""
     there = _keys(track[other], frame[other])
     if _keys(track[part], frame[part]).isin(there).any():
         return False
@@ -35,7 +35,7 @@ def continue_in(track: np.ndarray, frame: np.ndarray, part: np.ndarray, other: n
 
 
 def fill_gaps_of(vehicles: np.ndarray, others: np.ndarray) -> bool:
-    """True if fewer vehicles than those of another recording have just the numbers that are missing there.
+    """True if a recording has fewer vehicles than another one, with exactly numbers that are missing there.
 
     Args:
         vehicles: Numbers of the vehicles, each once.

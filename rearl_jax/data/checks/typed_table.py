@@ -1,6 +1,6 @@
-"""Checks of a typed canonical table, each a question with one answer: the first finding or None.
+"""Checks of a typed canonical table; each returns its first finding, or None.
 
-Row checks mark rows, step checks mark the row after a bad step; both may be dropped and counted.
+Row checks mark bad rows, step checks mark the row after a bad step. Marked rows may be dropped and counted.
 """
 
 import numpy as np
@@ -14,20 +14,21 @@ from rearl_jax.data.records import RecordingInfo
 from rearl_jax.data.vehicle_classes import CLASSES, NO_CLASS, code_of
 
 NULLABLE = frozenset({"lateral", "lane", "acceleration", "width", "leader_id"})
+"""Columns whose values may be unknown."""
 NUMBERED = frozenset({"track_id", "frame", "direction", "lane", "leader_id"})
 """Columns of whole numbers, which may be larger than any measure."""
 
 # Wide enough for every road vehicle and for sensor noise, narrow enough for a broken row. Length: the longest
 # combinations on European and US motorways are 25.25 m and about 36 m. Speed: beyond production cars.
 RANGES = {"speed": (0.0, 100.0), "length": (0.5, 40.0), "width": (0.2, 5.0), "acceleration": (-50.0, 50.0)}
-MAX_MAGNITUDE = 1e12  # beyond every number of a recording; squares of what is below it do not overflow
+MAX_MAGNITUDE = 1e12  # larger than every measured number; squares of smaller numbers do not overflow
 RANGE_UNIT = {"speed": "m/s", "length": "m", "width": "m", "acceleration": "m/s^2"}
 
 
 MAX_LANES = 12
 """Number of lanes that no carriageway exceeds; a larger lane number is a fault, not a property of the road."""
 POSITION_NOISE = 0.5
-"""Excess of a step [m] that noise and rounding of positions bring about at any frame rate."""
+"""Deviation of a step from speed x time [m] that noise and rounding of positions may cause at any frame rate."""
 
 
 def not_finite(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -> Finding | None:
@@ -105,7 +106,7 @@ def out_of_range(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -
 
 
 def wrong_time(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -> Finding | None:
-    """Rows whose time is not that of their frame, to half a frame."""
+    """Rows whose time differs from that of their frame by more than half a frame interval."""
     bad = times_beside_frames(table, info)
     if not bad.any():
         return None
@@ -193,16 +194,16 @@ def jump(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -> Findin
 
 
 def times_beside_frames(table: pd.DataFrame, info: RecordingInfo) -> np.ndarray:
-    """Mask of rows whose time is more than half a frame off frame / frame rate, up to a start all rows share.
+    """Mask of rows whose time differs from start + frame / frame rate by more than half a frame interval.
 
-    A rounded time may deviate by half of its rounding unit in addition.
+    The start is common to all rows. A rounded time may differ by half of its rounding unit instead, if that is more.
     """
     time = table["time"].to_numpy()
     off = time - table["frame"].to_numpy() / info.frame_rate
-    # 1 % more, because the common start is known to no better than that.
+    # 1 % more than half of the unit, because the common start is not known exactly.
     allowed = max(0.5 / info.frame_rate, 0.505 * resolution(time))
-    median = np.quantile(off, 0.5, method="lower")  # one of the rows: the mean of two may be near none
-    sound = off[np.abs(off - median) <= 2.0 * allowed]  # not vehicles with another clock
+    median = np.quantile(off, 0.5, method="lower")  # the value of a row; the mean of two may be far from both
+    sound = off[np.abs(off - median) <= 2.0 * allowed]  # without vehicles that have another clock
     middle = 0.5 * (np.quantile(sound, 0.1) + np.quantile(sound, 0.9))
     return np.abs(off - middle) > allowed
 

@@ -17,15 +17,15 @@ from rearl_jax.data.vehicle_classes import CLASSES
 
 MIN_SPEED = 3.0  # m/s; below it rounding of positions hides the ratio of step and speed
 MIN_STEPS = 20  # fewer moving steps do not determine a unit
-RATIO_TOLERANCE = 0.07  # the nearest confusion, feet with km/h, is off by 0.09
+RATIO_TOLERANCE = 0.07  # relative; the wrong units that are nearest to SI, ft with km/h, are off by 0.09
 # Median sizes. Length of cars and trucks on motorways: 4.6 m and 14 to 16 m (Krajewski et al. 2018, highD).
 MEDIAN_SIZE = {("length", "car"): (3.0, 7.0), ("length", "truck"): (4.5, 26.0), ("width", "car"): (1.2, 2.9)}
 LANE_WIDTH = (2.2, 5.5)  # m
 ACCELERATION_P99 = 9.0  # m/s^2, about the friction limit of a dry road
-# Two measurements of one quantity: in NGSIM, I-80 and OpenACC they correlate with .92 or more and agree within 25 %.
-MIN_CORRELATION = 0.8  # correlation from which two measurements reveal each other's unit
-MAX_SAME_UNIT_FACTOR = 1.8  # factor between them that no error makes; the least wrong unit has 3.28
-WRONG_SHARE = 0.1  # of the rows are wrong: a unit, a frame rate or an origin, no matter of single rows
+# Two measurements of one quantity: in NGSIM, I-80 and OpenACC they correlate with 0.92 or more and agree within 25 %.
+MIN_CORRELATION = 0.8  # smallest correlation at which the units of two measurements are compared
+MAX_SAME_UNIT_FACTOR = 1.8  # a larger factor between them is no measurement error; the nearest wrong unit, ft, has 3.28
+WRONG_SHARE = 0.1  # of the rows; if more are wrong, the unit, frame rate or origin of the column is wrong
 AVERAGING_TIME = 1.0  # s over which changes of speed are compared with accelerations, beyond most of their noise
 
 # step / (speed * time) that a wrong unit of position or speed produces.
@@ -42,10 +42,10 @@ UNIT_RATIOS = {
 
 
 def scale_of(values: np.ndarray, reference: np.ndarray) -> tuple[float, float] | None:
-    """Least and largest factor between two measurements of one quantity; None if they do not determine it.
+    """Smallest and largest factor between two measurements of one quantity; None if they do not determine it.
 
-    The errors of either make the slope of a regression on it too small, so the factor lies between the slope and the
-    inverse of the slope the other way round. Negative if the two have opposite signs.
+    Errors of the regressor make the slope of a regression too small. So the factor lies between the slope of `values`
+    on `reference` and the inverse slope of `reference` on `values`. It is negative if the two have opposite signs.
     """
     known = np.isfinite(values) & np.isfinite(reference)
     values, reference = values[known], reference[known]
@@ -160,7 +160,7 @@ def wrong_size(table: pd.DataFrame, info: RecordingInfo) -> Finding | None:
 
 
 def wrong_acceleration(table: pd.DataFrame, info: RecordingInfo) -> Finding | None:
-    """Accelerations that are not what changes of speed say, or that no tyre could bring about."""
+    """Accelerations that contradict the changes of speed, or exceed tyre friction."""
     track, speed, values = (table[name].to_numpy() for name in ("track_id", "speed", "acceleration"))
     n = max(round(AVERAGING_TIME * info.frame_rate), 1)
     if len(table) > n:
@@ -179,10 +179,10 @@ def wrong_acceleration(table: pd.DataFrame, info: RecordingInfo) -> Finding | No
 
 
 def moving_steps(table: pd.DataFrame, info: RecordingInfo) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Rows after a step of a moving vehicle, that step of position, and what speed x time expects [m].
+    """Rows after a step of a moving vehicle, the step of position [m], and speed x time [m].
 
-    A vehicle moves by its speed, or by its positions if those of its whole track move: in another unit all vehicles may
-    seem to stand.
+    A vehicle counts as moving by its speed, or by its positions if these move over the whole track: with a speed in
+    another unit all vehicles may seem to stand still.
     """
     track, frame, speed, position = (table[name].to_numpy() for name in ("track_id", "frame", "speed", "position"))
     follows = follows_row_before(track)
@@ -196,7 +196,7 @@ def moving_steps(table: pd.DataFrame, info: RecordingInfo) -> tuple[np.ndarray, 
     slower, mean = np.minimum(speed[rows], speed[rows - 1]), 0.5 * np.abs(speed[rows] + speed[rows - 1])
     moving = (slower > MIN_SPEED) | (moved[rows] & (np.abs(step) > MIN_SPEED * dt))
     moving &= step != 0.0
-    # A speed of 0 must not divide; any value below the slowest vehicle serves.
+    # Not 0, because callers divide by it; any speed below that of the slowest moving vehicle would do.
     expected = np.maximum(mean, 1e-3) * dt
     return rows[moving], step[moving], expected[moving]
 

@@ -1,1 +1,1 @@
-"""Files as they lie on the disk: folders, text tables, Parquet columns, JSON documents."""
+"""Readers of file types: folders, text tables, Parquet columns, JSON documents."""

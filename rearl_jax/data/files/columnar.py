@@ -1,4 +1,4 @@
-"""Columns of Parquet files as frames; whatever is wrong with a file becomes an error that names it."""
+"""Columns of Parquet files as data frames; every fault of a file becomes an error that names the file."""
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
@@ -65,13 +65,13 @@ def read_columns(
 
     Args:
         path: The file.
-        numbers: Columns of numbers, perhaps written as text.
+        numbers: Columns of numbers, which may be written as text.
         texts: Columns of text, in which a missing value is None.
-        either: Columns of numbers, or of anything else, which becomes text.
+        either: Columns of any type; values that are not numbers become text.
         only: Column, and the value it has in the wanted rows.
 
     Raises:
-        BadRecordingError: The file is damaged, or a column is missing, there twice, or of another type.
+        BadRecordingError: The file is damaged, or a column is missing, occurs twice, or has another type.
     """
     names = (*numbers, *texts, *either)
     found = column_names(path)
@@ -89,15 +89,15 @@ def read_columns(
 def _table(path: Path, names: Sequence[str], only: tuple[str, str | int] | None) -> pa.Table:
     """The named columns, unchanged.
 
-    The rows are chosen here, batch by batch: pyarrow's own filters ask for the columns' statistics, and never return
-    if those are damaged.
+    The rows are selected here, batch by batch, because pyarrow's own filters read the statistics of the columns and
+    never return if these are damaged.
     """
     columns = list(dict.fromkeys([*names, *([] if only is None else only[:1])]))
     kept, n_read = [], 0
     with pq.ParquetFile(path) as file:
         schema = pa.schema([file.schema_arrow.field(name) for name in columns])
         for batch in file.iter_batches(columns=columns):
-            batch.validate(full=True)  # a damaged text is not UTF-8; pandas would notice where it is used
+            batch.validate(full=True)  # finds damaged text here, which pandas would find only where it is used
             n_read += batch.num_rows
             kept.append(batch if only is None else batch.filter(_has(batch, *only)))
         if n_read != file.metadata.num_rows:
@@ -106,7 +106,7 @@ def _table(path: Path, names: Sequence[str], only: tuple[str, str | int] | None)
 
 
 def _has(batch: pa.RecordBatch, name: str, value: str | int) -> pa.Array:
-    """Mask of the rows with a value in a column, for a text whatever blanks are around it and if it is a number."""
+    """Mask of the rows with a value in a column; a text also matches with blanks around it, or as a number."""
     values = batch.column(name)
     kind = values.type.value_type if pa.types.is_dictionary(values.type) else values.type
     if isinstance(value, str) and _is_scalar(kind):
@@ -155,7 +155,7 @@ def _as_text(column: pa.ChunkedArray) -> pa.ChunkedArray:
 
 
 def _seconds(column: pa.ChunkedArray) -> pa.ChunkedArray:
-    """Moments and durations as seconds, moments since 1970."""
+    """Times and durations in seconds; times count from 1970."""
     per_second = {"s": 1.0, "ms": 1e3, "us": 1e6, "ns": 1e9}[column.type.unit]
     whole = pa.int32() if column.type.bit_width == 32 else pa.int64()
     count = column.cast(whole).cast(pa.float64(), safe=False)

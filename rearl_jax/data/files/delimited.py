@@ -34,8 +34,8 @@ _MAX_INTEGER = 2.0**63  # beyond it a number is no 64-bit integer
 _BLOCK_BYTES = 2**20  # bytes
 _UNKNOWN = (
     *("", "NA", "N/A", "n/a", "#N/A", "#N/A N/A", "#NA", "NULL", "Null", "null", "None", "NONE", "none", "<NA>", "nil"),
-    *("NaN", "NAN", "nan", "-NaN", "-nan", "1.#QNAN", "-1.#QNAN", "1.#IND", "-1.#IND"),  # of C libraries the last
-    *("-", "--", "---", ".", "?", "#DIV/0!", "#VALUE!", "#NUM!", "#REF!", "#NV", "#WERT!"),  # of spreadsheets the last
+    *("NaN", "NAN", "nan", "-NaN", "-nan", "1.#QNAN", "-1.#QNAN", "1.#IND", "-1.#IND"),  # with #: C libraries
+    *("-", "--", "---", ".", "?", "#DIV/0!", "#VALUE!", "#NUM!", "#REF!", "#NV", "#WERT!"),  # with #: spreadsheets
 )
 """Fields that stand for an unknown value."""
 _THOUSANDS = re.compile(r"[+-]?\d{1,3}([.,' \u00a0\u2009\u202f]\d{3})+([.,]\d*)?")
@@ -43,7 +43,7 @@ _UTF8 = ("utf-8", "utf-8-sig")
 
 
 def text_endings(ending: str) -> tuple[str, ...]:
-    """The ending of a text table and of compressed ones, such as .csv, .csv.gz and .csv.zip."""
+    """Endings of text tables and of compressed ones, such as .csv, .csv.gz and .csv.zip."""
     return (ending, *(f"{ending}{packed}" for packed in (*OPENERS, ".zip")))
 
 
@@ -72,8 +72,8 @@ def read_csv(
 ) -> tuple[pa.Table, int]:
     """The named columns of a CSV file, and the number of broken lines that were skipped.
 
-    Fields may be separated by commas, semicolons, tabs or bars, and numbers may have a decimal comma. A line is broken
-    if its number of fields is not that of the header, as in a file that was cut off.
+    Fields may be separated by commas, semicolons, tabs or vertical bars, and numbers may have a decimal comma. A line
+    is broken if its number of fields differs from that of the header, as in a file that was cut off.
 
     Args:
         path: The file, its first line names the columns.
@@ -82,7 +82,7 @@ def read_csv(
         quoted: Whether quotes enclose fields.
 
     Raises:
-        BadRecordingError: A column is missing or there twice, a value does not have the type of its column, the file
+        BadRecordingError: A column is missing or occurs twice, a value does not have the type of its column, the file
             is not text, or a line is broken and on_bad is stop.
     """
     present = read_header(path)
@@ -225,7 +225,7 @@ class _Lines:
         except pa.ArrowInvalid:
             pass
         broken: list[csv.InvalidRow] = []
-        # Whole numbers may be written as 12.0, as pandas does where a column holds gaps.
+        # Whole numbers may be written as 12.0, as pandas does if a column has missing values.
         lenient = {name: pa.float64() if pa.types.is_integer(kind) else kind for name, kind in columns.items()}
         try:
             table = self._as_text()._parsed(lenient, broken)
@@ -274,7 +274,7 @@ class _Lines:
             broken.append(row)
             return "skip"
 
-        # Opened here: Arrow would unpack a plain file with the name of a packed one.
+        # Opened here, because Arrow would decompress a plain file whose name ends like that of a compressed one.
         with self.path.open("rb") if self.content is None else io.BytesIO(self.content) as file:
             return csv.read_csv(
                 file,

@@ -1,4 +1,4 @@
-"""Files of recordings in a folder: hidden ones are left out, packed and nested ones are pointed out."""
+"""Files of recordings in a folder: hidden ones are left out; errors name compressed files and files in subfolders."""
 
 import hashlib
 import logging
@@ -14,7 +14,7 @@ log = logging.getLogger(__name__)
 
 PACKED = (".gz", ".bz2", ".xz", ".zst", ".zip", ".7z", ".rar", ".tar", ".tgz")
 """Endings of compressed files and archives."""
-_DEEP = 2  # folders below the named one that are looked into for a hint
+_DEEP = 2  # levels of subfolders that are searched to name them in an error
 _MAX_NAME_LENGTH = 150  # characters; 255 is the limit of most file systems, with an ending and a mark while unfinished
 _DEVICES = frozenset({"con", "prn", "aux", "nul", *(f"{port}{n}" for port in ("com", "lpt") for n in range(1, 10))})
 """Names that Windows keeps for devices."""
@@ -24,8 +24,8 @@ _HIDDEN = (".", "~$", "__")
 def visible_files(root: Path, endings: Sequence[str]) -> list[Path]:
     """Files in the folder whose names end like one of `endings`, whatever their case, by name.
 
-    Hidden files are left out: locks of editors (`.~lock.a.csv`, `~$a.csv`) and companions that macOS writes
-    (`._a.csv`) have names like recordings but are not recordings.
+    Hidden files are left out: lock files of editors (`.~lock.a.csv`, `~$a.csv`) and metadata files of macOS (`._a.csv`)
+    end like recordings but are not recordings.
 
     Raises:
         InvalidInputError: The name of one is not text.
@@ -57,19 +57,21 @@ def named_files(root: Path, endings: Sequence[str], wanted: str, usual: str) -> 
 
 @lru_cache(maxsize=256)
 def tell_of_others_below(root: Path, endings: tuple[str, ...]) -> None:
-    """Says, once, that files in folders below the named one are not read."""
+    """Warns once that files in subfolders are not read."""
     if below := _folders_below(root, endings):
         log.warning("%s: the files in %s are not read: name that folder, or move them up", root, _listed(below))
 
 
 def file_name_of(recording: str, taken: Collection[str] = ()) -> str:
-    """A file name without ending for a recording of any name, on every system; letters, digits, - _ . stay as they are.
+    """File name without ending for a recording, valid on every operating system.
 
-    Different names give different file names. Other characters are written as in addresses, %5C for a backslash.
+    Different recordings get different file names. Letters, digits, - _ and . are kept, other characters are written as
+    in web addresses, %5C for a backslash.
 
     Args:
         recording: Name of the recording.
-        taken: File names of others; where one differs by case only, as Windows and macOS do not, a mark is added.
+        taken: File names in use. A hash is added to a name that differs from one of these by case only, because Windows
+            and macOS do not distinguish case.
     """
     name = quote(recording, safe="")
     if name.startswith(_HIDDEN) or name.endswith(".") or name.partition(".")[0].lower() in _DEVICES:
@@ -108,18 +110,18 @@ def _with_text_name(file: Path) -> Path:
 
 
 def is_visible(file: Path) -> bool:
-    """True unless the file is hidden, such as the locks and companions of programs and operating systems."""
+    """True unless the file is hidden, as lock files of editors and metadata files of operating systems are."""
     return not file.name.startswith(_HIDDEN)
 
 
 def recordings_missing(found: str, root: Path, wanted: str, endings: Sequence[str] = ()) -> MissingInputError:
-    """The error for a folder that holds `found`, such as `no .csv`, where `data.root` must name what is wanted.
+    """The error for a folder without the wanted recordings.
 
     Args:
-        found: Content of the folder.
+        found: What the folder holds, such as `no .csv`.
         root: The folder.
         wanted: Description of the file or folder that `data.root` must name.
-        endings: Endings of the names of recordings, to name other folders that have some.
+        endings: Endings of the names of recordings, by which subfolders with recordings are found and named.
     """
     message = f"{found}: data.root must name {wanted}{_hint(root, endings)}"
     return MissingInputError(Problem("recordings-missing", message, file=str(root)))
@@ -137,7 +139,7 @@ def _hint(root: Path, endings: Sequence[str]) -> str:
 
 
 def _folders_below(root: Path, endings: Sequence[str]) -> list[Path]:
-    """The folders nearest below a folder that hold files with one of the endings; of a study that of its tables."""
+    """The nearest subfolders that hold files with one of the endings; of a study folder, its folder of tables."""
     for depth in range(1, _DEEP + 1):
         below = sorted(root.glob("/".join("*" * depth)))
         folders = [tables_of_study(folder) or folder for folder in below if folder.is_dir() and is_visible(folder)]

@@ -1,7 +1,6 @@
-"""JSON documents of a file that is too long for the memory: an array of objects, or one object after another.
+"""JSON documents of a file that does not fit into memory: an array of objects, or one object after another.
 
-The file is read in blocks; the documents of a block are found by their brackets and parsed by Arrow, only as far as
-fields are asked for.
+The file is read in blocks. The documents of a block are found by their brackets; Arrow parses the requested fields.
 """
 
 import io
@@ -18,8 +17,8 @@ from rearl_jax.data.problems import bad_recording, file_missing
 BLOCK_BYTES = 16 * 2**20
 """Bytes that are read at a time."""
 MAX_DOCUMENT_BYTES = 64 * 2**20
-"""Bytes beyond which an object without end is a lost bracket and no document."""
-_MAX_BACKSLASHES = 1000  # backslashes before a quotation mark
+"""Size [bytes] above which an object without an end is an error: a bracket has been lost."""
+_MAX_BACKSLASHES = 1000  # consecutive backslashes before a quotation mark that are counted
 _SEPARATORS = b" \t\r\n,"
 
 
@@ -28,9 +27,9 @@ class Documents:
     """Documents of one block.
 
     Attributes:
-        starts: Places of their first bytes in the file.
-        texts: Their bytes.
-        n_broken: Documents behind them that have no end, because the file is cut off.
+        starts: Byte offsets of the documents in the file.
+        texts: Content of the documents.
+        n_broken: Number of documents after these that have no end, because the file is cut off.
     """
 
     starts: list[int]
@@ -74,7 +73,7 @@ def documents(path: Path) -> Iterator[Documents]:
 
 
 def _spans(text: bytes) -> tuple[np.ndarray, np.ndarray]:
-    """Begins of the objects in a text, and their ends; the last object may have no end."""
+    """Offsets of the beginnings of the objects in a text, and of their ends; the last object may have no end."""
     codes = np.frombuffer(text, np.uint8)
     at = np.flatnonzero((codes == ord("{")) | (codes == ord("}")) | (codes == ord('"')))
     quote = codes[at] == ord('"')
@@ -99,7 +98,7 @@ def _spans(text: bytes) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _require_json(text: bytes, begins: np.ndarray, ends: np.ndarray, place: int, path: Path) -> None:
-    """Raise BadRecordingError for anything but commas and blanks between objects."""
+    """Raise BadRecordingError if there is anything except commas and blanks between objects."""
     before = np.concatenate([[0], ends])[: begins.size]
     for start, stop in zip(before, begins, strict=True):
         between = text[start:stop].strip(_SEPARATORS)
@@ -112,7 +111,7 @@ def _require_json(text: bytes, begins: np.ndarray, ends: np.ndarray, place: int,
 
 
 def read_documents(path: Path, starts: Sequence[int], sizes: Sequence[int]) -> list[bytes]:
-    """The documents at places of a file."""
+    """The documents at byte offsets of a file."""
     with path.open("rb") as file:
         texts = []
         for start, size in zip(starts, sizes, strict=True):
@@ -128,16 +127,17 @@ def parsed(texts: Sequence[bytes], fields: dict[str, pa.DataType]) -> tuple[pa.T
 
     Args:
         texts: The documents.
-        fields: Name and type of each field; what is of another type makes a document that cannot be parsed.
+        fields: Name and type of each field; a document with a value of another type cannot be parsed.
     """
     schema = pa.schema(list(fields.items()))
     table = _table(b"\n".join(texts), schema)
     if table is not None and table.num_rows == len(texts):
         return table, np.zeros(len(texts), dtype=bool)
     single = [_table(text, schema) for text in texts]
-    good = [one for one in single if one is not None and one.num_rows == 1]
+    is_bad = [document is None or document.num_rows != 1 for document in single]
+    good = [document for document in single if document is not None and document.num_rows == 1]
     table = pa.concat_tables(good) if good else schema.empty_table()
-    return table, np.array([one is None or one.num_rows != 1 for one in single], dtype=bool)
+    return table, np.array(is_bad, dtype=bool)
 
 
 def _table(text: bytes, schema: pa.Schema) -> pa.Table | None:
@@ -146,7 +146,7 @@ def _table(text: bytes, schema: pa.Schema) -> pa.Table | None:
         # One block, because a document must not lie across two.
         blocks = json.ReadOptions(use_threads=False, block_size=len(text) + 1)
         table = json.read_json(io.BytesIO(text), blocks, options)
-        table.validate(full=True)  # a damaged text is not UTF-8; pandas would notice where it is used
+        table.validate(full=True)  # finds damaged text here, which pandas would find only where it is used
     except pa.ArrowInvalid:
         return None
     return table

@@ -41,7 +41,7 @@ _NAMES = {
 _SAMPLE_BYTES = 2**16  # bytes from which it is decided whether a file is text
 _BLOCK_BYTES = 2**20
 _CONTROL = re.compile(rb"[\x00-\x08\x0e-\x1a\x1c-\x1f]")
-_UNDEFINED = re.compile(rb"[\x81\x8d\x8f\x90\x9d]")  # no characters of Windows-1252
+_UNDEFINED = re.compile(rb"[\x81\x8d\x8f\x90\x9d]")  # bytes that Windows-1252 does not define
 _MULTIBYTE = re.compile(rb"[\xc3-\xdf][\x80-\xbf]|[\xe1-\xef][\x80-\xbf]{2}")
 _NUMBER = re.compile(r"[+-]?\d*(?:([.,])\d+|\d)(?:[eE][+-]?\d+)?")
 _JSON = re.compile(r'\s*(\[\s*)?(\{\s*("|$)|\[\s*$)|\s*\[\s*$')
@@ -51,7 +51,7 @@ _NO_TABLES = (
     (re.compile(r"\s*<(!doctype\s+)?html\b", re.IGNORECASE), "a web page", "log in, and download the table again"),
     (re.compile("version https://git-lfs"), "a pointer of Git LFS, not the table", "fetch it with `git lfs pull`"),
 )
-"""First lines of other files: pattern, what they are of and the remedy."""
+"""First lines of files that are not tables: pattern, kind of file and remedy."""
 _BRACKETED = re.compile(r"[\[(<{]\s*(.*?)\s*[\])>}]")
 _NO_UNIT = frozenset({"", "-", "--", "1", "n/a", "none", "id", "text", "string"})
 _SINGLE_QUOTED = re.compile(r"'[^']*'")
@@ -63,7 +63,7 @@ class Layout:
     """Layout of a text table.
 
     Attributes:
-        compression: Ending of files that are compressed like this one, empty for none.
+        compression: Usual ending of files with this compression, such as .gz; empty for none.
         encoding: Name of the codec.
         is_sure: Whether the file itself states its encoding.
         header_lines: Lines above the first row.
@@ -84,7 +84,7 @@ class Layout:
 
     @property
     def encoding_name(self) -> str:
-        """The encoding as people call it."""
+        """Common name of the encoding."""
         return _NAMES[self.encoding]
 
     @property
@@ -97,7 +97,7 @@ class Layout:
 
 
 def compression_of(path: Path) -> str:
-    """Ending of files that are compressed like this one, by its first bytes; empty for none."""
+    """Usual ending of files with the compression of this one, by its first bytes; empty for none."""
     with path.open("rb") as file:
         head = file.read(8)
     return next((ending for magic, ending in _MAGIC.items() if head.startswith(magic)), "")
@@ -107,7 +107,7 @@ def opened(path: Path) -> io.BufferedIOBase:
     """The content of a text table, uncompressed.
 
     Raises:
-        BadRecordingError: A .zip holds not one file.
+        BadRecordingError: The .zip does not hold exactly one file.
     """
     packed = compression_of(path)
     if packed == ".zip":
@@ -146,7 +146,7 @@ def text_of(path: Path) -> io.TextIOWrapper:
 
 
 def first_lines(path: Path, number: int) -> list[str]:
-    """The first lines that are not empty, without what is not text; a very long one comes in parts."""
+    """The first lines that are not empty; bytes that are not text are replaced, and a very long line is split."""
     try:
         with opened(path) as file:
             parts = iter(partial(file.readline, _SAMPLE_BYTES), b"")
@@ -185,8 +185,8 @@ def _without_single_quotes(field: str) -> str:
 
 
 def _quote(header: str, rows: Sequence[str], delimiter: str) -> str:
-    """A single quote if no line has a double quote, and the fields that single quotes enclose make all rows as long as
-    the header; else a double quote.
+    """A single quote if it encloses fields: no line has a double quote, and all lines then have as many fields as the
+    header; else a double quote.
     """
     lines = [line for line in (header, *rows) if line.strip()]
     if delimiter == BLANKS or any('"' in line for line in lines) or not any("'" in row for row in rows):
@@ -240,7 +240,7 @@ def _unnamed(names: Sequence[str], rows: Sequence[Sequence[str]]) -> int:
 
 
 def _units(fields: Sequence[str]) -> list[str]:
-    """The units that a line below the names states, empty for columns without one; no units if it is no such line."""
+    """Units of the columns if a line states them, empty for columns without a unit; no units for any other line."""
     plain = [_BRACKETED.sub(r"\1", field.strip()) for field in fields]
     are_units = [any(unit_named(field, kind) for kind in UNITS) for field in plain]
     others = [field for field, is_unit in zip(plain, are_units, strict=True) if not is_unit]
@@ -250,7 +250,7 @@ def _units(fields: Sequence[str]) -> list[str]:
 
 
 def _header(lines: Sequence[str], filled: Sequence[int]) -> tuple[int, list[str]]:
-    """Number of the line with the names, and the lines below it that are looked at."""
+    """Number of the line with the names, and a sample of the lines below it."""
     place = 0
     while place + 1 < len(filled) and _PREAMBLE.fullmatch(lines[filled[place]].strip()):
         if _names_what_is_below(lines[filled[place]], lines[filled[place + 1]]):
@@ -274,7 +274,7 @@ def _has_rows_below(lines: Sequence[str], filled: Sequence[int], place: int) -> 
 
 
 def _begins_table(lines: Sequence[str], filled: Sequence[int], place: int) -> bool:
-    """True if a line below some text holds names without numbers, and the next line numbers in as many fields."""
+    """True if a line holds names without numbers, and the next line as many fields, with numbers among them."""
     for delimiter in (*_DELIMITERS, BLANKS):
         names, row = (fields_of(lines[filled[number]].strip(" "), delimiter) for number in (place, place + 1))
         if len(names) > 2 and len(names) == len(row) and all(names[1:]) and not any(map(_NUMBER.fullmatch, names)):
@@ -310,10 +310,10 @@ def decimal_point_of(lines: Sequence[str], delimiter: str) -> str:
 
 
 def _encoding(path: Path) -> tuple[str, bool]:
-    """Codec of the content, and whether the file itself says so.
+    """Codec of the content, and whether the file itself states it.
 
-    Bytes that are UTF-8 are taken for UTF-8. Others are Windows-1252, of which Latin-1 is a part, unless they hold
-    what that does not: then they are damaged.
+    Bytes that are valid UTF-8 are read as UTF-8. Others are read as Windows-1252, which includes Latin-1; bytes that
+    Windows-1252 does not define are an error.
     """
     with opened(path) as file:
         head = file.read(_SAMPLE_BYTES)

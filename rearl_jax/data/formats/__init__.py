@@ -1,1 +1,1 @@
-"""Published formats of recordings: what each file means, read into canonical tables."""
+"""Readers of published formats of recordings, which convert their files to canonical tables."""

@@ -1,7 +1,7 @@
 """Reader of exiD: entries and exits of German motorways, NN_tracks.csv, NN_tracksMeta.csv and NN_recordingMeta.csv.
 
-The files give the centre of a vehicle on the plane of a map, y pointing north, and the lane pieces (lanelets) it is on.
-The road is straightened by the paths of its vehicles, pieces side by side become lanes, and ramps are left out where
+The files give the centre of a vehicle on a map, with y pointing north, and the lanelets (pieces of lanes) it is on. The
+road is straightened along the paths of its vehicles, lanelets side by side become lanes, and ramps are left out where
 they leave the road.
 
 Source: Moers, Vater, Krajewski, Bock, Zlocki and Eckstein, The exiD Dataset, IEEE IV 2022, and its format description.
@@ -27,7 +27,7 @@ from rearl_jax.data.schema import Recording, RecordingInfo, validate
 
 LICENCE = "exiD licence: non-commercial research on request, no redistribution"
 ATTRIBUTION = "Moers, Vater, Krajewski, Bock, Zlocki and Eckstein, The exiD Dataset, IEEE IV 2022; levelxdata.com"
-_BACKWARD = 1.0  # m/s; errors of the tracking make standing vehicles drive back
+_BACKWARD = 1.0  # m/s; tracking errors give standing vehicles negative speeds down to this
 _TRACKS = {
     "trackId": pa.int64(),
     "frame": pa.int64(),
@@ -147,7 +147,7 @@ def _straight(rows: pd.DataFrame, info: RecordingInfo) -> Straightened:
     begins = np.ones(len(track), dtype=bool)
     begins[1:] = (track[1:] != track[:-1]) | (rows["laneChange"].to_numpy()[1:] == 1.0)
     x, y, lanelet = (rows[name].to_numpy(np.float64) for name in ("xCenter", "yCenter", "lanelet"))
-    # A lanelet is driven one way.
+    # shared=1.0, because all vehicles on a lanelet drive the same way.
     road = straightened(track, np.cumsum(begins), x, y, lanelet, y_down=False, shared=1.0)
     if road is None:
         text = "no vehicle moves, so that the road cannot be found"

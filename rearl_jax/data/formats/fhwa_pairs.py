@@ -1,7 +1,7 @@
-"""Reader of FHWA's leader-follower pairs: the same people behind a car under adaptive cruise control and behind people.
+"""Reader of FHWA's leader-follower pairs: the same drivers behind a car with adaptive cruise control and behind people.
 
-Every pair becomes two tracks, one of the follower and one of the leader, because the kind of leader differs between the
-pairs of one follower. Labels: `leader` is ACC or person, `person` identifies the follower.
+Every pair becomes two tracks, one of the follower and one of the leader, because one driver follows leaders of both
+kinds. Labels: `leader` is ACC or person, `person` identifies the driver that follows.
 
 Source: U.S. Federal Highway Administration, TO-21-426, modelling interactions of people with inconspicuous vehicles
 under adaptive cruise control; github.com/usdot-fhwa-stol, Apache 2.0.
@@ -28,7 +28,7 @@ ATTRIBUTION = (
 )
 PERSON = "person"
 """Label of tracks: identity of the follower within a run; None for leaders."""
-LENGTH = 5.0  # m, assumed by the source for all vehicles: its gap is the spacing less this
+LENGTH = 5.0  # m, assumed by the source for all vehicles: its gap is the distance of the centres minus this
 LEADERS = {"CAV": "ACC", "HV": "person"}
 _NUMBERS = "pair follower_id leader_id t_s y_f_m v_f_mps a_f_mps2 y_l_m v_l_mps a_l_mps2".split()
 _TEXTS = ("recording", "group")

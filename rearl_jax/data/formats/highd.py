@@ -170,7 +170,7 @@ def read_recording(tracks_file: Path, policy: DataConfig, *, generated: bool = F
     source = sound(source, not_in_meta(source, meta))
     source = sound(source, truncated(source, meta))
     source = sound(source, without_value(source, "laneId")).astype({"laneId": np.int64})
-    source = sound(source, _moving_otherwise(source, meta))
+    source = sound(source, _wrong_sign(source, meta))
     source = sound(source, _no_lane(source, meta, recording.markings))
     lanes, notes = _lane_ids(source, meta, recording.markings)
     lane_count = {side: high - low + 1 for side, (low, high) in lanes.items()}
@@ -192,13 +192,13 @@ def _read_tracks(path: Path, policy: DataConfig, losses: Losses) -> pd.DataFrame
         losses.counts["broken_line"] += n_broken
     if not rows.num_rows:
         raise bad_recording("no-rows", "the recording has no rows", "remove the file or complete it", path)
-    # One column after the other, so that Arrow's copy of the text and NumPy's of the numbers do not add up.
+    # Converted column by column, so that Arrow's and NumPy's copies of the table are not in memory together.
     source = pd.DataFrame({name: rows.column(name).to_numpy() for name in _TRACKS}, copy=False)
     return source.rename(columns={"id": "track_id"})
 
 
 def _no_lane(source: pd.DataFrame, meta: pd.DataFrame, markings: dict[int, tuple[float, ...]]) -> Finding | None:
-    """Rows whose laneId is no stripe of their carriageway or beside it; the stripe between the two counts for both."""
+    """Rows whose laneId is not a lane of their carriageway or a stripe next to it; the median belongs to both."""
     lane_id, between = source["laneId"].to_numpy(), len(markings[1]) + 1
     upper = meta["drivingDirection"].reindex(source["track_id"].to_numpy()).to_numpy() == 1
     first, last = np.where(upper, 1, between), np.where(upper, between, between + len(markings[2]))
@@ -211,8 +211,8 @@ def _no_lane(source: pd.DataFrame, meta: pd.DataFrame, markings: dict[int, tuple
     return Finding("lane_out_of_range", "lane", bad, text, "correct the laneId")
 
 
-def _moving_otherwise(source: pd.DataFrame, meta: pd.DataFrame) -> Finding | None:
-    """Rows of tracks whose mean velocity has not the sign of their driving direction."""
+def _wrong_sign(source: pd.DataFrame, meta: pd.DataFrame) -> Finding | None:
+    """Rows of tracks whose mean velocity does not have the sign of their driving direction."""
     ids, which, counts = np.unique(source["track_id"].to_numpy(), return_inverse=True, return_counts=True)
     velocity = source["xVelocity"].to_numpy()
     # An impossible velocity does not determine the direction; the schema check finds it.
@@ -261,7 +261,7 @@ def _driver_frame(
             "length": source["width"].to_numpy(),
             "width": source["height"].to_numpy(),
             "vehicle_class": pd.Categorical.from_codes(classes.codes[inverse], categories=classes.categories),
-            # precedingId 0 says that there is no vehicle ahead in the picture.
+            # precedingId 0 means that no vehicle is ahead in the image.
             "leader_id": without_absent(leader, track=track, frame=frame, lane=lane_id, position=position),
         },
         index=source.index,
@@ -285,9 +285,9 @@ def _lane_ids(
 
     highD numbers the stripes between markings from the top, starting with 1 above the first one: n_upper and
     n_lower markings make the upper lanes 2 .. n_upper and the lower ones n_upper + 2 .. n_upper + n_lower.
-    Counting from the markings keeps the ranks right if no vehicle used an outer lane; if ids lie outside of them, the
-    ids that occur count. Rare ids that are not even next to the markings do not count, because a single one would move
-    the ranks of all others; the schema check finds them.
+    Counting from the markings keeps the ranks right if no vehicle used an outer lane. If ids are outside of the
+    markings, lanes are counted from the ids that occur. Rare ids that are not next to the markings are ignored, because
+    a single one would move the ranks of all others; the schema check finds them.
     """
     n_upper, n_lower = len(markings[1]), len(markings[2])
     lanes = {1: (2, n_upper), 2: (n_upper + 2, n_upper + n_lower)}

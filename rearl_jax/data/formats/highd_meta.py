@@ -16,7 +16,7 @@ from rearl_jax.data.records import SPEED_LIMITS
 from rearl_jax.data.vehicle_classes import CLASSES, classes_of
 
 _REQUIRED = ("frameRate", "upperLaneMarkings", "lowerLaneMarkings")
-_SLOWEST, _FASTEST = 0.1, 1000.0  # frames per second, beyond every camera that watches roads
+_SLOWEST, _FASTEST = 0.1, 1000.0  # frames per second; outside of this range no camera records traffic
 
 _TRACKS_META = {
     "id": pa.int64(),
@@ -33,7 +33,7 @@ class RecordingMeta:
     Attributes:
         frame_rate: Frames per second [1/s].
         speed_limit: [m/s]; None if there is none.
-        markings: y of the lane markings per direction [m], rising; y points down, the first is the topmost.
+        markings: y of the lane markings per direction [m], ascending; y points down, the first is the topmost.
     """
 
     frame_rate: float
@@ -83,7 +83,7 @@ def read_recording_meta(path: Path) -> RecordingMeta:
 
 
 def sound_frame_rate(value: float, path: Path) -> float:
-    """The frame rate [1/s], or BadRecordingError if it is none of a camera."""
+    """The frame rate [1/s]; BadRecordingError if it is implausible."""
     if not _SLOWEST <= value <= _FASTEST:
         text = f"{value:g} is not a number of frames per second"
         raise bad_recording("frame-rate", text, "correct it", path, column="frameRate", row=1)
@@ -91,7 +91,7 @@ def sound_frame_rate(value: float, path: Path) -> float:
 
 
 def sound_speed_limit(value: float, path: Path) -> float | None:
-    """The speed limit [m/s], None for -1, which is written where there is none; or BadRecordingError."""
+    """The speed limit [m/s]; None for -1, which means no limit; BadRecordingError if it is implausible."""
     if value > 0.0 and not SPEED_LIMITS[0] <= value <= SPEED_LIMITS[1]:
         text = f"{value:g} m/s is not a speed limit of a highway"
         raise bad_recording("speed-limit", text, "give it in m/s, -1 for none", path, column="speedLimit", row=1)

@@ -1,8 +1,8 @@
 """Reader of I-24 MOTION INCEPTION: JSON documents of trajectories in feet, hours of several miles in one file.
 
-A recording is a window of time on a section of road. x_position is the mile marker of the rear of a vehicle, in feet;
-it rises eastbound and falls westbound. y_position is its distance from the middle of the road: 12 ft of shoulder, then
-lanes of 12 ft. There are no speeds; they are the changes of x_position with time.
+A recording is a time window on a section of road; the code calls this pair a cell. x_position is the mile marker of the
+rear of a vehicle, in feet; it rises eastbound and falls westbound. y_position is the distance from the middle of the
+road: 12 ft of shoulder, then lanes of 12 ft. The files hold no speeds; they are derived from x_position and time.
 
 Source: Gloudemans, Wang, Ji, Zachar, Barbour and Work, I-24 MOTION: An instrument for freeway traffic science,
 Transportation Research Part C 155 (2023) 104311; github.com/I24-MOTION/data_tutorial.
@@ -30,13 +30,13 @@ ATTRIBUTION = (
     "I-24 MOTION INCEPTION, i24motion.org"
 )
 N_LANES = 4
-"""Lanes of each direction that go through; further ones are counted where vehicles use them."""
+"""Through lanes of each direction; further lanes are added where vehicles use them."""
 _MAX_LANES = 6
-_USED = 0.01  # share of the rows of a direction in a further lane from which it is one
+_USED = 0.01  # smallest share of the rows of a direction that makes a further lane
 _BATCH_BYTES = 32 * 2**20  # bytes of documents that are parsed at a time
-_FIRST_DOCUMENT_BYTES = 2**23  # bytes, more than one document has even if its vehicle drives for an hour
-_ASIDE = 0.1  # frames by which a document may miss the times of the others
-_BACKWARD = 1.0  # m/s; errors of the tracking make standing vehicles drive back
+_FIRST_DOCUMENT_BYTES = 2**23  # more than the document of a vehicle that is recorded for an hour
+_ASIDE = 0.1  # frames; a larger offset of a document's times from those of the others is noted
+_BACKWARD = 1.0  # m/s; tracking errors give standing vehicles negative speeds down to this
 _WINTER = timedelta(hours=-6)  # Central Standard Time; all published days are in it
 _LIST = pa.list_(pa.float64())
 _FIELDS = {
@@ -72,7 +72,7 @@ def find_files(root: Path) -> list[Path]:
 
 
 def is_one(path: Path) -> bool:
-    """True if the first document has the fields of a trajectory, as far as it is looked at."""
+    """True if the file begins with a document that has the fields of a trajectory."""
     with path.open("rb") as file:
         head = file.read(_FIRST_DOCUMENT_BYTES)
     return re.match(rb"(\xef\xbb\xbf)?\s*(\[\s*)?\{", head) is not None and all(
@@ -81,7 +81,7 @@ def is_one(path: Path) -> bool:
 
 
 def cells(path: Path, policy: DataConfig) -> dict[str, Cell]:
-    """Recording id, such as i24_20221121_063000_mm59.65 -> its window and section; mm is the mile marker of its begin.
+    """Recording id -> its window and section; i24_20221121_063000_mm59.65 begins at 6:30:00 and mile marker 59.65.
 
     Raises:
         BadRecordingError: The file holds no documents of I-24 MOTION, or one is broken and data.on_bad is stop.
@@ -124,13 +124,13 @@ def _name(cell: Cell, path: Path, policy: DataConfig) -> str:
 
 
 def _parts(numbers: np.ndarray, index: Index) -> list[np.ndarray]:
-    """The documents in groups that are not much longer than _BATCH_BYTES, so that few whole journeys are in memory."""
+    """The documents in groups of about _BATCH_BYTES, because a document holds the whole track of a vehicle."""
     group = np.cumsum(np.array(index.sizes)[numbers]) // _BATCH_BYTES
     return np.split(numbers, np.flatnonzero(np.diff(group)) + 1)
 
 
 def _rows(path: Path, numbers: np.ndarray, index: Index, cell: Cell, policy: DataConfig) -> pd.DataFrame:
-    """Rows of documents in a window and section [m, s]; the index counts the documents."""
+    """Rows of documents in a window and section, in SI units; the index holds the numbers of the documents."""
     texts = read_documents(path, [index.starts[n] for n in numbers], [index.sizes[n] for n in numbers])
     documents, broken = parsed(texts, _FIELDS)
     if broken.any():
@@ -223,7 +223,7 @@ def _slope(values: np.ndarray, time: np.ndarray, tracks: Tracks) -> np.ndarray:
     before = np.where(tracks.follows, rows - 1, rows)
     after = np.append(np.where(tracks.follows[1:], rows[1:], rows[:-1]), rows[-1])
     step = time[after] - time[before]
-    # A document of one row, or of one moment, has no speed.
+    # A document with one row, or with one time only, has no speed.
     return np.divide(values[after] - values[before], step, out=np.full(len(values), np.nan), where=step > 0.0)
 
 
@@ -255,7 +255,7 @@ def _lanes(lateral: np.ndarray, side: np.ndarray) -> tuple[np.ndarray, dict[int,
 
 
 def _classes(numbers: np.ndarray) -> np.ndarray:
-    """Classes of the schema; a number that is none stays, and the check of the schema names it."""
+    """Classes of the schema; an unknown number stays, and the schema check reports it."""
     return np.array([_CLASSES.get(number, str(number)) for number in np.unique(numbers)], object)[
         np.unique(numbers, return_inverse=True)[1]
     ]

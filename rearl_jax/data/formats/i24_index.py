@@ -1,6 +1,6 @@
 """Index of a file of I-24 MOTION: the documents with vehicles in each time window and road section.
 
-One pass over the file finds it, so that a recording of hours is read piece by piece.
+One pass over the file builds the index, with which a recording of hours is read piece by piece.
 """
 
 from collections import Counter
@@ -24,7 +24,7 @@ MILES = (57.0, 65.0)
 LANE = 12.0
 """Width of a lane, and of the shoulder beside the median [ft]."""
 _FEET_PER_MILE = 5280.0
-_MAX_NUMBER = 2e18  # beyond every time, in nanoseconds too, and every place
+_MAX_NUMBER = 2e18  # larger than every position and every time, also in nanoseconds
 _MIN_DOCUMENTS = 8  # documents needed to check the unit of y_position
 _SINCE, _UNTIL = 1.5e9, 4.0e9  # s since 1970: the years 2017 and 2096
 _BACKWARD = 5.0 / FEET  # ft that a vehicle may end upstream of its start, because of tracking errors
@@ -48,8 +48,8 @@ class Index:
     """Documents of a file.
 
     Attributes:
-        starts: Place of each document in the file.
-        sizes: Its length [bytes].
+        starts: Byte offset of each document in the file.
+        sizes: Length of each document [bytes].
         cells: Numbers of the documents with a row in each window and section, from 0.
         frame_rate: Frames per second [1/s].
         phase: Offset of the frames of most documents from multiples of the frame interval [frames], 0 to 1.
@@ -65,7 +65,7 @@ class Index:
 
 
 def index_of(path: Path, window: float | None, section: float | None, on_bad: OnBad) -> Index:
-    """The index of a file, made once as long as the file does not change.
+    """The index of a file, built again only if the file has changed.
 
     Args:
         path: The file.
@@ -147,11 +147,11 @@ class Tracks:
         self.time = self.values("timestamp")
 
     def values(self, name: str) -> np.ndarray:
-        """An array of every document."""
+        """Values of an array field, of all documents one after the other."""
         return self._table[name].combine_chunks().flatten().to_numpy(zero_copy_only=False).astype(np.float64)
 
     def of_document(self, name: str) -> np.ndarray:
-        """A number of every document."""
+        """Value of a number field of each document."""
         return self._table[name].to_numpy().astype(np.float64)
 
 
@@ -198,7 +198,7 @@ def _sound(
             seen.add(name or "")
         return found
 
-    questions: tuple[tuple[str, str, Callable[[], np.ndarray], str], ...] = (
+    checks: tuple[tuple[str, str, Callable[[], np.ndarray], str], ...] = (
         *(("value_missing", name, lambda name=name: missing(name), "the value is missing") for name in NEEDED),
         ("no_rows", "timestamp", lambda: lengths("timestamp") == 0, "the array is empty"),
         *(
@@ -228,8 +228,8 @@ def _sound(
         ),
         ("duplicate", "_id", twice, "the document occurs twice"),
     )
-    for name, column, question, text in questions:
-        bad = question()
+    for name, column, find_bad, text in checks:
+        bad = find_bad()
         if bad.any():
             _leave_out(index, name, int(bad.sum()), int(numbers[np.argmax(bad)]), text, path, on_bad, column)
             table, numbers = table.filter(pa.array(~bad)), numbers[~bad]
@@ -246,7 +246,7 @@ def _leave_out(
     on_bad: OnBad,
     column: str | None = None,
 ) -> None:
-    """Counts documents, or stops at the first."""
+    """Counts documents that are left out, or stops at the first."""
     if on_bad is OnBad.stop:
         text = text if n == 1 else f"{text} (and {n - 1} more documents)"
         row = len(index.starts) + 1 if number is None else number + 1

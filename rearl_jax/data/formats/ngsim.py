@@ -1,6 +1,6 @@
 """Reader of the shipped NGSIM table: US-101, lane-changing vehicles, SI units.
 
-NGSIM gives the front centre of a vehicle, the canonical table wants the centre.
+NGSIM gives the middle of a vehicle's front; the canonical table holds the centre.
 
 Source: U.S. Department of Transportation, Next Generation Simulation Vehicle Trajectories and Supporting
 Data, DOI 10.21949/1504477.
@@ -26,7 +26,7 @@ ATTRIBUTION = (
 )
 US101_LENGTH = 640.0  # m, 2100 ft; NGSIM US-101 data description
 DEBOUNCE = 21  # frames, 2 s
-_MAX_LANE = 100  # a lane beyond it is not a number of a lane
+_MAX_LANE = 100  # larger values are not lane numbers
 
 _US101_PERIODS = {0: "us101_0750", 1: "us101_0805", 2: "us101_0820"}
 _US101_COLUMNS = ("period", "vehicle_id", "frame", "x_m", "y_m", "lane_est", "speed_mps", "accel_mps2")
@@ -60,8 +60,8 @@ def us101_recordings(path: Path) -> dict[str, int]:
 def read_us101(path: Path, recording: str, period: int, policy: DataConfig) -> Recording:
     """One period of the SI table of US-101 lane changers.
 
-    Lane ranks come from `lane_est`, a function of the lateral position that flickers at lane borders, after a
-    running median over 2 s.
+    Lane ranks are a running median over 2 s of `lane_est`, which follows from the lateral position and changes too
+    often at lane borders.
     """
     rows = read_columns(path, _US101_COLUMNS, only=("period", period))
     info = RecordingInfo(

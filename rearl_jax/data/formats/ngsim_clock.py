@@ -20,8 +20,8 @@ _LOCAL_TIME = timedelta(hours=-7)
 _PERIOD = 100.0  # ms between two frames
 _LATEST = 4.1e12  # ms, the end of the year 2099
 _UNITS = {"s": 1e3, "us": 1e-3, "ns": 1e-6, "min": 6e4, "h": 3.6e6, "days": 8.64e7}  # ms
-_SINCE = 3.1e11  # ms, the year 1980: smaller times since 1970 are in a larger unit
-_MAX_STANDING = 0.5  # share of the frames up to which a clock may stand still since the frame before
+_SINCE = 3.1e11  # ms, the year 1980: smaller times are in a larger unit than ms
+_MAX_STANDING = 0.5  # largest share of frames with the same time as the frame before
 
 
 def recordings_of(rows: pd.DataFrame, path: Path) -> dict[str, np.ndarray]:
@@ -61,7 +61,7 @@ def recordings_of(rows: pd.DataFrame, path: Path) -> dict[str, np.ndarray]:
 
 
 def impossible_times(rows: pd.DataFrame, path: Path) -> np.ndarray:
-    """Mask of the rows of a frame 0 before 1970 or after 2100, such as those with a placeholder as their time.
+    """Mask of the rows whose frame 0 would be before 1970 or after 2100, for example because of a placeholder.
 
     Raises:
         BadRecordingError: Times are in another unit.
@@ -73,15 +73,15 @@ def impossible_times(rows: pd.DataFrame, path: Path) -> np.ndarray:
 
 
 def _start(rows: pd.DataFrame) -> np.ndarray:
-    """Time of frame 0 by each row [ms since 1970]."""
+    """Time of frame 0 that follows from each row [ms since 1970]."""
     return rows["global_time"].to_numpy(np.float64) - _PERIOD * rows["frame"].to_numpy(np.float64)
 
 
 def places_of(rows: pd.DataFrame, path: Path) -> dict[str, np.ndarray]:
-    """Place, such as us101 -> its row positions; by the name of the file where the rows do not state it.
+    """Place, such as us101 -> its row positions; the place is that of the file name if the rows do not state it.
 
     Raises:
-        BadRecordingError: A few places are none of those of NGSIM, though others are.
+        BadRecordingError: Some places are those of NGSIM and others are not.
     """
     if "location" not in rows:
         return {_place_of(path.name): np.arange(len(rows))}
@@ -107,7 +107,7 @@ def plain(name: str) -> str:
 
 
 def _require_ms(track: np.ndarray, frame: np.ndarray, time: np.ndarray, path: Path) -> None:
-    """Raise BadRecordingError for times in s, us or ns, by their size and by what they grow per frame."""
+    """Raise BadRecordingError for times that are not in ms, by their size and their growth per frame."""
     known = np.isfinite(track) & np.isfinite(frame) & np.isfinite(time)
     track, frame, time = track[known], frame[known], time[known]
     order = np.lexsort((frame, track))
@@ -145,10 +145,10 @@ def _require_one_place(rows: pd.DataFrame, start: np.ndarray, places: dict[str, 
 
 
 def _require_many_vehicles(rows: pd.DataFrame, parts: list[np.ndarray], path: Path) -> None:
-    """Raise BadRecordingError for some rows with a shifted clock, which would be a recording of a few vehicles.
+    """Raise BadRecordingError for rows with shifted times, which would become a separate recording of few vehicles.
 
-    Vehicle numbers restart in every recording. So rows belong to the other recording if their vehicles are few compared
-    with those of the other one, have the numbers that are missing there, or continue there in the next frame.
+    Such rows belong to the largest recording if their vehicles are few in comparison, have the numbers that are missing
+    there, or continue there in the next frame; vehicle numbers of separate recordings are independent.
     """
     track, frame = rows["track_id"].to_numpy(), rows["frame"].to_numpy()
     vehicles = [np.unique(track[part]) for part in parts]
@@ -181,7 +181,7 @@ def _stop(
 
 
 def _place_of(name: str, otherwise: str = "ngsim") -> str:
-    """Place that the name of a file or place contains."""
+    """Known place whose name is part of the name of a file or place."""
     return next((place for place in (*LANES, *ARTERIALS) if place in plain(name)), otherwise)
 
 

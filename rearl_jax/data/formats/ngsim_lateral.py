@@ -44,7 +44,7 @@ def lateral_recordings(path: Path) -> dict[str, None]:
 def read_lateral(path: Path, recording: str, part: None, policy: DataConfig) -> Recording:
     """The vehicles of all pairs; gaps to the leader are those of the source.
 
-    y is the front, so the centre is y - length / 2.
+    The source states the position y of the front, so the centre is at y - length / 2.
     """
     rows = read_columns(path, _NUMBERS)
     info = RecordingInfo(

@@ -28,7 +28,7 @@ COLUMNS = ("run", *_NUMBERS)
 """Columns by which a file is recognised."""
 _MAX_ID = 1e12
 _MAX_TIME = 1e7  # s, more than any recording lasts
-_SHARED_TOLERANCE = 0.01  # m; rows that share a vehicle must agree on where it is and how long
+_SHARED_TOLERANCE = 0.01  # m; largest difference of a vehicle's position or length between its pairs
 
 
 def find_pairs(root: Path) -> Path:
@@ -58,8 +58,8 @@ def pairs_recordings(path: Path) -> dict[str, str]:
 def read_pairs(path: Path, recording: str, run: str, policy: DataConfig) -> Recording:
     """The vehicles of one run; gaps to the leader are those of the source.
 
-    y is the front, so the centre is y - length / 2. A follower that is not a leader has no length in the
-    source and gets data.default_length; the bumper gap does not depend on it.
+    The source states the position y of the front, so the centre is at y - length / 2. A follower that is not a leader
+    has no length in the source and gets data.default_length; the bumper-to-bumper gap does not depend on it.
     """
     pairs = read_columns(path, _NUMBERS, only=("run", run))
     info = RecordingInfo(
@@ -85,14 +85,14 @@ def read_pairs(path: Path, recording: str, run: str, policy: DataConfig) -> Reco
 
 
 def joined_pairs(pairs: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -> Recording:
-    """The recording of the vehicles that pairs are made of.
+    """The recording that consists of the vehicles of all pairs.
 
     Args:
-        pairs: The columns that `read_pairs` reads; with them or not, of the follower (`f`) and the leader (`l`):
+        pairs: The columns that `read_pairs` reads. Optional columns of the follower (`f`) and the leader (`l`):
             `length_f_m`, `width_f_m`, `width_l_m`, `class_f`, `class_l` (classes of the canonical table), and `x_f_m`,
             lateral positions of the followers.
         info: The recording, whose road length is still unknown.
-        policy: Treatment of bad rows, and the length where none is known.
+        policy: Treatment of bad rows, and the length of vehicles whose length is unknown.
     """
     _require_ids(pairs, info)
     _require_units(pairs, info)
@@ -126,7 +126,7 @@ def _require_ids(pairs: pd.DataFrame, info: RecordingInfo) -> None:
 
 
 def _require_units(pairs: pd.DataFrame, info: RecordingInfo) -> None:
-    """Raise BadRecordingError for times and lengths in another unit, which would only split and rename vehicles."""
+    """Raise BadRecordingError for times or lengths in another unit, which later checks would not find."""
     pair = pairs.groupby(["follower", "leader"], dropna=False, sort=False).ngroup().to_numpy()
     order = np.argsort(pair, kind="stable")
     time = pairs["t_s"].to_numpy(np.float64)[order]
@@ -140,7 +140,7 @@ def _require_units(pairs: pd.DataFrame, info: RecordingInfo) -> None:
     low, high = MEDIAN_SIZE["length", "car"]
     if not lengths.size:
         return
-    # There are always cars among leaders; in feet all of them would be taken for trucks.
+    # Some leaders are always cars; lengths in feet would make trucks of all of them.
     middle = np.quantile(lengths, 0.5, method="lower")  # not a mean of two middle values, which overflows
     if not (lengths.min() <= high and low <= middle < np.inf):
         text = f"lengths from {lengths.min():.2f} m on, {middle:.2f} m in the median, are not those of cars"
@@ -194,7 +194,7 @@ def _members(pairs: pd.DataFrame, default_length: float) -> pd.DataFrame:
 
 
 def _across(members: pd.DataFrame) -> pd.Series:
-    """Lateral position [m] where known; else the vehicle's nearest known one, that of its lane, or 0."""
+    """Lateral position [m]; where unknown the vehicle's nearest known one, else the median of its lane, else 0."""
     lateral = members["lateral"]
     nearest = lateral.groupby(members["track_id"]).ffill().groupby(members["track_id"]).bfill()
     return nearest.fillna(lateral.groupby(members["lane"]).transform("median")).fillna(0.0)

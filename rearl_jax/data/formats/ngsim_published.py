@@ -1,8 +1,8 @@
 """Reader of NGSIM trajectory tables as published: feet, one row per vehicle and frame.
 
-NGSIM gives the front centre of a vehicle, Local_Y along the road and Local_X from the left edge; the
-canonical table wants the centre. Vehicle and frame numbers restart in each 15-minute recording, so
-global time - 100 ms * frame distinguishes the recordings of a file.
+NGSIM gives the middle of a vehicle's front, Local_Y along the road and Local_X from the left edge; the canonical table
+holds the centre. Vehicle and frame numbers restart in each 15-minute recording, so global time - 100 ms * frame, the
+time of frame 0, distinguishes the recordings of a file.
 
 Source: U.S. Department of Transportation, Next Generation Simulation Vehicle Trajectories and Supporting
 Data, DOI 10.21949/1504477.
@@ -75,13 +75,13 @@ _KEYS = ("track_id", "frame", "global_time")
 
 
 class PublishedFile:
-    """A published table; its rows are kept from the first recording that is read on.
+    """A published table; its rows stay in memory after the first recording has been read.
 
-    The arterials in the export of all places (Lankershim, Peachtree) are not highways and are passed over.
+    The arterials in the export of all places (Lankershim, Peachtree) are not highways and are left out.
 
     Attributes:
         path: The file.
-        passed_over: The arterials in it, once `recordings` has been called.
+        passed_over: Arterials that were left out, known after a call of `recordings`.
     """
 
     def __init__(self, path: Path, policy: DataConfig) -> None:
@@ -105,7 +105,7 @@ class PublishedFile:
         chosen = rows.iloc[recordings_of(rows, self.path)[recording]]
         losses = Losses()
         losses.counts.update(broken)
-        # Portal copies are not sorted, and the order of rows in a database export has no meaning.
+        # Sorted, because copies from the data portal are not.
         chosen = chosen.sort_values(["track_id", "frame"], kind="stable")
         table, info = _converted(recording, chosen.drop(columns="location", errors="ignore"), self.path)
         twice = chosen.duplicated().to_numpy()
@@ -114,7 +114,7 @@ class PublishedFile:
             finding = Finding("exact_duplicate", "track_id", twice, "the row occurs twice", remedy)
             if self._policy.on_bad is OnBad.stop:
                 raise finding.error(chosen, info)
-            # A copy is not a fault of the vehicle: the first of the two rows stays under drop_track, too.
+            # A repeated row is not a fault of the vehicle, so drop_track, too, keeps the first of the two rows.
             losses.counts["exact_duplicate"] += int(twice.sum())
             table = table.iloc[np.flatnonzero(~twice)]
         no_lane = (table["lane"] < 0).to_numpy()
@@ -134,7 +134,7 @@ class PublishedFile:
         required = {name for name, _, needed in _PUBLISHED.values() if needed}
         if is_txt:
             lines = [line.split() for line in first_lines(self.path, _SAMPLE_LINES)]
-            # Not _are_numbers: what is no number in a table is to be reported with its row and column.
+            # Not _are_numbers, because a single value that is not a number is reported with its row and column.
             is_table = any(2 * sum(map(_is_number, line)) > max(len(line), len(_TXT_COLUMNS)) for line in lines)
         else:
             is_table = 2 * len(required & {plain(name) for name in read_header(self.path)}) > len(required)

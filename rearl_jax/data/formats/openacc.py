@@ -1,8 +1,8 @@
 """Reader of OpenACC platoons (ZalaZone): speeds of the vehicles in a file and the gaps between neighbours.
 
-The positions are rebuilt on a straight single lane: the first vehicle moves by its integrated speed, every
-other one is gap + length behind the one ahead, so bumper gaps are exactly those of the source. Where the
-source misses a vehicle or its gap for good, the platoon falls into parts, each a recording of its own.
+Positions are reconstructed on a straight single lane: the first vehicle moves by its integrated speed, every other one
+is gap + length behind the vehicle ahead, so bumper-to-bumper gaps are exactly those of the source. Where the source
+lacks a vehicle or all of its gaps, the platoon is divided into parts, each a separate recording.
 
 Source: European Commission, Joint Research Centre, Open ACC Database, DOI 10.2905/JRC.KMH3D00; Makridis et
 al., Transportation Research Part C 125 (2021) 103047.
@@ -29,16 +29,16 @@ from rearl_jax.data.schema import Recording, RecordingInfo, validate
 FRAME_RATE = 10.0
 LICENCE = "CC BY 4.0"
 ATTRIBUTION = "European Commission, Joint Research Centre, Open ACC Database, https://doi.org/10.2905/JRC.KMH3D00"
-MAX_HOLE = 10  # frames, 1 s; holes of a gap or speed up to this are interpolated
-MAX_GAP = 1000.0  # m; the widest gap of the set is 230 m
-MAX_BACKWARD = 1.0  # m/s; noise of the satellite receivers makes standing vehicles drive back by 0.07 m/s
-MAX_TIME = 86_400.0  # s from the median time of a run
+MAX_HOLE = 10  # frames, 1 s; a gap or speed that is missing for at most this time is interpolated
+MAX_GAP = 1000.0  # m; the widest gap of the data set is 230 m
+MAX_BACKWARD = 1.0  # m/s; noise of satellite receivers gives standing vehicles speeds of -0.07 m/s
+MAX_TIME = 86_400.0  # s; largest difference of a time from the median time of a run
 _NUMBERS = ("t_s", "pos", "speed_mps", "gap_to_follower_m")
 COLUMNS = ("file", *_NUMBERS)
 """Columns by which a file is recognised."""
 MODEL = "model"
 """Label of tracks: the car model. A model is one physical car, which drove in many files."""
-_MAX_PLACES = 1000  # more vehicles than any platoon has
+_MAX_PLACES = 1000  # vehicles; no platoon has as many
 
 
 @dataclass(frozen=True)
@@ -47,9 +47,9 @@ class Platoon:
 
     Attributes:
         file: Name of the run in the table.
-        first: Place of its first vehicle in the file, 1 = leader of all.
-        last: Place of its last vehicle.
-        unlinked: Places of vehicles of the file that belong to no part; listed with the first part only.
+        first: Number of its first vehicle in the file; 1 leads all others.
+        last: Number of its last vehicle.
+        unlinked: Numbers of vehicles of the file that belong to no part; listed with the first part only.
     """
 
     file: str
@@ -144,7 +144,7 @@ def rebuilt(
         info: The recording, without the length of its road.
         labels: Labels by name: one value for all, or one for each place.
         policy: Treatment of bad rows.
-        switches: Driver by position in the platoon and frame, if drivers switch; see `openacc_drivers`.
+        switches: Driver by number in the platoon and frame, if drivers switch; see `openacc_drivers`.
         losses: Rows that are already left out.
 
     Raises:
@@ -182,7 +182,7 @@ def rebuilt(
 
 
 def fill_holes(values: np.ndarray) -> np.ndarray:
-    """The columns with holes of up to MAX_HOLE frames filled linearly; longer ones and the ends stay NaN."""
+    """The columns, in which up to MAX_HOLE missing frames are interpolated; longer holes and the ends stay NaN."""
     filled = values.copy()
     rows = np.arange(len(values))
     for column in filled.T:
@@ -190,7 +190,7 @@ def fill_holes(values: np.ndarray) -> np.ndarray:
         if not known.size:
             continue
         hole = np.diff(known) - 1
-        # For every row the length of the hole it lies in; searchsorted finds the known row ahead of it.
+        # Length of the hole in which each row lies; searchsorted finds the next known row.
         ahead = np.searchsorted(known, rows, side="left")
         within = (ahead > 0) & (ahead < known.size)
         short = within.copy()
@@ -203,7 +203,7 @@ def fill_holes(values: np.ndarray) -> np.ndarray:
 def _plausible(
     rows: pd.DataFrame, platoon: Platoon, info: RecordingInfo, policy: DataConfig, losses: Losses
 ) -> pd.DataFrame:
-    """The platoon's rows with a frame number; impossible speeds and gaps are unknown (NaN) in them."""
+    """The platoon's rows with frame numbers, in which impossible speeds and gaps are set to NaN."""
     place, time = rows["pos"].to_numpy(np.float64), rows["t_s"].to_numpy(dtype=np.float64)
     unlinked = np.isin(place, platoon.unlinked)
     _leave_out(unlinked, rows, "unlinked", "track_id", "no gap to a neighbour", info, policy, losses)
@@ -225,7 +225,7 @@ def _plausible(
 
     speed = rows["speed_mps"].to_numpy(dtype=np.float64, copy=True)
     gap = rows["gap_to_follower_m"].to_numpy(dtype=np.float64, copy=True)
-    # The gap behind the last vehicle leads out of the platoon.
+    # The gap behind the last vehicle is that to a vehicle outside of the platoon.
     gap[rows["pos"].to_numpy(np.float64) == platoon.last] = np.nan
     wrong = (speed < -MAX_BACKWARD) | (speed > typed_table.RANGES["speed"][1])
     _leave_out(wrong, rows, "out_of_range", "speed", "no vehicle has this speed", info, policy, losses)
@@ -261,10 +261,10 @@ def _placed(
     position[1:, 0] = np.cumsum(0.5 * (first[1:] + first[:-1])) / FRAME_RATE
     position[:, 1:] = position[:, :1] - np.cumsum(ahead + length, axis=1)
     placed = ~np.isnan(speed) & ~np.isnan(position)
-    # Behind a vehicle without speed the sum of gaps gives no position.
+    # A vehicle has no position if a vehicle ahead of it has none.
     placed = np.logical_and.accumulate(placed, axis=1)
     position += 0.5 * length - np.min(position, where=placed, initial=np.inf)
-    # A frame the source does not have gets the number of the row before it.
+    # A frame that the source lacks gets the row number of the frame before it, for error messages.
     source_row = pd.Series(grid(rows.index.to_numpy(dtype=np.float64)).ravel("F")).ffill().bfill()
     table = pd.DataFrame(
         {
@@ -286,7 +286,7 @@ def _placed(
 
 
 def _require_units(gaps: np.ndarray, speed: np.ndarray, info: RecordingInfo) -> None:
-    """Raise BadRecordingError if gaps and speeds are in different units: gaps change by the speeds' differences."""
+    """Raise BadRecordingError if changes of gaps are not the integrals of speed differences: a unit is wrong."""
     n = 2 * round(FRAME_RATE)  # 2 s, over which the receivers' errors matter little
     if len(speed) <= n:
         return

@@ -14,16 +14,16 @@ ACC = "acc"
 
 
 def switched(table: pd.DataFrame, drivers: pd.Series, info: RecordingInfo) -> tuple[pd.DataFrame, RecordingInfo]:
-    """The table in which a car is another track after every switch of its driver, and a note on how many there are.
+    """The table, in which a car becomes a new track after every switch of its driver, and the recording with a note.
 
     Args:
         table: Rows of cars, sorted by track_id, which is the place in the platoon, and frame.
-        drivers: 1, 0 or None by place and frame.
+        drivers: Values of the label ACC by place and frame.
         info: The recording.
     """
     places = pd.MultiIndex.from_arrays([table["track_id"], table["frame"]])
-    found = drivers.reindex(places).to_numpy(object)
-    label = np.array([value if isinstance(value, str) else "" for value in found], dtype=object)
+    values = drivers.reindex(places).to_numpy(object)
+    label = np.array([value if isinstance(value, str) else "" for value in values], dtype=object)
     starts = follows_row_before(table["track_id"].to_numpy())
     starts[1:] &= label[1:] != label[:-1]
     table = table.assign(**{ACC: [value or None for value in label]})

@@ -16,7 +16,7 @@ _SETTINGS = ("S", "M", "L")
 
 
 def labels_of_run(index: Path, run: str) -> dict[str, str | None]:
-    """Labels of all vehicles of a run, none of them without an index.
+    """Labels of all vehicles of a run; empty if there is no index.
 
     `acc` is 1 with adaptive cruise control and 0 with people at the wheel. `setting` is the time gap that was set: S,
     M, L, or mixed where cars were set differently; None where people drove, or the run is not in the index.

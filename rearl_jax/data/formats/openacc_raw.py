@@ -35,7 +35,7 @@ _HEADER_KEYS = ("Vehicle_order", "ACC", "Distance_setting")
 _MAX_HEADER_LINES = 20  # lines above the table; there are 6
 _NOT_RUNS = ("specification", openacc_index.FILE)
 _DRIVER = {"acc": "1", "human": "0"}
-_RECEIVER_TOLERANCE = 1.0  # m; gaps between bumpers are a car shorter than the distances of receivers
+_RECEIVER_TOLERANCE = 1.0  # m; gaps between bumpers are a car length shorter than distances between receivers
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class Header:
     """Header lines above the table of a run.
 
     Attributes:
-        about: Words behind the names of the lines, such as Vehicle_order.
+        about: Values of the header lines, by the name of the line, such as Vehicle_order.
         columns: Names of the columns.
         n_above: Lines above the first row.
     """
@@ -111,9 +111,9 @@ def runs_of(path: Path) -> dict[str, Platoon]:
 def read_run(path: Path, recording: str, platoon: Platoon, policy: DataConfig) -> Recording:
     """One part of a run.
 
-    If the driver of a car switches, the car continues as another track, so that the label `acc` is that of a whole
-    track. What is left out is that of `openacc.read_platoon`, and `driver_unknown`: rows whose driver is an unknown
-    word, which count as rows without one.
+    If the driver of a car switches, the car continues as another track, so that a track has one label `acc`. Rows are
+    left out as by `openacc.read_platoon`. Rows with an unknown word for the driver are counted as `driver_unknown` and
+    kept without a driver.
 
     Raises:
         BadRecordingError: The file is damaged or no run, or a row is bad and data.on_bad is stop.
@@ -199,43 +199,43 @@ def read_header_of(path: Path) -> Header:
 
 
 def _on_receivers(wide: pd.DataFrame, platoon: Platoon) -> tuple[str, ...]:
-    """A note on how much further apart the receivers of neighbours are than the gaps say."""
-    found = []
+    """Note on the difference between the distances of neighbouring receivers and the stated gaps."""
+    differences = []
     for k in range(platoon.first, platoon.last):
         names = [f"{name}{number}" for name in "EN" for number in (k, k + 1)]
         if set(names) <= set(wide.columns):
             east, east_behind, north, north_behind = (wide[name].to_numpy() for name in names)
-            found.append(np.hypot(east - east_behind, north - north_behind) - wide[f"IVS{k}"].to_numpy())
-    values = np.concatenate(found) if found else np.empty(0)
+            differences.append(np.hypot(east - east_behind, north - north_behind) - wide[f"IVS{k}"].to_numpy())
+    values = np.concatenate(differences) if differences else np.empty(0)
     values = values[np.isfinite(values)]
     if not values.size:
         return ()
-    further = round(float(np.median(values)), 1) + 0.0  # no - 0.0
+    further = round(float(np.median(values)), 1) + 0.0  # + 0.0 makes -0.0 positive
     bumpers, receivers = "the gaps are those between bumpers", "the gaps seem to be those of receivers, a car too long"
     reading = bumpers if further > _RECEIVER_TOLERANCE else receivers
     return (f"receivers of neighbours are {further:.1f} m further apart than the gaps (median): {reading}",)
 
 
 def _acc_of_run(header: Header, path: Path) -> str | None:
-    """Label `acc` of cars without a column Driver: that of the run, if no car has one and all were driven alike."""
-    said = header.about["ACC"]
-    if said not in ((), ("0",), ("1",), ("2",)):
-        text = f"ACC is {','.join(said)}, not 0, 1, 2 or nothing"
+    """Label `acc` of all cars of a run, if it is stated for the run and not for single cars; else None."""
+    stated = header.about["ACC"]
+    if stated not in ((), ("0",), ("1",), ("2",)):
+        text = f"ACC is {','.join(stated)}, not 0, 1, 2 or nothing"
         raise bad_recording("label-unusable", text, "write 0, 1 or 2", path, column="ACC")
-    return said[0] if said in (("0",), ("1",)) and not header.numbered("Driver") else None
+    return stated[0] if stated in (("0",), ("1",)) and not header.numbered("Driver") else None
 
 
 def _setting(header: Header) -> str | None:
-    said = [word for word in dict.fromkeys(header.about["Distance_setting"]) if word.lower() != "none"]
-    if len(said) > 1 or (said and re.fullmatch("[SML]{2,}", said[0])):
+    stated = [word for word in dict.fromkeys(header.about["Distance_setting"]) if word.lower() != "none"]
+    if len(stated) > 1 or (stated and re.fullmatch("[SML]{2,}", stated[0])):
         return "mixed"
-    return said[0] if said else None
+    return stated[0] if stated else None
 
 
 def _drivers(
     wide: pd.DataFrame, header: Header, platoon: Platoon, info: RecordingInfo, policy: DataConfig, losses: Losses
 ) -> pd.Series | None:
-    """Driver by position in the platoon and frame, gaps of 1 s or less filled; None if the file does not state it."""
+    """Driver by number in the platoon and frame, filled in where missing for 1 s or less; None if not stated."""
     found = []
     time = wide["Time"].to_numpy(np.float64)
     known = np.isfinite(time) & (np.abs(time) < openacc.MAX_TIME * 1e3)

@@ -1,8 +1,8 @@
-"""Reader of pNEUMA: vehicles in a city, one per row, whose further columns repeat for every 0.04 s.
+"""Reader of pNEUMA: vehicles in a city, one vehicle per row.
 
-A row begins with track_id, type, traveled_d and avg_speed; lat, lon [deg], speed [km/h], lon_acc, lat_acc [m/s^2] and
-time [s] follow again and again. Rows are read one by one, and only what lies on the straight stretch that the user
-names is kept. The source states neither lanes nor lengths of vehicles.
+A row begins with track_id, type, traveled_d and avg_speed; then lat, lon [deg], speed [km/h], lon_acc, lat_acc [m/s^2]
+and time [s] repeat for every 0.04 s. Rows are read one by one; only the parts on the straight stretch that the user
+names are kept. The source states neither lanes nor lengths of vehicles.
 
 Source: Barmpounakis and Geroliminis, On the new era of urban traffic monitoring with massive drone data: The pNEUMA
 large-scale field experiment, Transportation Research Part C 111 (2020) 50-71; open-traffic.epfl.ch.
@@ -53,7 +53,7 @@ _SPELLING = {
     "vehicle_class": "type",
 }
 _EXCURSION_ROWS = 25  # rows, 1 s
-_MIN_MOVED = 5.0  # m that a vehicle must move to show where it drives
+_MIN_MOVED = 5.0  # m; the direction of a vehicle that moves less is unknown
 
 
 @dataclass(frozen=True)
@@ -63,7 +63,7 @@ class _Vehicle:
     Attributes:
         number: Its track_id.
         kind: Its type.
-        values: One row per moment, in the columns of REPEATED_COLUMNS.
+        values: One row per time step, in the columns of REPEATED_COLUMNS.
     """
 
     number: int
@@ -94,8 +94,8 @@ def recording_id(path: Path) -> str:
 def read_recording(path: Path, policy: DataConfig) -> Recording:
     """The vehicles that drive along the stretch `data.stretch` in its direction.
 
-    Left out and counted: moments beside the stretch (`outside_stretch`), of vehicles that cross it (`crossing`) and
-    that drive against it (`oncoming`).
+    Left out and counted: time steps beside the stretch (`outside_stretch`), of vehicles that cross it (`crossing`) and
+    of vehicles that drive in the opposite direction (`oncoming`).
 
     Raises:
         InvalidInputError: data.stretch names no stretch.
@@ -170,7 +170,7 @@ def _vehicle(line: bytes, path: Path, row: int) -> _Vehicle:
         whole = f"{len(VEHICLE_COLUMNS)} and a multiple of {len(REPEATED_COLUMNS)}"
         raise _broken(f"the line has {len(VEHICLE_COLUMNS)} and {n_further} fields instead of {whole}", path, row)
     try:
-        # Through Arrow, which splits and reads millions of numbers a second.
+        # By Arrow, which parses millions of numbers per second.
         parts = pc.call_function("split_pattern", [pa.array([fields[-1]])], pc.SplitPatternOptions(";")).flatten()
         values = pc.call_function("utf8_trim_whitespace", [parts]).cast(pa.float64()).to_numpy()
         number = int(fields[0])
@@ -220,9 +220,9 @@ def _on_stretch(row: int, vehicle: _Vehicle, stretch: Stretch, losses: Losses) -
 
 
 def _without_excursions(inside: np.ndarray) -> np.ndarray:
-    """The mask, extended by rows that are outside only briefly, between two parts inside.
+    """The mask, extended by rows that are outside for less than a second between two parts inside.
 
-    No vehicle leaves a street for less than a second: the position is wrong or unknown, which the checks report.
+    No vehicle leaves a street for so short a time: the position is wrong or unknown, which the checks report.
     """
     known = np.flatnonzero(inside)
     gaps = np.diff(known)
@@ -234,7 +234,7 @@ def _without_excursions(inside: np.ndarray) -> np.ndarray:
 
 
 def _table(pieces: list[pd.DataFrame], stretch: Stretch, frame_rate: float, default_length: float) -> pd.DataFrame:
-    """Columns of the schema; a vehicle that comes back to the stretch is another one."""
+    """Columns of the schema; a vehicle that comes back to the stretch gets a new track_id."""
     numbers = np.array([piece["track_id"].iloc[0] for piece in pieces], np.int64)
     again = pd.Series(numbers).duplicated().to_numpy() & (np.diff([p["row"].iloc[0] for p in pieces], prepend=-1) == 0)
     ids = np.where(again, numbers.max() + np.cumsum(again), numbers)

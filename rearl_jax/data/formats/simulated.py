@@ -1,6 +1,6 @@
-"""Recordings of traffic simulators: rows on links of a network become one road, fronts become centres.
+"""Recordings of traffic simulators: links of a network become one road, positions of fronts become those of centres.
 
-Every reader of a simulator's output brings its rows into the columns of `FIELDS`. Simulated traffic is not a
+Every reader of a simulator's output converts its rows to the columns of `FIELDS`. Simulated traffic is not a
 measurement, so these recordings are marked as generated.
 """
 
@@ -27,13 +27,13 @@ of the vehicle's front from the beginning of the link [m], speed [m/s], length [
 """
 
 LANE_STEP = 4.0
-"""Distance [m] that a vehicle may move aside in a step: simulators change lanes at once; SUMO's are 3.2 m wide."""
+"""Lateral distance [m] that a vehicle may move in a step: simulators change lanes at once; SUMO's are 3.2 m wide."""
 
 _KNOWN = ("time", "track_id", "link", "lane", "front", "speed", "length")
-_CLOCK_TOLERANCE = 0.05  # of a period by which a time may be off the clock of the simulation
+_CLOCK_TOLERANCE = 0.05  # of a time step; largest deviation of a time from the steps of the simulation
 _MAX_TIME = 1e8  # s, three years
 _MAX_NAMED_LINKS = 3  # links that a note names
-_MIN_LANE_ROWS = 3  # rows of a lane that is used
+_MIN_LANE_ROWS = 3  # rows from which on a lane counts as used
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class Simulation:
 
     Attributes:
         info: The recording, without frame rate, lanes and length of the road, which follow from the rows.
-        lanes: Number of lanes of links by their names; of others the lanes that vehicles use are counted.
+        lanes: Number of lanes of links by name; for other links the lanes that vehicles use are counted.
         limits: Speed limits of links by their names [m/s].
         lane_width: Width of a lane [m], if `aside` gives the position in the lane; else None.
     """
@@ -69,7 +69,7 @@ def info_of(
         source: The simulator.
         labels: Columns that are labels.
         notes: Assumptions.
-        columns: Names of columns in the file by ours.
+        columns: Names of columns in the file, by canonical name.
     """
     return RecordingInfo(
         id=id,
@@ -91,8 +91,8 @@ def recording_of(rows: pd.DataFrame, simulation: Simulation, policy: DataConfig,
     """The recording of the main road.
 
     Args:
-        rows: FIELDS, and where the source has them x, y (of the front) and heading (unit vector along and across: hx,
-            hy), aside (place in the lane to the right of its middle, in lane widths), acceleration, width, leader_id,
+        rows: FIELDS, and where the source has them x, y (of the front), hx, hy (unit vector of the heading in x, y),
+            aside (position in the lane, to the right of its middle, in lane widths), acceleration, width, leader_id,
             labels. The index holds the rows of the source, from 0.
         simulation: Further properties.
         policy: Treatment of bad rows.
@@ -104,7 +104,7 @@ def recording_of(rows: pd.DataFrame, simulation: Simulation, policy: DataConfig,
     """
     info = simulation.info
     links = rows["link"].cat.categories
-    # Before bad rows are dropped: with them a lane would be gone, and all others have other numbers.
+    # Before bad rows are dropped, because a lane that disappears with them would change the numbers of all others.
     n_lanes = _lanes_of_links(rows, simulation.lanes)
     rows = _known(rows, info, policy, losses)
     rows, period = _on_clock(rows, info, policy, losses)
@@ -134,7 +134,7 @@ def recording_of(rows: pd.DataFrame, simulation: Simulation, policy: DataConfig,
         info, table = replace(info, notes=(*info.notes, note)), split_tracks(table, starts)
     patient = replace(policy, max_jump=max(policy.max_jump, LANE_STEP / period))
     table, dropped = validate(table, info, patient, losses)
-    # Of the rows that are left: a bad one must neither stretch nor move the road.
+    # From the rows that are left, because a bad row must not change the length or the start of the road.
     half = 0.5 * table["length"].to_numpy()
     start = min(float(np.min(table["position"].to_numpy() - half)), 0.0)
     moved = ("position",) if "hx" in rows else ("position", "x")
@@ -144,7 +144,7 @@ def recording_of(rows: pd.DataFrame, simulation: Simulation, policy: DataConfig,
 
 
 def _comes_back(track: np.ndarray, on_road: np.ndarray) -> np.ndarray:
-    """Mask of the rows in which a vehicle is on the road again, after rows elsewhere."""
+    """Mask of the rows in which a vehicle returns to the road after rows on other links."""
     rows = np.arange(len(track))
     before = np.maximum.accumulate(np.where(on_road, rows, -1))
     back = np.zeros(len(track), bool)
@@ -154,7 +154,7 @@ def _comes_back(track: np.ndarray, on_road: np.ndarray) -> np.ndarray:
 
 
 def _known(rows: pd.DataFrame, info: RecordingInfo, policy: DataConfig, losses: Losses) -> pd.DataFrame:
-    """The rows that state when and where their vehicle is, and how fast."""
+    """The rows in which all values of _KNOWN are stated."""
     if rows.empty:
         raise bad_recording("no-rows", "no vehicle is in the file", "complete the file", info.file)
     for name in _KNOWN:
@@ -186,25 +186,26 @@ def _on_clock(
         text = f"vehicles have a row every {1.0 / rate:.4g} s"
         remedy = f"give times in s, and write every {1.0 / most:.2g} to {1.0 / least:g} s"
         raise bad_recording("wrong-units", text, remedy, info.file, column=info.columns.get("time", "time"))
-    ticks = time * rate
-    usual = ticks - np.sort(ticks)[len(ticks) // 2]  # the time of a row, as the median of two might be none
-    off = (np.abs(usual - np.rint(usual)) > _CLOCK_TOLERANCE) | (np.abs(time) > _MAX_TIME)
+    steps_since_zero = time * rate
+    # Relative to the time of a row near the median; the mean of two middle times might be between two steps.
+    since = steps_since_zero - np.sort(steps_since_zero)[len(steps_since_zero) // 2]
+    off = (np.abs(since - np.rint(since)) > _CLOCK_TOLERANCE) | (np.abs(time) > _MAX_TIME)
     if off.any():
         text = f"time {time[int(np.argmax(off))]:g} s is none of the time steps, which are {1.0 / rate:g} s apart"
         finding = Finding("bad_time", "time", off, text, "write all vehicles at the same time steps")
         rows = reject(rows, finding, info, policy, losses)
-        ticks = rows["time"].to_numpy(np.float64) * rate
-    return rows.assign(frame=np.rint(ticks).astype(np.int64)), 1.0 / rate
+        steps_since_zero = rows["time"].to_numpy(np.float64) * rate
+    return rows.assign(frame=np.rint(steps_since_zero).astype(np.int64)), 1.0 / rate
 
 
 def _lanes_of_links(rows: pd.DataFrame, stated: Mapping[str, int]) -> np.ndarray:
-    """Number of lanes of every link: as stated, or up to the leftmost that has rows enough to be no damage."""
+    """Number of lanes of every link: as stated, or up to the leftmost lane with so many rows that it is no error."""
     links = rows["link"].cat.categories
     code, lane = rows["link"].cat.codes.to_numpy(), rows["lane"].to_numpy(np.float64)
     known = (code >= 0) & (lane >= 0.0) & (lane < MAX_LANES)
     pairs = np.stack([code[known], lane[known]]).astype(np.int64)
     lanes, n_rows = np.unique(pairs, axis=1, return_counts=True)
-    # Of a short link that few pass, every row counts.
+    # On a short link with few rows, a single row is enough.
     enough = np.minimum(_MIN_LANE_ROWS, np.bincount(pairs[0], minlength=len(links))[lanes[0]] // 10)
     used = np.ones(len(links))
     np.maximum.at(used, lanes[0, n_rows >= enough], lanes[1, n_rows >= enough] + 1.0)
@@ -212,9 +213,9 @@ def _lanes_of_links(rows: pd.DataFrame, stated: Mapping[str, int]) -> np.ndarray
 
 
 def _on_ground(table: pd.DataFrame, rows: pd.DataFrame, simulation: Simulation) -> pd.DataFrame:
-    """The table with x, y and, where the place in the lane is known, lateral."""
+    """The table with x, y and, where the position in the lane is known, lateral."""
     aside = rows["aside"].to_numpy() if "aside" in rows else 0.0
-    with np.errstate(over="ignore"):  # what is out of range is found by its check
+    with np.errstate(over="ignore"):  # the schema check finds values out of range
         lateral = (table["lane"].to_numpy() + 0.5 + aside) * (simulation.lane_width or 1.0)
     if "hx" in rows:
         half = 0.5 * rows["length"].to_numpy()

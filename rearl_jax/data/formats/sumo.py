@@ -1,7 +1,7 @@
 """Reader of SUMO's floating car data, the file of `--fcd-output`, one recording per file.
 
-SUMO states the place of the front bumper and counts lanes from the right, from 0. Lengths are not part of the output:
-they come from the types of vehicles in a route or additional file beside it.
+SUMO states the position of the front bumper and counts lanes from the right, from 0. Vehicle lengths are not part of
+the output; they are read from the vehicle types in a route or additional file in the same folder.
 
 Source: SUMO documentation, Simulation/Output/FCDOutput and Vehicle_Type_Parameter_Defaults.
 """
@@ -66,7 +66,7 @@ def read_recording(path: Path, beside: list[Path], policy: DataConfig) -> Record
 
     Args:
         path: The file.
-        beside: Networks, and files with types of vehicles.
+        beside: Files of networks and of vehicle types in the same folder.
         policy: Treatment of bad rows; `default_length` is the length of types that no file describes.
 
     Raises:
@@ -123,7 +123,7 @@ def _numbers_of(vehicles: pd.Series, ids: pd.Index) -> np.ndarray:
 
 
 def _edges_and_lanes(lanes: pd.Series) -> tuple[pd.Categorical, np.ndarray]:
-    """Edge and lane, counted from the right, of ids such as `exit_1`; both unknown for an id of another form."""
+    """Edge and lane, counted from the right, from ids such as `exit_1`; both are unknown for other ids."""
     ids = [str(name) for name in lanes.cat.categories]
     parts = [name.rpartition("_") for name in ids]
     sound = [bool(edge) and number.isascii() and number.isdigit() for edge, _, number in parts]

@@ -103,7 +103,7 @@ def _of_xml(path: Path, on_bad: OnBad) -> tuple[pd.DataFrame, int]:
 
 
 def _chunks(path: Path) -> Iterator[list[dict[str, str]]]:
-    """Attributes of vehicles, with the time of their step; what is read before the file is cut off comes, too."""
+    """Attributes of vehicles, with the time of their step; those before the end of a cut-off file are included."""
     time, chunk = "", []
     root = None
     try:
@@ -133,7 +133,7 @@ def _chunks(path: Path) -> Iterator[list[dict[str, str]]]:
 
 
 def _batch(chunk: Sequence[dict[str, str]], path: Path, n_before: int) -> pa.RecordBatch:
-    """The attributes as columns, texts encoded."""
+    """The attributes as columns, texts as dictionaries."""
     columns = {}
     for name, kind in _KINDS.items():
         values = pa.array([attributes.get(name) for attributes in chunk], pa.string())
@@ -163,6 +163,6 @@ def _is_number(value: str | None) -> bool:
 
 
 def _encoded(table: pa.Table, names: Sequence[str]) -> pa.Table:
-    """The table with its texts encoded, which takes less memory."""
+    """The table with its texts as dictionaries, which take less memory."""
     columns = {name: table[name] for name in names}
     return pa.table({n: c.dictionary_encode() if c.type == pa.string() else c for n, c in columns.items()})

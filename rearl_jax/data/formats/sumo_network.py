@@ -1,4 +1,4 @@
-"""Files beside SUMO's floating car data: vehicle lengths by type, and lanes of the network."""
+"""Files in the folder of SUMO's floating car data: vehicle lengths by type, and lanes of the network."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -15,7 +15,7 @@ _PASSED_OVER = frozenset(
     "tripinfos summary edgeData meandata netstate queue-export emission-export collisions lanechanges "
     "statistics".split()
 )
-"""First elements of SUMO's other files, which often lie beside."""
+"""First elements of SUMO's other files, which are often in the same folder and are ignored."""
 
 SIZES = {
     **dict.fromkeys(("passenger", "private", "taxi", "evehicle", "hov", "vip", "army", "authority"), (5.0, 1.8)),
@@ -81,7 +81,7 @@ def sorted_files(folder: Path) -> tuple[list[Path], list[Path]]:
         if root in (NETWORK, *_TYPES):
             beside.append(path)
         elif root is None or root == ROOT:
-            # A file without a first element is damaged, which its reader says.
+            # A file without a first element is damaged; its reader reports it.
             recordings.append(path)
         elif root not in _PASSED_OVER:
             text = f"the file holds {root}, which is not an output of SUMO that is known here"
@@ -93,7 +93,7 @@ def surroundings_of(files: list[Path]) -> Surroundings:
     """Content of the files of networks and vehicle types.
 
     Raises:
-        BadRecordingError: A file is damaged, or a length or a number of lanes is none.
+        BadRecordingError: A file is damaged, or a length, width or speed is not a number.
     """
     found = Surroundings()
     default = VehicleType("passenger", *SIZES["passenger"])

@@ -11,14 +11,13 @@ XML = (".xml", ".xml.gz")
 """Endings of SUMO's XML files."""
 
 _BLOCK = 2**18  # bytes parsed at a time
-_FIRST_ELEMENT_BYTES = (
-    2**16
-)  # bytes in which the first element must begin, behind the configuration that SUMO writes as a comment
+# Bytes within which the first element must begin, after the configuration that SUMO writes as a comment.
+_FIRST_ELEMENT_BYTES = 2**16
 _UNCLOSED = (3, 4, 5, 6)  # codes of expat: nothing found, broken token, unclosed token, partial character
 
 
 class CutOff(Exception):
-    """The file ends before its last element does; `line` is where."""
+    """The file ends within an element; `line` is its last line."""
 
     def __init__(self, line: int) -> None:
         super().__init__(line)
@@ -53,7 +52,7 @@ def elements(path: Path) -> Iterator[tuple[str, dict[str, str]]]:
 
 
 def root_of(path: Path) -> str | None:
-    """Name of the first element; None if there is none where it should be."""
+    """Name of the first element; None if there is none at the beginning of the file."""
     names: list[str] = []
     parser = expat.ParserCreate()
     parser.StartElementHandler = lambda name, _: names.append(name)
@@ -65,10 +64,10 @@ def root_of(path: Path) -> str | None:
     return names[0] if names else None
 
 
-def not_xml(path: Path, said: str, line: int) -> BadRecordingError:
+def not_xml(path: Path, reason: str, line: int) -> BadRecordingError:
     """The error for a file that breaks the rules of XML at a line."""
     remedy = "the file is damaged: write or copy it again"
-    return bad_recording("not-xml", f"the line is not XML ({said})", remedy, path, line=line)
+    return bad_recording("not-xml", f"the line is not XML ({reason})", remedy, path, line=line)
 
 
 def _fault_of(parse: Callable, block: bytes, is_last: bool) -> expat.ExpatError | None:

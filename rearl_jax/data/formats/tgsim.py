@@ -1,8 +1,8 @@
 """Reader of the highway recordings of TGSIM (I-90/I-94, I-294, I-395): metres, one row per vehicle and 0.1 s.
 
-The files give the centre of a vehicle in the plane of a picture, whose y points down, and a lane number whose order
-differs between places. So the road is straightened by the paths of its vehicles, and lanes are ranked from the left by
-where their vehicles are. Vehicle numbers restart in each run of a file.
+The files give the centre of a vehicle in an image, whose y points down, and a lane number whose order differs between
+places. So the road is straightened along the paths of its vehicles, and lanes are ranked from the left by the lateral
+positions of their vehicles. Vehicle numbers restart in each run of a file.
 
 Source: Federal Highway Administration, Third Generation Simulation Data (TGSIM), data.transportation.gov; Talebpour,
 Mahmassani and Hamdar, report FHWA-JPO-24-133 (2024).
@@ -163,7 +163,7 @@ def read_run(path: Path, recording: str, run: int | None, policy: DataConfig) ->
 
 
 def _names(path: Path) -> dict[str, str]:
-    """Our name of a column -> its name in the file."""
+    """Canonical name of each column -> its name in the file."""
     header = read_header(path)
     present = {plain(name): name for name in header}
     if "speedkfx" in present:
@@ -182,7 +182,7 @@ def _place(path: Path) -> str:
 
 
 def _rows(path: Path, names: dict[str, str], run: int | None, policy: DataConfig, losses: Losses) -> pd.DataFrame:
-    """The rows of a run in our names; the index counts the rows of the file."""
+    """The rows of a run under canonical names; the index holds the row numbers of the file."""
     types = {names[ours]: _TYPES.get(ours, pa.float64()) for ours in names}
     table, n_broken = read_csv(path, types, policy.on_bad)
     if n_broken:
@@ -224,13 +224,13 @@ def _lane_notes(road: Straightened) -> list[str]:
 
 
 def _classes(words: pd.Series) -> pd.Series:
-    """Classes of the schema; a word that is not known stays, and the check of the schema names it."""
+    """Classes of the schema; an unknown word stays, and the schema check reports it."""
     plain_words = words.str.casefold().str.replace(r"[-_ ]+", " ", regex=True).str.strip().str.removesuffix(".0")
     return plain_words.map(_CLASSES).fillna(words).astype(object)
 
 
 def _automated(rows: pd.DataFrame) -> pd.Series:
-    """yes for every row of a vehicle that the file calls automated in any row."""
+    """Label for each row: yes if the file calls the vehicle automated in any of its rows, else no."""
     column = next((name for name in ("av", "acc") if name in rows), None)
     if column is None:
         marked = rows["vehicle_class"].str.removesuffix(".0") == _AUTOMATED_CODE

@@ -1,8 +1,8 @@
 """Reader of Vissim's vehicle records (.fzp), one recording per file.
 
-A record states the place of the front on a link or connector, and counts lanes from the right, from 1. Both layouts are
-read: that of Vissim 6 and later, whose columns follow `$VEHICLE:`, or `$FAHRZEUG:` and German names in the German
-edition, and the older one with a column `VehNr`. Numbers may have a decimal comma.
+A record states the position of the front on a link or connector, and counts lanes from the right, from 1. Two layouts
+are read: that of Vissim 6 and later, whose columns follow `$VEHICLE:` (`$FAHRZEUG:` and German names in the German
+edition), and the older one with a column `VehNr`. Numbers may have a decimal comma.
 
 Source: PTV Vissim manual, Saving vehicle record to a file or database; VISSIM 5.30 manual, Vehicle Record; German
 names of attributes: PTV Vissim 2025, Hilfe, Fahrzeuge im Netz in einer Liste anzeigen.
@@ -33,7 +33,7 @@ LABEL = "type"
 
 _ENDINGS = text_endings(".fzp")
 _HEADERS = ("$VEHICLE:", "$FAHRZEUG:")
-_MAX_HEADER_LINES = 1000  # lines above the table; the records explain one column a line
+_MAX_HEADER_LINES = 1000  # lines above the table, which explain one column each
 # Columns by their names without case: in English, in German (umlauts also as AE), last those of the older layout.
 _NAMES = {
     "time": ("SIMSEC", "SIMSEK", "T"),
@@ -62,7 +62,7 @@ class _Header:
 
     Attributes:
         n_above: Lines above the first row.
-        layout: Place of the layout's names in _NAMES.
+        layout: Index of the layout's names in _NAMES.
         columns: All columns, as the file spells them.
         units: Unit of a column by its name in capitals.
     """
@@ -150,7 +150,7 @@ def _header_of(path: Path) -> _Header:
 
 
 def _decoded(line: bytes) -> str:
-    """The characters of a line in UTF-8, or in Windows-1252 if it is none."""
+    """The characters of a line in UTF-8, or in Windows-1252 if it is not valid UTF-8."""
     try:
         return line.decode("utf-8-sig")
     except UnicodeDecodeError:
@@ -180,7 +180,7 @@ def _rows_of(
     rows = raw.assign(
         track_id=raw["vehicle"], link=_links(raw["link"].to_numpy()), lane=raw["lane"].to_numpy() - 1.0
     ).drop(columns="vehicle")
-    notes.append("lanes are counted from the right, as where traffic keeps to the right")
+    notes.append("lanes are counted from the right, as for right-hand traffic")
     if "length" not in rows:
         rows["length"] = policy.default_length
         notes.append(f"the file has no lengths: {policy.default_length:g} m assumed")
@@ -218,7 +218,7 @@ def _unit_of(name: str, header: _Header, names: dict[str, str], path: Path) -> t
 
 
 def _links(numbers: np.ndarray) -> pd.Categorical:
-    """Links by their numbers; unknown for what is not a number of a link."""
+    """Links by their numbers; a number that cannot be that of a link becomes unknown."""
     sound = np.isfinite(numbers) & (numbers == np.rint(numbers)) & (np.abs(numbers) < 2**31)
     links, inverse = np.unique(np.where(sound, numbers, np.nan), return_inverse=True)
     found = links[np.isfinite(links)].astype(np.int64)

@@ -1,4 +1,4 @@
-"""Simulated motion to observed tracks: frames at 25 Hz, detection noise, a smoothing tracker, the view."""
+"""Observed tracks from simulated motion: frames at 25 Hz, detection noise, a smoothing tracker, a limited view."""
 
 from dataclasses import dataclass
 
@@ -9,7 +9,7 @@ from rearl_jax.config.generator import GeneratorConfig
 from rearl_jax.data.generator.fleet import Drivers
 from rearl_jax.data.generator.traffic import FRAME, Samples
 
-LATERAL_NOISE_SHARE = 0.5  # lateral detection noise relative to the longitudinal one; edges of a lane are sharper
+LATERAL_NOISE_SHARE = 0.5  # lateral detection noise relative to the longitudinal one; assumed to be smaller
 MIN_TRACK_FRAMES = 4  # frames the tracker needs for third differences
 
 

@@ -1,4 +1,4 @@
-"""Longitudinal behaviour: Gipps' free and safe speed, a time gap per driver, comfortable braking.
+"""Longitudinal behaviour of the generated drivers: Gipps' free and safe speed, a time gap per driver, mild braking.
 
 All functions are element-wise over drivers. Decelerations are positive magnitudes.
 """
@@ -8,7 +8,7 @@ import numpy as np
 from rearl_jax.data.generator.fleet import Drivers
 
 EMERGENCY_DECEL = 8.5  # strongest deceleration [m/s^2]: tyre grip on a dry road
-KINEMATIC_MARGIN = 1.3  # reserve on the deceleration that just avoids a collision
+KINEMATIC_MARGIN = 1.3  # safety factor on the deceleration that just avoids a collision [-]
 
 
 def free_speed(speed: np.ndarray, desired_speed: np.ndarray, drivers: Drivers) -> np.ndarray:
@@ -51,9 +51,9 @@ def chosen_acceleration(
 ) -> np.ndarray:
     """Acceleration towards the lower of free and safe speed [m/s^2].
 
-    Braking stays comfortable unless a collision is to be avoided: the deceleration may reach the leader's own
-    plus 1.3 (v - vl)^2 / (2 (s - s0/2)), the deceleration that just avoids contact, with a reserve. So a driver lets a
-    short but safe gap grow instead of braking hard.
+    Braking stays comfortable unless a collision is to be avoided. For that the deceleration may reach the leader's
+    plus 1.3 (v - vl)^2 / (2 (s - s0/2)), which is 1.3 times the deceleration that just avoids contact. So a driver
+    waits until a short but safe gap grows instead of braking hard.
     """
     target = np.minimum(
         free_speed(speed, desired_speed, drivers), safe_speed(speed, gap, leader_speed, time_gap, drivers)

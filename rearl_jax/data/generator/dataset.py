@@ -27,7 +27,7 @@ MODEL_VERSION = 1  # to be raised with every change that alters the files writte
 _NOT_CONTENT = ("n_recordings", "first_id", "workers")  # these keys do not alter a recording's content
 
 _PLANTED: list[str] = []
-"""Effects beyond the model that the generator plants: none, which generator.json states as an empty list."""
+"""Effects beyond the driver model that the generator adds: none; generator.json states an empty list."""
 
 Progress = Callable[[int, int], None]
 
@@ -102,7 +102,7 @@ def _n_cores() -> int:
 
 
 def _opened_truth(config: GeneratorConfig, root: Path) -> dict:
-    """The content of generator.json, made if the folder is new."""
+    """The content of generator.json, which is written if the folder is new."""
     content = {name: value for name, value in as_plain(config).items() if name not in _NOT_CONTENT}
     identity = json.dumps([MODEL_VERSION, content, _PLANTED], sort_keys=True)
     config_hash = hashlib.sha256(identity.encode()).hexdigest()[:16]

@@ -41,8 +41,8 @@ class Arrivals:
 def draw_arrivals(plan: RecordingPlan, end: float, rng: np.random.Generator) -> Arrivals:
     """Arrivals until the given time [s].
 
-    Headways in a lane are a constant plus an exponential part, h = h_min + Exp(1/q - h_min) with flow q per
-    lane; at high flow the constant gives way so that the mean headway stays 1/q.
+    Headways in a lane are a constant plus an exponential part, h = h_min + Exp(1/q - h_min) with flow q per lane. At
+    high flow the constant is at most 0.6/q, so that the mean headway stays 1/q.
 
     Source: shifted exponential headways, Cowan (1975), model M2.
     """

@@ -1,4 +1,4 @@
-"""The vehicles: constants of all drivers of a recording, and the state of those now on the road."""
+"""Vehicles of the generator: constants of all drivers of a recording, and the state of those on the road."""
 
 from dataclasses import dataclass, fields
 
@@ -110,7 +110,7 @@ class Fleet:
         drivers: Constants of the drivers.
         vehicle: Number of the vehicle in the recording.
         direction: Carriageway, 1 or 2.
-        lane: Lane, 0 = leftmost; from the start of a lane change on the target lane.
+        lane: Lane, 0 = leftmost; the target lane from the start of a lane change on.
         origin: Lane still occupied during a change, -1 = none.
         position: Front bumper along the driving direction from the start of the road [m].
         speed: Speed [m/s].

@@ -1,4 +1,4 @@
-"""Lateral behaviour: when drivers change lanes and how they move sideways.
+"""Lateral behaviour of the generated drivers: lane-change decisions and lateral motion.
 
 Drivers change left for a gain in speed and return to the right when they lose little speed by it (the German rule
 to keep right). A change happens at a random moment with a rate that grows with the incentive, if the gaps in
@@ -13,8 +13,8 @@ from rearl_jax.data.generator.fleet import Drivers, Fleet
 from rearl_jax.data.generator.situation import Situation
 
 LEFT, RIGHT = -1, 1
-# Drivers estimate the speed in a lane over a horizon; a longer one for returning to the right, so that none
-# changes back and forth.
+# Drivers estimate the speed in a lane over a horizon, which is longer for returning to the right, so that they do not
+# change back and forth.
 GAIN_HORIZON, RETURN_HORIZON = 8.0, 14.0  # [s]
 GAIN_THRESHOLD = 1.5  # smallest gain that moves a driver to the left [m/s]
 GAIN_SCALE = 6.0  # gain beyond the threshold at which the full rate is reached; at 1.5 times it 2.25 full rates [m/s]

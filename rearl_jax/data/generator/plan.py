@@ -1,8 +1,8 @@
 """Plan of a recording: place, duration, traffic volume, truck share, congestion.
 
-The design has 60 cells, as many as highD has recordings. A cell's traffic is a quantile of the published
-range, so that the 60 together reproduce highD's totals instead of scattering around them; the seed decides
-which recording takes which cell. Recording 61 takes the cell of recording 1 with other drivers.
+The design has 60 cells, one for each recording of highD. A cell defines the traffic of a recording as a quantile of the
+published range, so that 60 recordings together reproduce highD's totals exactly; the seed assigns cells to recordings.
+Recording 61 has the cell of recording 1 with other drivers.
 """
 
 from dataclasses import dataclass
@@ -26,7 +26,7 @@ CRAWL_SPEED, CRAWL_TIME = (2.0, 5.0), (20.0, 35.0)  # [m/s], [s]
 SLOW_SPEED, SLOW_TIME = (8.0, 13.0), (30.0, 60.0)  # [m/s], [s]
 BOTTLENECK_DISTANCE, BOTTLENECK_LENGTH = 20.0, 250.0  # [m]
 CONGESTED_LEVEL = 0.68  # congested recordings have traffic volumes up to this quantile
-TWO_LANE_MAX_IN_VIEW = 21.0  # more does not flow freely on 2 + 2 lanes
+TWO_LANE_MAX_IN_VIEW = 21.0  # vehicles in view; more do not flow freely on 2 + 2 lanes
 
 
 @dataclass(frozen=True)
@@ -119,7 +119,7 @@ def _design(config: GeneratorConfig) -> _Design:
     truck_share = rng.permutation(
         _quantiles(level, config.truck_share_min, config.truck_share_mean, config.truck_share_max, 2.2)
     )
-    # Congestion grows out of dense traffic, but not the densest: it holds several times the vehicles.
+    # Congested recordings have dense traffic, but not the densest, because congestion multiplies the vehicles in view.
     last = round(CONGESTED_LEVEL * N_CELLS)
     congested = (cell >= last - round(config.congested_share * N_CELLS)) & (cell < last)
     section = _choose_sections(in_view, rng)

@@ -1,4 +1,4 @@
-"""Situation of the generated drivers at one moment, and the bottleneck that makes traffic stop and go."""
+"""Situation of the generated drivers at one time step, and the bottleneck that causes stop-and-go traffic."""
 
 from dataclasses import dataclass
 

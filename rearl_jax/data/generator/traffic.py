@@ -1,6 +1,7 @@
-"""Simulation of one recording's traffic on the whole road; returns what passes the camera.
+"""Simulation of one recording's traffic on the whole road; returns the traffic that passes the camera.
 
-A step: order the vehicles by lane, let new ones in, perceive, choose lanes, choose accelerations, move.
+Each time step sorts the vehicles by lane, admits new ones, determines the situation of every driver, chooses lanes and
+accelerations, and moves the vehicles.
 """
 
 from dataclasses import dataclass
@@ -106,13 +107,13 @@ class Traffic:
     def order(self) -> None:
         """Sort the vehicles by lane and position, and find their leaders.
 
-        A vehicle that changes lanes has two places, in its target lane and in its lane of origin, until it has left
-        that lane. Sets `changing`, the vehicles with two places; `keys`, `vehicle_at` and `lane_at`, sort key, vehicle
-        and lane id of every place, in the order of the keys; `leader` of every vehicle and, in the lane of origin,
+        A vehicle that changes lanes is listed twice, in its target lane and in its lane of origin, until it has left
+        that lane. Sets `changing`, the vehicles listed twice; `keys`, `vehicle_at` and `lane_at`, sort key, vehicle and
+        lane id of every entry, in the order of the keys; `leader` of every vehicle and, in the lane of origin,
         `leader_in_origin` of every vehicle of `changing` (-1 = none).
 
         Raises:
-            RuntimeError: Two vehicles overlap, the driver model is at fault.
+            RuntimeError: Two vehicles overlap, which is an error of the driver model.
         """
         fleet = self.fleet
         n = len(fleet)
@@ -135,7 +136,7 @@ class Traffic:
         self.leader, self.leader_in_origin = leader[:n], leader[n:]
 
     def admit(self) -> None:
-        """Let the next vehicle of every lane in once its time has come and the gap suffices."""
+        """Let the next vehicle of every lane enter once its time has come and the gap is large enough."""
         entered = []
         for number in np.flatnonzero(self.next_entry_time <= self.time):
             queue = self.queues[number]
@@ -185,7 +186,7 @@ class Traffic:
         leader = self.leader.copy()
         gap, leader_speed = self._gap_and_speed(leader, np.arange(len(fleet)))
         if len(self.changing):
-            # In two lanes a driver follows the leader that allows the lower speed.
+            # A driver who occupies two lanes follows the leader that allows the lower speed.
             other = self.leader_in_origin
             other_gap, other_speed = self._gap_and_speed(other, self.changing)
             own, drivers = fleet.speed[self.changing], fleet.drivers.take(self.changing)

@@ -1,6 +1,6 @@
 """Formats of recordings, one per file: the name of the module is that of the format, and it holds a `READER`.
 
-`data.format` takes the names of these modules, so another file is all that another format needs here.
+`data.format` takes the names of these modules, so a new format needs one new file here and no registration.
 """
 
 from importlib import import_module

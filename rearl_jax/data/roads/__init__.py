@@ -1,1 +1,1 @@
-"""Tracks in a plane or on a network laid along one straight road."""
+"""Conversion of tracks on a map, on a network or on a ring to positions along one straight road."""

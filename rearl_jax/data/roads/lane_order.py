@@ -1,4 +1,4 @@
-"""Ranks of lanes from the left, by where their vehicles are across the road, whatever numbers a source gives them."""
+"""Ranks of lanes from the left, from the lateral positions of their vehicles, whatever lane numbers a source uses."""
 
 from dataclasses import dataclass
 
@@ -8,12 +8,12 @@ import pandas as pd
 from rearl_jax.data.checks.lateral_checks import USUAL_WIDTH
 
 RARE_SHARE = 0.001
-"""Share of the rows of a carriageway below which a lane number is not a lane: a fault, or a stub beside the road."""
+"""Smallest share of the rows of a carriageway for a lane; rarer numbers are faults, or short pieces beside the road."""
 LANE_SPREAD = 3.0
-"""Width [m] within which 90 % of the centres of vehicles in one lane are; those on a ramp that leaves are not."""
+"""Largest width [m] that holds 90 % of the vehicle centres of a lane; it is larger on a ramp that leaves the road."""
 
 
-_MAX_LANE = 1e15  # beyond every number of a lane, exact as float64
+_MAX_LANE = 1e15  # larger than every lane number, and exact as float64
 
 
 @dataclass(frozen=True)
@@ -22,7 +22,7 @@ class LaneOrder:
 
     Attributes:
         ranks: Number in the source -> rank, 0 = leftmost.
-        left_edge: Place of the left edge of the leftmost lane across the road [m], positive to the right.
+        left_edge: Lateral position of the left edge of the leftmost lane [m], positive to the right.
         apart: Numbers whose vehicles do not drive along the road, as on ramps that leave it.
     """
 
@@ -47,7 +47,7 @@ def lane_order(number: np.ndarray, across: np.ndarray) -> LaneOrder:
 
     Args:
         number: Lane of each row in the source; NaN where it is unknown.
-        across: Place of each row across the road, positive to the driver's right [m].
+        across: Lateral position of each row, positive to the driver's right [m].
     """
     known = (np.abs(number) < _MAX_LANE) & np.isfinite(across)
     numbers, which, n_rows = np.unique(number[known], return_inverse=True, return_counts=True)

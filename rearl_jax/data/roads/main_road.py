@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 START_TOLERANCE = 1.0
-"""Largest difference [m] between the starts of a link by two vehicles; speeds are rounded and change in a step."""
+"""Largest difference [m] between two estimates of a link's start; speeds are rounded and change within a step."""
 _OUTER = 0.01  # share of the rows at either end of a link that may be damaged
 
 
@@ -58,7 +58,7 @@ def main_road(steps: Steps) -> MainRoad:
     apart = steps.along[rows] + moved - steps.along[rows + 1]
     joints = _joints(steps.link[rows], steps.link[rows + 1], apart)
     begins = _starts(joints, steps)
-    # One vehicle alone may be a damaged row.
+    # At least two vehicles, because a single one may be a damaged row.
     closing = {
         (joint.behind, joint.ahead)
         for joint in joints
@@ -148,6 +148,6 @@ def _starts(joints: list[_Joint], steps: Steps) -> np.ndarray:
 
 
 def _beside(here: np.ndarray, other: np.ndarray) -> bool:
-    """True if two stretches lie beside each other, and not one behind the other."""
+    """True if two stretches overlap along the road, so that they are side by side."""
     overlap = min(here[1], other[1]) - max(here[0], other[0])
     return bool(overlap > START_TOLERANCE or here[0] < other.mean() < here[1] or other[0] < here.mean() < other[1])

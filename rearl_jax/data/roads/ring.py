@@ -1,7 +1,7 @@
-"""Ring roads of one lane, unrolled: laps one behind the other on a straight road, as every model needs them.
+"""Ring roads of one lane, unrolled: laps become consecutive parts of a straight road, which all models require.
 
-The vehicle that drives ahead of all others follows the hindmost one across the seam. A copy of the hindmost, one lap
-further on, is the leader there; it follows nobody, so no driver counts twice.
+On the ring the foremost vehicle follows the rearmost one. On the straight road its leader is a copy of the rearmost
+vehicle, one lap ahead; the copy has no leader, so no driver counts twice.
 """
 
 import numpy as np
@@ -17,7 +17,7 @@ def unrolled(rows: pd.DataFrame, circumference: float, file: str) -> tuple[pd.Da
     """The rows with positions that grow from lap to lap and a leader for every vehicle, and notes.
 
     Args:
-        rows: Rows with `track_id`, `frame` and `position` [m], which may begin anew with every lap or not.
+        rows: Rows with `track_id`, `frame` and `position` [m], which may restart at 0 in every lap or not.
         circumference: Length of one lap [m].
         file: For messages.
 
@@ -35,21 +35,21 @@ def unrolled(rows: pd.DataFrame, circumference: float, file: str) -> tuple[pd.Da
     position = place.copy()
     position[order] = at
     rows = rows.assign(position=position, x=position, y=0.0, lane=0)
-    hindmost = _hindmost(frame[order].astype(np.int64), at, circumference, file)
-    source = order[hindmost]
+    rearmost = _rearmost(frame[order].astype(np.int64), at, circumference, file)
+    source = order[rearmost]
     copies = rows.iloc[source].assign(position=position[source] + circumference, x=position[source] + circumference)
     first_free = int(np.max(track[known], initial=0.0)) + 1
     copied, number = np.unique(track[source], return_inverse=True)
     copies = copies.assign(track_id=first_free + number)
     rows = pd.concat([rows, copies])
     note = f"ring of {circumference:g} m unrolled: {len(copied)} of {len(np.unique(track[known]))} vehicles"
-    return rows.drop(columns="leader_id", errors="ignore"), [f"{note} are also there one lap ahead, as leaders"]
+    return rows.drop(columns="leader_id", errors="ignore"), [f"{note} are copied one lap ahead, as leaders"]
 
 
 def _along(
     track: Int[np.ndarray, " rows"], frame: Int[np.ndarray, " rows"], place: Float[np.ndarray, " rows"], lap: float
 ) -> Float[np.ndarray, " rows"]:
-    """Positions that grow from lap to lap [m], everybody less than a lap behind the vehicle seen longest."""
+    """Positions that grow from lap to lap [m]; every vehicle begins less than a lap behind the longest track."""
     starts = np.flatnonzero(~follows_row_before(track))
     counts = np.diff(np.r_[starts, len(track)])
     seams = -np.rint(np.diff(place, prepend=0.0) / lap)
@@ -64,18 +64,18 @@ def _along(
     return at + lap * np.repeat(behind, counts)
 
 
-def _hindmost(
+def _rearmost(
     frame: Int[np.ndarray, " rows"], at: Float[np.ndarray, " rows"], lap: float, file: str
 ) -> Int[np.ndarray, " frames"]:
-    """Row of the hindmost vehicle of every frame."""
+    """Row of the rearmost vehicle of every frame."""
     order = np.lexsort((at, frame))
     is_first = ~follows_row_before(frame[order])
-    hindmost = order[is_first]
+    rearmost = order[is_first]
     foremost = order[np.r_[np.flatnonzero(is_first)[1:] - 1, len(order) - 1]]
-    reach = at[foremost] - at[hindmost]
+    reach = at[foremost] - at[rearmost]
     if (reach >= lap).any():
         worst = int(np.argmax(reach))
-        text = f"in frame {frame[hindmost[worst]]} vehicles are {reach[worst]:.1f} m apart on a ring of {lap:g} m"
+        text = f"in frame {frame[rearmost[worst]]} vehicles are {reach[worst]:.1f} m apart on a ring of {lap:g} m"
         remedy = "data.ring must be the length of one lap [m], and nobody may overtake or be counted twice"
         raise bad_recording("ring-overtaken", text, remedy, file, column="position")
-    return hindmost
+    return rearmost

@@ -1,7 +1,7 @@
 """The axis of a road, found from the paths of its vehicles, and positions along and across it.
 
-Positions in the plane of a map or of a picture become positions on a straight road: along the axis, which follows the
-bends of the road, and across it. Bends must stay within 60 degrees of the usual direction.
+Positions on a map or in an image become positions on a straight road: along the axis, which follows the bends of the
+road, and across it. Everywhere the road must be within 60 degrees of its main direction.
 """
 
 from dataclasses import dataclass
@@ -10,8 +10,8 @@ import numpy as np
 import pandas as pd
 
 SPACING = 20.0
-"""Distance between the points of an axis [m], short beside the bends of highways, whose radii are above 300 m."""
-_MAX_STEP = 0.5 * SPACING  # m between two frames; no vehicle is faster at 10 frames per second
+"""Distance between the points of an axis [m], short compared with the radii of highway bends, which exceed 300 m."""
+_MAX_STEP = 0.5 * SPACING  # m between two frames; at 10 frames per second no vehicle moves further
 
 
 @dataclass(frozen=True)
@@ -19,11 +19,11 @@ class RoadAxis:
     """An axis through the middle of the traffic.
 
     Attributes:
-        origin: A point of the straight line [m, m].
-        forward: Unit vector of the straight line.
-        right: Unit vector to the right of it.
-        along: Place of the axis' points on the straight line [m], rising.
-        bend: Distance of those points from the straight line, positive to the right [m].
+        origin: A point of the straight line in the main direction of the traffic [m, m].
+        forward: Unit vector along the straight line.
+        right: Unit vector to the right of the straight line.
+        along: Positions of the points of the axis along the straight line [m], ascending.
+        bend: Distances of those points from the straight line, positive to the right [m].
     """
 
     origin: np.ndarray
@@ -51,15 +51,15 @@ class RoadAxis:
 def road_axis(track: np.ndarray, piece: np.ndarray, x: np.ndarray, y: np.ndarray, *, y_down: bool) -> RoadAxis | None:
     """The axis that most vehicles drive along; None if none of them moves.
 
-    The straight line has the direction in which vehicles drive, whichever way. How far the road bends away from it
-    between two points is the median over all vehicles that pass both without a change of lane.
+    The straight line has the main direction of the vehicles' paths, in either sense. The lateral shift of the road
+    between two points is the median over all vehicles that pass both without changing lanes.
 
     Args:
         track: Vehicle of each row; its rows are together and in the order of time.
-        piece: Number of each row's part of a track that stays in one lane, rising.
-        x: Position in the plane [m].
-        y: The same [m].
-        y_down: y points down, as in pictures, so that its right is the other side.
+        piece: Number of the part of a track, within one lane, to which each row belongs, ascending.
+        x: Position on the map [m].
+        y: Position on the map [m].
+        y_down: Whether y points down, as in images, so that right and left are interchanged.
     """
     known = np.flatnonzero(np.isfinite(x) & np.isfinite(y) & (np.abs(x) < 1e7) & (np.abs(y) < 1e7))
     if not known.size:
@@ -72,7 +72,7 @@ def road_axis(track: np.ndarray, piece: np.ndarray, x: np.ndarray, y: np.ndarray
     if not values[-1] > 1.0:
         return None
     forward = vectors[:, -1]
-    # The way most vehicles drive; where as many drive each way, to the right.
+    # The sense in which most vehicles drive; if as many drive either way, that of growing x.
     ahead = np.sign(moved @ forward).sum()
     if ahead < 0 or (ahead == 0 and forward[0] < 0):
         forward = -forward
@@ -94,18 +94,18 @@ def _on_line(
 
 
 def _increments(piece: np.ndarray, a: np.ndarray, b: np.ndarray, n: int) -> np.ndarray:
-    """By how much the road goes to the right between each point and the next: the median over all who pass both."""
+    """Shift of the road to the right between consecutive points [m]: the median over all vehicles that pass both."""
     cell = np.floor(a / SPACING).astype(np.int64)
     step = np.diff(a)
     crosses = (piece[1:] == piece[:-1]) & (np.abs(np.diff(cell)) == 1) & (np.abs(step) < _MAX_STEP)
     at = np.flatnonzero(crosses)
     point = np.maximum(cell[at], cell[at + 1])
     share = (SPACING * point - a[at]) / step[at]
-    # A vehicle that stands on a point may cross it several times.
-    found = pd.DataFrame({"piece": piece[at], "point": point, "b": b[at] + share * (b[at + 1] - b[at])})
-    found = found.groupby(["piece", "point"], as_index=False).first()
-    of, point, b = (found[name].to_numpy() for name in ("piece", "point", "b"))
-    same = (of[1:] == of[:-1]) & (np.diff(point) == 1)
+    # Only the first crossing of a point counts, because a vehicle that stands there may cross it several times.
+    crossings = pd.DataFrame({"piece": piece[at], "point": point, "b": b[at] + share * (b[at + 1] - b[at])})
+    crossings = crossings.groupby(["piece", "point"], as_index=False).first()
+    crossing_piece, point, b = (crossings[name].to_numpy() for name in ("piece", "point", "b"))
+    same = (crossing_piece[1:] == crossing_piece[:-1]) & (np.diff(point) == 1)
     medians = pd.Series(np.diff(b)[same]).groupby(point[:-1][same]).median()
     # Where no vehicle passes both points, and at the ends, the road continues as in the neighbouring parts.
     return medians.reindex(np.arange(n)).interpolate(limit_direction="both").fillna(0.0).to_numpy(np.float64)

@@ -1,4 +1,4 @@
-"""Tracks in the plane of a map or picture as traffic on a straight road: carriageways, positions, lanes."""
+"""Tracks on a map or in an image, converted to traffic on a straight road: carriageways, positions, lanes."""
 
 from dataclasses import dataclass
 
@@ -10,9 +10,9 @@ from rearl_jax.data.checks.typed_table import follows_row_before
 from rearl_jax.data.roads.lane_order import LaneOrder, lane_order
 from rearl_jax.data.roads.road_axis import SPACING, RoadAxis, road_axis
 
-_MIN_MOVED = 5.0  # m; a vehicle that moves less shows no direction
-_SHARED_SHARE = 0.3
-_END_MARGIN = 5.0 * SPACING  # m beyond the ends of the axis that vehicles may be at
+_MIN_MOVED = 5.0  # m; the direction of a vehicle that moves less is unknown
+_SHARED_SHARE = 0.3  # of the rows of a lane number in either direction, if both carriageways use the number
+_END_MARGIN = 5.0 * SPACING  # m; vehicles may be so far beyond the ends of the axis
 
 
 @dataclass(frozen=True)
@@ -24,7 +24,7 @@ class Straightened:
         lanes: Lanes of each direction.
         road_length: Length of the road [m].
         off_road: Mask of the rows in lanes that leave the road.
-        no_lane: Mask of the rows whose lane number is none.
+        no_lane: Mask of the rows whose lane number is not a lane of the road.
         wrong_way: Mask of the rows of vehicles that drive against all others of their lane.
     """
 
@@ -37,8 +37,8 @@ class Straightened:
 
     @property
     def is_mirrored(self) -> bool:
-        """True if the traffic keeps to the left of the oncoming one; the data sets that are read are of countries
-        where it keeps to the right.
+        """True if the vehicles of direction 2 seem to drive on the left, which means that y has the wrong sign: the
+        data sets are from countries with right-hand traffic.
         """
         y, direction = self.columns["y"].to_numpy(), self.columns["direction"].to_numpy()
         if len(self.lanes) < 2:
@@ -64,13 +64,13 @@ def straightened(
 
     Args:
         track: Vehicle of each row; its rows are together and in the order of time.
-        piece: Number of each row's part of a track that stays in one lane, rising.
-        x: Position in the plane [m].
-        y: The same [m].
+        piece: Number of the part of a track, within one lane, to which each row belongs, ascending.
+        x: Position on the map [m].
+        y: Position on the map [m].
         number: Lane in the source, NaN where it is unknown.
-        y_down: y points down, as in pictures.
-        shared: Share of the rows of a lane number that must drive the other way if both carriageways use the number;
-            above .5 none does.
+        y_down: Whether y points down, as in images.
+        shared: Smallest share of rows in each direction for a lane number to belong to both carriageways [-]; above
+            0.5 every number belongs to one carriageway.
     """
     axis = road_axis(track, piece, x, y, y_down=y_down)
     if axis is None:
@@ -79,7 +79,7 @@ def straightened(
     ways, sides = _ways(track, along, number, shared)
     of_lane = pd.Series(number).map(sides).to_numpy(np.float64, na_value=np.nan)
     wrong = np.isfinite(of_lane) & (of_lane != 0.0) & (ways != 0.0) & (of_lane != ways)
-    # Who stands, or drives against all others, belongs where the lane does.
+    # Vehicles that stand, or drive against all others, get the direction of their lane.
     ways = np.where((ways == 0.0) | wrong, np.where(np.isfinite(of_lane) & (of_lane != 0.0), of_lane, 1.0), ways)
     both = bool((ways < 0.0).any() and (ways > 0.0).any())
     first, length = _extent(axis, along)
@@ -111,14 +111,14 @@ def leave_out(table: pd.DataFrame, off_road: pd.Series, losses: Losses) -> pd.Da
     before = table["track_id"].to_numpy()
     ends = pd.Series(~marked).groupby(before).cumsum().to_numpy()
     kept = losses.remove(table, marked, "off_road")
-    # Not at the first row of a track that is left: there is nothing before it.
+    # Not at the first remaining row of a track, because nothing precedes it.
     return split_tracks(kept, (back & (ends > 1))[~marked])
 
 
 def _ways(
     track: np.ndarray, along: np.ndarray, number: np.ndarray, shared: float
 ) -> tuple[np.ndarray, dict[float, float]]:
-    """The way along the axis, 1 or -1, or 0 if unknown, of the vehicle of each row; and of each lane, 0 for both."""
+    """Sense of driving along the axis, 1 or -1, of each row (0 if unknown) and of each lane number (0 if both)."""
     starts = np.flatnonzero(~follows_row_before(track))
     ends = np.append(starts[1:], len(track)) - 1
     moved = np.nan_to_num(along[ends] - along[starts])
@@ -132,7 +132,7 @@ def _ways(
 
 
 def _extent(axis: RoadAxis, along: np.ndarray) -> tuple[float, float]:
-    """The first place of a vehicle along the axis, and the length of the road from there [m]."""
+    """Smallest position of a vehicle along the axis, and the length of the road from there [m]."""
     end = float(np.hypot(np.diff(axis.along), np.diff(axis.bend)).sum())
     on_road = along[(along > -_END_MARGIN) & (along < end + _END_MARGIN)]
     first = float(on_road.min(initial=0.0))

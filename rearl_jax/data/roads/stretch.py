@@ -1,4 +1,4 @@
-"""A straight part of a road in a city, named by the ends of its middle line on the globe."""
+"""A straight part of a road in a city, named by the geographic coordinates of the ends of its middle line."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -8,7 +8,7 @@ import numpy as np
 from rearl_jax.problems import InvalidInputError, Problem
 
 _EQUATOR, _FLATTENING = 6_378_137.0, 1.0 / 298.257223563
-"""Radius of the equator [m] and flattening of the globe; World Geodetic System 1984."""
+"""Radius of the equator [m] and flattening of the Earth; World Geodetic System 1984."""
 _LENGTHS, _WIDTHS, _MOST_LANES = (20.0, 5000.0), (2.0, 60.0), 12
 _FORM = "must be the latitude and longitude where it begins and ends [deg], its width [m] and its lanes, six numbers"
 
@@ -72,7 +72,7 @@ def stretch_of(numbers: Sequence[float] | None) -> Stretch:
 
 
 def _metres(latitude: np.ndarray, longitude: np.ndarray, origin: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
-    """Metres to the east and north of the origin, on the plane that touches the globe there."""
+    """Distances to the east and north of the origin [m], in the plane that is tangent to the Earth there."""
     phi = np.radians(origin[0])
     e2 = _FLATTENING * (2.0 - _FLATTENING)
     curve = 1.0 - e2 * np.sin(phi) ** 2

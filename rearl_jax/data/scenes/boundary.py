@@ -1,9 +1,9 @@
 """Recorded traffic around the vehicles of scenes: vehicles that enter the simulation, and vehicles that are replayed.
 
-The simulated vehicles of a second are the picked ones of the snapshot at its beginning. Each has a place in the arrays,
-which it keeps. When it is no longer picked, because it has left the recording, its place goes to another picked
-vehicle, which enters where it was recorded. All other vehicles are replayed, or only those ahead of the foremost
-simulated one of each lane.
+The simulated vehicles of a second are those that the scene picks in the snapshot at its beginning. Each keeps its place
+(index) in the arrays. When it is no longer picked, because it has left the recording, another picked vehicle gets its
+place and enters at its recorded position. All other vehicles are replayed, or only those ahead of the foremost
+simulated vehicle of each lane.
 """
 
 from collections.abc import Iterable
@@ -22,7 +22,7 @@ from rearl_jax.data.vehicle_rows import ABSENT, VehicleRows
 from rearl_jax.problems import InvalidInputError, Problem
 
 NO_VEHICLE = -1
-"""Track of a place without replayed vehicle."""
+"""Track of a place without a replayed vehicle."""
 
 
 @dataclass(frozen=True)
@@ -34,19 +34,19 @@ class SceneBoundary:
 
     Attributes:
         track_id: Recorded vehicle that each simulated vehicle represents.
-        is_new: True if it enters at the beginning of this second; false in the first second.
-        x: Its recorded position at the beginning of the second [m].
-        speed: Its recorded speed at the beginning of the second [m/s].
-        lane: Its recorded lane then.
-        highest_speed: Its highest recorded speed in the snapshots of the scene in which it is simulated [m/s].
+        is_new: True if the vehicle enters at the beginning of this second; false in the first second.
+        x: Recorded position at the beginning of the second [m].
+        speed: Recorded speed at the beginning of the second [m/s].
+        lane: Recorded lane at the beginning of the second.
+        highest_speed: Highest recorded speed in the snapshots of the scene in which the vehicle is simulated [m/s].
         replayed_id: Track of each replayed vehicle; NO_VEHICLE for a place without one.
-        replayed_number: Number of the vehicle in its scene, from the number of simulated ones on.
+        replayed_number: Number of the vehicle in its scene; simulated vehicles have the smaller numbers.
         replayed_length: Length [m].
-        replayed_is_truck: Whether it is a truck.
-        replayed_x: Position at the beginning of each step [m].
-        replayed_speed: Speed then [m/s].
-        replayed_acceleration: Acceleration then [m/s^2]; 0 where it was not recorded.
-        replayed_lane: Lane then; NOT_RECORDED while the vehicle is not recorded.
+        replayed_is_truck: Whether the vehicle is a truck.
+        replayed_x: Position at the beginning of each time step [m].
+        replayed_speed: Speed at the beginning of each time step [m/s].
+        replayed_acceleration: Acceleration at the beginning of each time step [m/s^2]; 0 where it was not recorded.
+        replayed_lane: Lane at the beginning of each time step; NOT_RECORDED while the vehicle is not recorded.
     """
 
     track_id: Int[np.ndarray, "scenes seconds vehicles"]
@@ -79,10 +79,10 @@ class BoundaryOptions:
     """Choice of the replayed vehicles.
 
     Attributes:
-        source: All others, or those ahead of the foremost.
-        steps_per_second: Steps of the simulation [1/s].
+        source: All vehicles that are not simulated, or those ahead of the foremost simulated one of each lane.
+        steps_per_second: Time steps of the simulation per second [1/s].
         is_one_way: Whether a scene holds one carriageway only.
-        keeps_first: Whether the vehicle of the first place is simulated to the end, also after it was recorded.
+        keeps_first: Whether no other vehicle gets the place of the first vehicle after that has left the recording.
     """
 
     source: BoundarySource
@@ -137,12 +137,12 @@ def _require_same(recording: Recording, rows: VehicleRows, scenes: SceneSet) -> 
 
 
 def lanes_side_by_side(scenes: SceneSet, lane: np.ndarray, direction: np.ndarray) -> np.ndarray:
-    """Lanes of a road that has the carriageways side by side: on carriageway 2 those of carriageway 1 are added.
+    """Lane numbers on a road with both carriageways side by side: those of carriageway 2 follow those of carriageway 1.
 
-    In scenes of one carriageway each they are unchanged, because no vehicle beside is of the other carriageway.
+    In scenes of one carriageway each they are unchanged.
 
     Args:
-        scenes: The scenes, first axis of the others.
+        scenes: The scenes, the first axis of the other arguments.
         lane: Lanes within the carriageway.
         direction: Carriageways.
     """
@@ -164,17 +164,17 @@ def _simulated(scenes: SceneSet) -> dict[str, np.ndarray]:
     found["x"] = found["x"] - found["x"].min(axis=(1, 2), keepdims=True)
     track = found["track_id"]
     found["is_new"] = np.concatenate([np.zeros_like(track[:, :1], bool), track[:, 1:] != track[:, :-1]], axis=1)
-    stay = np.cumsum(found["is_new"], axis=1)  # number of the vehicle among those that succeed each other in a place
+    occupant = np.cumsum(found["is_new"], axis=1)  # number of the vehicle among those that have the same place in turn
     highest = np.zeros_like(found["speed"])
-    for number in range(int(stay.max()) + 1):
-        is_own = stay == number
+    for number in range(int(occupant.max()) + 1):
+        is_own = occupant == number
         top = np.where(is_own, found["speed"], -np.inf).max(axis=1, keepdims=True)
         highest = np.where(is_own, top, highest)
     return found | {"highest_speed": highest}
 
 
 def _kept(simulated: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """The fields of `_simulated` for traffic in which the place of the first vehicle stays empty after it has left."""
+    """The fields of `_simulated`, in which no other vehicle takes the place of the first one after it has left."""
     track, lane, is_new = simulated["track_id"].copy(), simulated["lane"].copy(), simulated["is_new"]
     own = track[:, :1, :1].copy()
     has_left = np.logical_or.accumulate(track[:, :, :1] != own, axis=1)
@@ -184,7 +184,7 @@ def _kept(simulated: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
 
 
 def _places(track_id: Int[np.ndarray, "frames slots"]) -> Int[np.ndarray, "frames places"]:
-    """Slot of the vehicle in each place: vehicles keep their places, others fill those that become free."""
+    """Slot in the scene of the vehicle in each place: vehicles keep their places, new ones fill those that are free."""
     slots = np.empty(track_id.shape, np.int64)
     slots[0] = np.arange(track_id.shape[1])
     for frame in range(1, len(track_id)):
@@ -240,13 +240,13 @@ def _replayed(
     own = {name: values[scene] for name, values in simulated.items()}
     is_simulated = (tracks[:, None, None] == own["track_id"]).any(axis=2)  # [tracks, seconds]
     if options.source is BoundarySource.measured:
-        picked = _everybody(is_recorded.any(axis=2) & ~is_simulated)
+        picked = _all_around(is_recorded.any(axis=2) & ~is_simulated)
     else:
         picked = _in_front(moving["x"][:, :, 0], np.where(is_simulated, NOT_RECORDED, lane[:, :, 0]), own)
     return _placed(picked, tracks, moving | {"lane": lane}, table.iloc[row], own["x"].shape[1])
 
 
-def _everybody(is_around: Bool[np.ndarray, "tracks seconds"]) -> Int[np.ndarray, "seconds places"]:
+def _all_around(is_around: Bool[np.ndarray, "tracks seconds"]) -> Int[np.ndarray, "seconds places"]:
     """Indices of the tracks around the scene in each second, NO_VEHICLE in unused places."""
     picked = np.full((is_around.shape[1], max(int(is_around.sum(axis=0).max(initial=0)), 1)), NO_VEHICLE)
     for second, there in enumerate(is_around.T):

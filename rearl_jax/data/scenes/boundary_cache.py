@@ -1,4 +1,4 @@
-"""Recorded traffic around scenes, read once per machine, data set and choice of scenes."""
+"""Recorded traffic around scenes, stored on disk: read once per machine, data set and choice of scenes."""
 
 from dataclasses import asdict, fields
 
@@ -24,7 +24,7 @@ def kept_boundary(data: DataConfig, scenes: SceneSet, subset: np.ndarray, option
         options: Choice of the replayed vehicles.
 
     Raises:
-        InvalidInputError: The lane of a vehicle is unknown, or a recording is missing or another one.
+        InvalidInputError: The lane of a vehicle is unknown, or a recording is missing or was replaced by another one.
     """
     keys = {
         "data": data_id(data),

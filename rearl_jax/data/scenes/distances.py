@@ -1,7 +1,7 @@
 """Distances between vehicles that are recorded at the same frame.
 
-Arrays are (cells, places): one row per snapshot, one place in it per vehicle, padded to the largest number of vehicles;
-`present` marks the places with a vehicle.
+Arrays are (cells, places): one row per cell, a snapshot of the vehicles of a scene, and one column per vehicle, padded
+to the largest number of vehicles; `present` marks the places with a vehicle.
 """
 
 from dataclasses import dataclass
@@ -56,8 +56,8 @@ def feature_distance(
         definition: Mean distance to all others, or distance to the vehicle ahead.
         metric: Definition of the distance between two vehicles.
 
-    Source: Bi et al. use the letter d of the mean distance to the others also in the feature vector; the
-    distance headway is the other reading.
+    Source: Bi et al. use the letter d for the mean distance to the others and in the feature vector, where it could
+    also mean the distance headway.
     """
     if definition is FeatureDistance.dhw:
         return distance_headway(vehicles, rows, present, n_places)

@@ -52,10 +52,10 @@ def recorded_road(core: CoreConfig, scenes: SceneSet) -> CoreConfig:
 def measured_state(scenes: SceneSet, core: CoreConfig) -> TrafficState:
     """States with the vehicles of every scene's first snapshot, `[n_vehicles, n_scenes]`.
 
-    x = position along the own driving direction less the least one of the scene, so the carriageways lie side by side
-    and all vehicles drive towards larger x; lane as in `first_lanes`; `desired_speed` is the highest recorded speed
-    of the vehicle, to which `core.boundary.limited_desired_speed` limits that of its driver.
-    Speeds are rescaled by `scenes.speed_norm`.
+    x is the position along the own driving direction minus the smallest one of the scene, so carriageways are side by
+    side and all vehicles drive towards larger x; lanes as in `first_lanes`. `desired_speed` is the highest recorded
+    speed of the vehicle, by which `core.boundary.limited_desired_speed` limits that of its driver. Speeds are rescaled
+    by `scenes.speed_norm`.
 
     Raises:
         ValueError: The simulated road has too few lanes or another number of vehicles, or a lane is unknown.
@@ -101,10 +101,10 @@ def bounded_state(boundary: SceneBoundary, core: CoreConfig) -> TrafficState:
 
 
 def recorded_surroundings(boundary: SceneBoundary, core: CoreConfig) -> Boundary:
-    """The boundary as the simulation takes it, each scene one scenario.
+    """The boundary as an input of the simulation; each scene is one scenario.
 
-    The time of the last lane-change decision of an entering vehicle depends on its position, as for highway-env's
-    vehicles at the start.
+    The time of the next lane-change decision of an entering vehicle depends on its position, as it does for
+    highway-env's vehicles at the start.
     """
     dtype = np.dtype(core.dtype.name)
 
@@ -113,7 +113,7 @@ def recorded_surroundings(boundary: SceneBoundary, core: CoreConfig) -> Boundary
         return jnp.asarray(np.moveaxis(values, 0, -1).astype(kind))
 
     replayed = {name: last(getattr(boundary, f"replayed_{name}")) for name in ("x", "speed", "acceleration")}
-    # Values at the beginning of a second are applied at the end of the previous one; after the last no vehicle enters.
+    # Values at the beginning of a second are applied at the end of the previous second, so the first ones are left out.
     entering = {name: last(getattr(boundary, name)[:, 1:]) for name in ("x", "speed", "highest_speed")}
     across = boundary.lane[:, 1:] * traffic_model(core).lane_width
     return Boundary(

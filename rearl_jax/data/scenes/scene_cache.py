@@ -20,7 +20,7 @@ class SceneCache:
     """The file with the scenes of one data set under one configuration."""
 
     def __init__(self, data: DataConfig, keys: SceneKeys) -> None:
-        """Finds the path; modified files or other code belong to another path."""
+        """Determines the path, which differs for modified recordings and for other code."""
         self._data_id, self._generated = data_id(data), is_generated(data)
         self._keys = cutting_keys(keys)
         stamps = [list(stamp) for stamp in file_stamps(data)]

@@ -47,14 +47,14 @@ class SceneCounts:
 class SceneSet:
     """Scenes of equal shape and where they come from.
 
-    Axes: scenes, frames (1 Hz snapshots), slots (picked vehicles, the longest recorded first). A slot's
-    vehicle changes as vehicles leave; `track_id` identifies it.
+    Axes: scenes, frames (1 Hz snapshots), slots (vehicles picked for the scene, the longest recorded first). The
+    vehicle of a slot changes when vehicles leave; `track_id` identifies it.
 
     Attributes:
         scene_id: Number of the scene, from 0, in the order of recordings, windows and carriageways.
         recording: Recording of the scene.
         window: Number of the window in its recording, from 0, rejected windows counted.
-        start_frame: First native frame.
+        start_frame: First frame, as the recording counts frames.
         start_time: Start since the first frame of the recording [s].
         frame_rate: Frames per second of the recording [1/s].
         track_id: Vehicle, unique in its recording.
@@ -67,7 +67,7 @@ class SceneSet:
         speed: Recorded speed along the driving direction [m/s].
         action: Action of the vehicle in the next second: 0 left, 1 keep, 2 right, 3 faster, 4 slower.
         has_next: The vehicle is still recorded one second later.
-        next_lane: Its lane then; -1 = unknown or gone.
+        next_lane: Lane one second later; -1 = unknown or no longer recorded.
         spacing: Mean distance to the other picked vehicles [m].
         feature_distance: Distance d of the feature vector, over all vehicles present [m].
         is_long_track: The vehicle's track has at least `tracks.min_frames` frames.
@@ -76,7 +76,7 @@ class SceneSet:
         speed_norm: Rescaling of speeds.
         infos: Metadata of the recordings of the scenes.
         counts: Counts of the recordings and windows read.
-        settings: Keys the scenes were made with, as the user writes them.
+        settings: Keys that the scenes were cut with, as the user writes them.
     """
 
     scene_id: Int[np.ndarray, " scenes"]
@@ -131,9 +131,9 @@ class SceneSet:
 
     @property
     def block(self) -> np.ndarray:
-        """Index of the interval of a scene's length, within its recording, in which each scene starts.
+        """Number of the time interval in which each scene starts; intervals are as long as a scene.
 
-        Without overlap this is the window; overlapping windows of equal recording and block share traffic.
+        Without overlap this is the window number; overlapping windows of equal recording and block share traffic.
         """
         return np.floor(self.start_time / self.seconds + 1e-9).astype(np.int64)
 
@@ -212,7 +212,7 @@ def scale_speed(speed: np.ndarray, speed_min: float, speed_max: float, norm: Spe
     if norm is SpeedNorm.clip:
         return np.clip(speed, low, high)
     share = np.clip((speed - speed_min) / (speed_max - speed_min), 0.0, 1.0)
-    # Weighted ends instead of low + share * range: both ends come out exactly.
+    # A weighted sum instead of low + share * range, because it gives both ends exactly.
     return (1.0 - share) * low + share * high
 
 

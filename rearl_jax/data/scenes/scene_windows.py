@@ -1,8 +1,8 @@
 """Windows and picked vehicles of one recording.
 
-A window is cut into 1 Hz snapshots. Windows may share snapshots (`scenes.stride`), so everything that depends
-on a snapshot alone is computed once per snapshot and gathered into windows at the end. A snapshot of one
-group of vehicles (both carriageways pooled, or one of them) is called a cell.
+A window is cut into 1 Hz snapshots. Windows may share snapshots (`scenes.stride`), so quantities of a snapshot are
+computed once and assigned to windows at the end. A cell is a snapshot of the vehicles of one group: those of both
+carriageways together, or of one of them.
 """
 
 from dataclasses import dataclass
@@ -67,7 +67,7 @@ class WindowCount:
         accepted: Windows with enough vehicles in every snapshot.
         duration: Length of the recording [s].
         most_vehicles: Largest number of vehicles in any snapshot.
-        best_window: Largest number of vehicles that some window keeps in every snapshot.
+        best_window: Largest number of vehicles that any window has in all of its snapshots.
     """
 
     windows: int
@@ -92,7 +92,7 @@ class Tracks:
         self.ordinal[self.starts[1:]] = 1
         np.cumsum(self.ordinal, out=self.ordinal)
         self.first_frame, self.last_frame = int(self.frame.min()), int(self.frame.max())
-        # Rising over the whole table: one binary search answers "this track at that frame".
+        # Keys ascend over the whole table, so that a binary search finds the row of a track at a frame.
         self.span = self.last_frame - self.first_frame + 1
         self.key = self.ordinal * self.span + (self.frame - self.first_frame)
         unsorted = (np.diff(self.track_id) < 0) | (np.diff(self.key) <= 0)
@@ -164,7 +164,7 @@ def windows_of(recording: Recording, keys: SceneKeys) -> tuple[dict[str, np.ndar
     )
     if not len(window):
         return {}, count
-    # Only cells of accepted windows are worth the distances.
+    # Distances are computed for cells of accepted windows only.
     used, cell_of = np.unique(snapshot_of[window] * cells.n_groups + group[:, None], return_inverse=True)
     cell_of = cell_of.reshape(len(window), scenes.seconds)
     by_cell = _slots(index, vehicles, *cells.rows(used), rate, keys)
@@ -205,8 +205,8 @@ def vehicles_of(recording: Recording) -> Vehicles:
 def actions(lane: np.ndarray, next_lane: np.ndarray, speed: np.ndarray, next_speed: np.ndarray) -> np.ndarray:
     """Action of a vehicle within one second: LEFT, RIGHT, else FASTER, SLOWER, else KEEP.
 
-    A lane change outranks a change of speed. Lanes count from the left; an unknown lane is no change. For a
-    vehicle that is not recorded after the second pass its present lane and speed, which gives KEEP.
+    A lane change has priority over a change of speed. Lanes count from the left; an unknown lane is no change. For a
+    vehicle that is not recorded one second later, the caller passes its present lane and speed, which gives KEEP.
     """
     known = (lane != UNKNOWN_LANE) & (next_lane != UNKNOWN_LANE)
     change = next_speed - speed

@@ -36,7 +36,7 @@ class Split(IntEnum):
     """Use of a scene."""
 
     REST = 0
-    """In no subset: free to fit references on."""
+    """In no subset; references may be fitted on it."""
     THRESHOLD = 1
     """Percentiles of Base become the detection thresholds."""
     TUNING = 2
@@ -44,7 +44,7 @@ class Split(IntEnum):
     EVALUATION = 3
     """Results are reported on these."""
     DROPPED = 4
-    """Crosses the border of two splits, or exceeds the size of its split; used for nothing."""
+    """Crosses the border of two splits, or exceeds the size of its split; not used."""
 
 
 @dataclass(frozen=True)
@@ -54,8 +54,8 @@ class Splits:
     Attributes:
         label: `Split` of every scene, in the order of the scenes.
         requested: Sizes asked for, by split name.
-        n_crossing: Scenes dropped because they reach over the border of two splits.
-        n_surplus: Scenes dropped because whole units held more than was asked for.
+        n_crossing: Scenes dropped because they cross the border of two splits.
+        n_surplus: Scenes dropped because the units of a split held more scenes than requested.
     """
 
     label: np.ndarray
@@ -96,8 +96,8 @@ def split_scenes(scenes: SceneSet, split: SplitConfig) -> Splits:
 def split_for_evaluation(scenes: SceneSet, split: SplitConfig) -> Splits:
     """Splits for a task that uses evaluation scenes only.
 
-    Those of `split_scenes`, so that all methods are evaluated on the same scenes; where the scenes are too few for
-    three splits, as many of them as are asked for are evaluation scenes, and there are no others.
+    The same as those of `split_scenes`, so that all methods are evaluated on the same scenes. If the scenes are too few
+    for three splits, the requested number become evaluation scenes, and the other splits are empty.
 
     Raises:
         ValueError: Windows overlap and the unit is a scenario, or `split.evaluation` exceeds the number of scenes.
@@ -205,7 +205,7 @@ def split_sizes(n_scenes: int, split: SplitConfig, seconds: float = math.inf) ->
 
 
 def _remedy(n_scenes: int, least: int, seconds: float) -> str:
-    """Remedy for too few scenes: more recordings, or shorter scenes, of which a scene holds several."""
+    """Remedy for too few scenes: more recordings, shorter scenes or smaller splits."""
     remedies = ["read more recordings"]
     shorter = 0 if math.isinf(seconds) else int(seconds // math.ceil(least / n_scenes))
     if shorter >= _SHORTEST:

@@ -61,9 +61,9 @@ class TrackSet:
 def track_features(recording: Recording, keys: SceneKeys) -> TrackSet:
     """Feature curves of all tracks with at least `tracks.min_frames` frames.
 
-    d is taken at every frame over all vehicles recorded there (of the same carriageway with
-    scenes.direction=per_direction); if a vehicle is alone, it has the value of its nearest earlier, else later, frame
-    in company. Curves are interpolated linearly in time.
+    d is computed at every frame from all vehicles recorded then (of the same carriageway with
+    scenes.direction=per_direction). In frames in which a vehicle is alone, it has the value of its last earlier frame
+    with other vehicles, else of the first later one. Curves are interpolated linearly in time.
 
     Source: Bi et al., features F(P_i(t)) = (v, x, d) and the filter L >= 100.
     """
@@ -81,7 +81,7 @@ def track_features(recording: Recording, keys: SceneKeys) -> TrackSet:
     is_alone = np.isnan(distance[index.starts])
     kept = np.flatnonzero(is_long & ~is_alone)
     first, last = index.key[index.starts[kept]], index.key[index.starts[kept] + index.lengths[kept] - 1]
-    # Keys rise over the whole table and every query lies inside its own track, so tracks never mix.
+    # Keys ascend over the whole table and every query is within its own track, so one interpolation serves all tracks.
     at = np.linspace(first, last, keys.tracks.points, axis=1)
     speed, position, distance = (
         np.interp(at, index.key, values).astype(np.float32) for values in (vehicles.speed, vehicles.position, distance)

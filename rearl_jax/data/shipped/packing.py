@@ -1,4 +1,4 @@
-"""The shipped recordings of leaders and followers, made from the published tables.
+"""Makes the shipped recordings of leaders and followers from the published tables.
 
     python -m rearl_jax.data.shipped.packing i80 FOLDER_OF_THE_SOURCE FOLDER_TO_WRITE
 

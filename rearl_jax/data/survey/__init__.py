@@ -1,5 +1,5 @@
-"""Survey of an unknown file of recordings, and the command that reads it.
+"""Survey of an unknown file of recordings, which prints the command that reads the file.
 
-`sample` reads the first rows, `clock` and `motion` find who is where when and in which units, `proposal` takes columns
-for canonical ones, `trial` reads the file that way, `report` says it.
+`sample` reads the first rows, `clock` and `motion` find the columns of vehicles, times, positions and speeds and their
+units, `proposal` assigns columns to canonical ones, `trial` reads the file with this assignment, `report` prints it.
 """

@@ -1,4 +1,4 @@
-"""Search for the columns of an unknown table that identify the vehicles and the times (or frames, which rise)."""
+"""Search for the columns of an unknown table that identify the vehicles and the times or frames of its rows."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -8,9 +8,9 @@ import numpy as np
 from rearl_jax.data.survey.names import ALIASES, rank_of
 from rearl_jax.data.survey.sample import FoundColumn
 
-_MIN_RISING_SHARE = 0.98  # share of the steps of tracks that must rise
-_MIN_USUAL_SHARE = 0.8  # share of them that must be about the usual step
-_MIN_TRACK_ROWS = 3  # of a track, on average
+_MIN_RISING_SHARE = 0.98  # of the steps along tracks must be positive for a column to be a clock
+_MIN_USUAL_SHARE = 0.8  # of the steps must be near the median step
+_MIN_TRACK_ROWS = 3  # rows of a track, on average
 _DAY = r"\d{4}[-/.]\d{1,2}[-/.]\d{1,2}|\d{1,2}[-/.]\d{1,2}[-/.]\d{4}|20\d{6}"
 _DAY_SECONDS = 86_400.0
 
@@ -35,7 +35,7 @@ class Clock:
 
     @property
     def counted(self) -> FoundColumn:
-        """The column by which rows of a track are ordered: times where there are some."""
+        """The column by which the rows of a track are ordered: the times if there are times, else the frames."""
         found = self.time or self.frame
         assert found is not None
         return found
@@ -53,12 +53,13 @@ class Clock:
 
 
 def clock_of(columns: Sequence[FoundColumn]) -> Clock | None:
-    """The columns of vehicles and times; None if no two columns can be these."""
+    """The columns of vehicles and times; None if no two columns fit."""
     recordings: list[FoundColumn | None] = [
         column for column in named(columns, "recording") if 1 < len(np.unique(column.codes)) <= len(column.codes) / 3
     ]
     days = [column for column in columns if is_days(column) and len(np.unique(column.codes)) > 1]
-    # Ids that restart in each recording go back in time there, which single damaged rows may do too.
+    # First without any step back in time, then with a few, which damaged rows cause. If ids restart in each recording,
+    # times step back unless the recordings are distinguished.
     for share in (1.0, _MIN_RISING_SHARE):
         for recording in (None, *recordings):
             for track in named(columns, "track_id"):
@@ -75,7 +76,7 @@ def is_days(column: FoundColumn) -> bool:
 
 
 def _of_days(clock: Clock, days: Sequence[FoundColumn]) -> Clock:
-    """The clock with a recording for each day, if its times are times of day and another column says the day."""
+    """The clock, with a recording for each day if its times are times of day and another column holds the date."""
     if not days or clock.recording is not None or clock.time is None or clock.time.kind != "moments":
         return clock
     is_of_day = float(np.nanmax(np.abs(clock.time.values))) <= _DAY_SECONDS
@@ -96,7 +97,7 @@ def _by_name(
 
 
 def named(columns: Sequence[FoundColumn], canonical: str) -> list[FoundColumn]:
-    """The columns with a name of a canonical one, the most telling first."""
+    """The columns that have a name of a canonical column, the most specific name first."""
     ranks = [(rank, place) for place, c in enumerate(columns) if (rank := rank_of(c.name, canonical)) is not None]
     return [columns[place] for _, place in sorted(ranks)]
 
@@ -137,7 +138,7 @@ def _by_values(columns: Sequence[FoundColumn]) -> Clock | None:
 
 
 def _fewest_tracks(columns: Sequence[FoundColumn], share: float) -> tuple[FoundColumn, FoundColumn] | None:
-    """The column with the fewest tracks along which another rises in at least a share of the steps, and that one."""
+    """The column with the fewest tracks along which another one rises in at least a share of the steps, and both."""
     best: tuple[int, FoundColumn, FoundColumn] | None = None
     for track in columns:
         n_tracks = len(np.unique(track.codes))

@@ -1,4 +1,4 @@
-"""The command that reads recordings, as a shell takes it."""
+"""The command that reads recordings, quoted for a shell."""
 
 import re
 import shlex
@@ -8,7 +8,7 @@ from rearl_jax.config.data import OF_FOREIGN_TABLES, DataConfig, OnBad
 
 _PLAIN = re.compile(r"[A-Za-z_./][A-Za-z0-9_./-]*")
 _VALUES = frozenset({"null", "true", "false", "yes", "no", "on", "off", "y", "n", "nan", "inf"})
-"""Words that are values of their own where they are not quoted."""
+"""Words that are read as other values than texts unless they are quoted."""
 
 
 def command_of(data: DataConfig) -> str:
@@ -38,5 +38,5 @@ def _quoted(text: str) -> str:
         return text
     # Dollar signs would begin a reference to another key.
     text = re.sub(r"(\\*)\$\{", r"\1\1\\${", text)
-    # Backslashes count only before a quotation mark.
-    return '"' + re.sub(r'(\\*)("|$)', lambda found: found[1] * 2 + ('\\"' if found[2] else ""), text) + '"'
+    # Backslashes need escaping only before a quotation mark.
+    return '"' + re.sub(r'(\\*)("|$)', lambda match: match[1] * 2 + ('\\"' if match[2] else ""), text) + '"'

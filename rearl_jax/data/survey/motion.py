@@ -1,6 +1,6 @@
-"""Position and speed of an unknown table, and their units: the two columns of which one is the other's change in time.
+"""Position and speed of an unknown table, and their units: of the two columns one is the rate of change of the other.
 
-Steps of position over speed x time are a number that depends on the units alone, and nearly all units differ in it.
+The ratio of a step of position to speed x time depends on the units alone, and differs for nearly all pairs of units.
 """
 
 from collections.abc import Iterator, Sequence
@@ -23,14 +23,14 @@ UNITS_TOGETHER = (
 )  # fmt: skip
 """Units of position and speed, the likeliest first."""
 TOLERANCE = 0.04
-"""Relative difference up to which a ratio is that of two units; km/h and ft/s differ by 9 %."""
-_RATE_TOLERANCE = 0.015  # between steps and a usual frame rate
-_MAX_RATIO_SPREAD = 0.25  # of the ratios of single pieces, between the quartiles, relative to their median
+"""Largest relative difference between a measured ratio and that of two units; km/h and ft/s differ by 9 %."""
+_RATE_TOLERANCE = 0.015  # largest relative difference between a measured and a usual frame rate
+_MAX_RATIO_SPREAD = 0.25  # largest interquartile range of the ratios of pieces, relative to their median
 _PIECE_ROWS = 10  # rows over which a step is taken, beyond most of the noise and rounding of positions
 _MIN_PIECES = 8  # pieces needed for an estimate
-_MIN_OPPOSITE_SHARE = 0.05  # share of pieces that go the other way from which on vehicles drive both ways
+_MIN_OPPOSITE_SHARE = 0.05  # smallest share of pieces in the other direction if vehicles drive both ways
 _MAX_SPEED_MPS = 50.0  # m/s; speeds of traffic above it are in ft/s
-_MAX_ROW_TIME = 20.0  # s between rows, beyond which times are not in s
+_MAX_ROW_TIME = 20.0  # s between rows; with a larger step the times are not in s
 _FEET_OR_METRES = "m and m/s cannot be distinguished from ft and ft/s by names or sizes of vehicles; m are assumed"
 _NO_MOTION = ("track_id", "frame", "time", "lane", "length", "width", "vehicle_class", "leader_id", "direction")
 
@@ -44,8 +44,8 @@ class Motion:
         speed: Column of speeds.
         units: Unit of either.
         clock_unit: Unit of the times, or rate of the frames such as 25/s.
-        ratio: Step of position over speed x time in the units of the table.
-        doubt: Ambiguity of the units after names and values; empty for none.
+        ratio: Ratio of a step of position to speed x time, in the units of the table.
+        doubt: Ambiguity of the units that names and values leave; empty for none.
         is_reversed: Positions fall while driving.
         is_negative: Speeds are negative.
         goes_both_ways: Some vehicles drive the other way.
@@ -63,7 +63,7 @@ class Motion:
 
 
 def motion_of(columns: Sequence[FoundColumn], clock: Clock) -> Motion | None:
-    """The position and speed that belong together best; None if no two columns do."""
+    """The first position and speed that agree, the likeliest names first; None if no two columns agree."""
     pieces = Pieces(clock)
     if not pieces.time.size:
         return None
@@ -83,8 +83,8 @@ def motion_of(columns: Sequence[FoundColumn], clock: Clock) -> Motion | None:
     return None
 
 
-def told_by(motion: Motion, sizes: Sizes) -> Motion:
-    """The motion with feet instead of metres, or the other way, if sizes of vehicles or the speeds say so.
+def with_size_units(motion: Motion, sizes: Sizes) -> Motion:
+    """The motion with feet instead of metres, or metres instead of feet, if names, vehicle sizes or speeds require it.
 
     Steps alone do not distinguish m and m/s from ft and ft/s. If names and sizes disagree, the unit counts as doubtful.
     """
@@ -121,7 +121,7 @@ class Pieces:
         return (values[self.length :] - values[: -self.length])[self._same]
 
     def go_together(self, position: np.ndarray, speed: np.ndarray) -> bool:
-        """True if steps of a column follow changes of another, which names would say of position and speed."""
+        """True if steps of one column correlate with another one x time; needed if names do not show what they are."""
         step, expected = np.abs(self.steps(position)), np.abs(self.means(speed) * self.time)
         known = np.isfinite(step) & np.isfinite(expected)
         if known.sum() < _MIN_PIECES or min(np.std(step[known]), np.std(expected[known])) == 0.0:
@@ -136,9 +136,9 @@ class Pieces:
 
 
 def _candidates(numbers: Sequence[FoundColumn]) -> Iterator[tuple[list[FoundColumn], list[FoundColumn], bool]]:
-    """Positions and speeds to try, and whether both have such names; else any column that is nothing else by its name.
+    """Positions and speeds to try, and whether both are known by name.
 
-    Where there are both names, and they do not agree, no other columns take their places.
+    If one is not, all columns are tried whose name is not that of another quantity.
     """
     positions, speeds = named(numbers, "position"), named(numbers, "speed")
     free = [c for c in numbers if not any(rank_of(c.name, other) is not None for other in _NO_MOTION)]
@@ -154,7 +154,7 @@ def _motion(position: FoundColumn, speed: FoundColumn, clock: Clock, pieces: Pie
     step, expected = step[known], expected[known]
     if step.size < _MIN_PIECES:
         return None
-    # Slow pieces say more of noise than of units.
+    # Without slow pieces, in which noise dominates.
     moving = np.abs(expected) >= 0.3 * float(np.quantile(np.abs(expected), 0.9))
     ratios = step[moving] / expected[moving]
     size = np.abs(ratios)
@@ -182,7 +182,7 @@ def _motion(position: FoundColumn, speed: FoundColumn, clock: Clock, pieces: Pie
 def _units(
     ratio: float, position: FoundColumn, speed: FoundColumn, clock: Clock
 ) -> tuple[tuple[str, str], str, str] | None:
-    """Units of position and speed and of the clock that explain a ratio, the likeliest, and what they leave open."""
+    """The likeliest units of position, speed and clock that explain a ratio, and the remaining ambiguity."""
     of_position, of_speed = unit_in(position.name, "m"), unit_in(speed.name, "m/s")
     together = [pair for pair in UNITS_TOGETHER if of_position in (None, pair[0]) and of_speed in (None, pair[1])]
     for clock_unit, seconds in _clock_units(clock):
@@ -205,7 +205,7 @@ def _units(
 
 
 def _clock_units(clock: Clock) -> list[tuple[str, float]]:
-    """Units that the times can be in with a step of traffic recordings, the likeliest first, with their seconds."""
+    """Possible units of the times, for which the step is that of a traffic recording, the likeliest first, in s."""
     if clock.time is None or clock.step <= 0.0:
         return []
     if clock.time.kind == "moments":

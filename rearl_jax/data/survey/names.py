@@ -1,4 +1,4 @@
-"""Names that tables give to the canonical columns, and units that are part of names."""
+"""Usual names of the canonical columns in tables, and units that are part of names."""
 
 import re
 import unicodedata
@@ -97,7 +97,7 @@ def unit_in(name: str, kind: str) -> str | None:
 
 
 def end_in(name: str) -> str | None:
-    """The end of the vehicle that a name of positions speaks of: front or rear; None for none."""
+    """The end of the vehicle that a name of positions contains: front or rear; None for neither."""
     words = set(_words(name))
     return next((end for end, own in _ENDS.items() if words & own), None)
 
@@ -108,13 +108,13 @@ def is_on_globe(name: str) -> bool:
 
 
 def per_vehicle(names: Sequence[str]) -> list[str]:
-    """Names that differ in a number only, as in tables with columns of their own for every vehicle: x1, x2."""
+    """Names that differ in a number only, as in tables with separate columns for every vehicle: x1, x2."""
     stems = [re.sub(r"[\W_]*\d+$", "", _BRACKETS.sub("", name).strip()).casefold() for name in names]
     numbered = [bool(re.search(r"\d$", _BRACKETS.sub("", name).strip())) for name in names]
     return [
         name
-        for name, stem, is_one in zip(names, stems, numbered, strict=True)
-        if is_one and sum(other == stem and two for other, two in zip(stems, numbered, strict=True)) > 1
+        for name, stem, is_numbered in zip(names, stems, numbered, strict=True)
+        if is_numbered and sum(other == stem and has for other, has in zip(stems, numbered, strict=True)) > 1
     ]
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from rearl_jax.data.checks.typed_table import MAX_LANES
 from rearl_jax.data.schema import COLUMNS
 from rearl_jax.data.survey.clock import Clock, clock_of, named
-from rearl_jax.data.survey.motion import Motion, motion_of, told_by
+from rearl_jax.data.survey.motion import Motion, motion_of, with_size_units
 from rearl_jax.data.survey.names import end_in, is_in_pixels, is_on_globe, per_vehicle, unit_in
 from rearl_jax.data.survey.ring import ring_of
 from rearl_jax.data.survey.sample import FoundColumn, Sample
@@ -42,8 +42,8 @@ class Proposal:
 
     Attributes:
         taken: Columns by canonical name.
-        refused: Columns that have a fitting name and are left out, and why, by their name in the file.
-        missing: Canonical columns without which the table cannot be read, and what was looked for.
+        refused: Reasons for leaving out columns that have a suitable name, by name in the file.
+        missing: Required canonical columns that were not proposal, with the reason.
         doubts: Properties that the table does not determine.
         ring: Length of one lap of a ring road whose positions begin anew with every lap [m]; None for other roads.
     """
@@ -55,7 +55,7 @@ class Proposal:
     ring: float | None = None
 
     def columns(self, present: Sequence[str]) -> dict[str, str | None]:
-        """The value of `data.columns`: names that differ, and null for canonical names that are something else."""
+        """The value of `data.columns`: names that differ, and null for canonical names with another meaning."""
         used = {taken.source for taken in self.taken.values()}
         foreign = {name: taken.source for name, taken in self.taken.items() if taken.source != name}
         others = [name for name in _CANONICAL if name in present and name not in self.taken and name not in used]
@@ -67,62 +67,64 @@ class Proposal:
         return {name: taken.unit for name, taken in self.taken.items() if taken.unit is not None}
 
     def leave_out(self, canonical: str, why: str) -> None:
-        """Takes a column for nothing."""
+        """Removes the proposed meaning of a column, with the reason."""
         self.refused[self.taken.pop(canonical).source] = why
 
 
 def proposal_of(sample: Sample) -> Proposal:
     """The proposed interpretation of the columns of a sample."""
-    found = Proposal()
+    proposal = Proposal()
     clock = clock_of(sample.columns)
     motion = None if clock is None else motion_of(sample.columns, clock)
     if clock is None or (motion is None and not clock.by_name):
         looked_for = (
-            "no column names vehicles along whose rows another rises by even steps, as times or frames do (the rows of "
-            "a vehicle must follow each other in time)"
+            "no column identifies vehicles along whose rows another column rises by even steps, as times or frames do "
+            "(the rows of a vehicle must be in the order of time)"
         )
         if wide := per_vehicle([column.name for column in sample.columns]):
             looked_for += f"; {', '.join(wide[:4])} look like columns of single vehicles: give each its own rows"
-        found.missing = {"track_id": looked_for, "time": "the same"}
-        return found
-    _take_clock(found, clock)
+        proposal.missing = {"track_id": looked_for, "time": "the same"}
+        return proposal
+    _take_clock(proposal, clock)
     sizes = sizes_of(sample.columns)
     if motion is None:
-        _take_by_name(found, sample.columns)
+        _take_by_name(proposal, sample.columns)
     else:
-        motion = told_by(motion, sizes)
-        found.ring = ring_of(motion, clock)
-        _take_motion(found, clock, motion)
-    _take_sizes(found, sizes)
+        motion = with_size_units(motion, sizes)
+        proposal.ring = ring_of(motion, clock)
+        _take_motion(proposal, clock, motion)
+    _take_sizes(proposal, sizes)
     for canonical, check in _OTHERS.items():
-        used = {taken.source for taken in found.taken.values()}
+        used = {taken.source for taken in proposal.taken.values()}
         for column in named([column for column in sample.columns if column.name not in used], canonical):
-            fault = check(found, column, clock, motion)
+            fault = check(proposal, column, clock, motion)
             if fault is None:
                 break
-            found.refused.setdefault(column.name, fault)
-    return found
+            proposal.refused.setdefault(column.name, fault)
+    return proposal
 
 
-def _take_clock(found: Proposal, clock: Clock) -> None:
+def _take_clock(proposal: Proposal, clock: Clock) -> None:
     n_vehicles = len(np.unique(clock.vehicles))
     per_track = len(clock.vehicles) / n_vehicles
     reason = "name" if clock.by_name else "values alone: along its rows a clock rises"
     kind = "words" if clock.track.kind == "words" else "numbers"
-    found.taken["track_id"] = Taken(clock.track.name, None, f"{reason}; {n_vehicles} {kind}, {per_track:.0f} rows each")
+    proposal.taken["track_id"] = Taken(
+        clock.track.name, None, f"{reason}; {n_vehicles} {kind}, {per_track:.0f} rows each"
+    )
     if clock.recording is not None:
-        found.taken["recording"] = Taken(clock.recording.name, None, "name; ids restart in each")
+        proposal.taken["recording"] = Taken(clock.recording.name, None, "name; ids restart in each")
     if clock.time is not None:
         what = (
             "dates and times of day" if clock.time.kind == "moments" else f"rises by {_short(clock.step)} along tracks"
         )
-        found.taken["time"] = Taken(clock.time.name, None, f"{reason}; {what}")
+        proposal.taken["time"] = Taken(clock.time.name, None, f"{reason}; {what}")
     if clock.frame is not None:
         what = "whole numbers that rise along tracks"
-        found.taken["frame"] = Taken(clock.frame.name, None, f"{reason}; {what}")
+        proposal.taken["frame"] = Taken(clock.frame.name, None, f"{reason}; {what}")
 
 
-def _take_motion(found: Proposal, clock: Clock, motion: Motion) -> None:
+def _take_motion(proposal: Proposal, clock: Clock, motion: Motion) -> None:
     """Position and speed with their units, and the unit of the clock."""
     of_position, of_speed = motion.units
     ratio = (
@@ -137,69 +139,71 @@ def _take_motion(found: Proposal, clock: Clock, motion: Motion) -> None:
     position = f"{sign}{of_position}"
     end = end_in(motion.position.name)
     of_vehicle = f"; of the {end}, as the name says" if end else "; taken for that of the centre"
-    if found.ring is not None:
-        of_vehicle += f"; begins anew every {found.ring:g} m, as on a ring"
-    found.taken[end or "position"] = Taken(
+    if proposal.ring is not None:
+        of_vehicle += f"; begins anew every {proposal.ring:g} m, as on a ring"
+    proposal.taken[end or "position"] = Taken(
         motion.position.name, None if position == "m" else position, why + of_vehicle
     )
     speed = f"{speed_sign}{of_speed}"
-    found.taken["speed"] = Taken(motion.speed.name, None if speed == "m/s" else speed, why)
+    proposal.taken["speed"] = Taken(motion.speed.name, None if speed == "m/s" else speed, why)
     if motion.doubt:
-        found.doubts.append(motion.doubt)
-    if motion.goes_both_ways and found.ring is None:
-        found.missing["position"] = (
+        proposal.doubts.append(motion.doubt)
+    if motion.goes_both_ways and proposal.ring is None:
+        proposal.missing["position"] = (
             f"{motion.position.name} rises for some vehicles and falls for others: give each driving direction in a "
             "table of its own, in which it rises while driving (-m reverses it)"
         )
     by_frame = clock.time is None
     unit = None if motion.clock_unit == "s" or clock.counted.kind == "moments" else motion.clock_unit
     name = "frame" if by_frame else "time"
-    taken = found.taken[name]
+    taken = proposal.taken[name]
     if unit is not None:
-        found.taken[name] = Taken(taken.source, unit, f"{taken.why}; {unit} makes steps agree with speeds")
+        proposal.taken[name] = Taken(taken.source, unit, f"{taken.why}; {unit} makes steps agree with speeds")
     elif not by_frame and clock.step == 1.0:
-        found.taken[name] = Taken(taken.source, "s", f"{taken.why}; s makes steps agree with speeds")
+        proposal.taken[name] = Taken(taken.source, "s", f"{taken.why}; s makes steps agree with speeds")
 
 
-def _take_by_name(found: Proposal, columns: Sequence[FoundColumn]) -> None:
+def _take_by_name(proposal: Proposal, columns: Sequence[FoundColumn]) -> None:
     """Position and speed by their names, where no two columns agree."""
-    used = {taken.source for taken in found.taken.values()}
+    used = {taken.source for taken in proposal.taken.values()}
     for canonical, kind in (("position", "m"), ("speed", "m/s")):
         free = [column for column in columns if column.name not in used and not is_in_pixels(column.name)]
         numbers = [column for column in free if column.kind == "numbers"]
         candidates = named(numbers, canonical)
         if not candidates:
-            found.missing[canonical] = "no column has such a name, and none changes as position and speed do together"
+            proposal.missing[canonical] = (
+                "no column has such a name, and none changes as position and speed do together"
+            )
             if wordy := named([column for column in free if column.kind == "words"], canonical):
                 example = wordy[0].texts.dropna().iloc[0]
-                found.missing[canonical] = f"the column {wordy[0].name} holds no numbers, such as {example!r}"
+                proposal.missing[canonical] = f"the column {wordy[0].name} holds no numbers, such as {example!r}"
             if globe := [column.name for column in columns if is_on_globe(column.name)]:
-                found.missing[canonical] += f"; project {', '.join(globe)} onto the road, in m along and across it"
+                proposal.missing[canonical] += f"; project {', '.join(globe)} onto the road, in m along and across it"
             continue
         unit = unit_in(candidates[0].name, kind)
         used.add(candidates[0].name)
-        why = "name only: no column of positions changes as one of speeds says"
-        found.taken[canonical] = Taken(candidates[0].name, None if unit == kind else unit, why)
-    if not found.missing:
-        names = [found.taken[canonical].source for canonical in ("position", "speed")]
-        found.doubts.append(f"{names[0]} does not change as {names[1]} says: units, axis or columns may be others")
-    if "time" not in found.taken and "frame" in found.taken:
-        found.missing["time"] = "frames are there, and nothing tells their rate: 'data.units={frame: 25/s}'"
+        why = "name only: no column of positions changes by speed x time"
+        proposal.taken[canonical] = Taken(candidates[0].name, None if unit == kind else unit, why)
+    if not proposal.missing:
+        names = [proposal.taken[canonical].source for canonical in ("position", "speed")]
+        proposal.doubts.append(f"{names[0]} does not change by {names[1]} x time: units, axis or columns may be wrong")
+    if "time" not in proposal.taken and "frame" in proposal.taken:
+        proposal.missing["time"] = "the table has frames of unknown rate: state it, such as 'data.units={frame: 25/s}'"
 
 
-def _take_sizes(found: Proposal, sizes: Sizes) -> None:
-    used = {taken.source for taken in found.taken.values()}
-    found.refused.update(sizes.refused)
+def _take_sizes(proposal: Proposal, sizes: Sizes) -> None:
+    used = {taken.source for taken in proposal.taken.values()}
+    proposal.refused.update(sizes.refused)
     for canonical, size in sizes.taken.items():
         if size.column.name not in used:
-            found.taken[canonical] = Taken(size.column.name, None if size.unit == "m" else size.unit, size.why)
-            if canonical == "length" and size.column.name.casefold() == "width" and "position" in found.taken:
-                place = found.taken["position"].source
+            proposal.taken[canonical] = Taken(size.column.name, None if size.unit == "m" else size.unit, size.why)
+            if canonical == "length" and size.column.name.casefold() == "width" and "position" in proposal.taken:
+                place = proposal.taken["position"].source
                 otherwise = f"if it is the corner, as in highD, 'data.columns={{rear: {place}}}'"
-                found.doubts.append(f"{place} is taken for the centre of the box; {otherwise}")
+                proposal.doubts.append(f"{place} is taken for the centre of the box; {otherwise}")
 
 
-def _acceleration(found: Proposal, column: FoundColumn, clock: Clock, motion: Motion | None) -> str | None:
+def _acceleration(proposal: Proposal, column: FoundColumn, clock: Clock, motion: Motion | None) -> str | None:
     if column.kind != "numbers":
         return "holds no numbers"
     unit = unit_in(column.name, "m/s^2")
@@ -210,11 +214,13 @@ def _acceleration(found: Proposal, column: FoundColumn, clock: Clock, motion: Mo
         return f"1 % of the values are above 9 m/s^2 if it is in {unit}"
     sign = "-" if motion is not None and motion.is_negative else ""
     unit = f"{sign}{unit}"
-    found.taken["acceleration"] = Taken(column.name, None if unit == "m/s^2" else unit, f"name; taken to be in {unit}")
+    proposal.taken["acceleration"] = Taken(
+        column.name, None if unit == "m/s^2" else unit, f"name; taken to be in {unit}"
+    )
     return None
 
 
-def _lateral(found: Proposal, column: FoundColumn, clock: Clock, motion: Motion | None) -> str | None:
+def _lateral(proposal: Proposal, column: FoundColumn, clock: Clock, motion: Motion | None) -> str | None:
     if column.kind != "numbers":
         return "holds no numbers"
     if is_in_pixels(column.name):
@@ -222,11 +228,11 @@ def _lateral(found: Proposal, column: FoundColumn, clock: Clock, motion: Motion 
     stated = unit_in(column.name, "m")
     unit = stated or (motion.units[0] if motion is not None else "m")
     why = "name" if stated else "name; in the unit of the position"
-    found.taken["lateral"] = Taken(column.name, None if unit == "m" else unit, why)
+    proposal.taken["lateral"] = Taken(column.name, None if unit == "m" else unit, why)
     return None
 
 
-def _lane(found: Proposal, column: FoundColumn, clock: Clock, motion: Motion | None) -> str | None:
+def _lane(proposal: Proposal, column: FoundColumn, clock: Clock, motion: Motion | None) -> str | None:
     numbers = column.values[np.isfinite(column.values)]
     if not column.is_whole or not numbers.size:
         return "holds no whole numbers"
@@ -234,11 +240,11 @@ def _lane(found: Proposal, column: FoundColumn, clock: Clock, motion: Motion | N
     if low < 0 or high - low >= MAX_LANES or high >= 100:
         return f"the numbers {low} to {high} are not lanes of one carriageway"
     unit = f"from {low}" if low else None
-    found.taken["lane"] = Taken(column.name, unit, f"name; numbers {low} to {high}, taken to count from the left")
+    proposal.taken["lane"] = Taken(column.name, unit, f"name; numbers {low} to {high}, taken to count from the left")
     return None
 
 
-def _vehicle_class(found: Proposal, column: FoundColumn, clock: Clock, motion: Motion | None) -> str | None:
+def _vehicle_class(proposal: Proposal, column: FoundColumn, clock: Clock, motion: Motion | None) -> str | None:
     words = column.texts.dropna().unique()
     unknown = [word for word in words if class_of(word) not in CLASSES]
     if unknown:
@@ -246,12 +252,12 @@ def _vehicle_class(found: Proposal, column: FoundColumn, clock: Clock, motion: M
         words, known = ", ".join(map(str, unknown[:3])), ", ".join(CLASSES)
         remedy = f"'data.columns={{vehicle_class: {column.name}}}' 'data.classes={{{stated}}}'"
         return f"{words} is no class that is known ({known}): say what it is with {remedy}"
-    found.taken["vehicle_class"] = Taken(column.name, None, f"name; {', '.join(map(str, words[:4]))}")
+    proposal.taken["vehicle_class"] = Taken(column.name, None, f"name; {', '.join(map(str, words[:4]))}")
     return None
 
 
-def _leader_id(found: Proposal, column: FoundColumn, clock: Clock, motion: Motion | None) -> str | None:
-    leaders, own = (one.texts.dropna().str.replace(r"\.0*$", "", regex=True) for one in (column, clock.track))
+def _leader_id(proposal: Proposal, column: FoundColumn, clock: Clock, motion: Motion | None) -> str | None:
+    leaders, own = (ids.texts.dropna().str.replace(r"\.0*$", "", regex=True) for ids in (column, clock.track))
     known = set(own.unique())
     stated = leaders[~leaders.str.lower().isin(NO_LEADER) | leaders.isin(known)]
     if not len(stated):
@@ -259,26 +265,28 @@ def _leader_id(found: Proposal, column: FoundColumn, clock: Clock, motion: Motio
     share = float(stated.isin(known).mean())
     if share < _LEADERS_THERE:
         return f"{share:.0%} of its numbers are vehicles of the table"
-    found.taken["leader_id"] = Taken(column.name, None, f"name; {share:.0%} are vehicles of the table")
+    proposal.taken["leader_id"] = Taken(column.name, None, f"name; {share:.0%} are vehicles of the table")
     return None
 
 
-def _direction(found: Proposal, column: FoundColumn, clock: Clock, motion: Motion | None) -> str | None:
+def _direction(proposal: Proposal, column: FoundColumn, clock: Clock, motion: Motion | None) -> str | None:
     numbers = np.unique(column.values[np.isfinite(column.values)])
     if column.kind != "numbers" or not set(numbers) <= {1.0, 2.0}:
         words = column.texts.dropna().unique()
         fault = f"the carriageways are 1 and 2, not {', '.join(map(str, words[:3]))}"
-        if len(words) == 2:  # one road of both would put vehicles into each other
-            found.missing["direction"] = f"{fault}: write 1 and 2 there, or read each direction as a table of its own"
+        if len(words) == 2:  # read as one road, vehicles of both directions would overlap
+            proposal.missing["direction"] = (
+                f"{fault}: write 1 and 2 there, or read each direction as a table of its own"
+            )
         return fault
-    found.taken["direction"] = Taken(column.name, None, f"name; {', '.join(f'{number:g}' for number in numbers)}")
+    proposal.taken["direction"] = Taken(column.name, None, f"name; {', '.join(f'{number:g}' for number in numbers)}")
     return None
 
 
-def _recording(found: Proposal, column: FoundColumn, clock: Clock, motion: Motion | None) -> str | None:
-    if "recording" in found.taken or column.name != "recording":
-        return "one recording is in the table, as far as ids and times tell"
-    found.taken["recording"] = Taken(column.name, None, "name")
+def _recording(proposal: Proposal, column: FoundColumn, clock: Clock, motion: Motion | None) -> str | None:
+    if "recording" in proposal.taken or column.name != "recording":
+        return "ids and times show one recording only"
+    proposal.taken["recording"] = Taken(column.name, None, "name")
     return None
 
 
@@ -291,7 +299,7 @@ _OTHERS: dict[str, Callable[[Proposal, FoundColumn, Clock, Motion | None], str |
     "direction": _direction,
     "recording": _recording,
 }
-"""Checks of columns that have the name of a canonical one; each takes the column, or says why it does not fit."""
+"""Checks of columns with the name of a canonical one; each adds the column to the proposal, or returns a fault."""
 
 
 def _short(value: float) -> str:

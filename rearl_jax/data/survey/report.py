@@ -42,9 +42,10 @@ def print_sample(sample: Sample, proposal: Proposal) -> None:
 def print_trial(trial: Trial, command: str) -> None:
     """Prints what the command reads, and the command."""
     console = standard_output(_WIDTH)
-    for one in trial.recordings[:10]:
-        rate = f"{one['frame_rate']:g} frames per second"
-        print_notes(console, [f"{shown(one['id'])}: {one['rows']} rows, {one['vehicles']} vehicles, {rate}"])
+    for recording in trial.recordings[:10]:
+        size = f"{recording['rows']} rows, {recording['vehicles']} vehicles"
+        rate = f"{recording['frame_rate']:g} frames per second"
+        print_notes(console, [f"{shown(recording['id'])}: {size}, {rate}"])
     if len(trial.recordings) > 10:
         print_notes(console, [f"and {len(trial.recordings) - 10} more recordings"])
     dropped = ", ".join(f"{cause} {number}" for cause, number in trial.dropped.items())

@@ -1,4 +1,4 @@
-"""Circumference of a ring road whose positions begin anew with every lap, from an unknown table."""
+"""Circumference of a ring road from the positions of an unknown table, which restart in every lap."""
 
 import numpy as np
 
@@ -9,9 +9,9 @@ from rearl_jax.data.units import SI_FACTOR
 SHORTEST_LAP = 50.0
 """Shortest lap [m]; smaller jumps are faults of positions."""
 LEAST_SEAMS = 3
-"""Least jumps of one size from which on positions are those of a ring."""
+"""Smallest number of equal jumps that shows that positions are those of a ring."""
 TOLERANCE = 0.02
-"""Relative difference between the jumps of a ring, from noise and from speeds that change during a step."""
+"""Largest relative difference between the jumps of a ring, because of noise and speeds that change in a step."""
 
 
 def ring_of(motion: Motion, clock: Clock) -> float | None:

@@ -16,7 +16,7 @@ from rearl_jax.data.problems import bad_recording
 from rearl_jax.data.tables.moments import is_moment, seconds_of
 
 ROWS = 50_000
-"""Rows that are looked at."""
+"""Number of rows that are read."""
 _SAMPLE_VALUES = 50  # values from which it is decided whether a column of texts contains dates and times
 _MIN_NUMBER_SHARE = 0.95  # share of the values that must be numbers
 _DELIMITERS = {",": "comma", ";": "semicolon", "\t": "tab", "|": "bar", BLANKS: "blanks"}
@@ -59,8 +59,8 @@ class Sample:
         form: Description of its layout.
         columns: Its columns, without those whose name occurs twice.
         twice: Names that occur twice.
-        n_rows: Rows that were looked at.
-        n_broken: Lines among them whose number of fields is another.
+        n_rows: Number of rows that were read.
+        n_broken: Number of lines among them whose number of fields differs from that of the header.
     """
 
     path: Path
@@ -104,7 +104,7 @@ def _form(path: Path) -> str:
 
 
 def _first_of_parquet(path: Path) -> list[pd.Series]:
-    """The columns of the first rows; what they are is asked of all rows later."""
+    """The columns of the first rows."""
     read_columns(path, ())  # raises the error of a damaged file
     try:
         with pq.ParquetFile(path) as file:

@@ -8,25 +8,26 @@ from rearl_jax.data.survey.sample import Sample
 from rearl_jax.data.units import SI_FACTOR
 
 
-def judge_sides(found: Proposal, sample: Sample) -> None:
+def judge_sides(proposal: Proposal, sample: Sample) -> None:
     """Leaves out lanes and lateral positions that count in opposite directions, and states other uncertainties.
 
-    Both may count from the other side together; only the names of the canonical table exclude it.
+    If both count from the same side, the values do not show whether it is the left one; only canonical names, whose
+    meaning is defined, do.
 
     Args:
-        found: Proposed columns; changed in place.
+        proposal: Proposed columns; changed in place.
         sample: Their values.
     """
-    lane, lateral = found.taken.get("lane"), found.taken.get("lateral")
+    lane, lateral = proposal.taken.get("lane"), proposal.taken.get("lateral")
     values = {column.name: column.values for column in sample.columns}
     last = None if lane is None else f"{np.nanmax(values[lane.source]):.0f}"
     if lane is not None and lateral is not None:
         width = _width(values[lane.source], values[lateral.source] * SI_FACTOR[lateral.unit or "m"])
         if width is not None and LANE_WIDTH[0] <= -width <= LANE_WIDTH[1]:
             why = f"{lateral.source} falls by {-width:.1f} m per lane, so one of the two counts from the right"
-            found.leave_out("lane", why)
-            found.leave_out("lateral", why)
-            found.doubts.append(
+            proposal.leave_out("lane", why)
+            proposal.leave_out("lateral", why)
+            proposal.doubts.append(
                 f"{why}: if it is the lane, add 'data.columns={{lane: {lane.source}, lateral: {lateral.source}}}' and "
                 f"'data.units={{lane: -from {last}}}'; else 'data.units={{lateral: -{lateral.unit or 'm'}}}'"
             )
@@ -39,7 +40,7 @@ def judge_sides(found: Proposal, sample: Sample) -> None:
     if sides:
         names, units = (", ".join(part) for part in zip(*sides, strict=True))
         otherwise = f"if from the right, 'data.units={{{units}}}'"
-        found.doubts.append(f"{names}: taken to count from the left of the drivers; {otherwise}")
+        proposal.doubts.append(f"{names}: taken to count from the left of the drivers; {otherwise}")
 
 
 def _is_canonical(lane: Taken) -> bool:
@@ -47,7 +48,7 @@ def _is_canonical(lane: Taken) -> bool:
 
 
 def _width(numbers: np.ndarray, places: np.ndarray) -> float | None:
-    """By how much lateral positions grow from one lane to the next [m]; None with a single lane."""
+    """Growth of lateral positions from one lane to the next [m]; None with a single lane."""
     known = np.isfinite(numbers) & np.isfinite(places)
     lanes = np.unique(numbers[known])
     if lanes.size < 2:

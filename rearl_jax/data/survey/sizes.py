@@ -15,7 +15,8 @@ RANGES = {
     "width": {"m": (1.2, 2.9), "ft": (4.0, 9.5), "cm": (120.0, 290.0)},
 }
 """Median sizes of vehicles, by unit."""
-# Of the least median: a quarter of the vehicles below it are in another unit, as where carriageways have two of them.
+# Smallest lower quartile, relative to the smallest plausible median. Below it, a quarter of the sizes may be in another
+# unit, for example those of one carriageway.
 _LEAST_QUARTILE = 0.6
 
 
@@ -45,7 +46,7 @@ class Sizes:
 
     Attributes:
         taken: Column of the lengths and of the widths, by canonical name.
-        refused: Columns with such a name that are neither, and why, by their name in the file.
+        refused: Reasons for leaving out columns that have such a name, by name in the file.
     """
 
     taken: dict[str, Size] = field(default_factory=dict)
@@ -53,7 +54,7 @@ class Sizes:
 
     @property
     def unit(self) -> str | None:
-        """m or ft, whichever the sizes are in; None if they do not say it."""
+        """Unit of the sizes, m or ft; None if it is unknown."""
         units = (size.unit for size in self.taken.values() if size.unit in ("m", "ft"))
         return next(units, None)
 
@@ -94,7 +95,7 @@ def _are_in_feet(found: Sizes) -> bool:
 
 
 def unit_of_median(canonical: str, median: float) -> str | None:
-    """Unit in which the median length or width of vehicles is that of cars or trucks; None if it is none of a few."""
+    """Unit in which the median length or width is that of vehicles; None if neither m, ft nor cm fits."""
     return next((unit for unit, (low, high) in RANGES[canonical].items() if low <= median <= high), None)
 
 

@@ -70,7 +70,7 @@ def run(place: str) -> dict[str, Any]:
 
 
 def recognised(path: Path) -> tuple[str, Path] | None:
-    """Format of a file or folder that says by itself which it is in, and what data.root must name; else None."""
+    """Known format of a file or folder, and the value of data.root; None if no format recognises it."""
     for kind in DataFormat:
         recognises = reader_of(kind).recognises
         try:

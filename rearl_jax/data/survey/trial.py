@@ -1,4 +1,4 @@
-"""Reads a table as proposed; columns that the reader refuses are left out one by one until the rest is read."""
+"""Trial of a proposal: reads the table, and leaves out refused columns one by one until the rest can be read."""
 
 from dataclasses import dataclass, field, replace
 
@@ -10,13 +10,13 @@ from rearl_jax.problems import ProblemError
 
 _OPTIONAL = ("lateral", "lane", "acceleration", "width", "leader_id", "vehicle_class", "length", "direction")
 _OF_COLUMNS = ("wrong-units", "wrong-origin")
-"""Faults of whole columns; others may be those of a few rows."""
+"""Codes of faults of whole columns; other faults may concern a few rows only."""
 _IN_LENGTHS = ("length", "width", "lateral")
-"""Columns that tell the unit of the positions, which speeds in feet per second do not."""
+"""Columns that distinguish positions in m from positions in ft, which speeds in m/s or ft/s do not."""
 _MAX_DROPPED_SHARE = 0.05
 """Share of the rows that may be dropped before a column is left out instead."""
 _MAX_LOST_SHARE = 0.15
-"""Share of the rows that may be dropped at all: a table that loses more is not read but damaged."""
+"""Share of the rows that may be dropped in any case; a table that loses more cannot be read."""
 _CAUSED_BY = {"y": "lateral"}
 """Columns that are filled in from others."""
 
@@ -43,7 +43,7 @@ class Trial:
     def share_dropped(self) -> float:
         """Rows that were dropped, as a share of all."""
         n_dropped = sum(n for cause, n in self.dropped.items() if cause != "tracks" and not cause.endswith("_cuts"))
-        return n_dropped / max(n_dropped + sum(one["rows"] for one in self.recordings), 1)
+        return n_dropped / max(n_dropped + sum(recording["rows"] for recording in self.recordings), 1)
 
 
 def tried(root: str, proposal: Proposal, present: list[str]) -> Trial:

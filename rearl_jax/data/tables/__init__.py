@@ -1,1 +1,1 @@
-"""Foreign tables, in files or in memory, made canonical: columns named, units converted, ids numbered."""
+"""Conversion of foreign tables, in files or in memory, to canonical ones: column names, units and vehicle ids."""

@@ -1,8 +1,8 @@
-"""Tables in files: Parquet or text in the columns of `schema.COLUMNS`, or in others that `data.columns` names.
+"""Tables in Parquet or text files, with the columns of `schema.COLUMNS` or others that `data.columns` names.
 
-A file may hold several recordings, distinguished by its column `recording`. The metadata (frame
-rate, lanes, licence) are inside a Parquet file, or beside a CSV file in `<file>.info.json`; for tables without metadata
-they are derived from the rows and a note says so.
+A file may hold several recordings, distinguished by its column `recording`. The metadata (frame rate, lanes, licence)
+are inside a Parquet file, or in `<file>.info.json` in the folder of a CSV file. For tables without metadata they are
+derived from the rows, which a note states.
 """
 
 import json
@@ -38,7 +38,7 @@ METADATA = "recordings"
 
 _NAMES = tuple(column.name for column in COLUMNS)
 _MOVING = {"position", "x", "speed", "frame", "time", *ENDS}
-"""Columns of which a table of trajectories has some, under these names or those that `data.columns` states."""
+"""Columns by which a table of trajectories is recognised; it has at least one, also under another name."""
 _ENDINGS = (".parquet", *text_endings(".csv"))
 _TEXTS = tuple(column.name for column in COLUMNS if column.dtype == "category")
 
@@ -129,7 +129,7 @@ class TableFile:
         return Recording(info, table, dropped)
 
     def _require_known(self, stated: dict[str, RecordingInfo]) -> None:
-        """Raises BadRecordingError if all that is stated is of other recordings than those of the file."""
+        """Raises BadRecordingError if metadata are stated, but for none of the recordings of the file."""
         if stated and not set(stated) & (known := set(self.recordings())):
             text = f"it states the recordings {', '.join(stated)}, and the table holds {', '.join(sorted(known)[:5])}"
             file = sidecar(self.path) if self._is_csv else self.path
@@ -183,8 +183,8 @@ class TableFile:
         return self._kept[labels]
 
     def _read_csv(self, types: dict[str, pa.DataType]) -> tuple[pa.Table, int]:
-        """The columns; ids and times as texts if they are not numbers, lose digits as such, or are ids of different
-        vehicles at the same time that are the same number, as 7 and 007.
+        """The columns; ids and times become texts if they are not numbers. Ids also become texts if they lose digits as
+        numbers, or if different ids are the same number, as 7 and 007 are.
         """
         columns = self._spelling.columns
         ids = [columns[name] for name in IDS if name in columns]
@@ -251,13 +251,13 @@ class TableFile:
 
 
 def _without_blanks(names: pd.Series) -> pd.Series:
-    """Names of recordings without blanks around them, None for those that are nothing else."""
+    """Names of recordings without blanks around them; None for empty names."""
     plain = {name: name.strip() or None for name in names.dropna().unique()}
     return names if all(name == word for name, word in plain.items()) else pd.Series(names.map(plain))
 
 
 def _loses_digits(ids: pa.ChunkedArray) -> bool:
-    """True if ids that were read as float64 may be others in the file."""
+    """True if ids that were read as float64 may differ from those in the file."""
     return pa.types.is_floating(ids.type) and bool(np.nanmax(np.abs(ids.to_numpy()), initial=0.0) > MAX_EXACT_ID)
 
 

@@ -1,6 +1,6 @@
-"""Rows of a foreign table made canonical: units converted, ids numbered, and columns filled in that follow from others.
+"""Conversion of the rows of a foreign table to canonical ones: units, numbers for ids, and columns derived from others.
 
-Whatever is assumed or derived is said in a note of the recording.
+Notes of the recording state everything that is assumed or derived.
 """
 
 from collections.abc import Mapping
@@ -31,7 +31,7 @@ class Completed:
     Attributes:
         rows: The rows.
         notes: Remarks on the values filled in.
-        labels: Labels of tracks that came with it.
+        labels: Labels of tracks that were added.
     """
 
     rows: pd.DataFrame
@@ -40,7 +40,7 @@ class Completed:
 
 
 def completed(rows: pd.DataFrame, spelling: Spelling, data: DataConfig, file: str) -> Completed:
-    """The rows in SI units with every required column, and notes on what was done for it.
+    """The rows in SI units with every required column, and notes on the changes.
 
     Times whose unit is not stated stay as they are.
 
@@ -76,7 +76,7 @@ def completed(rows: pd.DataFrame, spelling: Spelling, data: DataConfig, file: st
 
 
 def _in_si(rows: pd.DataFrame, spelling: Spelling, file: str) -> pd.DataFrame:
-    """The rows with every column whose unit is stated in SI; frames of a stated rate give the times."""
+    """The rows, with columns of stated units in SI units; times follow from frames whose rate is stated."""
     for name, factor in spelling.factors.items():
         values = pd.Series(pd.to_numeric(rows[name], errors="coerce"), index=rows.index)
         bad = (values.isna() & rows[name].notna()).to_numpy()
@@ -135,7 +135,7 @@ def _with_frames(rows: pd.DataFrame, spelling: Spelling, file: str) -> tuple[pd.
 
 
 def _share_times(rows: pd.DataFrame, track: np.ndarray, time: np.ndarray) -> bool:
-    """True if many rows have the time of another row of their vehicle and are no copies of it."""
+    """True if many rows have the time of another row of their vehicle, but another position."""
     place = next(name for name in ("position", *ENDS) if name in rows)
     table = pd.DataFrame({"track": track, "time": time, "place": numbers_of(pd.Series(rows[place]))}).dropna()
     table = table.drop_duplicates()
@@ -160,7 +160,7 @@ def _are_far(rows: pd.DataFrame) -> bool:
 
 
 def _from_left_edge(rows: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
-    """The rows with lateral positions, whose axis was reversed or begins elsewhere, from the left edge by the lanes."""
+    """The rows, with lateral positions moved so that they count from the left edge, which lanes determine."""
     lateral = numbers_of(pd.Series(rows["lateral"]))
     lane = numbers_of(pd.Series(rows["lane"])) if "lane" in rows else np.full(len(rows), np.nan)
     known = np.isfinite(lateral) & np.isfinite(lane)

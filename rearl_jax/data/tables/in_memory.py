@@ -1,4 +1,4 @@
-"""Recordings in a table in memory, read as those in files are."""
+"""Recordings in a table in memory, converted and checked in the same way as those in files."""
 
 import hashlib
 from collections.abc import Iterator, Sequence
@@ -36,7 +36,7 @@ class TableInMemory(DataConfig):
 
 
 def in_memory(table: pd.DataFrame, data: DataConfig) -> TableInMemory:
-    """The data set of a table, with what `data` says about bad rows, jumps and lengths.
+    """The data set of a table, with the treatment of bad rows, jumps and lengths that `data` states.
 
     Raises:
         InvalidInputError: `data.columns`, `data.units` or `data.classes` cannot be used.

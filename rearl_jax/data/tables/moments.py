@@ -11,9 +11,9 @@ _DAYS = ("%d.%m.%Y", "%d/%m/%Y", "%m/%d/%Y", "%d-%m-%Y", "%Y/%m/%d", "%Y.%m.%d",
 _CLOCKS = ("%H:%M:%S.%f", "%I:%M:%S.%f %p")
 _FORMATS = (*(f"{day} {clock}" for day in _DAYS for clock in _CLOCKS), *_CLOCKS, "%M:%S.%f")
 _CYCLES = {**dict.fromkeys(_CLOCKS, 86400.0), "%M:%S.%f": 3600.0}
-"""Time after which times of day without a date begin anew [s]."""
-_NEAR_END = 0.1  # of that time: recordings that pass its end have times so near to it on both sides
-_NO_DAY = datetime(1900, 1, 1, tzinfo=UTC).timestamp()  # s; what times of day are parsed as
+"""Time after which times of day without a date restart [s]: a day, or an hour for minutes and seconds."""
+_NEAR_END = 0.1  # of that time; a recording that passes the restart has times so near to it before and after
+_NO_DAY = datetime(1900, 1, 1, tzinfo=UTC).timestamp()  # s; date that pandas gives to times of day
 _MAX_DAMAGED_SHARE = 0.05
 """Share of the times that may be unreadable before the column is not a column of times."""
 
@@ -37,9 +37,9 @@ def seconds_of(times: pd.Series, file: str, column: str) -> tuple[pd.Series, str
     if numbers.notna().sum() >= (1.0 - _MAX_DAMAGED_SHARE) * n_known:
         _require_all(texts, numbers.notna(), "a number", file, column)
         return numbers.astype(np.float64), None
-    # With a fraction everywhere one format reads whole and broken seconds.
+    # A fraction is added to whole seconds, so that one format reads both.
     plain = texts.str.replace(r"(:\d+),(\d+)", r"\1.\2", regex=True)
-    # Not the minutes of an offset from UTC such as +02:00.
+    # Except after the minutes of an offset from UTC such as +02:00.
     plain = plain.str.replace(r"(?<![+-]\d\d)(:\d\d)(\s*[AaPp][Mm])?$", r"\1.0\2", regex=True)
     plain = plain.str.replace(r"(\.\d{6})\d+", r"\1", regex=True)
     found = {form: _parsed(plain, form) for form in ("ISO8601", *_FORMATS)}
@@ -64,7 +64,7 @@ def seconds_of(times: pd.Series, file: str, column: str) -> tuple[pd.Series, str
 
 
 def _past_the_end(seconds: pd.Series, cycle: float) -> pd.Series | None:
-    """Times of day that go on after the end of the day, or of the hour; None if they do not pass it."""
+    """Times of day that continue to rise after the end of the day, or of the hour; None if they do not pass it."""
     known = np.unique(seconds.dropna().to_numpy())
     if not known.size or known[0] > _NEAR_END * cycle or known[-1] < (1.0 - _NEAR_END) * cycle:
         return None

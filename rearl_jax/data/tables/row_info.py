@@ -14,11 +14,11 @@ from rearl_jax.data.units import SI_FACTOR, to_si
 
 DERIVED = "frame rate, lanes and road length derived from the rows"
 DISTANT_ORIGIN = 1000.0
-"""First position [m] above which the origin is taken to be outside the road, if it also exceeds the road length."""
+"""First position [m] above which the origin is outside the road, if this position also exceeds the road length."""
 ENTRY_MARGIN = 20.0
-"""Distance [m] before the upstream edge that a vehicle may be at: one that has not yet entered the view."""
+"""Largest distance [m] of a vehicle before the upstream edge; such a vehicle has not yet entered the view."""
 PROJECTED_COORDINATE = 1e5
-"""Ground coordinate [m] that only a map projection such as UTM has."""
+"""Ground coordinate [m] above which coordinates are those of a map projection such as UTM."""
 _COLUMNS = ("track_id", "frame", "time", "direction", "x", "y", "position", "length", "lane", "speed")
 
 
@@ -81,7 +81,7 @@ def _frame_rate(values: dict[str, np.ndarray], file: str, is_in_seconds: bool) -
     if found is None:
         text = "the frame rate cannot be determined: no track has two rows with rising frame and time"
         remedy = "correct frame and time [s], or state the frame rate in the metadata"
-        back = _back(values)
+        back = _largest_step_back(values)
         if back > 0.0:
             text = f"the times of all vehicles go back, by up to {back:g}, while frames rise"
             remedy = "local times repeat an hour at the end of summer time: write them in UTC or with their offset"
@@ -102,18 +102,18 @@ def _frame_rate(values: dict[str, np.ndarray], file: str, is_in_seconds: bool) -
     return clock.rate_of(period * seconds, uncertainty * seconds), unit
 
 
-def _back(values: dict[str, np.ndarray]) -> float:
-    """By how much the times of a vehicle go back at most from one frame to the next."""
+def _largest_step_back(values: dict[str, np.ndarray]) -> float:
+    """Largest step back of a vehicle's time from one frame to the next."""
     order = np.lexsort((values["frame"], values["track_id"]))
     track, time = values["track_id"][order], values["time"][order]
     return -float(np.nanmin(np.where(np.diff(track) == 0, np.diff(time), 0.0), initial=0.0))
 
 
 def _steps_over_speed(values: dict[str, np.ndarray], period: float) -> float | None:
-    """Median of steps of position over speed x time; None if no vehicle moves."""
+    """Median ratio of steps of position to speed x time; None if no vehicle moves."""
     order = np.lexsort((values["frame"], values["track_id"]))
     track, frame, position, speed = (values[name][order] for name in ("track_id", "frame", "position", "speed"))
-    with np.errstate(invalid="ignore"):  # what is not finite does not count
+    with np.errstate(invalid="ignore"):  # comparisons with NaN are false, so such rows are not used
         step = np.abs(np.diff(position))
         expected = 0.5 * (speed[1:] + speed[:-1]) * np.diff(frame) * period
         used = (np.diff(track) == 0) & (np.diff(frame) > 0) & (speed[1:] > MIN_SPEED) & (step > 0.0) & (expected > 0.0)
@@ -154,7 +154,7 @@ def _from_upstream_edge(
 
 
 def _near_others(position: np.ndarray) -> np.ndarray:
-    """Mask of the positions near the middle 98 % of all; positions of broken rows are far from them."""
+    """Mask of the positions near the middle 98 % of all; positions of damaged rows are far away."""
     low, high = np.quantile(position, (0.01, 0.99))
     reach = high - low + ENTRY_MARGIN
     return (position >= low - reach) & (position <= high + reach)

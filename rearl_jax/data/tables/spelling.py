@@ -1,4 +1,4 @@
-"""Names, units and classes of a foreign table: what `data.columns`, `data.units` and `data.classes` say of it."""
+"""Names, units and classes of a foreign table, from `data.columns`, `data.units` and `data.classes`."""
 
 import difflib
 import re
@@ -16,13 +16,13 @@ from rearl_jax.data.vehicle_classes import CLASSES, NO_CLASS, class_of, code_of
 from rearl_jax.problems import InvalidInputError, Problem
 
 ENDS = {"front": -0.5, "rear": 0.5}
-"""Position of a vehicle's end in place of that of its centre, and how many lengths the centre is ahead of it."""
+"""Columns with the position of a vehicle's front or rear, and the distance from there to the centre, in lengths."""
 KINDS = (
     {column.name: column.unit for column in COLUMNS if column.unit in UNITS}
     | {"frame": "1/s"}
     | dict.fromkeys(ENDS, "m")
 )
-"""SI unit of the columns that may be in another unit; of frames, their rate."""
+"""SI unit of the columns that may be in another unit; for frames, the unit of their rate."""
 _LANES = re.compile(r"(-?)\s*from\s+(\d{1,3})")
 _NAMES = tuple(column.name for column in COLUMNS)
 
@@ -54,8 +54,8 @@ class Spelling:
         return {name: source for name, source in self.columns.items() if source != name}
 
     def renamed(self, rows: pd.DataFrame) -> pd.DataFrame:
-        """Rows under the names of the table, under canonical names and with stated classes; what else has such a name
-        is left out.
+        """Rows under canonical names and with stated classes, from rows under the names of the table. A column that has
+        a canonical name but another meaning is left out.
         """
         taken = set(self.columns.values())
         others = [name for name in rows.columns if name in _NAMES and name not in taken]
@@ -69,7 +69,7 @@ class Spelling:
 
 
 def spelling_of(data: DataConfig, present: Sequence[str], file: str) -> Spelling:
-    """The columns of a table with these names; what no key names has its canonical name.
+    """Spelling of a table with these columns; a column that no key names has its canonical name.
 
     Args:
         data: `columns`, `units` and `classes`.
@@ -137,9 +137,9 @@ def _classes(given: Mapping[Any, object]) -> dict[str, str]:
 
 
 def require_needed_columns(present: Sequence[str], file: str) -> None:
-    """Raise BadRecordingError if a column is missing without which rows are no trajectories.
+    """Raise BadRecordingError if the vehicle, its position or its speed is missing.
 
-    All others may be missing, or follow from these and a clock.
+    Other columns may be missing, or follow from these and the times or frames.
     """
     require_known_columns(present, ("track_id", *(() if set(ENDS) & set(present) else ("position",)), "speed"), file)
 

@@ -1,4 +1,4 @@
-"""Ids of tracks that are not whole numbers: numbered in the order of their first rows, and kept as a label."""
+"""Ids of tracks that are not whole numbers: they are numbered in the order of their first rows and kept as a label."""
 
 from collections.abc import Mapping
 
@@ -10,15 +10,15 @@ from rearl_jax.data.numbers import numbers_of
 from rearl_jax.data.problems import bad_recording
 
 LABEL = "track_name"
-"""Label of tracks whose id in the source is not a number that the canonical table can hold: that id."""
+"""Label that holds the id in the source, if this is not a number that the canonical table can hold."""
 IDS = ("track_id", "leader_id")
 """Columns that name vehicles."""
 MAX_EXACT_ID = 2**53
-"""Whole numbers beyond it do not survive as float64."""
+"""Largest id up to which float64 represents every whole number."""
 NO_LEADER = frozenset({"", "none", "null", "nan", "na", "n/a", "<na>", "-", "-1", "0"})
 """Spellings of "no leader" in sources, in lower case; if a vehicle has such an id, that vehicle is meant."""
 _ROUNDED = r"^[+-]?\d(?:\.(?P<fraction>\d*))?[eE]\+?(?P<exponent>\d+)$"
-_MAX_DAMAGED_SHARE = 0.02  # share of the rows up to which ids that are not numbers are damage, each in one row
+_MAX_DAMAGED_SHARE = 0.02  # of the rows; if fewer ids are not numbers, and each occurs once, they are damaged rows
 
 
 def numbered(rows: pd.DataFrame, file: str, spelling: Mapping[str, str]) -> tuple[pd.DataFrame, tuple[str, ...]]:
@@ -76,8 +76,8 @@ def numbered(rows: pd.DataFrame, file: str, spelling: Mapping[str, str]) -> tupl
 
 
 def _with_numeric_leaders(rows: pd.DataFrame, file: str, spelling: Mapping[str, str]) -> pd.DataFrame:
-    """The rows with numbers in `leader_id`; what stands for no leader becomes unknown: words, and 0, -1 or a
-    placeholder that is the id of no vehicle.
+    """The rows with numbers in `leader_id`. Words for "no leader" become unknown, and so do 0, -1 and placeholders that
+    are not the id of a vehicle.
     """
     if "leader_id" not in rows:
         return rows
@@ -153,7 +153,7 @@ def _are_distinct(texts: pd.Series, numbers: np.ndarray) -> bool:
 
 
 def _kind(texts: pd.Series, is_number: np.ndarray) -> str:
-    """What ids are that cannot stay as they are."""
+    """Description of ids that have to be numbered."""
     if is_number.all():
         return "numbers with leading zeros"
     return "numbers beyond 2^53" if is_number.any() or _are_digits(texts) else "names"

@@ -21,7 +21,8 @@ class Choice:
 
     Attributes:
         chosen: Index of the chosen model.
-        better_share: Share of resamples of drivers in which each model is more likely than the first one [-].
+        better_share: Share of resamples of drivers in which each model is more likely than the first one, that of the
+            key `driver` [-].
         best_share: Share of resamples in which each model is the most likely one [-].
         vetoed: Models whose simulations are worse than those of the best model under one of the protocols that predict.
         mean_errors: Geometric mean over the protocols that predict of the mean gap error of each model [m].
@@ -34,8 +35,8 @@ class Choice:
     mean_errors: list[float]
 
     def denies(self, other: int) -> bool:
-        """True if simulations speak against `other` in place of the chosen model: it is vetoed, and the chosen one is
-        not, or has a smaller mean error.
+        """True if simulations contradict `other` as a replacement of the chosen model: it is vetoed, unless the chosen
+        one is vetoed too and has the larger mean error.
         """
         is_smaller = self.mean_errors[other] < self.mean_errors[self.chosen]
         return other in self.vetoed and not (self.chosen in self.vetoed and is_smaller)
@@ -93,7 +94,9 @@ def mean_prediction_error(errors: Mapping[str, Float[np.ndarray, " _"]]) -> floa
 
 
 def _probably_worse(errors: Sequence[Float[np.ndarray, " tested"] | None], seed: int) -> frozenset[int]:
-    """Models whose mean error probably exceeds the smallest one by more than the tolerated share."""
+    """Indices of models whose mean error exceeds the smallest one by more than `base_error_share` in more than
+    `base_veto_share` of the resamples of drivers.
+    """
     tested = {index: error for index, error in enumerate(errors) if error is not None}
     if not tested:
         return frozenset()

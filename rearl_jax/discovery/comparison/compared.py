@@ -1,4 +1,4 @@
-"""Predictions of car-following models that are calibrated to the same drivers, for the same other drivers.
+"""Car-following models calibrated to the same drivers, and their predictions for the same check drivers.
 
 Parameters of drivers, population and noise are estimated for every model separately. The weights of the innovations are
 estimated for the model of the key `driver` and used for all models, because log-likelihoods can be compared only if
@@ -27,7 +27,8 @@ from rearl_jax.discovery.search.decision import bounded_gains
 
 MOST_FITTED, MOST_CHECKED = 40, 120
 """Largest numbers of drivers that models are calibrated to, and compared on; of more drivers, a random sample is used.
-The second is larger because calibration takes most of the time, and further checked drivers make the comparison surer.
+The second is larger because calibration takes most of the time, and more check drivers make the comparison more
+precise.
 """
 
 ONE_STEP = "one_step"
@@ -38,7 +39,7 @@ LOG_LIKELIHOOD = "log_likelihood"
 
 @dataclass(frozen=True)
 class ModelPredictions:
-    """Predictions of one model for the checked drivers.
+    """Predictions of one model for the check drivers.
 
     Attributes:
         name: Name of the car-following model.
@@ -69,7 +70,7 @@ def compared_models(
     *,
     lane_changes: bool,
 ) -> tuple[list[ModelPredictions], Base]:
-    """Predictions of every model for the checked drivers, and the calibrated first model.
+    """Predictions of every model for the check drivers, and the calibrated first model.
 
     Args:
         solvers: Solver of each model; the model of the key `driver` is first.
@@ -81,27 +82,29 @@ def compared_models(
     """
     progress(0, len(solvers))
     base = base_of(solvers[0], fitted, lane_changes=lane_changes)
-    fits, states, likely = [], [], []
+    fits, states, log_likelihoods = [], [], []
     for index, solver in enumerate(solvers):
         fit = base.fit if index == 0 else calibrated_alike(solver, fitted, base.fit)
         (state,) = recalibrated(solver, checked, [fit])
         fits.append(fit)
         states.append(state)
-        likely.append(state.marginal())
+        log_likelihoods.append(state.marginal())
         progress(index + 1, len(solvers))
-    found, gains = [], gains_of(likely, checked)
+    found, gains = [], gains_of(log_likelihoods, checked)
     for index, (solver, fit, state) in enumerate(zip(solvers, fits, states, strict=True)):
         is_simulated = index == 0 or not is_beaten(gains[index], gains, seed)
         errors = _errors_by_protocol(solver, fit, state) if is_simulated else {}
-        found.append(ModelPredictions(solver.layout.prior.name, likely[index], errors))
+        found.append(ModelPredictions(solver.layout.prior.name, log_likelihoods[index], errors))
     return found, base
 
 
-def gains_of(likely: Sequence[Float[np.ndarray, " drivers"]], data: Measured) -> list[Float[np.ndarray, " drivers"]]:
+def gains_of(
+    log_likelihoods: Sequence[Float[np.ndarray, " drivers"]], data: Measured
+) -> list[Float[np.ndarray, " drivers"]]:
     """Log-likelihood of each driver under each model minus that under the first model, bounded as in `bounded_gains`
     [nats].
     """
-    return [bounded_gains(of_model - likely[0], data) for of_model in likely]
+    return [bounded_gains(of_model - log_likelihoods[0], data) for of_model in log_likelihoods]
 
 
 def calibrated_alike(solver: Solver, data: Measured, fit: Fit) -> Fit:
@@ -142,10 +145,10 @@ def read_compared(path: Path) -> list[ModelPredictions]:
     found = []
     for name, rows in pd.read_parquet(path).groupby("model", sort=False):
         by_protocol = {str(protocol): part for protocol, part in rows.groupby("protocol", sort=False)}
-        likely = by_protocol.pop(ONE_STEP)[LOG_LIKELIHOOD].to_numpy(float)
+        log_likelihood = by_protocol.pop(ONE_STEP)[LOG_LIKELIHOOD].to_numpy(float)
         errors = {
             protocol: {measure: part[measure].to_numpy(float) for measure in PROTOCOL_MEASURES}
             for protocol, part in by_protocol.items()
         }
-        found.append(ModelPredictions(str(name), likely, errors))
+        found.append(ModelPredictions(str(name), log_likelihood, errors))
     return found

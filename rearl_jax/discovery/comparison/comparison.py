@@ -32,7 +32,7 @@ BASE_TABLE = "base"
 
 @dataclass(frozen=True)
 class Comparison:
-    """Car-following models compared on the checked drivers, and the model chosen for the discovery.
+    """Car-following models compared on the check drivers, and the model chosen for the discovery.
 
     Attributes:
         priors: Priors of the models; the model of the key `driver` is first.
@@ -63,7 +63,7 @@ class Comparison:
 
     @property
     def others(self) -> list[Prior]:
-        """The rivals."""
+        """Priors of the rivals."""
         return [prior for name in self.rivals for prior in self.priors if prior.name == name]
 
     @property
@@ -77,7 +77,7 @@ class Comparison:
         return [known.name for known in self.priors].index(prior.name)
 
     def denies(self, prior: Prior) -> bool:
-        """True if simulations of the checked drivers speak against a model in place of the chosen one."""
+        """True if simulations of the check drivers contradict a model as a replacement of the chosen one."""
         return self.choice.denies(self._index(prior))
 
     def going_on_with(self, prior: Prior) -> "Comparison":
@@ -94,7 +94,7 @@ def comparison_of(
     progress: Callable[[int, int], None],
     study: Study | None = None,
 ) -> Comparison:
-    """Comparison of car-following models on the checked drivers.
+    """Comparison of car-following models on the check drivers.
 
     Args:
         priors: Priors of the models; the model of the key `driver` is first.

@@ -69,8 +69,8 @@ def dependent_effects(outcome: Search, others: Sequence[ModelTest]) -> dict[Term
 
 
 def without_bounds(solver: Solver, outcome: Search, fitted: Measured) -> Search:
-    """The search with `of_bounds` set: named effects that do not hold if drivers' parameters may leave their bounds.
-    The model cannot describe a driver at a bound, and an effect may imitate the difference.
+    """The search with `of_bounds`, the named effects that do not hold if drivers' parameters may leave their bounds.
+    The model cannot describe a driver at a bound well, and an effect may imitate the difference.
 
     Nothing is fitted if few drivers are at a bound, or if no named effect was found.
     """
@@ -104,7 +104,7 @@ def _tested_in(solver: Solver, prior: Prior, outcome: Search, chosen: FitState) 
 
 def _found_again(solver: Solver, outcome: Search) -> tuple[dict[Term, bool], FitState]:
     """By added effect, whether it holds in another model that contains the effects before it; and the state of the
-    checked drivers with all effects.
+    check drivers with all effects.
     """
     fit = calibrated_alike(solver, outcome.first.state.data, outcome.first)
     holds, other = {}, None

@@ -1,4 +1,4 @@
-"""Additions to a model that are kept only if other drivers are surely predicted better with them."""
+"""Additions to a model that are kept only if they predict other drivers significantly better."""
 
 from collections.abc import Mapping, Sequence
 
@@ -22,12 +22,13 @@ GapErrors = Mapping[str, Float[np.ndarray, " drivers"]]
 
 
 def predicting_effects(solver: Solver, outcome: Search, seed: int, null_for: NullFor, report: Report) -> Search:
-    """The search with only those additions that surely predict the checked drivers better, see
+    """The search with only those additions that predict the check drivers significantly better, see
     `with_predictive_effects`.
 
-    Evidence comes from one-step predictions, and calibrated parameters can compensate for wrong effects in simulations.
-    An effect that may not be the right one must improve predictions for drivers, or parts of drives, to which no
-    parameter was calibrated. A response to the vehicle behind cannot show that, see `Trial.is_of_follower`.
+    Evidence comes from one-step predictions, and in simulations the calibrated parameters can compensate for a wrong
+    effect. An effect that may not be the right one must therefore improve predictions of drivers, or parts of drives,
+    to which no parameter was calibrated. A response to the vehicle behind is never kept, because its simulations are no
+    evidence, see `Trial.is_of_follower`.
     """
 
     def errors_of(fit: Fit) -> GapErrors:
@@ -50,8 +51,8 @@ def predicting_effects(solver: Solver, outcome: Search, seed: int, null_for: Nul
 
 
 def clocks_predict_better(solver: Solver, outcome: Search, checked: Measured, seed: int) -> bool:
-    """True if no clocks were corrected, or if the checked drivers (with clocks as measured in `checked`) are surely
-    predicted better with corrected clocks.
+    """True if no clocks were corrected, or if corrected clocks predict the check drivers significantly better;
+    `checked` are these drivers with clocks as measured.
     """
     if outcome.clocks is None:
         return True
@@ -62,8 +63,8 @@ def clocks_predict_better(solver: Solver, outcome: Search, checked: Measured, se
 def predicting_variation(solver: Solver, outcome: Search, seed: int) -> TimeGapVariation:
     """The variation of drivers' time gaps under the final model of a search.
 
-    The gap at the start of a drive predicts the variation only if the check drivers are surely predicted better with
-    it: of drivers who are off equilibrium for another reason, it tells nothing about their time gap.
+    The gap at the start of a drive is used to predict the variation only if it predicts the check drivers significantly
+    better: if drivers are off equilibrium there for another reason, it contains no information on their time gap.
     """
     fit = outcome.last
     variation = time_gap_variation(solver, fit, seed)

@@ -22,7 +22,7 @@ MOST_KINDS = 6
 """Largest number of kinds that is tested."""
 
 HOPELESS = 10.0
-"""Loss of evidence [nats] beyond which no larger number of kinds is tested."""
+"""Evidence [nats] below the largest so far at which no larger number of kinds is tested."""
 
 REPLICATES = 39
 """Simulated data sets with a single kind; they show how often chance gives as much evidence for two kinds."""
@@ -36,7 +36,7 @@ quadratic, as this method assumes.
 """
 
 HARDLY_KNOWN = 0.1
-"""Information about a parameter below which the population mean is used [-]."""
+"""Information that the population mean counts as [-]; drivers with less information of their own are put near it."""
 
 LARGEST = 4.0
 """Innovations are clipped to this number of standard deviations [-]."""
@@ -85,7 +85,7 @@ class Kinds:
 
 
 def kinds_of(likelihoods: DriverLikelihoods, seed: int) -> Kinds:
-    """Kinds of drivers; more than one only if a single kind would hardly ever give as much evidence for several."""
+    """Kinds of drivers; more than one only if simulated single-kind data rarely give as much evidence for several."""
     mixtures = [one_group(likelihoods)]
     distinctness = [1.0]
     while len(mixtures) < MOST_KINDS and len(likelihoods.weighted) >= (len(mixtures) + 1) * THRESHOLDS.least_drivers:
@@ -106,8 +106,10 @@ def kinds_of(likelihoods: DriverLikelihoods, seed: int) -> Kinds:
         best = mixtures[0]
     order = np.argsort(-best.member.sum(axis=0), kind="stable")
     member = best.member[:, order]
-    sure = member.max(axis=1) >= THRESHOLDS.least_membership
-    of_driver = [int(kind) + 1 if is_sure else None for kind, is_sure in zip(member.argmax(axis=1), sure, strict=True)]
+    is_member = member.max(axis=1) >= THRESHOLDS.least_membership
+    of_driver = [
+        int(kind) + 1 if is_sure else None for kind, is_sure in zip(member.argmax(axis=1), is_member, strict=True)
+    ]
     return Kinds(of_driver, [mixture.evidence for mixture in mixtures], distinctness, gain, chance)
 
 
@@ -115,8 +117,8 @@ def driver_likelihoods(solver: Solver, fit: Fit) -> DriverLikelihoods:
     """Estimates of each driver of a calibrated model, relative to the mean of its class (car or truck): standardised
     parameters, in principal directions of the information, and noise.
 
-    A direction combines parameters that are only known together: for example the gap at typical speeds is known well,
-    while time gap and jam gap can compensate for each other.
+    A direction combines parameters that are only known in combination: the gap at typical speeds, for example, is known
+    well, while time gap and jam gap can compensate for each other.
     """
     state = fit.state
     assert state.sums is not None
@@ -126,16 +128,16 @@ def driver_likelihoods(solver: Solver, fit: Fit) -> DriverLikelihoods:
     away = state.away
     n, size = away.shape
     # Equal weight for each driver: the share of the spread that its data determine.
-    told = np.linalg.solve(information + state.precision, information).mean(axis=0)
-    _, directions = np.linalg.eigh((told + told.T) / 2)
+    determined = np.linalg.solve(information + state.precision, information).mean(axis=0)
+    _, directions = np.linalg.eigh((determined + determined.T) / 2)
     best = away - np.linalg.solve(information + HARDLY_KNOWN * np.eye(size), slope[:, :, None])[:, :, 0]
     best = np.clip(best @ directions, -FARTHEST, FARTHEST)
     values, known = _noise_of_drivers(solver, fit)
-    whole = np.zeros((n, size + 2, size + 2))
-    whole[:, own, own] = np.einsum("ji,njk,kl->nil", directions, information, directions)
+    joint = np.zeros((n, size + 2, size + 2))
+    joint[:, own, own] = np.einsum("ji,njk,kl->nil", directions, information, directions)
     for k in range(2):
-        whole[:, size + k, size + k] = known[:, k]
-    return DriverLikelihoods(whole, np.einsum("nij,nj->ni", whole, np.concatenate([best, values], axis=1)))
+        joint[:, size + k, size + k] = known[:, k]
+    return DriverLikelihoods(joint, np.einsum("nij,nj->ni", joint, np.concatenate([best, values], axis=1)))
 
 
 def purity(kinds: Sequence[int | None], labels: Sequence[str | None], seed: int) -> dict[str, float] | None:
@@ -187,24 +189,24 @@ def _noise_of_drivers(solver: Solver, fit: Fit) -> tuple[np.ndarray, np.ndarray]
     weight = (data.weight[independent] > 0) * noise.independent
     unequal = 1 + noise.growth * squared_leader_acceleration(data)[independent]
 
-    def likely(other: Noise) -> np.ndarray:
+    def log_likelihoods(other: Noise) -> np.ndarray:
         gain = other.gain(data.dt, data.stride)
         (innovation,) = solver.innovations([fit.state], gain)
         square = np.minimum(innovation[independent] ** 2 / unequal / gain.variance, LARGEST**2)
         by_piece = -0.5 * ((square + np.log(gain.variance)) * weight).sum(axis=0)
         return np.bincount(data.driver, by_piece, data.n_drivers)
 
-    sizes = np.stack([likely(replace(noise, acceleration=noise.acceleration * factor)) for factor in FACTORS])
-    times = np.stack([likely(replace(noise, time=noise.time * factor)) for factor in FACTORS])
+    sizes = np.stack([log_likelihoods(replace(noise, acceleration=noise.acceleration * factor)) for factor in FACTORS])
+    times = np.stack([log_likelihoods(replace(noise, time=noise.time * factor)) for factor in FACTORS])
     (size, of_size), (time, of_time) = _tops(sizes), _tops(times)
     return np.stack([size, time], axis=1), np.stack([of_size, of_time], axis=1)
 
 
-def _tops(likely: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def _tops(log_likelihoods: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Maxima of log-likelihoods over FACTORS, as logarithms of the factor, and the curvature there."""
-    step, drivers = float(np.log(FACTORS[1] / FACTORS[0])), np.arange(likely.shape[1])
-    middle = np.clip(likely.argmax(axis=0), 1, len(FACTORS) - 2)
-    below, here, above = (likely[middle + k, drivers] for k in (-1, 0, 1))
+    step, drivers = float(np.log(FACTORS[1] / FACTORS[0])), np.arange(log_likelihoods.shape[1])
+    middle = np.clip(log_likelihoods.argmax(axis=0), 1, len(FACTORS) - 2)
+    below, here, above = (log_likelihoods[middle + k, drivers] for k in (-1, 0, 1))
     curvature = np.maximum(2 * here - below - above, 0.0) / step**2
     away = np.clip((above - below) / (2 * step) / np.maximum(curvature, HARDLY_KNOWN), -step, step)
     return np.log(FACTORS)[middle] + away, curvature

@@ -1,9 +1,10 @@
 """Mixtures of populations of drivers whose parameters are estimated with known errors.
 
-The likelihood of the parameters x of driver i is Gaussian with information J_i and h_i = J_i times the estimate; a
-driver without data has J_i = 0 and does not affect the populations. Population k is Gaussian. Populations differ in the
-means of some parameters and share the means of the others, which then carry no complexity penalty. The covariance of a
-population is the common covariance times a factor of its own, because people differ more than automated vehicles.
+The likelihood of the parameters of driver i is Gaussian: J_i is its information (inverse covariance of the estimate),
+and h_i is J_i times the estimate. A driver without data has J_i = 0 and does not affect the populations. Populations
+are Gaussian. They differ in the means of some parameters and share the means of the others, which then carry no
+complexity penalty. The covariance of a population is the common covariance times a factor of its own, because people
+differ more than automated vehicles.
 
 Source: expectation maximisation with errors of measurement, Bovy, Hogg & Roweis, Ann. Appl. Stat. 5 (2011) 1657; common
 shape with own volume, Celeux & Govaert, Pattern Recognit. 28 (1995) 781; choice of the differing parameters, Raftery &
@@ -31,7 +32,7 @@ PRIOR_DRIVERS = 4.0
 """Weight, in drivers, of the prior that the factor of a population's covariance is 1."""
 
 DRAWN = 4000
-"""Drivers drawn to estimate how often they are assigned to their own population."""
+"""Number of drivers drawn from each population, to estimate how often they are assigned to it."""
 
 
 @dataclass(frozen=True)
@@ -102,12 +103,12 @@ def one_group(likelihoods: DriverLikelihoods) -> Mixture:
 def split_further(likelihoods: DriverLikelihoods, mixture: Mixture) -> Mixture:
     """The best mixture with one more population; the same mixture if no population can be split.
 
-    The search starts with each population split at the median of each parameter. Means first differ in that parameter
+    The search starts with each population split at the mean of each parameter. Means first differ in that parameter
     alone, and further parameters are added while the evidence rises; a second search starts with all parameters
     differing and removes them while the evidence rises. Each of the two finds kinds that the other misses.
     """
     pooled, numbers = spread_of_all(likelihoods), range(likelihoods.weighted.shape[1])
-    few, all_of_them = [], []
+    one_differs, all_differ = [], []
     for k in range(len(mixture.share)):
         weights = mixture.member[:, k]
         for place in numbers:
@@ -117,13 +118,13 @@ def split_further(likelihoods: DriverLikelihoods, mixture: Mixture) -> Mixture:
                 [np.delete(mixture.member, k, axis=1), weights * is_above, weights * (1 - is_above)]
             )
             if member.sum(axis=0).min() >= 1.0:
-                few.append(_climbed(likelihoods, member, {*mixture.differing, place}, pooled))
-                all_of_them.append(_climbed(likelihoods, member, numbers, pooled))
-    if not few:
+                one_differs.append(_climbed(likelihoods, member, {*mixture.differing, place}, pooled))
+                all_differ.append(_climbed(likelihoods, member, numbers, pooled))
+    if not one_differs:
         return mixture
     results = (
         _improved(likelihoods, max(starts, key=lambda candidate: candidate.evidence), pooled)
-        for starts in (few, all_of_them)
+        for starts in (one_differs, all_differ)
     )
     return max(results, key=lambda candidate: candidate.evidence)
 
@@ -177,8 +178,8 @@ def _posterior(
     right = likelihoods.weighted + precision @ mean
     expected = np.einsum("nij,nj->ni", error, right)
     square = np.einsum("ni,ni->n", expected, right) - mean @ precision @ mean
-    likely = 0.5 * (square - np.linalg.slogdet(covariance)[1] - np.linalg.slogdet(whole)[1])
-    return expected, error, likely
+    log_likelihood = 0.5 * (square - np.linalg.slogdet(covariance)[1] - np.linalg.slogdet(whole)[1])
+    return expected, error, log_likelihood
 
 
 def _climbed(
@@ -188,7 +189,10 @@ def _climbed(
     pooled: np.ndarray,
     iterations: int = ITERATIONS,
 ) -> Mixture:
-    """The mixture found by expectation maximisation from a start."""
+    """The mixture found by expectation maximisation, from start values of `Mixture.member`.
+
+    `differing` are the parameters in which means may differ, `pooled` is the covariance of all drivers.
+    """
     n_groups, size, places = member.shape[1], len(pooled), tuple(sorted(differing))
     mean, covariance, shape = np.zeros((n_groups, size)), np.stack([pooled] * n_groups), pooled
     posteriors = [_posterior(likelihoods, np.zeros(size), pooled)] * n_groups
@@ -210,9 +214,9 @@ def _climbed(
         covariance = factor[:, None, None] * shape
         posteriors = [_posterior(likelihoods, mean[k], covariance[k]) for k in range(n_groups)]
         share = counts / counts.sum()
-        likely = np.stack([posterior[2] for posterior in posteriors], axis=1) + np.log(share)
-        total = np.logaddexp.reduce(likely, axis=1)
-        member, before, reached = np.exp(likely - total[:, None]), reached, float(total.sum())
+        log_joint = np.stack([posterior[2] for posterior in posteriors], axis=1) + np.log(share)
+        total = np.logaddexp.reduce(log_joint, axis=1)
+        member, before, reached = np.exp(log_joint - total[:, None]), reached, float(total.sum())
         if reached < before + TOLERANCE or member.sum(axis=0).min() < 1.0:
             break
     expected = np.stack([posterior[0] for posterior in posteriors])

@@ -74,13 +74,13 @@ def _politeness(table: Opportunities) -> Column:
 
 
 def _unused_gain(table: Opportunities) -> Column:
-    """The gain on the right lane that a driver ignores under the candidate."""
+    """Minus the own gain on the right lane [m/s^2], which drivers who do not pass on the right ignore."""
     fast = (table.side > 0) & (table.speed > PASSING_SPEED)
     return -np.where(fast, np.clip(table.incentive, 0.0, MOST_GAIN), 0.0)
 
 
 def _undertaking(table: Opportunities) -> Column:
-    """-1 m/s^2 if a slower vehicle is near on the own lane and the change is to the right."""
+    """-1 m/s^2 for a change to the right if a vehicle near on the own lane would be passed, else 0."""
     passes = (table.gap < NEAR) & (table.leader_speed < table.speed + PASSED_BY) & (table.speed > PASSING_SPEED)
     return -((table.side > 0) & passes).astype(float)
 

@@ -11,7 +11,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 RIDGE = 1e-3
-"""Precision of a weak prior of every coefficient [-]: keeps a fit finite if a column carries no information."""
+"""Precision of a weak prior of every coefficient [-], so that a fit stays finite if a column has no information."""
 
 OWN_SHARE = 1e-4
 """Smallest share of a column's information that other columns do not contain [-]; below it, only the weak prior
@@ -45,8 +45,8 @@ class Logit:
         self, columns: Float[np.ndarray, "rows columns"], taken: Bool[np.ndarray, " rows"]
     ) -> Float[np.ndarray, " rows"]:
         """Log-likelihood of every opportunity [nats]."""
-        odds = columns @ self.coefficients
-        return taken * odds - np.logaddexp(0.0, odds)
+        log_odds = columns @ self.coefficients
+        return taken * log_odds - np.logaddexp(0.0, log_odds)
 
 
 def knots(gain: Float[np.ndarray, " rows"], taken: Bool[np.ndarray, " rows"]) -> Float[np.ndarray, " knots"]:
@@ -55,7 +55,7 @@ def knots(gain: Float[np.ndarray, " rows"], taken: Bool[np.ndarray, " rows"]) ->
 
 
 def baseline(gain: Float[np.ndarray, " rows"], bends: Float[np.ndarray, " knots"]) -> Float[np.ndarray, "rows columns"]:
-    """Columns of a constant and of a piecewise linear function of the own gain."""
+    """Columns of a constant and of a piecewise linear function of the own gain [m/s^2], with knots `bends`."""
     return np.column_stack([np.ones(len(gain)), gain, *(np.maximum(gain - bend, 0.0) for bend in bends)])
 
 
@@ -73,8 +73,8 @@ def fit(
     beta = np.zeros(size) if start is None else start
 
     def value(coefficients: np.ndarray) -> float:
-        odds = columns @ coefficients
-        return float((taken * odds - np.logaddexp(0.0, odds)).sum() - 0.5 * RIDGE * coefficients @ coefficients)
+        log_odds = columns @ coefficients
+        return float((taken * log_odds - np.logaddexp(0.0, log_odds)).sum() - 0.5 * RIDGE * coefficients @ coefficients)
 
     best = value(beta)
     for _ in range(NEWTON_STEPS):
@@ -106,6 +106,7 @@ def score_test(
     chance = _chance(columns, coefficients)
     weight = chance * (1.0 - chance)
     weighted = columns * weight[:, None]
+    # The part of the column that the model's columns explain is projected out.
     shared = np.linalg.solve(columns.T @ weighted + RIDGE * np.eye(columns.shape[1]), weighted.T @ extra)
     unexplained = extra - columns @ shared
     scores = _by_driver((unexplained * (taken - chance))[:, None], driver)[:, 0]

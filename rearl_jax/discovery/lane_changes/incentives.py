@@ -19,8 +19,8 @@ MEMORY = 3.0
 
 RESPONSE = 3
 """Index of the first sensitivity parameter, after desired speed, time gap and jam gap. The measured gap and speed
-contain the drivers' own noise and are smoothed, so all sensitivities are underestimated; only the difference of each
-driver from the mean is used.
+contain the drivers' own noise and are smoothed, so all sensitivities are underestimated; of these parameters, only the
+difference of each driver from the mean driver is used.
 """
 
 FURTHEST = 4.0
@@ -122,7 +122,7 @@ def likely_parameters(
     period: float,
     prior: Prior,
 ) -> Float[np.ndarray, "own rows"]:
-    """Maximum a posteriori parameters of each row's driver.
+    """Maximum a posteriori parameters of each row's driver, from its measured accelerations.
 
     This estimate is coarser than the calibration by an observer, but handles thousands of drivers at once. Own
     parameters are needed because the gain of a lane change depends most on the driver's time gap: with one time gap for
@@ -145,7 +145,7 @@ def likely_parameters(
     if not len(used):
         return population
     rows = [values[used] for values in (speed, gap, leader_speed)]
-    led, base, driver_used, wanted = (
+    led, base, driver_used, measured = (
         np.ones(len(used), bool),
         population[:, used],
         driver[used],
@@ -160,8 +160,9 @@ def likely_parameters(
 
     for _ in range(ROUNDS):
         prediction = predicted(z)
-        error = wanted - prediction
-        # 0.455: median of the square of a standard normal number
+        error = measured - prediction
+        # 0.455 is the median of the square of a standard normal number. Errors are correlated over MEMORY, so each row
+        # counts as period / MEMORY independent ones.
         variance = max(float(np.median(error**2)) / 0.455, 1e-4) * MEMORY / period
         slopes = np.stack([(predicted(z + STEP * np.eye(n_own)[k]) - prediction) / STEP for k in range(n_own)])
         gram = np.empty((n, n_own, n_own))

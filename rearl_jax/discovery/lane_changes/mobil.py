@@ -150,7 +150,9 @@ def _gain(table: Opportunities, politeness: float, bias: float) -> Float[np.ndar
 
 
 def _likelihood(reached: np.ndarray, taken: np.ndarray) -> np.ndarray:
-    """Log-likelihood under each threshold [nats]; -inf if accepted changes are not more frequent than refused ones."""
+    """Log-likelihood under each of GAIN_THRESHOLD [nats]; -inf if accepted changes are not more frequent than refused
+    ones. `reached` is the number of thresholds that each opportunity's gain reaches.
+    """
     size = len(GAIN_THRESHOLD) + 1
     # A gain above n thresholds is accepted under the first n of them.
     n_accepted = np.bincount(reached, minlength=size)[::-1].cumsum()[::-1][1:]

@@ -28,31 +28,32 @@ def next_on_lanes(table: pd.DataFrame) -> dict[int, Pair]:
     """
     frame = table["frame"].to_numpy()
     position = table["position"].to_numpy()
-    street = (frame - frame.min()) * 4 + table["direction"].to_numpy(np.int64)
-    street = street * _LANES + table["lane"].to_numpy(np.int64) + 1
+    # One number per frame, direction and lane; adjacent lanes have adjacent numbers.
+    lane_key = (frame - frame.min()) * 4 + table["direction"].to_numpy(np.int64)
+    lane_key = lane_key * _LANES + table["lane"].to_numpy(np.int64) + 1
     # One sortable number: lane and frame times more than the road length, plus position. Ranks keep it exact.
-    streets = np.unique(street)
+    lane_keys = np.unique(lane_key)
     span = float(np.ptp(position)) + 1.0
     place = position - position.min()
-    order = np.lexsort((position, street))
-    line = np.searchsorted(streets, street)[order] * span + place[order]
+    order = np.lexsort((position, lane_key))
+    line = np.searchsorted(lane_keys, lane_key)[order] * span + place[order]
     pairs = {}
     for side in (-1, 0, 1):
-        rank = np.searchsorted(streets, street + side)
-        exists = (rank < len(streets)) & (streets[np.minimum(rank, len(streets) - 1)] == street + side)
+        rank = np.searchsorted(lane_keys, lane_key + side)
+        exists = (rank < len(lane_keys)) & (lane_keys[np.minimum(rank, len(lane_keys) - 1)] == lane_key + side)
         here = rank * span + place
         first = np.searchsorted(line, here, side="right" if side == 0 else "left")
         behind = np.searchsorted(line, here, side="left") - 1
         pairs[side] = Pair(
-            *(_row(number, order, street, street + side, exists) for number in (first, behind)),
+            *(_row(number, order, lane_key, lane_key + side, exists) for number in (first, behind)),
         )
     return pairs
 
 
 def _row(
-    number: np.ndarray, order: np.ndarray, street: np.ndarray, wanted: np.ndarray, exists: np.ndarray
+    number: np.ndarray, order: np.ndarray, lane_key: np.ndarray, wanted: np.ndarray, exists: np.ndarray
 ) -> Int[np.ndarray, " rows"]:
     """Rows at given places of the sorted order; NO_VEHICLE if they are on another lane or in another frame."""
     inside = exists & (number >= 0) & (number < len(order))
     row = order[np.clip(number, 0, len(order) - 1)]
-    return np.where(inside & (street[row] == wanted), row, NO_VEHICLE)
+    return np.where(inside & (lane_key[row] == wanted), row, NO_VEHICLE)

@@ -68,8 +68,8 @@ class Opportunities:
         gap, leader_speed, leader_is_truck: Gap [m], speed [m/s] and class of the leader on the own lane.
         side_gap, side_leader_speed, side_leader_is_truck: Gap, speed and class of the leader on the target lane.
         rear_gap: Gap to the new follower [m]; OUT_OF_SIGHT without one.
-        rear_braking: Acceleration of the new follower, EARLIER, below that of its model behind its leader [m/s^2]; 0
-            without a new follower.
+        rear_braking: Acceleration of the model of the new follower behind its leader, minus its measured acceleration,
+            both EARLIER seconds before [m/s^2]; 0 without a new follower.
         follower_gap, follower_speed: Gap and speed of the present follower; OUT_OF_SIGHT and the own speed without one.
         is_truck: Whether the own vehicle is a truck.
         is_mandatory: Whether the vehicle later reaches a ramp lane on that side. This uses the future, so it only
@@ -114,33 +114,33 @@ def opportunities(recordings: Sequence[Recording], drivers: KnownDrivers) -> tup
         recordings: Canonical recordings.
         drivers: Calibrated parameters, by the numbers that `measure` gives to the vehicles of these recordings.
     """
-    parts, words, offset = [], [], 0
+    parts, reasons, offset = [], [], 0
     for number, recording in enumerate(recordings):
         table, dt = thinned(recording)
         tracks = int(table["track_id"].to_numpy().max(initial=-1)) + 1
-        part, word = _of_recording(table, dt, offset, number, drivers)
-        parts, words, offset = [*parts, part], [*words, word], offset + tracks
+        part, reason = _of_recording(table, dt, offset, number, drivers)
+        parts, reasons, offset = [*parts, part], [*reasons, reason], offset + tracks
     joined = _joined(parts) if parts else _empty()
-    return joined, "" if len(joined.side) or not words else words[0]
+    return joined, "" if len(joined.side) or not reasons else reasons[0]
 
 
 def _of_recording(
     table: pd.DataFrame, dt: float, offset: int, number: int, drivers: KnownDrivers
 ) -> tuple[Opportunities, str]:
-    """Opportunities of one recording."""
+    """Opportunities of one recording, and the reason why there are none, or ""."""
     if not table["lane"].notna().to_numpy().any():
         return _empty(), "the data have no lanes"
     moving = with_motion(table, dt)
     at_moment = moving["frame"].to_numpy() % max(1, round(PERIOD / dt)) == 0
     rows = moving.iloc[np.flatnonzero(moving["lane"].notna().to_numpy() & at_moment)].reset_index(drop=True)
-    streets = np.stack([rows["direction"].to_numpy(np.int64), rows["lane"].to_numpy(np.int64)])
-    if np.bincount(np.unique(streets, axis=1)[0]).max(initial=0) < 2:
+    lanes = np.stack([rows["direction"].to_numpy(np.int64), rows["lane"].to_numpy(np.int64)])
+    if np.bincount(np.unique(lanes, axis=1)[0]).max(initial=0) < 2:
         return _empty(), "there is one lane per direction"
     neighbours = next_on_lanes(rows)
     scene = _Scene(rows, drivers, offset, number, neighbours[0])
     joined = _joined([scene.side(side, neighbours[0], neighbours[side]) for side in (-1, 1)])
-    word = "" if len(joined.side) else "no driver has leaders on the own and on an adjacent lane, and room to change"
-    return joined, word
+    reason = "" if len(joined.side) else "no driver has leaders on the own and on an adjacent lane, and room to change"
+    return joined, reason
 
 
 class _Scene:
@@ -156,8 +156,9 @@ class _Scene:
         self.x, self.v, self.a, self.length, self.since, self.until, self.step, self.time_to_track_end = columns
         self.lane, self.direction = rows["lane"].to_numpy(np.int64), rows["direction"].to_numpy(np.int64)
         self.upstream = rows.groupby("direction")["position"].transform("min").to_numpy()
-        self.whole, self.frame = whole_lanes(self.direction, self.lane, self.x), rows["frame"].to_numpy(np.int64)
-        self.ramp_side = side_of_ramp(self.vehicle, self.direction, self.lane, self.whole)
+        self.through_lanes = whole_lanes(self.direction, self.lane, self.x)
+        self.frame = rows["frame"].to_numpy(np.int64)
+        self.ramp_side = side_of_ramp(self.vehicle, self.direction, self.lane, self.through_lanes)
         self.continues = _continues(rows)
         self.model = drivers.prior.name
         self.own = self._parameters(drivers, on_own_lane.leader)
@@ -172,14 +173,16 @@ class _Scene:
         return np.where(drivers.is_known(self.vehicle), own, likely)
 
     def _earlier_braking(self, leader: np.ndarray) -> np.ndarray:
-        """Acceleration of each vehicle, EARLIER, below that of its model behind its leader [m/s^2]; 0 if unknown."""
+        """Acceleration of each vehicle's model behind its leader, minus its measured acceleration, both EARLIER seconds
+        before [m/s^2]; 0 if unknown.
+        """
         everyone = np.arange(len(leader))
-        less = np.where(leader == NO_VEHICLE, 0.0, self._behind(everyone, leader) - self.a)
-        back = round(EARLIER / PERIOD)
-        before = np.maximum(everyone - back, 0)
+        braking = np.where(leader == NO_VEHICLE, 0.0, self._behind(everyone, leader) - self.a)
+        n_before = round(EARLIER / PERIOD)
+        before = np.maximum(everyone - n_before, 0)
         breaks = np.r_[0, np.cumsum(~self.continues)]
-        same = (everyone >= back) & (breaks[everyone + 1] == breaks[before + 1])
-        return np.where(same, less[before], 0.0)
+        same = (everyone >= n_before) & (breaks[everyone + 1] == breaks[before + 1])
+        return np.where(same, braking[before], 0.0)
 
     def side(self, side: int, own_lane: Pair, target_lane: Pair) -> Opportunities:
         """Opportunities to change to one side, from the neighbours on the own lane and on the target lane."""
@@ -222,11 +225,11 @@ class _Scene:
 
     def _may_change(self, side: int) -> np.ndarray:
         """True for drivers on a through lane with a through lane on that side and no lane change within REST."""
-        whole = np.zeros(len(self.x), bool)
-        for direction, lane in self.whole:
-            if (direction, lane + side) in self.whole:
-                whole |= (self.direction == direction) & (self.lane == lane)
-        return whole & (self.since >= REST) & (self.time_to_track_end >= PERIOD - 1e-9) & (self.v > SLOWEST)
+        has_lanes = np.zeros(len(self.x), bool)
+        for direction, lane in self.through_lanes:
+            if (direction, lane + side) in self.through_lanes:
+                has_lanes |= (self.direction == direction) & (self.lane == lane)
+        return has_lanes & (self.since >= REST) & (self.time_to_track_end >= PERIOD - 1e-9) & (self.v > SLOWEST)
 
     def _gap(self, behind: np.ndarray, front: np.ndarray) -> np.ndarray:
         """Bumper-to-bumper gap [m]; OUT_OF_SIGHT if one of the two vehicles is missing."""

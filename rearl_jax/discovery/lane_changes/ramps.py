@@ -60,7 +60,7 @@ def count_ramp_changes(recordings: Sequence[Recording]) -> int:
 
 
 def _are_in(direction: np.ndarray, lane: np.ndarray, whole: Lanes) -> np.ndarray:
-    """True if the lane is a through lane."""
+    """True for rows on a through lane."""
     known = np.zeros(len(lane), bool)
     for way, lane_number in whole:
         known |= (direction == way) & (lane == lane_number)

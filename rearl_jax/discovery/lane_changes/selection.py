@@ -24,6 +24,7 @@ N_PARTS = 3
 """Parts of the drivers: fitted, checked, reported."""
 
 UNSEEN = "lane choice: an effect could not have been detected here"
+"""Beginning of the summary if there are too few lane changes."""
 
 _NEEDED = f"{THRESHOLDS.least_lane_changes} are needed"
 
@@ -180,7 +181,7 @@ def _selected(columns: CandidateColumns) -> tuple[list[Trial], list[list[Trial]]
 def _effects(
     columns: CandidateColumns, added: Sequence[Trial], rounds: Sequence[Sequence[Trial]], confidence: float
 ) -> tuple[Claim, ...]:
-    """Claims on the added effects, with strengths estimated on the fitted and checked drivers."""
+    """Claims on the added effects, with strengths estimated on the fitted and check drivers."""
     model = columns.fitted(columns.effects(added), 0, 1)
     reach = float(norm.ppf(0.5 + confidence / 2))
     claims = []
@@ -222,7 +223,7 @@ def _ranked(
 
 
 def _loss(columns: CandidateColumns, added: Sequence[Trial], confidence: float) -> tuple[float, float, Estimate]:
-    """Mean log-loss per opportunity of the reported drivers before and after, and its change [nats]."""
+    """Mean log-loss per opportunity of the report drivers before and after, and its change [nats]."""
     reported, losses = columns.rows(2), []
     for effects in (columns.effects(()), columns.effects(added)):
         losses.append(-columns.fitted(effects, 0, 1).log_likelihood(columns.data, effects))

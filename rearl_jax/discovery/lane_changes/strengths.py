@@ -1,4 +1,6 @@
-"""Effects as part of the incentive, in m/s^2: they act through the same log-odds curve as the own gain."""
+"""Lane-choice effects as part of the incentive of a change [m/s^2]: they act through the same log-odds curve as the own
+gain.
+"""
 
 from dataclasses import dataclass
 
@@ -85,8 +87,8 @@ class IncentiveModel:
 def fit_incentive(
     data: Choices, effects: Float[np.ndarray, "rows effects"], bends: Float[np.ndarray, " knots"]
 ) -> IncentiveModel:
-    """Maximum-likelihood strengths; each iteration is a logit with the effects times the curve's slope as extra
-    columns.
+    """Model with maximum-likelihood strengths, by iteration: each step linearises the curve, which gives a logit with
+    the effects times the curve's slope as further columns.
 
     Columns of the effects are in m/s^2 per unit of strength.
     """

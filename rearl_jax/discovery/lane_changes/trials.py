@@ -23,7 +23,7 @@ NAMEABLE = tuple(candidate for candidate in CANDIDATES if not candidate.is_circu
 """Candidates that may be added."""
 
 NEEDED = float(norm.isf(THRESHOLDS.lane_false_rate / 2 / sum(len(candidate.forms) for candidate in NAMEABLE)))
-"""Standard deviations a column's slope must have (Bonferroni over all of them)."""
+"""Z-score that a column must exceed in the score test, by Bonferroni over all columns."""
 
 
 @dataclass(frozen=True)

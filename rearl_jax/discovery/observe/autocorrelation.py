@@ -13,10 +13,10 @@ def autocorrelation(
     """Autocorrelation of weighted innovations at lags of one, two, ... strides [-].
 
     Args:
-        innovation: Innovations.
+        innovation: Innovations [m].
         weight: 1 where a time step counts.
         stride: Time steps from one independent measurement to the next.
-        furthest: Largest lag in time steps.
+        furthest: Largest lag [time steps].
     """
     counted = innovation * weight
     variance = max(float((counted**2).sum() / max(weight.sum(), 1.0)), 1e-12)

@@ -1,7 +1,8 @@
 """Candidates: all effects that may be missing from the model, with their parameters in one vector, theta.
 
 At the reference value of theta no effect acts. A candidate owns some elements of the vector: the directions that the
-screen tests at the reference value, and the elements that the refit estimates.
+screen (`search.screen`, a score test) tests at the reference value, and the elements that the full fit (`search.refit`)
+estimates.
 """
 
 from collections.abc import Mapping, Sequence
@@ -21,9 +22,10 @@ from rearl_jax.discovery.observe.early_leader import EarlyLeader
 from rearl_jax.discovery.observe.lens import Lens
 
 FLAT = 1e6
-"""Scale of an uninformative prior."""
+"""Standard deviation of an uninformative prior, in the unit of the parameter."""
 
 POSITION_KNOTS, TIME_KNOTS, CURVE_KNOTS, LENS_KNOTS = 17, 7, 5, 21
+"""Knots of curves over position, over time and over other variables, and of the camera distortion."""
 
 CANDIDATE_EFFECTS: dict[str, type[Effect]] = {EarlyLeader.name: EarlyLeader} | EFFECTS
 """Effects by name: those of the library, and those that exist only in recordings."""
@@ -32,10 +34,12 @@ NAMED = tuple(name for name, effect in CANDIDATE_EFFECTS.items() if effect.depen
 """Effects whose strengths are themselves the directions of the screen."""
 
 PLACED = {"grade": "position", "speed_limit": "position", "weather": "time"}
-"""Effects on a section of road or time: the screen tests a curve over position or time, the refit fits the section."""
+"""Effects on a section of road, or from some time on, with the variable: the screen tests a curve over it, because the
+ends of the section are not known yet; the full fit estimates them.
+"""
 
 TWINS = {"speed_limit": ("bend",)}
-"""Effects with the same influence on a follower; trajectories alone cannot distinguish them."""
+"""Other effects with the same influence on a follower, by effect; trajectories alone cannot distinguish them."""
 
 CURVES = (
     "time",
@@ -104,7 +108,7 @@ ALONG_ROAD = Term("dependence", "position")
 """Acceleration as a curve over position; the screen uses it for grades, whose edges are not known yet."""
 
 EARLY_LEADER = Term("early_leader")
-"""Response to the next leader before the lane column shows the change."""
+"""Response to the next leader before the lane column shows the lane change."""
 
 LANE_CHANGES = (EARLY_LEADER, Term("relaxation"))
 """Effects of every lane change; the base model contains them, because they would otherwise hide other effects."""

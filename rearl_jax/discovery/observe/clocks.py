@@ -101,8 +101,7 @@ class Shifts(ABC):
         score: Float[np.ndarray, "drivers leaders"],
         information: Float[np.ndarray, "drivers leaders leaders"],
     ) -> Estimate:
-        """Improved shifts, from the score at the present shifts; other arguments as of
-        `normal_equations`."""
+        """Improved shifts, from the score at the present shifts; other arguments as of `normal_equations`."""
         score, information = self.normal_equations(score, information)
         updates = [self._updated(values, score, information, variance) for variance in VARIANCES]
         estimate, _ = max(updates, key=lambda update: update[1])
@@ -152,8 +151,8 @@ class Clocks(Shifts):
         return np.einsum("dkn,dk->n", self._derivative, score)[None], matrix[None]
 
     def corrected(self, values: np.ndarray) -> Measured:
-        """The data with the clocks of all leaders corrected that have an offset: main leaders of any driver, and the
-        drivers themselves.
+        """The data with corrected clocks, for all leaders whose offset was estimated: main leaders of any driver, and
+        leaders that are drivers themselves.
         """
 
         def offset(vehicle: np.ndarray) -> np.ndarray:
@@ -182,7 +181,9 @@ class Pairs(Shifts):
 
 
 def _moved(data: Measured, shift: Float[np.ndarray, "steps pieces"]) -> Measured:
-    """The data with the leaders moved to where they are after the time by which their clocks are ahead [s]."""
+    """The data with corrected leaders; `shift` is the time by which the leader's clock is ahead [s], so the leader
+    is moved to where it was that much later.
+    """
     surroundings = synchronised(data.surroundings, jnp.asarray(shift))
     moved = {name: np.asarray(getattr(surroundings, name)) for name in ("leader_rear", "leader_speed")}
     return replace(data, surroundings=replace(data.surroundings, **moved))

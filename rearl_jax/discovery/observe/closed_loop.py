@@ -14,7 +14,9 @@ FARTHEST = 60.0
 """
 
 TYPICAL_ERROR = 1.0
-"""Closed-loop gap error [m] against which the population's spread is weighed when a driver is calibrated to the gap."""
+"""Standard deviation of gap errors [m] that is assumed when a driver is calibrated to the gap: the smaller it is, the
+less the parameters are shrunk to the population mean.
+"""
 
 
 def gap_errors(solver: Solver, states: Sequence[FitState]) -> list[Float[np.ndarray, " drivers"]]:
@@ -34,7 +36,7 @@ def simulated_error(solver: Solver, state: FitState) -> Float[np.ndarray, "steps
         lost = sorted({int(driver) for driver in state.data.driver[~np.isfinite(error).all(axis=0)]})
         raise FloatingPointError(
             f"{solver.layout.prior.name} simulates no position for the drivers {lost[:5]}: their parameters are "
-            f"{state.z[lost[0]].round(2).tolist()} standard deviations from the usual"
+            f"{state.z[lost[0]].round(2).tolist()} standard deviations from the median driver"
         )
     return np.clip(error, -FARTHEST, FARTHEST)
 

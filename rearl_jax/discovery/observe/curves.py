@@ -1,4 +1,4 @@
-"""Curves that the screen tests for effects whose position or functional form is not known yet."""
+"""Curves over a variable, which the screen tests for effects whose position or functional form is not known yet."""
 
 from typing import ClassVar
 

@@ -1,4 +1,5 @@
-"""Standardised driver parameters: logarithms, divided by their standard deviation between drivers.
+"""Standardised driver parameters z: logarithms relative to the median, divided by their standard deviation between
+drivers.
 
 Which parameters there are, their usual values, spreads and bounds follow from the declaration of the car-following
 model (`rearl_jax.config.driver`).
@@ -64,7 +65,7 @@ class Prior:
 
     @property
     def location_precision(self) -> Float[np.ndarray, " own"]:
-        """Inverse variance of a population's mean standardised parameters [-]."""
+        """Inverse prior variance of the mean of a population's standardised parameters [-]."""
         location = np.array([parameter.location or parameter.spread for parameter in self.model.declaration.parameters])
         return (self.spread / location) ** 2
 

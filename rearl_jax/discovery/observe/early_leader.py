@@ -71,6 +71,7 @@ class EarlyLeader(Effect):
         weight = seen.next_by_own * self.of_changer + (1 - seen.next_by_own) * of_others
         early = jax.nn.sigmoid((self.lead_time - seen.time_to_next) / SCATTER)
         early = jnp.where(seen.time_to_next < LONGEST_LEAD, early, 0.0)
-        there = driver.interaction(seen.next_gap, seen.speed, seen.speed - seen.next_speed)
+        by_next = driver.interaction(seen.next_gap, seen.speed, seen.speed - seen.next_speed)
+        # Nobody brakes harder than comfortable for a vehicle that is not the leader yet.
         bearable = driver.free_acceleration(seen.speed) + driver.comfortable_deceleration()
-        return value + weight * early * (jnp.minimum(there, bearable) - value)
+        return value + weight * early * (jnp.minimum(by_next, bearable) - value)

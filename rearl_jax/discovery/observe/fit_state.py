@@ -14,10 +14,10 @@ from rearl_jax.discovery.observe.observer import Pieces, pieces_of, repeated, we
 from rearl_jax.discovery.read.measured import Measured
 
 CLASSES = 2
-"""Populations of drivers: cars and trucks."""
+"""Number of populations of drivers: cars and trucks."""
 
 VARIANCE_FREEDOM = 40.0
-"""Prior weight of the common variance for the variance of one driver, as a number f of innovations."""
+"""Number f of innovations that the prior of one driver's variance counts as; the prior is centred on S_usual."""
 
 
 @dataclass
@@ -66,7 +66,7 @@ class FitState:
 
     @property
     def away(self) -> Float[np.ndarray, "drivers own"]:
-        """Standardised parameters less their mean."""
+        """Standardised parameters less the mean of the driver's class [-]."""
         return self.z - self.mean[self.truck]
 
     @property
@@ -112,11 +112,12 @@ class FitState:
 
 @dataclass(frozen=True)
 class DriverSums:
-    """Sums over the weighted time steps of each driver; own parameters first, then those of the added candidates.
+    """Sums over the weighted time steps of each driver. Directions of derivatives: the driver's own parameters, then
+    those of the added candidates.
 
     Attributes:
         square: Sum of squared innovations [m^2].
-        gradient: Sum of innovation times derivative.
+        gradient: Sum of innovation times derivative of the innovation.
         gram: Sum of derivative times derivative.
         count: Sum of the weights.
     """

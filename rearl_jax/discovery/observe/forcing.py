@@ -1,9 +1,9 @@
 """Response of the innovations to an additional acceleration, and estimates of its size.
 
-The observer maps an additional acceleration b(t) to a change of the innovations. The part that a driver's own mean and
-own parameters could imitate is projected out. Least squares on the remaining white innovations gives the size of b,
-without bias (b does not depend on the future) and with minimum variance. One small matrix and vector per driver are
-sufficient for all estimates, so drivers can be resampled and left out at no cost.
+The observer maps an additional acceleration b(t) to a change of the innovations. The part that the driver's mean
+acceleration and own parameters could imitate is projected out. Least squares on the remaining white innovations gives
+the size of b, without bias (b does not depend on the future) and with minimum variance. One small matrix and vector per
+driver are sufficient for all estimates, so drivers can be resampled and left out at no cost.
 
 Source: score test, Rao (1948); partial regression, Frisch & Waugh, Econometrica 1 (1933) 387.
 """
@@ -36,12 +36,13 @@ NEGLIGIBLE = 1e-12
 
 @dataclass(frozen=True)
 class DriverScores:
-    """Scores of each driver for the size of each acceleration, with own mean and own parameters projected out.
+    """Scores of each driver for the size of each acceleration, with its mean acceleration and own parameters projected
+    out. A column is the derivative of the innovations by the size of one acceleration.
 
     Attributes:
-        gram: Products of the columns.
-        score: Products of the columns with the innovations.
-        square: Sum of squared innovations.
+        gram: Sums over time of products of two columns.
+        score: Sums over time of products of a column with the innovation.
+        square: Sum of squared innovations [m^2].
         variance: Mean squared innovation [m^2].
     """
 
@@ -121,6 +122,10 @@ def _innovation_change(
     gain: Gain,
     dt: float,
 ) -> Float[Array, "columns steps pieces"]:
+    """As `innovation_change`, for one batch: the observer linearised about its states, with the derivatives `by_x` and
+    `by_v` of the model's acceleration.
+    """
+
     def step(carry: tuple[State, Array], now: tuple) -> tuple[tuple[State, Array], Array]:
         (change, last), (added, slope_x, slope_v, is_corrected_now) = carry, now
         slope = -change.x - change.w
@@ -165,8 +170,8 @@ def innovation_and_acceleration_scores(
 def _columns(
     accelerations: np.ndarray, residuals: Residuals, derivatives: AccelerationDerivatives
 ) -> tuple[np.ndarray, int]:
-    """Columns: derivatives of the innovations by size of accelerations, those of the drivers' own first; number of own
-    ones.
+    """Derivatives of the innovations by the sizes of accelerations, and the number of the first ones that belong to the
+    driver: a constant acceleration, then its own parameters.
     """
     own = np.concatenate([np.ones((1, *residuals.x.shape)), derivatives.own])
     return -np.concatenate(
@@ -185,7 +190,7 @@ def plain_scores(
     residuals: Residuals,
     derivatives: AccelerationDerivatives,
 ) -> DriverScores:
-    """Scores of a regression of one acceleration on others, time step by time step [m/s^2]."""
+    """Scores of a regression of one acceleration, `target`, on others, without the observer."""
     own = np.concatenate([np.ones((1, *residuals.x.shape)), derivatives.own])
     return _scored(np.concatenate([own, accelerations]).astype(np.float32), target, len(own), residuals)
 
@@ -199,8 +204,8 @@ def added_acceleration(solver: Solver, residuals: Residuals) -> Float[np.ndarray
 
     def step(carry: tuple, now: Stimulus) -> tuple[tuple, Array]:
         memory, last = carry
-        with_it, memory = follow(now, driver, effects, memory, last, data.dt)
-        return (memory, with_it), with_it - follow(now, driver, (), (), last, data.dt)[0]
+        acceleration, memory = follow(now, driver, effects, memory, last, data.dt)
+        return (memory, acceleration), acceleration - follow(now, driver, (), (), last, data.dt)[0]
 
     seen = residuals.stimulus()
     memory = begin_effects(effects, jax.tree.map(lambda values: values[0], seen), driver, data.dt)
@@ -214,7 +219,7 @@ def _scored(
     n_own: int,
     residuals: Residuals,
 ) -> DriverScores:
-    """Products of columns driver by driver, with the first `n_own` columns projected out."""
+    """Scores of the columns on a target driver by driver, with the first `n_own` columns projected out."""
     data = residuals.state.data
     counts, target = (data.weight > 0).astype(np.float32), target.astype(np.float32)
     products = []
@@ -230,8 +235,8 @@ def _scored(
 def _products(
     rows: Float[Array, "columns moments"], target: Float[Array, " moments"], n_own: int
 ) -> tuple[Float[Array, "others others"], Float[Array, " others"], Float[Array, ""]]:
-    """Products of the other rows with each other and with the target, and of the target with itself; own rows projected
-    out.
+    """Gram matrix, score and sum of squares of one driver: products of the rows after the first `n_own` with each other
+    and with the target, and of the target with itself. The first rows are projected out (QR decomposition).
     """
     own_rows, other_rows = rows[:n_own], rows[n_own:]
     size = jnp.sqrt(jnp.mean(own_rows**2, axis=1, keepdims=True)) + 1e-12

@@ -2,7 +2,8 @@
 
 State of a driver: position x, speed v, acceleration residual o (the acceleration that the model does not explain, an
 Ornstein-Uhlenbeck process), and w, the part of the position error that is correlated in time. w is an
-Ornstein-Uhlenbeck process too, or follows one, u, with the same time constant: then it is smooth, as trackers leave it.
+Ornstein-Uhlenbeck process too; or it follows another one, u, with the same time constant, and is then smooth, as
+trackers leave position errors.
 The functions accept NumPy and JAX arrays, and also tangents of a state, because both steps are linear except for the
 bound of the speed.
 
@@ -28,8 +29,8 @@ MEASURED = np.array([1.0, 0.0, 0.0, 1.0, 0.0])
 
 STIFFNESS, DAMPING = 0.075, 0.5
 """Response of the acceleration to a position ahead of equilibrium [1/s^2] and to excess speed [1/s] in the observer:
-IDM at 20 m/s and a gap of 30 m with default parameters. Without it, the corrections that drivers make would be mistaken
-for lower noise.
+IDM at 20 m/s and a gap of 30 m with default parameters. The gain depends on it: without it, the corrections that
+drivers make would be mistaken for lower noise.
 """
 
 
@@ -94,8 +95,8 @@ class Noise:
         is_smooth: Whether these errors follow an Ornstein-Uhlenbeck process; otherwise they are one.
         independent: Effective share of independent innovations [-]; below 1 if innovations are correlated because the
             true noise differs from this model.
-        growth: Growth of the innovations' variance with the squared acceleration of the leader [s^4/m^2], because
-            drivers are less steady while they have to accelerate or brake.
+        growth: Relative growth of the innovations' variance with the squared acceleration of the leader [s^4/m^2],
+            because drivers are less steady while they have to accelerate or brake.
     """
 
     acceleration: float
@@ -135,7 +136,10 @@ class SteadyState(NamedTuple):
 
 @cache
 def steady_state(noise: Noise, dt: float, stride: int) -> SteadyState:
-    """The observer's steady state; arguments as of `Noise.gain`."""
+    """The observer's steady state, by iteration of the Riccati equation; arguments as of `Noise.gain`.
+
+    The model's acceleration is linearised with STIFFNESS and DAMPING for all drivers, so that one gain serves all.
+    """
     kept = np.exp(-dt / noise.time)
     errors, of_errors = SMOOTH_COVARIANCE, smooth_step(noise.lasting_time, dt)
     if not noise.is_smooth:
@@ -144,7 +148,7 @@ def steady_state(noise: Noise, dt: float, stride: int) -> SteadyState:
     step[:2, :3] = [[1.0, dt, dt * dt / 2], [-STIFFNESS * dt, 1.0 - DAMPING * dt, dt]]
     step[2, 2], step[3:, 3:] = kept, of_errors
     shock = np.diag([0.0, 0.0, noise.acceleration**2 * (1 - kept**2), 0.0, 0.0])
-    shock[3:, 3:] = noise.lasting**2 * (errors - of_errors @ errors @ of_errors.T)  # which keeps them stationary
+    shock[3:, 3:] = noise.lasting**2 * (errors - of_errors @ errors @ of_errors.T)  # keeps their covariance constant
     measured = max(noise.position, 1e-4) ** 2
     variance, gain, covariance = np.diag([1.0, 1.0, 1.0, 0.0, 0.0]) + shock, np.zeros(5), []
     for _ in range(GAIN_ITERATIONS):
@@ -155,7 +159,7 @@ def steady_state(noise: Noise, dt: float, stride: int) -> SteadyState:
         gain = variance @ MEASURED / (MEASURED @ variance @ MEASURED + measured)
         variance = variance - np.outer(gain, MEASURED @ variance)
     expected = MEASURED @ covariance[-1] @ MEASURED + measured
-    # NumPy numbers instead of Python numbers: they make single-precision arrays compute in double precision.
+    # NumPy numbers, unlike Python numbers, make single-precision arrays compute in double precision.
     steady_gain = Gain(*np.array([*gain, kept, *of_errors[0], expected]))
     corrected = step - step @ np.outer(gain, MEASURED)
     return SteadyState(steady_gain, step, corrected, [covariance[-1], *covariance[:-1]])
@@ -173,7 +177,7 @@ def correct(state: State, innovation: Any, gain: Gain) -> State:
 
 
 def halfway(state: State, last: Any, dt: float) -> tuple[Any, Any]:
-    """Position [m] and speed [m/s] in the middle of the step, under the acceleration of the step before [m/s^2].
+    """Position [m] and speed [m/s] in the middle of the step, under the acceleration `last` of the step before [m/s^2].
 
     The model is evaluated there, so that the time step does not act as an additional reaction time.
     """

@@ -43,6 +43,7 @@ def layout_of(data: Measured, prior: Prior = IDM_PRIOR) -> Layout:
         builder.effect(name)
     for name in PLACED:
         builder.parameters(name)
+    # Prior standard deviations: of curves of the acceleration in m/s^2, of curves of log v0 and log T without unit.
     builder.curve("position", POSITION_KNOTS, 0.3)
     builder.curve("desired_speed", POSITION_KNOTS, 0.25)
     builder.curve("weather_speed", TIME_KNOTS, 0.2)
@@ -60,7 +61,7 @@ def layout_of(data: Measured, prior: Prior = IDM_PRIOR) -> Layout:
         if variable == "time":
             low, high = times.min(), times.max()
         if not values.max() - values.min() > 1e-6 or not high - low > 1e-6:
-            continue  # a constant variable cannot cause a reaction
+            continue  # the data show no influence of a variable that is constant
         knots[variable] = np.linspace(low, high, CURVE_KNOTS)
         centres[variable] = np.asarray(hat_weights(jnp.asarray(values), jnp.asarray(knots[variable]))).mean(axis=1)
         builder.curve(f"curve.{variable}", CURVE_KNOTS, 0.3)
@@ -70,7 +71,7 @@ def layout_of(data: Measured, prior: Prior = IDM_PRIOR) -> Layout:
             builder.curve(f"time_gap.{variable}", CURVE_KNOTS, 0.3)
             where = builder.places[f"time_gap.{variable}"]
             builder.candidate(Term("time_gap_dependence", variable), "generic", where, where, (variable,))
-    builder.curve("lens", LENS_KNOTS, 2.0)
+    builder.curve("lens", LENS_KNOTS, 2.0)  # [m]
     if data.fused_errors is None:  # else every vehicle measures its own position, and no camera can distort it
         builder.candidate(LENS, "artefact", builder.places["lens"], builder.places["lens"], ("position",))
     low, high, off, scale, unit = (np.array(part) for part in zip(*builder.rows, strict=True))
@@ -116,7 +117,7 @@ class _Builder:
         return tuple(self.places[f"{name}.{parameter.name}"][0] for parameter in CANDIDATE_EFFECTS[name].parameters)
 
     def curve(self, name: str, n_knots: int, scale: float) -> None:
-        """Adds the values of a curve."""
+        """Adds the values of a curve; `scale` is their prior standard deviation and the step length of the search."""
         self.places[name] = tuple(range(len(self.rows), len(self.rows) + n_knots))
         self.rows += [(-20.0, 20.0, 0.0, scale, scale)] * n_knots
 
@@ -128,12 +129,15 @@ class _Builder:
 
 
 def _prior(parameter: Parameter) -> float:
-    """Prior scale of a parameter; uninformative for the position of a section."""
+    """Prior standard deviation of a parameter."""
     return FLAT if parameter.name in _UNKNOWN else parameter.scale
 
 
 _UNKNOWN = ("start", "end", "onset", "limit", "lateral_acceleration")
+"""Parameters with an uninformative prior: nothing is known about the place, time or limit of a section beforehand."""
+
 _STEPS = {"m": 50.0, "s": 5.0, "m/s": 3.0, "m/s^2": 1.0}
+"""Step length of the search for these parameters, by unit."""
 
 
 def curve_values(data: Measured, variable: str) -> Float[np.ndarray, "steps pieces"]:

@@ -16,7 +16,7 @@ from rearl_jax.discovery.observe.candidates import Layout
 from rearl_jax.discovery.observe.fit_state import CLASSES, DriverSums, FitState
 
 VARIANCE_ITERATIONS = 5
-"""Iterations for S_usual after each step of the other parameters."""
+"""Iterations for S_usual, the drivers' common variance, after each step of the other parameters."""
 
 LONGEST_STEP = 1.0
 """Bound of a step of a driver's standardised parameters [-]."""
@@ -49,7 +49,13 @@ class LevenbergMarquardt:
         state.objective = self._objective(state)
 
     def next_point(self) -> FitState:
-        """The next point to be evaluated."""
+        """The next point to be evaluated.
+
+        The Hessian has one block per driver (own parameters z), a shared block (means of cars and of trucks, then added
+        elements of theta), and couplings between both. The drivers' blocks are eliminated, which leaves a small system
+        for the shared step (Schur complement); each driver's step then follows from the shared one. The search varies
+        theta in steps of `layout.unit`.
+        """
         state, layout, free = self._state, self._layout, self._free
         assert state.sums is not None
         n_own, size = layout.prior.size, layout.prior.size + len(free)
@@ -64,6 +70,7 @@ class LevenbergMarquardt:
         own_block = gram[:, own, own] + precision
         own_gradient = gradient[:, own] + away
         coupling = np.zeros((n, n_own, n_shared))
+        # Shared block and gradient: population means first.
         block, slope = np.zeros((n_shared, n_shared)), np.zeros(n_shared)
         for c in range(CLASSES if n_mean else 0):
             place = slice(c * n_own, (c + 1) * n_own)
@@ -76,6 +83,7 @@ class LevenbergMarquardt:
         block[last, last] = gram[:, added, added].sum(axis=0) + np.diag((unit / scale) ** 2)
         off = (state.theta - layout.reference)[free]
         slope[last] = gradient[:, added].sum(axis=0) + off * unit / scale**2
+        # Parameters that would leave their bounds are taken out of the system.
         low, high = (bound[state.truck] for bound in layout.prior.bounds)
         own_held = _is_held(state.z, own_gradient, low, high)
         own_block, own_gradient = _without(own_held, own_block), own_gradient * ~own_held
@@ -92,6 +100,7 @@ class LevenbergMarquardt:
             rest = slope - np.einsum("dij,di->j", coupling, solved[:, :, 0])
             step = -np.linalg.solve(reduced + 1e-9 * np.eye(n_shared), rest)
         z_step = np.clip(-(solved[:, :, 0] + solved[:, :, 1:] @ step), -LONGEST_STEP, LONGEST_STEP)
+        # Expected fall of each driver's objective, to second order [nats].
         self._expected = -0.5 * (own_gradient * z_step).sum(axis=1)
         theta = state.theta.copy()
         theta[free] += unit * np.clip(step[last], -LONGEST_STEP, LONGEST_STEP)
@@ -160,7 +169,7 @@ def adapt_variance(state: FitState) -> None:
 
 
 def _is_held(values: np.ndarray, slope: np.ndarray, low: np.ndarray, high: np.ndarray) -> np.ndarray:
-    """True if a parameter is at a bound and the slope of the objective pushes it beyond."""
+    """True if a parameter is at a bound and the objective falls beyond the bound."""
     return ((values <= low) & (slope > 0)) | ((values >= high) & (slope < 0))
 
 

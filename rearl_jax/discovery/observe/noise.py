@@ -27,6 +27,7 @@ TIMES = (0.6, 1.5, 4.0)
 """Tested correlation times [s]. Source of the middle value: Zhang & Sun, arXiv:2210.03571 (highD, about 1.4 s)."""
 
 USUAL = Noise(0.15, 1.5, 0.1)
+"""Noise from which the estimation begins."""
 
 MOST_GROWTH = 3.0
 """Bound of the growth of noise with the squared acceleration of the leader [s^4/m^2]."""
@@ -44,7 +45,7 @@ INDEPENDENT_AFTER = 4.0
 """Time after which innovations are uncorrelated [s]."""
 
 BEHAVIOUR_FREQUENCIES = np.linspace(0.05, 2.0, 40)
-"""Angular frequencies of driver behaviour [rad/s]."""
+"""Angular frequencies of driver behaviour [rad/s], periods of 3 s to 2 min."""
 
 SIGNIFICANT = 3.5
 """Standard deviations above which an autocorrelation counts [-]; smaller ones among many lags occur by chance."""
@@ -62,13 +63,13 @@ which they hardly contribute.
 """
 
 SMOOTH_TIMES = (0.2, 0.35, 0.5, 0.65, 0.8, 1.0)
-"""Tested time constants of smooth position errors [s]; slower ones cannot be told from driving."""
+"""Tested time constants of smooth position errors [s]; slower errors cannot be distinguished from driving."""
 
 SMOOTH_STARTS = (0.08, 0.2), (0.2, 0.5, 0.8)
 """Sizes [m] and time constants [s] of smooth errors from which the search for the most likely ones begins."""
 
 MOST_CLIMBS = 6
-"""Largest number of alternating searches for the noise of drivers and the errors of positions."""
+"""Largest number of alternations between the search for drivers' noise and the search for position errors."""
 
 
 def best_noise(solver: Solver, state: FitState, tried: Sequence[Noise]) -> tuple[Noise, float]:
@@ -79,9 +80,9 @@ def best_noise(solver: Solver, state: FitState, tried: Sequence[Noise]) -> tuple
 
     Source: restricted likelihood, Patterson & Thompson, Biometrika 58 (1971) 545.
     """
-    likely = noise_likelihoods(solver, state, tried)
-    best = int(np.argmax(likely))
-    return tried[best], likely[best]
+    log_likelihoods = noise_likelihoods(solver, state, tried)
+    best = int(np.argmax(log_likelihoods))
+    return tried[best], log_likelihoods[best]
 
 
 def noise_likelihoods(solver: Solver, state: FitState, tried: Sequence[Noise]) -> list[float]:
@@ -117,13 +118,18 @@ def under_best_noise(
 
 
 def _climbed(solver: Solver, state: FitState, noise: Noise, levels: Mapping[str, Sequence[float]]) -> Noise:
-    """The most likely noise near a noise, by steps to the best neighbour among the levels of two fields until no
-    neighbour is more likely. The likelihood has one maximum, so most of the table need
-    not be computed.
+    """The most likely noise, by steps on a grid from a given noise to the most likely neighbour, until no neighbour is
+    more likely. The likelihood has one maximum, so most of the grid need not be computed.
+
+    Args:
+        solver: Solver of the car-following model.
+        state: A solved state.
+        noise: Noise from which the search begins.
+        levels: Tested values of two fields of the noise, by field.
     """
     (first, rows), (second, columns) = ((name, sorted({*values})) for name, values in levels.items())
     columns = sorted({*columns, getattr(noise, second)})
-    likely: dict[tuple[int, int], float] = {}
+    log_likelihoods: dict[tuple[int, int], float] = {}
 
     def at(place: tuple[int, int]) -> Noise:
         return replace(noise, **{first: rows[place[0]], second: columns[place[1]]})
@@ -135,27 +141,30 @@ def _climbed(solver: Solver, state: FitState, noise: Noise, levels: Mapping[str,
             for place, values in zip(here, (rows, columns), strict=True)
         )
         around = [(row, column) for row in near_rows for column in near_columns]
-        new = [place for place in around if place not in likely]
+        new = [place for place in around if place not in log_likelihoods]
         if new:
-            likely |= dict(zip(new, noise_likelihoods(solver, state, [at(place) for place in new]), strict=True))
-        best = max(around, key=likely.__getitem__)
-        if likely[best] <= likely[here]:
+            log_likelihoods |= dict(
+                zip(new, noise_likelihoods(solver, state, [at(place) for place in new]), strict=True)
+            )
+        best = max(around, key=log_likelihoods.__getitem__)
+        if log_likelihoods[best] <= log_likelihoods[here]:
             return at(here)
         here = best
 
 
 def under_best_time(solver: Solver, state: FitState, tried: Sequence[Noise]) -> tuple[FitState, Noise]:
-    """The state under the most likely noise of an unknown correlation time, and that noise. For each correlation time
-    the state is solved again under its most likely noise before likelihoods are compared, because parameters found
-    under one noise favour that noise.
+    """The state under the most likely of some noises with different correlation times, and that noise.
+
+    For each correlation time the state is solved again under its most likely noise before likelihoods are compared,
+    because parameters found under one noise favour that noise.
     """
     chosen = []
     for time in dict.fromkeys(noise.time for noise in tried):
         chosen.append(best_noise(solver, state, [noise for noise in tried if noise.time == time])[0])
     states = [with_noise(state, noise) for noise in chosen]
     solver.solve(states, iterations=20, tolerance=0.05)
-    likely = [best_noise(solver, fitted, [noise])[1] for fitted, noise in zip(states, chosen, strict=True)]
-    best = int(np.argmax(likely))
+    log_likelihoods = [best_noise(solver, fitted, [noise])[1] for fitted, noise in zip(states, chosen, strict=True)]
+    best = int(np.argmax(log_likelihoods))
     return states[best], chosen[best]
 
 
@@ -180,7 +189,7 @@ def calibrate(solver: Solver, data: Measured) -> tuple[FitState, Noise]:
     start = replace(USUAL, position=data.noise)
     state = new_state(data, solver.layout, start)
     solver.solve([state], iterations=8, tolerance=1.0)
-    noise, likely = best_noise(solver, state, noise_levels(start, ACCELERATIONS))
+    noise, log_likelihood = best_noise(solver, state, noise_levels(start, ACCELERATIONS))
     lasting = [
         replace(noise, acceleration=sd, position=WHITE_SHARE * size, lasting=size, lasting_time=time)
         for time in POSITION_TIMES
@@ -188,9 +197,13 @@ def calibrate(solver: Solver, data: Measured) -> tuple[FitState, Noise]:
         for sd in ACCELERATIONS
     ]
     other, with_lasting = best_noise(solver, state, lasting)
-    if with_lasting > likely + THRESHOLDS.lasting_noise_gain:
-        noise, likely = other, with_lasting
-    smooth = None if data.smoothing else _with_smooth_errors(solver, state, replace(noise, position=data.noise), likely)
+    if with_lasting > log_likelihood + THRESHOLDS.lasting_noise_gain:
+        noise, log_likelihood = other, with_lasting
+    smooth = (
+        None
+        if data.smoothing
+        else _with_smooth_errors(solver, state, replace(noise, position=data.noise), log_likelihood)
+    )
     if smooth is not None:
         state, noise = smooth
     state, noise = under_best_time(solver, state, noise_levels(noise, ACCELERATIONS))
@@ -203,11 +216,12 @@ def calibrate(solver: Solver, data: Measured) -> tuple[FitState, Noise]:
     return state, noise
 
 
-def _with_smooth_errors(solver: Solver, state: FitState, noise: Noise, likely: float) -> tuple[FitState, Noise] | None:
-    """The state solved again under the most likely noise with smooth position errors, and that noise; None if it is no
-    more likely than a log-likelihood [nats].
+def _with_smooth_errors(solver: Solver, state: FitState, noise: Noise, least: float) -> tuple[FitState, Noise] | None:
+    """The state solved again under the most likely noise with smooth position errors, and that noise; None if
+    its log-likelihood is not clearly above `least`, that without such errors [nats].
 
-    Parameters that were found without such errors speak against them, so noise and parameters are found in turns.
+    Parameters that were estimated without such errors make them seem unlikely, so noise and parameters are estimated
+    alternately.
     """
     sizes, times = SMOOTH_STARTS
     levels = (noise.acceleration, noise.acceleration / 2, noise.acceleration / 4)
@@ -217,8 +231,8 @@ def _with_smooth_errors(solver: Solver, state: FitState, noise: Noise, likely: f
         for size in sizes
         for time in times
     ]
-    noise, better = best_noise(solver, state, starts)
-    if better < likely + THRESHOLDS.lasting_noise_gain:
+    noise, log_likelihood = best_noise(solver, state, starts)
+    if log_likelihood < least + THRESHOLDS.lasting_noise_gain:
         return None
     for _ in range(MOST_CLIMBS):
         before = noise
@@ -252,8 +266,9 @@ def _with_growth_and_independence(solver: Solver, state: FitState, noise: Noise)
     """The noise with its growth and its share of independent innovations, estimated from the innovations of a fitted
     state.
 
-    The variance of a score that varies at some frequency is the spectral density of the innovations there; the largest
-    density over the frequencies of driver behaviour is used.
+    Correlated innovations contain less information. For a score whose derivative varies at some frequency, the loss is
+    the spectral density of the innovations there, relative to white noise; the largest density over the frequencies of
+    driver behaviour is used.
 
     Source: long-run variance, Newey & West, Econometrica 55 (1987) 703.
     """
@@ -267,9 +282,9 @@ def _with_growth_and_independence(solver: Solver, state: FitState, noise: Noise)
     )
     level = mean - slope * size_mean
     growth = min(max(slope, 0.0) / max(level, 0.1 * mean), MOST_GROWTH)
-    even = innovation / np.sqrt(state.variances[data.driver] * (1 + growth * size))
-    correlated = autocorrelation(even, counts, data.stride, round(INDEPENDENT_AFTER / data.dt))
-    correlated[np.abs(correlated) < SIGNIFICANT / np.sqrt(counts.sum())] = 0.0
-    phase = BEHAVIOUR_FREQUENCIES[:, None] * data.dt * data.stride * np.arange(1, len(correlated) + 1)
-    loudest = float((1 + 2 * np.cos(phase) @ correlated).max())
-    return replace(noise, growth=growth, independent=1.0 / max(loudest, 1.0))
+    scaled = innovation / np.sqrt(state.variances[data.driver] * (1 + growth * size))
+    correlations = autocorrelation(scaled, counts, data.stride, round(INDEPENDENT_AFTER / data.dt))
+    correlations[np.abs(correlations) < SIGNIFICANT / np.sqrt(counts.sum())] = 0.0
+    phase = BEHAVIOUR_FREQUENCIES[:, None] * data.dt * data.stride * np.arange(1, len(correlations) + 1)
+    largest_density = float((1 + 2 * np.cos(phase) @ correlations).max())
+    return replace(noise, growth=growth, independent=1.0 / max(largest_density, 1.0))

@@ -25,7 +25,7 @@ _MADE: dict[tuple, dict[tuple, ScenarioMap]] = {}
 """Compiled programs by configuration: time step, elements of theta, car-following model."""
 
 _PLACED = Placements()
-"""Drives on the devices."""
+"""Measured drives on the devices."""
 
 _SHAPES: set[tuple] = set()
 """Shapes compiled so far: configuration, program, number of steps and of pieces."""
@@ -152,15 +152,17 @@ def _width(n: int, widest: int) -> int:
 
 
 def _remembers(term: Term) -> bool:
+    """True if a term is an effect with memory."""
     return term.is_effect and CANDIDATE_EFFECTS[term.effect].remember is not Effect.remember
 
 
 def _squeezed(knots: Knots) -> Knots:
+    """Knots without their last axis, of length one, which they need as an argument of a `ScenarioMap`."""
     return jax.tree.map(lambda values: values[:, 0], knots)
 
 
 def _sums(innovation: Callable[[Array], Array], point: Array, pieces: Pieces) -> dict[str, Array]:
-    """Innovations, and the sums over time."""
+    """Sums over time of squared innovations and of products of their derivatives along every direction of `point`."""
     p, n = point.shape
 
     def along(tangent: Array) -> tuple[Array, Array]:

@@ -3,8 +3,8 @@
 Each step predicts with the model and corrects by a gain times the innovation, measured minus predicted position
 (`kalman`).
 
-    gain 0: the closed-loop simulation, with the errors usually reported;
-    steady-state Kalman gain: innovations of a right model are white, so tests on them are calibrated.
+    gain 0: a closed-loop simulation, whose errors are those that calibrations usually report;
+    steady-state Kalman gain: the innovations of a correct model are white, so tests on them are calibrated.
 
 Source: prediction-error method, Ljung, System Identification (1999), chapter 7.
 """
@@ -33,7 +33,7 @@ MOST_UNREST = 4.0
 
 
 class Pieces(eqx.Module):
-    """Arrays for the observer; the last axis is the pieces.
+    """Arrays for the observer; the last axis is the pieces, uninterrupted parts of tracks (`read.measured`).
 
     Attributes:
         y: Measured position [m].
@@ -44,7 +44,7 @@ class Pieces(eqx.Module):
         length: Own length [m].
         is_truck: 1 for trucks.
         gain: Gain of the filter, each field an array over pieces.
-        deviation: Standard deviation of innovations [m], the unit of the outlier limit.
+        deviation: Standard deviation of innovations [m]; some multiple of it is the limit for outliers.
         known: Prescribed acceleration in addition to the model [m/s^2]; one row of zeros for none.
         varied: Logarithm of the time gap over the driver's own time gap [-]; None if it does not vary.
     """
@@ -137,6 +137,7 @@ def stimulus(
 
 
 _AS_MEASURED = sorted(RecordedStimulus.__dataclass_fields__.keys() & Surroundings.__dataclass_fields__.keys())
+"""Fields of a stimulus that do not depend on the driver's own motion."""
 
 
 def straightened(surroundings: Surroundings, lens: Lens) -> Surroundings:
@@ -158,7 +159,7 @@ def straightened_start(start: Float[Array, "two pieces"], lens: Lens) -> tuple[A
 
 
 def synchronised(surroundings: Surroundings, shift: Float[Array, "*n"]) -> Surroundings:
-    """Surroundings with leaders moved to the own time; their clock is ahead by `shift` [s]."""
+    """Surroundings with leaders where they are by the driver's clock; the leader's clock is ahead by `shift` [s]."""
     leader_shift = surroundings.has_leader * shift
     return replace(
         surroundings,
@@ -190,7 +191,7 @@ def weights(data: Measured, noise: Noise) -> Float[np.ndarray, "steps pieces"]:
 
 
 def squared_leader_acceleration(data: Measured) -> Float[np.ndarray, "steps pieces"]:
-    """Squared acceleration of the leader [m^2/s^4], bounded. The driver's own would depend on its noise."""
+    """Squared acceleration of the leader [m^2/s^4], bounded; the driver's own acceleration would contain its noise."""
     return np.minimum(data.surroundings.leader_acceleration**2, MOST_UNREST)
 
 

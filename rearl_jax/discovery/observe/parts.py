@@ -1,4 +1,4 @@
-"""The data of a discovery: fitted, checked and reported drivers, all different."""
+"""The data of a discovery: fitted drivers, check drivers and report drivers, three parts without common drivers."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -36,9 +36,9 @@ class Parts:
         generated: Whether any of the data were generated, not measured.
         infos: Descriptions of the recordings.
         findings: Artefacts and properties of the measurement that the columns show.
-        fitted: Drivers that all models are fitted to.
-        checked: Other drivers, on whom candidates are checked.
-        reported: A third set of drivers, used once to report errors.
+        fitted: The fitted drivers, whom all models are fitted to.
+        checked: The check drivers, on whom candidates are checked.
+        reported: The report drivers, who are used once, to report errors.
         notes: Notes on the recordings for the reader.
     """
 
@@ -77,17 +77,17 @@ def measured_drivers(
     smooth = smoothness(tables)
     labels = labels_of(recordings, options)
     same = options.same or (same if same in labels else None)
-    known = partial(
+    drivers_of = partial(
         measure,
         position_lag=amount(findings, "position_lag"),
         labels=labels,
         same=same,
         fused_errors=fused_errors,
     )
-    data = _chosen(known(tables, smooth=smooth), options)
+    data = _chosen(drivers_of(tables, smooth=smooth), options)
     if data.noise < EXACT_NOISE and _are_exact(data, prior):
         # A simulation without noise is as smooth as a smoothed recording, so smoothness proves nothing here.
-        return findings, _chosen(known(tables, least_noise=EXACT_NOISE), options)
+        return findings, _chosen(drivers_of(tables, least_noise=EXACT_NOISE), options)
     return [*findings, *([smoothed_positions(smooth.drives)] if smooth.drives else [])], data
 
 

@@ -2,7 +2,7 @@
 
 The acceleration residual is the smoothed state o of the observer: the part of the measured acceleration that the model
 does not explain, estimated from the whole drive. It has the smallest error of the available estimates. The filtered o
-is late and underestimates lasting residuals; o plus the speed correction per step is unbiased but contains all
+is late and underestimates persistent residuals; o plus the speed correction per step is unbiased but contains all
 measurement noise; the derivative of the speed minus the model's acceleration needs its own cut-off frequency. The
 smoothed o has no delay, keeps everything slower than a second, and follows from the innovations alone, so it is valid
 for every effect in the observer.
@@ -90,6 +90,7 @@ def _residuals(solver: Solver, state: FitState, noise: Noise) -> Residuals:
         np.clip(np.asarray(part, float), -FARTHEST, FARTHEST) for part in solver.innovations([state], CLOSED_LOOP)
     )
     gain, seen = noise.gain(data.dt, data.stride), data.halfway()
+    # Single precision, in which the innovations were computed: their rounding errors then cancel.
     expected = data.y.astype(np.float32).astype(float) - innovation
     if LENS in state.active:
         lens = lens_at(solver.layout.by_name(jnp.asarray(state.theta)[:, None, None]), solver.layout.knots)
@@ -128,18 +129,19 @@ def smoothed_acceleration(
         dt: Time step [s].
         stride: Time steps from one correction to the next.
     """
+    # o smoothed = o predicted + its row of the covariance times the information in this and all later innovations.
     observer = steady_state(noise, dt, stride)
     gain = observer.gain
     ended = np.cumsum(weight[::-1] > 0, axis=0)[::-1] == 0
     is_corrected = is_new(len(innovation), stride)
-    known = np.where(ended | ~is_corrected[:, None], 0.0, innovation)
-    before, o = np.zeros_like(known), np.zeros(known.shape[1])
-    for t in range(len(known)):
-        before[t] = o
-        o = gain.kept_o * (o + gain.o * known[t])
-    later_information, out = np.zeros((5, known.shape[1])), np.empty_like(known)
-    for t in range(len(known) - 1, -1, -1):
+    used = np.where(ended | ~is_corrected[:, None], 0.0, innovation)
+    predicted, o = np.zeros_like(used), np.zeros(used.shape[1])
+    for t in range(len(used)):
+        predicted[t] = o
+        o = gain.kept_o * (o + gain.o * used[t])
+    later_information, out = np.zeros((5, used.shape[1])), np.empty_like(used)
+    for t in range(len(used) - 1, -1, -1):
         later_information = (observer.corrected if is_corrected[t] else observer.step).T @ later_information
-        later_information += MEASURED[:, None] * known[t] / gain.variance
-        out[t] = before[t] + observer.covariance[t % stride][2] @ later_information
+        later_information += MEASURED[:, None] * used[t] / gain.variance
+        out[t] = predicted[t] + observer.covariance[t % stride][2] @ later_information
     return np.where(ended, 0.0, out)

@@ -31,7 +31,6 @@ LONGEST_AFTER = 6.0
 EARLIEST, LATEST = -1.0, 3.0
 """Range of tested response times [s]; below zero the model is later than the driver."""
 
-
 WIDEST_INTERVAL = 1.0
 """Width of an interval [s] above which a response time is not identified."""
 
@@ -39,6 +38,7 @@ SEEN_AS_LATE = 0.15
 """Response time [s] above which drivers' own parameters are calibrated again under that delay."""
 
 DELAY = Term("reaction_delay")
+"""The effect with which drivers are calibrated again."""
 
 
 @dataclass(frozen=True)
@@ -73,7 +73,7 @@ class Responses:
 
     Attributes:
         found: Covariances under the model.
-        again: Covariances under the model with a delay and own parameters calibrated again; None if no delay was found.
+        again: Covariances under the model with a delay and own parameters calibrated again; None if no delay was added.
         added: The added delay [s].
     """
 
@@ -102,8 +102,8 @@ class Responses:
         late = self.found.delay(drivers)
         if self.again is None:
             return late
-        fallen = late - self.again.delay(drivers)
-        return late if fallen < self.added / 2 else late * self.added / fallen
+        reduction = late - self.again.delay(drivers)
+        return late if reduction < self.added / 2 else late * self.added / reduction
 
 
 def responses(solver: Solver, state: FitState) -> Responses:
@@ -126,21 +126,22 @@ def covariances(solver: Solver, state: FitState) -> Covariances:
     data = state.data
     counts = _between_measurements(data.weight > 0, data.stride)
     leader = data.surroundings.leader_acceleration
-    driven, modelled, leader_change = (
+    measured, modelled, led = (
         (values - (values * counts).sum(axis=0) / np.maximum(counts.sum(axis=0), 1)) * counts
         for values in (np.gradient(data.smooth_speed, data.dt, axis=0), model_acceleration(solver, state), leader)
     )
 
     def lagged(values: np.ndarray, first: float, last: float) -> np.ndarray:
         rows = [
-            _lagged(values, leader_change, data.leader, lag)
-            for lag in range(round(first / data.dt), round(last / data.dt) + 1)
+            _lagged(values, led, data.leader, lag) for lag in range(round(first / data.dt), round(last / data.dt) + 1)
         ]
         sums = np.zeros((data.n_drivers, len(rows)))
         np.add.at(sums, data.driver, np.array(rows).T)
         return sums
 
-    return Covariances(data.dt, lagged(driven, 0.0, LONGEST_AFTER), lagged(modelled, -LATEST, LONGEST_AFTER - EARLIEST))
+    return Covariances(
+        data.dt, lagged(measured, 0.0, LONGEST_AFTER), lagged(modelled, -LATEST, LONGEST_AFTER - EARLIEST)
+    )
 
 
 def _between_measurements(counts: Bool[np.ndarray, "steps pieces"], stride: int) -> Bool[np.ndarray, "steps pieces"]:

@@ -1,4 +1,4 @@
-"""Huber's loss: beyond some standard deviations an error counts linearly, so that no single time step decides.
+"""Huber's loss: beyond OUTLYING standard deviations an error counts linearly, so that no single time step decides.
 
 Source: Huber, Ann. Math. Stat. 35 (1964) 73.
 """
@@ -11,7 +11,7 @@ OUTLYING = 4.0
 
 
 def kept_share(error: Float[Array, "*n"], deviation: Float[Array, "*#n"]) -> Float[Array, "*n"]:
-    """Weight of an error in a least-squares step [-]: 1 unless it is an outlier."""
+    """Weight of an error in a least-squares step [-]: 1, and less for an outlier."""
     size, bound = jnp.abs(error), OUTLYING * deviation
     return jnp.where(size <= bound, 1.0, bound / jnp.maximum(size, 1e-12))
 

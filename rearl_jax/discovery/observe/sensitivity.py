@@ -47,7 +47,7 @@ def sensitivity_sums(
         layout: Layout of theta.
         knots: Knots of the curves.
         places: Indices of theta whose directions are tested, those already added first.
-        groups: Indices that belong together, as positions in `places`.
+        groups: Indices of one candidate each, as positions in `places`.
         n_kept: Number of indices already added.
         following: 1 if a driver follows its k-th main leader, whose clock may be ahead.
         dt: Time step [s].
@@ -105,6 +105,7 @@ def sensitivity_sums(
         (middle_x, middle_v), (d_middle_x, d_middle_v) = halfway(state, last, dt), halfway(d, d_last, dt)
         middle = (middle_x, jnp.maximum(middle_v, 0.0))
         by, (acceleration, memory) = answer((*middle, z, numbers, jnp.zeros_like(x), last), memory, surroundings)
+        # Chain rule: change of the acceleration through position and speed, plus the direct derivative (`forcing`).
         # In a branch, because XLA would otherwise recompute it for every direction.
         is_vehicle, nothing = pieces.length > 0, jnp.zeros_like(x)
         by_x, by_v = if_any(is_vehicle, lambda: (by[0], jnp.where(middle_v > 0, by[1], 0.0)), (nothing, nothing))

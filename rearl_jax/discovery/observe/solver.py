@@ -5,9 +5,9 @@ Minimises for a state (one data set under one candidate)
     sum over drivers [(n + f) / 2 log S - f / 2 log S_usual + |(z - mean) / spread|^2 / 2]
         + |mean / location|^2 / 2 + |(theta - ref) / scale|^2 / 2,   S = (f S_usual + sum over steps of nu^2) / (f + n)
 
-for many states in one batch. The population's spread is fixed, because a spread that shrank with every step would give
-false evidence. S is the variance of a driver's innovations, n of which count; its prior is centred on S_usual with the
-weight of f innovations.
+for many states in one batch. S is the variance of the innovations nu of a driver, and n the sum of their weights; the
+prior of S is centred on S_usual and counts as f innovations. z are the driver's standardised parameters. The
+population's spread is fixed, because a spread that shrank with every step would give false evidence.
 """
 
 from collections.abc import Sequence
@@ -26,7 +26,7 @@ from rearl_jax.discovery.observe.observer import Pieces
 from rearl_jax.discovery.read.measured import Measured
 
 SIDE_BY_SIDE = 512
-"""Pieces per batch that use all cores."""
+"""Pieces per batch that suffice to use all cores."""
 
 
 class Solver:
@@ -74,7 +74,7 @@ class Solver:
 
     def sums(self, states: Sequence[FitState]) -> None:
         """Computes the sums at the present parameters of each state, in place."""
-        # A few states use all cores; larger batches would only need more memory.
+        # Larger batches would only need more memory.
         together = max(1, SIDE_BY_SIDE // len(states[0].data.driver))
         program = self.programs.sums(states[0].active)
         for first in range(0, len(states), together):

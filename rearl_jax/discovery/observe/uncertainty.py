@@ -69,7 +69,9 @@ def shares_at_bound(solver: Solver, state: FitState) -> Float[np.ndarray, " own"
 
 
 def _projected(state: FitState, n_free: int) -> tuple[np.ndarray, np.ndarray]:
-    """Response of the drivers' own parameters to theta, and the information on theta that remains."""
+    """Derivative of the drivers' best own parameters by theta, with the sign reversed, and the information on theta
+    that remains when own parameters are fitted (Schur complement).
+    """
     assert state.sums is not None
     n_own = state.z.shape[1]
     own, added = slice(0, n_own), slice(n_own, n_own + n_free)
@@ -80,8 +82,8 @@ def _projected(state: FitState, n_free: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def complexity_penalty(solver: Solver, state: FitState, places: Sequence[int]) -> float:
-    """Complexity penalty of some elements of theta [nats]: how much the data narrow their prior, and how far they lie
-    from its mean.
+    """Complexity penalty of the elements `places` of theta [nats]: how much the data narrow their prior, and how far
+    they lie from its mean.
 
     Source: Laplace approximation of the evidence, MacKay, Neural Comput. 4 (1992) 415; for uninformative priors, half
     the logarithm of the number of independent observations, Schwarz, Ann. Stat. 6 (1978) 461.

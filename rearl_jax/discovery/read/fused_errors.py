@@ -1,8 +1,9 @@
 """Errors of positions that were fused with independently measured speeds, estimated by comparing the two.
 
-Errors of two receivers are independent, and a driver responds to true gaps. So the errors in the positions of driver
-and leader leave a residual, which the position of any third vehicle helps to predict: it seems to have an influence
-that it has not. Drives that are simulated without missing effects are therefore measured with such errors.
+A driver responds to true gaps, but the model to measured ones, so errors of the positions leave a residual. The
+measured position of a third vehicle, whose errors are independent, helps to predict this residual. It therefore seems
+to influence the driver even if it does not. So that the null distribution contains this false influence, simulated
+drives are measured with such errors too.
 
 Source: errors in variables, Fuller, Measurement Error Models (1987), chapter 1.
 """
@@ -21,13 +22,13 @@ LAGS = (1.0, 1.5, 2.0, 3.0, 5.0, 7.0, 10.0, 15.0, 20.0, 30.0, 40.0, 60.0)
 """Lags at which differences of the two columns are compared [s]."""
 
 LEAST_LAGS = 7
-"""Smallest number of lags from which the parts of the errors are told apart."""
+"""Smallest number of lags from which the parts of the errors can be distinguished."""
 
 TIMES = (5.0, 10.0, 20.0, 40.0, 80.0)
-"""Tested correlation times of lasting errors [s]."""
+"""Tested correlation times of the correlated errors of positions [s]."""
 
 LONGEST_SPEED_TIME = 2.0
-"""Longest correlation time of errors of the speed [s]; slower ones cannot be told from driving."""
+"""Longest correlation time of errors of the speed [s]; slower errors cannot be distinguished from driving."""
 
 LEAST_WINDOWS = 30
 """Smallest number of independent differences at a lag; longer lags are not used."""
@@ -39,9 +40,10 @@ class FusedErrors:
 
     Attributes:
         white: Standard deviation of the white errors of the position [m].
-        lasting: Standard deviation of its errors that last [m].
-        time: Correlation time of the lasting errors [s].
-        walk: Standard deviation of the integrated errors of the speed, over the root of the time [m/s^0.5].
+        lasting: Standard deviation of its errors that are correlated in time [m].
+        time: Correlation time of these errors [s].
+        walk: Standard deviation of the integrated errors of the speed, a random walk, over the root of the time
+            [m/s^0.5].
         speed_time: Correlation time of the errors of the speed [s]; 0 if they are white.
         cut_off: Angular frequency below which the position is used, and above which the integrated speed [rad/s].
     """
@@ -54,7 +56,7 @@ class FusedErrors:
     cut_off: float
 
     def drawn(self, shape: tuple[int, int], dt: float, rng: np.random.Generator) -> Float[np.ndarray, "steps pieces"]:
-        """Realisations [m], one for each piece."""
+        """Realisations of the errors [m], one for each piece."""
         of_position = lasting(self.lasting, self.time, shape, dt, rng) + self.white * rng.standard_normal(shape)
         kept = np.exp(-dt / self.speed_time) if self.speed_time else 0.0
         size = self.walk * np.sqrt((1 - kept) / (1 + kept) / dt)
@@ -85,7 +87,7 @@ def fused_errors(
         values = _second_differences(differences, step)
         if len(values) < LEAST_WINDOWS * step:
             break
-        # Positions jump where a receiver loses satellites.
+        # Robust, because positions jump where a receiver loses satellites.
         variances.append(robust_deviation(values) ** 2)
         lags.append(step * dt)
         windows.append(len(values) / step)

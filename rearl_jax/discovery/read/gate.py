@@ -12,7 +12,7 @@ from rearl_jax.discovery.read.smoothing import Thinned, cut_off, position_noise,
 from rearl_jax.discovery.thresholds import THRESHOLDS
 
 LOWEST_FREQUENCY = 2.0
-"""Cut-off [rad/s] of the comparison: below the frequencies of noise, above those of drift."""
+"""Upper bound of the cut-off of the comparison [rad/s]: below the frequencies of noise, above those of drift."""
 
 
 @dataclass(frozen=True)
@@ -90,7 +90,9 @@ def smoothed_positions(width: float) -> Finding:
 def _speed_against_position(
     tables: Sequence[Thinned], noise: Sequence[float]
 ) -> tuple[tuple[float, float] | None, tuple[float, float] | None]:
-    """Lag of the speed column [s] and its relative size [-] against the derivative of the position, with deviations."""
+    """Lag [s] and relative scale error [-] of the speed column against the derivative of the position, each with its
+    standard deviation; None if there are fewer than three tracks of six seconds.
+    """
     grams, products = [], []
     for (table, dt), scatter in zip(tables, noise, strict=True):
         position, speed = table["position"].to_numpy(), table["speed"].to_numpy()

@@ -1,4 +1,6 @@
-"""Random series that last: Ornstein-Uhlenbeck processes, and smooth series that follow one."""
+"""Lasting random series, that is, series correlated in time: Ornstein-Uhlenbeck processes u, du/dt = -u / time + white
+noise, and smooth series w that follow one, dw/dt = (u - w) / time.
+"""
 
 import numpy as np
 from jaxtyping import Float
@@ -8,8 +10,8 @@ from scipy.signal import lfilter
 def lasting(
     sd: float, time: float, shape: tuple[int, int], dt: float, rng: np.random.Generator
 ) -> Float[np.ndarray, "steps pieces"]:
-    """Realisations of a stationary Ornstein-Uhlenbeck process of a standard deviation and a correlation time [s]; white
-    noise for a time of 0.
+    """Realisations of a stationary Ornstein-Uhlenbeck process with standard deviation `sd` and correlation time `time`
+    [s]; white noise for a time of 0.
     """
     kept = np.exp(-dt / time) if time else 0.0
     shocks = rng.standard_normal(shape) * sd
@@ -20,8 +22,8 @@ def lasting(
 def smooth_lasting(
     sd: float, time: float, shape: tuple[int, int], dt: float, rng: np.random.Generator
 ) -> Float[np.ndarray, "steps pieces"]:
-    """Realisations of a stationary process of a standard deviation that follows an Ornstein-Uhlenbeck process, both
-    with the same time constant [s].
+    """Realisations of a stationary smooth series with standard deviation `sd` that follows an Ornstein-Uhlenbeck
+    process, both with the time constant `time` [s].
     """
     covariance = sd**2 * SMOOTH_COVARIANCE
     step = smooth_step(time, dt)
@@ -34,7 +36,7 @@ def smooth_lasting(
 
 
 SMOOTH_COVARIANCE = np.array([[1.0, 1.0], [1.0, 2.0]])
-"""Covariance of a smooth series of variance 1 and the process that it follows, in the stationary state [-]."""
+"""Stationary covariance of a smooth series w of variance 1 and the process u that it follows [-]: u has variance 2."""
 
 
 def smooth_step(time: float, dt: float) -> Float[np.ndarray, "2 2"]:

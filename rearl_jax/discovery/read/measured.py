@@ -1,7 +1,7 @@
 """Measured drivers: own motion and surroundings, in arrays for the observer.
 
-A long track is cut into pieces that share one driver. The motion of all other vehicles is taken as measured, so drivers
-are independent of each other.
+A piece is an uninterrupted part of a track; a long track is cut into several pieces, which share one driver. The motion
+of all other vehicles is taken as measured, so drivers are independent of each other.
 """
 
 import dataclasses
@@ -32,7 +32,9 @@ _SPEED_OF = {
 }
 
 _JUMP = 6.0
-"""Change of speed [m/s], or of position beyond what the speed explains [m], that indicates another vehicle."""
+"""Change within a time step, of a speed [m/s] or of a position beyond what the speed explains [m], from which another
+vehicle is assumed.
+"""
 
 
 class Surroundings(eqx.Module):
@@ -188,7 +190,9 @@ class Measured:
         return total / np.maximum(count, 1.0)
 
     def halfway(self) -> Surroundings:
-        """Surroundings halfway between each time step and the next; those of the former if a value jumps."""
+        """Surroundings halfway between each time step and the next, by interpolation; where a value jumps because
+        another vehicle takes the place, the value of the former time step.
+        """
         surroundings = self.surroundings
         last = np.zeros_like(self.y[:1])
         same = self.leader[1:] == self.leader[:-1]

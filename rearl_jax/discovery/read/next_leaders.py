@@ -50,7 +50,7 @@ def handovers(
         bounds: First row of each track, and one past its last.
         leader: Track of the leader of every row, NO_VEHICLE without one.
         dt: Time step [s].
-        longest: Largest time to or since a change that is near [s].
+        longest: Largest time to or since a change for the change to count as near [s].
     """
     n = len(table)
     changes = Handovers(*(np.full(n, value) for value in (NO_VEHICLE, np.inf, 0.0, NO_VEHICLE, np.inf)))

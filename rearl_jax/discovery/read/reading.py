@@ -39,8 +39,8 @@ BEFORE_JUMP = 0.5
 
 LEAST_NOISE, EXACT_NOISE = 0.02, 0.05
 """Smallest assumed standard deviation of positions [m], for measurements and for simulations without noise. Noise is
-added to more accurate positions, because at smaller errors only the time discretisation of the model and of the data's
-source would be compared: noise-free IDM drives were reported as `unexplained` with 0.02 m.
+added to more accurate positions, because otherwise the residuals would be errors of time discretisation, of the model
+and of the data's source: with 0.02 m, noise-free IDM drives were reported as `unexplained`.
 """
 
 APART = 2.0
@@ -50,14 +50,16 @@ EDGE = 3.0
 """Distance from the ends of a smoothed track, in kernel widths, within which smoothing distorts it."""
 
 SMOOTHED_NOISE = 0.005
-"""Standard deviation of smoothed positions [m]: smoothing hides noise but does not remove its effect."""
+"""Smallest assumed standard deviation of smoothed positions [m]: smoothing hides noise, but part of it remains."""
 
 RATE_TOLERANCE = 0.002
 """Relative difference of frame rates [-] that rounded times of short recordings leave: 29.97 and 30 Hz are one."""
 
 UNSMOOTHED = Smoothness()
+"""No smoothing."""
 
 NO_LABELS: Mapping[str, Sequence[pd.Series]] = MappingProxyType({})
+"""No labels."""
 
 _STEPS_UNIT = 64
 """Numbers of steps are rounded up to multiples of this, so that few programs are compiled."""
@@ -197,7 +199,7 @@ class _Rows:
         ]
         first, last = np.array(cuts, int).reshape(-1, 2).T
         index = np.minimum(first + np.arange(n_steps)[:, None], last - 1) if cuts else np.empty((n_steps, 0), int)
-        real = np.arange(n_steps)[:, None] < last - first
+        is_recorded = np.arange(n_steps)[:, None] < last - first
         settled = np.arange(n_steps)[:, None] >= int(SETTLING / dt)
         values = {name: column[index] for name, column in columns.items()}
         track = table["track_id"].to_numpy()[index[0]].astype(np.int64) if cuts else np.empty(0, np.int64)
@@ -205,7 +207,7 @@ class _Rows:
         is_truck = (table["vehicle_class"] == "truck").to_numpy()
         return Measured(
             y=(self.position + blur)[index],
-            weight=weight[index] * real * settled * is_new(n_steps, stride)[:, None],
+            weight=weight[index] * is_recorded * settled * is_new(n_steps, stride)[:, None],
             smooth=x[index],
             smooth_speed=v[index],
             surroundings=Surroundings(**values),
@@ -233,24 +235,24 @@ class _Rows:
         lane = table["lane"].to_numpy(dtype=np.float64, na_value=0.0)
         rightmost = pd.Series(lane).groupby(table["direction"].to_numpy()).transform("max").to_numpy()
 
-        def of(row: np.ndarray, values: np.ndarray, otherwise: np.ndarray | float | int) -> np.ndarray:
+        def values_of(row: np.ndarray, values: np.ndarray, otherwise: np.ndarray | float | int) -> np.ndarray:
             return np.where(row != NO_VEHICLE, values[row], otherwise)
 
         first, rear = neighbours.leader, x - length / 2  # rows of the first, second and third leader
-        two = of(first, first, NO_VEHICLE).astype(int)
-        three = np.where(two != NO_VEHICLE, first[two], NO_VEHICLE)
+        second = values_of(first, first, NO_VEHICLE).astype(int)
+        third = np.where(second != NO_VEHICLE, first[second], NO_VEHICLE)
         front = x + length / 2
-        second_speed = of(two, v, of(first, v, v))
-        leader = of(first, track, NO_VEHICLE).astype(np.int64)
-        gap = of(first, rear, front + OUT_OF_SIGHT) - front
-        since, lost, headway = _changes(self.starts, self.stops, leader, gap, v, self.dt)
+        second_speed = values_of(second, v, values_of(first, v, v))
+        leader = values_of(first, track, NO_VEHICLE).astype(np.int64)
+        gap = values_of(first, rear, front + OUT_OF_SIGHT) - front
+        time_since, gap_lost, time_gap = _changes(self.starts, self.stops, leader, gap, v, self.dt)
         reach = max(LONGEST_LEAD, EDGE * smoothing)
         near = handovers(table, (self.starts, self.stops), leader, self.dt, reach)
         leader_rear, leader_centre, leader_speed = (
-            handed_over(of(first, values, otherwise), values, near, smoothing, self.dt)
+            handed_over(values_of(first, values, otherwise), values, near, smoothing, self.dt)
             for values, otherwise in ((rear, front + OUT_OF_SIGHT), (x, x + OUT_OF_SIGHT), (v, v))
         )
-        next_rear = of(near.following, rear, leader_rear)
+        next_rear = values_of(near.following, rear, leader_rear)
         columns = {
             "time": table["time"].to_numpy(),
             "lane": lane,
@@ -261,36 +263,38 @@ class _Rows:
             "leader_rear": leader_rear,
             "leader_centre": leader_centre,
             "leader_speed": leader_speed,
-            "leader_acceleration": np.clip(of(first, a, 0.0), HARDEST_BRAKING, -HARDEST_BRAKING),
-            "leader_length": of(first, length, 4.5),
-            "leader_is_truck": of(first, is_truck.astype(float), 0.0),
-            "has_second": (two != NO_VEHICLE).astype(float),
-            "second_rear": of(two, rear, front + OUT_OF_SIGHT) - of(two, of(first, length, 0.0), 0.0),
+            "leader_acceleration": np.clip(values_of(first, a, 0.0), HARDEST_BRAKING, -HARDEST_BRAKING),
+            "leader_length": values_of(first, length, 4.5),
+            "leader_is_truck": values_of(first, is_truck.astype(float), 0.0),
+            "has_second": (second != NO_VEHICLE).astype(float),
+            "second_rear": values_of(second, rear, front + OUT_OF_SIGHT)
+            - values_of(second, values_of(first, length, 0.0), 0.0),
             "second_speed": second_speed,
-            "has_third": (three != NO_VEHICLE).astype(float),
-            "third_speed": of(three, v, second_speed),
+            "has_third": (third != NO_VEHICLE).astype(float),
+            "third_speed": values_of(third, v, second_speed),
             "has_follower": (neighbours.follower != NO_VEHICLE).astype(float),
-            "follower_front": of(neighbours.follower, front, rear - OUT_OF_SIGHT),
-            "follower_speed": of(neighbours.follower, v, v),
+            "follower_front": values_of(neighbours.follower, front, rear - OUT_OF_SIGHT),
+            "follower_speed": values_of(neighbours.follower, v, v),
             "has_left": (neighbours.left != NO_VEHICLE).astype(float),
-            "left_rear": of(neighbours.left, rear, front + OUT_OF_SIGHT),
-            "left_speed": of(neighbours.left, v, v),
+            "left_rear": values_of(neighbours.left, rear, front + OUT_OF_SIGHT),
+            "left_speed": values_of(neighbours.left, v, v),
             "beside_speed": np.minimum(neighbours.beside_speed, OUT_OF_SIGHT),
             "n_beside": neighbours.n_beside,
-            "time_since_change": since,
-            "gap_lost": lost,
-            "time_gap_at_change": headway,
+            "time_since_change": time_since,
+            "gap_lost": gap_lost,
+            "time_gap_at_change": time_gap,
             "time_to_next": np.where(near.following != NO_VEHICLE, near.time_to, MAX_TIME_SINCE_CHANGE),
             "next_rear": next_rear,
-            "next_speed": of(near.following, v, leader_speed),
+            "next_speed": values_of(near.following, v, leader_speed),
             "next_by_own": near.by_own,
             "next_is_nearer": (next_rear < leader_rear).astype(float),
         }
         return columns, leader, first
 
     def _weight(self, leader: np.ndarray, leader_row: np.ndarray, edge: int) -> np.ndarray:
-        """1 if a leader has been seen for some time, because a missing leader may be outside the recorded area; 0 if
-        the leader or the driver has jumped or is within `edge` rows of the ends of its track.
+        """1 if a row counts, else 0: a leader has been seen for a second (a missing leader may only be outside the
+        recorded area), positions of driver and leader do not jump nearby, and neither is within `edge` rows of the ends
+        of its track.
         """
         n = max(1, round(1.0 / self.dt))
         row = np.arange(len(leader))
@@ -312,8 +316,8 @@ def _offset_in_lane(table: pd.DataFrame) -> np.ndarray:
     lateral = table["lateral"].to_numpy()
     if not np.isfinite(lateral).any():
         return np.zeros(len(table))
-    street = [table["direction"], table["lane"]]
-    centre = table.groupby(street, observed=True, dropna=False)["lateral"].transform("median").to_numpy()
+    lanes = [table["direction"], table["lane"]]
+    centre = table.groupby(lanes, observed=True, dropna=False)["lateral"].transform("median").to_numpy()
     return np.nan_to_num(lateral - centre)
 
 
@@ -322,7 +326,7 @@ def _changes(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Time since the last change of leader [s], the gap lost at it [m], the time gap right after it [s]."""
     n = len(leader)
-    since, lost, headway = np.full(n, MAX_TIME_SINCE_CHANGE), np.zeros(n), np.full(n, TIME_GAP_RANGE[1])
+    since, lost, time_gap = np.full(n, MAX_TIME_SINCE_CHANGE), np.zeros(n), np.full(n, TIME_GAP_RANGE[1])
     for start, stop in zip(starts, stops, strict=True):
         changes = start + 1 + np.flatnonzero(leader[start + 1 : stop] != leader[start : stop - 1])
         for k in changes:
@@ -332,5 +336,5 @@ def _changes(
             since[k:stop] = np.minimum(np.arange(stop - k) * dt, MAX_TIME_SINCE_CHANGE)
             near = min(gap[k - 1], gap[k]) < MAX_GAP_IN_SIGHT
             lost[k:stop] = np.clip(gap[k - 1] - gap[k], 0.0, MAX_GAP_LOST) if near else 0.0
-            headway[k:stop] = np.clip(gap[k] / max(speed[k], MIN_SPEED), *TIME_GAP_RANGE)
-    return since, lost, headway
+            time_gap[k:stop] = np.clip(gap[k] / max(speed[k], MIN_SPEED), *TIME_GAP_RANGE)
+    return since, lost, time_gap

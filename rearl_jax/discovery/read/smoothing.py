@@ -16,10 +16,10 @@ AVERAGED = ("time", "position", "lateral", "x", "y", "speed", "acceleration")
 """Columns whose neighbouring frames are averaged."""
 
 SHORTEST_FILTERED = 6
-"""Largest number of time steps that are too few to be smoothed."""
+"""Largest number of time steps of a track that is too short to be smoothed."""
 
 CUT_OFF = 3.44
-"""Angular frequency [rad/s] above which motion is regarded as noise, for 0.1 m of noise at 10 Hz."""
+"""Angular frequency [rad/s] above which changes of position are regarded as noise, for 0.1 m of noise at 10 Hz."""
 
 CUT_OFF_NOISE = 0.1 * np.sqrt(0.1)
 """Noise density to which CUT_OFF belongs [m sqrt(s)]."""
@@ -100,7 +100,9 @@ def jumps(position: np.ndarray, dt: float) -> np.ndarray:
 
 
 def lasting_noise(white: float, time: float, dt: float) -> float:
-    """Standard deviation [m] of correlated errors with the same fourth differences as white noise [m]."""
+    """Standard deviation [m] of errors with the correlation time `time` [s] whose fourth differences have the same
+    variance as those of white noise [m].
+    """
     lags = np.array([70.0, -56.0, 28.0, -8.0, 1.0])  # autocorrelation of the fourth-difference operator
     share = (lags * np.exp(-dt / time) ** np.arange(5) * np.array([1, 2, 2, 2, 2])).sum() / 70.0
     return white / float(np.sqrt(share))

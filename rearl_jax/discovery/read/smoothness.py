@@ -62,6 +62,7 @@ def smoothness(tables: Sequence[Thinned]) -> Smoothness:
     edges = [edge for edge in BANDS if edge < np.pi / dt / 2]
     bands = list(zip(edges[:-1], edges[1:], strict=True))
     middle = [np.sqrt(low * high) for low, high in bands]
+    # Real drives fall by DRIVING, noise rises by NOISE; what a Gaussian kernel adds per octave gives its width.
     level = [power[(frequency >= low) & (frequency < high)].mean() for low, high in bands]
     if not min(level, default=0.0) > 0.0:
         return Smoothness()  # no vehicle has ever accelerated

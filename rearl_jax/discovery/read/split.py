@@ -48,8 +48,8 @@ def n_shared(first: Measured, second: Measured) -> int:
 
 
 def _whole(units: Int[np.ndarray, " pieces"], shares: Sequence[float]) -> Int[np.ndarray, " pieces"] | None:
-    """Part of each piece, assigned unit by unit from the largest on, so that no unit is divided; None if the sizes of
-    the parts differ too much.
+    """Part of each piece, without dividing any unit (person or recording): units are assigned from the largest to the
+    smallest, each to the least filled part. None if the sizes of the parts differ too much.
     """
     owner, filled = np.full(len(units), -1), np.zeros(len(shares))
     numbers, sizes = np.unique(units, return_counts=True)

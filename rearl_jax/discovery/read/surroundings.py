@@ -44,10 +44,11 @@ def look_around(table: pd.DataFrame, speed: np.ndarray) -> Around:
     frame = table["frame"].to_numpy()
     position = table["position"].to_numpy()
     lane = table["lane"].to_numpy(dtype=np.float64, na_value=-1.0).astype(np.int64)
-    street = (frame - frame.min()) * 64 + table["direction"].to_numpy(np.int64) * 16 + lane + 1
-    order = np.lexsort((position, street))
+    # One number per frame, direction and lane; adjacent lanes have adjacent numbers.
+    lane_key = (frame - frame.min()) * 64 + table["direction"].to_numpy(np.int64) * 16 + lane + 1
+    order = np.lexsort((position, lane_key))
     leader = np.full(len(table), NO_VEHICLE)
-    same = (street[order][1:] == street[order][:-1]) & (lane[order][1:] >= 0)
+    same = (lane_key[order][1:] == lane_key[order][:-1]) & (lane[order][1:] >= 0)
     leader[order[:-1][same]] = order[1:][same]
     stated = VehicleRows(table).leaders(table)
     if states_all_leaders(leader, stated):
@@ -57,30 +58,30 @@ def look_around(table: pd.DataFrame, speed: np.ndarray) -> Around:
     follower = np.full(len(table), NO_VEHICLE)
     followed = leader != NO_VEHICLE
     follower[leader[followed]] = np.flatnonzero(followed)
-    lines = _Lines(street, position, order)
-    left = lines.ahead_on_left(lane)
-    slowest, n_beside = lines.beside(speed, lane)
+    lanes_in_order = _SortedLanes(lane_key, position, order)
+    left = lanes_in_order.ahead_on_left(lane)
+    slowest, n_beside = lanes_in_order.beside(speed, lane)
     return Around(leader, follower, left, slowest, n_beside)
 
 
-class _Lines:
+class _SortedLanes:
     """All lanes of all frames in one sorted array, with an offset per lane and frame larger than any road."""
 
-    def __init__(self, street: np.ndarray, position: np.ndarray, order: np.ndarray) -> None:
+    def __init__(self, lane_key: np.ndarray, position: np.ndarray, order: np.ndarray) -> None:
         """Stores each row's lane number (unique over all frames, adjacent lanes consecutive) and the sorted order."""
-        self.street, self.position, self.order = street, position - position.min(), order
+        self.lane_key, self.position, self.order = lane_key, position - position.min(), order
         self.length = self.position.max() + 4 * BESIDE_RANGE
         self.sorted = self.places(0)[order]
 
     def places(self, side: int) -> np.ndarray:
         """Place of each row in the order of the adjacent lane; side -1 is left."""
-        return (self.street + side) * self.length + self.position
+        return (self.lane_key + side) * self.length + self.position
 
     def ahead_on_left(self, lane: np.ndarray) -> np.ndarray:
         """Row of the next vehicle ahead on the lane to the left."""
         place = np.minimum(np.searchsorted(self.sorted, self.places(-1), side="left"), len(lane) - 1)
         row = self.order[place]
-        is_there = (lane > 0) & (self.street[row] == self.street - 1) & (self.position[row] >= self.position)
+        is_there = (lane > 0) & (self.lane_key[row] == self.lane_key - 1) & (self.position[row] >= self.position)
         return np.where(is_there, row, NO_VEHICLE)
 
     def beside(self, speed: np.ndarray, lane: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -93,7 +94,7 @@ class _Lines:
             known = (lane >= 0) & (lane + side >= 0)
             for k in range(MOST_BESIDE):
                 row = self.order[np.minimum(first + k, len(lane) - 1)]
-                is_beside = known & (first + k < last) & (self.street[row] == self.street + side)
+                is_beside = known & (first + k < last) & (self.lane_key[row] == self.lane_key + side)
                 slowest = np.where(is_beside, np.minimum(slowest, speed[row]), slowest)
                 n_beside += is_beside
         return slowest, n_beside

@@ -1,4 +1,4 @@
-"""Drives of known drivers in two parts: one to calibrate their own parameters, one to test a prediction.
+"""Drives of the same drivers in two parts: one to calibrate their own parameters, one to test a prediction.
 
 In every protocol, a split is two sets of measured drives of the same drivers; no time step counts in both.
 """
@@ -13,7 +13,7 @@ from jaxtyping import Bool, Float, Int
 from rearl_jax.discovery.read.measured import BY_PIECE, Measured
 
 LEAST_TIME = 10.0
-"""Smallest time of a driver, each in training and test, for a prediction to be tested [s]."""
+"""Smallest time of a driver in training, and in the test, for a prediction to be tested [s]."""
 
 MOST_FOLDS = 4
 """Largest number of folds of one driver's runs; each fold is predicted from the others, and with more runs several

@@ -10,7 +10,7 @@ from rearl_jax.document.table import NONE, Cell, Row, Table, interval, number, p
 
 
 def base_section(verdict: Mapping[str, Any]) -> Section:
-    """A row per model: evidence on the checked drivers, and mean gap errors; empty if none were compared."""
+    """A row per model: evidence on the check drivers, and mean gap errors; empty if none were compared."""
     base, title = verdict.get("base"), "Car-following models compared"
     if base is None:
         return Section(title)
@@ -57,7 +57,7 @@ def _mark(row: Mapping[str, Any], base: Mapping[str, Any]) -> Cell:
 
 
 def _repeated(base: Mapping[str, Any]) -> str:
-    """Sentence on the model that was chosen before effects were found."""
+    """Sentence on the model that was chosen before effects were found; empty if it is the chosen one."""
     if base.get("before") is None:
         return ""
     return (

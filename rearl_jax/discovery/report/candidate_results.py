@@ -10,7 +10,7 @@ from rearl_jax.discovery.thresholds import THRESHOLDS
 RESULTS: Mapping[str, str] = {
     "added": "added to the model",
     "not_distinguished": "explains the data as well as the added one",
-    "predicts_no_better": "left out: others are not surely predicted better",
+    "predicts_no_better": "left out: no significantly better prediction of others",
     "contradicted": "simulations of others contradict it",
     "of_numerics": "a delay within the time resolution",
     "copies_leader": "as hard as the leader, at once: positions of both may share an error",
@@ -27,14 +27,14 @@ def result_of(search: Search, term: Term) -> str:
     """Key of RESULTS for a candidate of car following; the test that decided last if it failed several."""
     if any(trial.candidate.term == term for trial in search.added):
         return "added"
-    if any(trial.candidate.term == term for turn in search.rounds for trial in turn.alternatives):
+    if any(trial.candidate.term == term for round_ in search.rounds for trial in round_.alternatives):
         return "not_distinguished"
     if term in search.unpredictive:
         return "predicts_no_better"
-    denied = [*search.rejected, *(trial for turn in search.rounds for trial in turn.contradicted)]
+    denied = [*search.rejected, *(trial for round_ in search.rounds for trial in round_.contradicted)]
     if any(trial.candidate.term == term for trial in denied):
         return "contradicted"
-    trials = [trial for turn in search.rounds for trial in turn.trials if trial.candidate.term == term]
+    trials = [trial for round_ in search.rounds for trial in round_.trials if trial.candidate.term == term]
     if trials:
         return _failed_test(trials[0], is_exceeding=term in search.rounds[0].exceeding)
     return "not_fitted" if search.rounds[0].z_score[term] > THRESHOLDS.candidate_z_score else "within_chance"

@@ -106,8 +106,8 @@ def _errors(
 
 
 def _floor(solver: Solver, state: FitState, calibrated: FitState, fit: Fit, seed: int) -> Float[np.ndarray, " drivers"]:
-    """Gap error [m] that remains if the model is correct: the model's own noisy drives are calibrated in the same way,
-    with the noise level of each driver's innovations.
+    """Gap error [m] of each driver that remains if the model is correct: drives simulated with the model and the noise
+    level of the driver's innovations are calibrated in the same way as measured ones.
     """
     data, squares = state.data, []
     rng = np.random.default_rng([seed, 1])

@@ -136,7 +136,7 @@ def draw_example(residuals: Mapping[str, Residuals], errors: Mapping[str, ModelE
     rows, begins = stretches(data.weight[:, piece] > 0, data.stride)
     time, leader = data.surroundings.time[rows, piece], data.leader[rows, piece]
     gap = (data.surroundings.leader_rear - data.smooth - data.length / 2)[rows, piece]
-    # A gap in the line at changes of leader.
+    # NaN interrupts the line at changes of leader.
     seen = np.where(begins | np.r_[False, leader[1:] != leader[:-1]], np.nan, gap)
     above.plot(time, seen, color=DARK_GREY, linewidth=2.0, label="measured")
     for model, of_model in residuals.items():

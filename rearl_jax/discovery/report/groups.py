@@ -1,13 +1,13 @@
 """The joint verdict on groups of drivers: missing effects of each group, and differences between groups.
 
 The verdict of a discovery by groups has the same keys as one without groups. `verdict` is the strongest of the groups'
-verdicts, each effect names its group, and errors are those of all reported drivers, each with the model of its group.
+verdicts, each effect names its group, and errors are those of all report drivers, each with the model of its group.
 Candidates, unseen effects and adequacy are in the verdict of each group, `groups/<name>/verdict.json`. Additional keys:
 
 groups    [{by, value, drivers, driver_seconds, cars, shared, labels, verdict, effects, error, car_following, base,
           equilibrium_time_gap, notes}]: `labels` {label: {value, share}} the most common value of each label and its
           share of the drivers, `cars` the number of persons or cars, null if no identity is known; `shared` the number
-          of them among both fitted and reported drivers; `equilibrium_time_gap` {speed [m/s]: {value, low, high}}, the
+          of them among both fitted and report drivers; `equilibrium_time_gap` {speed [m/s]: {value, low, high}}, the
           median over fitted drivers of gap over speed [s] behind a leader of that speed in the calibrated model, null
           if fewer than half of the drivers have a higher desired speed
 grouping  {by, left_out: {value: drivers}}: number of drivers outside all groups; for kinds found without labels also

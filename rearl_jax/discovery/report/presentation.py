@@ -19,6 +19,7 @@ from rearl_jax.document.html import page_of
 from rearl_jax.results import Study
 
 PARTS = ("fitted", "checked", "reported")
+"""Parts of the drivers, in the order of the residuals."""
 
 CHOSEN_FROM = 2
 """Number of parts used by the open-ended finder; the reported part is excluded."""
@@ -79,7 +80,7 @@ def present(study: Study, discovery: Discovery) -> None:
 
 
 def all_residuals(page_data: PageData) -> dict[str, list[Residuals]]:
-    """Residuals of the fitted, checked and reported drivers, `before` and, if effects were added, `after`."""
+    """Residuals of the fitted, checked and report drivers, `before` and, if effects were added, `after`."""
     solver, search, parts = page_data.solver, page_data.search, page_data.parts
     models = {"before": (search.before, (parts.checked, parts.reported))}
     if search.added or search.clocks is not None:

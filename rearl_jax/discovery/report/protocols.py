@@ -44,7 +44,7 @@ class ProtocolErrors:
     """Errors of one model under one protocol.
 
     Attributes:
-        driver: Index of each tested driver among the reported drivers, or among the drivers with several runs.
+        driver: Index of each tested driver among the report drivers, or among the drivers with several runs.
         by_driver: Values of the PROTOCOL_MEASURES of each tested driver.
         population: Values of the same measures on the same drives with population parameters.
         left_out: Number of drivers with too little data.
@@ -72,7 +72,7 @@ def protocol_errors(
 
     Args:
         solver: Solver of the model.
-        state: State of the reported drivers under the model.
+        state: State of the report drivers under the model.
         fit: The fitted model.
         in_sample: Deviations with parameters calibrated to each drive.
         runs: As of `prediction_errors`.
@@ -96,7 +96,7 @@ def prediction_errors(
 
     Args:
         solver: Solver of the model.
-        state: State of the reported drivers under the model.
+        state: State of the report drivers under the model.
         fit: The fitted model.
         runs: Splits of drivers with several runs, see `left_out_runs`.
         variation: Variation of the time gap; predictions contain the part that follows from the gap at the start.

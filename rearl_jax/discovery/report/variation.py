@@ -53,10 +53,10 @@ def variation_block(
     def scores_of(fit: Fit, halves: FitState | None, varied: TimeGapVariation) -> Float[np.ndarray, " drivers"]:
         return np.empty(0) if halves is None else energy_scores(solver, halves, fit, resampling.seed, varied)
 
-    (calibrated, reported), (final, taken) = first, last
-    halves = later_halves(solver, reported, calibrated)
-    later = halves if final is calibrated and taken is reported else later_halves(solver, taken, final)
-    scores = {"before": scores_of(calibrated, halves, CONSTANT_TIME_GAP)}
+    (calibrated, reported), (final, corrected) = first, last
+    second_halves = later_halves(solver, reported, calibrated)
+    later = second_halves if final is calibrated and corrected is reported else later_halves(solver, corrected, final)
+    scores = {"before": scores_of(calibrated, second_halves, CONSTANT_TIME_GAP)}
     scores["constant"] = scores["before"] if final is calibrated else scores_of(final, later, CONSTANT_TIME_GAP)
     scores["varying"] = scores["constant"] if variation == CONSTANT_TIME_GAP else scores_of(final, later, variation)
     state, prior = final.state, solver.layout.prior

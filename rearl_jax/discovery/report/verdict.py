@@ -14,7 +14,7 @@ lane_changes [{name, parameters, gain, check, is_sure}]: effects of lane changes
              few leaders change
 unseen       [{name, parameter, strength, unit}]: smallest strength at which each effect would be detected in these data
 base         {chosen, driver, differs, before, compared, drivers: {fitted, checked}, equilibrium_time_gap}:
-             car-following models compared on checked drivers, null without a comparison; all other entries of the
+             car-following models compared on check drivers, null without a comparison; all other entries of the
              verdict refer to the `chosen` model. `driver`: model of the configuration; `before`: model chosen before
              effects were found, if `chosen` is significantly more likely with these effects, else null; `compared`:
              [{name, n_parameters, log_likelihood [nats], gain: log-likelihood above that of `driver`, better_share:
@@ -124,8 +124,8 @@ def named_trial(
         low, high = max(low, float(layout.low[place])), min(high, float(layout.high[place]))
         parameters[name] = Estimate(value, low, high, unit)
     share = share_of(trial.total, [other.total for other in others if other is not trial])
-    sure = min(share, reliability)
-    return Claim(candidate.term.effect, candidate.kind, parameters, candidate.variables, sure, trial.total)
+    probability = min(share, reliability)
+    return Claim(candidate.term.effect, candidate.kind, parameters, candidate.variables, probability, trial.total)
 
 
 def names_and_units(candidate: Candidate) -> list[tuple[str, str]]:
@@ -180,7 +180,7 @@ def verdict_of(search: Search, effects: Sequence[Claim], adequacy: Adequacy, *, 
         search: Result of the search.
         effects: Claimed effects.
         adequacy: Adequacy of the final model.
-        is_lower: Whether the error of the reported drivers is significantly lower than before.
+        is_lower: Whether the error of the report drivers is significantly lower than before.
     """
     added = [trial.candidate.kind for trial in search.added]
     names = {trial.candidate.term.effect for trial in search.added if trial.candidate.kind in NAMED_KINDS}
@@ -209,8 +209,8 @@ def verdict_of(search: Search, effects: Sequence[Claim], adequacy: Adequacy, *, 
 def candidate_rows(search: Search) -> list[dict[str, Any]]:
     """All candidates of the first round: fitted ones by their total, then the others by evidence."""
     first = search.rounds[0]
-    trials = {trial.candidate.term: trial for turn in reversed(search.rounds) for trial in turn.trials}
-    ambiguous = {trial.candidate.term for turn in search.rounds for trial in turn.alternatives}
+    trials = {trial.candidate.term: trial for round_ in reversed(search.rounds) for trial in round_.trials}
+    ambiguous = {trial.candidate.term for round_ in search.rounds for trial in round_.alternatives}
     chosen = [trial.candidate.term for trial in search.added]
     terms = sorted(
         first.evidence, key=lambda term: (-trials[term].total if term in trials else np.inf, -first.z_score[term])
@@ -241,9 +241,10 @@ def candidate_rows(search: Search) -> list[dict[str, Any]]:
 
 
 def unseen(search: Search, threshold: dict[Term, float]) -> list[dict[str, Any]]:
-    """Smallest strength at which each named effect would be detected in these data.
+    """Smallest strength at which each named effect would be detected in these data, entry `unseen` of the verdict.
 
-    The threshold is the evidence above which a candidate exceeds chance [nats].
+    `threshold` is the evidence above which each candidate exceeds chance [nats]. The Laplace evidence is solved for the
+    strength, with the information of the effect's first parameter.
     """
     rows = []
     for term, score in search.first_scores.items():

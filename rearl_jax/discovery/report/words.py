@@ -58,9 +58,9 @@ def _names(effects: Sequence[Mapping[str, Any]]) -> str:
 
 def _dependence(effect: Mapping[str, Any]) -> str:
     """Phrase on car-following models under which an effect is not found."""
-    without = effect.get("depends_on_base")
+    others = effect.get("depends_on_base")
     return (
-        f" (depends on the car-following model: not found with {' and '.join(map(spoken, without))})" if without else ""
+        f" (depends on the car-following model: not found with {' and '.join(map(spoken, others))})" if others else ""
     )
 
 

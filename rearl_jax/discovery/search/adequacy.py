@@ -25,7 +25,7 @@ from rearl_jax.discovery.search.outcome import Search
 from rearl_jax.discovery.thresholds import THRESHOLDS
 
 MOST_ENERGY = 9.0
-"""Bound of a squared acceleration over a driver's usual one [-]: no single time step decides."""
+"""Bound of a squared acceleration residual over the driver's mean one [-], so that no single time step decides."""
 
 OF_LATE = 0.3
 """Time over which the change of the model's acceleration is computed [s]."""
@@ -58,8 +58,10 @@ class Adequacy:
         autocorrelation_by_noise: The same of drives simulated with the final model and noise alone [-]; not zero if
             positions were smoothed.
         unequal_noise: Dependence of the innovations' variance on the situation, in standard deviations [-].
-        misjudgement: Growth of the noise with the response to a misjudged gap, in standard deviations [-].
-        staleness: Growth of the noise with the error of a delayed decision, in standard deviations [-].
+        misjudgement: Growth of the noise with the response to a misjudged gap, in standard deviations [-]; large if
+            drivers misjudge gaps.
+        staleness: Growth of the noise with the error of a delayed decision, in standard deviations [-]; large if
+            drivers decide at intervals and keep the acceleration in between.
         remaining: The candidate with the largest z-score, and its z-score.
         driver_minutes: Driver-minutes used for misjudgement and staleness [min].
     """
@@ -77,20 +79,20 @@ class Adequacy:
 
     @property
     def misjudges(self) -> bool:
-        """True if drivers seem to misjudge gaps, or to act on old observations."""
+        """True if drivers seem to misjudge gaps, or to decide at intervals."""
         least = max(THRESHOLDS.growth_z_score, THRESHOLDS.growth_per_root_minute * float(np.sqrt(self.driver_minutes)))
         return max(self.misjudgement, self.staleness) > least
 
     @property
     def is_of_clocks(self) -> bool:
-        """True if corrected clock offsets may explain everything. Innovations need not be smooth, because the times of
+        """True if corrected clock offsets may explain everything. The kurtosis is not tested, because the times of
         cut-ins are not corrected.
         """
         return max(self.misjudgement, self.staleness) < THRESHOLDS.growth_beside_clocks and self.is_white
 
     @property
     def is_white(self) -> bool:
-        """True if innovations are hardly more autocorrelated than by noise alone."""
+        """True if innovations are hardly more autocorrelated than those of drives simulated with noise alone."""
         return abs(self.autocorrelation - self.autocorrelation_by_noise) < THRESHOLDS.most_autocorrelation
 
     @property
@@ -100,7 +102,7 @@ class Adequacy:
 
     @property
     def is_smooth(self) -> bool:
-        """True if the innovations are consistent with a smooth model, or with rare emergency braking."""
+        """True if the kurtosis is that of normal innovations, or if the added effects removed enough of it."""
         explained = self.kurtosis < THRESHOLDS.kurtosis_left * self.kurtosis_before
         return (
             self.kurtosis <= max(THRESHOLDS.most_kurtosis, THRESHOLDS.kurtosis_z_score * self.kurtosis_deviation)
@@ -109,16 +111,17 @@ class Adequacy:
 
 
 def adequacy(solver: Solver, search: Search, seed: int) -> Adequacy:
-    """Moments of the final model's innovations, and the remaining candidate with the largest z-score.
+    """Adequacy of the final model of a search.
 
-    Misjudged gaps and old decisions have no other check, so they are tested on the other drivers as well.
+    Misjudged gaps and old decisions are not candidates, so no fit is checked on other drivers; they are tested on the
+    fitted and the check drivers together.
 
     Args:
         solver: Solver of the model.
         search: Result of the search, with the added effects.
         seed: Seed of the simulated drives.
     """
-    state, last = search.last.state, search.rounds[-1]
+    state, last_round = search.last.state, search.rounds[-1]
     (before,) = solver.innovations([search.first.state])
     states = [state, *recalibrated(solver, search.checked, [search.last])]
     of_parts = residuals_of(solver, states, [search.last, search.last])
@@ -126,7 +129,7 @@ def adequacy(solver: Solver, search: Search, seed: int) -> Adequacy:
     fitted = of_parts[0]
     weight = state.data.weight
     innovation, before = standardised(fitted.innovation, state.data), standardised(before, state.data)
-    term = max(last.z_score, key=lambda key: last.z_score[key])
+    term = max(last_round.z_score, key=lambda key: last_round.z_score[key])
     return Adequacy(
         kurtosis=kurtosis(innovation, weight),
         kurtosis_deviation=float(np.sqrt(24.0 / weight.sum())),
@@ -136,7 +139,7 @@ def adequacy(solver: Solver, search: Search, seed: int) -> Adequacy:
         unequal_noise=unequal_noise(fitted.innovation, state.data),
         misjudgement=misjudgement(of_parts, chance),
         staleness=staleness(of_parts, chance),
-        remaining=(term, float(last.z_score[term])),
+        remaining=(term, float(last_round.z_score[term])),
         driver_minutes=sum(solved.data.seconds for solved in states) / 60,
     )
 
@@ -177,7 +180,7 @@ def kurtosis(innovation: Float[np.ndarray, "steps pieces"], weight: Float[np.nda
 
 
 def unequal_noise(innovation: Float[np.ndarray, "steps pieces"], data: Measured) -> dict[str, float]:
-    """Dependence of the size of innovations [m] on the situation; standard normal values without one."""
+    """Dependence of the size of innovations [m] on the situation, in standard deviations [-]."""
     surroundings = data.surroundings
     gap = np.maximum(surroundings.leader_rear - (data.smooth + data.length / 2), 1.0)
     situations = {
@@ -185,7 +188,6 @@ def unequal_noise(innovation: Float[np.ndarray, "steps pieces"], data: Measured)
         "speed": data.smooth_speed,
         "approach_rate": np.abs(data.smooth_speed - surroundings.leader_speed),
     }
-
     relative = innovation**2 / data.driver_mean(innovation**2)[data.driver]
     return {name: _in_deviations(_driver_scores(relative, values, data)) for name, values in situations.items()}
 
@@ -194,8 +196,11 @@ def misjudgement(parts: Parts, chance: Sequence[Parts]) -> float:
     """Growth of the acceleration residual with the response to a misjudged gap, in standard deviations.
 
     A relative error of the gap changes the acceleration by the gap times the model's derivative by the gap. Noise of
-    the acceleration does not depend on this derivative and is even damped by it, which gives negative values. `chance`
-    are residuals of drives simulated with the final model and noise alone.
+    the acceleration does not depend on this derivative and is even damped by it, which gives negative values.
+
+    Args:
+        parts: Residuals of the measured drives.
+        chance: Residuals of replicates of these drives, simulated with the final model and noise alone.
     """
 
     def by_misjudging(residuals: Residuals) -> np.ndarray:
@@ -210,14 +215,14 @@ def staleness(parts: Parts, chance: Sequence[Parts]) -> float:
 
     A driver who decides from time to time and keeps the acceleration in between lags by a random time; the resulting
     residual is proportional to the change. A constant lag is a delay, which leaves no such residual once the model
-    contains it. Noise also changes the model acceleration through the speed, and the share of this by chance is larger
-    behind leaders of steady speed. Arguments as of `misjudgement`.
+    contains it. Noise also changes the model acceleration, through the speed, and the more so behind leaders of steady
+    speed; simulations with noise alone show by how much. Arguments as of `misjudgement`.
     """
 
     def by_being_late(residuals: Residuals) -> np.ndarray:
         data = residuals.state.data
-        still = jnp.zeros(residuals.x.shape)
-        wanted = np.asarray(follow(residuals.stimulus(), drivers_of(residuals), (), (), still, data.dt)[0], float)
+        none_before = jnp.zeros(residuals.x.shape)  # without effects, the last acceleration is not used
+        wanted = np.asarray(follow(residuals.stimulus(), drivers_of(residuals), (), (), none_before, data.dt)[0], float)
         wanted = wanted.clip(*REASONABLE)
         ago = max(1, round(OF_LATE / data.dt))
         change = np.zeros_like(wanted)
@@ -232,10 +237,10 @@ Energy = Callable[[Residuals], np.ndarray]
 
 
 def _beyond_chance(energy: Energy, parts: Parts, chance: Sequence[Parts]) -> float:
-    """Growth of the acceleration residual with a squared cause, beyond the growth by noise alone.
+    """Growth of the acceleration residual with a squared cause, minus the growth by noise alone if that is positive.
 
-    If noise alone gives a negative value, the reference is zero, because a delay, modelled or not, leaves more than
-    noise.
+    A negative growth by noise alone is not subtracted: drivers with a delay, even a modelled one, show more growth than
+    noise alone, and would otherwise exceed the threshold.
     """
 
     def grows(parts: Parts) -> float:
@@ -251,10 +256,10 @@ def _energy_scores(square: Float[np.ndarray, "steps pieces"], residuals: Residua
     if not counts.any():
         return np.zeros(data.n_drivers)
     large, most = np.quantile(square[counts], [0.9, 0.98])
-    stake = np.minimum(square, most) / max(float(large), 1e-12)
+    cause = np.minimum(square, most) / max(float(large), 1e-12)
     energy = residuals.acceleration**2
     energy = np.minimum(energy / np.maximum(data.driver_mean(energy), 1e-12)[data.driver], MOST_ENERGY)
-    return _driver_scores(energy, stake, data)
+    return _driver_scores(energy, cause, data)
 
 
 def _driver_scores(

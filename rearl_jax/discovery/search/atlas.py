@@ -33,7 +33,7 @@ from rearl_jax.discovery.search.shapes import shape_of, shape_words
 from rearl_jax.discovery.search.variables import Variable, variables_of
 
 PLANES = (("gap", "approach_rate"), ("position", "time"))
-"""Pairs of variables of the planes: horizontal, vertical."""
+"""Pairs of variables, horizontal and vertical, of the planes (maps over two variables)."""
 
 CURVE_SCALE = {"acceleration": 0.3, "time_gap": 0.3}
 """Standard deviation of the prior of a curve's values in the finder: as for the curves of the screen [m/s^2], [-]."""
@@ -71,8 +71,8 @@ class PartScores:
 
     Attributes:
         curves: Scores on the columns of all groups.
-        seen: Scores of these columns on the acceleration residual.
-        planes: Scores on the fields of each plane.
+        seen: Scores of these columns on the acceleration residual, for shares of its variance.
+        planes: Scores on the fields (cells) of each plane.
         shares: Shares of the time steps in the fields of each plane [-].
     """
 
@@ -121,7 +121,7 @@ def part_scores(residuals: Residuals, chart: Chart) -> PartScores:
 
 
 def joined(parts: Sequence[DriverScores]) -> DriverScores:
-    """Scores of several parts of the data."""
+    """Scores of several parts of the data together."""
     gram, score, square = (
         np.concatenate([getattr(part, name) for part in parts]) for name in ("gram", "score", "square")
     )

@@ -1,8 +1,8 @@
 """Detection of clock offsets between vehicles, and correction of the data.
 
-Clock offsets are compared with independent shifts of every leader-follower pair. Shifts are estimated in a few
-iterations, because half a second is too large for a linear estimate. The gain of each explanation is computed on the
-data that it corrects.
+Clock offsets are compared with independent shifts of every leader-follower pair, as other faults cause them. Shifts
+are estimated in a few iterations, because offsets of half a second are too large for a linear estimate. The gain of
+each explanation is that of the data that it corrects over the data as measured.
 """
 
 from dataclasses import dataclass
@@ -27,7 +27,7 @@ class ClockCheck:
 
     Attributes:
         base: The calibrated model on the uncorrected data.
-        gain, check: Gains of the fitted and the checked drivers, less the complexity penalty [nats].
+        gain, check: Gains of the fitted and the check drivers, less the complexity penalty [nats].
         spread: Standard deviation of the offsets [s].
         fitted, checked: The drivers with corrected clocks.
     """
@@ -61,7 +61,7 @@ class ShiftCorrection:
 
 
 def check_clocks(solver: Solver, base: Fit, checked: Measured) -> ClockCheck | None:
-    """Clock offsets found by the fitted drivers and by the others; None if there are none."""
+    """Clock offsets that fitted and check drivers support, and not less than independent shifts of pairs; else None."""
     parts = (base.state.data, checked)
     fitted, others = (correct_shifts(solver, Clocks(part), base) for part in parts)
     gain = fitted.gain - THRESHOLDS.freedom_price

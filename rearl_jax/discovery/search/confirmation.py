@@ -1,4 +1,4 @@
-"""Final check: added effects must not make simulations of the checked drivers worse.
+"""Last test of added effects: they must not make simulations of the check drivers worse.
 
 Evidence comes from one-step predictions, in which noise that differs from the observer's assumptions can look like an
 effect. A simulation accumulates the influence of an effect over time.
@@ -15,11 +15,11 @@ from rearl_jax.discovery.thresholds import THRESHOLDS
 
 
 def confirmed(solver: Solver, outcome: Search, seed: int) -> Search:
-    """The search, without additions with which the closed-loop gap error of the checked drivers is larger.
+    """The search, without additions with which the closed-loop gap error of the check drivers is larger.
 
-    Additions are removed from the last one on. Free curves that were added later only fit remainders of earlier
-    additions, so they are removed if they more likely increase the error than reduce it. Then all additions are removed
-    as long as the error is significantly larger than without them.
+    Additions are removed from the last one backwards. Free curves after the first addition may only fit the remainder
+    of earlier ones, so they are removed if they increase the error in more than half of the resamples of drivers. Then
+    any addition is removed as long as the error is significantly larger than without additions.
     """
     if not outcome.added:
         return outcome

@@ -28,7 +28,7 @@ class Trial:
         fit: The model fitted with the candidate.
         fitted: Gain of each fitted driver [nats], bounded as in `bounded_gains`.
         checked: Gain of each checked driver with its own parameters calibrated again [nats], bounded.
-        other: State of the checked drivers with the candidate.
+        other: State of the check drivers with the candidate.
         penalty: Complexity penalty [nats].
         null_mean: Mean gain of all drivers together if no effect is missing [nats].
         simulated: Gain of each checked driver's simulation [nats], bounded; None if not simulated.
@@ -50,7 +50,7 @@ class Trial:
 
     @property
     def check(self) -> float:
-        """Gain on the checked drivers [nats]."""
+        """Gain on the check drivers [nats]."""
         return float(self.checked.sum())
 
     @property
@@ -60,8 +60,8 @@ class Trial:
 
     @property
     def is_of_follower(self) -> bool:
-        """True for a response to the vehicle behind. That vehicle follows the recorded drive, so a simulated driver who
-        responds to it stays near the record in any case: better simulations do not count.
+        """True for a response to the vehicle behind. That vehicle reacts to the recorded drive, so a simulated driver
+        who responds to it stays near the recorded drive in any case: better simulations are no evidence.
         """
         return bool(OF_FOLLOWER & set(self.candidate.variables))
 
@@ -79,7 +79,7 @@ class Trial:
 
     @property
     def holds(self) -> bool:
-        """True if fitted and checked drivers both support the candidate."""
+        """True if fitted and check drivers both support the candidate."""
         return (
             self.gain > THRESHOLDS.least_gain
             and self.total > THRESHOLDS.least_total
@@ -131,8 +131,8 @@ def is_of_numerics(trial: Trial) -> bool:
 
 
 def imitating_delay(trials: list[Trial]) -> set[Term]:
-    """Candidates that a delay within the time resolution explains better: fast responses, as to the acceleration of the
-    leader, imitate it.
+    """Candidates that a delay within the time resolution explains better. Fast responses, for example to the leader's
+    acceleration, imitate such a delay.
     """
     delays = [trial for trial in trials if is_of_numerics(trial) and trial.holds]
     return {
@@ -147,8 +147,8 @@ def copies_leader(trial: Trial) -> bool:
     """True if the trial is a response to the leader's acceleration by which drivers accelerate at once as hard as the
     leader, or harder.
 
-    No driver can, but measured positions do if they share an error, as those of a vehicle that was measured from its
-    leader.
+    No driver can do so. Measured positions seem to if both share an error, for example if a vehicle was measured from
+    its leader.
     """
     if trial.candidate.term != Term("leader_acceleration"):
         return False
@@ -162,10 +162,9 @@ def ranked(trials: list[Trial]) -> list[Trial]:
 
 
 def believed(trials: list[Trial]) -> list[Trial]:
-    """Supported candidates, the best first; if there are any, clearly better unsupported candidates precede them.
-
-    A candidate with a clearly higher total on the checked drivers is the better explanation, even if its gain on the
-    fitted drivers hardly exceeds the complexity penalty.
+    """Supported candidates, the best first. If there are any, unsupported candidates that are clearly better (see
+    `Trial.beats`) precede them: they are the better explanation, even if their gain on the fitted drivers hardly
+    exceeds the complexity penalty.
     """
     accepted = ranked(trials)
     better = [trial for trial in trials if accepted and trial.gain > 0 and trial.beats(accepted[0])]

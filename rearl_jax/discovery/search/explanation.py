@@ -1,4 +1,4 @@
-"""Tests whether a search explains the drivers, and whether a search with another model names what it left unnamed."""
+"""Tests whether a search explains the drivers, and whether another model explains them by named effects alone."""
 
 from dataclasses import dataclass
 
@@ -18,12 +18,12 @@ from rearl_jax.discovery.thresholds import THRESHOLDS
 
 @dataclass(frozen=True)
 class Prediction:
-    """Predictions of the final model of a search for the checked drivers.
+    """Predictions of the final model of a search for the check drivers.
 
     Attributes:
         log_likelihood: Log-likelihood of each driver's next time steps, its own parameters integrated out [nats].
         gap_error: Gap error of each driver in simulation, its own parameters calibrated to the gap [m].
-        data: The checked drivers.
+        data: The check drivers.
     """
 
     log_likelihood: Float[np.ndarray, " drivers"]
@@ -32,14 +32,14 @@ class Prediction:
 
 
 def prediction_of(solver: Solver, outcome: Search) -> Prediction:
-    """Predictions of the final model of a search for the checked drivers."""
+    """Predictions of the final model of a search for the check drivers."""
     (state,) = recalibrated(solver, outcome.checked, [outcome.last])
     (error,) = gap_errors(solver, [state])
     return Prediction(state.marginal(), error, outcome.checked)
 
 
 def is_explained(outcome: Search, adequacy: Adequacy) -> bool:
-    """True if every effect found has a name without a doubt, and only noise is left; also if no effect was found."""
+    """True if all effects found are named and not in doubt, and only noise is left; also if no effect was found."""
     if outcome.rejected or outcome.is_contradicted or outcome.leaves_shifts:
         return False
     if not outcome.added and outcome.leaves_more:
@@ -50,7 +50,7 @@ def is_explained(outcome: Search, adequacy: Adequacy) -> bool:
 
 
 def predicts_better(before: Prediction, after: Prediction, seed: int) -> bool:
-    """True if a search with another model surely predicts the check drivers better, one time step ahead and in
+    """True if a search with another model predicts the check drivers significantly better, one-step predictions and
     simulations taken together, and its simulations are not significantly worse.
     """
     gains = bounded_gains(after.log_likelihood - before.log_likelihood, after.data)
@@ -61,7 +61,8 @@ def predicts_better(before: Prediction, after: Prediction, seed: int) -> bool:
 
 
 def names_more(before: Prediction, named: Search, adequacy: Adequacy, after: Prediction, seed: int) -> bool:
-    """True if a search with another model explains the drivers by effects of drivers or roads alone, by at least one,
-    and predicts better. An artefact of the recording that shows with that model only speaks against the model.
+    """True if a search with another model explains the drivers by at least one named effect of drivers or roads, by
+    nothing else, and predicts better. An artefact of the recording that appears with that model only is evidence
+    against the model.
     """
     return named.is_named and is_explained(named, adequacy) and predicts_better(before, after, seed)

@@ -1,6 +1,7 @@
 """Families of easily confused candidates: if one exceeds chance, all members are fitted and compete.
 
-Source: share of a candidate's detectable signal that another can imitate, from the projected Fisher information.
+Members were chosen by the share of one candidate's detectable signal that another can imitate (projected Fisher
+information).
 """
 
 from collections.abc import Sequence
@@ -32,6 +33,8 @@ FAMILIES = (
     _family("lane_desired_speed", on=("lane",)),
     _family("asymmetry", "approach_rate_gain", on=("approach_rate",)),
 )
+
+"""Families whose members are fitted together."""
 
 CONFOUNDED = (
     *FAMILIES,

@@ -1,4 +1,4 @@
-"""The open-ended finder: identifies variables on which the residual depends, without a list of effects.
+"""The open-ended finder: identifies the variables that the residual depends on, without a list of effects.
 
 Method: sparse regression on curves over every variable, as an acceleration and as a change of the time gap. All knots
 of a curve form one group. Groups are added one after the other while the evidence for the best exceeds what the best of
@@ -20,7 +20,7 @@ from rearl_jax.discovery.observe.forcing import DriverScores
 from rearl_jax.discovery.thresholds import THRESHOLDS
 
 PAIRS = 25
-"""Pairs of complementary halves."""
+"""Random divisions of the drivers into two halves."""
 
 MOST = 4
 """Largest number of groups selected in one half."""
@@ -34,7 +34,7 @@ class Group:
         variable: Name of the variable.
         acts_on: `acceleration` or `time_gap`.
         columns: Column indices of its knots.
-        scale: Prior standard deviation of its values.
+        scale: Prior standard deviation of its values [m/s^2] or [-].
     """
 
     variable: str
@@ -98,7 +98,7 @@ def forward_selection(scores: DriverScores, drivers: Int[np.ndarray, " some"], g
             break
         group = unselected.pop(best)
         selected.append(group)
-        # Scores after the group's contribution is removed.
+        # Scores of the other groups with this one in the model (partial regression).
         across = np.linalg.solve(gram[np.ix_(group.columns, group.columns)], gram[group.columns])
         score = score - across.T @ score[group.columns]
         gram = gram - gram[:, group.columns] @ across

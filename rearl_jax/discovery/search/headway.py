@@ -41,7 +41,7 @@ START_SHARES = (0.0, 0.4, 0.7, 0.9)
 """Tested shares of the difference of log T at the start that are variation [-]."""
 
 SMALLEST = 1e-3
-"""Smallest energy score that is distinguished [m]."""
+"""Lower bound of energy scores [m], so that their logarithms are finite."""
 
 
 @dataclass(frozen=True)
@@ -70,10 +70,10 @@ class TimeGapVariation:
         return self.start_share * departures(state, prior) * self._remaining(state.data)
 
     def expected_of_unknown(self, state: FitState, prior: Prior) -> Float[np.ndarray, "steps pieces"] | None:
-        """Expected logarithm as in `expected`, for drivers of whom only the population is known: the start then also
-        contains information about their own time gap.
+        """Expected logarithm as in `expected`, for drivers of whom only the population is known: the time gap at the
+        start is then also evidence of their own time gap.
 
-        Source: mean of each of several normal variables given their sum.
+        Source: means of normal variables given their sum, here own time gap, variation and departure from equilibrium.
         """
         if not self.sd * self.start_share:
             return None
@@ -135,7 +135,7 @@ def energy_scores(
 
 
 def later_halves(solver: Solver, data: Measured, fit: Fit) -> FitState | None:
-    """Second halves of drives, with the drivers' own parameters of the first ones; None if no drive is long enough."""
+    """Second halves of drives, with own parameters from the first halves; None if no drive is long enough."""
     is_long = has_enough_data([halves(data)])
     return known_drivers(solver, halves(data.of_drivers(is_long)), fit) if is_long.any() else None
 
@@ -143,8 +143,9 @@ def later_halves(solver: Solver, data: Measured, fit: Fit) -> FitState | None:
 def time_gap_variation(
     solver: Solver, fit: Fit, seed: int, start_shares: Sequence[float] = START_SHARES
 ) -> TimeGapVariation:
-    """The variation with the lowest geometric mean energy score of the fitted drivers (few poorly modelled drivers do
-    not dominate this mean); no variation if the improvement is below two standard errors.
+    """The variation with the lowest geometric mean energy score of the fitted drivers, a mean that few poorly modelled
+    drivers do not dominate; no variation if the improvement is below two standard errors. One parameter is searched
+    after the other, because each score needs many simulations.
 
     Args:
         solver: Solver of the model.

@@ -25,7 +25,7 @@ LEAST_SHARE = 0.005
 """Share of the time steps that a value of a discrete variable, or a field of a plane, must have to be shown [-]."""
 
 USUAL = 1.0
-"""Prior standard deviation of a curve's values [m/s^2]; it only restricts values that the data do not determine."""
+"""Prior standard deviation of a curve's values [m/s^2]; it only matters for values that the data do not determine."""
 
 USUAL_IN_FIELDS = 0.2
 """Prior standard deviation of the fields of a plane [m/s^2], each of which contains few time steps."""
@@ -34,7 +34,7 @@ HALVINGS = 10
 """Random divisions of the drivers into halves."""
 
 FIELDS = 7
-"""Fields of a plane in each direction."""
+"""Fields (cells) of a plane in each direction."""
 
 
 @dataclass(frozen=True)
@@ -68,8 +68,8 @@ class Curve:
         basis: Basis of its variable.
         value, low, high: Mean acceleration residual at the knots, less its mean over all time steps [m/s^2].
         acts_on: `acceleration`, or `time_gap` if a curve of the time gap has the larger gain.
-        share: Share of the variance of the acceleration residual that it explains on other drivers [-].
-        gain: Gain of log-likelihood on other drivers [nats].
+        share: Share of the variance of the acceleration residual that it explains on held-out drivers [-].
+        gain: Gain of log-likelihood on held-out drivers [nats].
     """
 
     basis: Basis
@@ -105,8 +105,12 @@ def basis_of(variable: Variable, weight: Float[np.ndarray, "steps pieces"]) -> B
 def fitted(
     scores: DriverScores, drivers: Float[np.ndarray, " drivers"] | None = None, prior_deviation: float = USUAL
 ) -> Float[np.ndarray, " columns"]:
-    """Values that explain the innovations best; `drivers` is the weight of each driver,
-    `prior_deviation` the standard deviation of the prior.
+    """Values of the columns that explain the innovations best (ridge regression).
+
+    Args:
+        scores: Scores of the columns.
+        drivers: Weight of each driver [-]; None for equal weights.
+        prior_deviation: Prior standard deviation of each value.
     """
     gram, score = (
         (scores.gram.sum(axis=0), scores.score.sum(axis=0))
@@ -126,9 +130,9 @@ def curve_of(
     counts = rng.multinomial(n, np.full(n, 1 / n), draws)
     drawn = centred(np.stack([fitted(on_innovations, row) for row in counts.astype(float)]), basis)
     low, high = np.quantile(drawn, [(1 - confidence) / 2, (1 + confidence) / 2], axis=0)
-    carried = {acts_on: on_other_halves(*pair, np.random.default_rng(seed)) for acts_on, pair in scores.items()}
-    acts_on = max(carried, key=lambda key: carried[key][1])
-    return Curve(basis, centred(fitted(on_innovations), basis), low, high, acts_on, *carried[acts_on])
+    on_held_out = {acts_on: on_other_halves(*pair, np.random.default_rng(seed)) for acts_on, pair in scores.items()}
+    acts_on = max(on_held_out, key=lambda key: on_held_out[key][1])
+    return Curve(basis, centred(fitted(on_innovations), basis), low, high, acts_on, *on_held_out[acts_on])
 
 
 def centred(values: Float[np.ndarray, "*draws knots"], basis: Basis) -> Float[np.ndarray, "*draws knots"]:
@@ -192,7 +196,7 @@ def plane_of(
     share: Float[np.ndarray, " fields"],
     scores: DriverScores,
 ) -> Plane:
-    """The map of two variables; `share` of the time steps in each field."""
+    """The map of two variables; `share` is the share of the time steps in each field [-]."""
     values = fitted(scores, prior_deviation=USUAL_IN_FIELDS)
     values = values - values @ share
     value = np.where(share > LEAST_SHARE, values, np.nan).reshape(FIELDS, FIELDS)

@@ -31,15 +31,17 @@ the own speed [1/s], and to the acceleration of the vehicle ahead [-]. Source: H
 """
 
 LEAST_FOLLOWER_GAINS, MOST_FOLLOWER_GAINS = np.array([0.01, 0.05, 0.0, 0.0]), np.array([2.0, 3.0, 1.0, 0.9])
-"""Bounds of the response, for a following driver who neither falls behind for ever nor overreacts."""
+"""Bounds of the response: a driver with smaller gains falls behind for ever, one with larger gains overreacts."""
 
 USUAL_FOLLOWERS = 0.01
-"""Weight of the usual response beside the measured one, in driver-minutes."""
+"""Weight of FOLLOWER_GAINS in the estimate of the response [driver-minutes]."""
 
 
 @dataclass(frozen=True)
 class Null:
-    """Mean and standard deviation of each candidate's evidence if no effect is missing [nats]."""
+    """Mean and standard deviation of each candidate's evidence if no effect is missing [nats], from a number of
+    simulated data sets, `replicates`.
+    """
 
     mean: dict[Term, float]
     spread: dict[Term, float]
@@ -50,7 +52,7 @@ class Null:
         return {term: value - max(self.mean[term], THRESHOLDS.least_null_mean) for term, value in evidence.items()}
 
     def null_mean(self, term: Term) -> float:
-        """Mean evidence for a candidate if no effect is missing [nats]."""
+        """Mean evidence for a candidate if no effect is missing [nats], at least 0: gains are reduced by it."""
         return max(self.mean[term], 0.0)
 
     def z_scores(self, evidence: dict[Term, float]) -> dict[Term, float]:
@@ -84,8 +86,8 @@ def position_errors(
 
 
 def smoothed_alike(known: Float[np.ndarray, "steps pieces"], data: Measured) -> Float[np.ndarray, "steps pieces"]:
-    """Acceleration residual smoothed with the kernel of the positions and rescaled to the same standard deviation.
-    Because the model is nearly linear, smoothed noise behind a smoothed leader produces the smoothed drive.
+    """Acceleration residual smoothed with the kernel of the positions and rescaled to the same standard deviation. The
+    model is nearly linear, so smoothed noise behind a smoothed leader produces a smoothed drive.
     """
     if not data.smoothing:
         return known
@@ -98,8 +100,10 @@ def behind_noisy_drive(
 ) -> Float[np.ndarray, "steps pieces"]:
     """Measured positions minus positions simulated with each driver's own noise level behind the same leaders [m]."""
     data = state.data
-    uneven = (state.variances / state.variance)[data.driver] * (1 + noise.growth * squared_leader_acceleration(data))
-    known = smoothed_alike(driver_noise(noise, data.y.shape, data.dt, rng), data) * np.sqrt(uneven)
+    relative_variance = (state.variances / state.variance)[data.driver] * (
+        1 + noise.growth * squared_leader_acceleration(data)
+    )
+    known = smoothed_alike(driver_noise(noise, data.y.shape, data.dt, rng), data) * np.sqrt(relative_variance)
     (behind,) = solver.innovations([replace(state, pieces=replace(state.pieces, known=known))], CLOSED_LOOP)
     return behind
 
@@ -138,9 +142,11 @@ def measured_again(
 ) -> Measured:
     """Measured data if the drivers had driven to other positions [m]; `smooth` and `smooth_speed` are not changed.
 
-    The vehicle behind responds to the other drive. Without this response, its position would tell less about the
-    driver's than a measured one does, and all that it tells would look like an influence on the driver. The other
-    vehicles are measured with errors of their own, if requested and if errors last: smoothing removes all others.
+    The vehicle behind responds to the changed drive. In a recording it responds to the driver, so its position contains
+    information on the driver's position; simulated drives without this response would lack that information, and
+    measured ones would then show false evidence for a response to the vehicle behind. Other vehicles are measured
+    again with errors if `with_others`, provided that errors are correlated in time; white ones are removed by
+    smoothing.
     """
     seen, farther = data.surroundings, response_of_follower(driven - data.smooth, data.dt, follower_gains(data))
     seen = replace(
@@ -191,6 +197,7 @@ def follower_gains(data: Measured) -> Float[np.ndarray, " four"]:
             np.gradient(seen.follower_speed, dt, axis=0),
         ]
     )
+    # Not where the vehicle behind changes: its gap then jumps by more than either vehicle can move.
     same = np.abs(np.diff(columns[0], axis=0, prepend=columns[0, :1])) < data.smooth_speed * dt + 1.0
     counts = seen.has_follower * (data.weight > 0) * same
     share = counts / np.maximum(counts.sum(axis=0), 1.0)
@@ -205,20 +212,22 @@ def follower_gains(data: Measured) -> Float[np.ndarray, " four"]:
 def response_of_follower(
     displacement: Float[np.ndarray, "steps pieces"], dt: float, gains: Float[np.ndarray, " four"] = FOLLOWER_GAINS
 ) -> Float[np.ndarray, "steps pieces"]:
-    """Displacement of the vehicle behind [m] if a vehicle is displaced, by a linear car-following model."""
+    """Displacement of the vehicle behind [m] if the vehicle ahead is displaced [m], by the linear car-following model
+    with FOLLOWER_GAINS, discretised by the bilinear transform.
+    """
     by_gap, by_approach, by_speed, by_acceleration = gains
     above, below = [by_acceleration, by_approach, by_gap], [1.0, by_approach + by_speed, by_gap]
     return np.asarray(lfilter(*bilinear(above, below, 1 / dt), displacement, axis=0))
 
 
 def matched_noise(solver: Solver, state: FitState, noise: Noise, rng: np.random.Generator) -> Noise:
-    """The drivers' noise for which the acceleration residual of simulated drives, measured with errors, varies as much
-    as the fitted noise makes it vary without them.
+    """Noise of drivers for simulated drives in which positions have errors that are correlated in time.
 
-    The noise was fitted to drives behind vehicles whose positions have errors, so it accounts for these errors too. If
-    they last, they are drawn separately and must not count twice.
+    The fitted noise accounts for such errors of the leader too. Simulations draw them separately, so they must not
+    count twice: the drivers' noise is reduced until the acceleration residual, with these errors, has the variance that
+    the fitted noise gives it without them.
     """
-    data, still = state.data, replace(noise, acceleration=0.0)
+    data, no_driver_noise = state.data, replace(noise, acceleration=0.0)
     if data.fused_errors is None and not noise.lasting:
         return noise
     exact = replace(state, data=replace(data, fused_errors=None))
@@ -233,7 +242,8 @@ def matched_noise(solver: Solver, state: FitState, noise: Noise, rng: np.random.
         return simulate_again(solver, state, noise, np.random.default_rng(seed), with_others=with_others)
 
     both, without, errors = (
-        size(each) for each in (again(state, noise, True), again(exact, noise, False), again(state, still, True))
+        size(each)
+        for each in (again(state, noise, True), again(exact, noise, False), again(state, no_driver_noise, True))
     )
     share = np.clip((without - errors) / max(both - errors, 1e-12), 0.0, 1.0)
     return replace(noise, acceleration=noise.acceleration * float(np.sqrt(share)))

@@ -25,14 +25,14 @@ class Search:
         layout: The candidates and their parameters.
         null: Distribution of the evidence under the calibrated model if no effect is missing.
         first_scores: Scores of all candidates under the calibrated model.
-        checked: The checked drivers, with corrected clocks if those of the fitted drivers were corrected.
+        checked: The check drivers, with corrected clocks if those of the fitted drivers were corrected.
         clocks: Clock offsets that the data were corrected for; None without a correction.
         rounds: One round per added effect, and usually a last one in which none was added.
         lane_changes: Trials of the effects of lane changes, each against the model without it.
         rejected: Trials that were added and then removed, because they made the simulation of other drivers worse or,
-            if in `unpredictive`, because they did not surely improve their prediction.
-        excluded: Candidates, possibly clock offsets, that are not searched for.
-        unpredictive: Rejected effects with which other drivers are not surely predicted better.
+            if in `unpredictive`, because they did not predict other drivers significantly better.
+        excluded: Candidates, clock offsets included, that are not searched for.
+        unpredictive: Rejected effects with which other drivers are not predicted significantly better.
         of_bounds: Added effects that do not hold if drivers' parameters may leave their bounds.
     """
 
@@ -67,7 +67,7 @@ class Search:
     @property
     def added(self) -> list[Trial]:
         """Added trials, in their order."""
-        return [turn.chosen for turn in self.rounds if turn.chosen is not None]
+        return [round_.chosen for round_ in self.rounds if round_.chosen is not None]
 
     def fitted_trials(
         self, deviations: Float[np.ndarray, " free"]
@@ -79,14 +79,15 @@ class Search:
             deviations: Standard deviations of the parameters of all effects, concatenated.
         """
         trials = [(trial, [trial]) for trial in self.lane_changes]
-        trials += [(turn.chosen, turn.possible) for turn in self.rounds if turn.chosen is not None]
+        trials += [(round_.chosen, round_.possible) for round_ in self.rounds if round_.chosen is not None]
         stops = np.cumsum([len(trial.candidate.free) for trial, _ in trials], dtype=int)
         parts = np.split(deviations, stops)[:-1]
         return [(trial, rivals, part) for (trial, rivals), part in zip(trials, parts, strict=True)]
 
     def is_stated(self, trial: Trial) -> bool:
-        """True if a trial may be reported as an effect of drivers. An effect of lane changes may be if it holds, but
-        not the early response to the next leader, because the recording decides when its lane column changes.
+        """True if a trial may be reported as an effect of drivers. Of the effects of lane changes, relaxation may be
+        reported if it holds; the early response to the next leader may not, because it depends on when the lane column
+        of the recording changes.
         """
         if not any(trial is other for other in self.lane_changes):
             return True
@@ -122,12 +123,12 @@ class Search:
         """True if the name of an effect is in doubt.
 
         There are five reasons: it does not hold if drivers' parameters may leave their bounds; simulations contradict a
-        trial; a trial that was not added is better; a free curve was added earlier, whose remainder it may be; or a
-        free curve over one of its variables was needed in addition, so that the dependence on it is another one.
+        trial; a trial that was not added is better; a free curve was added earlier, and the effect may only fit its
+        remainder; or a free curve over one of its variables was needed in addition, so the effect has another form.
         """
         if trial.candidate.term in self.of_bounds:
             return True
-        if self.is_contradicted or any(turn.is_beaten for turn in self.rounds if turn.chosen is trial):
+        if self.is_contradicted or any(round_.is_beaten for round_ in self.rounds if round_.chosen is trial):
             return True
         earlier = takewhile(lambda other: other is not trial, self.added)
         if not is_free(trial) and any(is_free(other) for other in earlier):

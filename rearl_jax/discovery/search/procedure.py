@@ -39,6 +39,7 @@ most of it, so the score at a delay of zero understates it.
 """
 
 Report = Callable[[str, int, int], None]
+"""Function of a description of the present step, the number of its parts done, and that of all parts."""
 
 NullFor = Callable[[Fit, int], Null]
 """Function from a calibrated model and the number of effects added to it to its null distribution."""
@@ -57,17 +58,17 @@ def search(
     rounds: int | None = None,
     names_only: bool = False,
 ) -> Search:
-    """Rounds until no candidate exceeds chance, or none of those that do is accepted.
+    """Search in rounds, until no candidate exceeds chance, or none of those that do is accepted.
 
     Args:
         solver: Solver of the car-following model.
         fitted: Drivers that all models are fitted to.
         checked: Other drivers, for the check.
         null_for: Null distributions, see `NullFor`.
-        report: Called with a description of the present step, the number of its parts done, and that of all parts.
+        report: Called with the progress, see `Report`.
         lane_changes: Whether the calibrated model contains the effects of lane changes.
         calibrated: The calibrated model if it is known; None to calibrate it.
-        excluded: Candidates, possibly clock offsets, that are not searched for.
+        excluded: Candidates, clock offsets included, that are not searched for.
         rounds: Largest number of rounds; None for no limit.
         names_only: Whether the search ends once a free curve or an artefact is added, because only named effects count.
     """
@@ -86,9 +87,9 @@ def search(
         report("comparing clocks", 0, 1)
         clocks = check_clocks(solver, base, checked)
     while len(outcome.added) <= THRESHOLDS.most_effects:
-        turn = _round(solver, base, screen, outcome, report)
+        round_ = _round(solver, base, screen, outcome, report)
         corrected = None
-        if clocks is not None and not outcome.rounds and (turn.chosen is None or clocks.total > turn.chosen.total):
+        if clocks is not None and not outcome.rounds and (round_.chosen is None or clocks.total > round_.chosen.total):
             corrected = base_of(solver, clocks.fitted, lane_changes=lane_changes)
             (before,), (after,) = (
                 recalibrated(solver, data, [fit]) for data, fit in ((checked, base), (clocks.checked, corrected.fit))
@@ -101,17 +102,17 @@ def search(
             outcome.clocks, outcome.checked = clocks, clocks.checked
             base, clocks = corrected.fit, None
             outcome.lane_changes = lane_change_trials(solver, corrected, outcome.checked)
-        elif is_wrong_lens(solver, turn.base, turn.chosen, outcome.checked):
+        elif is_wrong_lens(solver, round_.base, round_.chosen, outcome.checked):
             log.info("a corrected camera distortion makes simulations of the check drivers worse: not corrected")
             outcome.excluded |= {LENS}
             continue
         else:
-            outcome.rounds.append(turn)
-            if turn.chosen is None or len(outcome.rounds) == rounds:
+            outcome.rounds.append(round_)
+            if round_.chosen is None or len(outcome.rounds) == rounds:
                 break
-            if names_only and turn.chosen.candidate.kind not in NAMED_KINDS:
+            if names_only and round_.chosen.candidate.kind not in NAMED_KINDS:
                 break
-            base = turn.chosen.fit
+            base = round_.chosen.fit
         screen = _screen(solver, base, outcome, null_for)
     return outcome
 
@@ -123,9 +124,10 @@ def with_predictive_effects(
     null_for: NullFor,
     report: Report,
 ) -> Search:
-    """The search with only those additions that predict other drivers better. Where one does not, the next best trial
-    of its round takes its place, and the rounds after it are repeated without the candidate. It is the search itself if
-    all additions do.
+    """The search with only those additions that predict other drivers better; `outcome` itself if all of them do.
+
+    An addition that does not is replaced by the next best trial of its round, and the rounds after it are repeated
+    without its candidate.
 
     Args:
         solver: Solver of the car-following model.
@@ -137,20 +139,20 @@ def with_predictive_effects(
     """
     kept = replace(outcome, rounds=[], rejected=list(outcome.rejected))
     stored = list(outcome.rounds)
-    turn = stored.pop(0)
+    round_ = stored.pop(0)
     while True:
         report(f"predicting other drivers, round {len(kept.added) + 1}", 0, 1)
         rejected = {trial.candidate.term for trial in kept.rejected}
-        possible = [trial for trial in (*turn.dropped, *turn.accepted) if trial.candidate.term not in rejected]
-        chosen = most_predictive(turn.base, possible)
+        possible = [trial for trial in (*round_.dropped, *round_.accepted) if trial.candidate.term not in rejected]
+        chosen = most_predictive(round_.base, possible)
         first = len(possible) if chosen is None else possible.index(chosen)
         failed, accepted = possible[:first], possible[first:]
-        if failed or chosen is not turn.chosen:
+        if failed or chosen is not round_.chosen:
             stored.clear()
         terms = frozenset(trial.candidate.term for trial in failed)
         kept = replace(
             kept,
-            rounds=[*kept.rounds, replace(turn, accepted=accepted, dropped=[*turn.dropped, *failed])],
+            rounds=[*kept.rounds, replace(round_, accepted=accepted, dropped=[*round_.dropped, *failed])],
             rejected=[*kept.rejected, *failed],
             unpredictive=kept.unpredictive | terms,
             excluded=kept.excluded | terms,
@@ -158,7 +160,7 @@ def with_predictive_effects(
         if chosen is None:
             is_unchanged = not kept.unpredictive and len(kept.added) == len(outcome.added)
             return outcome if is_unchanged else kept
-        turn = (
+        round_ = (
             stored.pop(0)
             if stored
             else _round(solver, chosen.fit, _screen(solver, chosen.fit, kept, null_for), kept, report)
@@ -172,7 +174,7 @@ def in_time(solver: Solver, outcome: Search, data: Measured) -> Measured:
 
 @dataclass(frozen=True)
 class _Screen:
-    """Scores of all candidates under a model that is calibrated to the fitted and the checked drivers, and their null
+    """Scores of all candidates under a model that is calibrated to the fitted and the check drivers, and their null
     distribution.
     """
 
@@ -182,10 +184,12 @@ class _Screen:
 
 
 def _screen(solver: Solver, base: Fit, outcome: Search, null_for: NullFor) -> _Screen:
+    """Scores of all candidates under a model with the effects added so far."""
     all_drivers, null = joint_fit(solver, base, outcome.checked), outcome.null
     (seen,) = scores(solver, [all_drivers.state])
     if outcome.added and base.state.data.fused_errors is not None:
-        # What the added effect explains had counted as drivers' noise, beside which errors of positions show less.
+        # The added effect had counted as drivers' noise. With less noise, position errors have more influence on the
+        # evidence, so the null distribution is simulated again.
         null = null_for(all_drivers, len(outcome.added))
     return _Screen(all_drivers, seen, null)
 
@@ -237,7 +241,7 @@ def _round(solver: Solver, base: Fit, screen: _Screen, outcome: Search, report: 
 
 
 def _is_additional(trial: Trial, added: list[Trial]) -> bool:
-    """True if an effect gains more than the remainder of an earlier effect of another form would."""
+    """True if an effect gains more than it would by only fitting the remainder of an earlier effect."""
     if added and trial.total < THRESHOLDS.later_share * max(other.total for other in added):
         return False
 

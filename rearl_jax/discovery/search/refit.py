@@ -45,7 +45,9 @@ def starts(candidate: Candidate, score: Score, state: FitState, layout: Layout) 
 
 
 def _sections(name: str, score: Score, state: FitState, layout: Layout) -> list[np.ndarray]:
-    """Road sections whose step explains most of the score, from the linear fit of the curve along the road."""
+    """Start values with the road sections that explain most of the score of the curve along the road, as a constant on
+    the section.
+    """
     knots, n = layout.knots.position, len(layout.knots.position)
     step = knots[1] - knots[0]
     sections = []
@@ -82,7 +84,7 @@ def _sections(name: str, score: Score, state: FitState, layout: Layout) -> list[
 
 
 def _onsets(score: Score, theta: np.ndarray, layout: Layout) -> list[np.ndarray]:
-    """Times of a lasting change whose step explains most of the score."""
+    """Start values with the times from which a constant change explains most of the score of the curves over time."""
     knots = layout.knots.time
     n = len(knots)
     onsets = []
@@ -123,7 +125,7 @@ def refit(
         solver.solve(states, iterations=15, tolerance=0.3)
         best = min(states, key=lambda state: state.objective)
         again, noise = under_best_noise(solver, best, base.noise, levels_up_to(base.noise))
-        # The best growth and share at the old noise level need not be the best at the new level.
+        # The new noise level need not be better: growth and share of the noise are still those at the old level.
         alternatives = (Fit(candidate, best, base.noise), Fit(candidate, again, noise))
         fits[candidate.term] = min(alternatives, key=lambda fit: fit.state.objective)
         if progress is not None:
@@ -132,9 +134,9 @@ def refit(
 
 
 def nested(solver: Solver, base: Fit, fits: dict[Term, Fit]) -> dict[Term, Fit]:
-    """The fits; a fit worse than the model without its candidate is repeated with that model as the start.
+    """The fits; a fit that is worse than the model without its candidate is repeated from that model.
 
-    The models are nested, so a worse fit shows that the search stopped too early.
+    That model is nested in each fit, so a worse fit shows that the search stopped too early.
     """
     repeated = {}
     for term, fit in fits.items():

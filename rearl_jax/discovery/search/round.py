@@ -23,7 +23,7 @@ class Round:
         accepted: Accepted trials that no later test rejected, the best first.
         clock_z_score: As `z_score`, for clock offsets.
         contradicted: Trials that the innovations support and simulations contradict.
-        dropped: Trials that were accepted and that a later test rejected, or that were less good than such a trial.
+        dropped: Trials that were accepted first, but rejected by a later test, or worse than a trial that was.
     """
 
     base: Fit
@@ -44,7 +44,7 @@ class Round:
 
     @property
     def possible(self) -> list[Trial]:
-        """All trials that neither simulations nor later tests contradict."""
+        """All trials that neither simulations nor later tests reject."""
         denied = {trial.candidate.term for trial in (*self.contradicted, *self.dropped)}
         return [trial for trial in self.trials if trial.candidate.term not in denied]
 

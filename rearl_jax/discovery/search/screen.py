@@ -48,8 +48,8 @@ def scores(solver: Solver, states: Sequence[FitState]) -> list[dict[Term, Score]
     """Scores of every candidate in solved states with the same added candidates."""
     layout = solver.layout
     kept = tuple(solver.free(states[0]).tolist())
-    looked = sorted({place for candidate in layout.candidates.values() for place in candidate.directions} - set(kept))
-    places = (*kept, *looked)
+    tested = sorted({place for candidate in layout.candidates.values() for place in candidate.directions} - set(kept))
+    places = (*kept, *tested)
     index_of = {place: k for k, place in enumerate(places)}
     of_term = {
         term: tuple(index_of[place] for place in candidate.directions) for term, candidate in layout.candidates.items()
@@ -70,6 +70,16 @@ def _scores(
     free: np.ndarray,
     layout: Layout,
 ) -> dict[Term, Score]:
+    """Scores of one state, with nuisance parameters projected out one after the other: the drivers' own parameters, the
+    population means of cars and of trucks, and the parameters of added effects (Schur complements).
+
+    Args:
+        state: A solved state.
+        sums: Sums of `sensitivity.sensitivity_sums` over each driver.
+        groups: Number of the block in `sums`, and indices among all directions of theta, of each candidate.
+        free: Indices of theta of the added effects.
+        layout: Layout of theta.
+    """
     n_kept, n_own = len(free), layout.prior.size
     variances = state.variances
     gradient, nuisance = sums["gradient"] / variances[:, None], sums["nuisance"] / variances[:, None, None]
@@ -84,7 +94,7 @@ def _scores(
     score = driver_score.sum(axis=0)
     kept = nuisance[:, n_own:, n_own:] - np.einsum("dij,dik->djk", coupling[:, :, :n_kept], response)
     kept = kept.sum(axis=0)  # [kept, places]
-    by_class = []
+    by_class = []  # population means, which are not searched if they are held
     if not state.holds_population:
         inverse = np.linalg.inv(block)
         for c in range(CLASSES):

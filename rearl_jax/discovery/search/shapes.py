@@ -52,7 +52,7 @@ def shape_of(curve: Curve, scores: DriverScores) -> Shape:
 
 
 def _scaled(form: Float[np.ndarray, " knots"], scores: DriverScores) -> tuple[float, float]:
-    """Size of a form, and its gain [nats]."""
+    """Best size of a form, which is given at size 1, and its gain [nats]."""
     score, square = float(form @ scores.score.sum(axis=0)), float(form @ scores.gram.sum(axis=0) @ form)
     size = score / max(square, 1e-12)
     return size, 0.5 * score * size / scores.variance

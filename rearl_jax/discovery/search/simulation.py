@@ -1,4 +1,4 @@
-"""Simulations of the checked drivers with a candidate; they must agree with the evidence from one-step predictions.
+"""Simulations of the check drivers with a candidate; they must agree with the evidence from one-step predictions.
 
 Noise that differs from the observer's assumptions can look like an effect in one-step predictions. A simulation
 accumulates the influence of an effect over time.
@@ -20,13 +20,14 @@ from rearl_jax.discovery.search.decision import Trial, bounded_gains
 from rearl_jax.discovery.thresholds import THRESHOLDS
 
 DRAWS = 1000
+"""Resamples of drivers."""
 
 ROUNDING = 1e-9
 """Relative change of the squared error that is attributed to rounding [-]."""
 
 
 def simulated(solver: Solver, base: FitState, accepted: Sequence[Trial]) -> tuple[list[Trial], list[Trial]]:
-    """Trials confirmed by simulations of the checked drivers, the best first, and trials contradicted by them; `base`
+    """Trials confirmed by simulations of the check drivers, the best first, and trials contradicted by them; `base`
     is the state of these drivers without candidates.
     """
     leading = accepted[: THRESHOLDS.leading_simulated]
@@ -51,7 +52,7 @@ def simulated_gains(
     """Gain of log-likelihood of each driver's simulation [nats] whose gap error [m] changes from `before` to `after`.
 
     Errors of a simulation decay slowly, so a minute contains few independent errors; errors as small as the measurement
-    noise carry no information. Source: likelihood of normal errors of unknown size.
+    noise carry no information. Source: likelihood of normal errors, at its maximum over their variance.
     """
     independent = data.driver_minutes * 60 / THRESHOLDS.simulated_memory
     least = data.noise**2
@@ -59,12 +60,14 @@ def simulated_gains(
     return bounded_gains(gains, data)
 
 
-def is_contradicted(gains: Float[np.ndarray, " drivers"], borne: Float[np.ndarray, " drivers"], seed: int = 0) -> bool:
+def is_contradicted(
+    gains: Float[np.ndarray, " drivers"], tolerated: Float[np.ndarray, " drivers"], seed: int = 0
+) -> bool:
     """True if simulations lose more than the tolerated amount [nats] in most resamples of drivers.
 
     The contribution of each driver is bounded, so that one driver with a failed simulation does not decide.
     """
-    return bool((resampled_means(gains - borne, seed) < 0).mean() > THRESHOLDS.contradiction_share)
+    return bool((resampled_means(gains - tolerated, seed) < 0).mean() > THRESHOLDS.contradiction_share)
 
 
 def makes_simulations_worse(solver: Solver, before: FitState, after: FitState) -> bool:
@@ -82,7 +85,7 @@ def makes_simulations_worse(solver: Solver, before: FitState, after: FitState) -
 
 
 def is_wrong_lens(solver: Solver, base: Fit, trial: Trial | None, checked: Measured) -> bool:
-    """True if a trial corrects a camera distortion and makes simulations of the checked drivers worse than `base`."""
+    """True if a trial corrects a camera distortion and makes simulations of the check drivers worse than `base`."""
     if trial is None or trial.candidate.term != LENS:
         return False
     (before,) = recalibrated(solver, checked, [base])
@@ -92,13 +95,11 @@ def is_wrong_lens(solver: Solver, base: Fit, trial: Trial | None, checked: Measu
 def share_worse(
     before: Float[np.ndarray, " drivers"],
     after: Float[np.ndarray, " drivers"],
-    borne: float = ROUNDING,
+    tolerated: float = ROUNDING,
     seed: int = 0,
 ) -> float:
-    """Share of resamples of drivers in which the squared error grows by more than the share `borne` of its value before
-    [-].
-    """
-    return float((resampled_means(after**2 - before**2, seed) > borne * (before**2).mean()).mean())
+    """Share of resamples of drivers in which the squared error grows by more than the share `tolerated` [-]."""
+    return float((resampled_means(after**2 - before**2, seed) > tolerated * (before**2).mean()).mean())
 
 
 def resampled_means(values: Float[np.ndarray, " drivers"], seed: int) -> Float[np.ndarray, " draws"]:

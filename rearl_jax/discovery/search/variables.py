@@ -1,5 +1,5 @@
-"""Variables of the maps: properties of a driver's situation that its acceleration could depend on, whether or not an
-effect of the library describes this.
+"""Variables of the maps: properties of a driver's situation that its acceleration may depend on, also where no effect
+of the library describes such a dependence.
 """
 
 from dataclasses import dataclass

@@ -79,14 +79,14 @@ def test_other_recordings_are_no_copies():
 def test_published_recordings_are_no_copies_of_each_other(kind):
     recordings = list(iterate_recordings(DataConfig(DataFormat[kind])))
     assert len(recordings) > 1
-    assert not any("drive as those" in note for recording in recordings for note in recording.info.notes)
+    assert not any("contains vehicles of" in note for recording in recordings for note in recording.info.notes)
 
 
 def test_a_platoon_that_is_published_twice_is_noted():
     data = DataConfig(DataFormat.openacc, on_bad=OnBad.drop_row, recordings="*short_setting__dynamic_part2[23]")
     first, second = iterate_recordings(data)
-    assert not any("drive as those" in note for note in first.info.notes)
-    (note,) = (note for note in second.info.notes if "drive as those" in note)
+    assert not any("contains vehicles of" in note for note in first.info.notes)
+    (note,) = (note for note in second.info.notes if "contains vehicles of" in note)
     assert first.info.id in note
 
 
