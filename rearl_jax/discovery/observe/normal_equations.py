@@ -28,7 +28,7 @@ _PLACED = Placements()
 """Measured drives on the devices."""
 
 _SHAPES: set[tuple] = set()
-"""Shapes compiled so far: configuration, program, number of steps and of pieces."""
+"""Shapes compiled so far: configuration, program, number of steps."""
 
 MOST_SHAPES = 120
 """Largest number of compiled shapes that is kept: each needs about two hundred memory maps, and Linux allows a process
@@ -69,7 +69,7 @@ class Programs:
         def run(a: dict) -> Array:
             return self._innovations(a["z"], a["theta"], a, active)
 
-        return self._program(("innovations", active), run, WIDEST)
+        return self._program(("innovations", active), run, BATCH)
 
     def sums(self, active: tuple[Term, ...]) -> Program:
         """Sums with the derivatives by the drivers' own parameters and by those of the active candidates."""
@@ -85,7 +85,7 @@ class Programs:
 
             return _sums(innovation, jnp.concatenate([a["z"], a["theta"][places]]), a["pieces"])
 
-        return self._program(("sums", active), run, WIDEST if len(places) < 8 else WIDEST // 2)
+        return self._program(("sums", active), run, BATCH if len(places) < 8 else BATCH // 2)
 
     def _sums_from_one_pass(self, active: tuple[Term, ...]) -> Program:
         """Sums as in `sums` if no effect has memory: one reverse pass per time step serves all directions."""
@@ -99,7 +99,7 @@ class Programs:
             )
             return {name: sums[name] for name in ("square", "count", "gradient")} | {"gram": sums["nuisance"]}
 
-        return self._program(("sums", active), run, WIDEST)
+        return self._program(("sums", active), run, BATCH)
 
     def sensitivities(self, places: tuple[int, ...], groups: tuple[tuple[int, ...], ...], n_kept: int) -> Program:
         """`sensitivity.sensitivity_sums` for these indices of theta."""
@@ -110,7 +110,7 @@ class Programs:
                 a["z"], a["theta"], a["pieces"], self.layout, knots, places, groups, n_kept, a["following"], self.dt
             )
 
-        return self._program(("sensitivities", places, groups, n_kept), run, WIDEST // 2)
+        return self._program(("sensitivities", places, groups, n_kept), run, BATCH // 2)
 
     def _innovations(self, z: Array, theta: Array, a: dict, active: tuple[Term, ...]) -> Float[Array, "steps pieces"]:
         knots, pieces, numbers = _squeezed(a["knots"]), a["pieces"], self.layout.by_name(theta)
@@ -118,18 +118,18 @@ class Programs:
         lens = lens_at(numbers, knots) if LENS in active else None
         return innovations(pieces, self.layout.prior.drivers(z, pieces.is_truck), effects, lens, self.dt)
 
-    def _program(self, key: tuple, run: Callable[[dict], object], widest: int) -> Program:
+    def _program(self, key: tuple, run: Callable[[dict], object], batch: int) -> Program:
         def with_deviation(a: dict) -> object:
             return run(a | {"pieces": replace(a["pieces"], deviation=a["deviation"])})
 
         if key not in self._made:
-            self._made[key] = ScenarioMap(with_deviation, chunk=widest)
+            self._made[key] = ScenarioMap(with_deviation, chunk=batch)
         program = self._made[key]
 
         def call(parts: Sequence[Pieces], own: dict) -> Any:
             n = own["z"].shape[-1]
-            width = _width(n, widest)
-            _SHAPES.add((self._configuration, key, len(parts[0].y), width))
+            width = max(n, batch * len(jax.local_devices()))  # at least one batch, so that one program serves all
+            _SHAPES.add((self._configuration, key, len(parts[0].y)))
             knots = jax.tree.map(lambda values: np.asarray(values)[:, None], self.layout.knots)
             pieces = _PLACED.pieces(parts, program, width)
             result = program(padded_scenarios(own, width, n) | {"knots": knots, "pieces": pieces})
@@ -138,17 +138,10 @@ class Programs:
         return call
 
 
-WIDEST = 64
-"""Pieces per batch on one core; larger batches do not reduce the time per piece."""
-
-_WIDTHS = (2, 4, 8, 16, 24, 32, 48, 64)
-
-
-def _width(n: int, widest: int) -> int:
-    """Number of pieces after padding: one of few values, so that few programs are compiled."""
-    cores = len(jax.local_devices())
-    share = -(-n // cores)
-    return n if share > widest else cores * next(width for width in _WIDTHS if width >= share)
+BATCH = 32
+"""Pieces per batch on one core. There is one size for few and many pieces, because to compile a program takes one to
+seven seconds, longer than the runs that a smaller batch would save.
+"""
 
 
 def _remembers(term: Term) -> bool:
