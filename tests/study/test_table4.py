@@ -86,7 +86,7 @@ def test_the_model_has_a_row_of_its_own(steps, with_model):
 def test_steps_with_a_language_model_ask_it_every_second(monkeypatch):
     monkeypatch.setattr(module, "LOOP_MODEL", replace(module.LOOP_MODEL, collisions=False))  # compile faster
     monkeypatch.setattr(decision_steps, "BASE_MODEL", replace(decision_steps.BASE_MODEL, collisions=False))
-    monkeypatch.setattr(decision_steps, "WARM_UP", 2)
+    monkeypatch.setattr(decision_steps, "WARM_UP_SECONDS", 2)
     loop = StepsConfig(steps=3, steps_vehicles=4, reference_seconds=60)
     with Stub() as stub, fresh_client(LlmConfig(), stub.url) as client:
         (one, two) = module.measure_model_steps(client, PromptConfig(), loop, 1, 2)
