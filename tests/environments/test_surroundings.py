@@ -126,7 +126,7 @@ def test_the_functional_environment_is_the_same_traffic(scenes, table, cached):
     observation, *_ = jax.jit(jax.vmap(partial(env.step_env, params=params)))(keys, state, actions)
     last = jax.tree.map(lambda leaf: jnp.moveaxis(leaf, 0, -1), state)
     advance = jax.jit(partial(highway.advance, options=env.options))
-    after = advance(last, actions, around=highway.surroundings_now(last, params.around))
+    after = advance(last, actions, boundary_second=highway.surroundings_now(last, params.around))
     np.testing.assert_allclose(observation, np.moveaxis(highway.observe(after, env.options), -1, 0), atol=1e-6)
 
 
