@@ -133,11 +133,11 @@ def parsed(texts: Sequence[bytes], fields: dict[str, pa.DataType]) -> tuple[pa.T
     table = _table(b"\n".join(texts), schema)
     if table is not None and table.num_rows == len(texts):
         return table, np.zeros(len(texts), dtype=bool)
-    single = [_table(text, schema) for text in texts]
-    is_bad = [document is None or document.num_rows != 1 for document in single]
-    good = [document for document in single if document is not None and document.num_rows == 1]
+    parsed = [_table(text, schema) for text in texts]
+    single = [document if document is not None and document.num_rows == 1 else None for document in parsed]
+    good = [document for document in single if document is not None]
     table = pa.concat_tables(good) if good else schema.empty_table()
-    return table, np.array(is_bad, dtype=bool)
+    return table, np.array([document is None for document in single], dtype=bool)
 
 
 def _table(text: bytes, schema: pa.Schema) -> pa.Table | None:

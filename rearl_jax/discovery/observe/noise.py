@@ -163,7 +163,9 @@ def under_best_time(solver: Solver, state: FitState, tried: Sequence[Noise]) -> 
         chosen.append(best_noise(solver, state, [noise for noise in tried if noise.time == time])[0])
     states = [with_noise(state, noise) for noise in chosen]
     solver.solve(states, iterations=20, tolerance=0.05)
-    log_likelihoods = [best_noise(solver, fitted, [noise])[1] for fitted, noise in zip(states, chosen, strict=True)]
+    log_likelihoods = [
+        noise_likelihoods(solver, fitted, [noise])[0] for fitted, noise in zip(states, chosen, strict=True)
+    ]
     best = int(np.argmax(log_likelihoods))
     return states[best], chosen[best]
 
