@@ -26,10 +26,10 @@ BENCHMARKS = {
     "discover": options.DiscoverBenchmark,
     "readers": options.ReadersBenchmark,
 }
-"""Records of their keys by name; the module of that name has the function `run`."""
+"""Record of the keys of each benchmark, by its name; the module of that name has the function `run`."""
 
 DONE, SLOWER, UNUSABLE = 0, 1, 2
-"""Exit codes; a benchmark that a signal has ended has 128 and its number."""
+"""Exit codes; that of a benchmark ended by a signal is 128 plus the number of the signal."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -39,18 +39,18 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("keys", nargs="*", metavar="key=value")
     parser.add_argument("-h", "--help", action="store_true", help="the keys of a benchmark, with their defaults")
     parser.add_argument("--json", action="store_true", help="summary.json as one line on standard output")
-    said = parser.parse_intermixed_args(arguments)
+    parsed = parser.parse_intermixed_args(arguments)
     try:
-        if said.benchmark is None or (said.help and said.benchmark not in BENCHMARKS):
+        if parsed.benchmark is None or (parsed.help and parsed.benchmark not in BENCHMARKS):
             print(parser.format_help(), *map(_title, BENCHMARKS), sep="\n")
             return DONE
-        if said.help:
-            print(keys_help(said.benchmark))
+        if parsed.help:
+            print(keys_help(parsed.benchmark))
             return DONE
-        config = configured(said.benchmark, said.keys)
-        with ended_by_signals(), standard_output_apart() if said.json else nullcontext() as output:
+        config = configured(parsed.benchmark, parsed.keys)
+        with ended_by_signals(), standard_output_apart() if parsed.json else nullcontext() as output:
             runtime.start()
-            summary = import_module(f"benchmarks.{said.benchmark}").run(config)
+            summary = import_module(f"benchmarks.{parsed.benchmark}").run(config)
             folder = Path(config.results.root) / config.study
             if output is None:
                 print(f"results: {folder}")
@@ -59,7 +59,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
                 write_object({"task": stored["task"], "results": str(folder)} | stored, output)
         return SLOWER if summary.get("n_slower") else DONE
     except KeyboardInterrupt as stop:
-        kept = "sizes that were measured are kept, the same command goes on" if said.benchmark == "discover" else ""
+        kept = "sizes that were measured are kept, the same command goes on" if parsed.benchmark == "discover" else ""
         print(f"benchmarks: interrupted by {name_of(stop)}; {kept or 'nothing is kept'}", file=sys.stderr)
         return exit_code(stop)
     except (InvalidInputError, OSError) as error:
@@ -74,22 +74,22 @@ def configured(benchmark: str, words: Sequence[str]) -> Any:
         InvalidInputError: There is no such benchmark or key, or a value is not of its type or outside its range.
     """
     if benchmark not in BENCHMARKS:
-        said = f"is no benchmark; choices: {', '.join(BENCHMARKS)}"
-        raise InvalidInputError(Problem("choice-unknown", said, key=benchmark))
+        fault = f"is no benchmark; choices: {', '.join(BENCHMARKS)}"
+        raise InvalidInputError(Problem("choice-unknown", fault, key=benchmark))
     record, plain = BENCHMARKS[benchmark], {}
     keys = keys_of(record())
     for word in words:
         name, is_given, text = word.partition("=")
         if not is_given or name not in keys:
-            said = f"is no key of `python -m benchmarks {benchmark}` with its =value"
+            fault = f"is no key of `python -m benchmarks {benchmark}` with its =value"
             near = f"nearest: {nearest(name, keys)}; choices: {', '.join(keys)}"
-            raise InvalidInputError(Problem("key-unknown", f"{said}; {near}", key=name))
+            raise InvalidInputError(Problem("key-unknown", f"{fault}; {near}", key=name))
         group, _, last = name.rpartition(".")
         try:
             (plain.setdefault(group, {}) if group else plain)[last] = yaml.safe_load(text)
         except yaml.YAMLError as error:
-            said = f"must be {keys[name].type_name}"
-            raise InvalidInputError(Problem("wrong-type", said, key=name, value=text)) from error
+            fault = f"must be {keys[name].type_name}"
+            raise InvalidInputError(Problem("wrong-type", fault, key=name, value=text)) from error
     return finished(from_plain(record, plain))
 
 

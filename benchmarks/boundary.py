@@ -1,6 +1,6 @@
 """CPU time of traffic among replayed vehicles, beside the same traffic on a free road.
 
-Highway-env's drivers in single precision, in one process, the programs in turn. The replayed vehicles are made up:
+Highway-env's drivers in single precision, in one process, the programs in turn. The replayed vehicles are synthetic:
 lanes and positions are drawn, each keeps its speed, and now and then a vehicle enters; no data are read.
 """
 
@@ -26,23 +26,24 @@ from rearl_jax.results import Study
 from rearl_jax.timing.measurement import spread_of
 
 FREE = "free"
+"""Name of the program without replayed vehicles."""
 
 GOALS = {"leaders": 1.15, "measured": 1.4}
-"""Most that the CPU time should be, by that on a free road."""
+"""Upper limits of the CPU time divided by that on a free road [-]."""
 
 MEANINGS = {
     "cpu_ms_{boundary}": "CPU time of the rollouts, median of repetitions [ms]; boundary: free, leaders, measured",
-    "ratio_{boundary}": "by that on the free road, repetition by repetition, median; also _min, _max",
-    "places_{boundary}": "replayed vehicles that each scenario has room for",
+    "ratio_{boundary}": "CPU time divided by that on the free road in the same repetition, median; also _min, _max",
+    "places_{boundary}": "largest number of vehicles replayed at a time in each scenario",
     "load_average": "processes that wanted to run when the measurements began",
 }
 """Keys of `summary.json` besides the machine's (`cpu_model` and so on), and what they mean."""
 
 MODEL = TrafficModel(n_lanes=6)
-"""As many lanes as US-101 has with its auxiliary lane."""
+"""A road with the lanes of US-101, the auxiliary lane included."""
 
 ENTERING = 0.03
-"""Share of vehicles whose place another one takes in a second, as on US-101."""
+"""Share of the simulated vehicles that are replaced by an entering one in a second, as on US-101."""
 
 
 def run(config: BoundaryBenchmark) -> dict:
@@ -52,16 +53,20 @@ def run(config: BoundaryBenchmark) -> dict:
     if (stored := study.begin(resume=config.results.resume)) is not None:
         return stored
     load, machine = runtime.load_average(), runtime.describe_machine()
-    places = {FREE: 0, "leaders": options.leaders, "measured": options.measured}
-    cpu_s = measure({name: program(options, n) for name, n in places.items()}, options.repetitions)
-    table = pd.DataFrame([(name, k, 1e3 * s) for name, own in cpu_s.items() for k, s in enumerate(own)])
+    n_replayed = {FREE: 0, "leaders": options.leaders, "measured": options.measured}
+    cpu_s = measure({name: program(options, n) for name, n in n_replayed.items()}, options.repetitions)
+    table = pd.DataFrame(
+        [(name, repetition, 1e3 * time) for name, times in cpu_s.items() for repetition, time in enumerate(times)]
+    )
     study.write_table("bench_boundary", table.set_axis(["boundary", "repetition", "cpu_ms"], axis=1))
     figures, rows = {}, []
-    for name, own in cpu_s.items():
-        ratio = spread_of([s / free for s, free in zip(own, cpu_s[FREE], strict=True)])
-        figures |= {f"cpu_ms_{name}": 1e3 * float(np.median(own)), f"places_{name}": places[name]}
+    for name, times in cpu_s.items():
+        ratio = spread_of([time / free for time, free in zip(times, cpu_s[FREE], strict=True)])
+        figures |= {f"cpu_ms_{name}": 1e3 * float(np.median(times)), f"places_{name}": n_replayed[name]}
         figures |= ratio.figures(f"ratio_{name}")
-        rows.append({"boundary": name, "places": places[name], "CPU ms": figures[f"cpu_ms_{name}"], "/ free": ratio})
+        rows.append(
+            {"boundary": name, "places": n_replayed[name], "CPU ms": figures[f"cpu_ms_{name}"], "/ free": ratio}
+        )
         rows[-1]["goal"] = GOALS.get(name)
     summary = {**machine, "load_average": load, **figures}
     study.write_summary(summary)
@@ -71,7 +76,7 @@ def run(config: BoundaryBenchmark) -> dict:
 
 
 def program(options: BoundaryOptions, n_places: int) -> Callable[[], object]:
-    """Rollouts among so many replayed vehicles, on a free road for 0."""
+    """Rollouts among `n_places` replayed vehicles per scenario; on a free road for 0."""
     keys = jax.random.split(jax.random.key(options.seed), options.scenarios)
     state, drivers = spawn(keys, MODEL, n_vehicles=options.vehicles)
     boundary = made_boundary(options, n_places) if n_places else None
@@ -84,7 +89,7 @@ def program(options: BoundaryOptions, n_places: int) -> Callable[[], object]:
 
 
 def made_boundary(options: BoundaryOptions, n_places: int) -> Boundary:
-    """Made-up replayed vehicles around those of `spawn`."""
+    """Synthetic traffic around the vehicles of `spawn`: `n_places` replayed vehicles per scenario."""
     rng, steps = np.random.default_rng(options.seed), MODEL.ticks_per_second
     n_seconds, n_vehicles, n_scenarios = options.seconds + 1, options.vehicles, options.scenarios
     time = (np.arange(n_seconds)[:, None] + np.arange(steps) / steps)[..., None, None]
@@ -92,29 +97,32 @@ def made_boundary(options: BoundaryOptions, n_places: int) -> Boundary:
     lane = rng.integers(0, MODEL.n_lanes, (n_places, n_scenarios))
     x = start + speed * time
 
-    def same(values: np.ndarray, shape: tuple[int, ...], kind: type = np.float32) -> jax.Array:
+    def filled(values: np.ndarray, shape: tuple[int, ...], kind: type = np.float32) -> jax.Array:
         return jnp.asarray(np.broadcast_to(values, shape).astype(kind))
 
-    places = (n_seconds, n_places, n_scenarios)
-    number = same(np.arange(n_places)[:, None] + n_vehicles, places, np.int32)
+    replayed_shape = (n_seconds, n_places, n_scenarios)
+    number = filled(np.arange(n_places)[:, None] + n_vehicles, replayed_shape, np.int32)
     zero, five = np.zeros(1), np.full(1, 5.0)
-    entering = (n_seconds, n_vehicles, n_scenarios)
-    behind, fast = same(200.0 * np.arange(n_vehicles)[:, None], entering), same(np.full(1, 20.0), entering)
+    entering_shape = (n_seconds, n_vehicles, n_scenarios)
+    behind, fast = (
+        filled(200.0 * np.arange(n_vehicles)[:, None], entering_shape),
+        filled(np.full(1, 20.0), entering_shape),
+    )
     entrants = Entrants(
-        jnp.asarray(rng.random(entering) < ENTERING),
+        jnp.asarray(rng.random(entering_shape) < ENTERING),
         behind,
-        same(zero, entering, np.int32),
+        filled(zero, entering_shape, np.int32),
         fast,
         fast + 5,
-        same(zero, entering),
+        filled(zero, entering_shape),
     )
-    motion = Motion(same(x, x.shape), same(speed, x.shape), same(zero, x.shape), same(lane, x.shape, np.int32))
-    identity = Identity(same(five, places), same(zero, places), number)
+    motion = Motion(filled(x, x.shape), filled(speed, x.shape), filled(zero, x.shape), filled(lane, x.shape, np.int32))
+    identity = Identity(filled(five, replayed_shape), filled(zero, replayed_shape), number)
     return Boundary(motion, identity, entrants, jnp.arange(n_scenarios, dtype=jnp.int32))
 
 
 def measure(programs: dict[str, Callable[[], object]], repetitions: int) -> dict[str, list[float]]:
-    """CPU times [s] over all threads by program, in the same order of repetitions; all are compiled before."""
+    """CPU times [s] over all threads of each program, one per repetition; all are compiled before the first."""
     for run in programs.values():
         run()
     cpu_s: dict[str, list[float]] = {name: [] for name in programs}

@@ -1,7 +1,8 @@
-"""Speed of the traffic core and, in turn with it, of other programs.
+"""Speed of the traffic core ("ours"), compared with that of other programs that are measured in turn with it.
 
-Every number of vehicles is measured several times, the programs in turn; a ratio is taken within a repetition, and the
-median over repetitions is the result. Then our core alone, by scenarios at a time and by cores, and its peak memory.
+For every number of vehicles the programs are measured several times, in turn. Ratios of speeds are taken within a
+repetition; the result is their median over repetitions. Then the core alone is measured at several numbers of scenarios
+per pass and of cores, and its peak memory.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -30,8 +31,8 @@ def run(config: CoreBenchmark) -> dict:
     bench = config.bench
     earlier = {} if bench.against is None else read_ratios(bench.against, bench.reference)
     if earlier and not set(earlier) & set(bench.vehicles):
-        said = f"must name one of the numbers of bench.against, {sorted(earlier)}"
-        raise out_of_range("bench.vehicles", said, list(bench.vehicles))
+        fault = f"must name one of the numbers of bench.against, {sorted(earlier)}"
+        raise out_of_range("bench.vehicles", fault, list(bench.vehicles))
     study = Study(config.results.root, config.study, config, "bench core")
     study.write_config()
     results = measure(bench)
@@ -73,12 +74,12 @@ def measure(bench: CoreOptions) -> CoreResults:
         if bench.memory_rollouts:
             report(f"peak memory of {bench.memory_rollouts:,} rollouts", 0)
             memory = measure_memory(bench)
-    found = tuple(series), tuple(absent.values()), memory, load, runtime.describe_machine()
-    return CoreResults(*found, by_chunk, by_threads, tuple(agreements))
+    conditions = memory, load, runtime.describe_machine()
+    return CoreResults(tuple(series), tuple(absent.values()), *conditions, by_chunk, by_threads, tuple(agreements))
 
 
 def numbers_of_threads(bench: CoreOptions) -> tuple[int, ...]:
-    """Cores, each number measured: those asked for, or 1, 2, 4 and so on to all there are."""
+    """Numbers of cores to be measured: `bench.threads`, or 1, 2, 4 and so on up to all cores."""
     if bench.threads is not None:
         return bench.threads
     cores = runtime.available_cores()
@@ -86,7 +87,7 @@ def numbers_of_threads(bench: CoreOptions) -> tuple[int, ...]:
 
 
 def compare_scenes(sessions: Mapping[str, Session], n_vehicles: int, bench: CoreOptions) -> Agreement:
-    """One GPU's worth of scenarios, on CPU and GPU."""
+    """The same scenarios on CPU and GPU, as many as the GPU simulates at a time."""
     n_scenarios = int(sessions[GPU].facts["unit"])
     return Agreement(n_vehicles, *(sessions[name].measure(n_scenarios, bench.seed) for name in (OURS, GPU)))
 
@@ -94,7 +95,10 @@ def compare_scenes(sessions: Mapping[str, Session], n_vehicles: int, bench: Core
 def measure_alone(
     bench: CoreOptions, name: str, values: Sequence[int], setting: Callable[[int], dict[str, int]], report: Report
 ) -> tuple[Series, ...]:
-    """Our core at several values of a setting, in turn; one series per value."""
+    """Our core at several values of a setting, in turn; one series per value.
+
+    `name` is the name of the setting in the progress bar, `setting` gives the arguments of `start_ours` for a value.
+    """
     n_vehicles = bench.varied_vehicles
     label = f"{name}, N = {n_vehicles}"
     sessions: dict[str, Session] = {}
@@ -123,7 +127,7 @@ def _fill_time(
     report: Report,
     fixed: Mapping[str, int] | None = None,
 ) -> dict[str, Series]:
-    """Series of each program, of so many scenarios as fill the time asked for, by a first run, unless that is fixed."""
+    """Series of each program with `fixed` scenarios, or else with as many as fill `bench.repetition_cpu_s`."""
     n_scenarios = {}
     for name, first in warm_up(sessions, bench.seed, label, report).items():
         unit = int(sessions[name].facts["unit"])

@@ -1,4 +1,4 @@
-"""Measurements of the core as a table and as flat figures with their meanings; and an earlier benchmark beside them."""
+"""Measurements of the core as a table and as flat figures, and their comparison with an earlier benchmark."""
 
 import json
 import re
@@ -12,40 +12,40 @@ from benchmarks.programs import BY_ELAPSED_TIME, OURS, Absent
 from rearl_jax.problems import InvalidInputError, MissingInputError, Problem
 from rearl_jax.timing.measurement import Measurement, Series, Spread, spread_of
 
-HOW = "name the summary.json of a finished `python -m benchmarks core study=NAME`"
+_REMEDY = "name the summary.json of a finished `python -m benchmarks core study=NAME`"
 
 MEANINGS = {
     "substeps_per_cpu_s_n{N}": "our vehicle steps of 1/15 s per second of CPU time over all threads, median",
     "substeps_per_s_n{N}": "the same per elapsed second with all cores",
     "{peer}_substeps_per_cpu_s_n{N}": "the peers: c (one thread), c_all_threads, highway_env, libsumo, highjax, gpu",
     "{peer}_substeps_per_s_n{N}": "the same per elapsed second",
-    "ratio_to_{peer}_n{N}": "our speed by the peer's per CPU-second, median of repetitions; also _min, _max",
+    "ratio_to_{peer}_n{N}": "our speed per CPU-second divided by the peer's, median of repetitions; also _min, _max",
     "ratio_to_c_all_threads_n{N}": "the same per elapsed second, both programs on all cores; likewise ratio_to_gpu",
-    "cost_ratio_n{B}_to_n{A}": "our CPU time per vehicle step at the most vehicles by that at each fewer number",
-    "compile_s_n{N}": "elapsed time of the first call less that of the second [s], without cache",
+    "cost_ratio_n{B}_to_n{A}": "our CPU time per vehicle step at the most vehicles (B) divided by that at fewer (A)",
+    "compile_s_n{N}": "elapsed time of compiling: first call less second call [s], without cache",
     "scenarios_n{N}": "scenarios of one measurement of ours",
     "chunk_n{N}": "scenarios a core takes at a time",
     "lane_changes_per_vehicle_min_n{N}": "our lane changes per vehicle and minute, at whole seconds",
-    "crashed_share_n{N}": "our vehicles that have collided by the end, of all",
+    "crashed_share_n{N}": "share of our vehicles that have collided by the end",
     "mean_speed_n{N}": "our vehicles' mean speed at the end [m/s]",
-    "peak_memory_gib_{R}": "resident memory at its peak of a fresh process with R rollouts [GiB]",
+    "peak_memory_gib_{R}": "peak resident memory of a new process with R rollouts [GiB]",
     "memory_run_s_{R}": "elapsed time of those rollouts, without compiling [s]",
-    "substeps_per_cpu_s_chunk{C}": "our vehicle steps per second of CPU time on one core, by scenarios at a time",
-    "substeps_per_s_threads{T}": "our vehicle steps per elapsed second, by cores",
+    "substeps_per_cpu_s_chunk{C}": "our vehicle steps per second of CPU time on one core, C scenarios at a time",
+    "substeps_per_s_threads{T}": "our vehicle steps per elapsed second on T cores",
     "gpu_speed_error_n{N}": "difference of the mean speed at the end on GPU and CPU, same scenes [m/s]",
-    "gpu_lane_changes_error_n{N}": "difference of the lane changes on GPU and CPU, same scenes, by those on the CPU",
-    "gpu_crashed_error_n{N}": "difference of the crashed vehicles on GPU and CPU, same scenes, by all vehicles",
-    "n_slower": "numbers of vehicles at which we are slower than in the earlier benchmark; 0 where there is none",
-    "change_n{N}": "ratio to the reference program by the earlier one; also _min, _max, from all pairs of repetitions",
+    "gpu_lane_changes_error_n{N}": "difference of the lane changes on GPU and CPU, same scenes, relative to the CPU",
+    "gpu_crashed_error_n{N}": "difference of the crashed vehicles on GPU and CPU, same scenes, divided by all vehicles",
+    "n_slower": "numbers of vehicles at which we are slower than in the earlier benchmark; 0 without one",
+    "change_n{N}": "ratio to the reference program divided by the earlier one; also _min, _max over all pairs",
     "load_average": "processes that wanted to run when the measurements began",
-    "absent": "peers that are not here: program, reason, remedy",
+    "absent": "peers that could not be measured: program, reason, remedy",
 }
 """Keys of `summary.json` besides the machine's (`cpu_model` and so on), and what they mean."""
 
 
 @dataclass(frozen=True)
 class Agreement:
-    """The same scenes on the CPU and on a GPU."""
+    """Measurements of the same scenes on the CPU and on a GPU."""
 
     n_vehicles: int
     cpu: Measurement
@@ -64,16 +64,16 @@ class Agreement:
 
 @dataclass(frozen=True)
 class Change:
-    """Our speed by that of the reference program, in an earlier benchmark and now, at one number of vehicles.
+    """Ratio of our speed to that of the reference program, in an earlier benchmark and now, at one number of vehicles.
 
-    Times of different runs cannot be compared, as the machine is never as busy as before. A ratio to a program measured
-    in turn with ours can.
+    Times of different runs cannot be compared, because the load of the machine differs. Ratios to a program measured in
+    turn with ours can.
 
     Attributes:
         n_vehicles: Vehicles per scenario.
         then: The ratio in the earlier benchmark.
         now: The ratio now.
-        margin: Share of it that may be lost.
+        margin: Share of the earlier ratio that may be lost.
     """
 
     n_vehicles: int
@@ -83,7 +83,7 @@ class Change:
 
     @property
     def factor(self) -> Spread:
-        """Ratio now by ratio then; the range holds every pair of repetitions."""
+        """Ratio now divided by ratio then; the range covers every pair of repetitions."""
         then, now = self.then, self.now
         return Spread(now.median / then.median, now.least / then.greatest, now.greatest / then.least)
 
@@ -94,29 +94,29 @@ class Change:
 
 
 def read_ratios(file: str, reference: Peer) -> dict[int, Spread]:
-    """Our speed by that of the reference program in an earlier benchmark's summary.json, by number of vehicles.
+    """Ratios of our speed to the reference program's in an earlier benchmark's summary.json, by number of vehicles.
 
     Raises:
-        MissingInputError: There is none.
-        InvalidInputError: It is no summary of the core's benchmark, or the reference program was absent.
+        MissingInputError: There is no such file.
+        InvalidInputError: It is not a summary of the core's benchmark, or the reference program was absent.
     """
     path = Path(file) / "summary.json" if Path(file).is_dir() else Path(file)
     if not path.is_file():
-        raise MissingInputError(Problem("file-missing", "is not there", HOW, file=str(path), key="bench.against"))
+        raise MissingInputError(Problem("file-missing", "is not there", _REMEDY, file=str(path), key="bench.against"))
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
+        stored = json.loads(path.read_text(encoding="utf-8"))
     except ValueError:
-        found = None
-    if not isinstance(found, dict) or found.get("task") != "bench core":
-        said = "was not written by `python -m benchmarks core`"
-        raise InvalidInputError(Problem("benchmark-unreadable", said, HOW, file=str(path), key="bench.against"))
-    numbers = [int(key[1]) for name in found if (key := re.fullmatch(rf"ratio_to_{reference.name}_n(\d+)", name))]
+        stored = None
+    if not isinstance(stored, dict) or stored.get("task") != "bench core":
+        fault = "was not written by `python -m benchmarks core`"
+        raise InvalidInputError(Problem("benchmark-unreadable", fault, _REMEDY, file=str(path), key="bench.against"))
+    numbers = [int(key[1]) for name in stored if (key := re.fullmatch(rf"ratio_to_{reference.name}_n(\d+)", name))]
     if not numbers:
-        said = "must be a program that the earlier benchmark has a ratio to"
-        problem = Problem("reference-absent", said, file=str(path), key="bench.reference", value=reference.name)
+        fault = "must be a program that the earlier benchmark has a ratio to"
+        problem = Problem("reference-absent", fault, file=str(path), key="bench.reference", value=reference.name)
         raise InvalidInputError(problem)
     names = {n: f"ratio_to_{reference.name}_n{n}" for n in numbers}
-    return {n: Spread(*(float(found[name + end]) for end in ("", "_min", "_max"))) for n, name in names.items()}
+    return {n: Spread(*(float(stored[name + end]) for end in ("", "_min", "_max"))) for n, name in names.items()}
 
 
 @dataclass(frozen=True)
@@ -124,15 +124,15 @@ class CoreResults:
     """All measurements.
 
     Attributes:
-        series: By number of vehicles, all programs.
-        absent: Programs that are not here.
-        memory: Many rollouts in a fresh process; None where it was left out.
-        load_average: Before the start.
-        machine: Its description.
-        by_chunk: Ours on one core, by scenarios at a time.
-        by_threads: Ours by number of cores.
-        agreements: CPU and GPU on the same scenes.
-        changes: Since an earlier benchmark.
+        series: Series of every program at every number of vehicles.
+        absent: Programs that could not be measured.
+        memory: Measurement of many rollouts in a new process; None if it was left out.
+        load_average: Load average of the machine before the start; None if it is not reported.
+        machine: Description of the machine.
+        by_chunk: Series of our core on one core of the machine, one per number of scenarios at a time.
+        by_threads: Series of our core, one per number of cores.
+        agreements: Comparisons of CPU and GPU on the same scenes.
+        changes: Changes of the ratio to the reference program since an earlier benchmark.
     """
 
     series: tuple[Series, ...]
@@ -160,17 +160,17 @@ class CoreResults:
         return next((item for item in self.series if (item.program, item.n_vehicles) == (program, n_vehicles)), None)
 
     def ratio(self, peer: str, n_vehicles: int) -> Spread | None:
-        """Our speed by the peer's, taken within each repetition; by elapsed time where both use all cores."""
+        """Ratio of our speed to the peer's within each repetition; by elapsed time if both use all cores."""
         ours, other = self.find(OURS, n_vehicles), self.find(peer, n_vehicles)
         if ours is None or other is None:
             return None
         speed = "substeps_per_s" if peer in BY_ELAPSED_TIME else "substeps_per_cpu_s"
         pairs = zip(ours.measurements, other.measurements, strict=True)
-        ratios = [getattr(mine, speed) / getattr(theirs, speed) for mine, theirs in pairs]
+        ratios = [getattr(ours_run, speed) / getattr(peer_run, speed) for ours_run, peer_run in pairs]
         return spread_of(ratios)
 
     def cost_growth(self) -> dict[int, float]:
-        """Our CPU time per vehicle step at the largest number of vehicles by that at every smaller one, medians."""
+        """Our CPU time per vehicle step at the most vehicles divided by that at every smaller number; medians."""
         *fewer, most = self.numbers
         largest = self.find(OURS, most)
         if largest is None:

@@ -1,11 +1,12 @@
 """Cost of discovery by number of drivers and recorded time.
 
 Every size is measured in a process of its own, `python -m benchmarks.discover KEY=VALUE ...`, which carries out `rearl
-discover` with empty caches on recordings generated for it. A size that was measured is kept when a later one is
-interrupted: the same command goes on.
+discover` with empty caches on recordings generated for it. The sizes measured before an interruption are kept: the same
+command continues after them.
 """
 
 import json
+import math
 import os
 import shutil
 import subprocess
@@ -36,13 +37,15 @@ HIDDEN = "reaction_delay"
 """Effect that is hidden in the recordings."""
 
 SPARE = 6
-"""Vehicles per recording beyond those wanted: the first of each lane follows nobody, some follow too briefly."""
+"""Vehicles per recording in addition to the wanted drivers, because the first of each lane follows nobody and some
+follow too briefly.
+"""
 
 MEANINGS = {
     "wall_s_d{D}_s{S}": "elapsed time of the whole command with D drivers and S recorded seconds [s]",
     "cpu_s_d{D}_s{S}": "its CPU time over all threads [s]",
-    "peak_memory_gib_d{D}_s{S}": "resident memory at its peak [GiB]",
-    "n_drivers_d{D}_s{S}": "drivers that were used: fitted, checked and reported",
+    "peak_memory_gib_d{D}_s{S}": "peak resident memory [GiB]",
+    "n_drivers_d{D}_s{S}": "drivers that discovery used: those of the fit, of the choice of effects and of the report",
     "load_average": "processes that wanted to run when the measurements began",
 }
 """Keys of `summary.json` besides the machine's (`cpu_model` and so on), and what they mean."""
@@ -77,7 +80,7 @@ def run(config: DiscoverBenchmark) -> dict:
     }
     summary = {**machine, "load_average": load, **figures}
     study.write_summary(summary)
-    # The next call without results.resume=true measures anew.
+    # Removed, so that the next call without results.resume=true measures every size again.
     shutil.rmtree(study.path / TABLE)
     print_table("Discovery with empty caches", rows, [runtime.machine_line(machine, load)])
     return summary
@@ -87,21 +90,21 @@ def measure(options: DiscoverOptions, drivers: int, seconds: int) -> dict[str, A
     """One command: `drivers`, `seconds` [s], `n_drivers`, `wall_s` [s], `cpu_s` [s], `peak_memory_gib` [GiB].
 
     Raises:
-        RuntimeError: It failed.
+        RuntimeError: The command failed.
     """
     with tempfile.TemporaryDirectory(prefix="rearl_discover_") as name:
         folder = Path(name)
         write_dataset(folder / "data", scenario_of(options, drivers, seconds))
-        words = ["data=table", f"data.root={folder / 'data'}", f"results.root={folder}", "study=found"]
-        words += [f"discover.max_drivers={drivers}", f"discover.seed={options.seed}"]
-        command = [sys.executable, "-m", "benchmarks.discover", *words, f"discover.replicates={options.replicates}"]
+        keys = ["data=table", f"data.root={folder / 'data'}", f"results.root={folder}", "study=found"]
+        keys += [f"discover.max_drivers={drivers}", f"discover.seed={options.seed}"]
+        command = [sys.executable, "-m", "benchmarks.discover", *keys, f"discover.replicates={options.replicates}"]
         environment = fresh_environment(on_cpu=False) | {"XDG_CACHE_HOME": str(folder / "cache")}
         begin = time.perf_counter()
         done = subprocess.run(command, capture_output=True, text=True, env=environment)
         wall_s = time.perf_counter() - begin
         if done.returncode:
-            said = "\n".join(done.stderr.splitlines()[-20:])
-            raise RuntimeError(f"{' '.join(command)} ended with code {done.returncode}. Its last words:\n{said}")
+            last_lines = "\n".join(done.stderr.splitlines()[-20:])
+            raise RuntimeError(f"{' '.join(command)} ended with code {done.returncode}. Its last words:\n{last_lines}")
         verdict = json.loads((folder / "found" / "verdict.json").read_text(encoding="utf-8"))
         n_drivers = sum(verdict["data"]["drivers"].values())
         cost = json.loads(done.stdout.splitlines()[-1])
@@ -109,18 +112,18 @@ def measure(options: DiscoverOptions, drivers: int, seconds: int) -> dict[str, A
 
 
 def scenario_of(options: DiscoverOptions, drivers: int, seconds: int) -> Scenario:
-    """Recordings in which at least so many drivers follow a leader."""
+    """Recordings of `seconds` [s] in which at least `drivers` drivers follow a leader."""
     lanes, recordings = Scenario.n_lanes, Scenario.n_recordings
-    rows = -(-(-(-drivers // recordings) + SPARE) // lanes)
+    per_lane = math.ceil((math.ceil(drivers / recordings) + SPARE) / lanes)
     planted = (Planted(HIDDEN),)
-    return Scenario(options.seed, planted, n_vehicles=rows * lanes, duration=float(seconds), lane_changes=0)
+    return Scenario(options.seed, planted, n_vehicles=per_lane * lanes, duration=float(seconds), lane_changes=0)
 
 
 def main(words: Sequence[str]) -> int:
     """Exit code of `rearl discover`; its last line on standard output is its cost in JSON."""
     code = rearl(["discover", *words])
     peak = peak_memory_bytes()
-    # Own time and that of ended children, user and system.
+    # User and system time of this process and of its ended child processes.
     cost = {"cpu_s": sum(os.times()[:4]), "peak_memory_gib": None if peak is None else peak / 2**30}
     print(json.dumps(cost))
     return code

@@ -1,4 +1,4 @@
-"""HighJax as the subject of a measurement: highway-env in JAX, scenes side by side in one program."""
+"""HighJax as the subject of a measurement: highway-env in JAX, many scenes at a time in one compiled program."""
 
 from collections.abc import Mapping
 from functools import partial
@@ -15,12 +15,13 @@ IDLE = 1
 """Action of the vehicle that HighJax leaves to a policy: it keeps lane and speed."""
 
 PAIRS_AT_A_TIME, LARGEST_BATCH = 200_000, 512
-"""Pairs of vehicles, which HighJax holds against each other, in the scenes simulated side by side, and most of these.
+"""Pairs of vehicles, all of which HighJax compares, in the scenes simulated at a time; and the largest number of these
+scenes.
 """
 
 
 class HighJaxRoads:
-    """Scenes of `highjax-v0`, whose vehicles are drawn as in highway-env; measured are whole seconds."""
+    """Scenes of `highjax-v0`, whose vehicles are drawn as in highway-env; whole seconds are measured."""
 
     def __init__(self, n_vehicles: int, seconds: int, density: float, cpu_s: float) -> None:
         """Compiles and warms up.
@@ -45,14 +46,14 @@ class HighJaxRoads:
 
     @property
     def facts(self) -> Mapping[str, float | int]:
-        """Scenes side by side."""
+        """`unit`: scenes simulated at a time."""
         return {"unit": self._batch}
 
     def measure(self, n_scenarios: int, seed: int) -> Measurement:
-        """The cost of whole batches, cut to fewer whole seconds where they would take longer than allowed."""
+        """The cost of whole batches, simulated for fewer seconds if they would take longer than `cpu_s`."""
         n_batches = max(1, n_scenarios // self._batch)
         keys = jax.random.split(jax.random.key(seed), (n_batches, self._batch))
-        states = [jax.block_until_ready(self._draw(some)) for some in keys]
+        states = [jax.block_until_ready(self._draw(batch_keys)) for batch_keys in keys]
         watch, seconds = Stopwatch(), 0
         while seconds < self._seconds and watch.cpu_s < self._cpu_s:
             with watch:
@@ -75,7 +76,7 @@ def _initial_state(env: Any, parameters: Any, key: Key[Array, ""]) -> Any:
 
 
 def _speeds(state: Any) -> np.ndarray:
-    """Of all vehicles of all scenes [m/s]."""
+    """Speeds of all vehicles of all scenes [m/s]."""
     column = import_module("highjax").kinematics.SPEED
     everybody = (state.ego_state[:, None], state.npc_states)
     return np.concatenate([np.asarray(vehicles)[..., column] for vehicles in everybody], axis=1)

@@ -1,4 +1,4 @@
-"""highway-env as the subject of a measurement: its own road, its own vehicles, no environment around them."""
+"""highway-env as the subject of a measurement: its road and its vehicles, without the environment around them."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -15,16 +15,16 @@ SPEED_LIMIT = 30.0
 
 
 class HighwayRoads:
-    """Scenes drawn as `highway-v0` draws its traffic; measured are `Road.act` and `Road.step`."""
+    """Scenes drawn as `highway-v0` draws its traffic; `Road.act` and `Road.step` are measured."""
 
     facts: Mapping[str, float | int] = {"unit": 1}
 
     def __init__(self, n_vehicles: int, seconds: int, density: float, cpu_s: float) -> None:
-        """Nothing is simulated yet; arguments as of `HighJaxRoads`."""
+        """Nothing is simulated yet; arguments as in `HighJaxRoads`."""
         self._n_vehicles, self._seconds, self._density, self._cpu_s = n_vehicles, seconds, density, cpu_s
 
     def measure(self, n_scenarios: int, seed: int) -> Measurement:
-        """The cost of some scenes, cut to fewer whole seconds where they would take longer than allowed."""
+        """The cost of `n_scenarios` scenes, simulated for fewer seconds if they would take longer than `cpu_s`."""
         watch = Stopwatch()
         roads = [self._draw(np.random.default_rng([seed, number])) for number in range(n_scenarios)]
         lanes = [_lanes(road) for road in roads]
@@ -36,9 +36,9 @@ class HighwayRoads:
                         road.act()
                         road.step(1 / TICKS_PER_SECOND)
             seconds += 1
-            before, lanes = lanes, [_lanes(road) for road in roads]
+            earlier_lanes, lanes = lanes, [_lanes(road) for road in roads]
             if seconds > 1:
-                lane_changes += int(np.count_nonzero(np.not_equal(before, lanes)))
+                lane_changes += int(np.count_nonzero(np.not_equal(earlier_lanes, lanes)))
         vehicles = [vehicle for road in roads for vehicle in road.vehicles]
         return Measurement(
             n_scenarios=n_scenarios,
@@ -52,7 +52,7 @@ class HighwayRoads:
         )
 
     def _draw(self, random: Any) -> Road:
-        """A road as `HighwayEnv` fills it; its generator is NumPy's new one, whatever its annotation says."""
+        """A road as `HighwayEnv` fills it; `random` is a `np.random.Generator`, which highway-env accepts."""
         network = RoadNetwork.straight_road_network(N_LANES, speed_limit=SPEED_LIMIT)
         road = Road(network=network, np_random=random, record_history=False)
         for _ in range(self._n_vehicles):

@@ -1,7 +1,7 @@
-"""Files of any size in the layouts of recordings, written from made-up traffic, for the benchmark of the readers.
+"""Files of any size in the layouts of recordings, written from synthetic traffic, for the benchmark of the readers.
 
-A layout writes one recording of about so many bytes into a folder; `LAYOUTS` names them. Those of sensors have their
-traffic in `sensor_layouts`, on a road that bends.
+A layout writes one recording of about the given size into a folder; `LAYOUTS` lists the layouts. Those of sensor data
+are in `sensor_layouts`, with traffic on a curved road.
 """
 
 from collections.abc import Callable, Iterator
@@ -20,11 +20,11 @@ ROAD = 2000.0
 
 _HEADWAY = 1.5  # s between two vehicles of a lane
 _LINKS = ((1, 0.0), (10000, 1000.0), (2, 1010.0))  # number and beginning [m]
-_AT_ONCE = 100_000  # rows that are turned into text at a time
+_BLOCK = 100_000  # rows that are turned into text at a time
 
 
 def traffic(n_rows: int) -> pd.DataFrame:
-    """About so many rows of vehicles on two lanes, in the order of time.
+    """About `n_rows` rows of vehicles on two lanes, in the order of time.
 
     Columns: frame, vehicle from 0, lane (0 = right), front [m], speed [m/s] (that of the step that ends at the frame),
     is_truck.
@@ -32,14 +32,14 @@ def traffic(n_rows: int) -> pd.DataFrame:
     parts, total, vehicle = [], 0, 0
     while total < n_rows:
         lane, is_truck = vehicle % 2, vehicle % 10 == 4
-        base = 22.0 + 6.0 * lane
-        steps = np.arange(round(ROAD / (base - 1.0) / PERIOD))
-        speed = base + np.sin(0.02 * steps)
+        mean_speed = 22.0 + 6.0 * lane
+        steps = np.arange(round(ROAD / (mean_speed - 1.0) / PERIOD))
+        speed = mean_speed + np.sin(0.02 * steps)
         front = 20.0 + np.cumsum(np.r_[0.0, speed[1:]]) * PERIOD
         rows = np.flatnonzero(front < ROAD)
         first = round(_HEADWAY / PERIOD) * (vehicle // 2)
-        own = np.full(rows.size, vehicle), np.full(rows.size, is_truck)
-        parts.append((first + rows, front[rows], speed[rows], *own))
+        identity = np.full(rows.size, vehicle), np.full(rows.size, is_truck)
+        parts.append((first + rows, front[rows], speed[rows], *identity))
         total += rows.size
         vehicle += 1
     frame, front, speed, vehicles, is_truck = (np.concatenate(values) for values in zip(*parts, strict=True))
@@ -67,7 +67,7 @@ def write_sumo_xml(rows: pd.DataFrame, folder: Path) -> None:
 
 
 def write_sumo_csv(rows: pd.DataFrame, folder: Path) -> None:
-    """The same as SUMO's tabular output."""
+    """Floating car data of SUMO as tabular text, and the types beside it."""
     _write_types(folder)
     with (folder / "fcd.csv").open("w") as file:
         names = ("id", "x", "y", "angle", "type", "speed", "pos", "lane", "edge", "slope")
@@ -86,7 +86,7 @@ def write_vissim(rows: pd.DataFrame, folder: Path) -> None:
         file.write("$VISION\n* POS: Pos, Position [m]\n* SPEED: Speed, Speed [km/h]\n* LENGTH: Length, Length [m]\n")
         file.write(f"$VEHICLE:{';'.join(names)}\n")
         for row in _tuples(rows):
-            link, begin = [place for place in _LINKS if place[1] <= row.front][-1]
+            link, begin = [link for link in _LINKS if link[1] <= row.front][-1]
             file.write(
                 f"{row.frame * PERIOD:.2f};{row.vehicle + 1};{link};{row.lane + 1};{row.front - begin:.3f};0.50;"
                 f"{3.6 * row.speed:.3f};{200 if row.is_truck else 100};{12.0 if row.is_truck else 4.5}\n"
@@ -94,11 +94,11 @@ def write_vissim(rows: pd.DataFrame, folder: Path) -> None:
 
 
 def write_openacc(rows: pd.DataFrame, folder: Path) -> None:
-    """A run of OpenACC as published, as many rows of five cars in single file: the traffic itself does not matter."""
+    """A run of OpenACC as published, with as many rows: five cars in single file instead of the traffic of `rows`."""
     n_cars = 5
     time = PERIOD * np.arange(len(rows) // n_cars)
-    speeds = [20.0 + np.sin(0.1 * time - 0.3 * k) for k in range(n_cars)]
-    moved = [np.r_[0.0, np.cumsum(0.5 * (v[1:] + v[:-1]))] * PERIOD for v in speeds]
+    speeds = [20.0 + np.sin(0.1 * time - 0.3 * car) for car in range(n_cars)]
+    moved = [np.r_[0.0, np.cumsum(0.5 * (speed[1:] + speed[:-1]))] * PERIOD for speed in speeds]
     columns = {"Time": time}
     for k in range(n_cars):
         along = moved[k] - 30.0 * k
@@ -123,12 +123,12 @@ def write_table(rows: pd.DataFrame, folder: Path) -> None:
 
 
 def _of_traffic(write: Callable[[pd.DataFrame, Path], None], row_bytes: float) -> Callable[[Path, int], None]:
-    """Writes about so many bytes of `traffic`, of which a row has about `row_bytes`."""
+    """Function that writes about `n_bytes` of `traffic`, with about `row_bytes` per row."""
     return lambda folder, n_bytes: write(traffic(round(n_bytes / row_bytes)), folder)
 
 
 def _of_sensors(write: Callable[[Path, int], None], name: str) -> Callable[[Path, int], None]:
-    """Writes about so many bytes into the file of that name."""
+    """Function that writes about `n_bytes` into the file `name`."""
     return lambda folder, n_bytes: write(folder / name, n_bytes)
 
 
@@ -138,7 +138,7 @@ class Layout:
 
     Attributes:
         format: The value of data.format that reads them.
-        write: Writes about so many bytes into a folder.
+        write: Function of a folder and a size [bytes] that writes about so much into it.
         stretch: The value of data.stretch; None for formats that need none.
     """
 
@@ -162,8 +162,8 @@ LAYOUTS = {
 
 
 def _tuples(rows: pd.DataFrame) -> Iterator:
-    for begin in range(0, len(rows), _AT_ONCE):
-        yield from rows.iloc[begin : begin + _AT_ONCE].itertuples(index=False)
+    for begin in range(0, len(rows), _BLOCK):
+        yield from rows.iloc[begin : begin + _BLOCK].itertuples(index=False)
 
 
 def _write_types(folder: Path) -> None:

@@ -1,15 +1,19 @@
 """Cost of detection and decisions beside the traffic core.
 
-Measured in turn, for every number of vehicles and every size of batch: Base; the closed loop that is never triggered,
-which is Base and the detection; with every policy the loop in which all is computed and nobody asked, which has the
-traffic of Base and the work of the policy; and the loop that is triggered every second. Then the time of a few
-consecutive decision steps, whole and in parts; and Base with every effect switched on, one at a time. No data are
-read: the references are synthetic.
+For every number of vehicles and every size of batch these programs are measured in turn:
+
+- Base, IDM and MOBIL traffic without interventions;
+- the closed loop that is never triggered: Base and the detection;
+- for every policy, the loop in which all is computed but no vehicle is asked, with the traffic of Base;
+- for every policy, the loop that is triggered every second.
+
+Then follow the time of a few consecutive decision steps, whole and in parts, and Base with every effect switched on,
+one at a time. No data are read: the references are synthetic.
 """
 
 from collections.abc import Mapping
 
-from benchmarks.loop_programs import TWO, always, effect_programs, programs_of
+from benchmarks.loop_programs import EFFECT_PAIR, always, effect_programs, programs_of
 from benchmarks.loop_results import GOAL, Cell, LoopResults, effect_of
 from benchmarks.options import LoopBenchmark, LoopOptions
 from benchmarks.terminal import print_table
@@ -70,7 +74,7 @@ def _effect_programs(loop: LoopOptions) -> tuple[str, ...]:
 
 
 def measure_rollouts(loop: LoopOptions, n_vehicles: int, batch: int, report: Report) -> Cell:
-    """Base and the closed loop in its states."""
+    """Measurements of Base and of the closed loop, never triggered, not asking and always triggered."""
     label = f"N = {n_vehicles}, {batch} at a time"
     scene = program_arguments(loop, n_vehicles, loop.seconds, batch)
     with open_sessions(ROLLOUTS, programs_of(loop.policies), scene, label, report) as sessions:
@@ -96,7 +100,7 @@ def measure_effects(loop: LoopOptions, report: Report) -> list[Cell]:
 def _measured(
     loop: LoopOptions, n_vehicles: int, batch: int, sessions: Mapping[str, Simulator], label: str, report: Report
 ) -> Cell:
-    """All programs in turn; all simulate as many batches as fill Base's time."""
+    """Measurements of all programs in turn; all simulate as many batches as Base does in `loop.repetition_cpu_s`."""
     first = warm_up(sessions, loop.seed, label, report)[BASE]
     rounds = max(1, round(loop.repetition_cpu_s / first.cpu_s)) if loop.rounds is None else loop.rounds
     n_scenarios = dict.fromkeys(sessions, batch * rounds)
@@ -140,5 +144,5 @@ def _notes(results: LoopResults) -> list[str]:
         published = ", ".join(f"{method} {value:,}" for method, value in PAPER_MS.items())
         lines.append(f"REARL (Bi et al.), ms per decision step or for ten, on another machine: {published}")
     if results.effects:
-        lines.append(f"two_effects: {' and '.join(TWO)}; rank_two_effects: the triggered loop on that traffic")
+        lines.append(f"two_effects: {' and '.join(EFFECT_PAIR)}; rank_two_effects: the triggered loop on that traffic")
     return [*lines, runtime.machine_line(results.machine, results.load_average)]

@@ -1,7 +1,7 @@
 """Rollouts that the loop's benchmark measures, by name: Base, the closed loop in several states, Base with effects.
 
-Effects act on the Intelligent Driver Model on gaps between bumpers, which highway-env's drivers do not use; so that
-model without any effect is a program too.
+Effects act on the Intelligent Driver Model with bumper-to-bumper gaps, which highway-env's drivers do not use. So that
+model without effects is a program too.
 """
 
 from dataclasses import fields, replace
@@ -37,19 +37,19 @@ NEVER = "never"
 """The closed loop that is never triggered: detection.cues=never, so nothing but the detection is left of it."""
 
 FOLLOWING = "following"
-"""The Intelligent Driver Model on gaps between bumpers, on which effects act, without any."""
+"""The Intelligent Driver Model with bumper-to-bumper gaps, without effects."""
 
 TWO_EFFECTS = "two_effects"
-"""The same with the effects `TWO`."""
+"""The same model with the effects `EFFECT_PAIR`."""
 
 LOOP_WITH_TWO = "rank_two_effects"
-"""The closed loop of the matcher by rank, triggered every second, on that traffic."""
+"""The closed loop of the matcher by rank, triggered every second, on traffic with the effects `EFFECT_PAIR`."""
 
-TWO = ("reaction_delay", "several_leaders")
+EFFECT_PAIR = ("reaction_delay", "several_leaders")
 """Two effects of drivers that are often found."""
 
 DRIVER = (30.0, 1.5, 2.0, 1.4, 2.0)
-"""Desired speed [m/s], time gap [s], jam gap [m], acceleration and deceleration [m/s^2] of all; near
+"""Desired speed [m/s], time gap [s], jam gap [m], acceleration and deceleration [m/s^2] of all drivers; near
 Treiber, Hennecke & Helbing, Phys. Rev. E 62 (2000) 1805.
 """
 
@@ -60,22 +60,22 @@ _QUIET = "_quiet"
 
 
 def quiet(policy: LoopPolicy) -> str:
-    """The closed loop with thresholds that nothing passes: all is computed, nobody is asked, the traffic is Base's."""
+    """Name of the closed loop with infinite thresholds: all is computed, no vehicle is asked, the traffic is Base's."""
     return policy.name + _QUIET
 
 
 def always(policy: LoopPolicy) -> str:
-    """The closed loop that is triggered every second, with cues=always."""
+    """Name of the closed loop that is triggered every second, with cues=always."""
     return policy.name
 
 
 def programs_of(policies: tuple[LoopPolicy, ...]) -> tuple[str, ...]:
-    """All programs measured in turn."""
+    """Names of all programs measured in turn."""
     return (BASE, NEVER, *(quiet(policy) for policy in policies), *(always(policy) for policy in policies))
 
 
 def effect_programs(chosen: tuple[str, ...] | None) -> tuple[str, ...]:
-    """Programs that are measured beside Base one at a time: no effect, each of those chosen, two together, the loop.
+    """Names of programs measured in turn with Base: no effect, each chosen effect, two effects, the loop with these.
 
     Args:
         chosen: Names of effects; None for all there are, empty for no program at all.
@@ -84,8 +84,8 @@ def effect_programs(chosen: tuple[str, ...] | None) -> tuple[str, ...]:
         InvalidInputError: There is no such effect.
     """
     if chosen is not None and (unknown := [name for name in chosen if name not in EFFECTS]):
-        said = f"must be of {', '.join(EFFECTS)}"
-        raise InvalidInputError(Problem("choice-unknown", said, key="loop.effects", value=unknown[0]))
+        fault = f"must be of {', '.join(EFFECTS)}"
+        raise InvalidInputError(Problem("choice-unknown", fault, key="loop.effects", value=unknown[0]))
     names = tuple(EFFECTS) if chosen is None else chosen
     return (FOLLOWING, *names, TWO_EFFECTS, LOOP_WITH_TWO) if names else ()
 
@@ -98,8 +98,9 @@ def rollouts(
     Raises:
         ValueError: There is no such program.
     """
-    with_effects = {FOLLOWING: (), TWO_EFFECTS: TWO, LOOP_WITH_TWO: TWO} | {effect: (effect,) for effect in EFFECTS}
-    # Somebody must be named, but where nobody is asked the compiler leaves the policy out.
+    with_effects = {FOLLOWING: (), TWO_EFFECTS: EFFECT_PAIR, LOOP_WITH_TWO: EFFECT_PAIR}
+    with_effects |= {effect: (effect,) for effect in EFFECTS}
+    # `loop_subject` needs a policy also for NEVER, but XLA removes the policy if no vehicle is ever asked.
     loops = {LOOP_WITH_TWO: (LoopPolicy.rank, Cues.always), NEVER: (LoopPolicy.idle, Cues.never)}
     loops |= {quiet(policy): (policy, Cues.both) for policy in LoopPolicy}
     loops |= {always(policy): (policy, Cues.always) for policy in LoopPolicy}
@@ -132,7 +133,7 @@ def policy_named(name: LoopPolicy) -> Policy:
 
 
 def usual(name: str) -> Effect:
-    """The effect at a strength that is often found: as far from off as a standard deviation of what is usual."""
+    """The effect at a usual strength: one standard deviation of its prior (`Parameter.scale`) from being off."""
     kind = EFFECTS[name]
     numbers: dict[str, Any] = {item.name: jnp.asarray(_usual(item)) for item in kind.parameters}
     if "values" in numbers:
@@ -146,5 +147,5 @@ def usual(name: str) -> Effect:
 def _usual(parameter: Parameter) -> float:
     if not parameter.is_strength:
         return parameter.off
-    further = min(parameter.off + parameter.scale, parameter.high)
-    return further if further != parameter.off else max(parameter.off - parameter.scale, parameter.low)
+    above = min(parameter.off + parameter.scale, parameter.high)
+    return above if above != parameter.off else max(parameter.off - parameter.scale, parameter.low)

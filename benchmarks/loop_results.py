@@ -1,4 +1,4 @@
-"""Cost of the closed loop beside Base as a table, and as flat figures with their meanings."""
+"""Cost of the closed loop compared with Base (IDM and MOBIL alone), as a table and as flat figures."""
 
 import json
 from dataclasses import asdict, dataclass
@@ -12,21 +12,22 @@ from rearl_jax.timing.decision_steps import BASE, PAPER_MS
 from rearl_jax.timing.measurement import Series, Spread, spread_of
 
 GOAL = 0.25
-"""Most that the detection may cost, of what Base costs."""
+"""Largest cost of the detection that is accepted, as a share of the cost of Base [-]."""
 
 MEANINGS = {
-    "references": "what the traffic was held against: synthetic references, no data were read",
+    "references": "references that the traffic was compared with: synthetic ones, no data were read",
     "cpu_us_{program}_n{N}_b{B}": "CPU time per simulated second of a scenario, median of repetitions [us]",
     "detection_share_n{N}_b{B}": "(never - base) / base: what detection adds, of Base's CPU time; also _min, _max",
     "policy_share_{policy}_n{N}_b{B}": "({policy}_quiet - never) / base: what admissible actions, policy and orders"
     " add on the same traffic; also _min, _max",
-    "loop_ratio_{policy}_n{N}_b{B}": "loop triggered every second by base, its other traffic included; also _min, _max",
+    "loop_ratio_{policy}_n{N}_b{B}": "loop triggered every second (other traffic) divided by base; also _min, _max",
     "compile_s_{program}_n{N}_b{B}": "elapsed time of compiling, without cache [s]",
-    "effect_ratio_{effect}_n{N}_b{B}": "Base with this effect on by Base; following: gap IDM without any effect;"
-    " two_effects, rank_two_effects: with two, alone and in the closed loop; also _min, _max",
-    "effect_ns_{effect}_n{N}_b{B}": "CPU time per vehicle step with it, median [ns]",
+    "effect_ratio_{effect}_n{N}_b{B}": "CPU time of Base with this effect divided by that of Base;"
+    " following: gap IDM without effects; two_effects, rank_two_effects: two effects, alone and in the closed loop;"
+    " also _min, _max",
+    "effect_ns_{effect}_n{N}_b{B}": "CPU time per vehicle step with this effect, median [ns]",
     "effect_compile_s_{effect}_n{N}_b{B}": "elapsed time of compiling, without cache [s]",
-    "detection_share_goal": "most that detection_share should be",
+    "detection_share_goal": "upper limit of detection_share",
     "detection_share_largest": "largest detection_share of all numbers of vehicles and batches",
     "n_steps": "consecutive decision steps behind steps_ms",
     "steps_ms_{part}_n{N}_b{B}": "elapsed time of these steps, median [ms]: base, ppo, loop, and on recorded traffic"
@@ -49,7 +50,7 @@ class Cell:
 
     @property
     def label(self) -> str:
-        """Ends the keys of the cell's figures."""
+        """End of the keys of the cell's figures in the summary."""
         return f"n{self.n_vehicles}_b{self.batch}"
 
     def costs(self, program: str) -> list[float]:
@@ -57,17 +58,17 @@ class Cell:
         return [run.cpu_s / (run.n_scenarios * run.seconds) for run in self.series[program].measurements]
 
     def cost(self, program: str) -> float:
-        """Their median [s]."""
+        """Median of `costs` [s]."""
         return median(self.costs(program))
 
     def ratio(self, program: str) -> Spread:
-        """Cost of a program by that of Base, taken within each repetition."""
-        return spread_of([mine / base for mine, base in zip(self.costs(program), self.costs(BASE), strict=True)])
+        """Cost of a program divided by that of Base within each repetition."""
+        return spread_of([cost / base for cost, base in zip(self.costs(program), self.costs(BASE), strict=True)])
 
-    def added(self, program: str, before: str) -> Spread:
-        """Cost of a program less that of another one, by the cost of Base, taken within each repetition."""
-        triples = zip(self.costs(program), self.costs(before), self.costs(BASE), strict=True)
-        return spread_of([(mine - other) / base for mine, other, base in triples])
+    def added(self, program: str, without: str) -> Spread:
+        """Cost of a program less that of the program `without`, divided by that of Base, within each repetition."""
+        triples = zip(self.costs(program), self.costs(without), self.costs(BASE), strict=True)
+        return spread_of([(cost - cost_without) / base for cost, cost_without, base in triples])
 
     def step_ns(self, program: str) -> float:
         """CPU time per vehicle step, median [ns]."""
@@ -75,11 +76,11 @@ class Cell:
 
     @property
     def detection(self) -> Spread:
-        """Cost of the detection, by the cost of Base."""
+        """Cost of the detection divided by that of Base."""
         return self.added(NEVER, BASE)
 
     def policy(self, policy: LoopPolicy) -> Spread:
-        """Cost that a policy adds to the detection, by the cost of Base, on the traffic of Base."""
+        """Cost that a policy adds to the detection, on the traffic of Base, divided by the cost of Base."""
         return self.added(quiet(policy), NEVER)
 
     def steps_ms(self, part: str) -> Spread:
@@ -89,7 +90,7 @@ class Cell:
 
 @dataclass(frozen=True)
 class LoopResults:
-    """Cells of rollouts, of decision steps and of one effect each beside Base, and what they were measured with."""
+    """Cells of rollouts, of decision steps, and of single effects with Base; and the conditions of the measurement."""
 
     cells: tuple[Cell, ...]
     steps: tuple[Cell, ...]
@@ -102,7 +103,7 @@ class LoopResults:
 
     @property
     def largest_detection_share(self) -> float | None:
-        """The largest of the medians; None where no rollouts were measured."""
+        """Largest of the medians of `Cell.detection`; None if no rollouts were measured."""
         return max((cell.detection.median for cell in self.cells), default=None)
 
     def table(self) -> pd.DataFrame:
@@ -166,6 +167,6 @@ class LoopResults:
 
 
 def effect_of(cell: Cell) -> str:
-    """The program that was measured beside Base."""
+    """Name of the program that was measured in turn with Base."""
     (program,) = (name for name in cell.series if name != BASE)
     return program

@@ -1,4 +1,4 @@
-"""The C program beside this file, compiled for this machine: the same traffic without collisions, by hand."""
+"""The C program beside this file, compiled for this machine: the traffic of the core without collisions."""
 
 import json
 import os
@@ -10,21 +10,22 @@ from pathlib import Path
 from rearl_jax.timing.measurement import TICKS_PER_SECOND, Measurement
 
 TRAFFIC = Path(__file__).with_name("limit.c")
+"""Source of the C program."""
 
 COMPILER = "gcc"
 FLAGS = ("-O3", "-march=native", "-mprefer-vector-width=512", "-ffast-math", "-fopenmp")
 LIBRARIES = ("-lmvec", "-lm")
 
 GROUP = 16
-"""Scenarios the program simulates side by side; it takes multiples of them only."""
+"""Scenarios the program simulates at a time; the number of scenarios must be a multiple."""
 
 
 class CompilerError(RuntimeError):
-    """The C program cannot be had on this machine; the message says why."""
+    """The C program cannot be compiled on this machine; the message contains the reason."""
 
 
 def compile_limit(n_vehicles: int, folder: Path) -> Path:
-    """The program for scenarios of so many vehicles, compiled into a folder.
+    """The program for scenarios of `n_vehicles` vehicles, compiled into a folder.
 
     Raises:
         CompilerError: There is no compiler, or it does not know the flags or this processor.
@@ -44,12 +45,12 @@ class NativeProgram:
     """A compiled program; each measurement is one run of it."""
 
     def __init__(self, program: Path, seconds: int, threads: int) -> None:
-        """Nothing runs yet; the program is that of `compile_limit`, the simulated time in s."""
+        """Nothing runs yet; the program is that of `compile_limit`, `seconds` the simulated time [s]."""
         self._program, self._seconds, self._threads = program, seconds, threads
         self.facts: Mapping[str, float | int] = {"unit": GROUP * threads}
 
     def measure(self, n_scenarios: int, seed: int) -> Measurement:
-        """The cost of `n_scenarios`, a multiple of 16; the program has only one seed of its own.
+        """The cost of `n_scenarios`, a multiple of `GROUP`; `seed` is ignored, because the program has a fixed one.
 
         Raises:
             RuntimeError: The program failed.
@@ -61,15 +62,15 @@ class NativeProgram:
         done = subprocess.run(command, capture_output=True, text=True, env=environment)
         if done.returncode:
             raise RuntimeError(f"{' '.join(command)} ended with code {done.returncode}: {done.stderr.strip()}")
-        said = json.loads(done.stdout)
+        output = json.loads(done.stdout)
         return Measurement(
             n_scenarios=n_scenarios,
             seconds=self._seconds,
-            n_substeps=n_scenarios * said["vehicles"] * said["steps"],
-            cpu_s=said["cpu_s"],
-            wall_s=said["wall_s"],
-            mean_speed=said["mean_speed"],
+            n_substeps=n_scenarios * output["vehicles"] * output["steps"],
+            cpu_s=output["cpu_s"],
+            wall_s=output["wall_s"],
+            mean_speed=output["mean_speed"],
         )
 
     def close(self) -> None:
-        """Nothing is left running."""
+        """Does nothing, because no program runs between measurements."""

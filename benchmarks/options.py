@@ -1,4 +1,4 @@
-"""Keys of the benchmarks, as records of defaults."""
+"""Configuration keys of the benchmarks with their defaults, one record per benchmark."""
 
 from dataclasses import dataclass
 from enum import Enum
@@ -19,7 +19,7 @@ class Peer(Enum):
     libsumo = "libsumo"
     highjax = "highjax"
     gpu = "gpu"
-    """The same core on a GPU, where JAX sees one."""
+    """The traffic core on a GPU, if JAX finds one."""
 
 
 @dataclass(unsafe_hash=True)
@@ -31,10 +31,10 @@ class CoreOptions:
     density: float = key(2.0, "vehicles_density of the initial scenes [-]; highway-env, REARL (Bi et al.)")
     seed: int = key(0, "seed of the initial scenes; every repetition draws new ones")
     repetitions: int = key(5, "measurements of every program, taken in turn")
-    repetition_cpu_s: float = key(2.0, "CPU time a measurement aims at by its number of scenarios [s]")
+    repetition_cpu_s: float = key(2.0, "CPU time of a measurement, from which its number of scenarios is chosen [s]")
     scenarios: tuple[int, ...] | None = key(
         None,
-        "scenarios of a measurement of ours, one number per entry of vehicles; null: what fills the time",
+        "scenarios of a measurement of ours, one number per entry of vehicles; null: as many as fill repetition_cpu_s",
     )
     chunk: int | None = key(None, "scenarios a core simulates at a time; null: by the number of vehicles")
     peers: tuple[Peer, ...] = key(tuple(Peer), "programs measured beside ours; absent ones are named")
@@ -54,7 +54,7 @@ class CoreOptions:
         None,
         "summary.json of an earlier `python -m benchmarks core`, or its folder; exit code 1 where we are slower now",
     )
-    reference: Peer = key(Peer.c, "program whose ratio to ours is held against the earlier one")
+    reference: Peer = key(Peer.c, "program whose ratio to ours is compared with the earlier ratio")
     margin: float = key(0.15, "share of the earlier ratio that may be lost")
 
     def check(self) -> None:
@@ -69,11 +69,11 @@ class CoreOptions:
         if not 0 < self.margin < 1:
             raise out_of_range("margin", "must be between 0 and 1", self.margin)
         if self.against is not None and self.reference not in self.peers:
-            said = "must be one of peers: add it there, or choose another"
-            raise out_of_range("reference", said, self.reference.name)
+            fault = "must be one of peers: add it there, or choose another"
+            raise out_of_range("reference", fault, self.reference.name)
         if self.scenarios is not None and (len(self.scenarios) != len(self.vehicles) or min(self.scenarios) < 1):
-            said = f"must hold one positive number for each of the {len(self.vehicles)} entries of vehicles"
-            raise out_of_range("scenarios", said, list(self.scenarios))
+            fault = f"must hold one positive number for each of the {len(self.vehicles)} entries of vehicles"
+            raise out_of_range("scenarios", fault, list(self.scenarios))
         if len(set(self.peers)) != len(self.peers):
             raise out_of_range("peers", "must name each program once", [peer.name for peer in self.peers])
 
@@ -103,8 +103,10 @@ class LoopOptions(StepsConfig):
     )
     seconds: int = key(60, "simulated time of a rollout [s]; REARL (Bi et al.)")
     repetitions: int = key(5, "measurements of every program, taken in turn")
-    repetition_cpu_s: float = key(0.5, "CPU time a measurement of Base aims at; the others simulate as many [s]")
-    rounds: int | None = key(None, "batches of a measurement; null: what fills the time")
+    repetition_cpu_s: float = key(
+        0.5, "CPU time of a measurement of Base, from which the number of batches of all programs is chosen [s]"
+    )
+    rounds: int | None = key(None, "batches of a measurement; null: as many as fill repetition_cpu_s")
     effects: tuple[str, ...] | None = key(
         None,
         "effects switched on one at a time, with the fewest vehicles and the largest batch; null: all, empty: none",
@@ -117,8 +119,8 @@ class LoopOptions(StepsConfig):
         if self.batches:
             check_rising(self, "batches")
         if not (self.batches or self.steps_batches):
-            said = "must name the scenarios at a time, or steps_batches must"
-            raise out_of_range("batches", said, list(self.batches))
+            fault = "must name the scenarios at a time, or steps_batches must"
+            raise out_of_range("batches", fault, list(self.batches))
         check_least(self, 1, "seconds", "repetitions", "rounds")
         check_positive(self, "repetition_cpu_s")
         if self.vehicles[0] < 2:
@@ -126,8 +128,8 @@ class LoopOptions(StepsConfig):
         if not self.policies or len(set(self.policies)) != len(self.policies):
             raise out_of_range("policies", "must name each policy once", [policy.name for policy in self.policies])
         if self.reference_seconds < self.seconds:
-            said = f"must be at least seconds ({self.seconds})"
-            raise out_of_range("reference_seconds", said, self.reference_seconds)
+            fault = f"must be at least seconds ({self.seconds})"
+            raise out_of_range("reference_seconds", fault, self.reference_seconds)
 
 
 @dataclass(unsafe_hash=True)
@@ -138,7 +140,7 @@ class DiscoverOptions:
     seconds: tuple[int, ...] = key(
         (60, 240), "recorded time at 10 frames per second [s], each measured with every number of drivers"
     )
-    replicates: int = key(30, "drives simulated without any missing effect, as discover.replicates")
+    replicates: int = key(30, "drives simulated by the calibrated model, with nothing missing, as discover.replicates")
     seed: int = key(0, "seed of the generated recordings and of discovery")
 
     def check(self) -> None:
@@ -147,8 +149,8 @@ class DiscoverOptions:
         check_least(self, 2, "replicates")
         check_least(self, 0, "seed")
         if self.drivers[0] < 9:
-            said = "must be at least 9 each, three for each part of the data"
-            raise out_of_range("drivers", said, list(self.drivers))
+            fault = "must be at least 9 each, three for each part of the data"
+            raise out_of_range("drivers", fault, list(self.drivers))
 
 
 @dataclass(unsafe_hash=True)
@@ -187,8 +189,8 @@ class BoundaryOptions:
 class CoreBenchmark:
     """Speed of the traffic core beside highway-env, SUMO, HighJax and a C program.
 
-    The ratios are the result. With bench.against=FILE they are held against an earlier benchmark, and the exit code is
-    1 where we have become slower.
+    The ratios are the result. With bench.against=FILE they are compared with those of an earlier benchmark, and the
+    exit code is 1 if we have become slower.
     """
 
     study: str = _study("bench_core")
@@ -212,7 +214,7 @@ class LoopBenchmark:
 class BoundaryBenchmark:
     """CPU time of traffic among replayed vehicles, beside the same traffic on a free road.
 
-    No data are read: the replayed vehicles are made up.
+    No data are read: the replayed vehicles are synthetic.
     """
 
     study: str = _study("bench_boundary")
@@ -224,8 +226,8 @@ class BoundaryBenchmark:
 class DiscoverBenchmark:
     """Elapsed time, CPU time and peak memory of discovery by number of drivers and recorded time.
 
-    Every size is measured in a process of its own, from generated recordings, with empty caches. What was measured
-    before an interruption is kept: the same command goes on.
+    Every size is measured in a process of its own, from generated recordings, with empty caches. Sizes measured before
+    an interruption are kept: the same command continues after them.
     """
 
     study: str = _study("bench_discover")
@@ -237,7 +239,7 @@ class DiscoverBenchmark:
 class ReadersBenchmark:
     """Rows per second and peak memory of the readers of recordings.
 
-    Every layout is written as one file of made-up traffic, and read in a process of its own.
+    Every layout is written as one file of synthetic traffic, and read in a process of its own.
     """
 
     study: str = _study("bench_readers")

@@ -24,11 +24,11 @@ GPU = Peer.gpu.name
 """Our core on the accelerator that JAX sees."""
 
 BY_ELAPSED_TIME = (C_ALL, GPU)
-"""Programs that are held against ours by elapsed time, ours on all cores; all others by CPU time."""
+"""Programs compared with ours by elapsed time, ours on all cores; all others are compared by CPU time."""
 
 TITLES = {OURS: "rearl_jax", "c": "C, one thread", C_ALL: "C, all cores", "highway_env": "highway-env"}
 TITLES |= {"libsumo": "SUMO", "highjax": "HighJax", GPU: "rearl_jax, GPU"}
-"""Names in tables and figures; the keys are all programs there are."""
+"""Names of all programs in tables and figures."""
 
 GPU_VEHICLES = 2**20
 """Vehicles in the scenarios a GPU simulates at a time."""
@@ -62,22 +62,25 @@ class Absent:
 
 @runtime_checkable
 class Session(Simulator, Protocol):
-    """A program that runs beside this process."""
+    """A program that runs in another process."""
 
     def close(self) -> None:
-        """Ends whatever runs."""
+        """Ends the program."""
         ...
 
 
 def start_ours(n_vehicles: int, bench: CoreOptions, *, threads: int | None = None, **others: Any) -> Session:
-    """A fresh process with our core compiled for so many vehicles, on all cores unless `threads` are given."""
+    """A new process with our core compiled for `n_vehicles` vehicles, on `threads` cores or all.
+
+    `others` are further arguments of `ProcessSession` and of `benchmarks.rollouts.Rollouts`.
+    """
     scene = {"n_vehicles": n_vehicles, "seconds": bench.seconds, "density": bench.density, "chunk": bench.chunk}
     return ProcessSession("benchmarks.rollouts:Rollouts", cpu_devices=threads, **(scene | others))
 
 
 @contextmanager
 def open_programs(n_vehicles: int, bench: CoreOptions) -> Iterator[tuple[dict[str, Session], list[Absent]]]:
-    """All programs that are here, ours first, ready for so many vehicles; and those that are not."""
+    """All installed programs, ours first, ready for `n_vehicles` vehicles; and those that are absent."""
     sessions: dict[str, Session] = {}
     absent: list[Absent] = []
     with ExitStack() as stack:
@@ -123,5 +126,5 @@ def _reason_for_absence(peer: Peer) -> str | None:
 @cache
 def sees_gpu() -> bool:
     """True if JAX would compute on a GPU; tested in a separate process, because JAX then takes most of its memory."""
-    asked = [sys.executable, "-c", "import jax; print(jax.default_backend())"]
-    return subprocess.run(asked, capture_output=True, text=True).stdout.split()[-1:] == ["gpu"]
+    command = [sys.executable, "-c", "import jax; print(jax.default_backend())"]
+    return subprocess.run(command, capture_output=True, text=True).stdout.split()[-1:] == ["gpu"]

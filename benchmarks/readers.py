@@ -34,8 +34,8 @@ MEANINGS = {
     "rows_{layout}": "rows of the table that was read",
     "rows_per_s_{layout}": "rows read and checked per second of elapsed time [1/s]",
     "cpu_s_{layout}": "CPU time of reading over all threads [s]",
-    "peak_memory_gib_{layout}": "resident memory of the process at its peak [GiB]",
-    "start_memory_gib_{layout}": "of which before the file was opened [GiB]",
+    "peak_memory_gib_{layout}": "peak resident memory of the process [GiB]",
+    "start_memory_gib_{layout}": "the same before the file was opened [GiB]",
     "load_average": "processes that wanted to run when the measurements began",
 }
 """Keys of `summary.json` besides the machine's (`cpu_model` and so on), and what they mean."""
@@ -82,30 +82,30 @@ def measure(name: str, megabytes: float) -> dict[str, Any]:
         command = [sys.executable, "-m", "benchmarks.readers", name, folder]
         done = subprocess.run(command, capture_output=True, text=True, env=fresh_environment(on_cpu=True))
         if done.returncode:
-            said = "\n".join(done.stderr.splitlines()[-20:])
-            raise RuntimeError(f"{' '.join(command)} ended with code {done.returncode}. Its last words:\n{said}")
+            last_lines = "\n".join(done.stderr.splitlines()[-20:])
+            raise RuntimeError(f"{' '.join(command)} ended with code {done.returncode}. Its last words:\n{last_lines}")
     return {"layout": name, "file_mb": size / 1e6, **json.loads(done.stdout.splitlines()[-1])}
 
 
 def read(name: str, folder: Path) -> dict[str, Any]:
-    """Cost of reading the recordings in a folder: the figures of `MEANINGS` but for the size of the file.
+    """Cost of reading the recordings in a folder: the figures of `MEANINGS` except the size of the file.
 
     Raises:
-        BadRecordingError: A recording is not sound.
+        BadRecordingError: A recording is invalid.
     """
     layout = LAYOUTS[name]
     data = DataConfig(DataFormat[layout.format], str(folder), stretch=layout.stretch)
-    before, cpu, begin = peak_memory_bytes(), sum(os.times()[:2]), time.perf_counter()
+    start_bytes, cpu_begin, begin = peak_memory_bytes(), sum(os.times()[:2]), time.perf_counter()
     rows = sum(len(recording.table) for recording in iterate_recordings(data))
-    wall_s, cpu_s = time.perf_counter() - begin, sum(os.times()[:2]) - cpu
-    peak, start = (None if value is None else value / 2**30 for value in (peak_memory_bytes(), before))
+    wall_s, cpu_s = time.perf_counter() - begin, sum(os.times()[:2]) - cpu_begin
+    peak, start = (None if value is None else value / 2**30 for value in (peak_memory_bytes(), start_bytes))
     rates = {"rows": rows, "rows_per_s": rows / wall_s, "cpu_s": cpu_s}
     return {**rates, "peak_memory_gib": peak, "start_memory_gib": start}
 
 
-def main(words: Sequence[str]) -> int:
+def main(arguments: Sequence[str]) -> int:
     """Exit code 0; the last line on standard output is the cost in JSON."""
-    print(json.dumps(read(words[0], Path(words[1]))))
+    print(json.dumps(read(arguments[0], Path(arguments[1]))))
     return 0
 
 

@@ -1,4 +1,4 @@
-"""Our own traffic core as the subject of a measurement."""
+"""The traffic core of rearl_jax as the subject of a measurement."""
 
 from collections.abc import Iterator
 
@@ -13,10 +13,10 @@ from rearl_jax.timing.measurement import TICKS_PER_SECOND, Measurement, Stopwatc
 
 
 class Rollouts:
-    """Rollouts in chunks on all cores; measured: drawing the scenes, every step, handing over the frames."""
+    """Rollouts in chunks on all cores; drawing the scenes, stepping and copying the frames are measured."""
 
     def __init__(self, n_vehicles: int, seconds: int, density: float, chunk: int | None) -> None:
-        """Compiles and warms up; arguments as of `HighJaxRoads`, a chunk by `chunk_for` unless given."""
+        """Compiles and warms up; arguments as in `HighJaxRoads`; `chunk` None for `chunk_for`."""
         self._n_vehicles, self._seconds = n_vehicles, seconds
         self.chunk = chunk_for(n_vehicles) if chunk is None else chunk
         self.unit = self.chunk * len(jax.local_devices())
@@ -34,7 +34,7 @@ class Rollouts:
 
     @property
     def facts(self) -> dict[str, float | int]:
-        """Sizes and elapsed time of compiling [s]."""
+        """Scenarios at a time on all cores (`unit`) and per core (`chunk`), cores, elapsed time of compiling [s]."""
         threads = len(jax.local_devices())
         return {"unit": self.unit, "chunk": self.chunk, "threads": threads, "compile_s": self.compile_s}
 

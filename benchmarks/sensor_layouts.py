@@ -1,7 +1,6 @@
 """Writers of large files in the layouts of recordings, for measurements of readers: write_NAME(path, n_bytes).
 
-All write the same made traffic: lanes of vehicles whose speeds swing in time, on a road that bends a little. None of it
-is measured.
+All write the same synthetic traffic: lanes of vehicles whose speeds oscillate, on a slightly curved road.
 """
 
 import json
@@ -16,15 +15,17 @@ import pandas as pd
 ROAD_LENGTH = 640.0
 """Length of the road [m]."""
 RADIUS = 1500.0
-"""Radius of its bend [m]."""
+"""Radius of its curve [m]."""
 LANE_WIDTH = 3.6
+"""Lane width [m]."""
 FOOT = 0.3048
+"""Length of a foot [m]."""
 MEDIAN = 4.0
 """Width between the two carriageways [m]."""
 HEADWAY = 2.4
 """Time between two vehicles of a lane [s]."""
 SWING = 60.0
-"""Period of the speeds [s]."""
+"""Period of the oscillation of the speeds [s]."""
 
 
 @dataclass(frozen=True)
@@ -32,17 +33,17 @@ class Vehicle:
     """One vehicle that drives through.
 
     Attributes:
-        number: From 1, in the order of the first row.
+        number: Number of the vehicle, from 1, in the order of their first rows.
         direction: 2 along the road, 1 against it.
-        lane: Rank from the left in every row.
-        time: [s], a multiple of the time between two frames.
-        along: Centre along its own direction [m].
-        lateral: Centre from the left edge of its carriageway [m].
-        speed: [m/s].
-        acceleration: [m/s^2].
-        length: [m].
-        width: [m].
-        is_truck: Whether it is a truck.
+        lane: Lane in every row, counted from the left from 0.
+        time: Time of every row [s], a multiple of the time between two frames.
+        along: Distance of the centre along the driving direction [m].
+        lateral: Distance of the centre from the left edge of the carriageway [m].
+        speed: Speed [m/s].
+        acceleration: Acceleration [m/s^2].
+        length: Length [m].
+        width: Width [m].
+        is_truck: Whether the vehicle is a truck.
     """
 
     number: int
@@ -59,7 +60,7 @@ class Vehicle:
 
 
 def traffic(rate: float, *, n_lanes: int = 3, directions: tuple[int, ...] = (2, 1)) -> Iterator[Vehicle]:
-    """Vehicles without end, by the time at which they enter.
+    """Vehicles without end, in the order in which they enter.
 
     Args:
         rate: Frames per second [1/s].
@@ -70,11 +71,11 @@ def traffic(rate: float, *, n_lanes: int = 3, directions: tuple[int, ...] = (2, 
     while True:
         for direction in directions:
             for lane in range(n_lanes):
-                usual = 30.0 - 3.0 * lane
+                mean_speed = 30.0 - 3.0 * lane
                 enters = HEADWAY * (number // (n_lanes * len(directions))) + 0.4 * lane + 0.2 * direction
                 number += 1
                 time = np.arange(np.ceil(enters * rate), np.ceil((enters + 60.0) * rate)) / rate
-                along = _driven(time, usual, swing) - _driven(np.array([enters]), usual, swing)
+                along = _driven(time, mean_speed, swing) - _driven(np.array([enters]), mean_speed, swing)
                 inside = along < ROAD_LENGTH
                 time, along = time[inside], along[inside]
                 change = 1.0 if number % 7 == 0 and lane + 1 < n_lanes else 0.0
@@ -87,26 +88,27 @@ def traffic(rate: float, *, n_lanes: int = 3, directions: tuple[int, ...] = (2, 
                     time=time,
                     along=along,
                     lateral=LANE_WIDTH * (rank + 0.5),
-                    speed=usual * (1.0 + 0.2 * np.sin(swing * time)),
-                    acceleration=usual * 0.2 * swing * np.cos(swing * time),
+                    speed=mean_speed * (1.0 + 0.2 * np.sin(swing * time)),
+                    acceleration=mean_speed * 0.2 * swing * np.cos(swing * time),
                     length=14.0 if truck else 4.6,
                     width=2.5 if truck else 1.9,
                     is_truck=truck,
                 )
 
 
-def _driven(time: np.ndarray, usual: float, swing: float) -> np.ndarray:
-    return usual * (time - 0.2 / swing * np.cos(swing * time))
+def _driven(time: np.ndarray, mean_speed: float, swing: float) -> np.ndarray:
+    """Integral over time [m] of the speed mean_speed (1 + 0.2 sin(swing time))."""
+    return mean_speed * (time - 0.2 / swing * np.cos(swing * time))
 
 
 def on_plane(vehicle: Vehicle, *, y_down: bool, turned: float = 0.5) -> tuple[np.ndarray, np.ndarray]:
-    """Places on the plane of a map, or of a picture whose y points down [m]; the road is turned by an angle [rad]."""
+    """Positions [m] on a map, or with `y_down` in a picture; the road is turned by the angle `turned` [rad]."""
     ahead = vehicle.direction == 2
-    s = vehicle.along if ahead else ROAD_LENGTH - vehicle.along
-    off = (0.5 * MEDIAN + vehicle.lateral) * (1.0 if ahead else -1.0)
-    angle = s / RADIUS
-    # To the right is where y points to in a picture.
-    x, y = RADIUS * np.sin(angle) - off * np.sin(angle), RADIUS * (1.0 - np.cos(angle)) + off * np.cos(angle)
+    along_road = vehicle.along if ahead else ROAD_LENGTH - vehicle.along
+    offset = (0.5 * MEDIAN + vehicle.lateral) * (1.0 if ahead else -1.0)
+    angle = along_road / RADIUS
+    # The right side of the road is where y grows in a picture.
+    x, y = RADIUS * np.sin(angle) - offset * np.sin(angle), RADIUS * (1.0 - np.cos(angle)) + offset * np.cos(angle)
     x, y = np.cos(turned) * x - np.sin(turned) * y, np.sin(turned) * x + np.cos(turned) * y
     return 100.0 + x, (100.0 + y) * (1.0 if y_down else -1.0)
 
@@ -134,7 +136,7 @@ def tgsim_rows(vehicle: Vehicle, run: int = 1) -> pd.DataFrame:
 
 
 def write_tgsim(path: Path, n_bytes: int) -> None:
-    """A table of TGSIM, about n_bytes long."""
+    """Writes a table of TGSIM, about `n_bytes` long."""
     with path.open("w", encoding="utf-8") as file:
         vehicles = traffic(10.0)
         header = True
@@ -173,7 +175,7 @@ def i24_document(vehicle: Vehicle, begin: float = 1669123200.0, mile: float = 60
 
 
 def write_i24(path: Path, n_bytes: int) -> None:
-    """An array of documents of I-24 MOTION, about n_bytes long."""
+    """Writes an array of documents of I-24 MOTION, about `n_bytes` long."""
     with path.open("w", encoding="utf-8") as file:
         for number, vehicle in enumerate(traffic(25.0, n_lanes=4)):
             file.write(",\n" if number else "[")
@@ -243,18 +245,18 @@ def exid_meta(vehicle: Vehicle, rate: float = 25.0) -> dict:
 
 
 def write_exid(path: Path, n_bytes: int) -> None:
-    """NN_tracks.csv of exiD, about n_bytes long, and the two other files beside it.
+    """Writes NN_tracks.csv of exiD, about `n_bytes` long, and the two other files beside it.
 
     Args:
-        path: The file, its name ends in _tracks.csv.
-        n_bytes: Its length.
+        path: The file, whose name ends in _tracks.csv.
+        n_bytes: Length of the file.
     """
     vehicles, meta = traffic(25.0), []
     with path.open("w", encoding="utf-8") as file:
         while file.tell() < n_bytes:
-            some = list(islice(vehicles, 6))
-            pd.concat([exid_rows(vehicle) for vehicle in some]).to_csv(file, index=False, header=not meta)
-            meta += [exid_meta(vehicle) for vehicle in some]
+            block = list(islice(vehicles, 6))
+            pd.concat([exid_rows(vehicle) for vehicle in block]).to_csv(file, index=False, header=not meta)
+            meta += [exid_meta(vehicle) for vehicle in block]
     name = path.name.removesuffix("_tracks.csv")
     pd.DataFrame(meta).to_csv(path.with_name(f"{name}_tracksMeta.csv"), index=False)
     info = {"recordingId": 0, "locationId": 0, "frameRate": 25, "speedLimit": -1, "weekday": "monday"}
@@ -264,7 +266,7 @@ def write_exid(path: Path, n_bytes: int) -> None:
 PNEUMA_BEGIN = (37.98, 23.735)
 """Latitude and longitude where the street of `write_pneuma` begins [deg]."""
 _DEGREE = (110_995.0, 87_860.0)
-"""Metres of a degree of latitude and longitude there; World Geodetic System 1984."""
+"""Lengths of a degree of latitude and of longitude at `PNEUMA_BEGIN` [m]; World Geodetic System 1984."""
 
 
 def pneuma_stretch(margin: float = 40.0, n_lanes: int = 3) -> tuple[float, ...]:
@@ -280,7 +282,7 @@ def pneuma_stretch(margin: float = 40.0, n_lanes: int = 3) -> tuple[float, ...]:
 
 
 def _on_globe(along: np.ndarray, lateral: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Latitude and longitude on a street that goes to the north-east [deg]."""
+    """Latitude and longitude [deg] of points on a street that goes to the north-east; positions in m."""
     east, north = 0.8 * along + 0.6 * lateral, 0.6 * along - 0.8 * lateral
     return PNEUMA_BEGIN[0] + north / _DEGREE[0], PNEUMA_BEGIN[1] + east / _DEGREE[1]
 
@@ -305,7 +307,7 @@ PNEUMA_HEADER = "track_id; type; traveled_d; avg_speed; lat; lon; speed; lon_acc
 
 
 def write_pneuma(path: Path, n_bytes: int) -> None:
-    """A file of pNEUMA, about n_bytes long; `pneuma_stretch` names its street."""
+    """Writes a file of pNEUMA, about `n_bytes` long; `pneuma_stretch` names its street."""
     with path.open("w", encoding="utf-8") as file:
         file.write(PNEUMA_HEADER + "\n")
         for vehicle in traffic(25.0):

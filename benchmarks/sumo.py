@@ -15,7 +15,7 @@ LIMIT = 30.0
 """Speed limit [m/s]."""
 
 FASTEST = 40.0
-"""Speed that nobody exceeds [m/s]; who reaches the end of the road would leave the simulation."""
+"""Speed that no vehicle exceeds [m/s]; it determines the length of the road, at whose end vehicles would disappear."""
 
 # Desired speed and exponent vary as in highway-env; its spacing of 10 m between centres is a gap of 5 m.
 _VEHICLE = (
@@ -24,7 +24,7 @@ _VEHICLE = (
     '<vehicle id="{0}" type="type{0}" depart="0" departLane="{lane}" departPos="{position:.4f}"'
     ' departSpeed="{speed:.4f}" insertionChecks="none"><route edges="road"/></vehicle>'
 )
-# SUMO counts time in whole milliseconds and makes 67 ms of this.
+# SUMO rounds the step length to whole milliseconds: 67 ms.
 _OPTIONS = (
     f"--step-length {1 / TICKS_PER_SECOND} --threads 1 --no-step-log true --no-warnings true"
     " --xml-validation never --collision.action warn --collision.mingap-factor 0 --time-to-teleport -1"
@@ -32,17 +32,17 @@ _OPTIONS = (
 
 
 class SumoRoads:
-    """Scenes drawn as for highway-env on a straight road of four lanes; measured is `simulationStep`."""
+    """Scenes drawn as for highway-env on a straight road of four lanes; `simulationStep` is measured."""
 
     facts: Mapping[str, float | int] = {"unit": 1}
 
     def __init__(self, n_vehicles: int, seconds: int, density: float) -> None:
-        """Loads the library; arguments as of `HighJaxRoads`."""
+        """Loads the library; arguments as in `HighJaxRoads`."""
         self._n_vehicles, self._seconds, self._density = n_vehicles, seconds, density
         self._sumo = import_module("libsumo")
 
     def measure(self, n_scenarios: int, seed: int) -> Measurement:
-        """The cost of some scenes, one after the other."""
+        """The cost of `n_scenarios` scenes, one after the other."""
         watch = Stopwatch()
         with tempfile.TemporaryDirectory(prefix="rearl_sumo_") as name:
             network, routes = Path(name) / "road.net.xml", Path(name) / "traffic.rou.xml"
@@ -80,9 +80,9 @@ class SumoRoads:
                 with watch:
                     for _ in range(TICKS_PER_SECOND):
                         sumo.simulationStep()
-                before, lanes = lanes, [sumo.vehicle.getLaneIndex(name) for name in names]
-                if before is not None:
-                    changes += int(np.count_nonzero(np.not_equal(before, lanes)))
+                earlier_lanes, lanes = lanes, [sumo.vehicle.getLaneIndex(name) for name in names]
+                if earlier_lanes is not None:
+                    changes += int(np.count_nonzero(np.not_equal(earlier_lanes, lanes)))
                 crashed.update(sumo.simulation.getCollidingVehiclesIDList())
             return float(np.mean([sumo.vehicle.getSpeed(name) for name in names])), changes, len(crashed)
         finally:
@@ -97,8 +97,8 @@ class SumoRoads:
         position = np.cumsum(offset * random.uniform(0.9, 1.1, self._n_vehicles)) + 3 * offset[0]
         lane = random.integers(0, N_LANES, self._n_vehicles)
         delta = random.uniform(3.5, 4.5, self._n_vehicles)
-        columns = zip(speed, position, lane, delta, strict=True)
         vehicles = (
-            _VEHICLE.format(number, speed=v, position=x, lane=k, delta=d) for number, (v, x, k, d) in enumerate(columns)
+            _VEHICLE.format(i, speed=speed[i], position=position[i], lane=lane[i], delta=delta[i])
+            for i in range(self._n_vehicles)
         )
         return f"<routes>{''.join(vehicles)}</routes>", float(position[-1])

@@ -1,4 +1,4 @@
-"""Results in the terminal."""
+"""Tables of the benchmarks' results in the terminal."""
 
 from collections.abc import Iterable, Mapping, Sequence
 
@@ -23,7 +23,7 @@ def print_table(title: str, rows: Sequence[Mapping[str, object]], notes: Iterabl
 
 
 def _cell(value: object) -> str:
-    """Three digits of a number, all of a count, median and range of a spread; a dash for None."""
+    """Text of a value: three digits of a number, all of a count, median and range of a spread; a dash for None."""
     if isinstance(value, Spread):
         return f"{_cell(value.median)} ({_cell(value.least)} to {_cell(value.greatest)})"
     if isinstance(value, float):

@@ -10,7 +10,7 @@ from typing import TypeAlias
 from jaxtyping import Array, Float, Key
 
 ScalarLike: TypeAlias = float | Float[Array, ""]
-"""A number outside jit, a zero-dimensional array inside."""
+"""A number outside `jax.jit`, a zero-dimensional array inside."""
 
 PRNGKey: TypeAlias = Key[Array, ""]
 """One new-style random key, `jax.random.key(seed)`."""

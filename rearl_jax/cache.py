@@ -38,7 +38,7 @@ def kept_path(kind: str, keys: Mapping[str, object], packages: tuple[str, ...], 
 def read_arrays(path: Path) -> dict[str, np.ndarray] | None:
     """The arrays stored there; None if there is no file or, with a warning, if it is damaged."""
     try:
-        # Opened here, as NumPy leaves a file open that it cannot read.
+        # Opened here, because NumPy does not close a file that it cannot read.
         with path.open("rb") as file, np.load(file, allow_pickle=False) as stored:
             return {name: stored[name] for name in stored.files}
     except FileNotFoundError:

@@ -1,4 +1,4 @@
-"""Import of JAX, which reads variables of the environment: one with a value that JAX cannot use is named."""
+"""Import of JAX; an environment variable with a value that JAX cannot use becomes an error that names it."""
 
 import os
 

@@ -84,14 +84,20 @@ class ProgressLines(Progress):
 
 @contextmanager
 def progress_bar() -> Iterator[Progress]:
-    """A live progress bar on a terminal, above which appears what is logged meanwhile; elsewhere lines."""
+    """A live progress bar on a terminal, with log messages above it; without a terminal `ProgressLines`."""
     if sys.stderr is None or not sys.stderr.isatty():
         with ProgressLines() as lines:
             yield lines
         return
-    done = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeLeftColumn())
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        TimeLeftColumn(),
+    )
     bar = Progress(
-        *done,
+        *columns,
         console=Console(stderr=True),
         transient=True,
         speed_estimate_period=_MEMORY,
@@ -103,10 +109,10 @@ def progress_bar() -> Iterator[Progress]:
     ]
     with bar:
         # The bar has replaced standard error; the log handlers still refer to the old stream.
-        before = [handler.setStream(sys.stderr) for handler in handlers]
+        old_streams = [handler.setStream(sys.stderr) for handler in handlers]
         try:
             yield bar
         finally:
-            for handler, stream in zip(handlers, before, strict=True):
+            for handler, stream in zip(handlers, old_streams, strict=True):
                 if stream is not None:  # None if the stream was the same
                     handler.setStream(stream)

@@ -55,7 +55,7 @@ class Study:
         *,
         generated: bool = False,
     ) -> None:
-        """Make the folder.
+        """Makes the folder.
 
         Args:
             root: Folder of all studies (`results.root`).
@@ -180,7 +180,7 @@ class Study:
         """Path of `config.json`: every key of the task with the value that was used.
 
         From here on no other process may write to the folder, until this object is dropped, and the study is not
-        finished: a summary of before is removed, and so are the files of another task, configuration, data or code.
+        finished: an earlier summary is removed, and so are the files of another task, configuration, data or code.
 
         Args:
             reusable: Beginnings of the names of files that stay, because the task checks by itself whether they can be
@@ -203,13 +203,13 @@ class Study:
         """Path of the file `name` (with its ending) holding the content."""
         return self._write(name, lambda path: path.write_bytes(content))
 
-    def own(self, name: str) -> Path:
-        """Path of a file that the caller writes, or with `/` at the end of the name of a study inside this one."""
+    def recorded_path(self, name: str) -> Path:
+        """Path of a file of this study that the caller writes; with `/` at the end, of a study inside this one."""
         self._files.add(name)
         return _inside(self.path, name, "file")
 
     def _write(self, name: str, write: Callable[[Path], object]) -> Path:
-        path = self.own(name)
+        path = self.recorded_path(name)
         with replacing(path) as unfinished:
             write(unfinished)
         return path
@@ -265,6 +265,7 @@ def _inside(root: Path, name: str, kind: str) -> Path:
 
 
 def _refuse_repeated(given: Mapping[str, Any], provenance: Mapping[str, Any], where: str) -> None:
+    """Raise InvalidInputError if given keys belong to the provenance."""
     repeated = sorted(given.keys() & provenance.keys())
     if repeated:
         message = "belongs to the provenance, which is written automatically"

@@ -21,10 +21,11 @@ from rearl_jax.problems import InvalidInputError, Problem
 
 
 def start(x64: bool = False, cpu_devices: int | None = None) -> None:
-    """Configure JAX for a task; the first call must come before the first computation.
+    """Configures JAX for a task; the first call must come before the first computation.
 
-    A later call may only change the precision. What the user chose by environment (JAX_COMPILATION_CACHE_DIR,
-    JAX_ENABLE_COMPILATION_CACHE, JAX_PERSISTENT_CACHE_*, JAX_NUM_CPU_DEVICES, PJRT_NPROC, XLA_FLAGS) is left as it is.
+    A later call may only change the precision. Environment variables that the user has set are respected: JAX reads
+    JAX_COMPILATION_CACHE_DIR, JAX_ENABLE_COMPILATION_CACHE, JAX_PERSISTENT_CACHE_* and JAX_NUM_CPU_DEVICES; XLA reads
+    PJRT_NPROC and XLA_FLAGS.
 
     Args:
         x64: Whether arrays without a stated type are float64 and int64.
@@ -42,7 +43,7 @@ def start(x64: bool = False, cpu_devices: int | None = None) -> None:
 
 
 def set_precision(precision: Precision) -> None:
-    """Lets arrays be of the simulation's type: without this JAX makes float32 of float64."""
+    """Switches JAX to 64-bit numbers for a simulation in float64, which JAX would otherwise turn into float32."""
     if precision is Precision.float64:
         jax.config.update("jax_enable_x64", True)
 
@@ -73,8 +74,8 @@ def load_average() -> float | None:
 
 def machine_line(machine: Mapping[str, str | int | float], load: float | None) -> str:
     """One line on a machine from `describe_machine`, with its load before a measurement."""
-    message = "" if load is None else f", load {load:.1f} at the start"
-    return f"{machine['cpu_model']}, {machine['cpu_cores']} cores, jax {machine['jax_version']}{message}"
+    load_text = "" if load is None else f", load {load:.1f} at the start"
+    return f"{machine['cpu_model']}, {machine['cpu_cores']} cores, jax {machine['jax_version']}{load_text}"
 
 
 def describe_machine() -> dict[str, str | int | float]:
@@ -99,7 +100,7 @@ PLATFORM_VARIABLES = ("JAX_PLATFORMS", "JAX_PLATFORM_NAME")
 
 
 def check_platform() -> None:
-    """Raise InvalidInputError if JAX cannot compute on what the environment chooses; it is started for that."""
+    """Raise InvalidInputError if JAX cannot compute on what the environment chooses; the check initialises JAX."""
     chosen = {name: os.environ[name] for name in PLATFORM_VARIABLES if os.environ.get(name)}
     if not chosen:
         return
@@ -107,9 +108,9 @@ def check_platform() -> None:
         jax.devices()
     except Exception as error:  # RuntimeError, or an AssertionError of JAX
         name, value = next(iter(chosen.items()))
-        why, there = " ".join(str(error).split()), _platforms()
-        fault = f"is {value}, but this JAX has only {' and '.join(there)}" + (f" ({why[:300]})" if why else "")
-        remedy = f"unset it or set it to {there[0]}, or install the jaxlib of that platform"
+        why, available = " ".join(str(error).split()), _platforms()
+        fault = f"is {value}, but this JAX has only {' and '.join(available)}" + (f" ({why[:300]})" if why else "")
+        remedy = f"unset it or set it to {available[0]}, or install the jaxlib of that platform"
         raise InvalidInputError(Problem("platform-missing", fault, remedy, key=name)) from None
 
 
@@ -127,22 +128,22 @@ def _platforms() -> list[str]:
 
 @cache
 def _set_compiler_flags(x64: bool) -> None:
-    """One thread per CPU device, as the devices already share the cores out; in float32 also the full vector width.
+    """Sets XLA to one thread per CPU device, because there is a device per core; in float32 also the full vector width.
 
     Measured on a core with AVX-512: a quarter less time per tick of ten-vehicle scenarios at 512 bits than at XLA's
     default of 256. In float64 jaxlib 0.10.2 compiles the lateral controller to NaN at that width, so there the default
-    stays. Flags the user has set win, as the last one counts.
+    stays. XLA uses the last of several equal flags, so flags that the user has set have priority.
     """
-    ours = "--xla_cpu_multi_thread_eigen=false" + ("" if x64 else " --xla_cpu_prefer_vector_width=512")
-    os.environ["XLA_FLAGS"] = f"{ours} {os.environ.get('XLA_FLAGS', '')}".strip()
+    flags = "--xla_cpu_multi_thread_eigen=false" + ("" if x64 else " --xla_cpu_prefer_vector_width=512")
+    os.environ["XLA_FLAGS"] = f"{flags} {os.environ.get('XLA_FLAGS', '')}".strip()
 
 
 def _set_cpu_devices(count: int) -> None:
-    """Devices, and no more threads than devices.
+    """Sets the number of CPU devices of JAX, and no more threads than devices.
 
-    With threads to spare XLA shares out every vector operation of a device among them, and they spend more time waiting
-    for each other than working. Measured on 2 cores with one device, 10 vehicles, 1,200 scenarios: 52 ns of CPU time
-    and 28 ns of elapsed time for a vehicle step with two threads, 27 and 26 ns with one.
+    With more threads than devices XLA divides every vector operation of a device among them, and they spend more time
+    waiting for each other than working. Measured on 2 cores with one device, 10 vehicles, 1,200 scenarios: 52 ns of CPU
+    time and 28 ns of elapsed time for a vehicle step with two threads, 27 and 26 ns with one.
     """
     chosen = "JAX_NUM_CPU_DEVICES" in os.environ
     if chosen or "xla_force_host_platform_device_count" in os.environ.get("XLA_FLAGS", ""):
@@ -160,7 +161,7 @@ def _set_cpu_devices(count: int) -> None:
 
 @cache
 def _set_compilation_cache() -> None:
-    """Keep every compiled program, fast ones too: a study repeats thousands of them in new processes."""
+    """Stores every compiled program, also those compiled fast: a study needs thousands of them in new processes."""
     if "JAX_COMPILATION_CACHE_DIR" not in os.environ:
         folder = cache_folder()
         try:

@@ -44,7 +44,7 @@ Measured: TypeAlias = pd.DataFrame | SceneSet | None
 
 @dataclass(frozen=True)
 class Evaluated:
-    """Simulated against measured scenes.
+    """Simulated scenes compared with measured ones.
 
     Attributes:
         config: The task.
@@ -259,7 +259,7 @@ def _task_record(words: str, keys: Mapping[str, Any]) -> Any:
 
 
 def _with_default(keys: Mapping[str, Any], name: str, value: str) -> Mapping[str, Any]:
-    """The keys with the value of one, as the command line has it, unless it is among them."""
+    """The keys, completed by one key whose value is a text as on the command line, unless it is among them."""
     group, _, key = name.rpartition(".")
     default = {key: yaml.safe_load(value)}
     return default | dict(keys) if not group else {**keys, group: default | dict(keys.get(group, {}))}
@@ -279,8 +279,8 @@ def _with_table(config: Record, table: pd.DataFrame | None) -> Record:
 
 def _in_folder(config: Any, folder: str | Path) -> Any:
     """The configuration of a study that is stored in a folder."""
-    place = Path(folder)
-    return replace(config, study=place.name, results=ResultsConfig(str(place.parent)))
+    path = Path(folder)
+    return replace(config, study=path.name, results=ResultsConfig(str(path.parent)))
 
 
 def _configured(kind: type[Record], keys: Mapping[str, Any]) -> Record:
@@ -292,9 +292,9 @@ def _configured(kind: type[Record], keys: Mapping[str, Any]) -> Record:
     """
     defaults: Any = kind()
     if "driver" in keys and hasattr(defaults, "driver"):
-        message = keys["driver"]
+        given = keys["driver"]
         defaults = replace(
-            defaults, driver=DriverConfig.record_for({"model": message} if isinstance(message, str) else message)()
+            defaults, driver=DriverConfig.record_for({"model": given} if isinstance(given, str) else given)()
         )
     known = keys_of(defaults)
     for name in _names(keys, known):
@@ -316,9 +316,9 @@ def _names(keys: Mapping[str, Any], known: Collection[str], prefix: str = "") ->
 @contextlib.contextmanager
 def _double_precision() -> Iterator[None]:
     """JAX's x64 mode for as long as it is needed, in all threads."""
-    before = jax.config.read("jax_enable_x64")
+    was_enabled = jax.config.read("jax_enable_x64")
     jax.config.update("jax_enable_x64", True)
     try:
         yield
     finally:
-        jax.config.update("jax_enable_x64", before)
+        jax.config.update("jax_enable_x64", was_enabled)

@@ -25,7 +25,7 @@ def test_files_of_another_study_are_removed(tmp_path, changes):
     first.write_table("tables/one", FRAME)
     first.write_table("rows", FRAME)
     first.write_bytes("rows.png", b"png")
-    first.own("model.yaml").write_text("model")
+    first.recorded_path("model.yaml").write_text("model")
     (first.path / "notes.txt").write_text("mine")
     del first
     second = begun(tmp_path, **({"config": {"key": 1}} | changes))
@@ -54,7 +54,7 @@ def test_files_that_a_task_checks_by_itself_stay_and_remain_known(tmp_path):
 
 def test_studies_inside_go_with_the_one_that_made_them(tmp_path):
     first = begun(tmp_path, {"key": 1})
-    first.own("groups/truck/")
+    first.recorded_path("groups/truck/")
     begun(first.path / "groups", {"key": 1}, name="truck").write_table("null", FRAME)
     del first
     # The lock stays: another process may be waiting for it.

@@ -1,4 +1,4 @@
-"""Setting up JAX, in processes of their own since it can be done once."""
+"""Setup of JAX by `runtime.start`, each test in a new process, because a process can set up JAX only once."""
 
 import os
 import subprocess
@@ -8,9 +8,9 @@ import pytest
 
 
 def run(code: str, tmp_path, **environment: str) -> str:
-    """The output of code run with JAX and `runtime` in a process with a home of its own."""
-    kept = {name: os.environ[name] for name in os.environ if not name.startswith(("JAX_", "XLA_", "XDG_"))}
-    environment = {**kept, "JAX_PLATFORMS": "cpu", "HOME": str(tmp_path), **environment}
+    """Standard output and standard error of code, run in a new process whose home is `tmp_path`."""
+    inherited = {name: os.environ[name] for name in os.environ if not name.startswith(("JAX_", "XLA_", "XDG_"))}
+    environment = {**inherited, "JAX_PLATFORMS": "cpu", "HOME": str(tmp_path), **environment}
     command = [sys.executable, "-c", f"import jax, jax.numpy as jnp\nfrom rearl_jax import runtime\n{code}"]
     done = subprocess.run(command, capture_output=True, text=True, env=environment, timeout=300)
     assert done.returncode == 0, done.stderr
@@ -20,49 +20,49 @@ def run(code: str, tmp_path, **environment: str) -> str:
 COMPUTE = "jax.jit(lambda x: jnp.sin(x).sum())(jnp.ones(5)).block_until_ready()"
 
 
-def test_devices_precision_and_cache(tmp_path):
-    said = run(
+def test_start_sets_devices_and_precision_and_stores_compiled_programs(tmp_path):
+    output = run(
         f"runtime.start(x64=True, cpu_devices=3)\n{COMPUTE}\nprint(jax.device_count(), jnp.ones(1).dtype)\n"
         "runtime.start(x64=False, cpu_devices=3)\nprint(jnp.ones(1).dtype)",
         tmp_path,
     )
-    assert said.split() == ["3", "float64", "float32"]
+    assert output.split() == ["3", "float64", "float32"]
     assert list((tmp_path / ".cache" / "rearl_jax" / "jax").iterdir())
 
 
-def test_one_device_per_core_and_cache_where_xdg_says(tmp_path):
+def test_by_default_there_is_a_device_per_core_and_the_cache_is_in_xdg_cache_home(tmp_path):
     from rearl_jax.runtime import available_cores
 
     code = f"runtime.start()\n{COMPUTE}\nprint(jax.device_count())"
-    said = run(code, tmp_path, XDG_CACHE_HOME=f"{tmp_path}/xdg")
-    assert int(said) == available_cores()
+    output = run(code, tmp_path, XDG_CACHE_HOME=f"{tmp_path}/xdg")
+    assert int(output) == available_cores()
     assert list((tmp_path / "xdg" / "rearl_jax" / "jax").iterdir())
     assert not (tmp_path / ".cache").exists()
 
 
-def test_choices_of_the_user_stand(tmp_path):
+def test_environment_variables_of_the_user_have_priority_over_start(tmp_path):
     run(f"runtime.start()\n{COMPUTE}", tmp_path, JAX_COMPILATION_CACHE_DIR=f"{tmp_path}/own")
     assert list((tmp_path / "own").iterdir())
     assert not (tmp_path / ".cache").exists()
-    counted = "runtime.start(cpu_devices=2)\nprint(jax.device_count())"
-    assert run(counted, tmp_path, JAX_NUM_CPU_DEVICES="5").split() == ["5"]
-    assert run(counted, tmp_path, XLA_FLAGS="--xla_force_host_platform_device_count=4").split() == ["4"]
+    count_devices = "runtime.start(cpu_devices=2)\nprint(jax.device_count())"
+    assert run(count_devices, tmp_path, JAX_NUM_CPU_DEVICES="5").split() == ["5"]
+    assert run(count_devices, tmp_path, XLA_FLAGS="--xla_force_host_platform_device_count=4").split() == ["4"]
 
 
-def test_a_cache_that_cannot_be_written_is_said_once_and_no_error(tmp_path):
+def test_an_unwritable_cache_gives_one_warning_and_programs_still_run(tmp_path):
     (tmp_path / ".cache").write_text("a file where a folder should be")
-    said = run(f"runtime.start()\nruntime.start()\n{COMPUTE}\nprint('done')", tmp_path)
-    assert said.count("compiled programs are not stored") == 1
-    assert "done" in said
+    output = run(f"runtime.start()\nruntime.start()\n{COMPUTE}\nprint('done')", tmp_path)
+    assert output.count("compiled programs are not stored") == 1
+    assert "done" in output
 
 
-def test_too_late_is_said(tmp_path):
+def test_start_after_the_first_computation_is_an_error(tmp_path):
     late = "try:\n    runtime.start(cpu_devices=7)\nexcept RuntimeError as error:\n    print(error)"
-    said = run(f"{COMPUTE}\n{late}", tmp_path)
-    assert "call rearl_jax.runtime.start() before the first computation" in said
+    output = run(f"{COMPUTE}\n{late}", tmp_path)
+    assert "call rearl_jax.runtime.start() before the first computation" in output
 
 
-def test_machine_is_described_without_names_of_hosts_and_users():
+def test_description_of_the_machine_does_not_contain_its_name():
     import platform
 
     from rearl_jax.runtime import describe_machine
@@ -75,14 +75,14 @@ def test_machine_is_described_without_names_of_hosts_and_users():
 
 
 @pytest.mark.gpu
-def test_gpu_is_described(tmp_path):
-    said = run("print(runtime.describe_machine()['jax_backend'])", tmp_path, JAX_PLATFORMS="")
-    assert "gpu" in said
+def test_description_of_a_machine_with_a_gpu_names_the_gpu(tmp_path):
+    output = run("print(runtime.describe_machine()['jax_backend'])", tmp_path, JAX_PLATFORMS="")
+    assert "gpu" in output
 
 
 @pytest.mark.parametrize("platform", ["cuda", "nonsense"])
 @pytest.mark.parametrize("variable", ["JAX_PLATFORMS", "JAX_PLATFORM_NAME"])
-def test_a_platform_that_is_not_there_is_named(tmp_path, variable, platform):
+def test_an_error_names_the_variable_that_chooses_a_missing_platform(tmp_path, variable, platform):
     code = (
         "from rearl_jax.problems import InvalidInputError\n"
         "try:\n    runtime.start()\nexcept InvalidInputError as error:\n"
@@ -102,7 +102,9 @@ def test_a_platform_that_is_not_there_is_named(tmp_path, variable, platform):
         ("JAX_DEFAULT_MATMUL_PRECISION", "high_", "variable-unusable"),
     ],
 )
-def test_a_variable_that_jax_cannot_use_is_named_in_python_and_on_the_command_line(tmp_path, variable, value, code):
+def test_an_error_in_python_and_on_the_command_line_names_a_variable_that_jax_cannot_use(
+    tmp_path, variable, value, code
+):
     environment = {**os.environ, "JAX_PLATFORMS": "cpu", "HOME": str(tmp_path), variable: value}
     in_python = (
         "import rearl_jax\n"
@@ -120,7 +122,7 @@ def test_a_variable_that_jax_cannot_use_is_named_in_python_and_on_the_command_li
     assert variable in done.stderr
 
 
-def test_a_list_of_platforms_of_which_one_is_there_is_used(tmp_path):
+def test_jax_uses_the_present_one_of_a_list_of_platforms(tmp_path):
     assert run("runtime.start()\nprint(jax.devices()[0].platform)", tmp_path, JAX_PLATFORMS="cuda,cpu").split() == [
         "cpu"
     ]

@@ -1,1 +1,1 @@
-"""Baselines: other methods to control the vehicles, without comparison of the running traffic with recorded scenes."""
+"""Baselines: methods that control vehicles without comparing the running traffic with recorded scenes."""

@@ -23,11 +23,11 @@ class Experience(eqx.Module):
         inputs: Input of the policy before each second.
         action: Action followed in the second, NO_ACTION for none.
         log_probability: Logarithm of the probability of this action.
-        value: Expectation of the critic before the second.
+        value: Sum of the discounted rewards to come that the critic expects before the second.
         reward: Reward for the second.
         speed: Speed at the end of the second [m/s].
         crashed: Whether the vehicle had crashed by the end of the second.
-        last_value: Expectation of the critic after the last second.
+        last_value: The same after the last second.
     """
 
     inputs: PolicyInput
@@ -102,14 +102,17 @@ def advantages(
 ) -> Float[Array, "seconds *batch"]:
     """Generalised advantage estimate of every second.
 
-    A_t = d_t + gamma lambda (1 - end_t) A_{t+1} with d_t = r_t + gamma (1 - end_t) V_{t+1} - V_t. A crash ends a
-    vehicle's driving. The end of the rollout does not: there the value replaces the rewards that would follow.
+    A_t = d_t + gamma lambda (1 - end_t) A_{t+1}, with the error of the critic
+    d_t = r_t + gamma (1 - end_t) V_{t+1} - V_t.
+
+    A crash ends a vehicle's driving. The end of the rollout does not: there the value replaces the rewards that would
+    follow.
 
     Args:
-        reward: r_t.
+        reward: r_t, reward for each second.
         value: V_t, value before each second.
-        last_value: Value after the last second.
-        ends: Whether the vehicle's driving ends with the second.
+        last_value: V after the last second.
+        ends: end_t, whether the vehicle's driving ends with the second.
         gamma: Discount of a second [-].
         decay: lambda [-].
 
@@ -117,11 +120,11 @@ def advantages(
     """
     continues = 1 - ends.astype(reward.dtype)
     next_value = jnp.concatenate([value[1:], last_value[None]])
-    td_error = reward + gamma * continues * next_value - value
+    error = reward + gamma * continues * next_value - value
 
-    def back(later: Array, second: tuple[Array, Array]) -> tuple[Array, Array]:
-        delta, weight = second
-        estimate = delta + gamma * decay * weight * later
-        return estimate, estimate
+    def back(next_advantage: Array, second: tuple[Array, Array]) -> tuple[Array, Array]:
+        error, continues = second
+        advantage = error + gamma * decay * continues * next_advantage
+        return advantage, advantage
 
-    return lax.scan(back, jnp.zeros_like(last_value), (td_error, continues), reverse=True)[1]
+    return lax.scan(back, jnp.zeros_like(last_value), (error, continues), reverse=True)[1]

@@ -15,7 +15,7 @@ def draw_curve(curve: pd.DataFrame) -> bytes:
     steps = curve["car_steps"] / 1e6
     lines = [("return", "return [-]", drawing.BLUE), ("crashed", "vehicles that crash [-]", drawing.VERMILION)]
     lines += [("speed", "mean speed [m/s]", drawing.BLUE)]
-    for panel, (name, label, colour) in zip(axes, lines, strict=False):
+    for panel, (name, label, colour) in zip(axes, lines, strict=False):  # the fourth panel is drawn below
         panel.plot(steps, curve[name], ".-", color=colour, linewidth=1.4)
         panel.set(ylabel=label)
         panel.grid(color=drawing.LIGHT_GREY, linewidth=0.6)

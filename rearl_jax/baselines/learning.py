@@ -115,9 +115,10 @@ def decisions_of(experience: Experience, ppo: PpoConfig) -> Decisions:
 def loss(network: ActorCritic, decisions: Decisions, ppo: PpoConfig) -> tuple[ScalarLike, Losses]:
     """Loss of a gradient step, and its parts.
 
-    L = -mean min(r A, clip(r, 1 - e, 1 + e) A) + c_V mean (V - V_target)^2 - c_H mean H with r the ratio of the new to
-    the old probability of the action, A its advantage with mean 0 and standard deviation 1 in the minibatch, and H the
-    entropy.
+    L = -mean min(r A, clip(r, 1 - e, 1 + e) A) + c_V mean (V - V_target)^2 - c_H mean H
+
+    r is the ratio of the new to the old probability of the action, A its advantage, standardised in the minibatch, V
+    the value of the critic and H the entropy; e is `ppo.clip`, c_V `ppo.value_weight`, c_H `ppo.entropy_weight`.
     """
     weight = decisions.weight
     count = jnp.maximum(jnp.sum(weight), 1.0)

@@ -21,10 +21,11 @@ class Perceptron(eqx.Module):
 
     def __call__(self, features: Float[Array, "features *batch"]) -> Float[Array, "outputs *batch"]:
         """Outputs of the last layer."""
-        for index, layer in enumerate(self.layers):
+        for number, layer in enumerate(self.layers):
             assert layer.bias is not None  # `make_network` builds every layer with a bias
             bias = layer.bias.reshape(-1, *(1,) * (features.ndim - 1))
-            features = jnp.tensordot(layer.weight, jnp.tanh(features) if index else features, 1) + bias
+            inputs = features if number == 0 else jnp.tanh(features)  # tanh only between layers
+            features = jnp.tensordot(layer.weight, inputs, 1) + bias
         return features
 
 
@@ -41,21 +42,23 @@ class ActorCritic(eqx.Module):
 
 
 def make_network(key: PRNGKey, *, width: int, layers: int) -> ActorCritic:
-    """A network with random weights, float32.
+    """A network with `layers` hidden layers of `width` units each and random weights, float32.
 
-    Orthogonal matrices, times sqrt(2) in the hidden layers, 0.01 for the logits and 1 for the value; biases zero.
+    Weights are orthogonal matrices, times sqrt(2) in the hidden layers, 0.01 for the logits and 1 for the value; biases
+    zero.
 
     Source: purejaxrl/ppo.py; Andrychowicz et al., What Matters In On-Policy Reinforcement Learning? (2021).
     """
     actor_key, critic_key = jax.random.split(key)
-    hidden = (N_FEATURES, *(width,) * layers)
+    sizes = (N_FEATURES, *(width,) * layers)
     return ActorCritic(
-        _perceptron(actor_key, (*hidden, N_ACTIONS), last_scale=0.01),
-        _perceptron(critic_key, (*hidden, 1), last_scale=1.0),
+        _perceptron(actor_key, (*sizes, N_ACTIONS), last_scale=0.01),
+        _perceptron(critic_key, (*sizes, 1), last_scale=1.0),
     )
 
 
 def _perceptron(key: PRNGKey, sizes: tuple[int, ...], *, last_scale: float) -> Perceptron:
+    """Layers between numbers of units, inputs first; `last_scale` multiplies the weights of the last layer."""
     layers = []
     for index, (size_in, size_out) in enumerate(zip(sizes[:-1], sizes[1:], strict=True)):
         is_last = index == len(sizes) - 2
@@ -71,7 +74,10 @@ def _perceptron(key: PRNGKey, sizes: tuple[int, ...], *, last_scale: float) -> P
 def log_probabilities(
     logits: Float[Array, "actions *batch"], admissible: Bool[Array, "actions *batch"]
 ) -> Float[Array, "actions *batch"]:
-    """Logarithm of the probability of each action; if any is admissible, all others have probability 0."""
+    """Logarithm of the probability of each action.
+
+    Inadmissible actions have probability 0, unless no action is admissible: then all are equally likely.
+    """
     return jax.nn.log_softmax(jnp.where(admissible, logits, INADMISSIBLE_LOGIT), axis=0)
 
 

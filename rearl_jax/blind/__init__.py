@@ -1,1 +1,1 @@
-"""The blind study of discovery: independently generated traffic, sealed truths, and scores."""
+"""The blind study of discovery: independently generated traffic, its sealed hidden effects, and scores."""

@@ -1,4 +1,4 @@
-"""Scores of a finished study computed again, without simulation: `python -m rearl_jax.blind.again FOLDER`.
+"""Scores of a finished blind study computed again, without simulation: `python -m rearl_jax.blind.again FOLDER`.
 
 Reads `protocol.json`, the sealed `truth.json` and `cases.parquet`, the table with the verdict on each data set. Prints
 the tables and writes these derived files again: `scores.parquet`, `sets.parquet`, `strengths.parquet`,
@@ -50,9 +50,9 @@ class KeptResults(BlindResults):
     @cached_property
     def scores(self) -> list[Score]:
         """Rates, computed again if the table has the necessary columns, else as first written."""
-        known = {row["name"]: row for row in self.kept_scores if row["name"] in self._not_asked}
+        old_rows = {row["name"]: row for row in self.kept_scores if row["name"] in self._not_asked}
         names = [item.name for item in fields(Score)]
-        kept = {name: Score(**{key: row[key] for key in names}) for name, row in known.items()}
+        kept = {name: Score(**{key: row[key] for key in names}) for name, row in old_rows.items()}
         asked = [question for question in QUESTIONS if question.name not in self._not_asked]
         kept |= {score.name: score for score in score_all(self.cases, asked)}
         return [kept[question.name] for question in QUESTIONS if question.name in kept]
@@ -69,6 +69,7 @@ class KeptResults(BlindResults):
 
     @property
     def _not_asked(self) -> set[str]:
+        """Names of the rates that the table of data sets does not suffice for."""
         return {question.name for question in QUESTIONS if question.needs and question.needs not in self.columns}
 
 
@@ -106,12 +107,12 @@ def judge_again(folder: Path) -> dict[str, Any]:
     from rearl_jax.document.html import page_of
 
     protocol, results = read_study(folder)
-    before = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
+    old_summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
     config = from_plain(DiscoverBlindTask, json.loads((folder / "config.json").read_text(encoding="utf-8")))
     provenance = read_metadata(folder / "cases.parquet") | {"judged_again": "true"}
-    made_by = {key: before[key] for key in PROVENANCE}
+    made_by = {key: old_summary[key] for key in PROVENANCE}
     sealed = {"master_seed": protocol.master_seed, "truth_sha256": protocol.truth_sha256}
-    priors = {"priors": before["priors"]} if "priors" in before else {}
+    priors = {"priors": old_summary["priors"]} if "priors" in old_summary else {}
     summary = made_by | {"judged_again": True} | sealed | results.summary() | priors
     for name, table in results.tables().items():
         _write_table(folder / f"{name}.parquet", table, provenance)
@@ -124,19 +125,20 @@ def judge_again(folder: Path) -> dict[str, Any]:
     return summary
 
 
-def main(words: list[str]) -> None:
+def main(arguments: list[str]) -> None:
     """Computes the results of the study in a folder again."""
-    if len(words) != 1:
+    if len(arguments) != 1:
         sys.exit((__doc__ or "").strip())
     try:
-        judge_again(Path(words[0]))
+        judge_again(Path(arguments[0]))
     except (FileNotFoundError, ValueError) as error:
         sys.exit(str(error))
 
 
 def _judged(truth: Mapping[str, Any], row: Mapping[str, Any]) -> Judged:
+    """A data set judged again from its row in the table."""
     verdict = _verdict(row)
-    false = _names(row["false"])
+    false_names = _names(row["false"])
     judgement = Judgement(
         outcome=row["outcome"],
         shown=shown_of(verdict, row["n_recognised"], row["is_flagged"]),
@@ -145,8 +147,8 @@ def _judged(truth: Mapping[str, Any], row: Mapping[str, Any]) -> Judged:
         in_set=row["in_set"],
         alone=is_alone(truth["planted"], verdict, row["n_recognised"]),
         is_flagged=row["is_flagged"],
-        false_names=false,
-        false_kinds=tuple(map(_kind, false)),
+        false_names=false_names,
+        false_kinds=tuple(map(_kind, false_names)),
         claims=(),
     )
     return Judged(row["case"], truth, verdict, judgement, (), row.get("n_intervals", 0), row.get("n_covered", 0))
@@ -187,9 +189,9 @@ def _write_table(path: Path, table: pd.DataFrame, provenance: Mapping[str, str])
     from pyarrow import parquet
 
     whole = pyarrow.Table.from_pandas(table, preserve_index=False)
-    about = {PREFIX + key: value for key, value in provenance.items()}
+    metadata = {PREFIX + key: value for key, value in provenance.items()}
     with replacing(path) as unfinished:
-        parquet.write_table(whole.replace_schema_metadata({**(whole.schema.metadata or {}), **about}), unfinished)
+        parquet.write_table(whole.replace_schema_metadata({**(whole.schema.metadata or {}), **metadata}), unfinished)
 
 
 def _write_text(path: Path, text: str) -> None:

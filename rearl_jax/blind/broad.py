@@ -1,7 +1,7 @@
 """Data sets drawn from broad priors, from the generator of this package or from SUMO.
 
-A data set that is not traffic, or in which the hidden effect does not act, is drawn again; the truth contains how
-often and why.
+A data set that is not plausible traffic (see `traffic.plausibility`), or in which the hidden effect does not act, is
+drawn again; the truth, the record of what is hidden in a data set, contains how often and why.
 """
 
 from collections import Counter
@@ -30,7 +30,7 @@ MANY_CHANGES = 0.8
 
 @dataclass(frozen=True)
 class Drawn:
-    """A data set that is traffic.
+    """A data set that is plausible traffic.
 
     Attributes:
         scenario: Its scenario.
@@ -46,11 +46,11 @@ class Drawn:
 
 
 def draw_traffic(case: Case) -> Drawn:
-    """The traffic of a data set.
+    """The first plausible traffic drawn for a data set.
 
     Raises:
         ModuleNotFoundError: libsumo is not installed.
-        RuntimeError: No attempt was traffic.
+        RuntimeError: No attempt was plausible.
     """
     priors, redraws = PRIORS.widened(case.width), Counter[str]()
     fixed = {name: None if case.changes.get(name) is None else case.changes[name] for name in ("followers", "duration")}
@@ -82,21 +82,21 @@ def broad_truth(case: Case) -> dict[str, Any]:
         planted = [_planted_in_sumo(item.name, drawn.rules) for item in scenario.planted]
         truth = {"planted": planted, "n_lane_changes": 0, "n_emergencies": 0}
     followers = events.fleet.rank > 0
-    inside = (events.time >= 0.0) & (events.time <= scenario.duration)
-    recorded = np.diff(events.lane[inside], axis=0)[:, followers]
-    changes = float(np.count_nonzero(recorded) / (np.count_nonzero(followers) * scenario.duration / 60.0))
-    described = asdict(scenario)
-    del described["planted"], described["base"]
+    is_recorded = (events.time >= 0.0) & (events.time <= scenario.duration)
+    lane_steps = np.diff(events.lane[is_recorded], axis=0)[:, followers]
+    changes = float(np.count_nonzero(lane_steps) / (np.count_nonzero(followers) * scenario.duration / 60.0))
+    scenario_fields = asdict(scenario)
+    del scenario_fields["planted"], scenario_fields["base"]
     return truth | {
         "base": case.base,
         "width": case.width,
         "is_smoothed": scenario.chain is not None and scenario.chain.kernel != "none",
         "lane_changes_per_minute": changes,
         "has_many_changes": changes >= MANY_CHANGES,
-        "mean_speed": float(events.speed[inside][:, followers].mean()),
+        "mean_speed": float(events.speed[is_recorded][:, followers].mean()),
         "effect_size": events.effect_size,
         "redraws": drawn.redraws,
-        "scenario": described,
+        "scenario": scenario_fields,
     }
 
 
@@ -110,14 +110,15 @@ def _by_sumo(case: Case, scenario: Scenario) -> tuple[Events, Rules]:
     )
     events, in_force = simulate_sumo(replace(scenario, planted=()), rules, is_moved=True)
     if names:
-        without, _ = simulate_sumo(replace(scenario, planted=()), Rules(rules.model))
-        inside = (events.time >= 0.0) & (events.time <= scenario.duration)
-        difference = (events.acceleration - without.acceleration)[inside][:, events.fleet.rank > 0]
+        without_effect, _ = simulate_sumo(replace(scenario, planted=()), Rules(rules.model))
+        is_recorded = (events.time >= 0.0) & (events.time <= scenario.duration)
+        difference = (events.acceleration - without_effect.acceleration)[is_recorded][:, events.fleet.rank > 0]
         events = replace(events, effect_size=float(np.sqrt(np.mean(difference**2))))
     return events, in_force
 
 
 def _planted_in_sumo(name: str, rules: Rules) -> dict[str, Any]:
+    """Entry of the truth for an effect that a rule of SUMO causes."""
     entry = {"name": name, "strength": 1.0, "variables": [], "parameters": {}} | TRUTHS[EFFECTS[name]]
     if rules.limit is not None:
         start, end = rules.section

@@ -130,7 +130,7 @@ def list_cases(blind: BlindConfig, master_seed: int) -> list[Case]:
         raise out_of_range("blind.sets", f"must select some of {groups}", blind.sets)
     seeds = np.random.SeedSequence(master_seed).generate_state(len(kinds) + 1)
     cases = []
-    for number, (kind, seed) in enumerate(zip(kinds, seeds, strict=False)):
+    for number, (kind, seed) in enumerate(zip(kinds, seeds, strict=False)):  # the last seed is that of the order
         name = hashlib.sha256(f"{master_seed} {number}".encode()).hexdigest()[:10]
         cases.append(replace(kind, name=name, seed=int(seed)))
     return [cases[index] for index in np.random.default_rng(int(seeds[-1])).permutation(len(cases))]
@@ -148,14 +148,15 @@ def _broad_kinds(blind: BlindConfig, master_seed: int) -> Iterator[Case]:
         name = None if number < n_controls else str(effects[number - n_controls])
         base = str(rng.choice([*BASES, "sumo"] if blind.sumo and (name is None or name in EFFECTS) else [*BASES]))
         base = str(rng.choice(SUMO_BASES)) if base == "sumo" else base
-        about = {"changes": changes, "source": "broad", "base": base, "width": blind.width}
+        common = {"changes": changes, "source": "broad", "base": base, "width": blind.width}
         if name is None:
-            yield Case(BROAD_CONTROL, "nothing hidden", **about)
+            yield Case(BROAD_CONTROL, "nothing hidden", **common)
         else:
-            yield Case(BROAD, name, (Planted(name),), **about)
+            yield Case(BROAD, name, (Planted(name),), **common)
 
 
 def _kinds(size: StudySize) -> list[Case]:
+    """All data sets of a size, each kind repeated; without names and seeds."""
     if size is StudySize.small:
         return [
             Case("control", "default"),
@@ -194,4 +195,5 @@ def _every_kind() -> Iterator[Case]:
 def _single(
     group: str, names: Iterable[str], strength: float = 1.0, changes: Mapping[str, int | float] = CONTROLS["default"]
 ) -> Iterator[Case]:
+    """A data set for each effect, which alone is hidden in it."""
     return (Case(group, name, (Planted(name, strength),), changes) for name in names)

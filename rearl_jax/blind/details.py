@@ -93,11 +93,18 @@ def confidence_calibration(cases: Iterable[Judged]) -> list[dict]:
     claims = [claim for case in cases for claim in case.judgement.claims]
     rows = []
     for low, high in pairwise(CONFIDENCES):
-        inside = [(stated, is_correct) for stated, is_correct in claims if low < stated <= high or stated == low == 0.0]
-        if inside:
-            row = {"from": low, "to": high, "n_claims": len(inside), "stated": float(np.mean([s for s, _ in inside]))}
+        in_range = [
+            (stated, is_correct) for stated, is_correct in claims if low < stated <= high or stated == low == 0.0
+        ]
+        if in_range:
+            row = {
+                "from": low,
+                "to": high,
+                "n_claims": len(in_range),
+                "stated": float(np.mean([s for s, _ in in_range])),
+            }
             rows.append(
-                row | rate_of(sum(is_correct for _, is_correct in inside), len(inside), ("true", "low", "high"))
+                row | rate_of(sum(is_correct for _, is_correct in in_range), len(in_range), ("true", "low", "high"))
             )
     return rows
 

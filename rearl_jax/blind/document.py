@@ -67,13 +67,13 @@ def document_of(
     outcomes = {"set": "", "n": "data sets", **counts, "n_false": "with a false effect", "rate": "share [%]"}
     reported = tables["confusion"].melt("hidden", var_name="reported", value_name="n", ignore_index=False)
     reported = reported.query("n > 0").sort_index(kind="stable")
-    words = (
+    explanation = (
         "With a false effect: data sets with at least one wrongly reported effect, whatever their outcome, because it "
         "may accompany a correct one. A curve over a variable counts as an effect.",
     )
     parts = (
         (Section("Rates", notes=tuple(_notes(summary, tables, protocol))), _rates(tables["scores"]), _SCORES),
-        (Section("Outcomes by set", words), _rates(sets.replace({"set": SET_TITLES})), outcomes),
+        (Section("Outcomes by set", explanation), _rates(sets.replace({"set": SET_TITLES})), outcomes),
         (Section("Broad priors, by stratum"), _strata(tables), _STRATA),
         (Section("Broad priors", is_folded=True), _priors(summary), _PRIORS),
         (
@@ -166,14 +166,14 @@ def _notes(
 
 
 def _sealing(protocol: Mapping[str, Any]) -> Section:
-    words = (
+    explanation = (
         f"First the hash of all sources was stored, then the master seed was {_origin(protocol)}, then the truth "
         "was written to one file and the hash of that file into the protocol. Only then did discovery receive "
         "the first data set. Names and contents of its folders do not reveal the truth. The file was opened "
         "once, after the last verdict.",
         f"Code {protocol['code_hash']}, master seed {protocol['master_seed']}, truth {protocol['truth_sha256']}.",
     )
-    return Section("How it was kept blind", words, is_folded=True)
+    return Section("How it was kept blind", explanation, is_folded=True)
 
 
 def _origin(protocol: Mapping[str, Any]) -> str:

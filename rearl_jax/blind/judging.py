@@ -1,4 +1,4 @@
-"""Comparison of a verdict with the truth of its data set: recognised effects and false names."""
+"""Comparison of a verdict with the truth, the effects (items) hidden in a data set: recognised effects, false names."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -75,7 +75,8 @@ def judge(truth: Mapping[str, Any], verdict: Verdict) -> Judgement:
     hidden = truth["planted"]
     recognised = [any(is_it(item, effect) for effect in verdict.effects) for item in hidden]
     in_set = [
-        known or bool(names_of(item) & verdict.alternatives) for item, known in zip(hidden, recognised, strict=True)
+        is_named or bool(names_of(item) & verdict.alternatives)
+        for item, is_named in zip(hidden, recognised, strict=True)
     ]
     false = [effect for effect in verdict.effects if not any(is_it(item, effect) for item in hidden)]
     is_flagged = verdict.verdict == UNEXPLAINED or any(effect.kind == "generic" for effect in verdict.effects)

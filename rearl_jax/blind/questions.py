@@ -129,7 +129,7 @@ def changes_the_model(case: Judged) -> bool:
     return any(effect.kind != "artefact" for effect in case.verdict.effects)
 
 
-def _named_in_named(case: Judged) -> bool:
+def _is_named_at_usual_strength(case: Judged) -> bool:
     return _in("named")(case) and case.is_named
 
 
@@ -168,6 +168,7 @@ def _change(end: str, sign: int) -> Callable[[Judged], bool]:
 
 
 QUESTIONS = (
+    # Name, title, data sets, criterion, goal; True if the goal is an upper limit; necessary column.
     Question("identified", "effects of the library named, usual strength", _in("named"), _has(*NAMED), 0.95),
     Question("in_set", "effects of the library named, or among the alternatives",
              _in("named"), _is_named_or_alternative, 0.95),
@@ -203,9 +204,9 @@ QUESTIONS = (
     Question("sumo_control", "SUMO: controls with an effect named",
              _in_sumo("control"), _has_false_driver_or_road_effect, 1 / 30, True),
     Question("error_fell", "named effects: interval of the error after repair below the error before",
-             _named_in_named, _error_fell, 0.8, False, "after_high"),
+             _is_named_at_usual_strength, _error_fell, 0.8, False, "after_high"),
     Question("error_surely_fell", "named effects: significantly lower error, driver by driver",
-             _named_in_named, _change("high", -1), 0.8, False, "change_high"),
+             _is_named_at_usual_strength, _change("high", -1), 0.8, False, "change_high"),
     Question("sumo_error", "SUMO's other models and action steps: lower error after repair",
              _is_repaired_sumo_model, _change("value", -1), 0.95),
     Question("error_rose", "repaired models: significantly higher error, driver by driver",

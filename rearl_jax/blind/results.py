@@ -84,11 +84,11 @@ class BlindResults:
 
     def confusion(self) -> pd.DataFrame:
         """Number of data sets by hidden effect (rows, `hidden`) and verdict (columns)."""
-        chosen = [case for case in self.cases if case.group in SHOWN_GROUPS]
-        hidden = dict.fromkeys(row_name(case) for case in sorted(chosen, key=_sort_key))
-        reported = [(row_name(case), column_name(case)) for case in chosen]
-        known = {column for _, column in reported}
-        columns = [name for name in dict.fromkeys([*hidden, *sorted(known)]) if name in known]
+        shown_cases = [case for case in self.cases if case.group in SHOWN_GROUPS]
+        hidden = dict.fromkeys(row_name(case) for case in sorted(shown_cases, key=_sort_key))
+        reported = [(row_name(case), column_name(case)) for case in shown_cases]
+        used_columns = {column for _, column in reported}
+        columns = [name for name in dict.fromkeys([*hidden, *sorted(used_columns)]) if name in used_columns]
         columns.sort(key=lambda name: _LAST.index(name) if name in _LAST else -1)
         counts = pd.DataFrame(0, index=list(hidden), columns=columns)
         for row, column in reported:
@@ -125,6 +125,7 @@ class BlindResults:
 
 
 _LAST = (UNEXPLAINED, NOTHING, "failed")
+"""Last columns of the confusion matrix."""
 
 
 def row_name(case: Judged) -> str:

@@ -127,8 +127,8 @@ def judge_cases(folder: Path, protocol: sealing.Protocol, cases: Sequence[Case])
         path, oracle = _files(folder, case)
         stored = json.loads(path.read_text(encoding="utf-8"))
         if oracle.is_file() and stored["error"]:
-            best = json.loads(oracle.read_text(encoding="utf-8"))["error"] or {}
-            stored["error"]["oracle"] = best.get("oracle")
+            oracle_errors = json.loads(oracle.read_text(encoding="utf-8"))["error"] or {}
+            stored["error"]["oracle"] = oracle_errors.get("oracle")
         try:
             verdict = read_verdict(stored)
         except ValueError as error:
@@ -157,10 +157,10 @@ def time_left(done_before: int, begin: float) -> Callable[[int, int], str]:
     """
 
     def text(done: int, total: int) -> str:
-        now = done - done_before
-        if now <= 0 or done >= total:
+        done_now = done - done_before
+        if done_now <= 0 or done >= total:
             return ""
-        seconds = (time.perf_counter() - begin) / now * (total - done)
+        seconds = (time.perf_counter() - begin) / done_now * (total - done)
         return f", {math.ceil(seconds / 60)} min left" if seconds > 90 else f", {seconds:.0f} s left"
 
     return text
@@ -181,6 +181,7 @@ def _write_data(case: Case, folder: Path) -> None:
 
 
 def _ask(discover: Discover, data: Path, study: str, oracle: str | None) -> dict[str, Any]:
+    """The verdict of discovery on a data set; a failure of discovery is a verdict too."""
     begin = time.perf_counter()
     try:
         return discover(data, study, oracle)
@@ -190,6 +191,7 @@ def _ask(discover: Discover, data: Path, study: str, oracle: str | None) -> dict
 
 
 def _files(folder: Path, case: Case) -> tuple[Path, Path]:
+    """Files of the verdict on a data set, and of the refit with its true effect."""
     return folder / VERDICTS / f"{case.name}.json", folder / VERDICTS / f"{case.name}.oracle.json"
 
 

@@ -60,9 +60,9 @@ def score_all(cases: Sequence[Judged], questions: Sequence[Question] = QUESTIONS
     """Every rate for which there are data sets."""
     scores = []
     for question in questions:
-        asked = [case for case in cases if question.applies(case)]
-        if asked:
-            scores.append(_scored(question, sum(map(question.is_hit, asked)), len(asked)))
+        applicable = [case for case in cases if question.applies(case)]
+        if applicable:
+            scores.append(_scored(question, sum(map(question.is_hit, applicable)), len(applicable)))
     return scores
 
 

@@ -1,4 +1,4 @@
-"""Rates of a study with broad priors by stratum: model, measurement, lane changes, size of the effect."""
+"""Rates of a blind study with broad priors by stratum: model, measurement, lane changes, size of the effect."""
 
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence

@@ -92,8 +92,8 @@ def rules_of(variant: str) -> Rules:
 
 def sumo_truth(variant: str) -> dict[str, Any]:
     """The truth of a variant, in the same form as for the generator."""
-    about = {"name": f"sumo_{variant}", "strength": 1.0, "variables": [], "parameters": {}} | TRUTHS[variant]
-    return {"planted": [] if about["kind"] == "control" else [about], "n_lane_changes": 0, "n_emergencies": 0}
+    effect = {"name": f"sumo_{variant}", "strength": 1.0, "variables": [], "parameters": {}} | TRUTHS[variant]
+    return {"planted": [] if effect["kind"] == "control" else [effect], "n_lane_changes": 0, "n_emergencies": 0}
 
 
 def check_sumo() -> None:
@@ -159,8 +159,8 @@ def _order(
     rules: Rules,
     number: int,
 ) -> dict[str, Any]:
-    """Parameters of one simulation as plain values."""
-    own = np.flatnonzero(fleet.recording == number)
+    """Parameters of the simulation of one recording, as plain values."""
+    members = np.flatnonzero(fleet.recording == number)
     stride = round(STEP / SUB_STEP)
     leader_speeds = profiles[number * scenario.n_lanes : (number + 1) * scenario.n_lanes, ::stride]
     names = ("desired_speed", "time_gap", "jam_gap", "max_accel", "comfort_decel", "length", "width")
@@ -170,27 +170,27 @@ def _order(
             "step": STEP,
             "n_lanes": scenario.n_lanes,
             "seed": int(scenario.seed % 2**31),
-            "position": position[own].tolist(),
-            "speed": speed[own].tolist(),
-            "lane": fleet.lane[own].tolist(),
-            "rank": fleet.rank[own].tolist(),
+            "position": position[members].tolist(),
+            "speed": speed[members].tolist(),
+            "lane": fleet.lane[members].tolist(),
+            "rank": fleet.rank[members].tolist(),
             "platoon_leader_speeds": leader_speeds.tolist(),
         }
-        | {name: getattr(fleet, name)[own].tolist() for name in names}
+        | {name: getattr(fleet, name)[members].tolist() for name in names}
     )
 
 
 def _run(order: dict[str, Any]) -> dict[str, np.ndarray]:
     """Positions, speeds, accelerations and lanes, [n_steps, n_vehicles]."""
     with tempfile.TemporaryDirectory(prefix="rearl_blind_sumo_") as name:
-        asked, answered = Path(name) / "order.json", Path(name) / "events.npz"
-        asked.write_text(json.dumps(order), encoding="utf-8")
-        command = [sys.executable, "-m", "rearl_jax.blind.sumo_worker", str(asked), str(answered)]
-        done = subprocess.run(command, capture_output=True, text=True, check=False)
-        if done.returncode != 0:
-            raise RuntimeError(f"SUMO failed on {order['model']}: {done.stderr.strip()[-2000:]}")
-        with np.load(answered) as answer:
-            return dict(answer)
+        order_file, events_file = Path(name) / "order.json", Path(name) / "events.npz"
+        order_file.write_text(json.dumps(order), encoding="utf-8")
+        command = [sys.executable, "-m", "rearl_jax.blind.sumo_worker", str(order_file), str(events_file)]
+        finished = subprocess.run(command, capture_output=True, text=True, check=False)
+        if finished.returncode != 0:
+            raise RuntimeError(f"SUMO failed on {order['model']}: {finished.stderr.strip()[-2000:]}")
+        with np.load(events_file) as motion:
+            return dict(motion)
 
 
 def _events(fleet: Fleet, motion: dict[str, np.ndarray], rules: Rules) -> Events:

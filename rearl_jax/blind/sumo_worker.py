@@ -8,6 +8,7 @@ import json
 import sys
 import tempfile
 from importlib import import_module
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -52,7 +53,7 @@ def _edges(order: dict[str, Any]) -> list[tuple[str, float, float, float]]:
 def _network(order: dict[str, Any], edges: list[tuple[str, float, float, float]]) -> str:
     """A straight road as a network file; SUMO counts lanes from the right."""
     n = order["n_lanes"]
-    ys = [3.75 * (k - n) + 1.875 for k in range(n)]
+    ys = [3.75 * (k - n) + 1.875 for k in range(n)]  # lane centres [m], for lanes of 3.75 m
     edge_elements = []
     for name, start, end, limit in edges:
         lanes = "".join(
@@ -73,7 +74,7 @@ def _network(order: dict[str, Any], edges: list[tuple[str, float, float, float]]
             f'<junction id="j{x}" type="{"priority" if is_inner else "dead_end"}" x="{x}" y="0"'
             f' incLanes="{lanes}" intLanes="" shape="{x},0 {x},{-3.75 * n}">{requests}</junction>'
         )
-    for (before, *_), (after, *_) in zip(edges, edges[1:], strict=False):
+    for (before, *_), (after, *_) in pairwise(edges):
         links += [
             f'<connection from="{before}" to="{after}" fromLane="{k}" toLane="{k}" dir="s" state="M"/>'
             for k in range(n)
@@ -124,9 +125,9 @@ def _simulate(order: dict[str, Any], network: Path, routes: Path) -> dict[str, n
             raise RuntimeError(f"SUMO did not put {len(missing)} of {len(names)} vehicles on the road")
         platoon_leaders = [str(k) for k, rank in enumerate(order["rank"]) if rank == 0]
         for name in names:
-            sumo.vehicle.setLaneChangeMode(name, 0)
+            sumo.vehicle.setLaneChangeMode(name, 0)  # no vehicle changes lanes
         for name in platoon_leaders:
-            sumo.vehicle.setSpeedMode(name, 0)
+            sumo.vehicle.setSpeedMode(name, 0)  # the prescribed speed is driven without SUMO's checks
         rows: dict[str, list[list[float]]] = {"position": [], "speed": [], "acceleration": [], "lane": []}
         for speeds in np.transpose(order["platoon_leader_speeds"])[1:]:
             for name, speed in zip(platoon_leaders, speeds.tolist(), strict=True):

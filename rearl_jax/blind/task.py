@@ -76,15 +76,16 @@ def run_with(config: DiscoverBlindTask, discover: Discover) -> dict:
 def _judged(
     config: DiscoverBlindTask, study: Study, discover: Discover, bar: Progress
 ) -> tuple[Protocol, BlindResults]:
+    """The protocol, and the results of the data sets that were asked for, each run unless it has a verdict."""
     # The truth of all data sets is sealed, so that stopping early reveals nothing about the remaining ones.
     whole = replace(config, blind=replace(config.blind, first=None))
     protocol, all_cases = open_study(study.path, config_hash(whole), config.blind, shown(bar, "truth"))
     cases = all_cases[: config.blind.first]
-    left = time_left(count_finished(study.path, cases), time.perf_counter())
+    remaining = time_left(count_finished(study.path, cases), time.perf_counter())
     line = bar.add_task("data sets", total=len(cases))
 
     def watch(done: int, total: int) -> None:
-        bar.update(line, description=f"data sets{left(done, total)}", completed=done, total=total)
+        bar.update(line, description=f"data sets{remaining(done, total)}", completed=done, total=total)
 
     run_cases(study.path, config.study, cases, discover, config.blind, watch)
     return protocol, BlindResults(judge_cases(study.path, protocol, cases), len(all_cases))
@@ -94,12 +95,12 @@ def discovery_of(config: DiscoverBlindTask) -> Discover:
     """The task `rearl discover` as a function of a folder."""
 
     def discover(folder: Path, study: str, oracle: str | None = None) -> dict[str, Any]:
-        asked = DiscoverTask(
+        task = DiscoverTask(
             study=study,
             results=ResultsConfig(config.results.root),
             data=DataConfig(format=DataFormat.table, root=str(folder)),
             discover=replace(config.discover, oracle=oracle),
         )
-        return discovery.run(asked, show=False)
+        return discovery.run(task, show=False)
 
     return discover

@@ -1,4 +1,4 @@
-"""Records of verdicts, read from verdict.json."""
+"""Records of discovery's verdicts, read from verdict.json."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -7,7 +7,9 @@ from typing import Any
 NOTHING, IMPROVED, UNEXPLAINED, FAILED = "nothing", "improved", "unexplained", "failed"
 
 ERRORS = ("before", "after", "change", "floor", "oracle")
-"""Keys of the closed-loop error in a verdict."""
+"""Keys of the closed-loop error in a verdict: before and after the model was repaired, their difference, the error that
+measurement noise alone causes, and the error of the model with the true effect.
+"""
 
 
 @dataclass(frozen=True)

@@ -19,12 +19,7 @@ from rearl_jax.cli.interruption import ended_by_signals, exit_code, name_of
 from rearl_jax.cli.multirun import run_many
 from rearl_jax.cli.running import complain, explained, is_for_user, is_of_output, run_task
 from rearl_jax.cli.streams import make_writable
-from rearl_jax.cli.summary_output import (
-    multirun_object,
-    standard_output_apart,
-    summary_object,
-    write_object,
-)
+from rearl_jax.cli.summary_output import multirun_object, standard_output_apart, summary_object, write_object
 from rearl_jax.cli.sweep_files import read_sweep
 from rearl_jax.code_version import __version__
 from rearl_jax.config._schema import nearest

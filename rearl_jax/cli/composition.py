@@ -16,7 +16,7 @@ import yaml
 from yaml import YAMLError
 
 from rearl_jax import tasks
-from rearl_jax.cli.values import readable, with_words
+from rearl_jax.cli.values import readable, with_original_keys
 from rearl_jax.config._address import check_no_secret
 from rearl_jax.config._schema import Key, finished, groups_of, keys_of, nearest
 from rearl_jax.config.driver import MODELS, DriverConfig, record_of
@@ -39,7 +39,7 @@ def compose_task(task: Task, overrides: list[str], config_dir: str | None) -> An
     overrides = with_implied(task, overrides)
     overrides = readable(overrides, keys_of(defaults_with(task, overrides)))
     check_overrides(task, overrides, config_dir, many=False)
-    overrides = opened(task, overrides)
+    overrides = with_mappings_opened(task, overrides)
     if config_dir is not None:
         folder = Path(config_dir).resolve()
         if not folder.is_dir():
@@ -51,7 +51,7 @@ def compose_task(task: Task, overrides: list[str], config_dir: str | None) -> An
             composed = OmegaConf.to_object(compose(task.config_name, overrides))
         except _READ_ERRORS as error:
             raise _unreadable(overrides, config_dir, error) from error
-    return finished(with_words(composed))
+    return finished(with_original_keys(composed))
 
 
 _READ_ERRORS = (YAMLError, UnicodeError, OSError, AssertionError, OverflowError, TypeError, ValueError, RecursionError)
@@ -89,16 +89,16 @@ def with_implied(task: Task, overrides: list[str]) -> list[str]:
     A threshold of the detection without `method=...` means `method=rearl`: the default method would ignore it. If
     several groups imply a value of the same key, the last group in the task's list counts.
     """
-    given = [text.partition("=")[0] for text in overrides]
-    groups = {key.split(".")[0] for key in given}
+    given_keys = [text.partition("=")[0] for text in overrides]
+    groups = {key.split(".")[0] for key in given_keys}
     implied = {word.partition("=")[0]: word for group, word in task.implied.items() if group in groups}
-    new = sorted(word for key, word in implied.items() if key not in given)
+    new = sorted(word for key, word in implied.items() if key not in given_keys)
     if new:
         log.info("%s, because of the keys given", ", ".join(new))
     return [*new, *overrides]
 
 
-def opened(task: Task, overrides: list[str]) -> list[str]:
+def with_mappings_opened(task: Task, overrides: list[str]) -> list[str]:
     """The overrides; those of a mapping with names of the user, such as `data.columns`, get Hydra's prefix `++`."""
     mappings = {name for name, key in keys_of(defaults_with(task, overrides)).items() if key.type_name == "dict"}
     return [f"++{text}" if _inside(text.partition("=")[0], mappings) else text for text in overrides]
@@ -150,10 +150,10 @@ def first_comment(file: Path) -> str:
 def defaults_with(task: Task, overrides: list[str]) -> Any:
     """The record of a task with all defaults, for the driver model that the overrides choose."""
     record = task.defaults()
-    chosen = [value for text in overrides for name, _, value in [text.partition("=")] if name == "driver"]
-    if not hasattr(record, "driver") or not chosen:
+    models = [value for text in overrides for name, _, value in [text.partition("=")] if name == "driver"]
+    if not hasattr(record, "driver") or not models:
         return record
-    return replace(record, driver=record_of(chosen[-1])() if chosen[-1] in MODELS else _every_driver_key())
+    return replace(record, driver=record_of(models[-1])() if models[-1] in MODELS else _every_driver_key())
 
 
 @functools.cache
@@ -230,9 +230,9 @@ def _value_problem(
         return None if many else Problem("several-values", "has several values", remedy, key=name, value=value)
     if name in known_groups and override.value() == "":
         return Problem("choice-unknown", f"must be one of {', '.join(known_groups[name])}", key=name, value="''")
-    inside = sorted(key for key in keys if key.startswith(f"{name}."))
-    if inside and name not in known_groups and not isinstance(override.value(), dict):
-        return Problem("wrong-type", f"is a group of keys, such as {inside[0]}", key=name, value=value)
+    keys_inside = sorted(key for key in keys if key.startswith(f"{name}."))
+    if keys_inside and name not in known_groups and not isinstance(override.value(), dict):
+        return Problem("wrong-type", f"is a group of keys, such as {keys_inside[0]}", key=name, value=value)
     return None
 
 
@@ -260,6 +260,7 @@ def _no_such_key(task: Task, name: str, known: Iterable[str], file: str | None =
 
 
 def _problem(task: Task, overrides: list[str], error: BaseException) -> Problem:
+    """The problem behind an error of Hydra or OmegaConf, with the key and the file that the error names."""
     cause: BaseException | None = error
     while cause is not None and getattr(cause, "full_key", None) is None:
         cause = cause.__cause__ or cause.__context__

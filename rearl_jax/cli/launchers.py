@@ -115,6 +115,7 @@ def _ray(given: Mapping[str, Any], n_jobs: int) -> tuple[dict[str, Any], int]:
 
 
 def _check(launcher: str, given: Mapping[str, Any]) -> None:
+    """Raise UsageError if the launcher is not installed, or Slurm or a shared folder is missing."""
     extra, plugin = _EXTRAS[launcher]
     try:
         distribution(plugin)
@@ -123,11 +124,11 @@ def _check(launcher: str, given: Mapping[str, Any]) -> None:
         problem = Problem("extra-missing", f"needs the extra {extra}", remedy, key="hydra/launcher", value=launcher)
         raise UsageError(problem) from error
     if launcher == "submitit_slurm" and shutil.which("srun") is None:
-        words, remedy = "needs Slurm, which this machine does not have", "call rearl on a machine with `srun`"
-        raise UsageError(Problem("slurm-missing", words, remedy, key="hydra/launcher", value=launcher))
+        fault, remedy = "needs Slurm, which this machine does not have", "call rearl on a machine with `srun`"
+        raise UsageError(Problem("slurm-missing", fault, remedy, key="hydra/launcher", value=launcher))
     if _is_elsewhere(given) and not Path(str(given.get("results.root", ""))).is_absolute():
-        words = "must be a folder that all machines of the cluster see, results.root=/FOLDER, and data.root likewise"
-        raise UsageError(Problem("folder-not-shared", words, key="results.root"))
+        fault = "must be a folder that all machines of the cluster see, results.root=/FOLDER, and data.root likewise"
+        raise UsageError(Problem("folder-not-shared", fault, key="results.root"))
 
 
 def _number(given: Mapping[str, Any], key: str, default: int) -> int:

@@ -21,14 +21,14 @@ from rearl_jax.cli.composition import (
     compose_task,
     defaults_with,
     hydra_errors,
-    opened,
     register,
     with_implied,
+    with_mappings_opened,
 )
 from rearl_jax.cli.launchers import launcher_errors, settings
 from rearl_jax.cli.running import JobError, complain, is_for_user, run_task
 from rearl_jax.cli.streams import make_writable
-from rearl_jax.cli.values import readable, with_words
+from rearl_jax.cli.values import readable, with_original_keys
 from rearl_jax.config._schema import finished, keys_of
 from rearl_jax.results import cell_folder, config_hash, first_part
 from rearl_jax.tasks import Task
@@ -58,15 +58,15 @@ def run_many(task: Task, overrides: list[str], config_dir: str | None) -> tuple[
     cells = cells_of(swept)
     given = {item.key_or_group: item.value() for item in parsed if item.key_or_group not in swept}
     try:
-        _launch(task, opened(task, overrides), given, len(cells), config_dir)
+        _launch(task, with_mappings_opened(task, overrides), given, len(cells), config_dir)
     except JobError as error:
         failed = error
-    of_task = [text for text in fixed if not text.lstrip("+~").startswith("hydra")]
-    common = compose_task(task, of_task, config_dir)
+    task_overrides = [text for text in fixed if not text.lstrip("+~").startswith("hydra")]
+    common = compose_task(task, task_overrides, config_dir)
     folder = Path(common.results.root) / common.study
     if failed is not None:
         # If a job failed before it wrote anything, its folder may still contain the results of an earlier multirun.
-        cells = [cell for cell in cells if not _is_outdated(task, of_task, folder, cell, config_dir)]
+        cells = [cell for cell in cells if not _is_outdated(task, task_overrides, folder, cell, config_dir)]
     if task.collect is not None:
         task.load_collect()(common, cells)
         print(f"all cells: {folder}")
@@ -106,6 +106,7 @@ def swept_values(overrides: Sequence[Any], groups: Mapping[str, Iterable[str]]) 
 
 
 def _values(override: Any, groups: Mapping[str, Iterable[str]]) -> list[str]:
+    """Values of one override, as written; a single one if it is not a sweep."""
     from hydra.core.override_parser.types import Glob
 
     if not override.is_sweep_override():
@@ -140,12 +141,12 @@ def _launch(task: Task, overrides: list[str], given: Mapping[str, Any], n_jobs: 
     register(task)
     # Without the first variable Hydra prints errors and exits by itself; without the second Ray sends usage statistics.
     environment = {"HYDRA_FULL_ERROR": "1", "RAY_USAGE_STATS_ENABLED": os.environ.get("RAY_USAGE_STATS_ENABLED", "0")}
-    command, sys.argv = sys.argv, ["rearl", "--multirun", *folder, *defaults, *of_launcher, *overrides]
+    original_argv, sys.argv = sys.argv, ["rearl", "--multirun", *folder, *defaults, *of_launcher, *overrides]
     try:
         with env_override(environment), hydra_errors(task, overrides), launcher_errors(given):
             hydra.main(config_path=str(tasks.conf_dir()), config_name=task.config_name, version_base="1.3")(run_job)()
     finally:
-        sys.argv = command
+        sys.argv = original_argv
 
 
 def run_job(composed: Any) -> None:
@@ -159,7 +160,7 @@ def run_job(composed: Any) -> None:
     name = hydra.job.override_dirname
     try:
         config: Any = OmegaConf.to_object(composed)
-        config = finished(with_words(config))
+        config = finished(with_original_keys(config))
         config.study = "/".join(part for part in (config.study, name) if part)
         if not any(text.startswith("results.resume=") for text in hydra.overrides.task):
             config.results.resume = True

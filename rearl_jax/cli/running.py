@@ -50,7 +50,7 @@ def _start_jax(task: Task) -> None:
 
     # A multirun shows the log of every library, in which JAX would report that it found no TPU.
     logging.getLogger("jax").setLevel(logging.WARNING)
-    is_safe = _is_own(runtime.cache_folder())
+    is_safe = _is_private_cache(runtime.cache_folder())
     runtime.start(x64=task.x64)
     if not is_safe:
         import jax
@@ -58,7 +58,7 @@ def _start_jax(task: Task) -> None:
         jax.config.update("jax_enable_compilation_cache", False)
 
 
-def _is_own(cache: Path) -> bool:
+def _is_private_cache(cache: Path) -> bool:
     """True if no other user can write to the cache, whose compiled programs run without checks; warns otherwise.
 
     A missing folder is created with access for this user alone.
@@ -86,10 +86,10 @@ def is_for_user(error: BaseException) -> bool:
         return True
     if not isinstance(error, (ValueError, ImportError, Warning)) or error.__traceback__ is None:
         return False
-    last = error.__traceback__
-    while last.tb_next is not None:
-        last = last.tb_next
-    return last.tb_frame.f_code.co_filename.startswith(_PACKAGE + os.sep)
+    innermost = error.__traceback__
+    while innermost.tb_next is not None:
+        innermost = innermost.tb_next
+    return innermost.tb_frame.f_code.co_filename.startswith(_PACKAGE + os.sep)
 
 
 def is_of_output(error: BaseException) -> bool:

@@ -73,5 +73,5 @@ def _plain(value: Any) -> Any:
     if hasattr(value, "item") and getattr(value, "ndim", None) == 0:  # NumPy and JAX scalars
         value = value.item()
     if isinstance(value, float):
-        return value if value - value == 0.0 else None
+        return value if value - value == 0.0 else None  # the difference is NaN for inf and nan
     return value if value is None or isinstance(value, (bool, int, str)) else str(value)

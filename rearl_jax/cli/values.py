@@ -1,8 +1,8 @@
-"""Words of the command line, quoted so that Hydra reads each with the type of its key.
+"""Values of the command line, quoted so that Hydra reads each with the type of its key.
 
-Hydra determines the type of a value from its spelling: `1e5` is a number even for a key with text, `größe` cannot be
-read at all, and neither can a quoted key within a mapping. Such values are quoted here, and quoted keys within mappings
-are replaced by plain names, which `with_words` turns back into the keys.
+Hydra determines the type of a value from its spelling: `1e5` is a number even for a key of type string, `größe` cannot
+be read at all, and neither can a quoted key within a mapping. Such values are quoted here, and quoted keys within
+mappings are replaced by plain names, which `with_original_keys` turns back into the keys.
 """
 
 import re
@@ -24,18 +24,19 @@ def readable(overrides: list[str], keys: Mapping[str, Key]) -> list[str]:
     return [_readable(text, keys) for text in overrides]
 
 
-def with_words(record: Any) -> Any:
+def with_original_keys(record: Any) -> Any:
     """The record with the original keys of its mappings in place of the names that stand for them."""
     for item in fields(record):
         value = getattr(record, item.name)
         if is_dataclass(value):
-            with_words(value)
+            with_original_keys(value)
         elif isinstance(value, dict):
-            object.__setattr__(record, item.name, {_word(key): part for key, part in value.items()})
+            object.__setattr__(record, item.name, {_original_key(key): part for key, part in value.items()})
     return record
 
 
 def _readable(text: str, keys: Mapping[str, Key]) -> str:
+    """One override `key=value`, quoted if its key takes texts or a mapping."""
     name, equals, value = text.partition("=")
     if not equals or name not in keys:
         return text
@@ -63,7 +64,8 @@ def _named_key(match: re.Match[str]) -> str:
     return _MARK + word.encode("utf-8", "surrogatepass").hex()
 
 
-def _word(key: Any) -> Any:
+def _original_key(key: Any) -> Any:
+    """The key that a name from `_named_key` stands for; any other key unchanged."""
     if not (isinstance(key, str) and re.fullmatch(rf"{_MARK}(?:[0-9a-f]{{2}})*", key)):
         return key
     return bytes.fromhex(key.removeprefix(_MARK)).decode("utf-8", "surrogatepass")
@@ -88,6 +90,7 @@ def _is_readable(value: str) -> bool:
 
 
 def _parsed(value: str) -> Any:
+    """Hydra's parsed override with this value."""
     from hydra.core.override_parser.overrides_parser import OverridesParser
 
     return OverridesParser.create().parse_override(f"key={value}")

@@ -1,4 +1,4 @@
-"""Continuous Frechet distance of pairs of polylines: decision procedure and bisection; for small data and tests."""
+"""Continuous Frechet distance of pairs of polylines, by bisection; for small data and tests."""
 
 import numpy as np
 from jaxtyping import Bool, Float
@@ -14,8 +14,8 @@ def continuous_distances(
 ) -> Float[np.ndarray, "centres curves"]:
     """Continuous Frechet distance of every curve to every centre.
 
-    The smallest e for which the free space of the pair contains a path that is monotone in both curves from start to
-    end.
+    The smallest e for which the free space, the pairs of points of both curves at most e apart, contains a path that is
+    monotone in both curves from start to end.
 
     Source: Alt & Godau, Computing the Frechet distance between two polygonal curves, Int. J. Comput. Geom. Appl. 5
     (1995) 75; bisection instead of their search over critical values.
@@ -73,7 +73,11 @@ def _is_within(
 def _reachable(
     low: np.ndarray, high: np.ndarray, across: np.ndarray, along: np.ndarray, along_from: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Reachable part of a side: all of it from the neighbouring side, from the opposite side what is not behind."""
+    """Reachable part of a side of a cell whose free part is [low, high].
+
+    All of it if the neighbouring side is reachable (`across`); else, if the opposite side is reachable from
+    `along_from` on (`along`), what is not behind that.
+    """
     start = np.where(across, low, np.where(along, np.maximum(low, along_from), np.inf))
     return start, high
 
@@ -89,6 +93,7 @@ def _from_start(free: tuple[np.ndarray, np.ndarray], at_start: np.ndarray) -> tu
 def _free(point: np.ndarray, start: np.ndarray, end: np.ndarray, radius: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Shares [low, high] of segments within a radius of a point; low > high where there are none."""
     edge, offset = end - start, start - point
+    # The squared distance of start + s edge from the point is a s^2 + 2 b s + c + radius^2.
     a, b = (edge**2).sum(axis=0), (edge * offset).sum(axis=0)
     c = (offset**2).sum(axis=0) - radius**2
     a, b, c = np.broadcast_arrays(a, b, c)

@@ -54,7 +54,8 @@ def aligned(
 ) -> Bool[np.ndarray, "vertices points curves"]:
     """Points of every curve that are coupled with each vertex in an optimal discrete coupling.
 
-    Of several optimal couplings, traced from the end, the one that first steps back along both, then along the curve.
+    Of several optimal couplings, traced back from the end, the one that steps back along both sequences if it can, else
+    along the curve.
     """
     squared = ((curves[:, None] - vertices[:, :, None, None]) ** 2).sum(axis=0)
     n_vertices, n_points, n_curves = squared.shape
@@ -64,9 +65,9 @@ def aligned(
     vertex, point = np.full(n_curves, n_vertices), np.full(n_curves, n_points)
     for _ in range(n_vertices + n_points - 1):
         coupled[vertex - 1, point - 1, curve] = True
-        before = ((vertex - 1, point - 1), (vertex, point - 1), (vertex - 1, point))
-        choice = np.stack([reached[*cell, curve] for cell in before]).argmin(axis=0)
-        back_vertex, back_point = choice != 1, choice != 2
+        previous = ((vertex - 1, point - 1), (vertex, point - 1), (vertex - 1, point))
+        choice = np.stack([reached[*cell, curve] for cell in previous]).argmin(axis=0)
+        back_vertex, back_point = choice != 1, choice != 2  # 1 keeps the vertex, 2 keeps the point
         # At the start the first cell is the only one left; curves that have reached it stay.
         started = (vertex == 1) & (point == 1)
         vertex = np.where(started, 1, vertex - back_vertex)
@@ -77,7 +78,7 @@ def aligned(
 def subdivided(
     centres: Float[np.ndarray, "centres features vertices"], n_points: int
 ) -> Float[np.ndarray, "centres features points"]:
-    """The same polylines with points inserted on their edges, the longest piece halved, thirded, ... first."""
+    """The same polylines with points inserted on their edges, always on the edge with the longest pieces."""
     n_centres, n_features, n_vertices = centres.shape
     edges = np.diff(centres, axis=2)
     length = np.sqrt((edges**2).sum(axis=1))
@@ -88,8 +89,8 @@ def subdivided(
     result = np.empty((n_centres, n_features, n_points))
     for centre in range(n_centres):
         edge = np.repeat(np.arange(n_vertices - 1), pieces[centre])
-        before = np.concatenate([[0], np.cumsum(pieces[centre])[:-1]])
-        share = (np.arange(len(edge)) - before[edge]) / pieces[centre][edge]
+        first_piece = np.concatenate([[0], np.cumsum(pieces[centre])[:-1]])
+        share = (np.arange(len(edge)) - first_piece[edge]) / pieces[centre][edge]
         result[centre, :, :-1] = centres[centre][:, edge] + share * edges[centre][:, edge]
         result[centre, :, -1] = centres[centre, :, -1]
     return result

@@ -120,11 +120,11 @@ def iterates(curves: Curves, kl: KlConfig) -> Iterator[Centres]:
     yield centres
     rng = np.random.default_rng([kl.seed, 1])
     for _ in range(kl.iterations):
-        before = centres.cost
+        last_cost = centres.cost
         vertices = move_centres(curves, centres, kl, rng)
         centres = Centres(vertices, curves.distances(vertices))
         yield centres
-        if not centres.cost < before:
+        if not centres.cost < last_cost:
             return
 
 
@@ -199,4 +199,5 @@ def enclosing_ball(points: Float[np.ndarray, "features points"], steps: int) -> 
 
 
 def _mean(points: Float[np.ndarray, "features points"], steps: int) -> Float[np.ndarray, " features"]:
+    """Mean of the points; `steps` is not used, but `enclosing_ball` has it."""
     return points.mean(axis=1)

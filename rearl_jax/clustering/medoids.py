@@ -4,7 +4,7 @@ import numpy as np
 from jaxtyping import Float, Int
 
 _MAX_SWAPS = 100
-"""Largest number of rounds of SWAP, which converges in far fewer on samples of a few hundred."""
+"""Largest number of rounds of `swap`, which needs far fewer on samples of a few hundred."""
 
 
 def build(distances: Float[np.ndarray, "candidates items"], k: int) -> Int[np.ndarray, " medoids"]:
@@ -49,8 +49,8 @@ def swap(
         trials = []
         for position in range(len(medoids)):
             others = np.delete(medoids, position)
-            rest = distances[others].min(axis=0) if len(others) else np.inf
-            sums = np.minimum(distances, rest).sum(axis=1)
+            nearest_other = distances[others].min(axis=0) if len(others) else np.inf
+            sums = np.minimum(distances, nearest_other).sum(axis=1)
             sums[others] = np.inf
             trials.append(sums)
         position, candidate = np.unravel_index(np.argmin(trials), (len(medoids), len(distances)))

@@ -21,7 +21,7 @@ from rearl_jax.cache import kept_path, read_arrays, write_arrays
 from rearl_jax.clustering.kl import Curves, cluster_curves
 from rearl_jax.clustering.scenes import SceneClusters, cluster_scenes, label_shares, may_be_fitted, references_of
 from rearl_jax.clustering.search import search
-from rearl_jax.clustering.tracks import FeatureScale, TrackCollector, TrackSet, seen_in, track_index
+from rearl_jax.clustering.tracks import FeatureScale, TrackCollector, TrackSet, picked_in, track_index
 from rearl_jax.config._schema import as_plain
 from rearl_jax.config.clustering import BoConfig, ClusterConfig, FitOn, KlConfig
 from rearl_jax.config.data import DataConfig
@@ -56,6 +56,7 @@ _SOURCES = ("clustering", "config", "data")
 """Parts of the package whose code determines a clustering."""
 
 _GROUPS = ("tracks", "scenes", "speed", "features", "spacing", "split", "kl", "cluster", "bo")
+"""Groups of configuration keys that determine a clustering."""
 
 
 @dataclass(frozen=True)
@@ -188,7 +189,7 @@ def cluster(
     """Both clusterings, of tracks and then of scenes; arguments as in `ReferenceBuilder.build`."""
     allowed = may_be_fitted(splits, config.cluster.fit_on)
     # Vehicles of evaluation and tuning scenes must not influence the centres.
-    training = ~seen_in(tracks, scenes, np.flatnonzero(~allowed))
+    training = ~picked_in(tracks, scenes, np.flatnonzero(~allowed))
     if not training.any():
         message = (
             f"all {len(tracks)} tracks drive through evaluation or tuning scenes, none is left to fit the clusters"
@@ -197,11 +198,11 @@ def cluster(
         raise InvalidInputError(Problem("tracks-too-few", message, remedy))
     features = tracks.features(scenes)
     scale = FeatureScale.of(features[:, :, training], config.kl.weights)
-    by_track, kl, trace = cluster_tracks(config, tracks, features, scale, training, study, identity, progress)
+    track_clusters, kl, trace = cluster_tracks(config, tracks, features, scale, training, study, identity, progress)
     track = track_index(tracks, scenes, np.arange(len(scenes)))
-    labels = np.where(track >= 0, by_track.labels[track], -1)
+    labels = np.where(track >= 0, track_clusters.labels[track], -1)
     vectors = label_shares(labels, track, kl.k, config.cluster.vector)
-    return Clusters(scenes.scene_id, by_track, cluster_scenes(vectors, allowed, config.cluster), trace)
+    return Clusters(scenes.scene_id, track_clusters, cluster_scenes(vectors, allowed, config.cluster), trace)
 
 
 def cluster_tracks(
@@ -220,12 +221,12 @@ def cluster_tracks(
     kl, trace = config.kl, None
     if config.bo.enabled:
         kl, trace = search(fitted, kl, config.bo, study, identity, lambda done, total: progress("search", done, total))
-    searched = Curves(fitted, kl)
-    best, costs = cluster_curves(searched, kl, lambda done, total: progress("tracks", done, total))
+    training_curves = Curves(fitted, kl)
+    best, costs = cluster_curves(training_curves, kl, lambda done, total: progress("tracks", done, total))
     # Slowest first, so that label 0 means the same in every run.
     physical = scale.physical(best.vertices)
     order = np.argsort(physical[:, 0].mean(axis=1), kind="stable")
-    distances = searched.distances(best.vertices[order], curves)
+    distances = training_curves.distances(best.vertices[order], curves)
     labels = distances.argmin(axis=0)
     drawn = np.sort(np.random.default_rng([kl.seed, 3]).permutation(len(tracks))[:N_DRAWN_TRACKS])
     log.info("tracks per cluster: %s; mean distance %.4f", np.bincount(labels, minlength=kl.k).tolist(), best.cost)

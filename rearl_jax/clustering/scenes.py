@@ -136,7 +136,7 @@ def cluster_scenes(
     centres = kmeans.cluster_centers_[order]
     distance = ((points[:, None] - centres[None]) ** 2).sum(axis=2)
     labels = np.where(has_vector, distance.argmin(axis=1), -1)
-    # Rounded for the same reason: distances of equal scenes must be equal, so that the lowest index is chosen.
+    # Rounded, because distances of equal scenes must be equal for the lowest index to be chosen.
     to_centre = np.round(distance, 2 * _SHARE_DECIMALS)
     representatives = np.empty(n_clusters, dtype=np.int64)
     for cluster in range(n_clusters):
@@ -163,7 +163,10 @@ def references_of(scenes: SceneSet, clusters: SceneClusters, config: ClusterConf
             for values in (scenes.scaled_speed, scenes.spacing, scenes.mean_spacing)
         )
         votes = np.stack(
-            [[(scenes.action[of_cluster] == a).sum(axis=0) for a in range(_N_ACTIONS)] for of_cluster in members]
+            [
+                [(scenes.action[of_cluster] == number).sum(axis=0) for number in range(_N_ACTIONS)]
+                for of_cluster in members
+            ]
         )
         action = votes.argmax(axis=1)
     return References(

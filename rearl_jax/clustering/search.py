@@ -34,7 +34,7 @@ ACQUISITIONS = ("ei", "pi", "lcb")
 _MARGIN = 0.01
 _KAPPA = 1.96
 _ETA = 1.0
-"""Margin of improvement, width of the bound and learning rate of the hedge. Source: defaults of scikit-optimize's
+"""Margin of improvement, width of the bound and learning rate of GP-Hedge. Source: defaults of scikit-optimize's
 gp_minimize; here on standardised objectives, so that they do not depend on its unit."""
 
 _REFIT_INTERVAL = 25
@@ -157,13 +157,13 @@ def _next(trace: list[Evaluation], grid: Int[np.ndarray, "cells 3"], bo: BoConfi
     """One more evaluation."""
     rng = np.random.default_rng([bo.seed, 1, len(trace)])
     index = {tuple(cell): i for i, cell in enumerate(grid.tolist())}
-    seen = np.array([index[row.cell] for row in trace], dtype=np.int64)
-    unseen = np.setdiff1d(np.arange(len(grid)), seen)
+    tested = np.array([index[row.cell] for row in trace], dtype=np.int64)
+    untested = np.setdiff1d(np.arange(len(grid)), tested)
     if len(trace) < bo.n_initial:
-        cell = int(rng.choice(unseen))
+        cell = int(rng.choice(untested))
         extra: dict[str, Any] = {"chosen_by": "random"}
     else:
-        cell, extra = _proposed(trace, grid, seen, unseen, rng)
+        cell, extra = _proposed(trace, grid, tested, untested, rng)
     k, l, iterations = (int(value) for value in grid[cell])  # noqa: E741
     silhouette, value = objective(k, l, iterations)
     return Evaluation(len(trace), k, l, iterations, silhouette, value, **extra)
@@ -172,27 +172,29 @@ def _next(trace: list[Evaluation], grid: Int[np.ndarray, "cells 3"], bo: BoConfi
 def _proposed(
     trace: list[Evaluation],
     grid: Int[np.ndarray, "cells 3"],
-    seen: Int[np.ndarray, " rounds"],
-    unseen: Int[np.ndarray, " rest"],
+    tested: Int[np.ndarray, " rounds"],
+    untested: Int[np.ndarray, " rest"],
     rng: np.random.Generator,
 ) -> tuple[int, dict[str, Any]]:
     """The next cell by GP-Hedge, and what the trace keeps of the choice.
+
+    GP-Hedge draws one of the acquisitions, the more likely the better a Gaussian process rates its earlier proposals.
 
     Source: Hoffman, Brochu & de Freitas, Portfolio allocation for Bayesian optimization, UAI 2011.
     """
     from scipy.stats import norm
 
-    mean, deviation, best = _posterior(grid, seen, np.array([row.objective for row in trace]))
+    mean, deviation, best = _posterior(grid, tested, np.array([row.objective for row in trace]))
     last = trace[-1]
     gains = np.array([last.gain_ei, last.gain_pi, last.gain_lcb])
     if last.chosen_by != "random":
         # The last proposal of each acquisition is judged by the model that includes the last outcome.
         gains = gains + mean[[last.ei, last.pi, last.lcb]]
-    mean, deviation = mean[unseen], deviation[unseen]
+    mean, deviation = mean[untested], deviation[untested]
     improvement = mean - best - _MARGIN
     z = improvement / deviation
     scores = (improvement * norm.cdf(z) + deviation * norm.pdf(z), norm.cdf(z), mean + _KAPPA * deviation)
-    proposals = [int(unseen[np.argmax(score)]) for score in scores]
+    proposals = [int(untested[np.argmax(score)]) for score in scores]
     weight = np.exp(_ETA * (gains - gains.max()))
     choice = int(rng.choice(len(ACQUISITIONS), p=weight / weight.sum()))
     record: dict[str, Any] = dict(zip(ACQUISITIONS, proposals, strict=True))
@@ -201,25 +203,25 @@ def _proposed(
 
 
 def _posterior(
-    grid: Int[np.ndarray, "cells 3"], seen: Int[np.ndarray, " rounds"], objective: Float[np.ndarray, " rounds"]
+    grid: Int[np.ndarray, "cells 3"], tested: Int[np.ndarray, " rounds"], objective: Float[np.ndarray, " rounds"]
 ) -> tuple[np.ndarray, np.ndarray, float]:
-    """Mean and standard deviation of the standardised objective on the whole grid, and the best value seen."""
+    """Mean and standard deviation of the standardised objective on the whole grid, and the best value tested."""
     from sklearn.gaussian_process import GaussianProcessRegressor
     from sklearn.gaussian_process.kernels import Matern, WhiteKernel
 
     unit_grid = (grid - grid.min(axis=0)) / np.maximum(np.ptp(grid, axis=0), 1)
     spread = objective.std()
     values = (objective - objective.mean()) / (spread if spread > 0 else 1.0)
-    n_fit = len(seen) if len(seen) < 2 * _REFIT_INTERVAL else len(seen) - len(seen) % _REFIT_INTERVAL
+    n_fit = len(tested) if len(tested) < 2 * _REFIT_INTERVAL else len(tested) - len(tested) % _REFIT_INTERVAL
     # scikit-learn states no types; pyright takes those of the defaults.
     matern = Matern(np.full(3, 0.5), (0.05, 20.0), nu=2.5)  # pyright: ignore[reportArgumentType]
     kernel = matern + WhiteKernel(1e-2, (1e-6, 1.0))
     with warnings.catch_warnings():
         # A length scale at its bound is a valid result: the objective hardly depends on that key.
         warnings.filterwarnings("ignore", message=".*(close to the specified|lbfgs failed to converge).*")
-        fitted = GaussianProcessRegressor(kernel, random_state=0).fit(unit_grid[seen[:n_fit]], values[:n_fit])
+        fitted = GaussianProcessRegressor(kernel, random_state=0).fit(unit_grid[tested[:n_fit]], values[:n_fit])
         model = GaussianProcessRegressor(fitted.kernel_, optimizer=None)  # pyright: ignore[reportArgumentType]
-        model.fit(unit_grid[seen], values)
+        model.fit(unit_grid[tested], values)
         mean, deviation = model.predict(unit_grid, return_std=True)
     return mean, np.maximum(deviation, 1e-9), float(values.max())
 

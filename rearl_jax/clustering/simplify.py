@@ -61,16 +61,16 @@ def _from_point(points: Float[np.ndarray, "curves features rest"]) -> Float[np.n
     """Errors of the segments from the first point to each of the others."""
     offset = points[:, :, 1:] - points[:, :, :1]
     edge = np.moveaxis(offset, 1, 2)  # curves, ends, features
-    a = (edge**2).sum(axis=2)
+    squared_length = (edge**2).sum(axis=2)
     # along[., end, between]: projection of the points between on the edge, as share of it.
-    along = np.matmul(edge, offset) / np.where(a > 0.0, a, 1.0)[:, :, None]
+    along = np.matmul(edge, offset) / np.where(squared_length > 0.0, squared_length, 1.0)[:, :, None]
     between = np.tri(points.shape[2] - 1, k=-1, dtype=bool)
     square = (offset**2).sum(axis=1)[:, None, :]
-    # |o - s e|^2 for the share s of the edge e.
-    squared_distance = np.maximum(square - along**2 * a[:, :, None], 0.0)
+    # Squared distance of every point from the line through the edge.
+    squared_distance = np.maximum(square - along**2 * squared_length[:, :, None], 0.0)
 
     def largest_distance(share: np.ndarray) -> np.ndarray:
-        distance = np.sqrt(squared_distance + (share - along) ** 2 * a[:, :, None])
+        distance = np.sqrt(squared_distance + (share - along) ** 2 * squared_length[:, :, None])
         return np.where(between, distance, 0.0).max(axis=2)
 
     nearest_share = np.clip(along, 0.0, 1.0)
@@ -83,7 +83,7 @@ def _from_point(points: Float[np.ndarray, "curves features rest"]) -> Float[np.n
             high[curve, end],
             along[curve, end],
             squared_distance[curve, end],
-            a[curve, end],
+            squared_length[curve, end],
             between[end],
         )
     return high
@@ -94,13 +94,16 @@ def _bisected(
     high: np.ndarray,
     along: np.ndarray,
     squared_distance: np.ndarray,
-    a: np.ndarray,
+    squared_length: np.ndarray,
     between: np.ndarray,
 ) -> Float[np.ndarray, " shortcuts"]:
     """Errors of segments whose points step back when projected."""
     for _ in range(_HALVINGS):
         middle = 0.5 * (low + high)
-        half = np.sqrt(np.maximum(middle[:, None] ** 2 - squared_distance, 0.0) / np.where(a > 0.0, a, 1.0)[:, None])
+        half = np.sqrt(
+            np.maximum(middle[:, None] ** 2 - squared_distance, 0.0)
+            / np.where(squared_length > 0.0, squared_length, 1.0)[:, None]
+        )
         first = np.maximum.accumulate(np.where(between, along - half, 0.0), axis=1)
         # Within the radius, and the earliest point in order is not beyond the last one allowed.
         within = (

@@ -11,7 +11,7 @@ from rearl_jax.data.scenes.splits import Split, Splits
 from rearl_jax.detection.references import References
 
 _PERPLEXITY = 30.0
-"""Source: van der Maaten & Hinton, Visualizing data using t-SNE, JMLR 9 (2008): typical values are 5 to 50."""
+"""Perplexity of t-SNE. Source: van der Maaten & Hinton, JMLR 9 (2008) 2579: typical values are 5 to 50."""
 
 
 def seeds(config: ClusterTask) -> str:

@@ -15,7 +15,7 @@ from rearl_jax.problems import InvalidInputError, Problem
 
 @dataclass
 class TrackCollector:
-    """Collects the feature curves of recordings that are read for another purpose; rows are not kept.
+    """Collects the feature curves of recordings that are read for another purpose; keeps no recording.
 
     `build_scenes(collector.passing(recordings), ...)` reads every recording once for scenes and tracks.
     """
@@ -88,12 +88,12 @@ class FeatureScale:
         return self.low[:, None] + centres * (span / self.weight)[:, None]
 
 
-def seen_in(tracks: TrackSet, scenes: SceneSet, indices: Int[np.ndarray, " scenes"]) -> Bool[np.ndarray, " tracks"]:
+def picked_in(tracks: TrackSet, scenes: SceneSet, indices: Int[np.ndarray, " scenes"]) -> Bool[np.ndarray, " tracks"]:
     """Mask of tracks that are picked in any snapshot of some scenes."""
     index = track_index(tracks, scenes, indices)
-    is_seen = np.zeros(len(tracks), dtype=bool)
-    is_seen[index[index >= 0]] = True
-    return is_seen
+    is_picked = np.zeros(len(tracks), dtype=bool)
+    is_picked[index[index >= 0]] = True
+    return is_picked
 
 
 def track_index(
@@ -104,11 +104,11 @@ def track_index(
     bounds = recording_bounds(tracks.recording)
     for number, scene in enumerate(indices):
         start, stop = bounds.get(str(scenes.recording[scene]), (0, 0))
-        known = tracks.track_id[start:stop]  # rising in a recording
+        track_ids = tracks.track_id[start:stop]  # rising in a recording
         wanted = scenes.track_id[scene]
-        nearest = np.minimum(np.searchsorted(known, wanted), max(len(known) - 1, 0))
-        if len(known):
-            result[number] = np.where(known[nearest] == wanted, start + nearest, -1)
+        nearest = np.minimum(np.searchsorted(track_ids, wanted), max(len(track_ids) - 1, 0))
+        if len(track_ids):
+            result[number] = np.where(track_ids[nearest] == wanted, start + nearest, -1)
     return result
 
 
@@ -116,4 +116,4 @@ def recording_bounds(recording: Shaped[np.ndarray, " tracks"]) -> dict[str, tupl
     """Index of the first track of every recording, and of the track after its last."""
     starts = np.flatnonzero(np.concatenate([[True], recording[1:] != recording[:-1]]))
     stops = np.append(starts[1:], len(recording))
-    return {str(recording[a]): (int(a), int(b)) for a, b in zip(starts, stops, strict=True)}
+    return {str(recording[start]): (int(start), int(stop)) for start, stop in zip(starts, stops, strict=True)}

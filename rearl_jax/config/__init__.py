@@ -35,16 +35,17 @@ from rearl_jax.problems import InvalidInputError, Problem, out_of_range
 
 
 def _group(record: type) -> Any:
-    """The field of a whole group, headed by the first line of its docstring."""
+    """The field of a key group's record; its help text is the first line of the record's docstring."""
     return key(record, (record.__doc__ or "").partition("\n")[0].rstrip("."))
 
 
 def _first_look() -> DataConfig:
-    """Shipped leader-follower pairs, few enough for a verdict in a minute or two."""
+    """Recordings of a first discovery: shipped leader-follower pairs, few enough for a verdict in a minute or two."""
     return DataConfig(DataFormat.i80_slice)
 
 
 def _study(name: str) -> Any:
+    """The key `study` with its default."""
     return key(name, "name of the folder under results.root; the same name again replaces its files")
 
 
@@ -95,12 +96,12 @@ class DiscoverTask:
     discover: DiscoverConfig = _group(DiscoverConfig)
 
     def check(self) -> None:
-        """Raise InvalidInputError for drivers that cannot be calibrated, and for keys that are estimated."""
+        """Raise InvalidInputError for a model that cannot be calibrated, or a given key that calibration estimates."""
         self.driver.check_prior()
 
     @property
     def compared(self) -> tuple[DriverConfig, ...]:
-        """Car-following models to compare: that of `driver` first, then the requested others."""
+        """Car-following models to compare: `driver`, then `discover.base`, by default all if `driver` is left out."""
         others = self.discover.base
         if others is None:
             others = CALIBRATED if self.driver == record_of("idm")() else ()
@@ -119,9 +120,10 @@ class DiscoverBlindTask:
     discover: DiscoverConfig = _group(DiscoverConfig)
 
 
-_DRIVES = (
-    "control of the vehicles; base: the drivers of `driver` and `mobil`, rearl: these with corrections, ppo: a trained "
-    "policy, critical: highway-env's IDM and MOBIL with classes of drivers"
+_METHOD_HELP = (
+    "control of the vehicles; base: the drivers of `driver` and `mobil`, rearl: these, corrected by `decision` when "
+    "the traffic differs too much from its reference, ppo: a trained policy, critical: highway-env's IDM and MOBIL "
+    "with classes of drivers"
 )
 
 
@@ -130,7 +132,7 @@ class EvaluateTask:
     """Comparison of simulated with measured scenes."""
 
     study: str = _study("evaluate")
-    method: Method = key(Method.base, _DRIVES)
+    method: Method = key(Method.base, _METHOD_HELP)
     model: str | None = key(
         None, "repaired model, a model.yaml written by `rearl discover`; null = the drivers of `driver` and `mobil`"
     )
@@ -179,16 +181,16 @@ class EvaluateTask:
         return f"eval.seed={self.eval.seed}, split.seed={self.split.seed}"
 
 
-_ONE_VARIANT = "with model: calibrated (without its effects) or repaired (with them)"
+_VARIANT_HELP = "with model: calibrated (without its effects) or repaired (with them)"
 
 
 @dataclass(unsafe_hash=True)
 class SweepThresholdsTask(EvaluateTask):
-    """Detection thresholds."""
+    """Comparison of detection thresholds."""
 
     study: str = _study("sweep_thresholds")
     method: Method = key(Method.rearl, "rearl; the other methods have no detection thresholds")
-    variant: Variant = key(Variant.repaired, _ONE_VARIANT)
+    variant: Variant = key(Variant.repaired, _VARIANT_HELP)
     sweep: SweepConfig = _group(SweepConfig)
 
 
@@ -197,8 +199,8 @@ class SweepScaleTask(PaperStart, EvaluateTask):
     """Many rollouts in constant memory."""
 
     study: str = _study("sweep_scale")
-    method: Method = key(Method.rearl, _DRIVES)
-    variant: Variant = key(Variant.repaired, _ONE_VARIANT)
+    method: Method = key(Method.rearl, _METHOD_HELP)
+    variant: Variant = key(Variant.repaired, _VARIANT_HELP)
     # Not int, which OmegaConf refuses to read 1e6 as.
     n_rollouts: float = key(
         100_000.0, "number of rollouts, spread evenly over the scenes of eval.subset; a whole number such as 1e6"
@@ -230,7 +232,7 @@ class ValidateTask:
     validation: ValidationConfig = _group(ValidationConfig)
 
 
-_ROWS_DECIDE = "base; each row of the table sets its own method"
+_METHOD_OF_ROWS_HELP = "base; each row of the table sets its own method"
 
 
 @dataclass(unsafe_hash=True)
@@ -238,7 +240,7 @@ class StudyTable1Task(PaperStart, EvaluateTask):
     """Comparison of methods: Table 1 of the paper."""
 
     study: str = _study("study_table1")
-    method: Method = key(Method.base, _ROWS_DECIDE)
+    method: Method = key(Method.base, _METHOD_OF_ROWS_HELP)
     variant: Variant = key(Variant.all, "all; model=FILE adds rows with and without its effects")
     table1: Table1Config = _group(Table1Config)
 
@@ -275,7 +277,7 @@ class StudyFig7Task(PaperStart, EvaluateTask):
 
     study: str = _study("study_fig7")
     method: Method = key(Method.base, "base; no other method is simulated")
-    variant: Variant = key(Variant.repaired, _ONE_VARIANT)
+    variant: Variant = key(Variant.repaired, _VARIANT_HELP)
     sweep: SweepConfig = _group(SweepConfig)
 
     def check(self) -> None:
@@ -306,7 +308,7 @@ class StudyTable4Task:
     prompt: PromptConfig = _group(PromptConfig)
 
     def check(self) -> None:
-        """Raise InvalidInputError for a policy without a measurement in this study."""
+        """Raise InvalidInputError for a policy that this study does not measure."""
         if self.decision.policy not in (PolicyName.matcher, PolicyName.llm):
             message = (
                 "must be matcher or llm, the policies with a row in this table; table4.llm=true adds a language model"

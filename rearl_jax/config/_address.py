@@ -23,6 +23,7 @@ def check_no_secret(address: str, key: str) -> None:
     remedy = "leave it out and put the key of the server into the environment variable that llm.api_key_env names"
     if "@" in parts.netloc:
         raise InvalidInputError(Problem("password-in-address", "holds a user name or password", remedy, key=key))
+    # A part without "=" may itself be a key.
     pairs = [part.partition("=") for part in (*parts.query.split("&"), parts.fragment) if part]
     if any(_SECRET.search(name) or not equals for name, equals, _ in pairs):
         raise InvalidInputError(

@@ -1,13 +1,13 @@
-"""Checks of tasks that take one population of drivers, and the recordings of platoons that they are compared with."""
+"""Check of tasks that take one population of drivers, and the recordings of platoons that these tasks read."""
 
-from rearl_jax.config.data import DataConfig, DataFormat, OnBad
+from rearl_jax.config.data import BadRows, DataConfig, DataFormat
 from rearl_jax.config.evaluation import Variant
 from rearl_jax.problems import InvalidInputError, Problem, out_of_range
 
 
 def platoons() -> DataConfig:
-    """Shipped recordings of platoons, whose first vehicles have no vehicle ahead."""
-    return DataConfig(DataFormat.openacc, on_bad=OnBad.drop_row)
+    """Shipped recordings of platoons (OpenACC), whose first vehicles have no vehicle ahead; bad rows are dropped."""
+    return DataConfig(DataFormat.openacc, on_bad=BadRows.drop_row)
 
 
 def check_one_population(variant: Variant, model: str | None, reason: str, *, has_drivers: bool) -> None:

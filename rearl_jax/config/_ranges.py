@@ -4,7 +4,7 @@ from rearl_jax.problems import out_of_range
 
 
 def check_rising(record: object, *names: str) -> None:
-    """Raise InvalidInputError unless these keys contain positive, rising numbers, at least one each."""
+    """Raise InvalidInputError unless each of these keys contains at least one number, rising from 1 or more."""
     for name in names:
         values = list(getattr(record, name))
         if not values or values != sorted(set(values)) or values[0] < 1:

@@ -44,7 +44,7 @@ def configured_fields(record: Any) -> list[Field]:
 
 
 def groups_of(record: Any, name: str = "", help: str = "") -> Iterator[Group]:
-    """The groups of a record of defaults, outermost first, in the order of declaration."""
+    """The groups of a record of defaults, outermost first; `name` and `help` are those of the record itself."""
     hints = get_type_hints(type(record))
     prefix = f"{name}." if name else ""
     values = {item: getattr(record, item.name) for item in configured_fields(record)}
@@ -107,11 +107,12 @@ def as_written(value: Any) -> str:
 
 
 def _in_mapping(part: Any) -> str:
+    """A key or value of a mapping, quoted so that Hydra reads a text as a text."""
     return quoted(part) if isinstance(part, str) else as_written(part)
 
 
 def as_plain(value: Any) -> Any:
-    """A record as dictionaries, lists, texts and numbers, the same on every machine; inf and nan by name."""
+    """A record as dictionaries, lists, texts and numbers, the same on every machine; infinities and NaN as texts."""
     if is_dataclass(value) and not isinstance(value, type):
         return {item.name: as_plain(getattr(value, item.name)) for item in configured_fields(value)}
     if isinstance(value, Enum):

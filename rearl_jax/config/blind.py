@@ -29,12 +29,11 @@ class BlindConfig:
 
     priors: StudyPriors = key(
         StudyPriors.usual,
-        "drivers, measurement and traffic of the data sets; usual: IDM drivers and one measurement; broad: "
+        "drivers, measurement and traffic of the data sets; usual: IDM drivers, one noise and smoothing; broad: "
         "car-following model, population, noise, smoothing, density and duration drawn for every data set",
     )
     size: StudySize = key(
-        StudySize.small,
-        "number of data sets with blind.priors=usual; small: one per question, medium: 141, full: 802",
+        StudySize.small, "number of data sets with blind.priors=usual; small: 6, medium: 141, full: 802"
     )
     n_sets: int = key(12, "number of data sets with blind.priors=broad; a quarter of them are controls")
     width: float = key(1.0, "width of the broad priors, as a multiple of the documented ones [-]")

@@ -1,4 +1,4 @@
-"""The task of the error budget, and its keys."""
+"""The task of the error budget, and its keys. Base is traffic from highway-env's start with the drivers of the keys."""
 
 from dataclasses import dataclass
 

@@ -37,8 +37,7 @@ class CriticalConfig:
     history: int = key(5, "past rounds shown to the language model (CRITICAL)")
     max_tokens: int = key(256, "limit of an answer's length [tokens]; the larger of this and llm.max_tokens applies")
     ratios: tuple[float, float, float] | None = key(
-        None,
-        "fixed shares [aggressive, defensive, truck], the rest is regular; null = chosen by the proposer",
+        None, "fixed shares [aggressive, defensive, truck], the rest is regular; null = chosen by the proposer"
     )
 
     def check(self) -> None:

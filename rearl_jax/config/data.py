@@ -1,4 +1,4 @@
-"""Configuration of the recordings: format, place, treatment of bad rows."""
+"""Configuration of the recordings: format, folder, treatment of bad rows."""
 
 import pkgutil
 from dataclasses import dataclass
@@ -38,16 +38,16 @@ class DataFormat(Enum, metaclass=_Formats):
         return folder if (folder / "LICENSE").is_file() else None
 
 
-class OnBad(Enum):
-    """Treatment of rows that violate the schema."""
+class BadRows(Enum):
+    """Treatment of rows that violate the schema of canonical tables."""
 
     stop = "stop"
     drop_track = "drop_track"
     drop_row = "drop_row"
 
 
-OF_FOREIGN_TABLES = ("columns", "units", "classes")
-"""Keys of DataConfig that describe foreign tables."""
+TABLE_KEYS = ("columns", "units", "classes")
+"""Keys of DataConfig that describe the columns of data=table, a user's own table with its own names and units."""
 
 
 @dataclass(unsafe_hash=True)
@@ -55,8 +55,7 @@ class DataConfig:
     """Recordings to read."""
 
     format: DataFormat = key(
-        DataFormat.us101,
-        "format of the recordings; data=NAME sets it together with the keys that usually belong to it",
+        DataFormat.us101, "format of the recordings; data=NAME sets it together with the keys that usually belong to it"
     )
     root: str | None = key(
         None,
@@ -64,49 +63,47 @@ class DataConfig:
         "fhwa",
     )
     recordings: str = key("*", "shell pattern of the recording id, such as highd_0? or us101_0750; * = all")
-    on_bad: OnBad = key(
-        OnBad.stop,
+    on_bad: BadRows = key(
+        BadRows.stop,
         "treatment of rows that violate the schema: stop with an error, drop_track (the vehicle is dropped) or "
         "drop_row (the row is dropped and the track cut there); dropped rows are counted",
     )
     max_jump: float = key(
         20.0,
         "largest difference between the speed that follows from two consecutive positions and the recorded speed "
-        "[m/s]; more counts as a jump; clean recordings stay below 6 m/s (NGSIM US-101, I-80)",
+        "[m/s]; a larger one is a jump, treated by data.on_bad; clean recordings stay below 6 m/s (NGSIM US-101, I-80)",
     )
     default_length: float = key(
-        4.5,
-        "vehicle length if the source has none [m]; the median leader of the NGSIM I-80 pairs has 4.54 m",
+        4.5, "vehicle length if the source has none [m]; the median leader of the NGSIM I-80 pairs has 4.54 m"
     )
     window: float | None = key(
-        300.0, "length of the windows that recordings of hours (i24) are cut into [s]; null = one window"
+        300.0, "length of the windows that hours-long recordings (i24) are cut into [s]; null = one window"
     )
     section: float | None = key(
-        1000.0, "length of the sections that recordings of miles (i24) are cut into [m]; null = one section"
+        1000.0, "length of the sections that miles-long recordings (i24) are cut into [m]; null = one section"
     )
     stretch: tuple[float, ...] | None = key(
         None,
-        "straight part of a street (pneuma): latitude and longitude [deg] of the middle of the carriageway where it "
-        "begins and ends, its width [m] and its lanes, six numbers",
+        "straight part of a street (pneuma), six numbers: latitude and longitude [deg] of the middle of the "
+        "carriageway where the part begins, the same where it ends, its width [m], its number of lanes",
     )
     ring: float | None = key(
         None,
-        "length of one lap of a ring road of one lane [m], for data=table, null = a road with two ends; `rearl prepare "
-        "FILE` finds it where positions begin anew with every lap",
+        "with data=table, length of one lap of a single-lane ring road [m]; null = a road with two ends; `rearl "
+        "prepare FILE` finds it where positions begin anew with every lap",
     )
     columns: dict[str, Any] = mapping_key(
-        "names of foreign columns by canonical name, for data=table, as in "
-        "'data.columns={track_id: Vehicle ID, position: x_m}', null = none; `rearl prepare FILE` finds them"
+        "with data=table, the table's own column names by canonical name, as in "
+        "'data.columns={track_id: Vehicle ID, position: x_m}'; null for a column to ignore; `rearl prepare FILE` finds "
+        "them"
     )
     units: dict[str, Any] = mapping_key(
-        "units of foreign columns by canonical name, for data=table, as in "
-        "'data.units={speed: km/h, time: ms}', frame: 25/s for the frame rate, "
-        "0.1 s for a multiple of a unit, -m for a reversed axis, lane: from 1 if the leftmost lane has the number 1; "
-        "SI for all others"
+        "with data=table, units of the columns by canonical name, as in 'data.units={speed: km/h, time: ms}'; columns "
+        "not named are in SI units. Further values: `time: 0.1 s`, a multiple of a unit; `lateral: -m`, a reversed "
+        "axis; `frame: 25/s`, the frame rate; `lane: from 1`, the leftmost lane has the number 1"
     )
     classes: dict[Any, Any] = mapping_key(
-        "classes of vehicles by the code or word of a foreign table, for data=table, as in "
-        "'data.classes={1: car, 2: truck}'"
+        "with data=table, vehicle classes by the table's own code or word, as in 'data.classes={1: car, 2: truck}'"
     )
 
     def check(self) -> None:

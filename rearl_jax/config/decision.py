@@ -67,8 +67,7 @@ class DecisionConfig:
     """Policy for the vehicles that need a decision"""
 
     policy: PolicyName = key(
-        PolicyName.matcher,
-        "matcher, llm or replay; controls: idle, random_admissible, matcher_random_ref",
+        PolicyName.matcher, "matcher, llm or replay; controls: idle, random_admissible, matcher_random_ref"
     )
     server: str = key("local", "server of policy=llm: local = a small model on this machine, or http://HOST:PORT/v1")
 
@@ -103,7 +102,7 @@ class AdmissibleConfig:
     )
     min_gap: float = key(5.0, "smallest bumper-to-bumper gap for lane=gap [m]")
     min_time_gap: float = key(0.5, "smallest time gap of the rear vehicle of each pair for lane=gap [s]")
-    longitudinal: bool = key(False, "require room ahead for keep, faster and slower")
+    longitudinal: bool = key(False, "make keep, faster and slower admissible only within the decelerations below")
     decel_faster: float = key(0.5, "largest IDM deceleration behind the leader at which faster is admissible [m/s^2]")
     decel_keep: float = key(1.5, "largest IDM deceleration behind the leader at which keep is admissible [m/s^2]")
     decel_slower: float = key(4.0, "largest IDM deceleration behind the leader at which slower is admissible [m/s^2]")

@@ -1,6 +1,6 @@
 """Configuration of the detection of simulated traffic that differs too much from its reference.
 
-Defaults marked "REARL" are stated in the paper (Bi et al.).
+Defaults marked "REARL" are stated in the paper (Bi et al.). Base is the traffic without corrections, method=base.
 """
 
 from dataclasses import dataclass

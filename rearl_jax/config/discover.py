@@ -1,4 +1,4 @@
-"""Keys of discovery."""
+"""Keys of discovery, the search for effects that a calibrated car-following model lacks."""
 
 from dataclasses import dataclass
 
@@ -13,12 +13,12 @@ class DiscoverConfig:
     """Search for missing effects in measured trajectories."""
 
     seed: int = key(
-        0, "seed of the split of drivers, of the simulated drives without a missing effect and of the resampling"
+        0, "seed of the split of drivers, of the drives simulated by the calibrated model and of the resampling"
     )
     replicates: int = key(
         30,
-        "simulated repetitions without a missing effect, the reference for the evidence of candidates; with fewer "
-        "than 20 the threshold is uncertain",
+        "simulations of all drives by the calibrated model, in which no effect is missing; the evidence of candidates "
+        "is compared with them; with fewer than 20 its threshold is uncertain",
     )
     max_drivers: int = key(
         240,
@@ -40,9 +40,9 @@ class DiscoverConfig:
     )
     base: tuple[str, ...] | None = key(
         None,
-        "car-following models compared with that of driver, which is kept unless another one predicts other drivers "
-        f"significantly better: some of {', '.join(CALIBRATED)}; null: all of them if driver is left out, else none; "
-        "[]: none. Nothing is compared with discover.oracle",
+        "car-following models compared with that of driver, which is kept unless another one predicts drivers outside "
+        f"the fit significantly better: some of {', '.join(CALIBRATED)}; null: all of them if driver is left out, "
+        "else none; []: none. Nothing is compared with discover.oracle",
     )
     lane_changes: bool = key(
         True,

@@ -74,12 +74,11 @@ class EvaluationConfig:
     )
     seed: int = key(0, "seed of initial states, resampling and noise floor; equal for every method")
     seed_scope: SeedScope = key(
-        SeedScope.run_x_scene,
-        "run_x_scene: one rollout per run and scene; run: one per run, scored on all scenes",
+        SeedScope.run_x_scene, "run_x_scene: one rollout per run and scene; run: one per run, scored on all scenes"
     )
     resamples: int = key(10_000, "bootstrap resamples of scenes for the intervals")
     confidence: float = key(0.95, "confidence level of the intervals [-]")
-    noise_draws: int = key(1000, "pairs of samples for the noise floor of each scene")
+    noise_draws: int = key(1000, "pairs of samples of each scene for its noise floor, their distance by chance")
     example: int | None = key(None, "scene_id of the space-time diagram; null = the held-out scene of median speed")
 
     def check(self) -> None:

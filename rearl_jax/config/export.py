@@ -1,9 +1,9 @@
-"""Drivers for other programs and from them: the configuration of both tasks."""
+"""Configuration of the tasks that write drivers for other programs and read them: `rearl export`, `rearl import`."""
 
 from dataclasses import dataclass
 from enum import Enum
 
-from rearl_jax.config import _ONE_VARIANT, ResultsConfig, _group, _study
+from rearl_jax.config import _VARIANT_HELP, ResultsConfig, _group, _study
 from rearl_jax.config._key import key
 from rearl_jax.config._one_population import check_one_population, platoons
 from rearl_jax.config._ranges import check_least, check_positive, check_within
@@ -30,7 +30,7 @@ class ExportConfig:
     """Drawn drivers, and their comparison in SUMO"""
 
     n_types: int = key(100, "drivers drawn from the population, all equally probable")
-    eidm: bool = key(False, "write SUMO's EIDM, which adds perception errors, in place of IDM; idm and to=sumo only")
+    eidm: bool = key(False, "write SUMO's EIDM, with perception errors, in place of IDM; driver=idm and to=sumo only")
     seed: int = key(0, "seed of the drawn drivers, and of the comparison")
     compare: bool = key(False, "simulate the exported drivers in SUMO and here behind the same leaders; to=sumo only")
     n_leaders: int = key(20, "recorded vehicles that lead in the comparison: first vehicles of the platoons of data")
@@ -40,7 +40,7 @@ class ExportConfig:
     def check(self) -> None:
         """Raise InvalidInputError for a value outside its range."""
         check_least(self, 1, "n_types", "n_leaders", "n_followers", "seconds")
-        check_within(self, 0, 2**31 - 4, "seed")
+        check_within(self, 0, 2**31 - 4, "seed")  # the comparison also uses seed + 1 and seed + 2
 
 
 @dataclass(unsafe_hash=True)
@@ -68,7 +68,7 @@ class ExportTask:
     model: str | None = key(
         None, "repaired model, a model.yaml written by `rearl discover`; null = the drivers of `driver` and `mobil`"
     )
-    variant: Variant = key(Variant.repaired, _ONE_VARIANT)
+    variant: Variant = key(Variant.repaired, _VARIANT_HELP)
     results: ResultsConfig = _group(ResultsConfig)
     data: DataConfig = key(platoons, "Recordings of the first vehicles of export.compare")
     driver: DriverConfig = key(
@@ -78,7 +78,7 @@ class ExportTask:
     export: ExportConfig = _group(ExportConfig)
 
     def check(self) -> None:
-        """Raise InvalidInputError for drivers given twice, both variants at once, and keys of another target."""
+        """Raise InvalidInputError for drivers given by model and driver, variant=all, or keys of another target."""
         has_drivers = self.driver != record_of("idm")()
         check_one_population(self.variant, self.model, "a file holds one population", has_drivers=has_drivers)
         if self.export.compare and self.to is not Target.sumo:

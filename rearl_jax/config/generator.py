@@ -34,8 +34,7 @@ class GeneratorConfig:
         37.0, "highest mean number of vehicles in view without congestion; derived from the highD counts"
     )
     in_view_mean: float = key(
-        24.15,
-        "mean number of vehicles in view over the recordings without congestion; highD: 24.6 with it",
+        24.15, "mean number of vehicles in view over the recordings without congestion; highD: 24.6 with it"
     )
     truck_share_min: float = key(
         0.08, "lowest share of trucks; counts of highD published with CRITICAL (Tian et al. 2024)"
@@ -59,8 +58,7 @@ class GeneratorConfig:
     )
     truck_time_gap: float = key(1.8, "median time gap trucks keep while following [s]; assumed")
     acceleration_noise: float = key(
-        0.15,
-        "standard deviation of the drivers' own acceleration [m/s^2]; Zhang and Sun 2022 find 0.2 in highD",
+        0.15, "standard deviation of the drivers' random acceleration [m/s^2]; Zhang and Sun 2022 find 0.2 in highD"
     )
     lane_change_rate: float = key(
         0.123,
@@ -118,3 +116,4 @@ _RANGES = (
     ("frames_per_step", 1, 5),
     ("smoothing_cutoff", 0.2, 5.0),
 )
+"""Keys with their smallest and largest values."""

@@ -17,7 +17,7 @@ class OutOfBounds(Enum):
 
 
 class MapeDefinition(Enum):
-    """Definition of the relative error of the mean spacing; all three are always exported."""
+    """Definition of the relative error of the mean spacing; all three are always written."""
 
     A = "A"
     B = "B"
@@ -61,7 +61,8 @@ class MapeConfig:
 
     definition: MapeDefinition = key(
         MapeDefinition.A,
-        "A: |sim - real| / sim (REARL, Eq. 8), B: |sim - real| / real, C: mean_j |real_j - sim| / real",
+        "A: |sim - real| / sim (REARL, Eq. 8), B: |sim - real| / real, C: mean_j |real_j - sim| / real, with the mean "
+        "spacings sim and real of a frame, simulated and recorded, and real_j that of recorded vehicle j",
     )
 
     @property

@@ -1,4 +1,4 @@
-"""The start of the paper, drawn initial states and rescaled speeds; also for tasks that need many different starts."""
+"""The paper's start, drawn initial states and rescaled speeds; also for tasks that need many different starts."""
 
 from dataclasses import dataclass, replace
 

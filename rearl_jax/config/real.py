@@ -1,16 +1,17 @@
-"""Keys of the study of real traffic, and its sets of shipped recordings."""
+"""Keys of the study of recorded traffic, `rearl study real`, and its sets of shipped recordings."""
 
 from dataclasses import dataclass
+from functools import partial
 
 from rearl_jax.config._key import key
-from rearl_jax.config.data import DataFormat, OnBad
+from rearl_jax.config.data import BadRows, DataFormat
 from rearl_jax.config.discover import DiscoverConfig
 from rearl_jax.problems import InvalidInputError, Problem, out_of_range
 
 
 @dataclass(frozen=True)
 class RealSet:
-    """Drivers of shipped recordings for one discovery.
+    """Drivers of shipped recordings for one discovery; ZalaZone is the test track of the OpenACC recordings.
 
     Attributes:
         title: Name of the set in tables.
@@ -26,22 +27,20 @@ class RealSet:
     recordings: str = "*"
     by: str | None = None
     group: str = "all"
-    on_bad: OnBad = OnBad.stop
+    on_bad: BadRows = BadRows.stop
 
+
+_zalazone = partial(RealSet, format=DataFormat.openacc, on_bad=BadRows.drop_row)
 
 SETS = {
     "i80": RealSet("I-80", DataFormat.i80),
     "fhwa": RealSet("FHWA, by leader", DataFormat.fhwa, by="leader"),
-    "openacc": RealSet(
-        "ZalaZone, by setting", DataFormat.openacc, "openacc_*_dynamic_*", "setting", "", OnBad.drop_row
-    ),
-    "openacc_people": RealSet(
-        "ZalaZone, people", DataFormat.openacc, "openacc_no_ACC_*", None, "people", OnBad.drop_row
-    ),
+    "openacc": _zalazone("ZalaZone, by setting", recordings="openacc_*_dynamic_*", by="setting", group=""),
+    "openacc_people": _zalazone("ZalaZone, people", recordings="openacc_no_ACC_*", group="people"),
     # One setting only, because two settings of one car differ more than two cars with the same setting. Names of runs
     # with setting S contain short or mixed, others medium.
-    "openacc_model": RealSet(
-        "ZalaZone, setting S, by car", DataFormat.openacc, "openacc_[sm][hi]*_dynamic_*", "model", "", OnBad.drop_row
+    "openacc_model": _zalazone(
+        "ZalaZone, setting S, by car", recordings="openacc_[sm][hi]*_dynamic_*", by="model", group=""
     ),
 }
 """Sets by their name in `real.sets`."""

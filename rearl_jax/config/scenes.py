@@ -21,7 +21,7 @@ class Direction(Enum):
 
 
 class Pick(Enum):
-    """Criterion for the longest recorded vehicles of a snapshot."""
+    """Duration by which a vehicle of a snapshot counts as recorded longest."""
 
     elapsed = "elapsed"
     """Time since the vehicle entered the recording, at that frame."""
@@ -169,12 +169,12 @@ class SplitConfig:
     unit: SplitUnit = key(SplitUnit.scenario, "unit assigned as a whole: scenario (REARL), recording, block")
     seed: int = key(0, "seed of the random assignment")
     block_seconds: float = key(300.0, "length of a block [s], for split.unit=block")
-    threshold: int | None = key(None, "number of threshold scenes; null = 150 of 741 (REARL), otherwise a fifth of all")
+    threshold: int | None = key(None, "number of threshold scenes; null = 150 of 741 scenes (REARL), else a fifth")
     tuning: int | None = key(
-        None, "number of tuning scenes; null = 15 of 741 (REARL), otherwise in proportion, at least 5"
+        None, "number of tuning scenes; null = 15 of 741 scenes (REARL), else in proportion, at least 5"
     )
     evaluation: int | None = key(
-        None, "number of evaluation scenes; null = 50 of 741 (REARL), otherwise in proportion, at least 5"
+        None, "number of evaluation scenes; null = 50 of 741 scenes (REARL), else in proportion, at least 5"
     )
 
     def check(self) -> None:

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass
 
-from rearl_jax.config import _ONE_VARIANT, ResultsConfig, _group, _study
+from rearl_jax.config import _VARIANT_HELP, ResultsConfig, _group, _study
 from rearl_jax.config._key import key
 from rearl_jax.config._one_population import check_one_population, platoons
 from rearl_jax.config._ranges import check_least, check_positive, check_rising, check_within
@@ -17,8 +17,7 @@ class StabilityConfig:
     """Platoons, rings and queues to simulate, and their comparison with recordings"""
 
     models: tuple[str, ...] = key(
-        tuple(MODELS),
-        "car-following models to simulate with their usual values; `model` or `driver` replaces them",
+        tuple(MODELS), "car-following models to simulate with their usual values; `model` or `driver` replaces them"
     )
     speeds: tuple[float, ...] = key(
         (5.0, 15.0, 25.0), "speeds of the platoons [m/s]; those above the desired speed are left out"
@@ -44,8 +43,8 @@ class StabilityConfig:
     queue_vehicles: int = key(60, "vehicles that discharge from a queue on an open road")
     scenes: int = key(32, "scenes with lane changes in which collisions are counted, 30 vehicles for 60 s each")
     measured: bool = key(True, "compare with the recordings of `data`")
-    seconds: int = key(60, "length of the measured pieces behind one leader [s]")
-    margin: float = key(0.2, "difference in amplification, as a share, up to which model and recording are equivalent")
+    seconds: int = key(60, "length of the uninterrupted recordings behind one leader that are compared [s]")
+    margin: float = key(0.2, "largest relative difference in amplification that counts as equivalent [-]")
     seed: int = key(0, "seed of drivers and perturbations")
 
     def check(self) -> None:
@@ -73,16 +72,16 @@ class StudyStabilityTask:
 
     study: str = _study("study_stability")
     model: str | None = key(
-        None, "repaired model, a model.yaml written by `rearl discover`; null = the drivers of `driver` or the models"
+        None, "repaired model, a model.yaml written by `rearl discover`; null = `driver` or stability.models"
     )
-    variant: Variant = key(Variant.repaired, _ONE_VARIANT)
+    variant: Variant = key(Variant.repaired, _VARIANT_HELP)
     results: ResultsConfig = _group(ResultsConfig)
     data: DataConfig = key(platoons, "Recordings whose followers are compared")
     driver: DriverConfig = key(
-        record_of(DEFAULT), "Car following, sizes and classes of the drivers; unless left out, the only model"
+        record_of(DEFAULT), "Car following, sizes and classes of the drivers; if given, the only model"
     )
     stability: StabilityConfig = _group(StabilityConfig)
 
     def check(self) -> None:
-        """Raise InvalidInputError for drivers given twice, and for both variants at once."""
+        """Raise InvalidInputError for drivers given by both model and driver, and for variant=all."""
         check_one_population(self.variant, self.model, "a study has one", has_drivers=not self.driver.is_default)

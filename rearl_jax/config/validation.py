@@ -10,7 +10,7 @@ from rearl_jax.problems import out_of_range
 
 @dataclass(unsafe_hash=True)
 class SceneCountsConfig:
-    """Scenes of each set"""
+    """Scenes of each set; injected: vehicles that this package places, not highway-env"""
 
     road2: int = key(20, "2 IDM vehicles, placed by highway-env")
     road10: int = key(100, "10 IDM vehicles, placed by highway-env")
@@ -43,11 +43,11 @@ class SceneCountsConfig:
 class ValidationConfig:
     """Comparison of the traffic model with highway-env"""
 
-    scenes: SceneCountsConfig = key(SceneCountsConfig, "Scenes of each set")
+    scenes: SceneCountsConfig = key(SceneCountsConfig, SceneCountsConfig.__doc__ or "")
     share: float = key(1.0, "share of all numbers of scenes and of the least numbers of events; 0.05 for a quick look")
     seconds: int = key(60, "length of each scene [s]; REARL (Bi et al.)")
     seed: int = key(0, "seed of all scenes")
-    workers: int | None = key(None, "processes that run highway-env; null for one per core")
+    workers: int | None = key(None, "processes that run highway-env; null = one per core")
     control_share: float = key(
         0.1, "share of each set that highway-env runs again with NumPy's vector functions, as a control [-]"
     )

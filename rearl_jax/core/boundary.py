@@ -174,10 +174,12 @@ def enter(state: TrafficState, boundary_second: BoundarySecond, drivers: Drivers
         is_of_vehicles = unchanged.shape[-len(shape) :] == shape
         return jnp.where(entrants.is_new, entered, unchanged) if is_of_vehicles else unchanged
 
-    left_crashed = state.left_crashed
-    if left_crashed is not None:
-        left_crashed = left_crashed + (entrants.is_new & state.crashed).astype(left_crashed.dtype)
-    state = replace(jax.tree.map(where_entering, entered, replace(state, memory=None)), left_crashed=left_crashed)
+    n_crashed_replaced = state.n_crashed_replaced
+    if n_crashed_replaced is not None:
+        n_crashed_replaced = n_crashed_replaced + (entrants.is_new & state.crashed).astype(n_crashed_replaced.dtype)
+    state = replace(
+        jax.tree.map(where_entering, entered, replace(state, memory=None)), n_crashed_replaced=n_crashed_replaced
+    )
     fresh = begin_driving(state, drivers, model, boundary_second.after)
     return replace(state, memory=jax.tree.map(where_entering, fresh.memory, memory))
 

@@ -224,5 +224,5 @@ def move(
         push_y=jnp.zeros_like(state.push_y),
         order=state.order,
         memory=state.memory,
-        left_crashed=state.left_crashed,
+        n_crashed_replaced=state.n_crashed_replaced,
     )

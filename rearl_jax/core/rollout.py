@@ -30,7 +30,7 @@ class Frames(eqx.Module):
         acceleration: Acceleration executed in the last time step of the second [m/s^2].
         lane: Nearest lane.
         crashed: Whether the vehicle has been in a collision.
-        left_crashed: Crashed vehicles that others have replaced in the slot so far [count]; None if no vehicle enters.
+        n_crashed_replaced: Crashed vehicles in the slot replaced by entering ones so far [count]; None if none enters.
     """
 
     x: Float[Array, "*frames"]
@@ -40,7 +40,7 @@ class Frames(eqx.Module):
     acceleration: Float[Array, "*frames"]
     lane: Int[Array, "*frames"]
     crashed: Bool[Array, "*frames"]
-    left_crashed: Int[Array, "*frames"] | None = None
+    n_crashed_replaced: Int[Array, "*frames"] | None = None
 
 
 def frame_of(state: TrafficState, model: TrafficModel) -> Frames:
@@ -53,7 +53,7 @@ def frame_of(state: TrafficState, model: TrafficModel) -> Frames:
         acceleration=state.acceleration,
         lane=nearest_lane(state.y, model),
         crashed=state.crashed,
-        left_crashed=state.left_crashed,
+        n_crashed_replaced=state.n_crashed_replaced,
     )
 
 

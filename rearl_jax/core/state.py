@@ -51,7 +51,7 @@ class TrafficState(eqx.Module):
         order: Vehicle indices along the road as last sorted; any permutation is a valid start. Only used in large
             traffic.
         memory: Memory of drivers who use gaps, a `gap_driving.DriverMemory`; None if no driver does.
-        left_crashed: Crashed vehicles that others have replaced in the slot so far [count]; None if no vehicle enters.
+        n_crashed_replaced: Crashed vehicles in the slot replaced by entering ones so far [count]; None if none enters.
     """
 
     x: Float[Array, "vehicles *scenarios"]
@@ -71,7 +71,7 @@ class TrafficState(eqx.Module):
     push_y: Float[Array, "vehicles *scenarios"]
     order: Int[Array, "vehicles *scenarios"]
     memory: PyTree = None
-    left_crashed: PyTree = None
+    n_crashed_replaced: PyTree = None
 
 
 def nearest_lane(y: Float[Array, "*n"], model: TrafficModel) -> Int[Array, "*n"]:

@@ -1,1 +1,1 @@
-"""Reads recordings into canonical tables and cuts scenes from them; the only folder that reads trajectory files."""
+"""Reads recordings into canonical tables (see `schema`) and cuts scenes; no other folder reads trajectory files."""

@@ -1,4 +1,4 @@
-"""The task `rearl prepare`: checked canonical tables, counts and scenes from recordings.
+"""The task `rearl prepare`: checked tables in the canonical columns (see `schema`), counts and scenes from recordings.
 
 Writes into the study folder `tables/<recording>.parquet`, named by `folder.file_name_of`, `recordings.parquet` with one
 row per recording, `scenes.parquet`, `config.json` and `summary.json`. Generated recordings get no tables, because their
@@ -38,7 +38,8 @@ def run(config: PrepareTask) -> dict:
     """The summary of the prepared data, as written to summary.json.
 
     Keys: recordings, rows, vehicles, trucks, hours, truck_share, in_view_mean (vehicles per frame, mean over
-    time), lane_changes, windows, n_scenes, dropped (rows, cuts and tracks left out, by cause).
+    time), lane_changes, windows (of time, examined for scenes), n_scenes, dropped (rows, cuts and tracks left out, by
+    cause).
 
     Raises:
         FileNotFoundError, ValueError: There are no recordings, one is bad (BadRecordingError), or no scene
@@ -48,25 +49,34 @@ def run(config: PrepareTask) -> dict:
     with progress_bar() as progress:
         if config.data.format is DataFormat.generated:
             _generate(config, progress)
-            _refuse_others(config)
+            _refuse_other_recordings(config)
         generated = is_generated(config.data)
         identity = data_id(config.data)
         study = Study(config.results.root, config.study, config, "prepare", identity, generated=generated)
         study.write_config()
         task = progress.add_task("recordings", total=count_recordings(config.data))
-        seen = _Seen(study, keep_tables=not generated)
-        scenes = build_scenes(seen.passing(config.data), config, progress=lambda _, __: progress.advance(task))
-    study.write_table("recordings", pd.DataFrame(seen.rows))
+        tally = _Tally(study, keep_tables=not generated)
+        scenes = build_scenes(tally.read(config.data), config, progress=lambda _, __: progress.advance(task))
+    study.write_table("recordings", pd.DataFrame(tally.rows))
     save_scenes(scenes, study)
-    summary = {**_totals(seen), "windows": scenes.counts.windows, "n_scenes": len(scenes)}
+    summary = {**_totals(tally), "windows": scenes.counts.windows, "n_scenes": len(scenes)}
     study.write_summary(summary)
     _print(summary, generated=generated)
     return summary
 
 
 @dataclass
-class _Seen:
-    """Counts and losses of the recordings read so far."""
+class _Tally:
+    """Counts and losses of the recordings read so far.
+
+    Attributes:
+        study: Where tables are stored.
+        keep_tables: Whether they are stored.
+        rows: Those of recordings.parquet.
+        dropped: Rows, cuts and tracks left out, by cause.
+        notes: Notes already logged.
+        names: Names of tables already given.
+    """
 
     study: Study
     keep_tables: bool
@@ -75,8 +85,8 @@ class _Seen:
     notes: set[str] = field(default_factory=set)
     names: set[str] = field(default_factory=set)
 
-    def passing(self, data: DataConfig) -> Iterator[Recording]:
-        """The recordings of the data set, counted and, if requested, stored while they are read."""
+    def read(self, data: DataConfig) -> Iterator[Recording]:
+        """The recordings of the data set, each counted and, if requested, stored when it is read."""
         for recording in iterate_recordings(data):
             info = recording.info
             if self.keep_tables:
@@ -99,17 +109,17 @@ def counts_of(recording: Recording) -> dict:
     """One row of recordings.parquet: size, traffic and losses of a recording.
 
     duration [s] from the first to the last frame; in_view = mean number of vehicles per frame; speed_mean
-    [m/s] over rows; lane_changes = frames in which a vehicle's lane differs from the one before.
+    [m/s] over rows; lane_changes = frames in which a vehicle's lane differs from that in the frame before.
     """
     info, table = recording.info, recording.table
     track, frame = table["track_id"].to_numpy(), table["frame"].to_numpy()
     lane = table["lane"].to_numpy(dtype=np.float64, na_value=np.nan)
-    first = np.concatenate([[True], track[1:] != track[:-1]])
-    classes = table["vehicle_class"].to_numpy()[first]
+    is_first = np.concatenate([[True], track[1:] != track[:-1]])
+    classes = table["vehicle_class"].to_numpy()[is_first]
     n_frames = int(frame.max() - frame.min()) + 1
-    n_vehicles = int(first.sum())
+    n_vehicles = int(is_first.sum())
     # NaN differs from everything, so unknown lanes must be excluded.
-    changes = ~first[1:] & (lane[1:] != lane[:-1]) & np.isfinite(lane[1:]) & np.isfinite(lane[:-1])
+    changes = ~is_first[1:] & (lane[1:] != lane[:-1]) & np.isfinite(lane[1:]) & np.isfinite(lane[:-1])
     dropped = recording.dropped
     return {
         "recording": info.id,
@@ -136,16 +146,16 @@ def counts_of(recording: Recording) -> dict:
 _SUMMED = ("rows", "vehicles", "trucks", "lane_changes", "duration")
 
 
-def _totals(seen: _Seen) -> dict:
-    sums = {name: sum(row[name] for row in seen.rows) for name in _SUMMED}
+def _totals(tally: _Tally) -> dict:
+    sums = {name: sum(row[name] for row in tally.rows) for name in _SUMMED}
     seconds = sums.pop("duration")
     return {
-        "recordings": len(seen.rows),
+        "recordings": len(tally.rows),
         **sums,
         "hours": seconds / 3600.0,
         "truck_share": sums["trucks"] / sums["vehicles"],
-        "in_view_mean": sum(row["in_view"] * row["duration"] for row in seen.rows) / seconds,
-        "dropped": dict(seen.dropped),
+        "in_view_mean": sum(row["in_view"] * row["duration"] for row in tally.rows) / seconds,
+        "dropped": dict(tally.dropped),
     }
 
 
@@ -162,7 +172,7 @@ def _generate(config: PrepareTask, progress: Progress) -> None:
     )
 
 
-def _refuse_others(config: PrepareTask) -> None:
+def _refuse_other_recordings(config: PrepareTask) -> None:
     """Raise InvalidInputError if the folder also holds recordings that the keys of the generator do not name."""
     wanted, found = config.generator.n_recordings, count_recordings(config.data)
     if config.data.recordings == "*" and found > wanted:

@@ -20,7 +20,7 @@ class Entry:
     Attributes:
         id: Its name, unique in its data set.
         read: The recording, checked by `schema.validate`; called when the recording is needed.
-        labelled: The recording with further columns as labels; None for a format whose labels are fixed.
+        labelled: As `read`, with the named columns as labels of tracks; None for a format whose labels are fixed.
         file: File its rows come from; None for a table in memory.
     """
 
@@ -96,7 +96,7 @@ def parts_of(
     parts: Callable[[Path], Mapping[str, Any]],
     read: Callable[[Path, str, Any, DataConfig], Recording],
 ) -> Callable[[DataConfig, Path], Iterator[Entry]]:
-    """As `parts_of_files`, of a format with one file, whose parts do not depend on the keys of data."""
+    """As `parts_of_files`, for a format with one file, whose division into recordings depends on no key of data."""
     return parts_of_files(lambda root: [find(root)], lambda path, _: parts(path), read)
 
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 from fnmatch import fnmatchcase
 from pathlib import Path
 
-from rearl_jax.config.data import OF_FOREIGN_TABLES, DataConfig
+from rearl_jax.config.data import TABLE_KEYS, DataConfig
 from rearl_jax.data.checks.copies import Copies
 from rearl_jax.data.checks.remarks import noted
 from rearl_jax.data.reader import Entry
@@ -70,16 +70,17 @@ def is_generated(data: DataConfig) -> bool:
 
 
 def data_id(data: DataConfig) -> str:
-    """Identity of the rows: the format, a hash of names, sizes and ends of the files, and of the policy.
+    """Identity of the rows: the format, and a hash of names, sizes, beginnings and ends of the files and of the keys of
+    data on which the rows depend.
 
     Equal files give equal ids on every machine.
     """
-    policy: tuple[object, ...] = (data.recordings, data.on_bad.name, data.max_jump, data.default_length)
-    cut = (data.window, data.section, data.stretch)
-    if cut != (DataConfig.window, DataConfig.section, DataConfig.stretch):
-        policy += cut
-    digest = hashlib.sha256(repr(policy).encode())
-    for key in OF_FOREIGN_TABLES:
+    keys: tuple[object, ...] = (data.recordings, data.on_bad.name, data.max_jump, data.default_length)
+    parts = (data.window, data.section, data.stretch)
+    if parts != (DataConfig.window, DataConfig.section, DataConfig.stretch):
+        keys += parts
+    digest = hashlib.sha256(repr(keys).encode())
+    for key in TABLE_KEYS:
         if given := getattr(data, key):
             digest.update(repr((key, sorted((str(name), str(value)) for name, value in given.items()))).encode())
     if isinstance(data, TableInMemory):
@@ -110,7 +111,7 @@ def _selected(data: DataConfig) -> list[Entry]:
     if isinstance(data, TableInMemory):
         entries = list(in_memory.entries(data))
     else:
-        for key in OF_FOREIGN_TABLES:
+        for key in TABLE_KEYS:
             if getattr(data, key) and data.format.name != "table":
                 message = "is for foreign tables: choose data=table, or leave it out"
                 problem = Problem("key-without-effect", message, key=f"data.{key}", value=f"data={data.format.name}")

@@ -1,7 +1,7 @@
 """The canonical trajectory table: its columns, and the function that enforces them.
 
-One row is one vehicle in one frame, SI units, driver frame: `position` grows while driving, `lane` 0 is the
-leftmost lane, `lateral` grows to the right. Every reader ends in `validate`, so no other code sees bad rows.
+One row is one vehicle in one frame, in SI units and seen by the driver: `position` grows while driving, `lane` 0 is
+the leftmost lane, `lateral` grows to the right. Every reader ends in `validate`, so no other code sees bad rows.
 """
 
 from collections.abc import Callable
@@ -54,13 +54,8 @@ COLUMNS = (
     Column("direction", "int8", "", "carriageway, 1 or 2 as in highD; 1 if there is only one"),
     Column("x", "float64", "m", "vehicle centre in the ground frame that both carriageways share"),
     Column("y", "float64", "m", "vehicle centre in the ground frame that both carriageways share"),
-    Column("position", "float64", "m", "vehicle centre along the own driving direction, from the upstream edge"),
-    Column(
-        "lateral",
-        "float64",
-        "m",
-        "vehicle centre from the left edge of the carriageway, positive to the right",
-    ),
+    Column("position", "float64", "m", "vehicle centre along its driving direction, from the upstream edge"),
+    Column("lateral", "float64", "m", "vehicle centre from the left edge of the carriageway, positive to the right"),
     Column("lane", "Int8", "", "0 = leftmost lane in driving direction"),
     Column("speed", "float64", "m/s", "along the driving direction, not negative"),
     Column("acceleration", "float64", "m/s^2", "along the driving direction"),
@@ -70,9 +65,9 @@ COLUMNS = (
     Column("leader_id", "Int64", "", "track_id of the leader if the source states it"),
 )
 
-_MADE_HERE = ("recording", "time")
+_SET_HERE = ("recording", "time")
 # Checked as 64-bit integers and narrowed last, so that a lane of 300 is reported and does not wrap around.
-_SMALL = {"int8": "int64", "Int8": "Int64"}
+_WIDENED = {"int8": "int64", "Int8": "Int64"}
 _MAX_EXACT_INTEGER = 2**53  # float64 does not represent all larger whole numbers
 _ROW_CHECKS = (
     typed_table.unknown_class,
@@ -93,7 +88,7 @@ _RANGE_CHECKS = (
     wrong_leader,
     typed_table.gap,
 )
-REQUIRED = tuple(c.name for c in COLUMNS if not c.nullable and c.name not in _MADE_HERE)
+REQUIRED = tuple(c.name for c in COLUMNS if not c.nullable and c.name not in _SET_HERE)
 
 
 def validate(
@@ -103,7 +98,7 @@ def validate(
 
     The result has exactly COLUMNS and the labels of the recording, is sorted by (track_id, frame), unique, and no track
     has a gap. Under data.on_bad=drop_row a bad row is removed and the track cut there: the rest continues under a new
-    id; pieces shorter than 1 s are removed too. Under drop_track the vehicle is removed as a whole.
+    id, and parts of cut tracks shorter than 1 s are removed. Under drop_track the vehicle is removed as a whole.
 
     Args:
         table: Columns of the schema, tracks in any order, the rows of a track in the order of time. The index
@@ -137,7 +132,7 @@ def validate(
     impossible = placeholders.impossible_rows(table)
     _require_sound_columns(table.iloc[np.flatnonzero(~impossible)] if impossible.any() else table, info)
     n_found = -1
-    # Repeated until no row is removed, because a piece of a track may fail a check that the whole track has passed, and
+    # Repeated until no row is removed, because a part of a track may fail a check that the whole track has passed, and
     # the result must pass all checks when it is read again.
     while n_found != losses.counts.total():
         n_found = losses.counts.total()
@@ -147,11 +142,12 @@ def validate(
     table = remove_fragments(table, info, losses)
     if losses.counts:
         _require_sound_columns(table, info)
-    table = table.astype({c.name: c.dtype for c in COLUMNS if c.dtype in _SMALL})
+    table = table.astype({c.name: c.dtype for c in COLUMNS if c.dtype in _WIDENED})
     return table.reset_index(drop=True), dict(losses.counts)
 
 
 def _require_sound_columns(table: pd.DataFrame, info: RecordingInfo) -> None:
+    """Raise BadRecordingError if a whole column has another unit, sign or origin than the schema requires."""
     finding = column_checks.wrong_columns(table, info)
     if finding is not None:
         raise finding.error(table, info, hint="")
@@ -174,6 +170,7 @@ def _numbers(table: pd.DataFrame, info: RecordingInfo) -> pd.DataFrame:
 
 
 def _number(values: pd.Series, column: Column, info: RecordingInfo) -> pd.Series:
+    """A column as numbers; BadRecordingError for text that is not a number, and for fractions among integers."""
     if not pd.api.types.is_numeric_dtype(values.dtype):
         numbers = pd.Series(pd.to_numeric(values, errors="coerce"), index=values.index, name=values.name)
         _stop_at(np.asarray(numbers.isna() & values.notna()), values, "a number", info)
@@ -191,6 +188,7 @@ def _number(values: pd.Series, column: Column, info: RecordingInfo) -> pd.Series
 
 
 def _stop_at(bad: np.ndarray, values: pd.Series, expected: str, info: RecordingInfo) -> None:
+    """Raise BadRecordingError for the first marked value, which is not what is expected."""
     if bad.any():
         row = int(np.argmax(bad))
         value = values.iloc[row]
@@ -204,7 +202,7 @@ def _stop_at(bad: np.ndarray, values: pd.Series, expected: str, info: RecordingI
 
 def _typed(table: pd.DataFrame) -> pd.DataFrame:
     """The table in the dtypes of COLUMNS, tracks together, rows of a track in the order of the source."""
-    types = {c.name: _SMALL.get(c.dtype, c.dtype) for c in COLUMNS}
+    types = {c.name: _WIDENED.get(c.dtype, c.dtype) for c in COLUMNS}
     table = table.astype({name: dtype for name, dtype in types.items() if str(table[name].dtype) != dtype})
     track = table["track_id"].to_numpy()
     if np.all(track[1:] >= track[:-1]):

@@ -1,4 +1,4 @@
-"""Rows of a canonical table by vehicle and frame."""
+"""Rows of a canonical table (one row per vehicle and frame, see `schema`) by vehicle and frame."""
 
 import numpy as np
 import pandas as pd

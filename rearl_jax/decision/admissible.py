@@ -33,7 +33,7 @@ def admissible_actions(
     options: AdmissibleConfig,
     replayed: ReplayedVehicles | None = None,
 ) -> Bool[Array, "actions vehicles scenarios"]:
-    """Actions admissible for each vehicle, in the order of `MetaAction`; none for crashed vehicles.
+    """Mask of the actions admissible for each vehicle, in the order of `MetaAction`; none for crashed vehicles.
 
     FASTER and SLOWER need a next speed level. A lane action needs an adjacent lane, no lane change in progress, and the
     condition of `options.lane`. With `options.longitudinal` the other three actions need a sufficient gap to the
@@ -117,8 +117,8 @@ def has_room_beside(
         return update(side_gaps, distance, row(length, other), row(state.speed, other), (on_left, on_right))
 
     no_vehicle = jnp.full_like(state.x, jnp.inf)
-    nothing = _Gaps(no_vehicle, no_vehicle, jnp.zeros_like(state.x))
-    left, right = for_each_vehicle(state.x.shape[0], keep_nearest, (nothing, nothing))
+    no_neighbours = _Gaps(no_vehicle, no_vehicle, jnp.zeros_like(state.x))
+    left, right = for_each_vehicle(state.x.shape[0], keep_nearest, (no_neighbours, no_neighbours))
     if replayed is not None:
 
         def keep_nearest_replayed(other: Int[Array, ""], side_gaps: tuple[_Gaps, _Gaps]) -> tuple[_Gaps, _Gaps]:
@@ -130,10 +130,10 @@ def has_room_beside(
         left, right = for_each_vehicle(replayed.n_slots, keep_nearest_replayed, (left, right))
 
     def suffice(gaps: _Gaps) -> Bool[Array, "vehicles scenarios"]:
-        needed, needed_behind = (
+        needed_ahead, needed_behind = (
             jnp.maximum(options.min_time_gap * speed, options.min_gap) for speed in (state.speed, gaps.rear_speed)
         )
-        return (gaps.ahead > needed) & (gaps.behind > needed_behind)
+        return (gaps.ahead > needed_ahead) & (gaps.behind > needed_behind)
 
     return suffice(left), suffice(right)
 
@@ -153,13 +153,15 @@ def is_safe(
 
     def follower_acceleration() -> Float[Array, "vehicles scenarios"]:
         follower = find_follower(state, derived, lane)
-        dv = approach_rate(follower, derived)
-        seen = SpacingStimulus(follower.distance, drivers.body.length, follower.speed, follower.speed_ratio, dv)
-        return drivers.car_following.spacing_acceleration(seen)
+        approach = approach_rate(follower, derived)
+        stimulus = SpacingStimulus(
+            follower.distance, drivers.body.length, follower.speed, follower.speed_ratio, approach
+        )
+        return drivers.car_following.spacing_acceleration(stimulus)
 
     bound = drivers.mobil.safe_decel
-    behind = if_any(is_needed, follower_acceleration, jnp.zeros_like(state.x))
-    return (behind >= -bound) & (leader_interaction(state, derived, lane, is_needed, drivers) <= bound)
+    behind_acceleration = if_any(is_needed, follower_acceleration, jnp.zeros_like(state.x))
+    return (behind_acceleration >= -bound) & (leader_interaction(state, derived, lane, is_needed, drivers) <= bound)
 
 
 def leader_interaction(
@@ -173,8 +175,8 @@ def leader_interaction(
 
     def interaction() -> Float[Array, "vehicles scenarios"]:
         leader = find_leader(state, derived, lane)
-        dv = approach_rate(derived, leader)
-        seen = SpacingStimulus(leader.distance, drivers.body.length, state.speed, derived.speed_ratio, dv)
-        return drivers.car_following.spacing_interaction(seen)
+        approach = approach_rate(derived, leader)
+        stimulus = SpacingStimulus(leader.distance, drivers.body.length, state.speed, derived.speed_ratio, approach)
+        return drivers.car_following.spacing_interaction(stimulus)
 
     return if_any(is_needed, interaction, jnp.zeros_like(state.x))

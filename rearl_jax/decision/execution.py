@@ -22,14 +22,14 @@ class DecisionMemory(eqx.Module):
     """Memory of execution from second to second.
 
     Attributes:
-        own_speed: Desired speed of each driver before the first decision [m/s].
+        initial_desired_speed: Desired speed of each driver before the first decision [m/s].
         seconds_left: Remaining time of the present action [s]; 0 without an action.
         last_action: Action that each vehicle was given for the last second, NO_ACTION for none.
         lane: Lane at the end of the last second.
         since_lane_change: Time since the lane last differed from that of the second before [s].
     """
 
-    own_speed: Float[Array, "vehicles scenarios"]
+    initial_desired_speed: Float[Array, "vehicles scenarios"]
     seconds_left: Int[Array, "vehicles scenarios"]
     last_action: Int[Array, "vehicles scenarios"]
     lane: Int[Array, "vehicles scenarios"]
@@ -61,7 +61,7 @@ def initial_decision_memory(state: TrafficState, model: TrafficModel) -> Decisio
     """Memory before the first second, in which no vehicle has an action."""
     zeros = jnp.zeros(state.x.shape, jnp.int32)
     return DecisionMemory(
-        own_speed=state.desired_speed,
+        initial_desired_speed=state.desired_speed,
         seconds_left=zeros,
         last_action=zeros + NO_ACTION,
         lane=nearest_lane(state.y, model),
@@ -74,7 +74,7 @@ def forget(
 ) -> DecisionMemory:
     """The memory, reset to its initial values for vehicles that have just entered."""
     fresh = initial_decision_memory(state, model)
-    return jax.tree.map(lambda first, second: jnp.where(is_new, first, second), fresh, memory)
+    return jax.tree.map(lambda initial, present: jnp.where(is_new, initial, present), fresh, memory)
 
 
 def no_orders(state: TrafficState) -> Orders:
@@ -117,7 +117,7 @@ def execute(
     in the second before; otherwise the target speed is the present speed, within the range of the speed levels. FASTER
     and SLOWER go to the level next to that of the present speed.
 
-    After the action the target speed stays as desired speed (`options.persist_target`), or the driver's own desired
+    After the action the target speed stays as desired speed (`options.persist_target`), or the driver's initial desired
     speed returns.
 
     Source: highway-env 1.12.1, `MDPVehicle.act`; REARL (Bi et al.): one step, then back to IDM and MOBIL.
@@ -133,7 +133,7 @@ def execute(
     present = jnp.clip(state.speed, model.speed_levels[0], model.speed_levels[-1])
     desired = jnp.where(is_driven & ~was_driven, present, state.desired_speed)
     if not options.persist_target:
-        desired = jnp.where(was_driven & ~is_driven, memory.own_speed, desired)
+        desired = jnp.where(was_driven & ~is_driven, memory.initial_desired_speed, desired)
     state = eqx.tree_at(lambda s: (s.controller, s.desired_speed), state, (controller, desired))
     state = apply_meta_actions(state, jnp.where(is_new, orders.action, int(MetaAction.IDLE)), model)
     memory = eqx.tree_at(lambda m: (m.seconds_left, m.last_action), memory, (seconds_left, orders.action))

@@ -1,11 +1,12 @@
-"""The closed loop with a host policy, outside the compiled program: all scenarios in lockstep, in two halves.
+"""The closed loop with a host policy, one that decides outside the compiled program, in all scenarios at once.
 
-The halves are interleaved: while the answers for one are awaited, the other simulates its second and submits its
-situation. With an equal policy the result is that of `loop.rollout_with_policy`, bit for bit: both call the same
-`advance`, `assess` and `accept`.
+The scenarios are simulated second by second in two interleaved halves: while the answers for one half are awaited, the
+other half simulates its second and submits its situation. With an equal policy the result is that of
+`loop.rollout_with_policy`, bit for bit: both call the same `advance`, `assess` and `accept`.
 """
 
 import functools
+import math
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass, field
@@ -86,19 +87,19 @@ def rollout_in_lockstep(
     """
     require_references_for(table, n_seconds)
     n_scenarios = state.x.shape[-1]
-    size = -(-n_scenarios // 2)
+    size = math.ceil(n_scenarios / 2)
     halves = []
     for half_number, policy in enumerate(policies):
         # For an odd number the second half is padded with the last scenario, so that one program serves both.
         columns = np.minimum(np.arange(half_number * size, (half_number + 1) * size), n_scenarios - 1)
         half_state, half_drivers = select_scenarios((state, drivers), columns, n_scenarios, least_ndim=2)
         limits = select_scenarios(thresholds, columns, n_scenarios)
-        n_real = min(size, n_scenarios - half_number * size)
-        halves.append(_Half(half_state, half_drivers, limits, keys[columns], table, policy, model, options, n_real))
+        n_unpadded = min(size, n_scenarios - half_number * size)
+        halves.append(_Half(half_state, half_drivers, limits, keys[columns], table, policy, model, options, n_unpadded))
     for second in range(n_seconds):
         for half_number, half in enumerate(halves):
             half.advance()
-            if second < n_seconds - 1 and half.n_real:
+            if second < n_seconds - 1 and half.n_unpadded:
                 half.ask()
             progress(2 * second + half_number + 1, 2 * n_seconds)
     return _joined([half.frames for half in halves]), _joined([half.decisions for half in halves])
@@ -109,7 +110,7 @@ class _Half:
     """Half of the scenarios, during the rollout.
 
     Attributes:
-        n_real: Number of scenarios without the padding.
+        n_unpadded: Number of scenarios without those that pad the half.
         pending: Future of the policy's answers about the last second; None before the first request.
         frames: The traffic after each second so far.
         decisions: Record of detection and decisions of each second so far.
@@ -123,7 +124,7 @@ class _Half:
     policy: HostPolicy
     model: TrafficModel
     options: LoopOptions
-    n_real: int
+    n_unpadded: int
     pending: "Future[np.ndarray] | None" = None
     frames: list[Frames] = field(default_factory=list)
     decisions: list[Decisions] = field(default_factory=list)
@@ -140,22 +141,22 @@ class _Half:
         """Waits for the answers and simulates the second in which they are followed."""
         answers = self._nothing.copy()
         if self.pending is not None:
-            answers[:, : self.n_real] = self.pending.result()
+            answers[:, : self.n_unpadded] = self.pending.result()
         self._loop, self._situation, decisions = self._second(
             self._loop, answers, self._asked, self._admissible, self.drivers, self.table, self.thresholds
         )
         self._asked, self._admissible = self._situation.detection.mask, self._situation.admissible
-        self.frames.append(self._real(self._situation.frame))
-        self.decisions.append(self._real(decisions))
+        self.frames.append(self._unpadded(self._situation.frame))
+        self.decisions.append(self._unpadded(decisions))
 
     def ask(self) -> None:
         """Submits the situation at the end of the second to the policy."""
-        self.pending = self.policy.ask(self._real(self._situation))
+        self.pending = self.policy.ask(self._unpadded(self._situation))
 
-    def _real(self, values):
+    def _unpadded(self, values):
         """The scenarios without padding, as NumPy arrays; values without a scenario axis are unchanged."""
         return jax.tree.map(
-            lambda leaf: np.asarray(leaf)[..., : self.n_real] if leaf.ndim else np.asarray(leaf), values
+            lambda leaf: np.asarray(leaf)[..., : self.n_unpadded] if leaf.ndim else np.asarray(leaf), values
         )
 
 

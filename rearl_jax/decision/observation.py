@@ -115,6 +115,7 @@ def observe_neighbours(
         is_other: Array,
         nearest: tuple[_ObservedVehicle, ...],
     ) -> tuple[_ObservedVehicle, ...]:
+        """The nearest vehicles, nearest first, after one more vehicle was compared with them."""
         x, y = position[0] - own_x, position[1] - own_y
         is_seen = is_other & (x * x + y * y < PERCEPTION_DISTANCE**2)
         if not spec.see_behind:

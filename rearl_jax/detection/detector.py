@@ -208,9 +208,12 @@ def errors_to_references(
 ) -> Float[Array, "refs scenarios"]:
     """Relative error of the mean spacing [m] against every reference at a second [-]; 0 if either is undefined."""
 
-    def against(real_mean: Float[Array, ""], real_spacing: Float[Array, " slots"]) -> Float[Array, " scenarios"]:
-        real_spacings = jnp.broadcast_to(real_spacing[None, :, None], (1, real_spacing.shape[0], mean.shape[0]))
-        errors = spacing_errors(mean[None], jnp.broadcast_to(real_mean, (1, mean.shape[0])), real_spacings)
+    def against(
+        reference_mean: Float[Array, ""], reference_spacing: Float[Array, " slots"]
+    ) -> Float[Array, " scenarios"]:
+        shape = (1, reference_spacing.shape[0], mean.shape[0])
+        reference_spacings = jnp.broadcast_to(reference_spacing[None, :, None], shape)
+        errors = spacing_errors(mean[None], jnp.broadcast_to(reference_mean, (1, mean.shape[0])), reference_spacings)
         return {MapeDefinition.A: errors.a, MapeDefinition.B: errors.b, MapeDefinition.C: errors.c}[definition][0]
 
     return jax.vmap(against, in_axes=(0, -1))(at_second(table.mean_spacing, second), at_second(table.spacing, second))
@@ -237,11 +240,11 @@ def nearest(
     Written out over the few references: an `argmin` over the first axis is scalar code on a CPU.
     """
     index, least, error = jnp.zeros(score.shape[1:], jnp.int32), score[0], errors[0]
-    for k in range(1, score.shape[0]):
-        is_less = score[k] < least
-        index = jnp.where(is_less, k, index)
-        least = jnp.where(is_less, score[k], least)
-        error = jnp.where(is_less, errors[k], error)
+    for number in range(1, score.shape[0]):
+        is_less = score[number] < least
+        index = jnp.where(is_less, number, index)
+        least = jnp.where(is_less, score[number], least)
+        error = jnp.where(is_less, errors[number], error)
     return index, error
 
 

@@ -76,12 +76,12 @@ def relative_rank(values: Float[Array, "n *scenarios"]) -> Float[Array, "n *scen
     Each value equals itself, so the ranks of n different values are 0.5 / n, 1.5 / n, ...
     """
 
-    def count(other: Int[Array, ""], twice: Array) -> Array:
+    def count(other: Int[Array, ""], doubled_rank: Array) -> Array:
         value = row(values, other)
-        return twice + (value < values).astype(jnp.int32) + (value <= values).astype(jnp.int32)
+        return doubled_rank + (value < values).astype(jnp.int32) + (value <= values).astype(jnp.int32)
 
-    twice = for_each_vehicle(values.shape[0], count, jnp.zeros(values.shape, jnp.int32))
-    return twice.astype(values.dtype) / (2 * values.shape[0])
+    doubled_rank = for_each_vehicle(values.shape[0], count, jnp.zeros(values.shape, jnp.int32))
+    return doubled_rank.astype(values.dtype) / (2 * values.shape[0])
 
 
 def root_shares(counts: Int[Array, "bins *n"], dtype: jnp.dtype) -> Float[Array, "bins *n"]:
@@ -128,8 +128,8 @@ def draw_references(share: Float[Array, " refs"], keys: Key[Array, " scenarios"]
     # Always in float32, so that simulations in float32 and float64 are compared with the same references.
     bounds = jnp.cumsum(share.astype(jnp.float32))
     bounds = bounds / bounds[-1]
-    own_keys = jax.vmap(lambda key: jax.random.fold_in(key, REFERENCE_STREAM))(keys)
-    drawn = jax.vmap(lambda key: jax.random.uniform(key, (), jnp.float32))(own_keys)
+    reference_keys = jax.vmap(lambda key: jax.random.fold_in(key, REFERENCE_STREAM))(keys)
+    drawn = jax.vmap(lambda key: jax.random.uniform(key, (), jnp.float32))(reference_keys)
     return (drawn[None] >= bounds[:, None]).sum(axis=0, dtype=jnp.int32)
 
 

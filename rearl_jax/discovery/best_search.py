@@ -1,8 +1,8 @@
 """The search for missing effects with the car-following model that predicts best once the effects found are added.
 
-Models without effects are compared first. A missing effect favours models that imitate it in this comparison, so the
-models are compared again with the effects found. If these have no names, the search is repeated with other models,
-where they may have names.
+Car-following models without effects are compared first. A missing effect favours models that imitate it in this
+comparison, so the models are compared again with the effects found. If these have no names (free curves), the search is
+repeated with other models, where the effects may have names.
 """
 
 import logging
@@ -42,8 +42,10 @@ log = logging.getLogger(__name__)
 
 NULL_TABLE = "null"
 
-LATER_REPLICATES = 12
-"""Simulated drives per null distribution once effects are added; its mean is then known to 0.3 standard deviations."""
+REPLICATES_WITH_EFFECTS = 12
+"""Simulated data sets per null distribution (evidence if nothing is missing) once effects are added; its mean is then
+known to 0.3 standard deviations.
+"""
 
 
 @dataclass(frozen=True)
@@ -72,6 +74,14 @@ def best_search(
 
     If the effects found do not explain the drivers (see `is_explained`), clock offsets and effects are kept only if the
     check drivers are predicted significantly better with them.
+
+    Args:
+        config: The task.
+        study: Folder that keeps the null distribution of an interrupted run; None to keep nothing.
+        priors: The car-following models, with prior distributions of their parameters.
+        parts: The drivers.
+        bar: Progress display.
+        label: Beginning of its lines.
     """
     best = _with_best_model(config, study, priors, parts, bar, label)
     if is_explained(best.outcome, best.adequacy):
@@ -95,7 +105,7 @@ def best_search(
 
 
 def _tested(best: BestSearch, outcome: Search, parts: Parts, seed: int) -> BestSearch:
-    """Another search with the same model, with its adequacy and its effects tested in other models."""
+    """`best` with another search with the same model, its adequacy, and its effects tested in other models."""
     others = () if best.comparison is None else best.comparison.others
     model_tests = effects_in_other_models(best.solver, outcome, others, parts.fitted)
     return replace(best, outcome=outcome, adequacy=adequacy(best.solver, outcome, seed), model_tests=model_tests)
@@ -115,8 +125,8 @@ def _with_best_model(
         solver = solver_of(parts.fitted, priors[0])
         outcome = _search(config, study, solver, parts, bar, label)
         return BestSearch(solver, outcome, adequacy(solver, outcome, seed))
-    say = shown(bar, f"{label}comparing car-following models")
-    comparison = comparison_of(priors, parts, config.discover, say, study)
+    progress = shown(bar, f"{label}comparing car-following models")
+    comparison = comparison_of(priors, parts, config.discover, progress, study)
     solver = solver_of(parts.fitted, comparison.prior)
     outcome = _search(config, study, solver, parts, bar, label, calibrated=comparison.base)
     model_tests = effects_in_other_models(solver, outcome, comparison.others, parts.fitted)
@@ -127,37 +137,35 @@ def _with_best_model(
         # Not stored, because the stored null distribution is that of the first model.
         outcome = _search(config, None, solver, parts, bar, label)
         model_tests = effects_in_other_models(solver, outcome, comparison.others, parts.fitted)
-    first = BestSearch(solver, outcome, adequacy(solver, outcome, seed), comparison, model_tests)
-    if is_explained(outcome, first.adequacy):
-        return first
-    before = prediction_of(solver, outcome)
+    found = BestSearch(solver, outcome, adequacy(solver, outcome, seed), comparison, model_tests)
+    if is_explained(outcome, found.adequacy):
+        return found
+    prediction = prediction_of(solver, outcome)
     for prior in comparison.next_best[:MOST_OTHERS]:
-        other, words = solver_of(parts.fitted, prior), f"{label}with {prior.name}, "
-        first_round = _first_round(config, outcome, other, parts, bar, words)
-        if not first_round.added or not predicts_better(before, prediction_of(other, first_round), seed):
+        other, other_label = solver_of(parts.fitted, prior), f"{label}with {prior.name}, "
+        first_round = _first_round(config, outcome, other, parts, bar, other_label)
+        if not first_round.added or not predicts_better(prediction, prediction_of(other, first_round), seed):
             continue
-        named = _search(config, None, other, parts, bar, words, excluded=frozenset({CLOCK_OFFSET}), names_only=True)
+        no_clocks = frozenset({CLOCK_OFFSET})
+        named = _search(config, None, other, parts, bar, other_label, excluded=no_clocks, names_only=True)
         if not named.is_named:
             continue
         named_adequacy = adequacy(other, named, seed)
-        if names_more(before, named, named_adequacy, prediction_of(other, named), seed):
-            log.info(
-                "with %s, the effects found have names, and the check drivers are predicted better",
-                prior.name,
-            )
+        if names_more(prediction, named, named_adequacy, prediction_of(other, named), seed):
+            log.info("with %s, the effects found have names, and the check drivers are predicted better", prior.name)
             comparison = comparison.going_on_with(prior)
             model_tests = effects_in_other_models(other, named, comparison.others, parts.fitted)
             return BestSearch(other, named, named_adequacy, comparison, model_tests)
-    return first
+    return found
 
 
 def _first_round(
-    config: DiscoverTask, outcome: Search, other: Solver, parts: Parts, bar: Progress, words: str
+    config: DiscoverTask, outcome: Search, other: Solver, parts: Parts, bar: Progress, label: str
 ) -> Search:
-    """The first round of a search with another car-following model, for named effects only.
+    """The first round of a search for named effects only, with another car-following model (`other`).
 
-    It takes a small part of the time of a whole search: it reuses the null distribution of `outcome`, and fits no
-    curves.
+    It takes a small part of the time of a whole search: it reuses the null distribution of the search `outcome`, and
+    fits no curves.
     """
     candidates, in_null = other.layout.candidates, outcome.null.mean
     excluded = {term for term in candidates if term not in in_null or candidates[term].kind not in NAMED_KINDS}
@@ -166,7 +174,7 @@ def _first_round(
         parts.fitted,
         parts.checked,
         lambda *_: outcome.null,
-        _reported(bar, words),
+        _reported(bar, label),
         lane_changes=config.discover.lane_changes,
         excluded=frozenset({*excluded, CLOCK_OFFSET}),
         rounds=1,
@@ -176,7 +184,7 @@ def _first_round(
 def _reported(bar: Progress, label: str) -> Report:
     """Function that shows the present step of a search in a line of the bar, which begins with `label`."""
     line = bar.add_task(f"{label}calibrating drivers", total=None)
-    return lambda words, done, total: bar.update(line, description=f"{label}{words}", completed=done, total=total)
+    return lambda step, done, total: bar.update(line, description=f"{label}{step}", completed=done, total=total)
 
 
 def _search(
@@ -193,7 +201,7 @@ def _search(
 ) -> Search:
     """Search for effects of car following with one car-following model, without additions that simulations contradict.
 
-    Lines of the bar begin with `label`; other arguments are those of `search`.
+    Lines of the bar begin with `label`; keyword arguments are those of `search`.
     """
     options = config.discover
     report = _reported(bar, label)
@@ -213,16 +221,16 @@ def _search(
 
 
 def _null_for(config: DiscoverTask, study: Study | None, solver: Solver, bar: Progress, label: str) -> NullFor:
-    """Function that simulates null distributions; the one without added effects is stored in the study."""
+    """Function that simulates null distributions; that of the model without added effects is stored in the study."""
     options = config.discover
 
     def null_for(base: Fit, n_added: int) -> Null:
         store = study if not n_added else None
         if store is not None and store.owns(NULL_TABLE):  # stored by an interrupted run
             return tables.read_null(store.path / f"{NULL_TABLE}.parquet")
-        replicates = shown(bar, f"{label}simulating null distributions")
-        n = min(options.replicates, LATER_REPLICATES) if n_added else options.replicates
-        null = null_of(solver, base.state, base.noise, n, options.seed, replicates)
+        progress = shown(bar, f"{label}simulating null distributions")
+        n = min(options.replicates, REPLICATES_WITH_EFFECTS) if n_added else options.replicates
+        null = null_of(solver, base.state, base.noise, n, options.seed, progress)
         if store is not None:
             store.write_table(NULL_TABLE, tables.null_table(null), seeds=f"discover.seed={options.seed}")
         return null

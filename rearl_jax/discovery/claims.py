@@ -27,8 +27,8 @@ class Claim:
         parameters: Fitted parameters with their units.
         variables: Variables that the effect depends on.
         confidence: Probability that the effect is present [-].
-        evidence: Gain of log-likelihood [nats]; for lane-choice effects on drivers who were not fitted; None if nothing
-            was fitted.
+        evidence: Gain of log-likelihood [nats], for lane-choice effects that of drivers who were not fitted; None if
+            nothing was fitted.
         depends_on_base: Names of other car-following models under which the effect is not found.
     """
 
@@ -49,10 +49,10 @@ class Claim:
 
 
 def share_of(total: float, rivals: Sequence[float]) -> float:
-    """Posterior probability of an explanation [-] if it, its rivals and "no effect" are equally probable before.
+    """Posterior probability of an explanation [-] if it, its rivals and "no effect" are equally probable a priori.
 
     Args:
-        total: Its gain of log-likelihood over no effect [nats].
+        total: Gain of log-likelihood by the explanation over no effect [nats].
         rivals: Gains of the rivals [nats].
     """
     return 1.0 / (1.0 + float(np.exp(np.clip(np.array([0.0, *rivals]) - total, -50, 50)).sum()))

@@ -1,4 +1,4 @@
-"""A complete discovery: reads recordings, groups drivers if requested, analyses each group."""
+"""A complete discovery of missing effects: reads recordings, groups drivers if requested, analyses each group."""
 
 import json
 import re
@@ -51,7 +51,7 @@ class Drivers:
     data: Measured
 
     def parts(self, data: Measured, seed: int) -> Parts:
-        """Fitted, checked and report drivers among the given ones."""
+        """The given drivers in three parts: for fits, for the check of candidates, and for the report of errors."""
         fitted, checked, reported = split_drivers(data, seed=seed)
         notes = _each_once([note for recording in self.recordings for note in recording.info.notes])
         if data.jumps:
@@ -81,7 +81,7 @@ def compute(
         generated: Whether any of the data were generated, not measured.
         study: Folder that keeps the simulated null distributions (the longest computation), so that an interrupted run
             continues; None to keep nothing.
-        keep: Writes a finished group, which is not computed again then; None to keep none.
+        keep: Writes a finished group, so that an interrupted run does not compute it again; None to keep none.
 
     Raises:
         FileNotFoundError, ValueError: As `task.run`.
@@ -107,13 +107,13 @@ def compute(
 
 def _kinds(config: DiscoverTask, drivers: Drivers, bar: Progress) -> Kinds:
     """Kinds of drivers, clustered by their calibrated parameters."""
-    say = shown(bar, "distinguishing kinds of drivers")
-    say(0, 2)
+    progress = shown(bar, "distinguishing kinds of drivers")
+    progress(0, 2)
     solver = solver_of(drivers.data, prior_of(config.driver))
     fit = base_of(solver, drivers.data, lane_changes=config.discover.lane_changes).fit
-    say(1, 2)
+    progress(1, 2)
     kinds = kinds_of(driver_likelihoods(solver, fit), config.discover.seed)
-    say(2, 2)
+    progress(2, 2)
     return kinds
 
 
@@ -123,13 +123,13 @@ def read_drivers(config: DiscoverTask, identity: str, bar: Progress, *, generate
     Raises:
         ValueError: The frame rates differ, a label is unknown, or too few drivers follow a leader long enough.
     """
-    say = shown(bar, "reading recordings")
+    progress = shown(bar, "reading recordings")
     recordings: list[Recording] = []
     for recording in iterate_recordings(config.data, list(named_labels(config.discover).values())):
         recordings.append(recording)
-        say(len(recordings), len(recordings))
-    same = label_of_same(config.data)
-    findings, data = measured_drivers(recordings, config.discover, prior_of(config.driver), same)
+        progress(len(recordings), len(recordings))
+    identity_label = label_of_same(config.data)
+    findings, data = measured_drivers(recordings, config.discover, prior_of(config.driver), identity_label)
     if data.n_drivers < THRESHOLDS.least_drivers:
         message = (
             f"{data.n_drivers} drivers follow a leader long enough, at least {THRESHOLDS.least_drivers} are needed"
@@ -142,7 +142,7 @@ def read_drivers(config: DiscoverTask, identity: str, bar: Progress, *, generate
 def group_studies(
     study: Study, config: DiscoverTask, names: Sequence[str], identity: str, *, generated: bool
 ) -> dict[str, Study]:
-    """The folder of each group inside that of the study, by its name."""
+    """The folder of each group inside that of the study, by name of the group."""
     folders = [re.sub(r"[^A-Za-z0-9_.-]", "_", name).lstrip(".") or "_" for name in names]
     if len(set(folders)) < len(folders):
         folders = [f"{folder}_{number}" for number, folder in enumerate(folders)]
@@ -170,14 +170,14 @@ def _of_groups(
     studies = {} if study is None else group_studies(study, config, names, drivers.id, generated=drivers.generated)
     groups, parts = {}, {group.name: drivers.parts(group.data, config.discover.seed) for group in grouping.groups}
     for name in names:
-        inside = studies.get(name)
-        finished = None if inside is None or keep is None else _finished(config, drivers.id, inside)
+        group_study = studies.get(name)
+        finished = None if group_study is None or keep is None else _finished(config, drivers.id, group_study)
         if finished is None:
-            of_group, words = replace(config, study=f"{config.study}_{name}"), f"{config.discover.by} {name}"
-            finished = discovery_of(of_group, parts[name], drivers.recordings, bar, inside, words)
-            if inside is not None and keep is not None:
-                keep(inside, finished)
-                finished = replace(finished, model=None, page_data=None)
+            group_config, label = replace(config, study=f"{config.study}_{name}"), f"{config.discover.by} {name}"
+            finished = discovery_of(group_config, parts[name], drivers.recordings, bar, group_study, label)
+            if group_study is not None and keep is not None:
+                keep(group_study, finished)
+                finished = replace(finished, model=None, page_data=None)  # written, so the memory is freed
         groups[name] = finished
     verdict = verdict_of_groups(config.discover, groups, parts, grouping.left_out)
     infos = tuple(recording.info for recording in drivers.recordings)
@@ -198,7 +198,7 @@ def _each_once(notes: Sequence[str]) -> tuple[str, ...]:
     for note in notes:
         by_form.setdefault(re.sub(r"\d+", "#", note), []).append(note)
     kept = []
-    for same in by_form.values():
-        others = len(set(same)) - 1
-        kept.append(f"{same[0]} (and {others} alike with other numbers)" if others else same[0])
+    for alike in by_form.values():
+        n_others = len(set(alike)) - 1
+        kept.append(f"{alike[0]} (and {n_others} alike with other numbers)" if n_others else alike[0])
     return tuple(kept)

@@ -38,11 +38,11 @@ from rearl_jax.discovery.report.verdict import (
     MISJUDGED,
     OF_BOUNDS,
     candidate_rows,
+    claim_of,
     differing_clocks,
     found_in_columns,
     is_on,
     lane_changes_block,
-    named_trial,
     unseen,
     verdict_of,
 )
@@ -89,7 +89,7 @@ class Discovery:
         verdict: Content of verdict.json, see `report.verdict`.
         tables: Parquet tables by name; empty if `discover.oracle` is set.
         model: The repaired model; None if `discover.oracle` is set, and for groups whose results were written.
-        page_data: Data of the figures and the page; None where `model` is None.
+        page_data: Data of the figures and of the page; None if `model` is None.
         groups: Discoveries of groups of drivers by name; empty if drivers are not divided into groups.
         infos: Descriptions of the recordings of groups.
     """
@@ -118,8 +118,8 @@ def discovery_of(
         config: The task.
         parts: The drivers.
         recordings: The recordings of these drivers.
-        bar: Progress bar.
-        study: Stores intermediate results, so that an interrupted run can continue; None to store nothing.
+        bar: Progress display.
+        study: Folder for intermediate results, so that an interrupted run can continue; None to store nothing.
         name: Name of the group of drivers, shown in the bar.
 
     Raises:
@@ -160,7 +160,7 @@ def _discovery(config: DiscoverTask, parts: Parts, found: BestSearch, lanes: Lan
     error = error_block(errors, options.confidence, options.draws, options.seed)
     change = error["change"]
     time_gaps = equilibrium_time_gaps(solver, outcome.first.state, options)
-    of_car_following = {
+    verdict_on_following = {
         "verdict": verdict_of(outcome, effects, adequacy, is_lower=change is not None and change["high"] < 0),
         "effects": [effect.plain() for effect in effects],
         "candidates": candidate_rows(outcome),
@@ -186,7 +186,7 @@ def _discovery(config: DiscoverTask, parts: Parts, found: BestSearch, lanes: Lan
         "data": _described(parts, solver, (*parts.notes, *_doubts(outcome, adequacy))),
         "thresholds": THRESHOLDS.plain(),
     }
-    verdict = with_lane_choice(of_car_following, lanes)
+    verdict = with_lane_choice(verdict_on_following, lanes)
     verdict["lane_choice"]["prediction"] = prediction_block(lanes.prediction, resampling)
     model = repaired_model(
         calibrated=outcome.first,
@@ -200,22 +200,23 @@ def _discovery(config: DiscoverTask, parts: Parts, found: BestSearch, lanes: Lan
         data_id=parts.id,
         study=config.study,
     )
-    written = {
+    result_tables = {
         "candidates": pd.DataFrame(tables.candidate_table(verdict)),
         "errors": tables.error_table(errors),
         "drivers": tables.driver_table(solver, outcome),
         NULL_TABLE: tables.null_table(outcome.null),
     }
     if comparison is not None:
-        written[BASE_TABLE] = compared_table(comparison.found)
+        result_tables[BASE_TABLE] = compared_table(comparison.found)
     if lanes.prediction is not None:
-        written[LANE_CHANGE_TABLE] = prediction_table(lanes.prediction)
-    return Discovery(config, parts.id, verdict, written, model, PageData(solver, outcome, parts, reported, errors))
+        result_tables[LANE_CHANGE_TABLE] = prediction_table(lanes.prediction)
+    page_data = PageData(solver, outcome, parts, reported, errors)
+    return Discovery(config, parts.id, verdict, result_tables, model, page_data)
 
 
 def _errors_of_idm(config: DiscoverTask, found: BestSearch, parts: Parts, before: ModelErrors) -> ModelErrors:
-    """Errors of IDM without any effect, calibrated to the same drivers, as a reference. If this is the calibrated model
-    itself (IDM was chosen, and there are no effects of lane changes), its errors `before` are returned.
+    """Errors of IDM without any effect, calibrated to the same drivers, as a reference: those of the calibrated model,
+    `before`, if it is IDM without effects of lane changes.
     """
     if found.solver.layout.prior.name == IDM_PRIOR.name and not found.outcome.before.state.active:
         return before
@@ -226,8 +227,8 @@ def _errors_of_idm(config: DiscoverTask, found: BestSearch, parts: Parts, before
 
 def _doubts(outcome: Search, adequacy: Adequacy) -> list[str]:
     """Notes on effects and drivers that the final model may describe wrongly."""
-    of_bounds = [OF_BOUNDS.format(spoken(str(term))) for term in outcome.of_bounds]
-    return of_bounds + [MISJUDGED] * adequacy.misjudges
+    by_bounds = [OF_BOUNDS.format(spoken(str(term))) for term in outcome.of_bounds]
+    return by_bounds + ([MISJUDGED] if adequacy.misjudges else [])
 
 
 def _effects(
@@ -248,19 +249,19 @@ def _effects(
     if outcome.clocks is not None:
         effects.append(differing_clocks(outcome.clocks, most if adequacy.is_of_clocks else doubtful))
     theta = outcome.last.state.theta
-    for trial, rivals, own in outcome.fitted_trials(deviations):
-        if not outcome.is_stated(trial) or not is_on(trial, theta, own, outcome.layout, confidence):
+    for trial, rivals, of_effect in outcome.fitted_trials(deviations):
+        if not outcome.is_stated(trial) or not is_on(trial, theta, of_effect, outcome.layout, confidence):
             continue
         reliability = doubtful if outcome.is_doubtful(trial) else highest
-        claim = named_trial(trial, rivals, theta, own, outcome.layout, confidence, reliability)
+        claim = claim_of(trial, rivals, theta, of_effect, outcome.layout, confidence, reliability)
         if claim.confidence >= THRESHOLDS.least_confidence:
             effects.append(claim)
     return effects
 
 
 def _oracle(config: DiscoverTask, solver: Solver, parts: Parts) -> dict[str, Any]:
-    """Verdict with the oracle's error, that of the model with the effect that `discover.oracle` names: in generated
-    data, the hidden one. No other effect is searched for.
+    """Verdict with the error of the oracle, the model with the effect that `discover.oracle` names (in generated data,
+    the hidden one). No other effect is searched for.
     """
     assert config.discover.oracle is not None
     term, candidates = Term.read(config.discover.oracle), solver.layout.candidates
@@ -268,11 +269,10 @@ def _oracle(config: DiscoverTask, solver: Solver, parts: Parts) -> dict[str, Any
         known_terms = ", ".join(sorted(map(str, candidates)))
         raise out_of_range("discover.oracle", f"must be a candidate for these data: {known_terms}", str(term))
     base = base_of(solver, parts.fitted, lane_changes=config.discover.lane_changes).fit
-    (seen,) = scores(solver, [base.state])
-    fits = refit(solver, base, [candidates[term]], seen)
-    base = rebased(solver, base, fits)
-    errors = model_errors(solver, parts.reported, {"before": base, "oracle": fits[term]}, config.discover.seed)
-    options = config.discover
+    (scores_of_terms,) = scores(solver, [base.state])
+    fits = refit(solver, base, [candidates[term]], scores_of_terms)
+    base, options = rebased(solver, base, fits), config.discover
+    errors = model_errors(solver, parts.reported, {"before": base, "oracle": fits[term]}, options.seed)
     return {
         "verdict": "named",
         "effects": [],

@@ -1,11 +1,12 @@
 """The task `rearl discover`: identifies effects missing from the traffic model in measured trajectories.
 
 Writes into the study folder `base.parquet` (comparison of car-following models, by check driver), `null.parquet` (null
-distribution of the evidence), `residuals.parquet` (residuals), `maps.parquet` and `planes.parquet` (residuals as
-functions of one and two variables), `drivers.parquet` (calibrated parameters), `candidates.parquet`, `errors.parquet`
-(errors before and after, by report driver), `lane_changes.parquet` (predicted and recorded lane changes, by report
-driver, if there are enough), `model.yaml`, figures, `page.html`, `verdict.json`, `config.json` and, last of all,
-`summary.json`. With `discover.page=false` there are no figures, page and maps.
+distribution: evidence if nothing is missing), `residuals.parquet`, `maps.parquet` and `planes.parquet` (residuals as
+functions of one and of two variables), `drivers.parquet` (calibrated parameters), `candidates.parquet`,
+`errors.parquet` (errors without and with the effects found, by report driver), `lane_changes.parquet` (predicted and
+recorded lane changes, by report driver, if there are enough), `model.yaml`, figures, `page.html`, `verdict.json`,
+`config.json` and, last of all, `summary.json`. With `discover.page=false`, residuals, maps, planes, figures and page
+are not written.
 """
 
 import json
@@ -44,7 +45,7 @@ def run(config: DiscoverTask, *, show: bool = True, bar: Progress | None = None)
     """
     identity, generated = data_id(config.data), is_generated(config.data)
     study = Study(config.results.root, config.study, config, "discover", identity, generated=generated)
-    is_repeated = study.finished_summary() is not None  # then nothing of it is reused
+    is_repeated = study.finished_summary() is not None  # a finished study is computed anew without reusing its groups
     if study.begin(resume=config.results.resume) is not None:
         return json.loads((study.path / "verdict.json").read_text(encoding="utf-8"))
     with progress_bar() if bar is None else nullcontext(bar) as lines:
@@ -61,17 +62,17 @@ def write(study: Study, discovery: Discovery) -> None:
     config, generated = discovery.config, discovery.verdict["data"]["generated"]
     groups = discovery.groups
     folders = group_studies(study, config, list(groups), discovery.data_id, generated=generated)
-    for name, inside in folders.items():
+    for name, group_study in folders.items():
         if groups[name].page_data is not None:  # else it is already written
-            _write_group(study, inside, groups[name])
+            _write_group(study, group_study, groups[name])
     seeds = {"seeds": f"discover.seed={discovery.config.discover.seed}"}
     for name, table in discovery.tables.items():
         if name not in (NULL_TABLE, BASE_TABLE) or not study.owns(name):  # already written by the search
             study.write_table(name, table, **seeds)
     if discovery.model is not None:
-        write_model(study.own("model.yaml"), discovery.model)
+        write_model(study.recorded_path("model.yaml"), discovery.model)
     if discovery.page_data is not None and discovery.config.discover.page:
-        # Figures come after the verdict, so that users need not wait for them.
+        # Imported only here, because Matplotlib is slow to import.
         from rearl_jax.discovery.report.presentation import present
 
         present(study, discovery)
@@ -82,8 +83,8 @@ def write(study: Study, discovery: Discovery) -> None:
     study.write_summary(tables.summary(discovery.verdict))
 
 
-def _write_group(study: Study, inside: Study, discovery: Discovery) -> None:
-    """Writes the discovery of a group into its folder inside that of the study."""
-    study.own(f"{inside.path.relative_to(study.path).as_posix()}/")
-    inside.write_config()
-    write(inside, discovery)
+def _write_group(study: Study, group_study: Study, discovery: Discovery) -> None:
+    """Writes the discovery of a group into its folder `group_study` inside that of the study."""
+    study.recorded_path(f"{group_study.path.relative_to(study.path).as_posix()}/")
+    group_study.write_config()
+    write(group_study, discovery)

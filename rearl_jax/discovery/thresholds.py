@@ -1,6 +1,6 @@
 """Thresholds of discovery: every number that decides what is claimed, in one record.
 
-The record is written into the verdict, and its hash into the protocol of a blind study, so that no threshold can be
+The record is written into verdict.json, and its hash into the protocol of a blind study, so that no threshold can be
 tuned to data without notice. Constants of the computation that decide no claim (knots, iterations, search grids) are
 defined where they are used.
 """
@@ -17,25 +17,27 @@ class Thresholds:
     """Limits for reading, fitting, accepting and claiming; chosen by this project where no source is given."""
 
     shortest_record: float = 6.0
-    """Shortest piece of a track that is used [s]."""
+    """Shortest piece (uninterrupted part of a track) that is used [s]."""
 
     least_used_time: float = 4.0
     """Smallest usable time behind a leader in a piece [s]."""
 
     least_drivers: int = 9
-    """Smallest number of drivers, because models are fitted, checked and reported on different ones."""
+    """Smallest number of drivers, because models are fitted, checked and reported on different drivers."""
 
     least_part_filled: float = 0.7
-    """Smallest size of a part, as a share of its target, for a split by whole recordings [-]."""
+    """Smallest size of a part of the drivers, as a share of its target, for a split by whole persons, cars or
+    recordings [-].
+    """
 
     columns_z_score: float = 5.0
-    """Standard deviations above which two columns disagree [-]."""
+    """Standard deviations of a lag or scale error between positions and speeds, above which they disagree [-]."""
 
     least_lag: float = 0.15
-    """Smallest lag between columns that is reported [s]."""
+    """Smallest lag between positions and speeds that is reported [s]."""
 
     least_scale_error: float = 0.015
-    """Smallest relative difference of columns that is reported [-]."""
+    """Smallest relative difference between speeds and the derivative of positions that is reported [-]."""
 
     sensor_roughness: float = 0.5
     """Standard deviation of the high-frequency part of integrated speeds, as a share of that of positions, up to which
@@ -61,10 +63,10 @@ class Thresholds:
     """
 
     least_spectrum_windows: int = 10
-    """Smallest number of windows for a spectrum."""
+    """Smallest number of windows from which the spectrum of the accelerations is computed."""
 
     lasting_noise_gain: float = 5.0
-    """Gain [nats] above which position errors are modelled as correlated in time."""
+    """Gain of log-likelihood [nats] above which position errors are modelled as correlated in time."""
 
     independent_observations: float = 60.0
     """Typical number of independent observations of one parameter; half its logarithm is the complexity penalty of a
@@ -72,50 +74,56 @@ class Thresholds:
     """
 
     least_null_mean: float = -3.0
-    """Lower bound of the mean of null evidence [nats]."""
+    """Lower bound of the mean of the evidence for a candidate if no effect is missing (null distribution) [nats]."""
 
     least_null_spread: float = 1.0
-    """Lower bound of the standard deviation of null evidence [nats]: few replicates could otherwise give too small a
+    """Lower bound of the standard deviation of this evidence [nats]: few replicates could otherwise give too small a
     spread.
     """
 
     base_confidence: float = 0.99
-    """Share of resamples of drivers [-] in which a car-following model must be more likely than that of `driver` to
-    replace it.
+    """Share of resamples of drivers [-] in which a car-following model must be more likely than that of the key
+    `driver` to replace it.
     """
 
     least_base_gain: float = 16.0
-    """Gain of the check drivers [nats] that such a model must exceed, because few drivers may agree by chance."""
+    """Gain of log-likelihood of the check drivers [nats] that a replacing model must exceed, because few drivers may
+    agree by chance.
+    """
 
     base_error_share: float = 0.05
-    """Relative amount by which the mean gap error of such a model, with parameters of the population or of the first
-    half of a drive, may exceed that of the best model [-].
+    """Relative amount by which the mean gap error of a replacing model, with parameters of the population or of the
+    first half of a drive, may exceed that of the best model [-].
     """
     base_veto_share: float = 0.5
-    """Share of resamples of drivers in which the error exceeds this amount, above which the model is not chosen [-]."""
+    """Share of resamples of drivers in which the error exceeds `base_error_share`, above which the model is not chosen
+    [-].
+    """
 
     candidate_z_score: float = 4.5
     """Standard deviations above the null mean at which the evidence for a candidate exceeds chance [-]."""
 
     fitting_excess: float = 2.0
-    """Evidence above the null mean [nats] at which a leading candidate is fitted even below `candidate_z_score`."""
+    """Excess (evidence above the null mean) [nats] at which a leading candidate is fitted even below
+    `candidate_z_score`.
+    """
 
     leading_fitted: int = 5
-    """Number of candidates with the largest excess that are fitted, if the excess is above `fitting_excess`."""
+    """Number of candidates with the largest excess that are fitted, if it is above `fitting_excess`."""
 
     most_effects: int = 3
     """Largest number of car-following effects that are added one after the other."""
 
     most_from_one_driver: float = 12.0
-    """Bound of one driver's contribution to gain or check per minute [nats], so that no single driver decides; drives
-    under a minute have the bound of a minute.
+    """Bound of one driver's contribution to a gain per minute [nats], so that no single driver decides; drives under a
+    minute have the bound of a minute.
     """
 
     least_gain: float = 3.0
     """Gain of the fitted drivers, less the complexity penalty, that a candidate must exceed [nats]."""
 
     least_total: float = 16.0
-    """Gain and check, less the null mean, that a candidate must exceed [nats]."""
+    """Total (gains of fitted and check drivers, less penalty and null mean) that a candidate must exceed [nats]."""
 
     worst_check: float = -3.0
     """Gain of the check drivers that a candidate must exceed [nats]; at lower values they contradict it."""
@@ -131,16 +139,16 @@ class Thresholds:
     """
 
     later_share: float = 0.05
-    """Smallest total of a later effect, as a share of the largest total before it [-], because every approximate form
-    leaves a remainder.
+    """Smallest total of an effect added after other ones, as a share of the largest total of these [-], because every
+    approximate form leaves a remainder.
     """
 
     confounded_share: float = 0.25
     """Smallest total of an effect that may be a remainder of another one, as a share of the other's total [-]."""
 
     clock_lead: float = -5.0
-    """Gain of clock offsets minus the gain of independent shifts of every leader-follower pair that must be exceeded,
-    all drivers together [nats]. In eight generated data sets with clock offsets the difference was -3 to 75; where
+    """Gain of clock offsets minus the gain of independent shifts of every leader-follower pair, all drivers together,
+    that must be exceeded [nats]. In eight generated data sets with clock offsets the difference was -3 to 75; where
     wrong leader lengths or SUMO's CACC look like clock offsets it was -7 and -12.
     """
 
@@ -160,7 +168,7 @@ class Thresholds:
     """
 
     simulated_memory: float = 15.0
-    """Time after which errors of a simulation are independent of those before [s]."""
+    """Time after which errors of a simulation are independent of earlier ones [s]."""
 
     leading_simulated: int = 5
     """Number of supported candidates, those with the largest totals, that are simulated."""
@@ -169,7 +177,7 @@ class Thresholds:
     """Excess kurtosis of the innovations above which discontinuous behaviour remains [-]."""
 
     kurtosis_z_score: float = 4.5
-    """The same in standard deviations of the kurtosis of normal innovations [-]."""
+    """Limit of the same in standard deviations of the kurtosis of normal innovations [-]; the larger limit holds."""
 
     kurtosis_left: float = 0.6
     """Share of the excess kurtosis that may remain after effects are added [-]; a correct effect removes most of it, a
@@ -183,15 +191,15 @@ class Thresholds:
     """
 
     growth_per_root_minute: float = 0.25
-    """The same limit divided by the root of the driver-minutes [1/min^0.5], because with enough data any small
-    difference becomes significant. A modelled delay leaves 0.2 with 138 drivers of 5 min; distraction, the weakest
-    effect to be flagged, leaves 0.41 to 0.53.
+    """Limit of the same growth divided by the root of the driver-minutes [1/min^0.5], because with enough data any
+    small difference becomes significant; the larger limit holds. A modelled delay leaves 0.2 with 138 drivers of 5 min;
+    distraction, the weakest effect to be flagged, leaves 0.41 to 0.53.
     """
 
     growth_beside_clocks: float = 1.75
-    """The same limit after clock offsets were corrected, which old decisions can imitate [-]. Eleven generated data
-    sets with clock offsets left up to 0.8; distraction, SUMO's CACC and SUMO's Krauss model, mistaken for clock
-    offsets, left 2.4 to 5.
+    """Limit of the same growth after clock offsets were corrected, which old decisions can imitate [-]. Eleven
+    generated data sets with clock offsets left up to 0.8; distraction, SUMO's CACC and SUMO's Krauss model, mistaken
+    for clock offsets, left 2.4 to 5.
     """
 
     most_autocorrelation: float = 0.1
@@ -246,7 +254,7 @@ class Thresholds:
 
     least_distinctness: float = 0.9
     """Smallest share of the drivers of a kind who would be assigned to it if their parameters were known exactly [-];
-    two halves of one wide or skewed population reach less.
+    two parts of one wide or skewed population reach less.
     """
 
     least_membership: float = 0.8
@@ -269,16 +277,15 @@ class Thresholds:
     """Lane changes below which lane choice is not analysed."""
 
     least_lane_changes_in_part: int = 25
-    """The same in each part of the drivers."""
+    """Lane changes in each part of the drivers (fitted, check, report) below which lane choice is not analysed."""
 
     own_gain_z_score: float = 3.0
-    """Standard deviations by which the own gain must raise the probability of a change [-]; otherwise changes do not
-    count as discretionary.
+    """Standard deviations by which the acceleration that drivers gain by a change must raise its probability [-];
+    otherwise changes do not count as discretionary.
     """
 
     lane_false_rate: float = 0.01
-    """Probability that at least one of all columns passes the score test if none has an influence [-] (Bonferroni).
-    """
+    """Probability that any candidate of lane choice passes the score test if none has an influence [-] (Bonferroni)."""
 
     lane_check_quantile: float = 0.05
     """Quantile of the resampled gain on held-out drivers that must be above 0 [-]."""
@@ -287,10 +294,10 @@ class Thresholds:
     """Largest number of lane-choice effects that are added."""
 
     later_lane_total: float = 12.0
-    """Smallest total of a lane-choice effect after the first [nats]."""
+    """Smallest total of a further lane-choice effect, added after the first one [nats]."""
 
     later_lane_share: float = 0.1
-    """The same as a share of the first one's total [-]."""
+    """Smallest total of a further lane-choice effect as a share of the first one's total [-]."""
 
     indistinct_lane_total: float = 5.0
     """Difference of totals [nats] within which candidates of lane choice count as indistinguishable."""
@@ -313,7 +320,7 @@ def meanings() -> dict[str, str]:
     (record,) = ast.parse(getsource(Thresholds)).body
     assert isinstance(record, ast.ClassDef)
     texts = {}
-    for statement, below in zip(record.body, record.body[1:], strict=False):
+    for statement, below in zip(record.body, record.body[1:], strict=False):  # nothing is below the last statement
         if isinstance(statement, ast.AnnAssign) and isinstance(statement.target, ast.Name):
             assert isinstance(below, ast.Expr)
             assert isinstance(below.value, ast.Constant)

@@ -67,11 +67,11 @@ def _existing(folder: Path) -> Path:
 
 def _unwritable(folder: Path) -> str:
     """Reason why no file can be written to a folder; empty if one can. No file remains."""
-    place = _existing(folder)
-    if not place.is_dir():
-        return f"{place} is not a folder"
+    existing = _existing(folder)
+    if not existing.is_dir():
+        return f"{existing} is not a folder"
     try:
-        with tempfile.TemporaryFile(dir=place) as file:
+        with tempfile.TemporaryFile(dir=existing) as file:
             file.write(b"rearl")
     except OSError as error:
         return error.strerror or str(error)

@@ -1,4 +1,4 @@
-"""Python, JAX and its devices, cores and memory."""
+"""Checks of Python, JAX and its devices, cores and memory."""
 
 import json
 import os
@@ -32,7 +32,7 @@ _PLATFORMS = ("JAX_PLATFORMS", "JAX_PLATFORM_NAME")
 
 _GIB = 2**30
 _LITTLE_MEMORY = 4 * _GIB
-"""The default tasks need about 1 GiB, discovery on a large data set 3.3 GiB."""
+"""Free memory [bytes] that may not suffice: default tasks need 1 GiB, discovery on a large data set 3.3 GiB."""
 
 
 def machine_checks() -> list[Check]:
@@ -49,7 +49,7 @@ def _python() -> Check:
 
 
 def _jax() -> list[Check]:
-    """Queried in a process of its own, because a driver may crash or hang."""
+    """Checks of JAX and its devices, in a process of their own, because a driver may crash or hang."""
     try:
         done = subprocess.run(
             [sys.executable, "-c", _PROBE], capture_output=True, text=True, timeout=_PATIENCE, check=False

@@ -1,4 +1,4 @@
-"""Checks of the recordings: they are found, and one of them is read; those that are shipped are there."""
+"""Checks of the recordings: whether they are found, one of them can be read, and the shipped ones are there."""
 
 import time
 

@@ -45,14 +45,14 @@ def run(config: DoctorTask) -> dict[str, Any]:
 
 
 def _cache_checks() -> list[Check]:
-    # Only now: the module brings JAX.
+    # Imported here, because the module imports JAX.
     from rearl_jax.runtime import cache_folder
 
     return cache_checks(cache_folder().parent)
 
 
 def _server_checks(config: DoctorTask) -> list[Check]:
-    # Likewise.
+    # Imported here, because the module imports JAX.
     from rearl_jax.doctor.server import server_checks
 
     return server_checks(config.decision, config.llm)

@@ -101,10 +101,10 @@ def table_of(
     headings = dict(columns) if isinstance(columns, Mapping) else {name: spoken(name) for name in columns}
     first, *others = (name for name in headings if name in frame)
     records = frame.head(MAX_ROWS).astype(object).to_dict("records")
+    row_titles = [number(record[first]) for record in records]
     rows = tuple(
-        Row(title, tuple(_cell(record, name) for name in others), (emphasis or {}).get(title, Emphasis.plain))
-        for record in records
-        for title in (number(record[first]),)
+        Row(row_title, tuple(_cell(record, name) for name in others), (emphasis or {}).get(row_title, Emphasis.plain))
+        for row_title, record in zip(row_titles, records, strict=True)
     )
     if len(frame) > len(rows):
         title += f" (the first {MAX_ROWS} of {len(frame)} rows)"

@@ -131,9 +131,13 @@ class FunctionalHighway:
         """
         params = self.default_params if params is None else params
         after, outcome = self._second(state, action, params)
-        start_key, own_key = jax.random.split(_typed(key))
+        case_key, traffic_key = jax.random.split(_typed(key))
         observation, after = in_lockstep(self._renewed)(
-            outcome.terminated | outcome.truncated, own_key, after, outcome.observation, _drawn_start(start_key, params)
+            outcome.terminated | outcome.truncated,
+            traffic_key,
+            after,
+            outcome.observation,
+            _drawn_start(case_key, params),
         )
         info = {
             "terminated": outcome.terminated,
@@ -150,8 +154,8 @@ class FunctionalHighway:
             state = highway.begin(key, self.options, measured)
             return highway.observe(state, self.options), state
 
-        start_key, own_key = jax.random.split(_typed(key))
-        return in_lockstep(start)(own_key, _drawn_start(start_key, params))
+        case_key, traffic_key = jax.random.split(_typed(key))
+        return in_lockstep(start)(traffic_key, _drawn_start(case_key, params))
 
     def step_env(
         self, key: AnyKey, state: HighwayState, action: Int[Array, ""] | int, params: HighwayParams

@@ -75,12 +75,12 @@ def step_program(options: HighwayOptions) -> Callable[..., tuple[Scenarios, Outc
 def _start(
     keys: Key[Array, " scenarios"], starts: Starts | None, options: HighwayOptions
 ) -> tuple[Scenarios, FirstObservation]:
-    next_keys, case_keys, own_keys = jax.vmap(partial(jax.random.split, num=3), out_axes=1)(keys)
+    next_keys, case_keys, traffic_keys = jax.vmap(partial(jax.random.split, num=3), out_axes=1)(keys)
     measured = None
     if starts is not None:
         draw = partial(jax.random.randint, shape=(), minval=0, maxval=starts.n_cases)
         measured = starts.start(jax.vmap(draw)(case_keys))
-    scenarios = Scenarios(next_keys, highway.begin(own_keys, options, measured))
+    scenarios = Scenarios(next_keys, highway.begin(traffic_keys, options, measured))
     return scenarios, _first_observation(scenarios, options)
 
 

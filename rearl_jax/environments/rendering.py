@@ -1,7 +1,8 @@
 """Pictures of the road around the controlled vehicle, as arrays, in the colours of the replay on the pages of results.
 
-Vehicles are rectangles along the road with a mark at the front. The controlled vehicle has a colour of its own, crashed
-vehicles have a frame, and replayed vehicles are grey. Drawn with NumPy alone: a picture takes less than a millisecond.
+Vehicles are rectangles along the road with a mark at the front. The controlled vehicle has a colour of its own,
+crashed vehicles have a frame, and replayed vehicles are grey. Drawn with NumPy alone: a picture takes less than a
+millisecond.
 """
 
 from typing import Any, TypeAlias
@@ -75,10 +76,10 @@ def pictures(state: HighwayState, options: HighwayOptions) -> list[UInt8[np.ndar
         _draw_replayed(picture, state, number, left, model.lane_width)
         # The controlled vehicle is drawn last, so that no other vehicle hides it.
         for vehicle in np.flatnonzero(controller[:, number] != int(Controller.ABSENT))[::-1]:
-            at = (float(x[vehicle, number]) - left, float(y[vehicle, number]) + model.lane_width / 2)
+            centre = (float(x[vehicle, number]) - left, float(y[vehicle, number]) + model.lane_width / 2)
             size = (float(length[vehicle, number]), float(width[vehicle, number]))
             colours = (_EGO, _EGO_EDGE) if vehicle == EGO else (_CAR, _CAR_EDGE)
-            _draw_vehicle(picture, at, size, colours, is_crashed=bool(crashed[vehicle, number]))
+            _draw_vehicle(picture, centre, size, colours, is_crashed=bool(crashed[vehicle, number]))
         drawn_pictures.append(picture)
     return drawn_pictures
 
@@ -91,7 +92,10 @@ def _road(n_lanes: int, lane_width: float) -> UInt8[np.ndarray, "height width 3"
 
 
 def _with_lines(picture: np.ndarray, n_lanes: int, lane_width: float, left: float) -> np.ndarray:
-    """The picture with the edges of the road and, between lanes, dashes of 3 m every 9 m, fixed to the road."""
+    """The picture with the edges of the road and, between lanes, dashes of 3 m every 9 m, fixed to the road.
+
+    `left` is the position along the road of the left edge of the picture [m].
+    """
     along = (np.arange(picture.shape[1]) / _SCALE + left) % 9.0 < 3.0
     for lane in range(n_lanes + 1):
         row = _MARGIN + round(lane * lane_width * _SCALE)
@@ -108,20 +112,20 @@ def _draw_replayed(picture: np.ndarray, state: HighwayState, number: int, left: 
     )
     width = float(np.asarray(state.drivers.body.width).flat[0])
     for slot in np.flatnonzero(lane != NOT_RECORDED):
-        at = (float(x[slot]) - left, (float(lane[slot]) + 0.5) * lane_width)
-        _draw_vehicle(picture, at, (float(length[slot]), width), (_REPLAYED, _REPLAYED_EDGE), is_crashed=False)
+        centre = (float(x[slot]) - left, (float(lane[slot]) + 0.5) * lane_width)
+        _draw_vehicle(picture, centre, (float(length[slot]), width), (_REPLAYED, _REPLAYED_EDGE), is_crashed=False)
 
 
 def _draw_vehicle(
     picture: np.ndarray,
-    at: tuple[float, float],
+    centre: tuple[float, float],
     size: tuple[float, float],
     colours: tuple[Colour, Colour],
     *,
     is_crashed: bool,
 ) -> None:
     """Draws a vehicle centred at a point of the picture [m], given length and width [m], colours of body and edge."""
-    (x, y), (length, width), (body, edge) = at, size, colours
+    (x, y), (length, width), (body, edge) = centre, size, colours
     if is_crashed:
         _fill(picture, x, y, length + _FRAME, width + _FRAME, _CRASHED)
     _fill(picture, x, y, length, width, edge)

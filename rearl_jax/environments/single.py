@@ -76,8 +76,8 @@ class HighwayEnv(gymnasium.Env[np.ndarray, np.int64]):
             program = restart_program(self.options)
             self._scenarios, start = program(self._scenarios, self._starts, np.ones(1, bool))
         else:
-            own_seed = int(self.np_random.integers(2**31)) if seed is None else seed
-            self._scenarios, start = start_program(self.options)(keys_of([own_seed]), self._starts)
+            first_seed = int(self.np_random.integers(2**31)) if seed is None else seed
+            self._scenarios, start = start_program(self.options)(keys_of([first_seed]), self._starts)
         info = {"speed": float(start.speed[0]), "crashed": False}
         return np.array(start.observation)[..., 0], info
 

@@ -37,7 +37,9 @@ class Surroundings(eqx.Module):
 
     def at_start(self, case: Int[Array, "*scenarios"]) -> ReplayedVehicles:
         """Replayed vehicles at the beginning, the scenario axis last."""
-        return self._of_scenarios(lambda own: replayed_vehicles(_at(own.motion, 0, 0), _at(own.identity, 0)), case)
+        return self._of_scenarios(
+            lambda around: replayed_vehicles(_at(around.motion, 0, 0), _at(around.identity, 0)), case
+        )
 
     def second(self, case: Int[Array, "*scenarios"], time: Int[Array, "*scenarios"]) -> BoundarySecond:
         """Recorded traffic around each scenario in one second, the scenario axis last.
@@ -47,9 +49,11 @@ class Surroundings(eqx.Module):
             time: Seconds since the start of the scenario [s]; after `n_seconds` the last second is repeated.
         """
 
-        def second_of(own: "Surroundings", time: Array) -> BoundarySecond:
-            after = replayed_vehicles(_at(own.motion, time + 1, 0), _at(own.identity, time + 1))
-            return BoundarySecond(_at(own.motion, time), _at(own.identity, time), _at(own.entrants, time), after)
+        def second_of(around: "Surroundings", time: Array) -> BoundarySecond:
+            after = replayed_vehicles(_at(around.motion, time + 1, 0), _at(around.identity, time + 1))
+            return BoundarySecond(
+                _at(around.motion, time), _at(around.identity, time), _at(around.entrants, time), after
+            )
 
         return self._of_scenarios(second_of, case, jnp.minimum(time, self.n_seconds - 1))
 
@@ -80,9 +84,9 @@ def touches(
         replayed: Recorded vehicles around the simulated ones.
         model: The road.
     """
-    collides, own = jnp.ones((1, 1), bool), slice(vehicle, vehicle + 1)
-    x, y, heading, speed = (values[own] for values in (state.x, state.y, state.heading, state.speed))
-    length, half_width = jnp.broadcast_to(body.length, state.x.shape)[own], body.width[:1] / 2
+    collides, row = jnp.ones((1, 1), bool), slice(vehicle, vehicle + 1)
+    x, y, heading, speed = (values[row] for values in (state.x, state.y, state.heading, state.speed))
+    length, half_width = jnp.broadcast_to(body.length, state.x.shape)[row], body.width[:1] / 2
     first = Rectangle(x, y, cosine(heading), sine(heading), speed, length / 2, half_width, collides)
     along = jnp.ones_like(replayed.x)
     second = Rectangle(

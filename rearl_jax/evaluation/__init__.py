@@ -1,1 +1,1 @@
-"""Simulated against measured scenes: rollouts, reference rows, intervals, tables, figures, one page."""
+"""The task `rearl evaluate`: simulated scenes compared with recorded ones in tables, figures and a page."""

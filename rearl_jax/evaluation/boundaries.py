@@ -1,4 +1,4 @@
-"""Recorded traffic around simulated scenes, and the values of other keys that it requires."""
+"""Recorded traffic replayed around simulated scenes (`scenes.boundary`), and the values of other keys it requires."""
 
 import numpy as np
 
@@ -13,12 +13,12 @@ from rearl_jax.evaluation.traffic import MODEL_METHODS
 from rearl_jax.problems import InvalidInputError, Problem, out_of_range
 
 
-def check_boundary(config: EvaluateTask, *, has_own_scenes: bool = False) -> None:
+def check_boundary(config: EvaluateTask, *, has_given_scenes: bool = False) -> None:
     """Raises InvalidInputError if the traffic around the scenes cannot be replayed under the other keys.
 
     Args:
         config: The task.
-        has_own_scenes: Whether the scenes were given, and not cut from the recordings of `config.data`.
+        has_given_scenes: Whether the scenes were given, and not cut from the recordings of `config.data`.
     """
     source = config.scenes.boundary
     if source is BoundarySource.free:
@@ -38,7 +38,7 @@ def check_boundary(config: EvaluateTask, *, has_own_scenes: bool = False) -> Non
     if config.decision.policy.is_outside:
         message = f"must be a policy inside the compiled program {why}"
         raise out_of_range("decision.policy", message, config.decision.policy.name)
-    if has_own_scenes:
+    if has_given_scenes:
         message = "needs recordings, of which the given scenes hold only the picked vehicles"
         remedy = "give a table of trajectories instead of scenes, or name the recordings with data"
         raise InvalidInputError(Problem("recordings-needed", message, remedy, key="scenes.boundary", value=source.name))

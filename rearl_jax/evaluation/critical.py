@@ -1,4 +1,7 @@
-"""The shares of the driver classes of method=critical: adapted on the threshold scenes before the evaluation."""
+"""Shares of the driver classes (aggressive, defensive, truck) of method=critical, adapted before the evaluation.
+
+They are adapted on the threshold scenes, a split of the recorded scenes that the evaluation does not use.
+"""
 
 import logging
 from collections.abc import Callable
@@ -81,7 +84,9 @@ def _search_with_language_model(
 
 
 def _question_function(client: Client) -> Callable[[str, str, int, int], Reply]:
-    """The client as the proposer calls it; the table of requests has the round as scenario, the attempt as vehicle."""
+    """The client as the proposer calls it; the table of requests has the round under `scenario`, the attempt under
+    `vehicle`.
+    """
 
     def ask(system: str, user: str, number: int, attempt: int) -> Reply:
         messages = (Message("system", system), Message("user", user))
@@ -92,7 +97,7 @@ def _question_function(client: Client) -> Callable[[str, str, int, int], Reply]:
 
 
 def understand_mixture(text: str, choices: tuple[int, ...], finish: str = "") -> tuple[int, Cause]:
-    """No action, and whether the text is a mixture; see `llm.client.Read`."""
+    """NO_DECISION, and the cause: answered if the text is a mixture; see `llm.client.Read`."""
     try:
         read_mixture(text)
     except BadAnswerError as error:

@@ -1,4 +1,6 @@
-"""One estimate per row and metric from the figures of scored pairs: mean, spread over runs, interval over scenes.
+"""One estimate per row of the table and metric: mean, spread over runs, interval over scenes.
+
+The figures behind it are those of pairs, each of a rollout or recording and the scene it is scored against.
 
 Every interval comes from the same resamples of the scenes (paired bootstrap), so that the difference of two rows is
 resampled scene by scene; differences between scenes that both rows share do not widen its interval.
@@ -29,9 +31,9 @@ class Estimate:
         sd: Standard deviation over runs of the mean over scenes (n - 1 in the denominator).
         low: Lower end of the bootstrap interval of the value, over scenes.
         high: Upper end.
-        compared_with: Row the difference is taken to: `real` if the real scenes have the metric themselves, else
+        compared_with: Row the difference is taken to: `real` if the recorded scenes have the metric themselves, else
             `real_vs_real`; None for these rows.
-        difference: Value less that of the other row, over the scenes that both have.
+        difference: Value less that of the row `compared_with`, over the scenes that both have.
         difference_low: Lower end of its paired bootstrap interval.
         difference_high: Upper end.
         less_base: Value less that of the row base, for methods other than base.
@@ -84,9 +86,9 @@ def estimates(rows: list[Scores], held_out: np.ndarray, eval: EvaluationConfig) 
         for key, values in means.items()
     }
     simulated = [key for key in means if key[0] not in TITLES]
-    real = {(row, name): (REAL_VS_REAL if name in COMPARING else REAL, name) for row, name in simulated}
-    base = {(row, name): (BASE, name) for row, name in simulated if row != BASE}
-    for field, others in (("difference", real), ("less_base", base)):
+    recorded_of = {(row, name): (REAL_VS_REAL if name in COMPARING else REAL, name) for row, name in simulated}
+    base_of = {(row, name): (BASE, name) for row, name in simulated if row != BASE}
+    for field, others in (("difference", recorded_of), ("less_base", base_of)):
         differences = _differences(means, others)
         ends = _intervals(differences, eval)
         for key, values in differences.items():
@@ -101,7 +103,7 @@ def estimates(rows: list[Scores], held_out: np.ndarray, eval: EvaluationConfig) 
 def _differences(
     means: dict[tuple[str, str], np.ndarray], others: dict[tuple[str, str], tuple[str, str]]
 ) -> dict[tuple[str, str], np.ndarray]:
-    """Differences of compared figures, scene by scene; without those that no scene has."""
+    """Means less those of the row and metric in `others`, scene by scene; without differences that no scene has."""
     differences = {key: means[key] - means[other] for key, other in others.items() if other in means}
     return {key: values for key, values in differences.items() if np.isfinite(values).any()}
 
@@ -115,7 +117,7 @@ def _intervals(
 
 
 def scene_means(row: Scores, name: str, held_out: np.ndarray) -> np.ndarray:
-    """Figure of each held-out scene: mean over runs, or of the pooled runs; NaN where there is none."""
+    """Figure of each held-out scene: mean over runs, or figure of the pooled runs; NaN where there is none."""
     if name in row.pooled:
         return row.pooled[name]
     if name not in row.values:

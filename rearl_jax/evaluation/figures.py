@@ -19,10 +19,11 @@ from rearl_jax.evaluation.scores import NOISE_FLOOR, REAL, REAL_VS_REAL, Scores
 from rearl_jax.evaluation.tables import frame_series
 from rearl_jax.metrics import METRICS
 
-_REAL, _METHOD, _OTHER, _CHANCE = drawing.DARK_GREY, drawing.BLUE, drawing.VERMILION, drawing.GREY
+_RECORDED, _METHOD, _OTHER, _CHANCE = drawing.DARK_GREY, drawing.BLUE, drawing.VERMILION, drawing.GREY
+"""Colours of the held-out scenes, the simulated row, real against real, and the noise floor."""
 
 _BAND = (10, 90)
-"""Percentiles of the pairs between which a band lies."""
+"""Percentiles between which a band lies, over pairs of a run and a scene."""
 
 
 def draw(config: EvaluateTask, evaluation: Evaluation) -> dict[str, bytes]:
@@ -39,16 +40,18 @@ def draw(config: EvaluateTask, evaluation: Evaluation) -> dict[str, bytes]:
 def speed_histogram(config: EvaluateTask, evaluation: Evaluation) -> bytes:
     """Speeds of the simulation over those of the held-out scenes, as densities."""
     edges = speed_histogram_edges(config.hist)
-    real = evaluation.scenes.scaled_speed[evaluation.held_out]
+    recorded = evaluation.scenes.scaled_speed[evaluation.held_out]
     counts = {
-        "real": np.histogram(np.clip(real, edges[0], edges[-1]), edges)[0],
+        "recorded": np.histogram(np.clip(recorded, edges[0], edges[-1]), edges)[0],
         "method": evaluation.sample.speed_counts,
     }
     density = {name: c / max(c.sum(), 1) / np.diff(edges) for name, c in counts.items()}
     figure, (axes,) = drawing.panels(6.4, 3.6, generated=evaluation.scenes.generated)
-    for edge in edges[:: len(edges) // config.hist.n_bins]:
+    for edge in edges[:: len(edges) // config.hist.n_bins]:  # edges of the bins of the Hellinger distance
         axes.axvline(edge, color=drawing.LIGHT_GREY, linewidth=0.8, zorder=0)
-    axes.stairs(density["real"], edges, fill=True, color=_REAL, alpha=0.3, label=f"real{_rescaled(evaluation.scenes)}")
+    axes.stairs(
+        density["recorded"], edges, fill=True, color=_RECORDED, alpha=0.3, label=f"real{_rescaled(evaluation.scenes)}"
+    )
     axes.stairs(density["method"], edges, color=_METHOD, linewidth=1.6, label=evaluation.method.title)
     axes.set(xlabel="speed [m/s]", ylabel="density [s/m]", xlim=(edges[0], edges[-1]), ylim=(0, None))
     axes.legend(frameon=False, fontsize=drawing.FONT_SIZE)
@@ -69,13 +72,13 @@ def errors_over_time(config: EvaluateTask, evaluation: Evaluation) -> bytes:
     others = evaluation.row(REAL_VS_REAL)
     compared = [(method, _METHOD), *([(others, _OTHER)] if len(others.scene) else [])]
     labels = {"h": "Hellinger distance [-]", error: f"{METRICS[error].title} [-]"}
-    for panel, (name, label) in zip(axes, labels.items(), strict=False):
+    for panel, (name, label) in zip(axes, labels.items(), strict=False):  # the third panel is drawn below
         for row, colour in compared:
             _band(panel, row, name, colour, config.hist.window)
         panel.set(ylabel=label, ylim=(0, None))
     floor = evaluation.row(NOISE_FLOOR).values["h"].mean()
     axes[0].axhline(floor, color=_CHANCE, linestyle="--", linewidth=1.2, label="noise floor")
-    for row, colour in ((method, _METHOD), (evaluation.row(REAL), _REAL)):
+    for row, colour in ((method, _METHOD), (evaluation.row(REAL), _RECORDED)):
         _band(axes[2], row, "spacing", colour, config.hist.window)
     axes[2].set(ylabel="mean spacing [m]", ylim=(0, None), xlabel="time [s]")
     for panel in axes:
@@ -145,7 +148,7 @@ def draw_actions(
 
 
 class _Paths:
-    """Lines in space and time from slots whose vehicles may change."""
+    """Lines in space and time from arrays `[seconds, slots]`; the vehicle in a slot (`track`) may change."""
 
     def __init__(self, x: np.ndarray, speed: np.ndarray, lane: np.ndarray, track: np.ndarray) -> None:
         order = np.lexsort((np.broadcast_to(np.arange(len(x))[:, None], x.shape).ravel(), track.ravel()))

@@ -1,5 +1,10 @@
-"""Rollouts whose decisions are made outside the compiled program, on the host."""
+"""Rollouts whose decisions are made outside the compiled program, on the host.
 
+A burst is a number of scenarios simulated in lockstep. It consists of two blocks, each with a policy of its own: while
+one block waits for answers, the other is simulated.
+"""
+
+import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import TypeAlias
@@ -19,7 +24,7 @@ from rearl_jax.detection.table import ReferenceTable
 from rearl_jax.evaluation.simulators import Simulated, lengths_of
 
 MAX_BURST = 2_048
-"""Largest number of scenarios in lockstep, whose questions of a second are sent together."""
+"""Largest number of scenarios in a burst."""
 
 
 @dataclass(frozen=True)
@@ -32,7 +37,7 @@ class Block:
         options: Choices of the loop.
         thresholds: Thresholds of every scenario.
         length: Lengths of the vehicles [m].
-        first: Number of the first of the scenarios.
+        first_scenario: Number of the first of these scenarios among all rollouts.
     """
 
     table: ReferenceTable
@@ -40,7 +45,7 @@ class Block:
     options: LoopOptions
     thresholds: Thresholds
     length: Float[np.ndarray, "vehicles scenarios"]
-    first: int
+    first_scenario: int
 
 
 MakePolicy: TypeAlias = Callable[[Block], HostPolicy]
@@ -59,15 +64,16 @@ def simulate_with_host_policy(
     *,
     n_seconds: int,
 ) -> Iterator[Simulated]:
-    """Rollouts and their decisions, burst by burst, in two blocks each."""
+    """Rollouts and their decisions, burst by burst."""
     n_scenarios = state.x.shape[-1]
     for start in range(0, n_scenarios, MAX_BURST):
         size = min(MAX_BURST, n_scenarios - start)
         columns = np.arange(start, start + size)
         burst_state, burst_drivers = select_scenarios((state, drivers), columns, n_scenarios, least_ndim=2)
         limits = select_scenarios(thresholds, columns, n_scenarios)
-        length, half = np.asarray(lengths_of(burst_state, burst_drivers)), -(-size // 2)
-        first, second = (
+        length = np.asarray(lengths_of(burst_state, burst_drivers))
+        half = math.ceil(size / 2)
+        first_policy, second_policy = (
             make_policy(
                 Block(
                     table,
@@ -86,7 +92,7 @@ def simulate_with_host_policy(
             keys[columns],
             table,
             limits,
-            (first, second),
+            (first_policy, second_policy),
             model,
             options,
             n_seconds=n_seconds,

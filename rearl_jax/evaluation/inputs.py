@@ -1,4 +1,4 @@
-"""Input of a study from recordings: scenes, their splits, representative scenes.
+"""Input of a study from recordings: scenes, their splits, and representative scenes (centres of clusters).
 
 Scenes come from disk if they were cut before. Within a process the last data set is remembered, so that the jobs
 of one study read it once.
@@ -38,7 +38,7 @@ class Inputs:
         scenes: All scenes.
         splits: Use of each scene.
         references: Representative scenes; None if they were not needed.
-        clusters: The clusterings behind the references.
+        clusters: The clusterings whose centres are the references.
     """
 
     scenes: SceneSet
@@ -92,13 +92,13 @@ def read_inputs(
     """
     builder = None
     key = _key(config)
-    known = _LAST_READ.get(key)
+    last_read = _LAST_READ.get(key)
     if with_references:
         # Imported here, because scikit-learn is slow to import and the method base does not need it.
         from rearl_jax.clustering.references import ReferenceBuilder
 
-        builder = ReferenceBuilder(config, None if known is None else known.tracks)
-    scenes = None if known is None else known.scenes
+        builder = ReferenceBuilder(config, None if last_read is None else last_read.tracks)
+    scenes = None if last_read is None else last_read.scenes
     if scenes is None or (builder is not None and builder.needs_recordings):
         scenes = _read(config, builder, bar)
     splits = splits_for(config, scenes)
@@ -106,7 +106,7 @@ def read_inputs(
     inputs = Inputs(scenes, splits)
     if builder is not None:
         inputs = Inputs(scenes, splits, *builder.build(scenes, splits, study))
-    tracks = builder.tracks if builder is not None else known.tracks if known is not None else None
+    tracks = builder.tracks if builder is not None else last_read.tracks if last_read is not None else None
     _LAST_READ.clear()
     _LAST_READ[key] = _Read(scenes, tracks)
     return inputs

@@ -93,14 +93,14 @@ def intervention_figures(log: DecisionLog) -> dict[str, int | float]:
     `main_reference` (the reference at which most rollouts end) and `main_reference_share` (share of these rollouts).
     """
     decisions = log.decisions
-    ends_at = np.bincount(np.asarray(decisions.reference)[-1])
+    n_ending = np.bincount(np.asarray(decisions.reference)[-1])
     return {
         "trigger_rate": float(np.mean(decisions.triggered, dtype=np.float64)),
         "decisions": int(np.sum(decisions.n_asked, dtype=np.int64)),
         "inadmissible": int(np.sum(decisions.n_inadmissible, dtype=np.int64)),
         "invalid": int(np.sum(decisions.n_invalid, dtype=np.int64)),
-        "main_reference": int(ends_at.argmax()),
-        "main_reference_share": float(ends_at.max() / ends_at.sum()),
+        "main_reference": int(n_ending.argmax()),
+        "main_reference_share": float(n_ending.max() / n_ending.sum()),
     }
 
 

@@ -45,7 +45,7 @@ class LanguageModel:
             self._client,
             prompter,
             block.thresholds,
-            block.first,
+            block.first_scenario,
             lambda second: self._show(second, block.table.n_seconds),
         )
 

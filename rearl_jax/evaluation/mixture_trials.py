@@ -1,4 +1,4 @@
-"""Trials of mixtures of driver classes: rows of one batch, scored against the threshold scenes."""
+"""Trials of mixtures of driver classes: simulated in one batch and scored against the threshold scenes."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -27,7 +27,9 @@ def assess(
     candidates: Sequence[Mixture],
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> list[Assessment]:
-    """Errors, crashes and near misses of `critical.rollouts` rollouts of each mixture, the same in every call.
+    """Errors, crashes and near misses of `critical.rollouts` rollouts of each mixture.
+
+    Every call simulates from the same initial states.
 
     Rollouts with drawn starts are scored against every scene. Rollouts that start as recorded are scored against their
     own scene, equally many for every scene.
@@ -49,8 +51,8 @@ def assess(
     for _, chunk in scored_chunks(rollouts, scorer, subset, progress):
         scores = scores_of(config.method.name, chunk.scene, chunk.run, chunk.metrics, seconds=0.0)
         near_misses = np.nan_to_num(scores.values["ttc_share"]) * scores.counts["ttc_share"]
-        figures = (*(scores.values[name] for name in ("h", config.mape.column, "collisions")), near_misses)
-        parts.append(np.reshape(figures, (len(figures), -1, n_scored)))
+        of_pairs = (*(scores.values[name] for name in ("h", config.mape.column, "collisions")), near_misses)
+        parts.append(np.reshape(of_pairs, (len(of_pairs), -1, n_scored)))
     figures = np.concatenate(parts, axis=1)
     by_mixture = (figures[:, rollouts.row == number] for number in range(len(candidates)))
     return [_assessment(*of_mixture, n_vehicles=config.core.n_vehicles) for of_mixture in by_mixture]
@@ -64,7 +66,7 @@ def _assessment(
     *,
     n_vehicles: int,
 ) -> Assessment:
-    """Figures of one mixture; crashes and near misses are the same against every scene."""
+    """Assessment of one mixture. Crashes and near misses [vehicle-seconds] are the same against every scene."""
     h, mape = h[np.isfinite(h)], mape[np.isfinite(mape)]
     if not h.size or not mape.size:
         raise ValueError("a mixture of driver classes gave no h or no mape, so it cannot be compared with others")

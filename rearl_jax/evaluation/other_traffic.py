@@ -74,7 +74,7 @@ def _joined(recorded: SceneSet, other: SceneSet) -> SceneSet:
 
 
 def _mean(scores: Scores, metric: str) -> float:
-    """Mean over recorded scenes of the means over their pairs; NaN where there is nothing."""
+    """Mean over recorded scenes of the means over their pairs; NaN if no pair has a value."""
     if metric not in scores.values:
         return float("nan")
     means = grouped_mean(scores.values[metric], scores.scene, int(scores.scene.max(initial=0)) + 1)

@@ -27,9 +27,9 @@ def render(evaluation: Evaluation, document: Document, figures: Mapping[str, byt
 def example_replay(evaluation: Evaluation) -> Replay:
     """Replay of the scene in the space-time diagram, without marks, because the simulation only counts decisions."""
     config, sample, method = evaluation.config, evaluation.sample, evaluation.method
-    (scored, *_) = np.flatnonzero((method.scene == sample.example) & (method.run == 0))
+    (pair, *_) = np.flatnonzero((method.scene == sample.example) & (method.run == 0))
     scene = ReplayedScene(
-        sample.example, 0, sample.frames, sample.lengths, float(method.values["h"][scored]), (), sample.around
+        sample.example, 0, sample.frames, sample.lengths, float(method.values["h"][pair]), (), sample.around
     )
     offer = "replays more scenes"
     if evaluation.log is not None:

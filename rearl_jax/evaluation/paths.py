@@ -23,7 +23,7 @@ from rearl_jax.metrics.measure import Measure
 from rearl_jax.metrics.paths import Paths, displacement, frechet
 
 _CHUNK = 64
-"""Pairs of scenes that a device compares at a time: the couplings of some hundred vehicles fit the cache."""
+"""Pairs of scenes that a device compares at a time, so that the tables behind their Frechet distances fit the cache."""
 
 
 def first_vehicle_values(
@@ -47,10 +47,10 @@ def recorded_paths(scenes: SceneSet, index: Int[np.ndarray, " scenes"], config: 
     along, known = first_vehicle_values(scenes, index, scenes.position)
     lane, _ = first_vehicle_values(scenes, index, lane)
     has_lane, _ = first_vehicle_values(scenes, index, scenes.lane != UNKNOWN_LANE)
-    first = scenes.position[index, 0]
-    along, known = along - first.min(axis=1)[:, None, None], known & (has_lane > 0)
+    start = scenes.position[index, 0]
+    along, known = along - start.min(axis=1)[:, None, None], known & (has_lane > 0)
     along, lane, known = (np.moveaxis(values, 0, -1) for values in (along, lane, known))
-    return _ordered(along, lane, known, first.T, config)
+    return _ordered(along, lane, known, start.T, config)
 
 
 def simulated_paths(simulated: Simulated, rollouts: Rollouts, scenes: SceneSet) -> Paths:
@@ -66,23 +66,23 @@ def simulated_paths(simulated: Simulated, rollouts: Rollouts, scenes: SceneSet) 
     known = np.ones(x[1:].shape, bool)
     if config.init.source is not InitialSource.scene:
         return _ordered(x[1:] - x[0].min(axis=0), lane[1:], known, x[0], config)
-    first = scenes.position[rollouts.scene, 0].T
+    start = scenes.position[rollouts.scene, 0].T
     if boundary is None:
-        return _ordered(x[:-1], lane[:-1], known, first, config)  # frame k is at second k + 1
+        return _ordered(x[:-1], lane[:-1], known, start, config)  # frame k is at second k + 1
     known = np.moveaxis(boundary.is_new[rollouts.column].cumsum(axis=1)[:, 1:] == 0, 0, -1)
     origin = boundary.x[rollouts.column, 0].min(axis=1)  # vehicles may enter upstream of this vehicle
-    return _ordered(x[1:] - origin, lane[1:], known, first, config)
+    return _ordered(x[1:] - origin, lane[1:], known, start, config)
 
 
 def _ordered(
     along: Float[np.ndarray, "seconds vehicles scenarios"],
     lane: Int[np.ndarray, "seconds vehicles scenarios"],
     known: Bool[np.ndarray, "seconds vehicles scenarios"],
-    first: Float[np.ndarray, "vehicles scenarios"],
+    start: Float[np.ndarray, "vehicles scenarios"],
     config: EvaluateTask,
 ) -> Paths:
-    """Paths in the order of the first positions along the road."""
-    order = np.argsort(first, axis=0, kind="stable")[None]
+    """Paths of vehicles [m], ordered by their position at the start, from upstream on."""
+    order = np.argsort(start, axis=0, kind="stable")[None]
     dtype, width = np.dtype(config.core.dtype.name), traffic_model(config.core).lane_width
     along, across, known = (np.take_along_axis(values, order, axis=1) for values in (along, lane * width, known))
     return Paths(along.astype(dtype), across.astype(dtype), known)
@@ -108,7 +108,7 @@ def with_paths(
     Args:
         scores: The row.
         paths: Paths of the rollouts, or of the recorded scenes in their place.
-        column: Index of the paths of each pair.
+        column: Index, in `paths`, of the paths of each pair.
         observed: Paths of the held-out scenes.
         held_out: Indices of these scenes, rising.
     """

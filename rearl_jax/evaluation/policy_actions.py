@@ -8,7 +8,7 @@ from rearl_jax.config.decision import Longitudinal
 from rearl_jax.decision.situation import ACTION_NAMES
 from rearl_jax.evaluation.extras import Extra
 
-_FOLLOWS = {
+_SPEED_CONTROL = {
     Longitudinal.mdp: "target speeds followed without regard to the vehicle ahead, as by highway-env's MDPVehicle",
     Longitudinal.idm_capped: "target speeds followed no faster than IDM allows",
 }
@@ -58,5 +58,5 @@ def driving_note(policy: TrainedPolicy, counts: Int[np.ndarray, "actions bins"])
     done = ", ".join(f"{name} {100 * share:.1f} %" for name, share in zip(ACTION_NAMES, shares, strict=True))
     return (
         f"weights {policy.file} ({policy.digest}), trained on {policy.car_steps:,} vehicle-seconds without recordings; "
-        f"{_FOLLOWS[policy.options.longitudinal]}; actions: {done}"
+        f"{_SPEED_CONTROL[policy.options.longitudinal]}; actions: {done}"
     )

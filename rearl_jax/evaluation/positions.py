@@ -27,8 +27,8 @@ class Positions:
         run: Run of each rollout.
         error: Mean distance along the road between simulated and recorded positions at the same time [m]; NaN
             without recorded positions.
-        first_error: Mean distance of the vehicles of the first snapshot alone, which are simulated with every boundary
-            [m].
+        first_error: The same for the vehicles of the first snapshot alone, which every value of `scenes.boundary`
+            simulates [m].
         overlap: Share of the vehicle-seconds in which a simulated vehicle overlaps a replayed one [-].
     """
 
@@ -90,6 +90,7 @@ def overlaps(
         np.moveaxis(np.asarray(values), -1, 0)[..., None] for values in (simulated.frames.x, simulated.frames.lane)
     )
     half = np.asarray(simulated.length).T[:, None, :, None] / 2 + boundary.replayed_length[column][:, :, None] / 2
+    # Replayed vehicles are known at every time step; index 0 is the beginning of a second.
     other_x, other_lane = boundary.replayed_x[column][:, :, 0], boundary.replayed_lane[column][:, :, 0]
     return ((np.abs(x - other_x[:, :, None]) < half) & (lane == other_lane[:, :, None])).any(axis=-1)
 

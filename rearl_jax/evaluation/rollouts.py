@@ -37,7 +37,7 @@ from rearl_jax.evaluation.simulators import (
 from rearl_jax.problems import InvalidInputError, Problem, out_of_range
 
 NO_SCENE = -1
-"""Replaces the scene_id in the random keys of rollouts that share no initial state with those of any scene."""
+"""Takes the place of scene_id in random keys, to draw initial states that belong to no scene."""
 
 
 class Rollouts:
@@ -81,8 +81,7 @@ class Rollouts:
         self._scene_id = shared_id if is_shared else scenes.scene_id[held_out].astype(np.int32)
         self._n_runs = config.eval.n_runs
         self._numbers = range(len(rows) * self._n_runs * len(self._served))
-        # A last axis of length 1: the same for all scenarios.
-        self._traffic = jax.tree.map(_same_for_all, rows[0].population)
+        self._traffic = jax.tree.map(_with_scenario_axis, rows[0].population)
         self._is_cooperative = rows[0].is_cooperative
         self._references = self._thresholds = self._shares = None
         self.policy: TrainedPolicy | None = None
@@ -94,7 +93,7 @@ class Rollouts:
             if references is None:
                 message = "needs references to compare the traffic with"
                 raise InvalidInputError(Problem("references-missing", message, key=f"method={config.method.name}"))
-            self._references = jax.tree.map(_same_for_all, references)
+            self._references = jax.tree.map(_with_scenario_axis, references)
             self._thresholds = np.array([row.thresholds for row in rows], config.core.dtype.name).T
         self._state = self._surroundings = None
         self.boundary: SceneBoundary | None = None
@@ -110,7 +109,9 @@ class Rollouts:
                     bounded_state(self.boundary, config.core),
                     recorded_surroundings(self.boundary, config.core),
                 )
-                motion, identity, entrants = jax.tree.map(_same_for_all, (table.motion, table.identity, table.entrants))
+                motion, identity, entrants = jax.tree.map(
+                    _with_scenario_axis, (table.motion, table.identity, table.entrants)
+                )
                 self._surroundings = Boundary(motion, identity, entrants, np.asarray(table.scene))
             self._state = jax.tree.map(np.asarray, state)
 
@@ -148,7 +149,7 @@ class Rollouts:
         return np.arange(self._numbers.start, self._numbers.stop, self._numbers.step)
 
     def chunks(self) -> Iterator[Simulated]:
-        """Rollouts chunk by chunk, scenarios in the order of `run` and `scene`."""
+        """Rollouts chunk by chunk, in the order of `row`, `run` and `scene`."""
         config = self.config
         control = interventions(config) if self.policy is None else self.policy.options
         if isinstance(control, Interventions) and (control.policy.is_outside or self._host_policy is not None):
@@ -174,7 +175,7 @@ class Rollouts:
             measured=jax.tree.map(lambda leaf: leaf[..., column], self._state),
             references=self._references,
             thresholds=None if self._thresholds is None else tuple(self._thresholds[:, row]),
-            actor=None if self.policy is None else jax.tree.map(_same_for_all, self.policy.network.actor),
+            actor=None if self.policy is None else jax.tree.map(_with_scenario_axis, self.policy.network.actor),
             shares=None if self._shares is None else self._shares[:, row],
             traffic=self._traffic,
             boundary=None if self._surroundings is None else replace(self._surroundings, scene=column.astype(np.int32)),
@@ -206,7 +207,7 @@ class Rollouts:
         )
 
 
-def _same_for_all(leaf: Array | np.ndarray) -> np.ndarray:
+def _with_scenario_axis(leaf: Array | np.ndarray) -> np.ndarray:
     """An array with a last axis of length 1: the same for all scenarios."""
     return np.asarray(leaf)[..., None]
 

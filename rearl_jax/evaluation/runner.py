@@ -138,12 +138,12 @@ def evaluate(
         reference = pool.submit(reference_rows, config, scenes, held_out, scorer)
         for row in simulated.rows:
             rollouts = Rollouts([row], scenes, held_out, references, host_policy)
-            scores, sample, log, own_positions = simulated_row(
+            scores, sample, log, row_positions = simulated_row(
                 row.name, rollouts, scorer, scenes, held_out, example, progress
             )
             rows.append(scores)
-            if own_positions is not None:
-                positions[row.name] = own_positions
+            if row_positions is not None:
+                positions[row.name] = row_positions
             if log is not None:
                 logs[row.name] = log
             if row.name == simulated.main:
@@ -177,11 +177,14 @@ def simulated_row(
     example: int,
     progress: Callable[[int, int], None],
 ) -> tuple[Scores, Sample, DecisionLog | None, Positions | None]:
-    """Scores of a row on the held-out scenes, data of its figures, its decisions, and positions of its vehicles."""
+    """Scores of a row on the held-out scenes, data of its figures, its decisions, and positions of its vehicles.
+
+    `example` is the index of the scene whose first rollout the space-time diagram shows.
+    """
     begin = time.perf_counter()
     edges = speed_histogram_edges(rollouts.config.hist)
     speed_counts = np.zeros(len(edges) - 1, np.int64)
-    chunks, decisions, action_counts, example_frames, positions, done = [], [], [], None, [], 0
+    chunks, decisions, action_counts, example_rollout, positions, done = [], [], [], None, [], 0
     paths, columns = [], []
     for simulated, chunk in scored_chunks(rollouts, scorer, held_out, progress):
         frames = simulated.frames
@@ -196,24 +199,26 @@ def simulated_row(
         if simulated.actions is not None:
             action_counts.append(count_actions(np.asarray(simulated.actions), np.asarray(frames.speed), edges))
         speed_counts += np.histogram(np.clip(frames.speed, edges[0], edges[-1]), edges)[0]
-        if example_frames is None and example in chunk.scene:
+        if example_rollout is None and example in chunk.scene:
             column = chunk.rollout[np.flatnonzero(chunk.scene == example)[0]]
-            example_frames = jax.tree.map(lambda leaf, at=column: np.array(leaf[..., at]), (frames, simulated.length))
+            example_rollout = jax.tree.map(
+                lambda leaf, column=column: np.array(leaf[..., column]), (frames, simulated.length)
+            )
     scores, observed = _joined(name, chunks, len(rollouts)), recorded_paths(scenes, held_out, rollouts.config)
     scores = with_paths(scores, join_paths(paths), np.concatenate(columns), observed, held_out)
     scores = replace(scores, seconds=time.perf_counter() - begin)
-    assert example_frames is not None  # the example is one of the held-out scenes
+    assert example_rollout is not None  # the example is one of the held-out scenes
     log = None
     if decisions[0] is not None:
         joined = jax.tree.map(lambda *leaves: np.concatenate(leaves, axis=-1), *decisions)
         log = DecisionLog(rollouts.scene, rollouts.run, joined)
     counts = np.sum(action_counts, axis=0) if action_counts else None
-    first, lengths = example_frames
+    frames, lengths = example_rollout
     compared = [part for part in positions if part is not None]
     around = rollouts.boundary
     if around is not None:
         around = around.select(np.flatnonzero(held_out == example))
-    sample = Sample(example, first, lengths, around, speed_counts, counts)
+    sample = Sample(example, frames, lengths, around, speed_counts, counts)
     return scores, sample, log, join_positions(compared) if compared else None
 
 
@@ -235,9 +240,9 @@ def scored_rollouts(
 
 def make_scorer(config: EvaluateTask, scenes: SceneSet, n_pairs: int) -> Scorer:
     """Scorer of the configured metrics for a number of pairs of a rollout and a scene."""
-    width = min(config.core.chunk, math.ceil(n_pairs / len(jax.local_devices())))
+    per_device = min(config.core.chunk, math.ceil(n_pairs / len(jax.local_devices())))
     metrics = MetricsConfig(config.hist, config.thw, config.safety, config.realism, config.spacing)
-    return Scorer(scenes, metrics, width=width, dtype=np.dtype(config.core.dtype.name))
+    return Scorer(scenes, metrics, per_device=per_device, dtype=np.dtype(config.core.dtype.name))
 
 
 @dataclass(frozen=True)
@@ -271,7 +276,7 @@ def scored_chunks(
         n = simulated.frames.x.shape[-1]
         for start in range(0, n, eval.n_runs if is_shared else n):
             columns = slice(start, min(start + eval.n_runs, n) if is_shared else n)
-            selected = jax.tree.map(lambda leaf, at=columns: leaf[..., at], simulated)
+            selected = jax.tree.map(lambda leaf, columns=columns: leaf[..., columns], simulated)
             part = rollouts[done : done + columns.stop - start]
             scene, column = part.scene, np.arange(len(part))
             if is_shared:
@@ -292,18 +297,18 @@ def _joined(name: str, chunks: list[ScoredChunk], n_rollouts: int) -> Scores:
 
 
 def reference_rows(config: EvaluateTask, scenes: SceneSet, held_out: np.ndarray, scorer: Scorer) -> list[Scores]:
-    """Real against real, the noise floor, and the real scenes themselves."""
+    """The rows real against real, noise floor and real (the held-out scenes themselves)."""
     begin = time.perf_counter()
     partner, scene, run = partners(scenes, held_out, config.eval)
     both = scorer.recorded(np.concatenate([held_out, partner]), np.concatenate([held_out, scene]))
     scored = time.perf_counter()
-    metrics = [
-        jax.tree.map(lambda leaf, at=at: leaf[..., at], both)
-        for at in (slice(None, len(held_out)), slice(len(held_out), None))
-    ]
+    held_out_metrics, partner_metrics = (
+        jax.tree.map(lambda leaf, pairs=pairs: leaf[..., pairs], both)
+        for pairs in (slice(None, len(held_out)), slice(len(held_out), None))
+    )
     run_0 = np.zeros(len(held_out), np.int64)
-    real = scores_of(REAL, held_out, run_0, metrics[0], partner=held_out, seconds=scored - begin)
-    others = scores_of(REAL_VS_REAL, scene, run, metrics[1], partner=partner, seconds=scored - begin)
+    real = scores_of(REAL, held_out, run_0, held_out_metrics, partner=held_out, seconds=scored - begin)
+    others = scores_of(REAL_VS_REAL, scene, run, partner_metrics, partner=partner, seconds=scored - begin)
     chosen, column = np.unique(partner, return_inverse=True)
     paths, observed = (recorded_paths(scenes, index, config) for index in (chosen, held_out))
     others = with_paths(others, paths, column, observed, held_out)

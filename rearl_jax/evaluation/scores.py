@@ -10,7 +10,7 @@ from jaxtyping import Array, Float, Int
 
 from rearl_jax.config.evaluation import EvaluationConfig
 from rearl_jax.config.metrics import HistConfig, OutOfBounds, RealismConfig
-from rearl_jax.data.scenes.scene_set import SceneSet, real_lane_change_rate
+from rearl_jax.data.scenes.scene_set import SceneSet, recorded_lane_change_rate
 from rearl_jax.metrics import MEASURED, METRICS
 from rearl_jax.metrics.histograms import legacy_scale, noise_floor, speed_edges
 from rearl_jax.metrics.realism import Realism, RealismCounts, realism_scores
@@ -18,7 +18,9 @@ from rearl_jax.metrics.scene import SceneMetrics, SceneSeries
 from rearl_jax.problems import InvalidInputError, Problem
 
 REAL, REAL_VS_REAL, NOISE_FLOOR = "real", "real_vs_real", "noise_floor"
-"""Reference rows: the scenes themselves, other scenes in their place, and chance alone."""
+"""Reference rows: the recorded scenes themselves, other recorded scenes in the place of a simulation, and two samples
+of the speeds of one scene.
+"""
 
 TITLES = {REAL: "real", REAL_VS_REAL: "real against real", NOISE_FLOOR: "noise floor"}
 """Titles of the reference rows; the title of a method is its name."""
@@ -120,8 +122,8 @@ def scores_of(
 def of_recordings(scores: Scores, scenes: SceneSet) -> Scores:
     """Scores of recorded scenes, without metrics that recordings do not determine.
 
-    Their lane-change rate counts every vehicle of a snapshot over the second after it, also those that are
-    not among the picked ones of the next snapshot. A scene scored against itself keeps only the metrics that describe
+    Recorded lane-change rates count every vehicle of a snapshot over the second after it, also those that are not
+    among the picked ones of the next snapshot. A scene scored against itself keeps only the metrics that describe
     one scene.
     """
     if scores.partner is None:
@@ -129,7 +131,7 @@ def of_recordings(scores: Scores, scenes: SceneSet) -> Scores:
         raise InvalidInputError(Problem("row-simulated", message))
     if (scenes.lane < 0).any():
         return replace(scores.without(NEEDS_LANES), realism=None)
-    values = scores.values | {"lcr": real_lane_change_rate(scenes)[scores.partner]}
+    values = scores.values | {"lcr": recorded_lane_change_rate(scenes)[scores.partner]}
     scores = replace(scores, values=values)
     if scores.row == REAL:
         return scores.without(COMPARING)
@@ -191,7 +193,7 @@ def _realism_program(realism: RealismConfig) -> Callable[..., Realism]:
 
 
 def with_realism(rows: list[Scores], real: Scores, realism: RealismConfig) -> list[Scores]:
-    """The rows with the likelihoods of the real scenes under each row, where a row has bin counts.
+    """The rows with the likelihoods of the recorded scenes under each row, where a row has bin counts.
 
     A pair's figure is of its rollout alone; the row's figure pools the runs of a scene, as the measure is defined. One
     compiled call serves all rows.
@@ -206,15 +208,15 @@ def with_realism(rows: list[Scores], real: Scores, realism: RealismConfig) -> li
         return rows
     n_scenes = len(real.scene)
     order = np.argsort(real.scene)
-    simulated, real_columns = [], []
+    simulated, scene_columns = [], []
     for row in counted:
-        at = order[np.searchsorted(real.scene, row.scene, sorter=order)]
-        simulated += [row.realism, jax.tree.map(partial(_summed, group=at, n_groups=n_scenes), row.realism)]
-        real_columns += [at, np.arange(n_scenes)]
+        of_pairs = order[np.searchsorted(real.scene, row.scene, sorter=order)]
+        simulated += [row.realism, jax.tree.map(partial(_summed, group=of_pairs, n_groups=n_scenes), row.realism)]
+        scene_columns += [of_pairs, np.arange(n_scenes)]
     counts = jax.tree.map(lambda *leaves: np.concatenate(leaves, axis=-1), *simulated)
-    wanted = jax.tree.map(lambda leaf: leaf[..., np.concatenate(real_columns)], real.realism)
-    likelihoods = _realism_program(realism)(counts, wanted)
-    ends = np.cumsum([len(at) for at in real_columns])[:-1]
+    recorded = jax.tree.map(lambda leaf: leaf[..., np.concatenate(scene_columns)], real.realism)
+    likelihoods = _realism_program(realism)(counts, recorded)
+    ends = np.cumsum([len(columns) for columns in scene_columns])[:-1]
     complete = {row.row: row for row in counted}
     for name, feature in LIKELIHOODS.items():
         measure = getattr(likelihoods, feature)
@@ -222,12 +224,12 @@ def with_realism(rows: list[Scores], real: Scores, realism: RealismConfig) -> li
         # Each row has two parts, its pairs and its scenes, so the iterator is consumed twice per row.
         parts = zip(np.split(figures, ends), np.split(np.asarray(measure.count), ends), strict=True)
         for row, (single, n_single), (pooled, _) in zip(counted, parts, parts, strict=True):
-            own = complete[row.row]
+            scores = complete[row.row]
             complete[row.row] = replace(
-                own,
-                values=own.values | {name: single},
-                counts=own.counts | {name: n_single},
-                pooled=own.pooled | {name: pooled},
+                scores,
+                values=scores.values | {name: single},
+                counts=scores.counts | {name: n_single},
+                pooled=scores.pooled | {name: pooled},
             )
     return [complete.get(row.row, row) for row in rows]
 

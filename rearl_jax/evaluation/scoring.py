@@ -1,7 +1,7 @@
-"""Metrics of simulated or recorded traffic against recorded scenes, by one compiled program for both.
+"""Metrics of traffic against recorded scenes; one compiled program scores simulated and recorded traffic.
 
-Arrays have the scenario axis last. Real arrays are gathered for one batch at a time, so memory grows with the
-number of rollouts only by their figures.
+Arrays have the scenario axis last. Recorded arrays are copied for one batch at a time; per rollout, only its metrics
+stay in memory.
 """
 
 import functools
@@ -25,13 +25,13 @@ from rearl_jax.metrics.scene import (
 
 
 def score(batch: tuple[dict[str, Array], dict[str, Array]], config: MetricsConfig) -> SceneMetrics:
-    """Metrics of a batch of scenes, given as the fields of `Trajectories`, against real ones.
+    """Metrics of a batch of scenes, given as the fields of `Trajectories`, against recorded ones.
 
-    The real ones are given by `scaled_speed`, `mean_spacing` and `spacing`.
+    The recorded ones are given by `scaled_speed`, `mean_spacing` and `spacing`.
     """
-    scene, real = batch
-    reference = scene_reference(real["scaled_speed"], real["mean_spacing"], real["spacing"], config.hist)
-    return scene_metrics(Trajectories(**scene), reference, config)
+    scored, recorded = batch
+    reference = scene_reference(recorded["scaled_speed"], recorded["mean_spacing"], recorded["spacing"], config.hist)
+    return scene_metrics(Trajectories(**scored), reference, config)
 
 
 def join(parts: list[SceneMetrics]) -> SceneMetrics:
@@ -40,25 +40,25 @@ def join(parts: list[SceneMetrics]) -> SceneMetrics:
 
 
 @functools.cache
-def _program(config: MetricsConfig, width: int) -> ScenarioMap:
+def _program(config: MetricsConfig, per_device: int) -> ScenarioMap:
     """Program that scores a batch; compiled once for all studies of a process."""
-    return ScenarioMap(functools.partial(score, config=config), chunk=width)
+    return ScenarioMap(functools.partial(score, config=config), chunk=per_device)
 
 
 class Scorer:
-    """Scores traffic against the scenes of a set, in batches of one width."""
+    """Scores traffic against the scenes of a set, in batches of equal size."""
 
-    def __init__(self, scenes: SceneSet, config: MetricsConfig, *, width: int, dtype: np.dtype) -> None:
-        """Compiles nothing yet; `width` scenarios are scored at a time on each device, in floating type `dtype`."""
+    def __init__(self, scenes: SceneSet, config: MetricsConfig, *, per_device: int, dtype: np.dtype) -> None:
+        """Compiles nothing yet; each device scores `per_device` scenarios at a time, in floating type `dtype`."""
         self._scenes, self._dtype = scenes, dtype
-        self._map = _program(config, width)
-        self.batch = width * len(jax.local_devices())
+        self._map = _program(config, per_device)
+        self._batch_size = per_device * len(jax.local_devices())
 
-    def recorded(self, candidate: np.ndarray, scene: np.ndarray) -> SceneMetrics:
-        """Metrics of recorded scenes against others (or themselves), both given by index, pair by pair."""
+    def recorded(self, scored: np.ndarray, scene: np.ndarray) -> SceneMetrics:
+        """Metrics of the recorded scenes `scored` against the recorded scenes `scene`, both by index, pair by pair."""
         parts = []
-        for at in self._batches(len(scene)):
-            parts.append(self._score(self._recorded(candidate[at]), scene[at]))
+        for batch in self._batches(len(scene)):
+            parts.append(self._score(self._recorded(scored[batch]), scene[batch]))
         return join(parts)
 
     def simulated(
@@ -77,24 +77,24 @@ class Scorer:
             track_id: Recorded vehicle in each slot; None if every slot holds the same vehicle throughout.
         """
         parts = []
-        for at in self._batches(len(scene)):
-            trajectories = self._simulated(simulated, rollout[at])
+        for batch in self._batches(len(scene)):
+            trajectories = self._simulated(simulated, rollout[batch])
             if track_id is not None:
-                trajectories["track_id"] = np.moveaxis(track_id[rollout[at]], 0, -1).astype(np.int32)
-            parts.append(self._score(trajectories, scene[at]))
+                trajectories["track_id"] = np.moveaxis(track_id[rollout[batch]], 0, -1).astype(np.int32)
+            parts.append(self._score(trajectories, scene[batch]))
         return join(parts)
 
     def _batches(self, n_pairs: int) -> Iterator[slice]:
-        return (slice(start, start + self.batch) for start in range(0, n_pairs, self.batch))
+        return (slice(start, start + self._batch_size) for start in range(0, n_pairs, self._batch_size))
 
     def _score(self, trajectories: dict[str, np.ndarray], scene: np.ndarray) -> SceneMetrics:
-        """Metrics of at most one batch; a smaller batch is filled up, so that one program serves all."""
-        real = {
+        """Metrics of at most one batch; the last pair fills up a smaller batch, so that one program serves all."""
+        recorded = {
             name: self._gathered(getattr(self._scenes, name), scene)
             for name in ("scaled_speed", "mean_spacing", "spacing")
         }
-        columns = np.minimum(np.arange(self.batch), len(scene) - 1)
-        full = jax.tree.map(lambda leaf: leaf[..., columns], (trajectories, real))
+        columns = np.minimum(np.arange(self._batch_size), len(scene) - 1)
+        full = jax.tree.map(lambda leaf: leaf[..., columns], (trajectories, recorded))
         return jax.tree.map(lambda leaf: leaf[..., : len(scene)], self._map(full))
 
     def _gathered(self, values: np.ndarray, index: np.ndarray) -> np.ndarray:
@@ -117,14 +117,14 @@ class Scorer:
         picked = {
             name: np.asarray(getattr(frames, name))[..., index] for name in ("x", "y", "speed", "lane", "crashed")
         }
-        if frames.left_crashed is not None:
-            picked["left_crashed"] = np.asarray(frames.left_crashed)[..., index]
+        if frames.n_crashed_replaced is not None:
+            picked["n_crashed_replaced"] = np.asarray(frames.n_crashed_replaced)[..., index]
         length = np.asarray(simulated.length, self._dtype)[:, index]
         shape = picked["x"].shape
         slots = np.arange(shape[1], dtype=np.int32)[None, :, None]
         return picked | {
             "position": picked["x"],
-            "scaled_speed": picked["speed"],
+            "scaled_speed": picked["speed"],  # only recorded speeds are rescaled, to the range of the simulator
             "length": np.broadcast_to(length, shape),
             "width": np.full(shape, VEHICLE_WIDTH, self._dtype),
             "direction": np.ones(shape, np.int32),

@@ -79,7 +79,7 @@ class Interventions:
 
 
 def interventions(config: EvaluateTask) -> Interventions | None:
-    """The interventions of the configured method, None for none."""
+    """The interventions of the configured method; None if it does not intervene."""
     if not config.method.needs_references:
         return None
     detection = detection_options(config.detection, config.reference, config.hist, config.mape, config.spacing)
@@ -126,7 +126,7 @@ class Batch(NamedTuple):
         if self.boundary is None:
             return None
         boundary = self.boundary
-        motion, identity, entrants = _same_for_all((boundary.motion, boundary.identity, boundary.entrants))
+        motion, identity, entrants = _without_scenario_axis((boundary.motion, boundary.identity, boundary.entrants))
         return Boundary(motion, identity, entrants, jnp.asarray(boundary.scene))
 
 
@@ -147,10 +147,10 @@ def begin(
         state = batch.measured
     around = batch.surroundings()
     if around is not None:
-        state = replace(state, left_crashed=jnp.zeros(state.x.shape, jnp.int32))
+        state = replace(state, n_crashed_replaced=jnp.zeros(state.x.shape, jnp.int32))
     if batch.traffic is not None:
         replayed = None if around is None else around.at_start()
-        state, drivers = populate_by_model(state, drivers, keys, _same_for_all(batch.traffic), model, replayed)
+        state, drivers = populate_by_model(state, drivers, keys, _without_scenario_axis(batch.traffic), model, replayed)
     if batch.measured is not None:
         # Recorded vehicles are not moved to make room. Their state holds their highest recorded speed as desired speed.
         wanted = limited_desired_speed(batch.measured.desired_speed, drivers)
@@ -163,8 +163,8 @@ def begin(
     return state, drivers, keys
 
 
-def _same_for_all(values: Any) -> Any:
-    """Values without their last axis, whose length 1 means the same for all scenarios."""
+def _without_scenario_axis(values: Any) -> Any:
+    """Values without their last axis of length 1, which means that they are the same for all scenarios."""
     return jax.tree.map(lambda leaf: jnp.asarray(leaf)[..., 0], values)
 
 
@@ -189,12 +189,12 @@ def program(
         if control is None:
             return Simulated(simulate_base(state, drivers, model, n_seconds), length)
         if isinstance(control, DrivingOptions):
-            actor = _same_for_all(batch.actor)
+            actor = _without_scenario_axis(batch.actor)
             frames, actions = rollout_with_actor(state, drivers, actor, model, control, n_seconds=n_seconds)
             return Simulated(frames, length, actions=actions)
         assert batch.thresholds is not None  # given with the references
         acting = model_under_decisions(model, control.loop.execution.longitudinal)
-        table = tabulate(_same_for_all(batch.references), control.loop.detection.hist, state.x.dtype)
+        table = tabulate(_without_scenario_axis(batch.references), control.loop.detection.hist, state.x.dtype)
         policy, limits = make_policy(control.policy, control.matcher, acting), Thresholds(*batch.thresholds)
         arguments = state, drivers, decision_keys(keys), table, limits, policy, acting, control.loop
         if around is not None:
@@ -212,7 +212,7 @@ def _from_start(state: TrafficState, frames: Frames, model: TrafficModel) -> Fra
 
 
 def lengths_of(state: TrafficState, drivers: Drivers) -> Float[Array, "vehicles scenarios"]:
-    """Lengths of the vehicles [m], which drivers may share."""
+    """Lengths of the vehicles [m]; `drivers` may hold one length for all vehicles."""
     return jnp.broadcast_to(drivers.body.length, state.x.shape)
 
 
@@ -223,14 +223,14 @@ def decision_keys(keys: Key[Array, " scenarios"]) -> Key[Array, " scenarios"]:
 
 @functools.cache
 def start_program(core: CoreConfig, speed: InitialSpeed, detection: DetectionOptions) -> Callable[[Batch], tuple]:
-    """Program from a batch to initial states, drivers, keys of the decisions and the references' table.
+    """Program with which rollouts decided on the host begin; compiled once for all studies of a process.
 
-    Rollouts with decisions on the host begin with it. Compiled once for all studies of a process.
+    From a batch it computes initial states, drivers, random keys of the decisions and the table of the references.
     """
 
     def start(batch: Batch) -> tuple:
         state, drivers, keys = begin(batch, core, speed, traffic_model(core))
-        table = tabulate(_same_for_all(batch.references), detection.hist, state.x.dtype)
+        table = tabulate(_without_scenario_axis(batch.references), detection.hist, state.x.dtype)
         return state, drivers, decision_keys(keys), table
 
     return jax.jit(start)

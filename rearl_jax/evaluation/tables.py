@@ -58,8 +58,8 @@ def frame_table(evaluation: Evaluation, window: int) -> pd.DataFrame:
     """One row per scored pair and frame: `method`, `scene_id`, `recording`, `run`, `frame`, `h`, `mape_a`,
     `mape_b`, `mape_c`, `spacing`.
 
-    h is that of the window that ends at the frame, so the first `window` - 1 frames have none. The real
-    scenes have only their spacing.
+    h is that of the window that ends at the frame, so the first `window` - 1 frames have none. The
+    row `real` has only the spacing.
     """
     parts = []
     for row in evaluation.rows:
@@ -80,8 +80,8 @@ def frame_series(row: Scores, window: int) -> dict[str, np.ndarray]:
     series = row.series
     if series is None:
         raise ValueError(f"row {row.row} has no figures per frame")
-    before = np.full((window - 1, series.h.shape[1]), np.nan, series.h.dtype)
-    h = np.concatenate([before, np.where(series.h_valid, series.h, np.nan)])
+    no_window = np.full((window - 1, series.h.shape[1]), np.nan, series.h.dtype)
+    h = np.concatenate([no_window, np.where(series.h_valid, series.h, np.nan)])
     errors = {
         name: np.where(series.mape_valid, getattr(series, name), np.nan) for name in ("mape_a", "mape_b", "mape_c")
     }
@@ -147,8 +147,8 @@ def summary_rows(
     """
     methods = [row.row for row in evaluation.rows if row.row not in TITLES]
     compared = _LESS_BASE if BASE in methods and len(methods) > 1 else ()
-    of_method = {name: value for extra in evaluation.extras for name, value in extra.summary.items()}
-    others = {name: None for figures in evaluation.figures.values() for name in figures}
+    added_by_method = {name: value for extra in evaluation.extras for name, value in extra.summary.items()}
+    absent = {name: None for figures in evaluation.figures.values() for name in figures}
     objects = []
     for row in evaluation.rows:
         figures: dict[str, str | int | float | None] = {"method": row.row}
@@ -160,8 +160,8 @@ def summary_rows(
         figures["n_scenes"] = len(np.unique(row.scene))
         figures["n_rollouts"] = row.n_rollouts
         figures["seconds"] = round(row.seconds, 3)
-        figures |= of_method if row is evaluation.rows[0] else dict.fromkeys(of_method)
-        figures |= others | dict(evaluation.figures.get(row.row, {}))
+        figures |= added_by_method if row is evaluation.rows[0] else dict.fromkeys(added_by_method)
+        figures |= absent | dict(evaluation.figures.get(row.row, {}))
         objects.append(figures)
     return objects
 

@@ -58,11 +58,11 @@ def run(config: EvaluateTask, *, show: bool = True) -> dict:
         return {"rows": stored}
     with progress_bar() as bar:
         evaluation = compute(config, bar, study=study)
-    of_rows = estimates(evaluation.rows, evaluation.held_out, config.eval)
-    write_tables(study, evaluation, of_rows)
+    found = estimates(evaluation.rows, evaluation.held_out, config.eval)
+    write_tables(study, evaluation, found)
     if show:
-        print_document(documented(evaluation, of_rows))
-    return {"rows": write_pages(study, evaluation, of_rows)}
+        print_document(documented(evaluation, found))
+    return {"rows": write_pages(study, evaluation, found)}
 
 
 def check(config: EvaluateTask) -> None:
@@ -94,7 +94,7 @@ def compute(
     if scenes is None:
         inputs = read_inputs(config, study, bar, with_references=config.method.needs_references)
     else:
-        check_boundary(config, has_own_scenes=True)
+        check_boundary(config, has_given_scenes=True)
         inputs = inputs_of_scenes(config, scenes)
     thresholds = thresholds_of(config, inputs, bar)
     mixture, extras = None, list[Extra]()
@@ -105,7 +105,7 @@ def compute(
     with ExitStack() as opened:
         model = None
         if config.decision.policy.is_outside:
-            from rearl_jax.evaluation.language_model import language_model  # for the same reason
+            from rearl_jax.evaluation.language_model import language_model  # likewise
 
             model = opened.enter_context(language_model(config, bar))
         evaluation = evaluate(

@@ -133,8 +133,8 @@ def _driver_note(driver: DriverConfig) -> str:
         f"{name}: " + ", ".join(f"{k} {v:g}" for k, v in parameters.items())
         for name, parameters in driver.classes.items()
     ]
-    words = ", ".join(parts) or "with its usual values"
-    return f"drivers: {driver.model} ({words})" + "".join(f"; {part}" for part in classes)
+    values = ", ".join(parts) or "with its usual values"
+    return f"drivers: {driver.model} ({values})" + "".join(f"; {part}" for part in classes)
 
 
 def _mobil_note(mobil: MobilConfig) -> str:

@@ -1,8 +1,8 @@
 """Exported drivers in SUMO compared with the same drivers in this package: gaps of platoons, and flow of many drivers.
 
-Round trip: the same drivers behind the same measured first vehicles; the difference is that between the two
-programs. Flow: SUMO draws its drivers from the exported file; speeds and headways of both are scored by this
-package's metrics, compared with two draws of this package.
+Round trip: both programs simulate the same drivers behind the same measured first vehicles, so differences are those
+of the programs. Flow: SUMO draws its drivers from the exported file; their speeds and headways are compared with those
+of drivers that this package draws. A second draw of this package shows the effect of chance alone.
 """
 
 from dataclasses import dataclass, replace
@@ -64,6 +64,7 @@ def round_trip(
 def _round_trip_row(
     label: str, population: Population, leader_speed: np.ndarray, n_followers: int, seed: int, extended: bool
 ) -> dict[str, Any]:
+    """Row of `round_trip` for a population, named by a label."""
     start = start_platoons(population, leader_speed, n_followers, seed)
     types, names = {}, []
     for number in range(leader_speed.shape[1]):
@@ -71,17 +72,17 @@ def _round_trip_row(
         drawn = type_attributes(drivers, population.effects, extended=extended)
         names.append([f"driver_{number}_{k}" for k in range(1, n_followers + 1)])
         types |= dict(zip(names[-1], drawn[1:], strict=True))
-    ours = simulate(start, leader_speed)
-    theirs = simulate_in_sumo(start, leader_speed, sumo_file(types), names, seed)
-    difference = np.abs(theirs.gap - ours.gap)
+    here = simulate(start, leader_speed)
+    in_sumo = simulate_in_sumo(start, leader_speed, sumo_file(types), names, seed)
+    difference = np.abs(in_sumo.gap - here.gap)
     return {
         "compared": label,
-        "gap": float(ours.gap.mean()),
+        "gap": float(here.gap.mean()),
         "difference": float(difference.mean()),
         "first": float(difference[:, 0].mean()),
         "last": float(difference[:, -1].mean()),
         "largest": float(difference.max()),
-        "crashed": float((theirs.gap < 0).any(axis=0).mean()),
+        "crashed": float((in_sumo.gap < 0).any(axis=0).mean()),
     }
 
 
@@ -169,6 +170,6 @@ def counts(
     return cumulative_counts(jnp.asarray(values), edges, drop=False, valid=mask)[-1].sum(axis=-1, dtype=jnp.int32)
 
 
-def _distance(own: Int[Array, " bins"], reference: Int[Array, " bins"]) -> float:
+def _distance(histogram: Int[Array, " bins"], reference: Int[Array, " bins"]) -> float:
     """Hellinger distance of two distributions [-]."""
-    return float(histogram_distances(own, reference, jnp.dtype(jnp.float64)).value)
+    return float(histogram_distances(histogram, reference, jnp.dtype(jnp.float64)).value)

@@ -26,10 +26,11 @@ def document_of(
         generated: Whether any of the recordings of the comparison were generated.
     """
     program = PROGRAMS[summary["target"]]
-    said = tables["said"]
-    sections = [_said_section(said, program)]
+    translations = tables["said"]
+    sections = [_parts_section(translations, program)]
     verdict = (
-        f"{summary['n_types']} drivers for {program} in {path}; {summary['n_unsaid']} of {len(said)} parts not said"
+        f"{summary['n_types']} drivers for {program} in {path}; "
+        f"{summary['n_unsaid']} of {len(translations)} parts have no counterpart"
     )
     if "round_trip" in tables:
         sections.append(_comparison(config, tables))
@@ -40,9 +41,9 @@ def document_of(
     return Document(f"Export to {program}", f"{verdict}.", tuple(sections), "export", generated=generated)
 
 
-def _said_section(said: pd.DataFrame, program: str) -> Section:
+def _parts_section(translations: pd.DataFrame, program: str) -> Section:
     columns = {"what": "part of the model", "where": f"in {program}", "remark": "remark"}
-    return Section("Parts of the model", tables=(table_of(f"Parts of the model in {program}", said, columns),))
+    return Section("Parts of the model", tables=(table_of(f"Parts of the model in {program}", translations, columns),))
 
 
 def _comparison(config: ExportTask, tables: Mapping[str, pd.DataFrame]) -> Section:

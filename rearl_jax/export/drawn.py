@@ -1,4 +1,4 @@
-"""Drivers drawn from a population, as columns of numbers, the input of every export target."""
+"""Drivers drawn from a population (a distribution of driver parameters), as columns of numbers for every target."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -58,6 +58,7 @@ def draw(population: Population, n: int, seed: int) -> DriverColumns:
 
 @eqx.filter_jit
 def _draw(keys: Key[Array, " scenarios"], n: int, population: Population) -> DrawnDrivers:
+    """`n` drivers of a population for each key."""
     return draw_drivers(keys, n, population.median.dtype, population)
 
 

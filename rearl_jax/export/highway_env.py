@@ -13,7 +13,7 @@ import numpy as np
 from rearl_jax.config.driver import DEFAULT
 from rearl_jax.core.car_following.highway_env_idm import VEHICLE_LENGTH
 from rearl_jax.export.drawn import DriverColumns, draw
-from rearl_jax.export.said import Exported, Said, unsaid_effects
+from rearl_jax.export.translations import Exported, Translation, untranslated_effects
 from rearl_jax.models.population import Population
 from rearl_jax.problems import InvalidInputError, Problem
 
@@ -65,12 +65,14 @@ def to_highway_env(population: Population, n_drivers: int, seed: int) -> Exporte
             )
         )
     drawn = draw(population, n_drivers, seed)
-    drivers = [_attributes(drawn, k) | _lane_changing(population) for k in range(n_drivers)]
-    return Exported(json.dumps(drivers, indent=1) + "\n", tuple(_said(population, drawn)))
+    drivers = [_attributes(drawn, number) | _lane_changing(population) for number in range(n_drivers)]
+    return Exported(json.dumps(drivers, indent=1) + "\n", tuple(_translations(population, drawn)))
 
 
-def _attributes(drawn: DriverColumns, k: int) -> dict[str, float]:
-    attributes = {ATTRIBUTES[name]: float(values[k]) for name, values in drawn.values.items() if np.isfinite(values[k])}
+def _attributes(drawn: DriverColumns, number: int) -> dict[str, float]:
+    """Attributes of one driver of those drawn, as highway-env defines them."""
+    values = {name: float(column[number]) for name, column in drawn.values.items()}
+    attributes = {ATTRIBUTES[name]: value for name, value in values.items() if np.isfinite(value)}
     attributes["DISTANCE_WANTED"] += VEHICLE_LENGTH
     attributes["COMFORT_ACC_MIN"] *= -1
     if drawn.car_following == PUBLISHED_IDM:
@@ -79,22 +81,24 @@ def _attributes(drawn: DriverColumns, k: int) -> dict[str, float]:
 
 
 def _lane_changing(population: Population) -> dict[str, float]:
+    """Attributes of MOBIL; none if the population does not state it."""
     mobil = population.lane_changing
     if mobil is None:
         return {}
     return {attribute: float(f"{float(getattr(mobil, name)):.6g}") for name, attribute in LANE_CHANGING.items()}
 
 
-def _said(population: Population, drawn: DriverColumns) -> list[Said]:
+def _translations(population: Population, drawn: DriverColumns) -> list[Translation]:
+    """Counterpart in highway-env of each part of the model."""
     has_other_gaps = drawn.car_following == PUBLISHED_IDM
-    said = [Said(f"car_following {drawn.car_following}", "IDMVehicle", _CENTRES if has_other_gaps else "")]
-    said += [Said(name, ATTRIBUTES[name], "plus 5 m" if name == "jam_gap" else "") for name in drawn.values]
-    said += [Said(name, None, "highway-env draws it with each vehicle") for name in population.drawn]
+    parts = [Translation(f"car_following {drawn.car_following}", "IDMVehicle", _CENTRES if has_other_gaps else "")]
+    parts += [Translation(name, ATTRIBUTES[name], "plus 5 m" if name == "jam_gap" else "") for name in drawn.values]
+    parts += [Translation(name, None, "highway-env draws it with each vehicle") for name in population.drawn]
     if population.lane_changing is not None:
-        said += [Said(f"lane_changing {name}", attribute) for name, attribute in LANE_CHANGING.items()]
-    said += unsaid_effects((effect.name for effect in population.effects), "highway-env")
+        parts += [Translation(f"lane_changing {name}", attribute) for name, attribute in LANE_CHANGING.items()]
+    parts += untranslated_effects((effect.name for effect in population.effects), "highway-env")
     if population.is_noisy:
-        said.append(Said("noise_sd, noise_time", None, "highway-env's drivers have no noise"))
+        parts.append(Translation("noise_sd, noise_time", None, "highway-env's drivers have no noise"))
     if population.is_resized:
-        said.append(Said("length, class of vehicles", None, "all vehicles of highway-env are 5 m long"))
-    return said
+        parts.append(Translation("length, class of vehicles", None, "all vehicles of highway-env are 5 m long"))
+    return parts

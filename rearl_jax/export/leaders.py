@@ -1,4 +1,4 @@
-"""Speeds of measured first vehicles, which have no vehicle ahead."""
+"""Speeds of measured first vehicles, which have no vehicle ahead, in pieces of equal length: parts of their tracks."""
 
 import numpy as np
 import pandas as pd

@@ -14,7 +14,7 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from rearl_jax.export.drawn import DriverColumns, draw
-from rearl_jax.export.said import Exported, Said, unsaid_effects
+from rearl_jax.export.translations import Exported, Translation, untranslated_effects
 from rearl_jax.models.population import Population
 
 DRIVER = "driver_{}"
@@ -48,10 +48,11 @@ def to_openscenario(population: Population, n_drivers: int, seed: int) -> Export
     """
     check_openscenario()
     drawn = draw(population, n_drivers, seed)
-    return Exported(_catalogue(drawn), tuple(_said(population, drawn)))
+    return Exported(_catalogue(drawn), tuple(_translations(population, drawn)))
 
 
 def _catalogue(drawn: DriverColumns) -> str:
+    """Content of the catalogue file."""
     xosc = import_module("scenariogeneration.xosc")
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / "ControllerCatalog.xosc"
@@ -67,21 +68,26 @@ def _catalogue(drawn: DriverColumns) -> str:
         return path.read_text(encoding="utf-8")
 
 
-def _properties(drawn: DriverColumns, k: int) -> dict[str, str]:
-    numbers = {name: values[k] for name, values in drawn.values.items()} | {"length": drawn.length[k]}
+def _properties(drawn: DriverColumns, number: int) -> dict[str, str]:
+    """Properties of the controller of one driver of those drawn."""
+    numbers = {name: values[number] for name, values in drawn.values.items()} | {"length": drawn.length[number]}
     return {
         "car_following": drawn.car_following,
         **{name: f"{value:.6g}" for name, value in numbers.items()},
-        "vehicle_class": "truck" if drawn.is_truck[k] else "car",
+        "vehicle_class": "truck" if drawn.is_truck[number] else "car",
     }
 
 
-def _said(population: Population, drawn: DriverColumns) -> list[Said]:
-    said = [Said(f"car_following {drawn.car_following}", _PROPERTY.format("car_following"), _NO_EQUATION)]
-    said += [Said(name, _PROPERTY.format(name)) for name in drawn.values]
-    said.append(Said("length", _PROPERTY.format("length"), _OF_VEHICLE))
-    said.append(Said("class of vehicles", _PROPERTY.format("vehicle_class"), _OF_VEHICLE))
-    said += unsaid_effects((effect.name for effect in population.effects), "OpenSCENARIO")
+def _translations(population: Population, drawn: DriverColumns) -> list[Translation]:
+    """Counterpart in OpenSCENARIO of each part of the model."""
+    parts = [Translation(f"car_following {drawn.car_following}", _PROPERTY.format("car_following"), _NO_EQUATION)]
+    parts += [Translation(name, _PROPERTY.format(name)) for name in drawn.values]
+    parts.append(Translation("length", _PROPERTY.format("length"), _OF_VEHICLE))
+    parts.append(Translation("class of vehicles", _PROPERTY.format("vehicle_class"), _OF_VEHICLE))
+    parts += untranslated_effects((effect.name for effect in population.effects), "OpenSCENARIO")
     if population.is_noisy:
-        said.append(Said("noise_sd, noise_time", None, "a property holds one value, and no process in time"))
-    return [*said, Said("lane changing", None, "belongs to the controller's program, as car following does")]
+        parts.append(Translation("noise_sd, noise_time", None, "a property holds one value, and no process in time"))
+    return [
+        *parts,
+        Translation("lane changing", None, "belongs to the controller's program, as car following does"),
+    ]

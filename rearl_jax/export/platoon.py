@@ -1,4 +1,4 @@
-"""Platoons behind measured first vehicles in this package's traffic core."""
+"""Platoons behind measured first vehicles, simulated by this package's traffic core."""
 
 from dataclasses import dataclass, replace
 
@@ -118,6 +118,8 @@ def _simulate(
     position: Float[Array, "steps platoons"],
     speed: Float[Array, "steps platoons"],
 ) -> tuple[Float[Array, "steps vehicles platoons"], Float[Array, "steps vehicles platoons"]]:
+    """Positions [m] and speeds [m/s] of platoons whose first vehicles have the given ones."""
+
     def lead(state: TrafficState, x: Array, speed: Array, acceleration: Array) -> TrafficState:
         """The state with the first vehicles where they were measured."""
         return replace(

@@ -8,13 +8,13 @@ import numpy as np
 from rearl_jax.config.driver import MODELS as DECLARED
 from rearl_jax.config.driver import record_of
 from rearl_jax.config.driver.declaration import DriverParameter
-from rearl_jax.export.said import Said
 from rearl_jax.export.sumo import MODELS
+from rearl_jax.export.translations import Translation
 from rearl_jax.export.vehicle_types import VehicleType
 from rearl_jax.models.record import CAR, TRUCK, DriverClass
 
 OUR_MODELS = {sumo.name: name for name, sumo in MODELS.items()}
-"""Our car-following model by SUMO's name."""
+"""This package's car-following model by SUMO's name of it."""
 
 ROUNDING_TOLERANCE = 1e-6
 """Relative difference [-] of two numbers below which they count as equal, because files round them."""
@@ -27,7 +27,7 @@ _UNREAD = {
     "speedFactor": "needs sumo.speed_limit",
     "speedDev": "needs sumo.speed_limit",
 }
-"""Reasons why attributes have no counterpart, for values other than `NEUTRAL_VALUES`."""
+"""Why attributes have no counterpart, if their values differ from `NEUTRAL_VALUES`."""
 
 NEUTRAL_VALUES = {"delta": 4.0, "sigma": 0.0, "emergencyDecel": 9.0, "speedFactor": 1.0, "speedDev": 0.0}
 """Values of attributes that have no influence, so that leaving them out loses nothing."""
@@ -35,7 +35,7 @@ NEUTRAL_VALUES = {"delta": 4.0, "sigma": 0.0, "emergencyDecel": 9.0, "speedFacto
 
 def population_of_types(
     types: Sequence[VehicleType], speed_limit: float | None
-) -> tuple[str, dict[str, DriverClass], list[Said]]:
+) -> tuple[str, dict[str, DriverClass], list[Translation]]:
     """Name of the car-following model, drivers by class, and the translation of each attribute.
 
     Args:
@@ -54,14 +54,16 @@ def population_of_types(
         raise types[0].refuse("cars-missing", "no type with a probability is a car", "add one", "vClass")
     classes = {}
     for kind in (CAR, TRUCK):
-        own = (kinds == kind) & (weights > 0)
-        if own.any():
-            members = [rows[k] for k in np.flatnonzero(own)]
-            classes[kind] = _class(members, name, weights[own] / weights[own].sum(), weights[own].sum() / weights.sum())
-    return name, classes, _said(types, name, speed_limit)
+        is_member = (kinds == kind) & (weights > 0)
+        if is_member.any():
+            members = [rows[k] for k in np.flatnonzero(is_member)]
+            total = weights[is_member].sum()
+            classes[kind] = _class(members, name, weights[is_member] / total, total / weights.sum())
+    return name, classes, _translations(types, name, speed_limit)
 
 
 def _model(types: Sequence[VehicleType]) -> str:
+    """This package's name of the types' model; InvalidInputError for several, or for one without counterpart."""
     models = sorted({vehicle_type.model for vehicle_type in types})
     if len(models) > 1:
         fault = f"differs between types: {', '.join(models)}; a population has one"
@@ -110,6 +112,7 @@ def _desired_speed(
 
 
 def _in_bounds(vehicle_type: VehicleType, name: str, parameter: DriverParameter, value: float) -> float:
+    """The value of a parameter; InvalidInputError outside of its bounds."""
     if not parameter.low <= value <= parameter.high:
         fault = f"gives {parameter.name} = {value:g}, which must be within {parameter.low:g} and {parameter.high:g}"
         remedy = "correct it, or leave the type out with sumo.types"
@@ -120,15 +123,23 @@ def _in_bounds(vehicle_type: VehicleType, name: str, parameter: DriverParameter,
 def _class(
     members: Sequence[dict[str, tuple[float, float]]], name: str, weights: np.ndarray, share: float
 ) -> DriverClass:
-    """Weighted means and covariance of the logarithms; a spread within a type adds to that between types."""
+    """Weighted means and covariance of the logarithms; a spread within a type adds to that between types.
+
+    Args:
+        members: Value and standard deviation of every parameter, for each type of the class.
+        name: Name of the car-following model.
+        weights: Weight of each type; their sum is 1.
+        share: Share of the class in all vehicles [-].
+    """
     names = DECLARED[name].names
-    values, deviations = (np.array([[own[key][k] for key in names] for own in members]) for k in (0, 1))
+    # 0: value, 1: standard deviation.
+    values, deviations = (np.array([[member[key][k] for key in names] for member in members]) for k in (0, 1))
     within = np.log1p((deviations / values) ** 2)
     logs = np.log(values) - within / 2  # the file states means, not medians
     mean = weights @ logs
     deviation = logs - mean
     covariance = (weights[:, None] * deviation).T @ deviation + np.diag(weights @ within)
-    lengths, length_sd = (np.array([own["length"][k] for own in members]) for k in (0, 1))
+    lengths, length_sd = (np.array([member["length"][k] for member in members]) for k in (0, 1))
     length = float(weights @ lengths)
     defaults = record_of(name)()
     return DriverClass(
@@ -142,27 +153,31 @@ def _class(
     )
 
 
-def _said(types: Sequence[VehicleType], name: str, speed_limit: float | None) -> list[Said]:
+def _translations(types: Sequence[VehicleType], name: str, speed_limit: float | None) -> list[Translation]:
     """Translation of each attribute of the file, and of those that it leaves to SUMO's defaults."""
-    targets = {own: parameter for parameter, attributes in MODELS[name].attributes.items() for own in attributes}
+    targets = {
+        attribute: parameter for parameter, attributes in MODELS[name].attributes.items() for attribute in attributes
+    }
     targets |= {"length": "length", "vClass": "class of vehicles", "carFollowModel": f"car_following {name}"}
     if speed_limit is not None:
         targets |= {"speedFactor": "desired_speed", "speedDev": "desired_speed"}
-    said = []
-    for own, target in targets.items():
-        left = sum(own not in vehicle_type.attributes for vehicle_type in types)
-        said.append(Said(own, target, f"SUMO's default for {left} of {len(types)} types" if left else ""))
-    others = dict.fromkeys(own for vehicle_type in types for own in vehicle_type.attributes if own not in targets)
-    return said + [_unread(own, types) for own in others]
+    found = []
+    for attribute, target in targets.items():
+        left = sum(attribute not in vehicle_type.attributes for vehicle_type in types)
+        found.append(Translation(attribute, target, f"SUMO's default for {left} of {len(types)} types" if left else ""))
+    others = dict.fromkeys(
+        attribute for vehicle_type in types for attribute in vehicle_type.attributes if attribute not in targets
+    )
+    return found + [_unread(attribute, types) for attribute in others]
 
 
-def _unread(attribute: str, types: Sequence[VehicleType]) -> Said:
+def _unread(attribute: str, types: Sequence[VehicleType]) -> Translation:
     """An attribute without counterpart; nothing is lost where all types have its neutral value."""
     stated = [vehicle_type.attributes[attribute] for vehicle_type in types if attribute in vehicle_type.attributes]
     neutral = NEUTRAL_VALUES.get(attribute)
     if neutral is not None and all(_is_number(text, neutral) for text in stated):
-        return Said(attribute, f"is {neutral:g} here")
-    return Said(attribute, None, _UNREAD.get(attribute, "has no counterpart in a population of drivers"))
+        return Translation(attribute, f"is {neutral:g} here")
+    return Translation(attribute, None, _UNREAD.get(attribute, "has no counterpart in a population of drivers"))
 
 
 def _is_number(text: str, number: float) -> bool:

@@ -14,7 +14,7 @@ from rearl_jax.document.document import Document, Section
 from rearl_jax.document.table import table_of
 from rearl_jax.document.terminal import print_document
 from rearl_jax.export.population_of_types import population_of_types
-from rearl_jax.export.said import said_table
+from rearl_jax.export.translations import translation_table
 from rearl_jax.export.vehicle_types import read_types
 from rearl_jax.models.file import write_model
 from rearl_jax.models.record import RepairedModel, Source
@@ -42,25 +42,26 @@ def run(config: ImportTask) -> dict[str, Any]:
     if (stored := study.begin(resume=config.results.resume)) is not None:
         return stored
     source = Source(identity, config.study, __version__)
-    path = study.own(FILE)
+    path = study.recorded_path(FILE)
     write_model(path, RepairedModel(source, population=classes, baseline=classes, car_following=name))
-    said = said_table(attributes)
-    study.write_table("said", said)
+    translations = translation_table(attributes)
+    study.write_table("said", translations)
     n_read = sum(attribute.where is not None for attribute in attributes)
     summary = {
         "car_following": name,
         "n_types": len(types),
         "n_classes": len(classes),
         "n_read": n_read,
-        "n_unread": len(said) - n_read,
+        "n_unread": len(translations) - n_read,
     }
     columns = {"what": "attribute", "where": "here", "remark": "remark"}
+    attributes_table = table_of("Attributes of the vehicle types", translations, columns)
     print_document(
         Document(
             title="Import from SUMO",
             verdict=f"{len(types)} vehicle types of SUMO are {', '.join(classes)} drivers of {name} in {path}; "
-            f"{summary['n_unread']} of {len(said)} attributes have no counterpart.",
-            sections=(Section("Attributes", tables=(table_of("Attributes of the vehicle types", said, columns),)),),
+            f"{summary['n_unread']} of {len(translations)} attributes have no counterpart.",
+            sections=(Section("Attributes", tables=(attributes_table,)),),
             command="import",
             generated=False,
         )

@@ -18,7 +18,7 @@ from rearl_jax.core.effects.noise import PerceptionNoise
 from rearl_jax.core.effects.perception import ReactionDelay
 from rearl_jax.core.following import HARDEST_ACCELERATION, HARDEST_BRAKING
 from rearl_jax.export.drawn import DriverColumns, draw
-from rearl_jax.export.said import Exported, Said, unsaid_effects
+from rearl_jax.export.translations import Exported, Translation, untranslated_effects
 from rearl_jax.models.population import Population
 from rearl_jax.problems import InvalidInputError, Problem
 
@@ -37,9 +37,9 @@ class SumoModel:
 
     Attributes:
         name: Value of `carFollowModel`.
-        attributes: Attributes that hold each parameter of our model.
+        attributes: Attributes that hold each parameter of this package's model.
         fixed: Further attributes, the same for all drivers.
-        remarks: Differences from our model, by parameter or `equation`.
+        remarks: Differences from this package's model, by parameter or `equation`.
         is_extended: Whether it has further terms: a gap beyond `minGap`, noise of perception.
     """
 
@@ -77,7 +77,7 @@ MODELS = {
         },
     ),
 }
-"""SUMO's model with the same equation, by our name."""
+"""SUMO's model with the same equation, by this package's name."""
 
 _UNUSED_TERMS = {"ccoolness": "0", "sigmagap": "0", "sigmaleader": "0", "sigmaerror": "0", "treaction": "0"}
 
@@ -93,8 +93,10 @@ EXTENDED = {
         is_extended=True,
     )
 }
-"""SUMO's model with the equation and further terms, by our name. Source: Salles, Kaufmann & Reuss, "Extending the
-Intelligent Driver Model in SUMO and Verifying the Drive Off Trajectories with Aerial Measurements" (2020).
+"""SUMO's model with the equation and further terms, by this package's name.
+
+Source: Salles, Kaufmann & Reuss, "Extending the Intelligent Driver Model in SUMO and Verifying the Drive Off
+Trajectories with Aerial Measurements" (2020).
 """
 
 ADDED_GAP = 0.3
@@ -125,9 +127,11 @@ def to_sumo(population: Population, n_types: int, seed: int, *, extended: bool =
     """
     model = sumo_model(population.car_following, extended=extended)
     drivers = type_attributes(draw(population, n_types, seed), population.effects, extended=extended)
-    types = {f"{DISTRIBUTION}_{number}": {"probability": "1", **own} for number, own in enumerate(drivers)}
+    types = {
+        f"{DISTRIBUTION}_{number}": {"probability": "1", **attributes} for number, attributes in enumerate(drivers)
+    }
     text = sumo_file(types, DISTRIBUTION)
-    return Exported(text, tuple(_said(population, model)))
+    return Exported(text, tuple(_translations(population, model)))
 
 
 def sumo_file(types: Mapping[str, Mapping[str, str]], distribution: str | None = None) -> str:
@@ -146,10 +150,10 @@ def sumo_file(types: Mapping[str, Mapping[str, str]], distribution: str | None =
 
 
 def sumo_model(car_following: str, *, extended: bool = False) -> SumoModel:
-    """SUMO's model with the equation of one of our models.
+    """SUMO's model with the equation of one of this package's models.
 
     Args:
-        car_following: Our name of the model.
+        car_following: This package's name of the model.
         extended: Whether to take SUMO's model with further terms.
 
     Raises:
@@ -243,21 +247,23 @@ def _sumo_value(value: float, attribute: str, model: SumoModel) -> float:
     return value
 
 
-def _said(population: Population, model: SumoModel) -> list[Said]:
-    said = [Said(f"car_following {population.car_following}", model.name, model.remarks.get("equation", ""))]
-    said += [
-        Said(name, ", ".join(attributes), model.remarks.get(name, "")) for name, attributes in model.attributes.items()
+def _translations(population: Population, model: SumoModel) -> list[Translation]:
+    """Counterpart in SUMO of each part of the model."""
+    parts = [Translation(f"car_following {population.car_following}", model.name, model.remarks.get("equation", ""))]
+    parts += [
+        Translation(name, ", ".join(attributes), model.remarks.get(name, ""))
+        for name, attributes in model.attributes.items()
     ]
-    said += [Said("length", "length"), Said("class of vehicles", "vClass")]
+    parts += [Translation("length", "length"), Translation("class of vehicles", "vClass")]
     for effect in population.effects:
         attributes = _effect_attributes(effect, model)
         if attributes:
-            said.append(Said(effect.name, ", ".join(attributes), _EFFECT_REMARKS[effect.name]))
+            parts.append(Translation(effect.name, ", ".join(attributes), _EFFECT_REMARKS[effect.name]))
         else:
-            said += unsaid_effects([effect.name], "SUMO")
+            parts += untranslated_effects([effect.name], "SUMO")
     if population.is_noisy:
-        said.append(Said("noise_sd, noise_time", None, "SUMO's sigma only slows drivers down"))
-    return [*said, Said("lane changing", None, _NO_LANE_CHANGES)]
+        parts.append(Translation("noise_sd, noise_time", None, "SUMO's sigma only slows drivers down"))
+    return [*parts, Translation("lane changing", None, _NO_LANE_CHANGES)]
 
 
 def _number(value: float) -> str:

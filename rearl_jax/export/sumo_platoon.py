@@ -1,4 +1,4 @@
-"""The same platoons in SUMO, simulated by `sumo_worker`; their motion is read from floating car data (FCD)."""
+"""The platoons of `platoon` in SUMO, simulated by `sumo_worker`; their motion is read from floating car data (FCD)."""
 
 import json
 import subprocess
@@ -78,8 +78,8 @@ def simulate_in_sumo(
         types_file = folder / "types.add.xml"
         types_file.write_text(types, encoding="utf-8")
         orders = [
-            _order(folder, start, leader_speed[:, number], types_file, own, number, seed + number)
-            for number, own in enumerate(names)
+            _order(folder, start, leader_speed[:, number], types_file, of_platoon, number, seed + number)
+            for number, of_platoon in enumerate(names)
         ]
         lengths = _run(folder, orders)
         tables = [read_fcd(folder / FCD.format(number)) for number in range(len(orders))]
@@ -94,15 +94,25 @@ def simulate_in_sumo(
 def _order(
     folder: Path, start: Start, leader_speed: np.ndarray, types: Path, names: Sequence[str], number: int, seed: int
 ) -> dict[str, Any]:
-    """Order for the worker: ids of vehicles, options of SUMO, speeds of the first vehicle; writes the input files."""
+    """Order for `sumo_worker`: ids of vehicles, options of SUMO, speeds of the first vehicle; writes SUMO's inputs.
+
+    Args:
+        folder: Folder of the files.
+        start: All platoons at the start.
+        leader_speed: Speeds of the first vehicle of this platoon [m/s].
+        types: Additional file with the vehicle types.
+        names: Types of the followers.
+        number: Number of the platoon.
+        seed: Seed of SUMO.
+    """
     ids = [LEADER_ID, *(f"follower_{k}" for k in range(1, len(names) + 1))]
     network, routes, fcd = (folder / file.format(number) for file in ("road_{}.net.xml", "traffic_{}.rou.xml", FCD))
     front = np.asarray(start.state.x)[:, number] + start.length[:, number] / 2
     length = float(np.ceil(front[0] + SPEED_LIMIT * len(leader_speed) / STEPS_PER_SECOND))
     network.write_text(draw_network(1, length, SPEED_LIMIT), encoding="utf-8")
     vehicles = [
-        _VEHICLE.format(id=own, type=kind, front=position, speed=leader_speed[0])
-        for own, kind, position in zip(ids, (LEADER_ID, *names), front, strict=True)
+        _VEHICLE.format(id=vehicle, type=kind, front=position, speed=leader_speed[0])
+        for vehicle, kind, position in zip(ids, (LEADER_ID, *names), front, strict=True)
     ]
     decel = np.asarray(start.drivers.car_following.comfortable_deceleration())[0, number]
     leader = _LEADER_TYPE.format(length=start.length[0, number], decel=decel)
@@ -135,6 +145,6 @@ def read_fcd(path: Path) -> pd.DataFrame:
             else:
                 element.clear()
         elif element.tag == "vehicle" and event == "start":
-            own = element.attrib
-            rows.append((time, own["id"], own["lane"], float(own["pos"]), float(own["speed"])))
+            values = element.attrib
+            rows.append((time, values["id"], values["lane"], float(values["pos"]), float(values["speed"])))
     return pd.DataFrame(rows, columns=["time", "id", "lane", "pos", "speed"])

@@ -31,10 +31,10 @@ def _simulate(order: dict[str, Any]) -> list[float]:
         missing = sorted(set(ids) - set(sumo.vehicle.getIDList()))
         if missing:
             raise RuntimeError(f"SUMO did not put {', '.join(missing)} on the road")
-        lengths = [sumo.vehicle.getLength(own) for own in ids]
-        sumo.vehicle.setSpeedMode(ids[0], 0)
-        for own in ids:
-            sumo.vehicle.setLaneChangeMode(own, 0)
+        lengths = [sumo.vehicle.getLength(vehicle) for vehicle in ids]
+        sumo.vehicle.setSpeedMode(ids[0], 0)  # obeys without checks of safety
+        for vehicle in ids:
+            sumo.vehicle.setLaneChangeMode(vehicle, 0)  # no lane changes
         for speed in order["speeds"][1:]:
             sumo.vehicle.setSpeed(ids[0], speed)
             sumo.simulationStep()

@@ -21,9 +21,9 @@ from rearl_jax.export.highway_env import to_highway_env
 from rearl_jax.export.leaders import leader_speeds
 from rearl_jax.export.openscenario import to_openscenario
 from rearl_jax.export.platoon import STEPS_PER_SECOND
-from rearl_jax.export.said import said_table
 from rearl_jax.export.sumo import to_sumo
 from rearl_jax.export.sumo_platoon import check_sumo
+from rearl_jax.export.translations import translation_table
 from rearl_jax.models.file import model_id, read_model
 from rearl_jax.models.population import Population, lane_changing_of, population_of_keys, population_of_model
 from rearl_jax.problems import InvalidInputError, Problem
@@ -61,21 +61,21 @@ def run(config: ExportTask) -> dict[str, Any]:
     if (stored := study.begin(resume=config.results.resume)) is not None:
         return stored
     path = study.write_text(file, exported.text)
-    said = said_table(exported.said)
-    tables = {"said": said}
+    translations = translation_table(exported.translations)
+    tables = {"said": translations}
     if options.compare:
         speed = leader_speeds(config.data, options.n_leaders, options.seconds)
         tables["round_trip"] = round_trip(population, speed, options.n_followers, options.seed, extended=options.eidm)
         tables["flow"] = flow(population, exported.text, speed, options.n_followers, options.seed)
     for name, table in tables.items():
         study.write_table(name, table, seeds=f"export.seed={options.seed}")
-    n_said = sum(part.where is not None for part in exported.said)
+    n_said = sum(part.where is not None for part in exported.translations)
     summary = {
         "target": config.to.name,
         "car_following": population.car_following,
         "n_types": options.n_types,
         "n_said": n_said,
-        "n_unsaid": len(said) - n_said,
+        "n_unsaid": len(translations) - n_said,
         **_figures(tables),
     }
     print_document(document_of(config, summary, tables, str(path), generated=generated))
@@ -112,7 +112,7 @@ def _figures(tables: dict[str, pd.DataFrame]) -> dict[str, float]:
         return {}
     rows = tables["round_trip"].to_dict("records")
     figures = {}
-    for suffix, row in zip(("", "_effects"), rows, strict=False):
+    for suffix, row in zip(("", "_effects"), rows, strict=False):  # the second row is there only with effects or noise
         figures |= {f"difference_mean{suffix}": row["difference"], f"difference_largest{suffix}": row["largest"]}
     traffic = {row["traffic"]: row for row in tables["flow"].to_dict("records")}
     for name, suffix in (("SUMO", ""), ("here, other drivers", "_floor")):

@@ -122,7 +122,7 @@ def read_types(path: str | Path, pattern: str = "*") -> list[VehicleType]:
 
     Raises:
         MissingInputError: There is no such file.
-        InvalidInputError: It is no XML, or has no such type, or types of several distributions.
+        InvalidInputError: It is not XML, or has no such type, or types of several distributions.
     """
     path = Path(path)
     try:
@@ -159,6 +159,7 @@ def _types(root: ET.Element, file: str) -> Iterator[VehicleType]:
         names = distribution.get("vTypes", "").split()
         weights = distribution.get("probabilities", "").split() or ["1"] * len(names)
         name_of_distribution = distribution.get("id", "")
+        # Types after the last weight do not belong to the distribution.
         referred |= {name: (name_of_distribution, weight) for name, weight in zip(names, weights, strict=False)}
         for element in distribution.iter("vType"):
             yield _type(element, name_of_distribution, element.get("probability", "1"), file)
@@ -169,6 +170,7 @@ def _types(root: ET.Element, file: str) -> Iterator[VehicleType]:
 
 
 def _type(element: ET.Element, distribution: str, weight: str, file: str) -> VehicleType:
+    """The type of a vType element."""
     attributes = {name: value for name, value in element.attrib.items() if name not in ("id", "probability")}
     name = element.get("id", "without id")
     # The probability is parsed as any other attribute, by a record that has it among its attributes.

@@ -30,7 +30,7 @@ class Breaker:
         return self._open_until is not None and self._clock() < self._open_until
 
     def succeeded(self) -> bool:
-        """Records an answer, of the probe or a late one; True if it closes the breaker."""
+        """Records an answer, to the probe or to a request sent before the pause; True if it closes the breaker."""
         was_open = self.is_open
         self._in_a_row = 0
         self._open_until = None

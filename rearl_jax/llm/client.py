@@ -300,7 +300,7 @@ class Client:
             job.done.set_result(reply)
 
     def _leave(self, job: Job) -> None:
-        """Removes a burst that waited for a job; the job is stopped if no burst waits for it any more."""
+        """Ends the wait of one burst for a job; the job is stopped if no other burst waits for it."""
         job.waiting -= 1
         if job.waiting:
             return

@@ -32,7 +32,7 @@ words.
 _EXHAUSTED = (b"insufficient_quota", b"billing_hard_limit")
 """Texts in responses with status 429 that indicate an exhausted account instead of a rate limit."""
 
-_PAGE = re.compile(
+_REQUEST_PATH = re.compile(
     r"(?<=/)(?:(?<=/v\d/)(?:chat|completions|models|responses|embeddings|messages)|api/(?:chat|generate|tags))$"
 )
 """End of an address that is a request path of OpenAI's interface, or of Ollama's own interface, which is not used."""
@@ -58,7 +58,7 @@ def server_address(base_url: str) -> str:
         shown = None if set(base_url) & set("@?#") else repr(base_url)
         raise InvalidInputError(Problem("server-address", message, remedy, key="decision.server", value=shown))
     check_no_secret(base_url, "decision.server")
-    path = _PAGE.sub("", parts.path.rstrip("/"))
+    path = _REQUEST_PATH.sub("", parts.path.rstrip("/"))
     is_whole = path.endswith("/chat/completions") or "api-version=" in parts.query
     path = path.removesuffix("/chat/completions").rstrip("/")
     if not is_whole and not re.search(r"/v\d+\w*(/|$)", path):

@@ -16,7 +16,7 @@ class Keeper:
     """The stored answers of one model, for one event loop."""
 
     def __init__(self, answers: Answers, model: str, profile: Profile) -> None:
-        """Takes over the open file; no other object may use it in the meantime."""
+        """Takes over the open file, which no other object may use until `close` has been called."""
         self._answers = answers
         self._model = model
         self._profile = profile

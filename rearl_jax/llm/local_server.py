@@ -1,7 +1,8 @@
-"""A small language model on this machine, started and stopped with the study: real HTTP, batching and constraints.
+"""A small language model on this machine, started and stopped with the study.
 
-The model has 135 million parameters and does not drive well. It serves to test the loop with a language model; nothing
-about larger models follows from its decisions.
+Its server is asked like any other: by HTTP, several requests at a time, answers restricted to the choices. The model
+has 135 million parameters and does not drive well. It serves to test the loop with a language model; nothing about
+larger models follows from its decisions.
 """
 
 import importlib.metadata

@@ -57,9 +57,10 @@ def refused_parameter(body: str, content: bytes) -> str | None:
 
 def optional_parameters(body: str) -> list[str]:
     """Optional parameters of a body, those supported by the fewest servers first."""
-    known = ["max_tokens", "temperature", "seed"]
+    widespread = ["seed", "temperature", "max_tokens"]
     names = [name for name in json.loads(body) if name not in _REQUIRED]
-    return sorted(names, key=lambda name: known[::-1].index(name) if name in known else -1)
+    # -1: before the widespread ones.
+    return sorted(names, key=lambda name: widespread.index(name) if name in widespread else -1)
 
 
 def _without_system(messages: list[dict[str, str]]) -> list[dict[str, str]]:

@@ -12,30 +12,31 @@ from itertools import islice
 from rearl_jax.core.meta_actions import MetaAction
 from rearl_jax.llm.records import NO_DECISION, Cause
 
-WORDS = ("left", "keep", "right", "faster", "slower")
+ACTION_WORDS = ("left", "keep", "right", "faster", "slower")
 """Names of the actions in questions, in the order of their identifiers."""
 
-_OTHER_NUMBER = len(WORDS)
+_OTHER_NUMBER = len(ACTION_WORDS)
 """Value for every number that is not an identifier."""
 
-_NAMES = {"keep lane": int(MetaAction.IDLE)}
-_NAMES |= {action.name.lower().replace("_", " "): int(action) for action in MetaAction}
-_NAMES |= {word: action for action, word in enumerate(WORDS)}
+_SPELLINGS = {"keep lane": int(MetaAction.IDLE)}
+_SPELLINGS |= {action.name.lower().replace("_", " "): int(action) for action in MetaAction}
+_SPELLINGS |= {word: action for action, word in enumerate(ACTION_WORDS)}
+"""Identifiers of the actions by spelling, in lower case with spaces."""
 
 # Possessive quantifiers (++) prevent backtracking, so each pattern passes over a text once. An underscore is not part
 # of a word: _3_ is an emphasised 3.
 _WORD_ENDS = r"(?![^\W_])"
 
 
-def _words(words: Sequence[str]) -> str:
+def _whole_words(words: Sequence[str]) -> str:
     """Pattern of whole words of fixed length."""
     return "(?:" + "|".join(rf"{word}(?<![^\W_]{word})" for word in words) + ")"
 
 
-_NAME = "|".join(sorted(_NAMES, key=len, reverse=True)).replace(" ", "[ _-]")
+_NAME = "|".join(sorted(_SPELLINGS, key=len, reverse=True)).replace(" ", "[ _-]")
 # Neither part of a word nor of a decimal fraction.
 _NUMBER = rf"[0-9](?<![^\W_][0-9])(?<![0-9][.,][0-9])[0-9]*+{_WORD_ENDS}(?![.,][0-9])"
-_MARK = rf"{_words(('action', 'answer', 'identifier', 'id'))}(?:_?id)?{_WORD_ENDS}"
+_MARK = rf"{_whole_words(('action', 'answer', 'identifier', 'id'))}(?:_?id)?{_WORD_ENDS}"
 
 _END_THINK = re.compile(r"</think(?:ing)?\s*+>", re.IGNORECASE)
 _THINK = re.compile(r"<think(?:ing)?\s*+>", re.IGNORECASE)
@@ -53,7 +54,7 @@ _ALONE = re.compile(rf"(?P<number>{_NUMBER})")
 # In running text only unambiguous spellings count, because of sentences such as "the car ahead is faster".
 _SPELLED = [spelling for action in MetaAction for spelling in (action.name, action.name.lower())]
 _IDENTIFIER = re.compile(
-    rf"(?P<name>{_words([name for name in _SPELLED if name.isupper() or '_' in name])}){_WORD_ENDS}"
+    rf"(?P<name>{_whole_words([name for name in _SPELLED if name.isupper() or '_' in name])}){_WORD_ENDS}"
 )
 
 
@@ -93,8 +94,8 @@ def majority(answers: Sequence[tuple[int, Cause]]) -> tuple[int, Cause]:
     """
     votes = Counter(action for action, cause in answers if cause is Cause.answered)
     causes = Counter(cause for _, cause in answers if cause is not Cause.answered)
-    for action, number in votes.most_common(1):
-        if 2 * number > len(answers):
+    for action, n_votes in votes.most_common(1):
+        if 2 * n_votes > len(answers):
             return action, Cause.answered
     if 2 * causes.total() > len(answers):
         return NO_DECISION, causes.most_common(1)[0][0]
@@ -129,13 +130,13 @@ def _meaning(match: re.Match[str]) -> int:
     """Identifier of a match; _OTHER_NUMBER for a number that is not an identifier."""
     groups = match.groupdict()
     if (name := groups.get("name")) is not None:
-        return _NAMES[re.sub("[_-]", " ", name.lower())]
+        return _SPELLINGS[re.sub("[_-]", " ", name.lower())]
     number, start, text = groups["number"], match.start("number"), match.string
     # A dash after a word is a hyphen.
     is_negative = (
         text[max(start - 1, 0) : start] in ("-", "\u2212") and not text[max(start - 2, 0) : start - 1].isalnum()
     )
-    return int(number) if len(number) == 1 and int(number) < len(WORDS) and not is_negative else _OTHER_NUMBER
+    return int(number) if len(number) == 1 and int(number) < len(ACTION_WORDS) and not is_negative else _OTHER_NUMBER
 
 
 def _under_keys(text: str) -> set[int] | None:

@@ -22,16 +22,16 @@ class LanguageModelPolicy:
         client: Client,
         prompter: Prompter,
         thresholds: Thresholds,
-        first: int = 0,
+        first_scenario: int = 0,
         watch: Callable[[int], None] = lambda second: None,
     ) -> None:
         """Creates the policy for one half of a batch and one rollout.
 
-        `first` is the number of the first scenario of that half; `watch` is called with the number of every simulated
-        second whose questions have been submitted.
+        `first_scenario` is the number of the first scenario of that half among all scenarios; `watch` is called with
+        the number of every simulated second whose questions have been submitted.
         """
         self._client, self._prompter, self._thresholds = client, prompter, thresholds
-        self._first, self._watch = first, watch
+        self._first_scenario, self._watch = first_scenario, watch
 
     def ask(self, situation: Situation) -> Future[np.ndarray]:
         """Future of the actions that the answers choose; NO_ACTION for vehicles without an admissible answer.
@@ -41,7 +41,7 @@ class LanguageModelPolicy:
         """
         questions = self._prompter.questions(situation, self._thresholds)
         n_vehicles, n_scenarios = situation.detection.mask.shape
-        numbered = [replace(question, scenario=question.scenario + self._first) for question in questions]
+        numbered = [replace(question, scenario=question.scenario + self._first_scenario) for question in questions]
         answers = self._client.submit(numbered, second=int(situation.second))
         self._watch(int(situation.second))
         actions: Future[np.ndarray] = Future()

@@ -26,7 +26,7 @@ class Dialect:
 
     Attributes:
         profile: Name of the dialect.
-        choice: Fields that restrict the answer to given texts; None if the server has none.
+        choice: Function from the allowed texts to the fields that restrict an answer to them; None if there are none.
         no_thinking: Fields that switch the reasoning off.
     """
 

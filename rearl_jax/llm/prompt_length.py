@@ -1,6 +1,6 @@
 """Detection of truncated prompts from the server's token counts, because servers truncate without a message.
 
-For example, Ollama truncates a prompt to its context length, 4,096 tokens by default, and answers the rest.
+For example, Ollama truncates a prompt to its context length, 4,096 tokens by default, and answers what is left.
 """
 
 MAX_CHARACTERS_PER_TOKEN = 8.0
@@ -19,14 +19,15 @@ class PromptLengths:
     """Lengths and counted tokens of the prompts of one server."""
 
     def __init__(self) -> None:
-        """Starts without counted prompts."""
-        self._most = 0
+        """Starts without prompts; `_lengths` will be those of the prompts with the largest token count."""
+        self._largest_count = 0
         self._lengths: list[int] = []
 
     def is_cut(self, n_characters: int, n_tokens: int | None) -> bool:
         """Records a prompt; True if the prompts so far show that the server truncates them.
 
-        Either it has too few tokens for its length, or prompts of different lengths all have the largest count.
+        Either this prompt has too few tokens for its length, or prompts of different lengths all have the largest
+        count.
 
         Args:
             n_characters: Length of the prompt.
@@ -34,9 +35,9 @@ class PromptLengths:
         """
         if not n_tokens:
             return False
-        if n_tokens > self._most:
-            self._most, self._lengths = n_tokens, []
-        if n_tokens == self._most:
+        if n_tokens > self._largest_count:
+            self._largest_count, self._lengths = n_tokens, []
+        if n_tokens == self._largest_count:
             self._lengths.append(n_characters)
         if n_characters > MAX_CHARACTERS_PER_TOKEN * n_tokens:
             return True

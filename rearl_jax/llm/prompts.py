@@ -17,7 +17,7 @@ from rearl_jax.core.model import TrafficModel
 from rearl_jax.decision.situation import Situation
 from rearl_jax.detection.detector import DetectionOptions, Thresholds
 from rearl_jax.detection.table import ReferenceTable
-from rearl_jax.llm.parsing import WORDS
+from rearl_jax.llm.parsing import ACTION_WORDS
 from rearl_jax.llm.records import Message, Question
 from rearl_jax.llm.surroundings import look_around
 from rearl_jax.llm.template import PromptTemplate, Rendered, load_template, rendered
@@ -64,7 +64,7 @@ class Prompter:
         self._length = vehicle_length
         self._constants = {
             "options": options,
-            "actions": WORDS,
+            "actions": ACTION_WORDS,
             "levels": model.speed_levels,
             "bins": Bins(hist.low, hist.high, hist.n_bins, hist.window),
         }
@@ -77,8 +77,8 @@ class Prompter:
 
         Call it once for every simulated second, even if there are no questions. There is no question about a vehicle
         without admissible actions, because no answer could be followed. It is controlled by IDM and MOBIL like a
-        vehicle without a valid answer, and `decision.execution.accept` counts it among those (`n_invalid`). Their
-        number is that of the vehicles in `situation.detection.mask` less that of the questions.
+        vehicle without a valid answer, and `decision.execution.accept` counts it among those (`n_invalid`). The
+        number of such vehicles is that in `situation.detection.mask` less the number of questions.
 
         Raises:
             ValueError: A second was left out, or the template fails.
@@ -100,10 +100,10 @@ class Prompter:
         around = look_around(situation.frame, self._length, asked.vehicle, asked.scenario, self._model)
         cars, neighbours = cars_of(situation, asked, self._model), neighbours_of(around)
         questions = []
-        for scenario, car, places in zip(asked.scenario.tolist(), cars, neighbours, strict=True):
+        for scenario, car, around_car in zip(asked.scenario.tolist(), cars, neighbours, strict=True):
             variables, ready = shared[scenario]
             choices = tuple(np.flatnonzero(situation.admissible[:, car.vehicle, scenario]).tolist())
-            variables = {**variables, "car": car, "neighbours": places, "choices": choices}
+            variables = {**variables, "car": car, "neighbours": around_car, "choices": choices}
             text = self._template.render("user", variables, ready).strip()
             questions.append(Question(scenario, car.vehicle, (self._system, Message("user", text)), choices))
         return questions

@@ -12,7 +12,7 @@ def retrying(config: LlmConfig, is_transient: Callable[[Any], bool], **changes: 
     """Retries of one request: a callable that takes the sending function and returns the last result.
 
     The pause after the n-th try is uniform in [0, llm.backoff 2^(n - 1)] s, so that requests that failed at the same
-    time are not repeated at the same time.
+    time are not repeated at the same time. `changes` replace arguments of `AsyncRetrying`.
     """
     usual = {
         "retry": retry_if_result(is_transient),

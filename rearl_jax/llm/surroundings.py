@@ -1,4 +1,4 @@
-"""Neighbours of the given vehicles in one frame, ahead and behind, on the own and the two adjacent lanes."""
+"""Neighbours of the given vehicles in one frame, ahead and behind, on their lane and the two adjacent ones."""
 
 from typing import NamedTuple
 
@@ -52,8 +52,8 @@ def look_around(
         other_gap = np.abs(distance) - (length[other, scenario] + own_length) / 2
         for number, (lane, there) in enumerate(zip(lanes, exists, strict=True)):
             is_on = is_visible & there & (np.abs(y - lane * model.lane_width) <= model.lane_width / 2 + LANE_MARGIN)
-            for place, side in ((2 * number, distance >= 0), (2 * number + 1, distance < 0)):
-                is_nearer = is_on & side & (other_gap < gap[place])
+            for place, is_that_way in ((2 * number, distance >= 0), (2 * number + 1, distance < 0)):
+                is_nearer = is_on & is_that_way & (other_gap < gap[place])
                 gap[place] = np.where(is_nearer, other_gap, gap[place])
                 speed[place] = np.where(is_nearer, frame.speed[other, scenario], speed[place])
     return Surroundings(gap, speed, speed - frame.speed[vehicle, scenario])

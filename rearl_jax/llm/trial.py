@@ -62,8 +62,10 @@ async def try_out(
     post = retrying(config, lambda response: not response.is_refusal and _text_of(response)[0] is None)
 
     async def send(refused: tuple[str, ...]) -> Response:
-        request = (post, connection.post, "/chat/completions", without(body, refused).encode())
-        return await (request[0](*request[1:]) if is_known else until_loaded(connection, config)(*request))
+        path, content = "/chat/completions", without(body, refused).encode()
+        if is_known:
+            return await post(connection.post, path, content)
+        return await until_loaded(connection, config)(post, connection.post, path, content)
 
     refused: tuple[str, ...] = ()
     response = first = await send(())
@@ -119,9 +121,9 @@ def _check_answer(
             "llm.max_tokens or see llm.thinking",
             connection.place,
         )
-    is_kept = text.strip().strip('"') in {str(choice) for choice in _CHOICES}
+    is_respected = text.strip().strip('"') in {str(choice) for choice in _CHOICES}
     sent = set(dialect.choice([])) if dialect.choice is not None else set()
-    if is_constrained(config, dialect) and not is_kept and not sent & set(refused):
+    if is_constrained(config, dialect) and not is_respected and not sent & set(refused):
         log.warning(
             "the server at %s ignores the constraint of llm.profile=%s: answers are not restricted to the admissible "
             "actions (asked for %s it answered %r)",

@@ -16,7 +16,7 @@ from rearl_jax.decision.execution import MAX_SINCE_LANE_CHANGE
 from rearl_jax.decision.situation import Situation
 from rearl_jax.detection.detector import Thresholds
 from rearl_jax.detection.table import ReferenceTable
-from rearl_jax.llm.parsing import WORDS
+from rearl_jax.llm.parsing import ACTION_WORDS
 from rearl_jax.llm.surroundings import PLACES, Surroundings
 
 
@@ -121,7 +121,7 @@ def reference_at(table: ReferenceTable, second: int, number: int) -> Reference:
     """One second of a reference."""
     columns = (np.asarray(values)[second, :, number] for values in (table.speed, table.spacing, table.action))
     rows = zip(*(column.tolist() for column in columns), strict=True)
-    cars = [ReferenceCar(speed, distance, WORDS[action]) for speed, distance, action in rows]
+    cars = [ReferenceCar(speed, distance, ACTION_WORDS[action]) for speed, distance, action in rows]
     return Reference(second, float(table.mean_spacing[second, number]), cars)
 
 
@@ -152,31 +152,31 @@ def cars_of(situation: Situation, asked: Asked, model: TrafficModel) -> Iterator
     """The vehicles that questions are about."""
     frame, spacing = situation.frame, situation.detection.spacing
 
-    def values(values: ArrayLike) -> list:
+    def of_asked(values: ArrayLike) -> list:
         return np.asarray(values)[asked].tolist()
 
     return map(
         Car,
         asked.vehicle.tolist(),
-        values(frame.lane),
-        values(situation.target_lane),
-        values(frame.speed),
-        values(np.asarray(nearest_level(frame.speed, model)).astype(int)),
-        values(frame.acceleration),
-        values(spacing),
+        of_asked(frame.lane),
+        of_asked(situation.target_lane),
+        of_asked(frame.speed),
+        of_asked(np.asarray(nearest_level(frame.speed, model)).astype(int)),
+        of_asked(frame.acceleration),
+        of_asked(spacing),
         ranks(frame.speed, asked).tolist(),
         ranks(spacing, asked).tolist(),
-        [None if action < 0 else WORDS[action] for action in values(situation.last_action)],
-        [None if seconds >= MAX_SINCE_LANE_CHANGE else seconds for seconds in values(situation.since_lane_change)],
+        [None if action < 0 else ACTION_WORDS[action] for action in of_asked(situation.last_action)],
+        [None if seconds >= MAX_SINCE_LANE_CHANGE else seconds for seconds in of_asked(situation.since_lane_change)],
     )
 
 
 def ranks(values: ArrayLike, asked: Asked) -> Int[np.ndarray, " asked"]:
     """Rank of each vehicle with a question in its scenario, 1 for the highest value."""
     values = np.asarray(values)
-    own, rank = values[asked], np.ones(len(asked.vehicle), int)
+    value, rank = values[asked], np.ones(len(asked.vehicle), int)
     for other in values:
-        rank += other[asked.scenario] > own
+        rank += other[asked.scenario] > value
     return rank
 
 

@@ -15,7 +15,7 @@ def energy_score(
     observed: Sample,
     distance: Callable[[Sample, Sample], Float[np.ndarray, " cases"]],
 ) -> Float[np.ndarray, " cases"]:
-    """Energy score E d(X, y) - E d(X, X') / 2 of simulations X, X' of the observation y, in the unit of the distance.
+    """Energy score E d(X, y) - E d(X, X') / 2 of simulations X, X' of the observation y, in the unit of the distance d.
 
     Both expectations are means over the samples, the second over pairs of different samples, so that the estimate is
     unbiased for any number of samples. The expected score is lowest if observation and samples have the same

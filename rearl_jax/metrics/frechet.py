@@ -1,7 +1,9 @@
 """Discrete Frechet distance of pairs of curves.
 
-The computation runs over the anti-diagonals of the table of couplings: all cells of an anti-diagonal are independent,
-so every step is one pass over `[points, curves]` with the curves contiguous.
+A coupling walks along both curves from point to point, never backwards. The distance is the largest distance of two
+coupled points, in the coupling in which it is least. It follows from a table with a cell for every pair of points
+(`frechet_distances`). The computation runs over the anti-diagonals of this table: all cells of an anti-diagonal are
+independent, so every step is one pass over `[points, curves]` with the curves contiguous.
 """
 
 import jax.numpy as jnp
@@ -27,8 +29,8 @@ def frechet_distances(
 ) -> Float[Array, " curves"]:
     """Discrete Frechet distance of every curve to its partner, or to one partner common to all.
 
-    The minimum, over couplings that run through both point sequences monotonously, of the largest coupled distance:
-    y[i, j] = max(d[i, j], min(y[i-1, j], y[i, j-1], y[i-1, j-1])), along i + j = 0, 1, ...
+    With d[i, j] the distance of points i and j, the distance of the curves up to these points is
+    y[i, j] = max(d[i, j], min(y[i-1, j], y[i, j-1], y[i-1, j-1])), along the anti-diagonals i + j = 0, 1, ...
 
     Args:
         vertices: Points of the partners.
@@ -47,13 +49,13 @@ def frechet_distances(
             total = total + difference[feature] * difference[feature]
         return total
 
-    def step(before, diagonal):
-        last, second_last = before  # anti-diagonals, below a row at infinity
+    def step(diagonals, diagonal):
+        last, second_last = diagonals  # the two before this one, below a row at infinity
         best = jnp.minimum(jnp.minimum(last[1:], last[:-1]), second_last[:-1])
         reached = jnp.maximum(squared(diagonal), best)
         return (lax.dynamic_update_slice(second_last, reached, (1, 0)), last), None
 
-    nothing = jnp.full((n_vertices + 1, n_curves), jnp.inf, backwards.dtype)
-    first = nothing.at[1:2].set(squared(jnp.asarray(0))[:1])
-    (final, _), _ = lax.scan(step, (first, nothing), jnp.arange(1, last_diagonal + 1))
+    outside = jnp.full((n_vertices + 1, n_curves), jnp.inf, backwards.dtype)
+    first = outside.at[1:2].set(squared(jnp.asarray(0))[:1])
+    (final, _), _ = lax.scan(step, (first, outside), jnp.arange(1, last_diagonal + 1))
     return jnp.sqrt(final[-1])

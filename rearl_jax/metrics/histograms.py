@@ -142,7 +142,7 @@ def histogram_distances(
 
     Args:
         counts: Counts of the simulation.
-        reference: Counts of the real scene.
+        reference: Counts of the recorded scene.
         dtype: Floating-point type of the result.
     """
     totals = [unrolled_sum(c, 0) for c in (counts, reference)]
@@ -180,7 +180,7 @@ def noise_floor(
 ) -> Float[Array, " draws"]:
     """Hellinger distances between two independent samples of one distribution.
 
-    Below the mean of these distances no method can be distinguished from the real traffic.
+    Below the mean of these distances no method can be distinguished from the recorded traffic.
 
     Args:
         shares: The distribution; sums to 1.

@@ -7,8 +7,8 @@ from enum import Enum
 class Direction(Enum):
     """Direction of improvement.
 
-    `none`: the figure describes traffic, and the reference is the same figure of the real scenes. A higher time headway
-    or lane-change rate is never better in itself.
+    `none`: the figure describes traffic, and the reference is the same figure of the recorded scenes. A higher time
+    headway or lane-change rate is never better in itself.
     """
 
     lower = "lower"

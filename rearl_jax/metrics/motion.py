@@ -22,7 +22,7 @@ class JerkStatistics(eqx.Module):
 
 
 class LaneChanges(eqx.Module):
-    """Lane changes per vehicle and frame, and per pair of frames in which a vehicle was observed."""
+    """Lane changes per vehicle and frame (`rate`), and per pair of frames in which a vehicle was observed."""
 
     rate: Measure
     observed_rate: Measure

@@ -1,4 +1,4 @@
-"""Likelihood of real traffic under simulated traffic: highway subset of the Waymo Sim Agents measures.
+"""Likelihood of recorded traffic under simulated traffic: highway subset of the Waymo Sim Agents measures.
 
 Waymo estimates, for every logged vehicle, how likely its logged values are under the distribution of the same
 vehicle's values in 32 simulations; the meta-metric is the weighted mean of the likelihoods of nine features
@@ -9,10 +9,10 @@ vehicle's values in 32 simulations; the meta-metric is the weighted mean of the 
 - One more feature, the time headway of the pairs of the metric `thw`, is scored in the same way. Waymo does not
   score it, so its weight in the mean is 0.
 - Our simulations share no vehicles with the recording, so a scene's simulated values are pooled over
-  vehicles, frames and runs, and all its real values are scored under this one histogram. Waymo's
+  vehicles, frames and runs, and all its recorded values are scored under this one histogram. Waymo's
   scenario-generation challenge pools in the same way (`aggregate_objects: true`, with `independent_timesteps:
   true`).
-- Likelihood of a feature = exp(mean over real values of log p(bin)), p = (count + pseudocount) / total,
+- Likelihood of a feature = exp(mean over recorded values of log p(bin)), p = (count + pseudocount) / total,
   values outside the range in the outer bins. It depends on the values only through their bin counts, so
   only counts are kept of a rollout, and the counts of runs are added.
 - The weights of the five features are divided by their sum (0.05 + 0.05 + 0.1 + 0.1 + 0.25 = 0.55).
@@ -53,7 +53,7 @@ class RealismCounts(eqx.Module):
 
 
 class Realism(eqx.Module):
-    """Likelihoods in [0, 1] with the number of real values scored.
+    """Likelihoods in [0, 1] with the number of recorded values scored.
 
     `meta` is the weighted mean of the features that have values; its count is their number.
     """
@@ -150,17 +150,17 @@ def realism_counts(
 
 def likelihood(
     simulated: Int[Array, " bins *scenarios"],
-    real: Int[Array, " bins *scenarios"],
+    recorded: Int[Array, " bins *scenarios"],
     pseudocount: float,
     dtype: jnp.dtype,
 ) -> Measure:
-    """Likelihood exp(mean over real values of log p(bin)), with p the smoothed simulated histogram.
+    """Likelihood exp(mean over recorded values of log p(bin)), with p the smoothed simulated histogram.
 
-    The count is the number of real values, and 0 if there are no simulated values.
+    The count is the number of recorded values, and 0 if there are no simulated values.
 
     Args:
         simulated: Bin counts of the simulation, summed over its runs.
-        real: Bin counts of the real scene.
+        recorded: Bin counts of the recorded scene.
         pseudocount: Added to every simulated bin.
         dtype: Floating-point type of the result.
 
@@ -168,20 +168,22 @@ def likelihood(
     """
     smoothed = simulated.astype(dtype) + pseudocount
     log_p = jnp.log(smoothed) - jnp.log(unrolled_sum(smoothed, 0))[None]
-    n_real = jnp.where(unrolled_sum(simulated, 0) > 0, unrolled_sum(real, 0), 0)
-    mean_log = unrolled_sum(real.astype(dtype) * log_p, 0) / jnp.maximum(n_real, 1).astype(dtype)
-    return Measure(jnp.where(n_real > 0, jnp.exp(mean_log), 0), n_real)
+    n_recorded = jnp.where(unrolled_sum(simulated, 0) > 0, unrolled_sum(recorded, 0), 0)
+    mean_log = unrolled_sum(recorded.astype(dtype) * log_p, 0) / jnp.maximum(n_recorded, 1).astype(dtype)
+    return Measure(jnp.where(n_recorded > 0, jnp.exp(mean_log), 0), n_recorded)
 
 
-def realism_scores(simulated: RealismCounts, real: RealismCounts, realism: RealismConfig, dtype: jnp.dtype) -> Realism:
-    """Likelihoods of a real scene's features under the simulated scene, and their weighted mean.
+def realism_scores(
+    simulated: RealismCounts, recorded: RealismCounts, realism: RealismConfig, dtype: jnp.dtype
+) -> Realism:
+    """Likelihoods of a recorded scene's features under the simulated scene, and their weighted mean.
 
     Weights are renormalised over the features that have values. To score a recording as if it were
     simulated, pass its counts as `simulated`.
 
     Args:
         simulated: Counts of the simulation, summed over its runs.
-        real: Counts of the real scene.
+        recorded: Counts of the recorded scene.
         realism: Pseudocounts and weights.
         dtype: Floating-point type of the result.
     """
@@ -189,7 +191,7 @@ def realism_scores(simulated: RealismCounts, real: RealismCounts, realism: Reali
     weights = {name: getattr(realism, name).weight for name in names} | {"collision": realism.collision_weight}
     smoothing = {name: realism.pseudocount for name in names} | {"collision": realism.collision_pseudocount}
     scores = {
-        name: likelihood(getattr(simulated, name), getattr(real, name), pseudocount, dtype)
+        name: likelihood(getattr(simulated, name), getattr(recorded, name), pseudocount, dtype)
         for name, pseudocount in smoothing.items()
     }
     values = jnp.stack([score.value for score in scores.values()])

@@ -121,7 +121,7 @@ def conflicts(
 
 def collisions(
     crashed: Bool[Array, "steps vehicles *scenarios"],
-    left_crashed: Int[Array, "steps vehicles *scenarios"] | None,
+    n_crashed_replaced: Int[Array, "steps vehicles *scenarios"] | None,
     track_id: Int[Array, "steps vehicles *scenarios"] | None,
     dtype: jnp.dtype,
 ) -> Collisions:
@@ -129,14 +129,14 @@ def collisions(
 
     Args:
         crashed: Whether the vehicle has crashed.
-        left_crashed: Crashed vehicles that others have replaced in the slot so far [count]; None if no vehicle enters.
-        track_id: Id of the vehicle in each slot; needed with `left_crashed`.
+        n_crashed_replaced: Crashed vehicles in the slot replaced by entering ones so far [count]; None if none enters.
+        track_id: Id of the vehicle in each slot; needed with `n_crashed_replaced`.
         dtype: Floating-point type of the result.
     """
     n_crashed = jnp.sum(crashed[-1], axis=0, dtype=jnp.int32)
     n_vehicles = jnp.full_like(n_crashed, crashed.shape[1])
-    if left_crashed is not None and track_id is not None:
-        n_crashed += jnp.sum(left_crashed[-1], axis=0, dtype=jnp.int32)
+    if n_crashed_replaced is not None and track_id is not None:
+        n_crashed += jnp.sum(n_crashed_replaced[-1], axis=0, dtype=jnp.int32)
         n_vehicles += jnp.sum(track_id[1:] != track_id[:-1], axis=(0, 1), dtype=jnp.int32)
     share = n_crashed.astype(dtype) / n_vehicles.astype(dtype)
     any_crash = ((scene_count(crashed) > 0) | (n_crashed > 0)).astype(dtype)

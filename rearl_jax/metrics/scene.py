@@ -1,7 +1,8 @@
 """All metrics of one scene, simulated or recorded, in one call.
 
-Every kernel takes arrays of one scene, "steps vehicles", and may be mapped with `jax.vmap`. Trailing axes are
-carried along unchanged, so a batch with the scenario axis last needs no `vmap` at all; that is the fast way.
+Every kernel, a function that computes a metric, takes arrays of one scene, "steps vehicles", and may be mapped with
+`jax.vmap`. Trailing axes are carried along unchanged, so a batch with the scenario axis last needs no `vmap` at all;
+that is the fast way.
 """
 
 import equinox as eqx
@@ -73,7 +74,7 @@ def scene_reference(
     vehicle: Float[Array, "steps vehicles *scenarios"],
     hist: HistConfig,
 ) -> SceneReference:
-    """Reference made of a real scene's scaled speeds [m/s], mean spacing [m] and spacing of each vehicle [m]."""
+    """Reference made of a recorded scene's scaled speeds [m/s], mean spacing [m] and spacing of each vehicle [m]."""
     return SceneReference(cumulative_speed_counts(scaled_speed, hist), mean, vehicle)
 
 
@@ -82,7 +83,7 @@ def scene_metrics(scene: Trajectories, reference: SceneReference, config: Metric
 
     Args:
         scene: The simulated scene, or a recorded one scored as if it were simulated.
-        reference: The real scene that it is compared with, with as many frames.
+        reference: The recorded scene that it is compared with, with as many frames.
         config: Bins, thresholds and switches; static under `jax.jit`.
     """
     dtype, dt = scene.speed.dtype, config.frame_interval
@@ -97,7 +98,7 @@ def scene_metrics(scene: Trajectories, reference: SceneReference, config: Metric
     acceleration = rate_of_change(scene.speed, scene.track_id, dt)
     jerk = jerk_statistics(acceleration, scene.crashed, scene.track_id, dt, config.safety.jerk)
     changes = lane_changes(scene.lane, scene.crashed, scene.track_id, dtype)
-    crashes = collisions(scene.crashed, scene.left_crashed, scene.track_id, dtype)
+    crashes = collisions(scene.crashed, scene.n_crashed_replaced, scene.track_id, dtype)
     return SceneMetrics(
         h=h,
         h_legacy=Measure(h.value * legacy_scale(config.hist), h.count),

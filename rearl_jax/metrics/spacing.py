@@ -1,4 +1,4 @@
-"""Mean spacing between the vehicles of a frame and its relative errors against a real scene."""
+"""Mean spacing between the vehicles of a frame and its relative errors against a recorded scene."""
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -65,16 +65,17 @@ def spacing_errors(
     real_mean: Float[Array, " steps *scenarios"],
     real_spacing: Float[Array, "steps vehicles *scenarios"],
 ) -> SpacingErrors:
-    """Relative errors of the mean spacing per frame, and the ratio simulated / real.
+    """Relative errors of the mean spacing per frame, and the ratio simulated / recorded.
 
     A = |d_sim - d_real| / d_sim,  B = |d_sim - d_real| / d_real,  C = mean_j |d_real_j - d_sim| / d_real,
-    with d the mean over pairs and d_real_j the spacing of real vehicle j. A saturates at 1 when the
-    simulation spreads out; C cannot reach 0 because the real vehicles differ among themselves.
+    with d_sim and d_real the mean over pairs in the simulated and in the recorded scene, and d_real_j the spacing of
+    recorded vehicle j. A saturates at 1 when the simulation spreads out; C cannot reach 0 because the recorded vehicles
+    differ among themselves.
 
     Args:
         mean: Mean spacing of the simulation [m].
-        real_mean: Mean spacing of the real scene [m].
-        real_spacing: Spacing of each real vehicle [m].
+        real_mean: Mean spacing of the recorded scene [m].
+        real_spacing: Spacing of each recorded vehicle [m].
 
     Source: A is REARL (Bi et al.), Eq. 8 read literally with y = simulation; B is the usual form with the
     observation in the denominator (Hyndman & Koehler, Int. J. Forecasting 22 (2006) 679); C is the

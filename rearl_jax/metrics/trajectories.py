@@ -1,4 +1,4 @@
-"""Input of the metrics: the vehicles of one scene, and the real scene that it is compared with."""
+"""Input of the metrics: the vehicles of one scene, and the recorded scene that it is compared with."""
 
 import equinox as eqx
 from jaxtyping import Array, Bool, Float, Int
@@ -17,7 +17,7 @@ class Trajectories(eqx.Module):
         length, width: Size of the vehicle [m].
         direction: Carriageway; None if there is only one.
         track_id: Id of the vehicle in each slot; None if it never changes.
-        left_crashed: Crashed vehicles that others have replaced in the slot so far [count]; None if no vehicle enters.
+        n_crashed_replaced: Crashed vehicles in the slot replaced by entering ones so far [count]; None if none enters.
     """
 
     x: Float[Array, "steps vehicles *scenarios"]
@@ -31,11 +31,11 @@ class Trajectories(eqx.Module):
     width: Float[Array, "steps vehicles *scenarios"]
     direction: Int[Array, "steps vehicles *scenarios"] | None = None
     track_id: Int[Array, "steps vehicles *scenarios"] | None = None
-    left_crashed: Int[Array, "steps vehicles *scenarios"] | None = None
+    n_crashed_replaced: Int[Array, "steps vehicles *scenarios"] | None = None
 
 
 class SceneReference(eqx.Module):
-    """Reference for a simulated scene: speed histogram and spacings [m] of a real scene."""
+    """Reference for a simulated scene: speed histogram and spacings [m] of a recorded scene."""
 
     cumulative_counts: Int[Array, "rows bins *scenarios"]
     mean_spacing: Float[Array, " steps *scenarios"]

@@ -1,4 +1,4 @@
-"""`model.yaml`: a repaired model written, and read with every key checked.
+"""Writing and reading of `model.yaml`, the file of a repaired model; every key is checked. Its keys:
 
 schema: 1
 car_following: idm
@@ -116,6 +116,7 @@ class _Reader:
         self._path = path
 
     def refuse(self, code: str, key: str, message: str) -> BadModelError:
+        """The error for a key of the file."""
         return BadModelError(Problem(code, message, file=str(self._path), key=key))
 
     def mapping(self, value: Any, key: str, names: Sequence[str], optional: Sequence[str] = ()) -> dict[str, Any]:
@@ -272,6 +273,7 @@ def _effect(reader: _Reader, value: Any, key: str) -> EffectValues:
 
 
 def _check_curve(reader: _Reader, parameters: dict[str, Any], variable: Any, key: str) -> None:
+    """Raise BadModelError if an effect that is a curve has an unknown variable or unsuitable knots."""
     if not isinstance(variable, str) or variable not in VARIABLES:
         raise reader.refuse(
             "choice-unknown", f"{key}.variable", f"is {variable!r}, but must be one of {', '.join(VARIABLES)}"

@@ -176,8 +176,8 @@ def _medians(driver: DriverConfig, name: str | None) -> list[float]:
     values = driver.values(name)
     # The keys state mean and standard deviation of the parameter itself. If V is the variance of its logarithm, the
     # median is mean exp(-V / 2).
-    means = {name: math.nan if value is None else value for name, value in values.items()}
-    return [means[name] * math.exp(-_log_variance(values, name) / 2) for name in driver.declaration.names]
+    means = {key: math.nan if value is None else value for key, value in values.items()}
+    return [means[key] * math.exp(-_log_variance(values, key) / 2) for key in driver.declaration.names]
 
 
 def _log_variance(values: Mapping[str, float | None], name: str) -> float:
@@ -194,6 +194,7 @@ def _population(
     effects: tuple[Effect, ...],
     lane_changing: LaneChanging | None,
 ) -> Population:
+    """The population of these classes, the first with the remaining drivers; `medians` by class and parameter."""
     names = MODELS[car_following].names
     drivers_of_classes = list(classes.values())
 

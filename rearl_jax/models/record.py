@@ -12,6 +12,7 @@ SCHEMA = 1
 """Version of the file's layout."""
 
 CAR, TRUCK = "car", "truck"
+"""Names of the classes of vehicles."""
 
 
 @dataclass(frozen=True)

@@ -114,19 +114,19 @@ def draw_drivers(
     names = MODELS[population.car_following].names
 
     def draw(key: Key[Array, ""]) -> tuple[Array, Array, Array]:
-        class_key, own_key, length_key = jax.random.split(jax.random.fold_in(key, POPULATION_STREAM), 3)
-        deviates = jax.random.normal(own_key, (len(names), n_vehicles), dtype)
+        class_key, parameter_key, length_key = jax.random.split(jax.random.fold_in(key, POPULATION_STREAM), 3)
+        deviates = jax.random.normal(parameter_key, (len(names), n_vehicles), dtype)
         uniform = jax.random.uniform(class_key, (n_vehicles,), dtype)
         return uniform, deviates, jax.random.normal(length_key, (n_vehicles,), dtype)
 
-    uniform, own_deviates, length_deviates = jax.vmap(draw, out_axes=-1)(keys)
+    uniform, parameter_deviates, length_deviates = jax.vmap(draw, out_axes=-1)(keys)
     driver_class = class_numbers(uniform, jnp.asarray(population.shares))
-    own_deviates, length_deviates = (
-        jnp.clip(deviates, -TRUNCATION, TRUNCATION) for deviates in (own_deviates, length_deviates)
+    parameter_deviates, length_deviates = (
+        jnp.clip(deviates, -TRUNCATION, TRUNCATION) for deviates in (parameter_deviates, length_deviates)
     )
     tables = jax.tree.map(jnp.asarray, (population.median, population.factor, population.noise, population.length))
     median, factor, noise, length = (jnp.moveaxis(table[driver_class], (0, 1), (-2, -1)) for table in tables)
-    values = dict(zip(names, median * jnp.exp(jnp.sum(factor * own_deviates[None], axis=1)), strict=True))
+    values = dict(zip(names, median * jnp.exp(jnp.sum(factor * parameter_deviates[None], axis=1)), strict=True))
     return DrawnDrivers(
         values=_within_bounds(values, population),
         noise=noise,
@@ -207,12 +207,12 @@ def make_room(
     def place_vehicle(
         fronts: tuple[Array, ...], vehicle: tuple[Array, Array, Array]
     ) -> tuple[tuple[Array, ...], Array]:
-        x, own_length, own_lane = vehicle
+        x, vehicle_length, vehicle_lane = vehicle
         for lane_number, front in enumerate(fronts):
-            x = jnp.where(own_lane == lane_number, jnp.maximum(x, front + MIN_GAP + own_length / 2), x)
-        own_front = x + own_length / 2
+            x = jnp.where(vehicle_lane == lane_number, jnp.maximum(x, front + MIN_GAP + vehicle_length / 2), x)
+        vehicle_front = x + vehicle_length / 2
         return tuple(
-            jnp.where(own_lane == lane_number, own_front, front) for lane_number, front in enumerate(fronts)
+            jnp.where(vehicle_lane == lane_number, vehicle_front, front) for lane_number, front in enumerate(fronts)
         ), x
 
     no_vehicle = jnp.full(state.x.shape[1:], -jnp.inf, state.x.dtype)

@@ -18,6 +18,7 @@ MAX_CHARACTERS = 600_000
 """Largest length of the data in a page [characters]; scenes beyond it are left out."""
 
 _CM = 100.0
+"""Centimetres per metre."""
 
 _UNSAFE = {ord(char): f"\\u{ord(char):04x}" for char in "<>&'\u2028\u2029"}
 """Characters that could end a script element or an attribute, or a line of JavaScript."""
@@ -61,8 +62,11 @@ def _scene(scenes: SceneSet, replayed: ReplayedScene, lane_width: float) -> dict
     y, n_lanes = _lateral(scenes, index, lane_width)
     presences = _presences(replayed)
     sim_x, sim_y = np.asarray(frames.x), np.asarray(frames.y)
-    vehicles = [_piece(first, sim_x[at], sim_y[at], float(replayed.lengths[slot])) for slot, first, at in presences]
-    crashes = [np.flatnonzero(np.asarray(frames.crashed)[at]) for _, _, at in presences]
+    vehicles = [
+        _piece(first, sim_x[indices], sim_y[indices], float(replayed.lengths[slot]))
+        for slot, first, indices in presences
+    ]
+    crashes = [np.flatnonzero(np.asarray(frames.crashed)[indices]) for _, _, indices in presences]
     around = [] if replayed.around is None else _replayed_pieces(replayed.around, lane_width)
     asked = []
     for decision in replayed.decisions:
@@ -84,7 +88,8 @@ def _scene(scenes: SceneSet, replayed: ReplayedScene, lane_width: float) -> dict
             "places": len(replayed.lengths),
             "speed": _means(np.asarray(frames.speed)),
             "crash": [
-                first + int(at[0]) if len(at) else -1 for (_, first, _), at in zip(presences, crashes, strict=True)
+                first + int(crashed[0]) if len(crashed) else -1
+                for (_, first, _), crashed in zip(presences, crashes, strict=True)
             ],
             "asked": asked,
         },
@@ -124,8 +129,9 @@ def _means(speed: np.ndarray) -> list[float]:
 
 
 def _lateral(scenes: SceneSet, index: int, lane_width: float) -> tuple[Float[np.ndarray, "frames slots"], int]:
-    """Lateral positions at which recorded vehicles are drawn [m], and the number of lanes: lane centres, with the
-    carriageways side by side; if lanes are unknown, measured positions.
+    """Lateral positions at which recorded vehicles are drawn [m], and the number of lanes.
+
+    The positions are lane centres, with the carriageways side by side; if lanes are unknown, measured positions.
     """
     lane, direction = scenes.lane[index].astype(np.int64), scenes.direction[index]
     if (lane == UNKNOWN_LANE).any():
@@ -133,8 +139,8 @@ def _lateral(scenes: SceneSet, index: int, lane_width: float) -> tuple[Float[np.
         return y, int(np.ceil(y.max() / lane_width)) + 1
     name = str(scenes.recording[index])
     counts = next((info.lane_count for info in scenes.infos if info.id == name), {})
-    first = counts.get(1, 0)
-    lane = lane + np.where(direction == 2, first, 0)
+    n_lanes_1 = counts.get(1, 0)  # those of carriageway 1; the lanes of carriageway 2 are drawn beside them
+    lane = lane + np.where(direction == 2, n_lanes_1, 0)
     return lane * lane_width, max(int(lane.max()) + 1, sum(counts.values()))
 
 
@@ -152,12 +158,13 @@ def _pieces(
     for vehicle in vehicles:
         frame, slot = np.nonzero(track == vehicle)
         for part in np.split(np.arange(len(frame)), np.flatnonzero(np.diff(frame) != 1) + 1):
-            at = (frame[part], slot[part])
-            pieces.append(_piece(int(frame[part[0]]), x[at], y[at], float(length[at][0])))
+            indices = (frame[part], slot[part])
+            pieces.append(_piece(int(frame[part[0]]), x[indices], y[indices], float(length[indices][0])))
     return pieces
 
 
 def _piece(first: int, x: np.ndarray, y: np.ndarray, length: float) -> dict[str, Any]:
+    """A piece as the player reads it, from its first frame, its positions [m] and the length of the vehicle [m]."""
     return {"t": first, "x": differences(x), "y": differences(y), "l": round(_CM * length)}
 
 

@@ -24,21 +24,21 @@ def player_of(replay: Replay) -> Player:
     data = replay_data(replay)
     norm = replay.config.speed.norm
     is_rescaled, n_left_out = norm is not SpeedNorm.none, len(replay.replayed) - len(data["scenes"])
-    words = [replay.origin, _HOW_DRAWN]
+    sentences = [replay.origin, _HOW_DRAWN]
     if is_rescaled:
-        words.append(
+        sentences.append(
             f"Speeds are compared rescaled (speed.norm={norm.name}), so the recorded strip may move at another pace "
             "than the simulated one that resembles it."
         )
     if n_left_out:
-        words.append(f"{n_left_out} more scenes were left out to keep the file small.")
+        sentences.append(f"{n_left_out} more scenes were left out to keep the file small.")
     parts = environment.get_template("player.html.j2").make_module(
         {
             "data": embedded(data),
             "has_decisions": replay.has_decisions,
             "has_replayed": any(scene.around is not None for scene in replay.replayed),
             "is_rescaled": is_rescaled,
-            "words": " ".join(words),
+            "words": " ".join(sentences),
         }
     )
     return Player(**{name: vars(parts)[name] for name in ("html", "style", "script")})

@@ -39,13 +39,13 @@ class DecisionRecorder:
 
     def __call__(self, block: Block) -> HostPolicy:
         """A policy for some scenarios; see `host_policy.MakePolicy`."""
-        return _RecordedPolicy(self.make(block), block.first, self.decisions)
+        return _RecordedPolicy(self.make(block), block.first_scenario, self.decisions)
 
 
 @dataclass(frozen=True)
 class _RecordedPolicy:
     policy: HostPolicy
-    first: int
+    first_scenario: int
     decisions: list[Decision]
 
     def ask(self, situation: Situation) -> Future[np.ndarray]:
@@ -61,7 +61,7 @@ class _RecordedPolicy:
         orders = accept(jnp.asarray(actions), mask, admissible)
         asked, followed, second = np.asarray(orders.is_asked), np.asarray(orders.action), int(situation.second)
         self.decisions.extend(
-            Decision(self.first + int(rollout), second, int(vehicle), int(followed[vehicle, rollout]))
+            Decision(self.first_scenario + int(rollout), second, int(vehicle), int(followed[vehicle, rollout]))
             for rollout, vehicle in np.argwhere(asked.T)
         )
         return actions
@@ -76,8 +76,8 @@ def policy_of(acts: Interventions, keys: Key[Array, " rollouts"]) -> MakePolicy:
     """
 
     def make(block: Block) -> HostPolicy:
-        own_keys = keys[block.first : block.first + block.length.shape[-1]]
-        return _Compiled(functools.partial(_compiled(acts, block.model), table=block.table, keys=own_keys))
+        block_keys = keys[block.first_scenario : block.first_scenario + block.length.shape[-1]]
+        return _Compiled(functools.partial(_compiled(acts, block.model), table=block.table, keys=block_keys))
 
     return make
 
@@ -89,8 +89,8 @@ def _compiled(acts: Interventions, model: TrafficModel) -> Callable[..., Array]:
     def decide(
         situation: Situation, table: ReferenceTable, keys: Key[Array, " rollouts"]
     ) -> Int[Array, "vehicles rollouts"]:
-        own_keys = jax.vmap(lambda key: jax.random.fold_in(key, situation.second))(keys)
-        return policy(situation, table, own_keys)
+        second_keys = jax.vmap(lambda key: jax.random.fold_in(key, situation.second))(keys)
+        return policy(situation, table, second_keys)
 
     return jax.jit(decide)
 

@@ -93,7 +93,7 @@ class FinishedStudy:
         return data_sources([next(iterate_recordings(self.config.data)).info])
 
     def require_keys(self, content: Mapping[str, Any] | pd.DataFrame, names: tuple[str, ...], file_name: str) -> None:
-        """Check of an object or a table for keys or columns, which studies of an older version may lack.
+        """Checks that an object or a table has keys or columns, which studies of an older version may lack.
 
         Args:
             content: An object or a table of the study.
@@ -129,8 +129,8 @@ def read_finished(root: str, name: str) -> FinishedStudy:
         raise InvalidInputError(Problem("name-unusable", message, key="study", value=repr(name)))
     path = Path(root).joinpath(*parts)
     if not path.is_dir():
-        there = sorted(file.parent.relative_to(root).as_posix() for file in Path(root).glob("*/summary.json"))
-        known = f"finished studies there: {', '.join(there[:10])}" if there else "no study there is finished"
+        finished = sorted(file.parent.relative_to(root).as_posix() for file in Path(root).glob("*/summary.json"))
+        known = f"finished studies there: {', '.join(finished[:10])}" if finished else "no study there is finished"
         message = f"must name a folder in {root}; {known} (results.root names the folder)"
         raise MissingInputError(Problem("study-missing", message, key="study", value=name))
     if not (path / "config.json").exists():

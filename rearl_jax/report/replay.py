@@ -112,7 +112,9 @@ def _require_same_data(study: FinishedStudy) -> None:
 
 
 def chosen_scenes(scenes: SceneSet, held_out: np.ndarray, options: ReportConfig) -> np.ndarray:
-    """Indices of the scenes that are shown, rising; by default from the slowest to the fastest, so that the choice is
+    """Indices of the scenes that are shown, rising.
+
+    By default they are evenly spaced in the order of mean speed, slowest and fastest included, so that the choice is
     not biased.
 
     Raises:
@@ -151,15 +153,15 @@ def _replayed(
         first = 0
         for simulated, chunk in scored_chunks(rollouts, scorer, chosen, shown(bar, "replay")):
             for column, scene, h in zip(chunk.rollout, chunk.scene, chunk.metrics.h.value, strict=True):
-                at = first + int(column)
+                rollout = first + int(column)
                 decisions = () if recorder is None else recorder.decisions
-                own_decisions = tuple(decision for decision in decisions if decision.rollout == at)
+                of_rollout = tuple(decision for decision in decisions if decision.rollout == rollout)
                 frames = jax.tree.map(lambda leaf, column=column: np.asarray(leaf[..., column]), simulated.frames)
                 length = np.asarray(simulated.length[:, column])
                 around = rollouts.boundary
                 if around is not None:
-                    around = around.select(rollouts.column[at : at + 1])
-                yield ReplayedScene(int(scene), run, frames, length, float(h), own_decisions, around)
+                    around = around.select(rollouts.column[rollout : rollout + 1])
+                yield ReplayedScene(int(scene), run, frames, length, float(h), of_rollout, around)
             first += simulated.frames.x.shape[-1]
 
 
@@ -200,9 +202,9 @@ def _require_same_figures(
     stored = {(int(scene), int(run)): float(h) for scene, run, h in rows.itertuples(index=False)}
     for rollout in replayed:
         scene = int(scenes.scene_id[rollout.index])
-        before = stored.get((scene, rollout.run))
-        if before is None or abs(before - rollout.h) > ROUNDING_TOLERANCE:
-            figure = "no" if before is None else f"{before:.5f} as"
+        stored_h = stored.get((scene, rollout.run))
+        if stored_h is None or abs(stored_h - rollout.h) > ROUNDING_TOLERANCE:
+            figure = "no" if stored_h is None else f"{stored_h:.5f} as"
             raise NoReplayError(
                 f"simulated again, run {rollout.run} of scene {scene} has a Hellinger distance of {rollout.h:.5f}, but "
                 f"the study has {figure} figure for it: it was made by other code or on another machine "

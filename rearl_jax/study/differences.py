@@ -1,4 +1,7 @@
-"""Differences between a study and the paper besides the method, each as `name: text`, for a comparison of figures."""
+"""Differences between a study and the paper besides the method, which a comparison of figures must name.
+
+Every function gives those of one subject, each as `name: text`.
+"""
 
 from rearl_jax.config import ClusterTask, EvaluateTask
 from rearl_jax.config.clustering import FitOn
@@ -44,7 +47,7 @@ def of_model(config: EvaluateTask, scenes: SceneSet) -> list[str]:
     return [
         f"traffic model: IDM and MOBIL as in highway-env, reimplemented; {road.n_vehicles} vehicles on "
         f"{road.lanes} lanes, initial states {start} (init.speed={config.init.speed.name}); the paper does "
-        "not state its version, its parameters or its initial speeds",
+        "not state its version, its parameters or its initial speeds"
     ]
 
 

@@ -1,4 +1,7 @@
-"""Document of a study of the paper, from its long table: own figures, the paper's figures, and differences."""
+"""Document of a study of the paper: our figures, the paper's figures, and differences between the two.
+
+A study writes one long table, with one row per row of the study and metric.
+"""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -55,11 +58,7 @@ def long_table(records: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
 
 
 def remarks_on(
-    config: EvaluateTask | ClusterTask,
-    scenes: SceneSet,
-    use: str,
-    findings: Sequence[str],
-    differences: Sequence[str],
+    config: EvaluateTask | ClusterTask, scenes: SceneSet, use: str, findings: Sequence[str], differences: Sequence[str]
 ) -> Remarks:
     """Remarks on the long table.
 
@@ -126,7 +125,7 @@ def document_of(
             "Only the signs of differences and the order of methods can be compared with the paper; page.html lists "
             f"what differs: {names}."
         )
-    others = _other_figures(summary, list(dict.fromkeys(table["row"])))
+    other_figures = _other_figures(summary, list(dict.fromkeys(table["row"])))
     return Document(
         title=title,
         verdict=verdict,
@@ -134,7 +133,7 @@ def document_of(
             *form.sections(config, table, summary),
             Section("What follows", notes=tuple(findings)),
             Section("What differs from the paper", notes=remarks.definitions, is_folded=True),
-            Section("Other figures", tables=(others,), is_folded=True),
+            Section("Other figures", tables=(other_figures,), is_folded=True),
         ),
         command=f"study {form.name}",
         generated=generated,
@@ -157,23 +156,23 @@ def beside_paper(
     """
     digits = {name: metric.digits for name, metric in METRICS.items()} | dict(digits or {})
     records = records_of(table)
-    last = {paper_row: name for name, figures in records.items() if (paper_row := _paper_row(figures))}
+    last_row_of = {paper_row: name for name, figures in records.items() if (paper_row := _paper_row(figures))}
     rows = []
     for name, figures in records.items():
-        first = next(iter(figures.values()))
-        row_title, paper_row = str(first.get("title", name)), _paper_row(figures)
+        any_figure = next(iter(figures.values()))
+        row_title, paper_row = str(any_figure.get("title", name)), _paper_row(figures)
         cells = tuple(cell(figures.get(metric), metric, digits=digits.get(metric)) for metric in headings)
         if not name.startswith("paper_"):
             rows.append(Row(row_title, cells))
         paper = tuple(cell(figures.get(metric), metric, "paper", digits=digits.get(metric)) for metric in headings)
-        if any(cell.value != NONE for cell in paper) and (paper_row is None or last[paper_row] == name):
+        if any(cell.value != NONE for cell in paper) and (paper_row is None or last_row_of[paper_row] == name):
             row_title = TABLE1[paper_row].title if paper_row else row_title
             rows.append(Row(f"paper: {row_title}", paper, Emphasis.subdued))
     return Table(title, tuple(headings.values()), tuple(rows))
 
 
 def _paper_row(figures: Mapping[str, Mapping[str, Any]]) -> str | None:
-    """The row of the paper's Table 1 that corresponds to an own row."""
+    """The row of the paper's Table 1 that corresponds to a row of ours, from its figures; None without one."""
     names = (figure.get("paper_row") for figure in figures.values())
     return next((name for name in names if isinstance(name, str)), None)
 

@@ -60,9 +60,9 @@ def error_series(results: Results, metrics: Sequence[str]) -> list[ErrorSeries]:
 
 def _series(item: Evaluated, method: str, name: str, title: str, metrics: Sequence[str]) -> ErrorSeries:
     frames = pd.read_parquet(item.folder / "frames.parquet", columns=["method", "frame", *metrics])
-    own = frames["method"].to_numpy(str) == method
-    second = frames["frame"].to_numpy(int)[own]
-    values = {metric: frames[metric].to_numpy(np.float64, na_value=np.nan)[own] for metric in metrics}
+    is_method = frames["method"].to_numpy(str) == method
+    second = frames["frame"].to_numpy(int)[is_method]
+    values = {metric: frames[metric].to_numpy(np.float64, na_value=np.nan)[is_method] for metric in metrics}
     return ErrorSeries(name, title, {metric: band(second, errors) for metric, errors in values.items()})
 
 

@@ -107,10 +107,14 @@ def _findings(parts: pd.DataFrame, metrics: tuple[str, str]) -> list[str]:
     sentences = []
     for metric in metrics:
         changes = {"higher": [], "lower": []}
-        first, last = (parts[parts["metric"] == f"{metric}_{third}"] for third in ("first", "last"))
-        for title, before, after in zip(first["title"], first["ours"], last["ours"], strict=True):
-            if pd.notna(before) and pd.notna(after) and before != after:
-                changes["higher" if after > before else "lower"].append(f"{title} ({after - before:+.3f})")
+        first_third, last_third = (parts[parts["metric"] == f"{metric}_{third}"] for third in ("first", "last"))
+        for title, first_error, last_error in zip(
+            first_third["title"], first_third["ours"], last_third["ours"], strict=True
+        ):
+            if pd.notna(first_error) and pd.notna(last_error) and first_error != last_error:
+                changes["higher" if last_error > first_error else "lower"].append(
+                    f"{title} ({last_error - first_error:+.3f})"
+                )
         higher, lower = (", ".join(titles) or "no row" for titles in changes.values())
         sentences.append(f"{HEADINGS[metric]}, last less first third: higher in {higher}; lower in {lower}.")
     return sentences

@@ -13,9 +13,9 @@ from rearl_jax.study.error_series import Band, ErrorSeries
 
 
 def draw_series(series: list[ErrorSeries], metrics: tuple[str, str], *, generated: bool) -> bytes:
-    """PNG of all methods, each compared with base and real against real."""
-    known = {item.name: item for item in series}
-    base, real = known[BASE], known[REAL_VS_REAL]
+    """PNG of all methods, each compared with base and real against real (recorded scenes against each other)."""
+    by_name = {item.name: item for item in series}
+    base, real = by_name[BASE], by_name[REAL_VS_REAL]
     rows = [item for item in series if item is not real]
     figure, axes = panels(8.0, 0.8 + 1.35 * len(rows), rows=len(rows), columns=len(metrics), generated=generated)
     for column, metric in enumerate(metrics):

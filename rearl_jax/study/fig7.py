@@ -23,13 +23,7 @@ from rearl_jax.runtime import set_precision
 from rearl_jax.study import differences
 from rearl_jax.study.document import Form, beside_paper, long_table, publish, remarks_on
 from rearl_jax.study.parts import begin
-from rearl_jax.study.published import (
-    N_THRESHOLD_SCENES,
-    N_VALUES_H,
-    N_VALUES_MAPE,
-    THRESHOLDS_H,
-    THRESHOLDS_MAPE,
-)
+from rearl_jax.study.published import N_THRESHOLD_SCENES, N_VALUES_H, N_VALUES_MAPE, THRESHOLDS_H, THRESHOLDS_MAPE
 from rearl_jax.sweep.base_values import kept_base_values
 
 _CAPTION = (
@@ -97,7 +91,7 @@ def run(config: StudyFig7Task) -> dict:
 
 
 def percentile_records(config: StudyFig7Task, base: BaseValues) -> list[dict[str, Any]]:
-    """`row`, `percentile` [%], `metric` (h, h_legacy or mape), `ours`, `paper`, `n_values`."""
+    """`row`, `percentile` [%], `metric`, `ours`, `paper`, `n_values`; h_legacy is h on the paper's probable scale."""
     scale = legacy_scale(config.hist)
     records: list[dict[str, Any]] = []
     for percentile in config.sweep.h_pct:

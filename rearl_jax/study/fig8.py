@@ -1,7 +1,8 @@
 """The task `rearl study fig8`: clusters of scenes and their representatives, in the form of the paper's Fig. 8.
 
-The clustering is made by `rearl cluster` in `cluster/`. Writes `fig8.parquet` (one row per cluster and figure),
-`fig8.png`, `fig8_clusters.png`, `page.html`, `config.json` and, last of all, `summary.json`.
+The clustering is made by `rearl cluster` in `cluster/`; the label of a track is its cluster. Writes `fig8.parquet`
+(one row per cluster and figure), `fig8.png`, `fig8_clusters.png`, `page.html`, `config.json` and, last of all,
+`summary.json`.
 """
 
 import json

@@ -26,22 +26,22 @@ def draw_clusters(scenes: pd.DataFrame, k: int, *, generated: bool) -> bytes:
 
     Args:
         scenes: `scene_clusters.parquet` of a clustering.
-        k: Number of labels.
+        k: Number of labels, the clusters of tracks.
         generated: Whether the recordings were generated, not measured.
     """
-    labels = scenes["cluster"].to_numpy(np.float64, na_value=np.nan)
-    clusters = np.unique(labels[np.isfinite(labels)]).astype(int)
+    scene_cluster = scenes["cluster"].to_numpy(np.float64, na_value=np.nan)
+    clusters = np.unique(scene_cluster[np.isfinite(scene_cluster)]).astype(int)
     positions = np.arange(len(clusters))
     figure, (above, below) = panels(max(4.8, 1.6 + 0.42 * len(clusters)), 4.4, rows=2, generated=generated)
     bottom = np.zeros(len(clusters))
     for label in range(k):
         scene_shares = scenes[f"share_{label}"].to_numpy(np.float64)
-        shares = np.array([scene_shares[labels == cluster].mean() for cluster in clusters])
+        shares = np.array([scene_shares[scene_cluster == cluster].mean() for cluster in clusters])
         above.bar(positions, shares, bottom=bottom, color=_COLOURS[label % len(_COLOURS)], label=f"label {label}")
         bottom += shares
     above.set(ylabel="mean share of the tracks [-]", ylim=(0, 1))
     figure.legend(loc="outside lower center", ncols=k, frameon=False, fontsize=FONT_SIZE)
-    below.bar(positions, [int((labels == cluster).sum()) for cluster in clusters], color=GREY)
+    below.bar(positions, [int((scene_cluster == cluster).sum()) for cluster in clusters], color=GREY)
     below.set(xlabel="cluster", ylabel="scenes")
     below.set_xticks(positions, [str(cluster) for cluster in clusters])
     set_title(above, f"{len(scenes)} scenes, all of them assigned; clusters: {len(clusters)}")

@@ -1,7 +1,8 @@
 """Conclusions from the figures of Table 1, in sentences computed from these figures alone.
 
-"Closer" and "farther" are used only if an interval excludes zero. Time headway and lane-change rate are never called
-better, because they describe the traffic.
+Real against real are recorded scenes scored against other recorded scenes, controls the rows that show what a method's
+choices are worth. "Closer" and "farther" are used only if an interval excludes zero. Time headway and lane-change rate
+are never called better, because they describe the traffic.
 """
 
 from collections.abc import Mapping, Sequence
@@ -126,8 +127,8 @@ def _sorted(compared: Mapping[str, Difference]) -> tuple[str, str, str]:
     by_sign: dict[int, list[str]] = {-1: [], 0: [], 1: []}
     for name, difference in compared.items():
         by_sign[difference.sign].append(f"{name} ({difference})")
-    below, none, above = (", ".join(by_sign[sign]) for sign in (-1, 0, 1))
-    return below, none, above
+    below, zero, above = (", ".join(by_sign[sign]) for sign in (-1, 0, 1))
+    return below, zero, above
 
 
 def _reliability(errors: Mapping[str, Sequence[RowDifferences]], n_scenes: int, confidence: float) -> list[str]:

@@ -77,11 +77,11 @@ def measure_model_steps(
     client: Client, prompt: PromptConfig, loop: StepsConfig, batch: int, repetitions: int
 ) -> list[ModelSteps]:
     """Measurements after a warm-up of one step, each with different traffic."""
-    scene = program_arguments(loop, loop.steps_vehicles, loop.steps, batch)
-    scenes = Scenes(loop.steps_vehicles, loop.density, synthetic_table(scene["references"]))
+    arguments = program_arguments(loop, loop.steps_vehicles, loop.steps, batch)
+    scenes = Scenes(loop.steps_vehicles, loop.density, synthetic_table(arguments["references"]))
     prepare = jax.jit(lambda keys: replace(scenes.draw_recorded(keys, loop.steps), recorded=None))
     measurements = []
-    for number in range(-1, repetitions):
+    for number in range(-1, repetitions):  # -1: the warm-up
         keys = jax.random.split(jax.random.key(loop.seed + 1 + number), batch)
         n_steps = 1 if number < 0 else loop.steps
         measured = _measure(client, prompt, jax.block_until_ready(prepare(keys)), number, n_steps)
@@ -91,8 +91,9 @@ def measure_model_steps(
 
 
 def _measure(client: Client, prompt: PromptConfig, batch: Batch, repetition: int, n_steps: int) -> ModelSteps:
+    """One measurement; the two halves of the scenarios have a policy each, as `rollout_in_lockstep` requires."""
     size = batch.state.x.shape[-1]
-    half = -(-size // 2)
+    half = -(-size // 2)  # rounded up
     template = load_template(prompt.template)
 
     def policy_of(part: slice) -> LanguageModelPolicy:
@@ -100,7 +101,7 @@ def _measure(client: Client, prompt: PromptConfig, batch: Batch, repetition: int
         limits = jax.tree.map(lambda leaf: leaf[part], batch.thresholds)
         return LanguageModelPolicy(client, prompter, limits, part.start)
 
-    before = len(client.requests_frame())
+    n_before = len(client.requests_frame())
     begin = time.perf_counter()
     # No decision follows the last second, so the last decisions are made one second earlier.
     rollout_in_lockstep(
@@ -116,6 +117,6 @@ def _measure(client: Client, prompt: PromptConfig, batch: Batch, repetition: int
     )
     wall_s = time.perf_counter() - begin
     client.check_usable(is_finished=True)
-    asked = client.requests_frame().iloc[before:]
+    asked = client.requests_frame().iloc[n_before:]
     n_answered = int((asked["cause"] == Cause.answered.name).sum())
     return ModelSteps(size, repetition, wall_s, n_steps, len(asked), int(asked["was_sent"].sum()), n_answered)

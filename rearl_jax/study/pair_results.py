@@ -40,9 +40,9 @@ def read_pairs(folder: Path, config: StudyTable3Task) -> pd.DataFrame:
     h_pct, m_pct = (runs[name].to_numpy(np.float64, na_value=np.nan) for name in ("h_pct", "m_pct"))
     records = []
     for pair in table.to_dict("records"):
-        own = (h_pct == pair["h_pct"]) & (m_pct == pair["m_pct"])
+        is_pair = (h_pct == pair["h_pct"]) & (m_pct == pair["m_pct"])
         name = f"{pair['h_pct']:g} % / {pair['m_pct']:g} %"
-        records.append({"row": name} | {key: pair[key] for key in _PAIR_COLUMNS} | _figures(runs, own, config))
+        records.append({"row": name} | {key: pair[key] for key in _PAIR_COLUMNS} | _figures(runs, is_pair, config))
     records.append({"row": BASE} | _figures(runs, np.isnan(h_pct), config))
     summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
     return with_choice(pd.DataFrame(records), (summary["best_h_pct"], summary["best_m_pct"]))
@@ -50,7 +50,7 @@ def read_pairs(folder: Path, config: StudyTable3Task) -> pd.DataFrame:
 
 def with_choice(pairs: pd.DataFrame, best: tuple[float, float]) -> pd.DataFrame:
     """The pairs, base last, with `score`, `is_pareto` and `is_best`; `best` are the percentiles chosen by the sweep."""
-    points = list(zip(pairs["h"], pairs["mape"], strict=True))[:-1]
+    points = list(zip(pairs["h"], pairs["mape"], strict=True))[:-1]  # without base
     return pairs.assign(
         score=pairs["h"] + pairs["mape"],
         is_pareto=pairs.index.isin(pareto(points)),
@@ -58,13 +58,13 @@ def with_choice(pairs: pd.DataFrame, best: tuple[float, float]) -> pd.DataFrame:
     )
 
 
-def _figures(runs: pd.DataFrame, own: np.ndarray, config: StudyTable3Task) -> dict[str, float | None]:
-    """Mean over scenes of the mean over runs, and its interval, by metric; NaN and None without a value."""
-    scene = runs["scene_id"].to_numpy(int)[own]
+def _figures(runs: pd.DataFrame, is_row: np.ndarray, config: StudyTable3Task) -> dict[str, float | None]:
+    """Mean over scenes of the mean over the masked runs, and its interval, by metric; NaN and None without a value."""
+    scene = runs["scene_id"].to_numpy(int)[is_row]
     subset, group = np.unique(scene, return_inverse=True)
     columns = {name: name for name in FIGURES} | {"mape": config.mape.column}
     means = {
-        name: grouped_mean(runs[column].to_numpy(np.float64, na_value=np.nan)[own], group, len(subset))
+        name: grouped_mean(runs[column].to_numpy(np.float64, na_value=np.nan)[is_row], group, len(subset))
         for name, column in columns.items()
     }
     ends = intervals(np.stack(list(means.values()), axis=1), config.eval)

@@ -1,4 +1,4 @@
-"""Evaluated rows of Table 1: estimates with intervals, paired differences, frames."""
+"""Evaluated rows of Table 1: estimates with intervals, and paired differences."""
 
 import json
 import logging
@@ -57,8 +57,8 @@ class Evaluated:
     def scene_means(self, metric: str) -> dict[int, float]:
         """Mean over the rollouts of every scene with a figure, by scene_id."""
         runs = pd.read_parquet(self.folder / "runs.parquet", columns=["method", "scene_id", metric])
-        own = runs["method"].to_numpy(str) == self.method
-        scene, values = runs["scene_id"].to_numpy(int)[own], runs[metric].to_numpy(np.float64, na_value=np.nan)[own]
+        runs = runs.loc[runs["method"].to_numpy(str) == self.method]
+        scene, values = runs["scene_id"].to_numpy(int), runs[metric].to_numpy(np.float64, na_value=np.nan)
         subset, group = np.unique(scene, return_inverse=True)
         means = grouped_mean(values, group, len(subset))
         return {int(name): float(mean) for name, mean in zip(subset, means, strict=True) if np.isfinite(mean)}
@@ -112,12 +112,12 @@ class Results:
 
 def paired_difference(row: Evaluated, other: Evaluated, metric: str, eval: EvaluationConfig) -> Difference | None:
     """Difference of a metric between two rows with the same initial states; None if no scene has both."""
-    mine, theirs = row.scene_means(metric), other.scene_means(metric)
-    less = np.array([mine[scene] - theirs[scene] for scene in mine if scene in theirs])
-    if not len(less):
+    means, other_means = row.scene_means(metric), other.scene_means(metric)
+    difference = np.array([means[scene] - other_means[scene] for scene in means if scene in other_means])
+    if not len(difference):
         return None
-    ((low, high),) = intervals(less[:, None], eval)
-    return Difference(float(less.mean()), low, high)
+    ((low, high),) = intervals(difference[:, None], eval)
+    return Difference(float(difference.mean()), low, high)
 
 
 def evaluate_rows(config: StudyTable1Task) -> Results:

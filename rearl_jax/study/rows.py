@@ -53,6 +53,7 @@ class Row:
 
 
 def _loop(policy: str, **other: Any) -> dict[str, Any]:
+    """Values of keys for REARL with a policy; a double underscore stands for the dot in the name of a key."""
     return {"method": "rearl", "decision.policy": policy} | {key.replace("__", "."): v for key, v in other.items()}
 
 
@@ -105,14 +106,14 @@ def chosen_rows(table1: Table1Config, model: str | None = None) -> list[Row]:
     Raises:
         ValueError: A chosen row does not exist or needs a model.
     """
-    known = {row.name: row for row in ROWS}
+    by_name = {row.name: row for row in ROWS}
     if table1.rows is None:
         return [row for row in ROWS if (table1.llm or not row.asks_model) and (model or not row.is_repaired)]
     for name in table1.rows:
-        if name not in known:
-            message = f"must be among {', '.join(known)}; nearest: {nearest(name, known)}"
+        if name not in by_name:
+            message = f"must be among {', '.join(by_name)}; nearest: {nearest(name, by_name)}"
             raise InvalidInputError(Problem("choice-unknown", message, key="table1.rows", value=name))
-        if known[name].is_repaired and model is None:
+        if by_name[name].is_repaired and model is None:
             message = f"must be MODEL.YAML for the row {name}, which is on the traffic of a repaired model"
             raise InvalidInputError(Problem("key-missing", message, key="model"))
     return [row for row in ROWS if row.name in table1.rows or (table1.llm and row.asks_model)]

@@ -77,7 +77,7 @@ def _draw(config: StudyTable1Task, results: Results, *, generated: bool) -> dict
 
 
 def remarks_on_rows(
-    config: StudyTable1Task, results: Results, inputs: Inputs, findings: list[str], *others: str
+    config: StudyTable1Task, results: Results, inputs: Inputs, findings: list[str], *further: str
 ) -> Remarks:
     """Remarks on the rows of Table 1: conclusions, and differences from the paper.
 
@@ -86,12 +86,12 @@ def remarks_on_rows(
         results: The rows.
         inputs: Scenes and references behind them.
         findings: As in `remarks_on`.
-        *others: Differences besides those of the rows.
+        *further: Differences besides those of the rows.
     """
     n_scored, references = len(inputs.held_out(config.eval)), inputs.references
     purpose = f"{config.eval.subset.name} scenes"
     differing = [
-        *others,
+        *further,
         *differences.of_data(config, inputs.scenes),
         *differences.of_subset(results.n_scenes, N_EVALUATION_SCENES, purpose, config.eval.n_runs),
         *differences.of_model(config, inputs.scenes),

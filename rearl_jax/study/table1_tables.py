@@ -40,13 +40,11 @@ def paper_figure(row: PublishedRow | None, metric: str) -> float | None:
 
 
 def sections(config: StudyTable1Task, table: pd.DataFrame, summary: Mapping[str, Any]) -> tuple[Section, ...]:
-    """Sections: own and published figures, differences from base, and all metrics."""
+    """Sections: our figures and the paper's, differences from base, and all metrics."""
     intervals = f"{100 * config.eval.confidence:g} % intervals"
     table, on_traffic = split_rows(table)
     ours = beside_paper(
-        f"Table 1, ours and the paper's; {summary['n_scenes']} held-out scenes, {intervals}",
-        table,
-        TITLES_OF_METRICS,
+        f"Table 1, ours and the paper's; {summary['n_scenes']} held-out scenes, {intervals}", table, TITLES_OF_METRICS
     )
     changes = []
     for figures in records_of(table).values():
@@ -55,9 +53,9 @@ def sections(config: StudyTable1Task, table: pd.DataFrame, summary: Mapping[str,
                 cell(figures.get(metric), metric, "less_base", digits=METRICS[metric].digits, sign="+")
                 for metric in LESS_BASE
             ]
-            first = next(iter(figures.values()))
-            counts = (Cell(number(first.get(name))) for name in ("n_scenes", "n_rollouts"))
-            changes.append(Row(first["title"], (*cells, *counts)))
+            any_figure = next(iter(figures.values()))
+            counts = (Cell(number(any_figure.get(name))) for name in ("n_scenes", "n_rollouts"))
+            changes.append(Row(any_figure["title"], (*cells, *counts)))
     less_base = Table(
         f"Difference from base, from the same initial states, paired over scenes; {intervals}",
         (*(TITLES_OF_METRICS[metric] for metric in LESS_BASE), "scenes", "rollouts"),
@@ -88,10 +86,10 @@ def verdict(table: pd.DataFrame) -> str:
 
 
 def long_rows(results: Results) -> pd.DataFrame:
-    """`row`, `title`, `metric`, `unit`, `ours`, `low`, `high`, `sd`, `less_base` with its ends, `paper`, `paper_row`,
-    `n_scenes`, `n_rollouts`; one row per row of the table and metric.
+    """One row per row of the table and metric: `row`, `title`, `metric`, `unit`, `ours`, `low`, `high`, `sd`,
+    `less_base` with its ends, `paper`, `paper_row`, `n_scenes`, `n_rollouts`.
 
-    Rows of the paper without a corresponding own row are added under the name `paper_NAME`.
+    Rows of the paper without a corresponding row of ours are added under the name `paper_NAME`.
     """
     records: list[dict[str, Any]] = []
     for item in results.rows:

@@ -77,7 +77,4 @@ def run(config: StudyTable3Task) -> dict:
 def _draw(pairs: pd.DataFrame, n_scenes: int, folder: Path, *, generated: bool) -> dict[str, bytes]:
     from rearl_jax.study.table3_figure import draw_pairs
 
-    return {
-        "table3": draw_pairs(pairs, n_scenes, generated=generated),
-        "pairs": (folder / "pairs.png").read_bytes(),
-    }
+    return {"table3": draw_pairs(pairs, n_scenes, generated=generated), "pairs": (folder / "pairs.png").read_bytes()}

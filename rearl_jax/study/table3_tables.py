@@ -69,6 +69,7 @@ def conclusions(pairs: pd.DataFrame, summary: Mapping[str, Any], n_scenes: int) 
 
 
 def _front(pairs: pd.DataFrame) -> set[tuple[float, float]]:
+    """Percentiles of the Pareto-optimal pairs."""
     front = pairs.loc[pairs["is_pareto"]]
     return set(zip(front["h_pct"], front["m_pct"], strict=True))
 

@@ -1,4 +1,4 @@
-"""The figure of the inference times: a line per program, a colour per batch, logarithmic."""
+"""The figure of the inference times: a line per program, a colour per batch size, a logarithmic axis."""
 
 import pandas as pd
 

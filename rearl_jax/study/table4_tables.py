@@ -35,9 +35,9 @@ matcher's rows have no counterpart.
 def long_timings(steps: pd.DataFrame, with_model: pd.DataFrame | None) -> pd.DataFrame:
     """One row per program and batch, in the order of the table.
 
-    Columns: `row`, `title`, `batch` (scenarios at a time), `metric` (steps_ms), `ours` (median time of all steps of the
-    whole batch [ms]), `low` and `high` (least and greatest), `paper` (of one scenario at a time), `compile_s` (missing
-    if it is not measured), `n_repetitions`, `note`.
+    Columns: `row` (the program), `title`, `batch` (scenarios at a time), `metric` (steps_ms), `ours` (median time of
+    all steps of the whole batch [ms]), `low` and `high` (least and greatest), `paper` (of one scenario at a time),
+    `compile_s` (missing if it is not measured), `n_repetitions`, `note`.
 
     Args:
         steps: One row per measurement: `program`, `batch`, `wall_s` [s], `compile_s` [s].

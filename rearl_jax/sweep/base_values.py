@@ -1,4 +1,4 @@
-"""Errors of base whose percentiles are the thresholds, kept in the study folder."""
+"""Errors of the method base, whose percentiles are the thresholds of detection, kept in the study folder."""
 
 from collections.abc import Callable, Mapping
 
@@ -11,7 +11,7 @@ from rearl_jax.evaluation.percentiles import BaseValues, base_values
 from rearl_jax.results import Study
 
 BASE_VALUES = "base_values"
-"""Name of the table: one row per value, `cue` (h or mape), `value`."""
+"""Name of the table: one row per value, with `cue` (h or mape) and `value`."""
 
 _CUES = ["h", "mape"]
 
@@ -24,8 +24,8 @@ def kept_base_values(
     metadata: Mapping[str, str],
     progress: Callable[[int, int], None],
 ) -> BaseValues:
-    """Values of base from `base_values.parquet`, so that a resumed study has the same thresholds. If the file does not
-    exist, they are computed by `evaluation.percentiles.base_values` and written with the metadata.
+    """Values of base in the threshold scenes (indices `subset`): from `base_values.parquet`, so that resumed studies
+    have the same thresholds; else computed by `evaluation.percentiles.base_values` and written with the metadata.
     """
     if not study.owns(BASE_VALUES):
         base = base_values(config, scenes, subset, progress)

@@ -1,4 +1,4 @@
-"""The cells of a multirun as a figure: a line per cell, a panel per metric, with reference rows."""
+"""The cells (jobs) of a multirun as a figure: a line per cell, a panel per metric, with reference rows."""
 
 import pandas as pd
 from matplotlib.axes import Axes
@@ -38,7 +38,7 @@ def draw_cells(config: EvaluateTask, names: list[str], table: pd.DataFrame, *, g
         panel.set_xlabel(HEADINGS[metric])
         panel.grid(axis="y", color=LIGHT_GREY, linewidth=0.6)
         panel.set_axisbelow(True)
-    axes[-1].set_xlim(left=0)  # a share
+    axes[-1].set_xlim(left=0)  # the last metric, collisions, is a share
     set_title(axes[0], f"{config.study}; {config.eval.subset.name} scenes, {config.eval.n_runs} runs each")
     handles = {}
     for panel in axes:
@@ -65,9 +65,9 @@ def _intervals(panel: Axes, table: pd.DataFrame, names: list[str], method: str, 
     figures = _figures(table, method, metric)
     positions = [names.index(cell) for cell in figures.index]
     panel.plot(figures["value"], positions, "o", color=BLUE, markersize=4, label=method)
-    known = figures["low"].notna().to_numpy()
-    lines = [y for y, is_known in zip(positions, known, strict=True) if is_known]
-    panel.hlines(lines, figures["low"][known], figures["high"][known], color=BLUE, linewidth=1.2)
+    has_interval = figures["low"].notna().to_numpy()
+    heights = [y for y, has in zip(positions, has_interval, strict=True) if has]
+    panel.hlines(heights, figures["low"][has_interval], figures["high"][has_interval], color=BLUE, linewidth=1.2)
 
 
 def _figures(table: pd.DataFrame, row: str, metric: str) -> pd.DataFrame:

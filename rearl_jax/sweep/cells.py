@@ -1,4 +1,4 @@
-"""The cells of a multirun of `rearl evaluate`, combined into one table, one figure and a summary.
+"""The cells (jobs) of a multirun of `rearl evaluate`, combined into one table, one figure and a summary.
 
 Writes into the study folder `cells.parquet` (one row per cell, row of the table and metric), `runs.parquet` (one row
 per cell and scored pair), `cells.png`, `config.json` and, last of all, `summary.json`.
@@ -99,12 +99,12 @@ def _without_provenance(figures: dict) -> dict:
 
 def cell_table(cells: list[Cell]) -> pd.DataFrame:
     """One row per cell, row of its table and metric: `cell`, the swept keys, then the columns of `summary.parquet`."""
-    return _long(cells, [cell.estimates for cell in cells])
+    return _joined(cells, [cell.estimates for cell in cells])
 
 
 def run_table(cells: list[Cell]) -> pd.DataFrame:
     """One row per cell and scored pair: `cell`, the swept keys, then the columns of the cells' `runs.parquet`."""
-    return _long(cells, [pd.read_parquet(cell.folder / "runs.parquet") for cell in cells])
+    return _joined(cells, [pd.read_parquet(cell.folder / "runs.parquet") for cell in cells])
 
 
 def _columns(cell: Cell) -> dict[str, str]:
@@ -112,13 +112,13 @@ def _columns(cell: Cell) -> dict[str, str]:
     return {"cell_method" if key == "method" else key: value for key, value in cell.keys.items()}
 
 
-def _long(cells: list[Cell], frames: list[pd.DataFrame]) -> pd.DataFrame:
+def _joined(cells: list[Cell], frames: list[pd.DataFrame]) -> pd.DataFrame:
     """The concatenated tables of the cells."""
     parts = []
     for cell, frame in zip(cells, frames, strict=True):
         named = {"cell": cell.name, **_columns(cell)}
         columns = {name: pd.Categorical([value] * len(frame)) for name, value in named.items()}
         parts.append(pd.concat([pd.DataFrame(columns), frame.astype({"method": str})], axis=1))
-    texts = ["cell", "method", *_columns(cells[0])]
-    whole = pd.concat([part.astype(dict.fromkeys(texts, str)) for part in parts])
-    return whole.astype(dict.fromkeys(texts, "category")).reset_index(drop=True)
+    text_columns = ["cell", "method", *_columns(cells[0])]
+    whole = pd.concat([part.astype(dict.fromkeys(text_columns, str)) for part in parts])
+    return whole.astype(dict.fromkeys(text_columns, "category")).reset_index(drop=True)

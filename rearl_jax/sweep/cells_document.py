@@ -1,4 +1,4 @@
-"""Document of a multirun of `rearl evaluate`: a row per cell, and the rows to compare it with."""
+"""Document of a multirun of `rearl evaluate`: a row per cell (job), and the rows to compare it with."""
 
 import pandas as pd
 
@@ -27,17 +27,17 @@ def document_of(config: EvaluateTask, cells: pd.DataFrame, *, generated: bool) -
     figures = indexed.pivot(columns="metric", values="value").reindex(order)
     figures = figures.join(indexed.loc[indexed["metric"] == "h", _LESS_BASE]).reset_index()
     methods = [name for name in figures["method"].unique() if name not in (BASE, *TITLES)] or [BASE]
-    own = figures[figures["method"].isin(methods)]
-    own = own.assign(title=own["method"] + ": " + own["cell"] if len(methods) > 1 else own["cell"])
+    shown = figures[figures["method"].isin(methods)]
+    shown = shown.assign(title=shown["method"] + ": " + shown["cell"] if len(methods) > 1 else shown["cell"])
     references = [
         _reference(figures.loc[figures["method"] == name]) for name in (BASE, REAL_VS_REAL, REAL) if name not in methods
     ]
-    rows = pd.concat([own, *references])
+    rows = pd.concat([shown, *references])
     title = f"{n_cells} cells of {config.study}"
     columns = {"title": "", **{metric: HEADINGS[metric] for metric in _METRICS}, "less_base": "H less base"}
     emphasis = {name: Emphasis.subdued for part in references for name in part["title"]}
     note = f"H less base: paired over scenes, with its {100 * config.eval.confidence:g} % bootstrap interval"
-    closest = own.sort_values("h").iloc[0]
+    closest = shown.sort_values("h").iloc[0]
     return Document(
         title=title,
         verdict=f"Of {n_cells} cells, {closest['title']} is closest to the recorded traffic by the Hellinger distance, "

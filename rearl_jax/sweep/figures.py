@@ -13,12 +13,12 @@ from rearl_jax import drawing
 from rearl_jax.config.sweep import SweepConfig
 from rearl_jax.evaluation.percentiles import BaseValues
 
-_LINE, _MARK, _OTHERS = drawing.BLUE, drawing.VERMILION, drawing.DARK_GREY
+_LINE, _MARK, _PAPER = drawing.BLUE, drawing.VERMILION, drawing.DARK_GREY
 
 _TEXT_WIDTH = 0.3
 """Width of a text as a share of the horizontal axis [-]."""
 
-_PUBLISHED = {"color": _OTHERS, "marker": "D", "markerfacecolor": "none", "markersize": 5, "linewidth": 0.8}
+_PUBLISHED = {"color": _PAPER, "marker": "D", "markerfacecolor": "none", "markersize": 5, "linewidth": 0.8}
 
 HEAT_MAPS = {"h": "Hellinger distance", "mape": "spacing error", "score": "sum of both"}
 """Columns of the table that are drawn, and their titles."""
@@ -41,14 +41,14 @@ def cumulative(
     figure = Figure(figsize=(8.0, 3.4), layout="constrained")
     figure.suptitle(title, fontsize=drawing.FONT_SIZE)
     panels = (("Hellinger distance [-]", base.h, sweep.h_pct), ("spacing error [-]", base.mape, sweep.m_pct))
-    for axes, (label, values, percentiles), others in zip(
+    for axes, (label, values, percentiles), paper in zip(
         figure.subplots(1, 2, sharey=True), panels, published, strict=True
     ):
-        _distribution(axes, values, percentiles, others)
-        if others:
-            shares = [percentile / 100 for percentile in others]
-            axes.plot(list(others.values()), shares, **_PUBLISHED)
-            axes.set_xlim(0, max(axes.get_xlim()[1], 1.05 * max(others.values())))
+        _distribution(axes, values, percentiles, paper)
+        if paper:
+            shares = [percentile / 100 for percentile in paper]
+            axes.plot(list(paper.values()), shares, **_PUBLISHED)
+            axes.set_xlim(0, max(axes.get_xlim()[1], 1.05 * max(paper.values())))
             marks = [Line2D([], [], color=_LINE, label="ours"), Line2D([], [], **_PUBLISHED, label="paper")]
             axes.legend(handles=marks, frameon=False, fontsize=drawing.FONT_SIZE, loc="center right")
         axes.set(xlabel=label, ylim=(0, 1))
@@ -56,9 +56,8 @@ def cumulative(
     return drawing.png(figure)
 
 
-def _distribution(
-    axes: Axes, values: np.ndarray, percentiles: tuple[float, ...], others: Mapping[float, float]
-) -> None:
+def _distribution(axes: Axes, values: np.ndarray, percentiles: tuple[float, ...], paper: Mapping[float, float]) -> None:
+    """Draws one cumulative distribution with its thresholds; `paper` has the paper's thresholds by percentile [%]."""
     levels = np.linspace(0, 100, 1001)
     axes.plot(np.percentile(values, levels), levels / 100, color=_LINE, linewidth=1.4)
     axes.set_xlim(0, float(np.percentile(values, 99.5)))
@@ -66,11 +65,11 @@ def _distribution(
         threshold = float(np.percentile(values, percentile))
         axes.plot([threshold], [percentile / 100], "o", color=_MARK, markersize=4)
         # The text is placed to the right of a published threshold that it would cover.
-        other = others.get(percentile, threshold)
-        is_near = threshold < other < threshold + _TEXT_WIDTH * axes.get_xlim()[1]
+        published = paper.get(percentile, threshold)
+        is_near = threshold < published < threshold + _TEXT_WIDTH * axes.get_xlim()[1]
         axes.annotate(
             f"{percentile:g} %: {threshold:.3f}",
-            (other if is_near else threshold, percentile / 100),
+            (published if is_near else threshold, percentile / 100),
             xytext=(6, -3),
             textcoords="offset points",
             fontsize=7,
@@ -79,7 +78,7 @@ def _distribution(
 
 
 def heat_maps(table: pd.DataFrame, title: str) -> bytes:
-    """PNG with a map per figure: rows are percentiles of the Hellinger distance, columns of the spacing error."""
+    """PNG of HEAT_MAPS; rows are percentiles of the Hellinger distance, columns those of the spacing error."""
     figure = Figure(figsize=(10.0, 3.6), layout="constrained")
     figure.suptitle(title, fontsize=drawing.FONT_SIZE)
     for axes, (name, label) in zip(figure.subplots(1, len(HEAT_MAPS)), HEAT_MAPS.items(), strict=True):

@@ -98,7 +98,7 @@ def choose(
         raise InvalidInputError(Problem("no-figure", message))
     score = total.mean(axis=1)
     order = np.argsort(score, kind="stable")
-    best, runner_up = int(order[0]), int(order[min(1, len(order) - 1)])
+    best, runner_up = int(order[0]), int(order[min(1, len(order) - 1)])  # a single pair is its own runner-up
     n_scenes = total.shape[1]
     drawn = np.random.default_rng(eval.seed).integers(n_scenes, size=(eval.resamples, n_scenes))
     weights = np.stack([np.bincount(row, minlength=n_scenes) for row in drawn]) / n_scenes

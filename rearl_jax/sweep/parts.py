@@ -79,4 +79,5 @@ def run_columns(scene_id: np.ndarray, rollouts: Rollouts, scores: Scores) -> dic
 
 
 def _advance(progress: Callable[[int, int], None], start: int, total: int, done: int, of_part: int) -> None:
+    """Reports `done` rollouts of a part that begins with rollout `start` as progress over all rollouts."""
     progress(start + done, total)

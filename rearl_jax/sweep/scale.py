@@ -1,4 +1,4 @@
-"""The task `rearl sweep scale`: very many rollouts, simulated and scored in constant memory, with their cost.
+"""The task `rearl sweep scale`: a stream of rollouts, simulated and scored in constant memory, with their cost.
 
 Writes into the study folder `cost.parquet` (one row per batch size), `runs/part-*.parquet` (one row per rollout),
 `progress.parquet` (one row per part), `scale.png`, `config.json` and, last of all, `summary.json`. A killed study
@@ -87,9 +87,9 @@ def _measured(config: SweepScaleTask, study: Study, bar: Progress, *, generated:
     def table_of(part: Rollouts, scores: Scores) -> pd.DataFrame:
         return pd.DataFrame(run_columns(scenes.scene_id, part, scores))
 
-    before = list(finished_parts(study, len(rollouts)).values())
-    stream = StreamLog(study, sum(part.stop - part.start for part in before), with_machine)
-    progress = shown_with_rate(bar, "rollouts", before)
+    parts_on_disk = list(finished_parts(study, len(rollouts)).values())
+    stream = StreamLog(study, sum(part.stop - part.start for part in parts_on_disk), with_machine)
+    progress = shown_with_rate(bar, "rollouts", parts_on_disk)
     write_runs(study, rollouts, scenes, table_of, metadata, progress, stream.add)
     return ScaleResults(
         config, len(subset), scenes.seconds, thresholds, costs, stream, machine, load_average, generated

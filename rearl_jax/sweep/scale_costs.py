@@ -25,7 +25,7 @@ class BatchCost:
     Attributes:
         n_rollouts: Rollouts of the batch.
         repetitions: Number of measurements.
-        first_s: Elapsed time of the first call, which compiles or loads the programs, the whole batch [s].
+        first_s: Elapsed time of the first call for the whole batch, which compiles or loads the programs [s].
         simulate_s: Elapsed time of the simulation per rollout [s].
         simulate_cpu_s: CPU time of the simulation per rollout [s].
         score_s: Elapsed time of the scoring per rollout [s].
@@ -63,16 +63,17 @@ def _cost(rollouts: Rollouts, scenes: SceneSet) -> BatchCost:
     scorer = make_scorer(rollouts.config, scenes, len(rollouts))
     simulating, scoring = _timed(rollouts, scorer)
     first_s = simulating.wall_s + scoring.wall_s
-    passes, passed_s = [], 0.0
-    while len(passes) < MIN_REPETITIONS or passed_s < MIN_TIME_S:
+    repetitions, elapsed_s = [], 0.0
+    while len(repetitions) < MIN_REPETITIONS or elapsed_s < MIN_TIME_S:
         simulating, scoring = _timed(rollouts, scorer)
-        passes.append((simulating.wall_s, simulating.cpu_s, scoring.wall_s, scoring.cpu_s))
-        passed_s += simulating.wall_s + scoring.wall_s
-    return BatchCost(len(rollouts), len(passes), first_s, *(np.median(passes, axis=0) / len(rollouts)).tolist())
+        repetitions.append((simulating.wall_s, simulating.cpu_s, scoring.wall_s, scoring.cpu_s))
+        elapsed_s += simulating.wall_s + scoring.wall_s
+    medians = np.median(repetitions, axis=0) / len(rollouts)
+    return BatchCost(len(rollouts), len(repetitions), first_s, *medians.tolist())
 
 
 def _timed(rollouts: Rollouts, scorer: Scorer) -> tuple[Stopwatch, Stopwatch]:
-    """Time of simulating and of scoring all rollouts once, as the stream does it."""
+    """Time of simulating and of scoring all rollouts once, chunk by chunk as in the task."""
     simulating, scoring = Stopwatch(), Stopwatch()
     chunks = rollouts.chunks()
     done = 0

@@ -1,4 +1,4 @@
-"""Document of a stream of rollouts: time of a rollout by the number simulated at a time, rates, memory."""
+"""Document of `rearl sweep scale`: time of a rollout by the number simulated at a time, rates, memory."""
 
 import pandas as pd
 
@@ -55,7 +55,7 @@ def _notes(results: ScaleResults) -> tuple[str, ...]:
     rates, memory = results.rates(), results.memory()
     notes = [
         f"batches: medians of {min(cost.repetitions for cost in results.costs)} repetitions or more, programs compiled;"
-        f" the first calls took {sum(cost.first_s for cost in results.costs):.0f} s together",
+        f" the first calls took {sum(cost.first_s for cost in results.costs):.0f} s together"
     ]
     vehicles, substeps = rates["vehicle_seconds_per_s"], rates["substeps_per_s"]
     if vehicles is not None and substeps is not None:
@@ -66,7 +66,7 @@ def _notes(results: ScaleResults) -> tuple[str, ...]:
         if n_before := results.stream.n_before:
             notes.append(f"{n_before:,} rollouts were on disk before and do not count for the rates")
     for name, text in (("peak_mib", "peak memory"), ("resident_mib", "memory held at the end of a part")):
-        first, last = memory[f"{name}_first_part"], memory[f"{name}_last_part"]
-        if first is not None and last is not None:
-            notes.append(f"{text} {first:,.0f} MiB after the first part, {last:,.0f} MiB after the last")
+        after_first, after_last = memory[f"{name}_first_part"], memory[f"{name}_last_part"]
+        if after_first is not None and after_last is not None:
+            notes.append(f"{text} {after_first:,.0f} MiB after the first part, {after_last:,.0f} MiB after the last")
     return (*notes, machine_line(results.machine, results.load_average))

@@ -1,4 +1,4 @@
-"""Figure of a stream: cost of a rollout by the number simulated at a time, memory by the rollouts done."""
+"""Figure of `rearl sweep scale`: cost of a rollout by the number simulated at a time, memory by the rollouts done."""
 
 from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator, StrMethodFormatter

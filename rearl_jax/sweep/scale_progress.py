@@ -1,6 +1,6 @@
 """Progress of a stream of rollouts, part by part: speed, and memory of the process.
 
-Written after every part, so that an interrupted study keeps its measurements; a resumed study adds a session.
+Written after every part, so that an interrupted study keeps its measurements; every run of the task is a session.
 """
 
 import math
@@ -61,11 +61,11 @@ class StreamLog:
             began), `peak_mib` (largest resident memory of the process so far), `resident_mib` (present resident
             memory).
         """
-        parts = [part for part in (self._earlier, self.now()) if part is not None and len(part)]
-        return pd.concat(parts, ignore_index=True) if parts else self.now()
+        parts = [part for part in (self._earlier, self.this_session()) if part is not None and len(part)]
+        return pd.concat(parts, ignore_index=True) if parts else self.this_session()
 
-    def now(self) -> pd.DataFrame:
-        """The rows of this session."""
+    def this_session(self) -> pd.DataFrame:
+        """The rows of the parts simulated since the log was opened."""
         return pd.DataFrame(self._rows, columns=list(_COLUMNS))
 
 

@@ -49,11 +49,7 @@ class ScaleResults:
         """
         core, stream = self.config.core, self.stream
         vehicle_seconds = core.n_vehicles * self.seconds
-        units = {
-            "rollouts": 1,
-            "vehicle_seconds": vehicle_seconds,
-            "substeps": vehicle_seconds * core.ticks_per_second,
-        }
+        units = {"rollouts": 1, "vehicle_seconds": vehicle_seconds, "substeps": vehicle_seconds * core.ticks_per_second}
         clocks = {"s": stream.wall_s, "cpu_s": stream.cpu_s}
         return {
             f"{name}_per_{clock}": stream.n_simulated * unit / time if stream.n_simulated else None
@@ -66,7 +62,7 @@ class ScaleResults:
 
         `peak_mib`: largest resident memory so far; `resident_mib`: present resident memory.
         """
-        table = self.stream.now()
+        table = self.stream.this_session()
         figures: dict[str, float | None] = {}
         for name in ("peak_mib", "resident_mib"):
             for end, row in (("first_part", 0), ("last_part", -1)):

@@ -1,6 +1,6 @@
 """The task `rearl sweep thresholds`: finds the detection thresholds whose traffic is closest to the recorded one.
 
-Writes into the study folder `base_values.parquet` (the values of base whose percentiles are used),
+Writes into the study folder `base_values.parquet` (errors of the method base, whose percentiles are the thresholds),
 `runs/part-*.parquet` (one row per pair, scene and run), `table3.parquet` (one row per pair), two PNG figures,
 `page.html`, `config.json` and, last of all, `summary.json`. An interrupted study continues.
 """
@@ -34,7 +34,7 @@ from rearl_jax.sweep.pairs import Pair, choose, pair_table, scene_means, thresho
 from rearl_jax.sweep.parts import RUNS, run_columns, write_runs
 
 FIGURES = ("h", "mape_a", "mape_b", "mape_c", "thw", "lcr", "collisions")
-"""Metrics of the table besides the two errors that determine the choice."""
+"""Metrics of the table; the choice depends on h, and on that of the spacing errors which `mape.definition` names."""
 
 
 def run(config: SweepThresholdsTask, *, show: bool = True) -> dict:
@@ -81,12 +81,12 @@ def run(config: SweepThresholdsTask, *, show: bool = True) -> dict:
     runs = pd.read_parquet(study.path / RUNS)
     means = {
         name: scene_means(runs[column].to_numpy(np.float64), rollouts.row, rollouts.scene, splits.tuning)
-        for name, column in {**dict(zip(FIGURES, FIGURES, strict=True)), "mape": config.mape.column}.items()
+        for name, column in ({name: name for name in FIGURES} | {"mape": config.mape.column}).items()
     }
-    of_pairs, of_base = ({name: values[at] for name, values in means.items()} for at in (slice(-1), slice(-1, None)))
+    of_pairs = {name: values[:-1] for name, values in means.items()}
     choice = choose(of_pairs["h"], of_pairs["mape"], config.eval)
     table = pair_table(pairs, of_pairs, choice)
-    base_means = {name: float(np.nanmean(values)) for name, values in of_base.items()}
+    base_means = {name: float(np.nanmean(values[-1])) for name, values in means.items()}
     study.write_table("table3", table, **metadata, base=json.dumps(base_means))
     best = pairs[choice.best]
     summary = {

@@ -14,8 +14,8 @@ SIMULATION = (
         description=(
             "Simulates every held-out scene several times from its first recorded snapshot (the paper draws the start: "
             "init.source=seed speed.norm=minmax), with common random numbers, and measures the distance between "
-            "simulated and recorded traffic, next to the reference rows real against real and noise floor. Prints a "
-            "table, writes Parquet, figures and one HTML page."
+            "simulated and recorded traffic, next to the reference rows real against real (other recorded scenes) and "
+            "noise floor (two samples of one scene). Prints a table, writes Parquet, figures and one HTML page."
         ),
         examples=(
             "rearl evaluate",

@@ -95,8 +95,8 @@ STUDIES = (
         summary="what the driver model is missing in the shipped real recordings; compares time gaps with known ones",
         resumes=True,
         description=(
-            "Makes a discovery of each set of real recordings (I-80, FHWA by leader, ZalaZone by setting and by car), "
-            "as `rearl discover` does, in a folder of its own below sets/, and puts verdicts and errors under every "
+            "Makes a discovery of each set of recordings (I-80, FHWA by leader, ZalaZone by setting and by car), "
+            "as `rearl discover` does, in a folder of its own below sets/, and puts verdicts and errors by calibration "
             "protocol into one table. Known time gaps of these vehicles at equilibrium are compared with those "
             "of the calibrated drivers. data.recordings other than * replaces the pattern of each set. A "
             "killed study continues where it stopped. Prints the tables, writes Parquet and one HTML page."

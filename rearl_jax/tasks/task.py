@@ -11,14 +11,14 @@ from typing import Any
 
 @dataclass(frozen=True)
 class Task:
-    """One task. `run`, `config` and `collect` are addresses `module:name`; the function `run` takes the configuration
-    record.
+    """One task, named `words` on the command line. `run`, `config`, `collect` and `on_file` are addresses
+    `module:name`; the function `run` takes the configuration record.
 
-    `collect` combines the cells of a multirun: it takes the record common to all cells, and the values of the swept
-    keys for each cell. `on_file` is the function for `rearl TASK FILE`, which takes the name of the file. `implied`
-    maps groups of keys to overrides that they imply. `resumes` states that the same command resumes an interrupted
-    task, `failures` names the figure in the function's result that makes `rearl` fail unless it is 0. With
-    `uses_jax=False` the task starts without the import of JAX.
+    `collect` combines the cells (jobs) of a multirun: it takes the record common to all cells, and the values of the
+    swept keys for each cell. `on_file` is the function for `rearl TASK FILE`, which takes the name of the file.
+    `implied` maps groups of keys to overrides that they imply. `resumes` states that the same command resumes an
+    interrupted task, `failures` names the figure in the function's result that makes `rearl` fail unless it is 0. With
+    `x64` JAX computes in double precision; with `uses_jax=False` the task starts without the import of JAX.
     """
 
     words: str

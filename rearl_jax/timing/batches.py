@@ -35,7 +35,7 @@ class Batches:
     """Measures a program batch by batch on one device, from the call with a prepared batch to its end."""
 
     def __init__(self, subject: Subject, *, batch: int, n_vehicles: int, seconds: int) -> None:
-        """Compiles the program."""
+        """Compiles the program for batches of `batch` scenarios with `n_vehicles` vehicles over `seconds` seconds."""
         self._subject, self._batch, self._n_vehicles, self._seconds = subject, batch, n_vehicles, seconds
         self._prepare = jax.jit(subject.prepare)
         inputs = jax.block_until_ready(self._prepare(jax.random.split(jax.random.key(0), batch)))

@@ -293,8 +293,8 @@ def decide_in_situations(batch: Batch) -> tuple[Orders, Decisions]:
     assert batch.recorded is not None
     assert batch.situations is not None
 
-    def second(orders: Orders, seen: tuple[TrafficState, Situation]) -> tuple[Orders, Decisions]:
-        state, situation = lax.optimization_barrier(seen)
+    def second(orders: Orders, recorded: tuple[TrafficState, Situation]) -> tuple[Orders, Decisions]:
+        state, situation = lax.optimization_barrier(recorded)
         admissible = admissible_actions(state, batch.drivers, LOOP_MODEL, TRIGGER_ALWAYS.admissible)
         situation = dataclasses.replace(situation, admissible=admissible)
         next_orders = accept(policy(situation, batch.table, batch.keys), situation.is_asked, admissible)

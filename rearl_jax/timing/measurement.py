@@ -64,7 +64,7 @@ class Measurement:
 
     @property
     def substeps_per_cpu_s(self) -> float:
-        """Agent-substeps per second of CPU time [1/s]."""
+        """Agent-substeps (steps of one vehicle over 1/15 s) per second of CPU time [1/s]."""
         return self.n_substeps / self.cpu_s
 
     @property

@@ -1,9 +1,9 @@
 """Measured programs in separate processes, so that CPU time and memory are those of the program alone.
 
-The other process runs `python -m rearl_jax.timing.process SPECIFICATION`. In: a JSON object as argument (`program`, the
-address of a function or class as `module:name`, its `arguments`, and `cpu_devices`), then one JSON object per line on
-standard input (`n_scenarios`, `seed`). Out: one JSON object per line, first the facts of the program, then a
-`Measurement` per line of input. The process ends with its input.
+The other process runs `python -m rearl_jax.timing.process SPECIFICATION`. The specification is a JSON object:
+`program`, the address of a function or class as `module:name`, its `arguments`, and `cpu_devices`. The process writes
+the facts of the program as one line of JSON. Then it reads one JSON object per line (`n_scenarios`, `seed`) and writes
+a `Measurement` for each as one line of JSON. It ends when its standard input ends.
 """
 
 import dataclasses

@@ -1,4 +1,4 @@
-"""References made from a seed, of the shapes that real studies have, so that a measurement reads no data.
+"""References drawn from a seed, as large as those of recordings, so that a measurement reads no data.
 
 They determine the amount of work, but are not realistic: traffic compared with them only yields costs.
 """

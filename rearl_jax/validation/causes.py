@@ -1,4 +1,4 @@
-"""Cause of a difference, named from facts measured at the first tick with one."""
+"""Cause of a difference between highway-env's run of a scene and the core's, from facts at the first tick with one."""
 
 from dataclasses import dataclass
 from enum import Enum
@@ -66,13 +66,13 @@ def measure(comparison: Comparison, recorded: Recorded, scene: int, tick: int, t
     marked = flipped[tick] | comparison.crash_differs[tick, :, scene]
     vehicle = int(np.argmax(position[tick])) if (position[tick] > tolerance).any() else int(np.argmax(marked))
     speed = np.abs(recorded.tracks.speed[max(0, tick - SLOW_TICKS) : tick + 1, vehicle, scene])
-    before = max(float(position[tick - 1, vehicle]), float(np.finfo(np.float64).eps))
+    difference_before = max(float(position[tick - 1, vehicle]), float(np.finfo(np.float64).eps))
     length = float(recorded.start.length[vehicle, scene])
     return Facts(
         tick=tick,
         vehicle=vehicle,
         difference=float(position[tick, vehicle]),
-        growth=float(position[tick, vehicle]) / before,
+        growth=float(position[tick, vehicle]) / difference_before,
         speed=float(recorded.tracks.speed[tick, vehicle, scene]),
         slowest=float(speed.min()),
         unstable_below=unstable_below(length),

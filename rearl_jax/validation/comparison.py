@@ -18,7 +18,7 @@ QUANTITIES = ("position", "speed", "heading")
 
 @dataclass(frozen=True)
 class Comparison:
-    """Differences of a batch of scenes; ticks count from the start, which is tick 0.
+    """Differences of a batch of scenes. Steps are the start, which is tick 0, and all ticks after it.
 
     Attributes:
         errors: For each of `QUANTITIES`, the largest difference over a scene's vehicles at every tick.

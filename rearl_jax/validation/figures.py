@@ -25,10 +25,10 @@ def error_over_time(errors: pd.DataFrame, tolerances: dict[str, float]) -> bytes
     n_rows = math.ceil(len(names) / n_columns)
     figure = Figure(figsize=(3.6 * n_columns, 2.5 * n_rows + 0.9), layout="constrained")
     axes = figure.subplots(n_rows, n_columns, sharex=True, sharey=True, squeeze=False)
-    for axis, name in zip(axes.flat, names, strict=False):
-        chosen = errors[errors["set"] == name]
+    for axis, name in zip(axes.flat, names, strict=False):  # the last panels may be left over
+        errors_of_set = errors[errors["set"] == name]
         for precision, colour in COLOURS.items():
-            part = chosen[chosen["precision"] == precision]
+            part = errors_of_set[errors_of_set["precision"] == precision]
             for scope, style in (("all", ":"), ("before_contact", "-")):
                 line = part[part["scope"] == scope]
                 label = f"{precision}, largest" + (" before contact" if scope == "before_contact" else "")

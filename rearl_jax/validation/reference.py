@@ -171,6 +171,7 @@ def _describe(vehicles: list[ControlledVehicle]) -> Start:
 
 
 def _frame(vehicles: list[ControlledVehicle]) -> list[tuple]:
+    """For each vehicle the fields of `Tracks`, in their order."""
     return [(*v.position, v.heading, v.speed, v.lane_index[2], v.target_lane_index[2], v.crashed) for v in vehicles]
 
 

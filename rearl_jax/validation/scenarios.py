@@ -129,17 +129,17 @@ class ScenarioSet:
 
     def scenario(self, index: int, *, seed: int, n_seconds: int) -> Scenario:
         """Scene `index` of the set."""
-        position = [known.name for known in SETS].index(self.name)
-        random = np.random.default_rng([seed, position, index])
-        own_seed = int(random.integers(2**31))
-        # One row at a time, so that a longer scene begins like a shorter one.
+        set_number = [known.name for known in SETS].index(self.name)
+        random = np.random.default_rng([seed, set_number, index])
+        highway_env_seed = int(random.integers(2**31))
         injection = None if self.inject is None else self.inject(random, index)
+        # One row at a time, so that a longer scene begins like a shorter one.
         actions = [random.integers(0, N_ACTIONS, self.n_meta).tolist() for _ in range(n_seconds)]
         return Scenario(
             set_name=self.name,
             index=index,
             source=self.source,
-            seed=own_seed,
+            seed=highway_env_seed,
             n_idm=self.n_idm,
             n_meta=self.n_meta,
             speed_levels=self.speed_levels,

@@ -24,10 +24,10 @@ VECTOR_WIDTH = 8
 code, whose last place may differ; eight doubles fill the widest vectors."""
 
 
-def batch_width(n_vehicles: int) -> int:
-    """Scenes of some vehicles each that are simulated at once.
+def batch_size(n_vehicles: int) -> int:
+    """Scenes of `n_vehicles` vehicles that are simulated at once.
 
-    Every batch of a set is filled up to this width, so that one program serves all.
+    Every batch of a set is filled up to this size, so that one program serves all.
     """
     return jax.local_device_count() * VECTOR_WIDTH * max(1, min(4, 40 // n_vehicles))
 
@@ -41,31 +41,32 @@ def simulate(scenes: Sequence[Recorded], model: TrafficModel, dtype: type) -> Tr
     """The tracks of the core, as many ticks as were recorded, the start included, the scenario axis last.
 
     Args:
-        scenes: Scenes of equal size, at most `batch_width`.
+        scenes: Scenes of equal size, at most `batch_size`.
         model: Traffic model; only its road is used.
         dtype: np.float32 or np.float64; the latter needs JAX's x64 mode.
 
     Raises:
         ValueError: If a result is not finite.
     """
-    width = batch_width(scenes[0].tracks.x.shape[1])
-    recorded = stack([*scenes, *(scenes[-1],) * (width - len(scenes))])
+    size = batch_size(scenes[0].tracks.x.shape[1])
+    recorded = stack([*scenes, *(scenes[-1],) * (size - len(scenes))])
     state = initial_state(recorded.start, model, dtype)
     drivers = _drivers(recorded.start, model, dtype)
     arguments = jax.tree.map(np.asarray, (state, drivers, recorded.actions.astype(np.int32)))
-    later = _program(model, width)(arguments)
-    first = jax.tree.map(np.asarray, _observe(state, model))
+    after_ticks = _program(model, size)(arguments)
+    at_start = jax.tree.map(np.asarray, _observe(state, model))
     columns = [
-        np.concatenate([start[None], rest])[..., : len(scenes)] for start, rest in zip(first, later, strict=True)
+        np.concatenate([start[None], ticks])[..., : len(scenes)]
+        for start, ticks in zip(at_start, after_ticks, strict=True)
     ]
-    for name, values in zip(("x", "y", "heading", "speed"), columns, strict=False):
+    for name, values in zip(("x", "y", "heading", "speed"), columns, strict=False):  # the first four columns
         if not np.isfinite(values).all():
             raise ValueError(f"the core's {name} is not finite in {np.dtype(dtype).name}: a fault of the core")
     return Tracks(*columns)
 
 
 @functools.cache
-def _program(model: TrafficModel, width: int) -> ScenarioMap:
+def _program(model: TrafficModel, size: int) -> ScenarioMap:
     """Compiled for the model: from (state, drivers, actions) to the result of `_observe` after every tick."""
 
     def run(arguments: tuple[TrafficState, Drivers, jax.Array]) -> tuple[jax.Array, ...]:
@@ -82,7 +83,7 @@ def _program(model: TrafficModel, width: int) -> ScenarioMap:
         _, frames = lax.scan(next_second, state, actions)
         return jax.tree.map(lambda values: values.reshape(-1, *values.shape[2:]), frames)
 
-    return ScenarioMap(run, chunk=width // jax.local_device_count())
+    return ScenarioMap(run, chunk=size // jax.local_device_count())
 
 
 def _observe(state: TrafficState, model: TrafficModel) -> tuple[jax.Array, ...]:

@@ -73,10 +73,10 @@ def groups(scenes: pd.DataFrame) -> pd.DataFrame:
     """Figures per set, per size and overall, one row for each and each precision."""
     rows = []
     for precision in PRECISIONS:
-        chosen = rows_with(scenes, precision=precision)
-        parts = [("set", name, part) for name, part in chosen.groupby("set", sort=False, observed=True)]
-        parts += [("size", f"N = {size}", rows_with(chosen, size=size)) for size in SIZES]
-        parts += [("all", "all", chosen)]
+        of_precision = rows_with(scenes, precision=precision)
+        parts = [("set", name, part) for name, part in of_precision.groupby("set", sort=False, observed=True)]
+        parts += [("size", f"N = {size}", rows_with(of_precision, size=size)) for size in SIZES]
+        parts += [("all", "all", of_precision)]
         rows += [
             {"level": level, "group": str(name), "precision": precision, **figures(part)}
             for level, name, part in parts
@@ -92,16 +92,16 @@ def summarise(scenes: pd.DataFrame, reference: str) -> dict:
         if len(part := rows_with(scenes, size=size)):
             summary |= _flat(part, f"n{size}_")
     control, core = rows_with(scenes, precision=CONTROL), rows_with(scenes, precision="float64")
-    same = core.loc[np.isin(core["scenario"].to_numpy(), control["scenario"].to_numpy())]
+    core_in_control_scenes = core.loc[np.isin(core["scenario"].to_numpy(), control["scenario"].to_numpy())]
     summary |= {
         "control_scenes": len(control),
         "control_agree_share": _mean(control, "agrees"),
         "control_max_dx": _largest(control, "max_position"),
-        "control_core_agree_share": _mean(same, "agrees"),
+        "control_core_agree_share": _mean(core_in_control_scenes, "agrees"),
     }
     for precision, ending in PRECISIONS.items():
-        named = list(rows_with(scenes, precision=precision, agrees=False)["cause"])
-        summary[f"exceptions_{ending}"] = {cause.value: named.count(cause.value) for cause in Cause}
+        causes = list(rows_with(scenes, precision=precision, agrees=False)["cause"])
+        summary[f"exceptions_{ending}"] = {cause.value: causes.count(cause.value) for cause in Cause}
     summary["unexplained"] = sum(
         summary[f"exceptions_{ending}"][Cause.unexplained.value] for ending in PRECISIONS.values()
     )

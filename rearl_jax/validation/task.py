@@ -59,7 +59,7 @@ def run(config: ValidateTask) -> dict:
     study = Study(config.results.root, config.study, config, "validate")
     study.write_config(reusable=(REFERENCES,))
     reference = f"highway-env {version('highway-env')}"
-    sets = [chosen for chosen in SETS if n_scenes(chosen, options)]
+    sets = [scenario_set for scenario_set in SETS if n_scenes(scenario_set, options)]
     with progress_bar() as progress:
         scenes, errors = _Validation(options, ReferenceStore(study), progress).run(sets)
     seeds = {"seed": str(options.seed), "reference": reference}
@@ -98,40 +98,41 @@ class _Validation:
 
     def run(self, sets: Sequence[ScenarioSet]) -> tuple[pd.DataFrame, pd.DataFrame]:
         """Rows per scene and precision, and differences at every tick."""
-        self._collect([job for chosen in sets for job in self._jobs(chosen, Variant.plain)], "highway-env")
+        self._collect([job for scenario_set in sets for job in self._jobs(scenario_set, Variant.plain)], "highway-env")
         if vector_features():
-            controls = [job for chosen in sets for job in self._jobs(chosen, Variant.vectorised)]
+            controls = [job for scenario_set in sets for job in self._jobs(scenario_set, Variant.vectorised)]
             self._collect(controls, "highway-env, vectorised")
-        work = self.progress.add_task("core", total=sum(n_scenes(chosen, self.options) for chosen in sets))
+        work = self.progress.add_task("core", total=sum(n_scenes(scenario_set, self.options) for scenario_set in sets))
         rows, errors = [], []
-        for chosen in sets:
+        for scenario_set in sets:
             parts: dict[str, list[Comparison]] = {precision: [] for precision in summary.PRECISIONS}
-            for jobs in self._batches(chosen):
+            for jobs in self._batches(scenario_set):
                 recorded = [self.store.load(job) for job in jobs]
-                batch, model = stack(recorded), simulation.model_of(chosen)
+                batch, model = stack(recorded), simulation.model_of(scenario_set)
                 for precision, compared in parts.items():
                     tracks = simulation.simulate(recorded, model, np.dtype(precision).type)
                     compared.append(comparison.compare(batch.tracks, tracks))
-                    rows += self._rows(chosen, jobs, batch, compared[-1], precision)
-                rows += self._control(chosen, jobs, recorded)
+                    rows += self._rows(scenario_set, jobs, batch, compared[-1], precision)
+                rows += self._control(scenario_set, jobs, recorded)
                 self.progress.advance(work, len(jobs))
-            errors += [_errors(chosen, precision, compared) for precision, compared in parts.items()]
+            errors += [_errors(scenario_set, precision, compared) for precision, compared in parts.items()]
         scenes = pd.DataFrame(rows).astype({"first_contact": "float64", **FACT_COLUMNS})
         return self._with_own_differences(scenes, sets), pd.concat(errors, ignore_index=True)
 
-    def _jobs(self, chosen: ScenarioSet, variant: Variant) -> list[Job]:
-        n = n_scenes(chosen, self.options)
+    def _jobs(self, scenario_set: ScenarioSet, variant: Variant) -> list[Job]:
+        n = n_scenes(scenario_set, self.options)
         if variant is Variant.vectorised:
             n = _part(n, self.options.control_share)
         options = self.options
         return [
-            Job(chosen.scenario(index, seed=options.seed, n_seconds=options.seconds), variant) for index in range(n)
+            Job(scenario_set.scenario(index, seed=options.seed, n_seconds=options.seconds), variant)
+            for index in range(n)
         ]
 
-    def _batches(self, chosen: ScenarioSet) -> Iterator[list[Job]]:
-        jobs, width = self._jobs(chosen, Variant.plain), simulation.batch_width(chosen.n_vehicles)
-        for start in range(0, len(jobs), width):
-            yield jobs[start : start + width]
+    def _batches(self, scenario_set: ScenarioSet) -> Iterator[list[Job]]:
+        jobs, size = self._jobs(scenario_set, Variant.plain), simulation.batch_size(scenario_set.n_vehicles)
+        for start in range(0, len(jobs), size):
+            yield jobs[start : start + size]
 
     def _collect(self, jobs: Sequence[Job], title: str) -> None:
         """Runs scenes without a file in highway-env; long scenes first, so that no worker is left alone at the end."""
@@ -140,9 +141,9 @@ class _Validation:
         for _ in self.store.collect(longest_first, self.options.workers or available_cores()):
             self.progress.advance(work)
 
-    def _control(self, chosen: ScenarioSet, jobs: Sequence[Job], recorded: Sequence[Recorded]) -> list[dict]:
+    def _control(self, scenario_set: ScenarioSet, jobs: Sequence[Job], recorded: Sequence[Recorded]) -> list[dict]:
         """Rows of the scenes of a batch that highway-env has run with and without vector functions."""
-        n_control = len(self._jobs(chosen, Variant.vectorised)) if vector_features() else 0
+        n_control = len(self._jobs(scenario_set, Variant.vectorised)) if vector_features() else 0
         pairs = [
             (job, plain, self.store.load(dataclasses.replace(job, variant=Variant.vectorised)))
             for job, plain in zip(jobs, recorded, strict=True)
@@ -150,14 +151,15 @@ class _Validation:
         ]
         if not pairs:
             return []
-        own_jobs, plain, vectorised = zip(*pairs, strict=True)
+        control_jobs, plain, vectorised = zip(*pairs, strict=True)
         batch = stack(plain)
         compared = comparison.compare(batch.tracks, stack(vectorised).tracks)
-        return self._rows(chosen, own_jobs, batch, compared, summary.CONTROL)
+        return self._rows(scenario_set, control_jobs, batch, compared, summary.CONTROL)
 
     def _rows(
-        self, chosen: ScenarioSet, jobs: Sequence[Job], batch: Recorded, compared: Comparison, precision: str
+        self, scenario_set: ScenarioSet, jobs: Sequence[Job], batch: Recorded, compared: Comparison, precision: str
     ) -> list[dict]:
+        """Rows of scenes.parquet for one batch; `batch` are highway-env's runs."""
         before_contact = precision == "float32"
         tolerance = self.options.tolerance_f32 if before_contact else self.options.tolerance_f64
         bounds = {"tolerance": tolerance, "only_before_contact": before_contact}
@@ -172,11 +174,11 @@ class _Validation:
         for number, (job, row) in enumerate(zip(jobs, measured, strict=True)):
             contact = int(compared.contact[number])
             scene = {
-                "set": chosen.name,
-                "size": chosen.size,
+                "set": scenario_set.name,
+                "size": scenario_set.size,
                 "index": job.scenario.index,
                 "scenario": job.scenario.identity(),
-                "vehicles": chosen.n_vehicles,
+                "vehicles": scenario_set.n_vehicles,
                 "precision": precision,
                 "first_contact": contact / TICKS_PER_SECOND if contact < len(compared.position) else None,
                 "agrees": bool(agrees[number]),
@@ -191,19 +193,19 @@ class _Validation:
 
         Measured for the scenes that disagree in float64; empty for all others.
         """
-        by_name = {chosen.name: chosen for chosen in sets}
+        by_name = {scenario_set.name: scenario_set for scenario_set in sets}
         excepted = summary.rows_with(scenes, precision="float64", agrees=False)
         jobs = {}
         for name, index in zip(excepted["set"], excepted["index"], strict=True):
             scenario = by_name[name].scenario(int(index), seed=self.options.seed, n_seconds=self.options.seconds)
             jobs[scenario.identity()] = Job(scenario, Variant.nudged)
         self._collect(list(jobs.values()), "highway-env, nudged")
-        own = {}
+        own_differences = {}
         for identity, job in jobs.items():
             plain = self.store.load(dataclasses.replace(job, variant=Variant.plain)).tracks
             nudged = self.store.load(job).tracks
-            own[identity] = float(max(np.abs(plain.x - nudged.x).max(), np.abs(plain.y - nudged.y).max()))
-        return scenes.assign(own_difference=[own.get(identity, np.nan) for identity in scenes["scenario"]])
+            own_differences[identity] = float(max(np.abs(plain.x - nudged.x).max(), np.abs(plain.y - nudged.y).max()))
+        return scenes.assign(own_difference=[own_differences.get(identity, np.nan) for identity in scenes["scenario"]])
 
 
 def _facts(compared: Comparison, batch: Recorded, number: int, tick: int, tolerance: float) -> dict:
@@ -219,7 +221,7 @@ def _facts(compared: Comparison, batch: Recorded, number: int, tick: int, tolera
     }
 
 
-def _errors(chosen: ScenarioSet, precision: str, batches: Sequence[Comparison]) -> pd.DataFrame:
+def _errors(scenario_set: ScenarioSet, precision: str, batches: Sequence[Comparison]) -> pd.DataFrame:
     """Quantiles over scenes of the difference of position at every tick, of all and of those before their first
     contact.
     """
@@ -230,8 +232,8 @@ def _errors(chosen: ScenarioSet, precision: str, batches: Sequence[Comparison]) 
         ticks = np.flatnonzero(kept.any(1))
         values = [position[tick, kept[tick]] for tick in ticks]
         columns = {
-            "set": chosen.name,
-            "size": chosen.size,
+            "set": scenario_set.name,
+            "size": scenario_set.size,
             "precision": precision,
             "scope": scope,
             "tick": ticks,

@@ -84,18 +84,18 @@ def run(jobs: Iterable[Job], n_workers: int) -> Iterator[tuple[Job, Recorded]]:
 @contextmanager
 def _environment(*, vectorised: bool) -> Iterator[None]:
     """Environment variables for new processes with or without NumPy's vector functions; restored at the end."""
-    before = os.environ.get(DISABLING_VARIABLE)
+    value_before = os.environ.get(DISABLING_VARIABLE)
     if vectorised:
         os.environ.pop(DISABLING_VARIABLE, None)
     elif features := vector_features():
-        os.environ[DISABLING_VARIABLE] = " ".join([*(before or "").replace(",", " ").split(), *features])
+        os.environ[DISABLING_VARIABLE] = " ".join([*(value_before or "").replace(",", " ").split(), *features])
     try:
         yield
     finally:
-        if before is None:
+        if value_before is None:
             os.environ.pop(DISABLING_VARIABLE, None)
         else:
-            os.environ[DISABLING_VARIABLE] = before
+            os.environ[DISABLING_VARIABLE] = value_before
 
 
 def _simulate(job: Job) -> Recorded:

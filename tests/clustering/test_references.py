@@ -13,7 +13,7 @@ from rearl_jax.clustering import references as module
 from rearl_jax.clustering.kl import Curves
 from rearl_jax.clustering.references import ReferenceBuilder, _arrays
 from rearl_jax.clustering.scenes import references_of
-from rearl_jax.clustering.tracks import FeatureScale, TrackCollector, seen_in
+from rearl_jax.clustering.tracks import FeatureScale, TrackCollector, picked_in
 from rearl_jax.config.clustering import BoConfig, ClusterConfig, FitOn, KlConfig
 from rearl_jax.data.recordings import data_id, iterate_recordings
 from rearl_jax.data.scenes.cutting import build_scenes
@@ -36,7 +36,7 @@ def test_tracks_of_held_out_scenes_are_labelled_but_not_fitted_on(clustered, tra
     scenes, tracks, splits = traffic
     found = clustered.tracks
     held_out = np.concatenate([splits.evaluation, splits.tuning])
-    through = seen_in(tracks, scenes, held_out)
+    through = picked_in(tracks, scenes, held_out)
     assert 10 < through.sum() < len(tracks)
     names = {(scenes.recording[s], i) for s in held_out for i in np.unique(scenes.track_id[s])}
     expected = [(r, i) in names for r, i in zip(tracks.recording, tracks.track_id, strict=True)]
@@ -60,7 +60,7 @@ def test_labels_are_ordered_by_speed_and_shares_sum_to_one(clustered, traffic):
 
 def test_labels_are_those_of_the_nearest_centre(clustered, traffic, task_config):
     scenes, tracks, splits = traffic
-    training = ~seen_in(tracks, scenes, np.concatenate([splits.evaluation, splits.tuning]))
+    training = ~picked_in(tracks, scenes, np.concatenate([splits.evaluation, splits.tuning]))
     features = tracks.features(scenes)
     assert 0.0 <= features[0].min() < features[0].max() < 60.0  # speeds as recorded [m/s]
     scale = FeatureScale.of(features[:, :, training], task_config.kl.weights)

@@ -165,11 +165,11 @@ def test_vehicles_that_collided_are_counted_when_others_take_their_place():
     is_crashed, is_new = np.zeros((6, 2), bool), np.zeros((3, 6, 2), bool)
     is_crashed[[2, 4], 1] = is_new[0, 2:4, 1] = is_new[2, 2, 1] = True
     far = nobody(3, 6, 2, is_new=is_new, x=1e4 * np.ones(is_new.shape))
-    state = replace(state, crashed=jnp.asarray(is_crashed), left_crashed=jnp.zeros((6, 2), jnp.int32))
+    state = replace(state, crashed=jnp.asarray(is_crashed), n_crashed_replaced=jnp.zeros((6, 2), jnp.int32))
     frames = jax.jit(lambda around: rollout(state, drivers, MODEL, n_seconds=2, boundary=around)[1])(far)
     expected = np.zeros((6, 2), int)
     expected[2, 1] = 1
-    np.testing.assert_array_equal(frames.left_crashed, [expected, expected])
+    np.testing.assert_array_equal(frames.n_crashed_replaced, [expected, expected])
     assert not np.asarray(frames.crashed)[:, 2, 1].any()
     assert np.asarray(frames.crashed)[:, 4, 1].all()
 

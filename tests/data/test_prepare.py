@@ -8,7 +8,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from rearl_jax.config import PrepareTask, ResultsConfig
-from rearl_jax.config.data import DataConfig, DataFormat, OnBad
+from rearl_jax.config.data import BadRows, DataConfig, DataFormat
 from rearl_jax.config.generator import GeneratorConfig
 from rearl_jax.config.scenes import ScenesConfig
 from rearl_jax.data.prepare import counts_of, run
@@ -57,7 +57,7 @@ def test_what_is_dropped_is_in_the_summary(highd_files, tmp_path):
     with refused("not-finite", column="xVelocity", row=6):
         run(config)
     assert not (tmp_path / "prepare" / "summary.json").exists()
-    config.data.on_bad = OnBad.drop_track
+    config.data.on_bad = BadRows.drop_track
     assert run(config)["dropped"] == {"not_finite": 150, "tracks": 1}
 
 

@@ -6,7 +6,7 @@ from importlib import import_module
 import pandas as pd
 import pytest
 
-from rearl_jax.config.data import DataConfig, DataFormat, OnBad
+from rearl_jax.config.data import BadRows, DataConfig, DataFormat
 from rearl_jax.data import recordings
 from rearl_jax.data.readers import reader_of
 from rearl_jax.data.recordings import count_recordings, data_id, file_stamps, is_generated, iterate_recordings
@@ -80,7 +80,7 @@ def test_the_identity_follows_the_rows_and_the_policy(highd, tmp_path):
     assert data_id(highd) == before
     others = {
         data_id(dataclasses.replace(highd, **change))
-        for change in ({"recordings": "highd_01"}, {"on_bad": OnBad.drop_row}, {"max_jump": 3.0})
+        for change in ({"recordings": "highd_01"}, {"on_bad": BadRows.drop_row}, {"max_jump": 3.0})
     }
     path = tmp_path / "10_tracks.csv"
     path.write_text(path.read_text().replace("Truck", "Car").replace("0.1", "0.2"))

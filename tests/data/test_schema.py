@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from rearl_jax.config.data import DataConfig, OnBad
+from rearl_jax.config.data import BadRows, DataConfig
 from rearl_jax.data.records import RecordingInfo
 from rearl_jax.data.schema import COLUMNS, validate
 from rearl_jax.data.units import SI_FACTOR, to_si
@@ -22,8 +22,8 @@ INFO = RecordingInfo(
     columns={"speed": "v_Vel"},
 )
 STOP = DataConfig()
-DROP_ROW = DataConfig(on_bad=OnBad.drop_row)
-DROP_TRACK = DataConfig(on_bad=OnBad.drop_track)
+DROP_ROW = DataConfig(on_bad=BadRows.drop_row)
+DROP_TRACK = DataConfig(on_bad=BadRows.drop_track)
 
 
 def test_a_sound_table_passes_with_the_columns_and_types_of_the_schema(vehicle_rows):

@@ -7,7 +7,7 @@ import numpy as np
 import pyarrow.parquet as pq
 import pytest
 
-from rearl_jax.config.data import DataConfig, DataFormat, OnBad
+from rearl_jax.config.data import BadRows, DataConfig, DataFormat
 from rearl_jax.data.recordings import data_id, iterate_recordings
 from rearl_jax.data.shipped import packing
 
@@ -25,7 +25,7 @@ def stated():
 
 
 def config(name, **keys):
-    on_bad = OnBad.drop_row if name == "openacc" else OnBad.stop
+    on_bad = BadRows.drop_row if name == "openacc" else BadRows.stop
     return DataConfig(DataFormat[name], on_bad=on_bad, **keys)
 
 

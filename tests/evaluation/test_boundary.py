@@ -50,9 +50,9 @@ def test_keys_that_contradict_a_boundary_are_refused(scenes, changes, key):
 
 def test_given_scenes_have_no_surroundings():
     with pytest.raises(InvalidInputError) as caught:
-        check_boundary(MEASURED, has_own_scenes=True)
+        check_boundary(MEASURED, has_given_scenes=True)
     assert (caught.value.code, caught.value.problem.key) == ("recordings-needed", "scenes.boundary")
-    check_boundary(replace(MEASURED, scenes=ScenesConfig()), has_own_scenes=True)
+    check_boundary(replace(MEASURED, scenes=ScenesConfig()), has_given_scenes=True)
 
 
 def test_surroundings_are_read_once(monkeypatch, tmp_path):

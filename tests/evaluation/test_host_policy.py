@@ -39,9 +39,10 @@ def test_every_policy_is_told_its_own_scenarios(monkeypatch):
     lengths = list(bursts)
     assert len(lengths) == 2
     np.testing.assert_array_equal(np.concatenate(lengths, axis=1), length)
-    assert [block.first for block in blocks] == [0, 2, 4, 6]
+    assert [block.first_scenario for block in blocks] == [0, 2, 4, 6]
     assert [block.length.shape[1] for block in blocks] == [2, 2, 2, 1]
     np.testing.assert_array_equal(np.concatenate([block.length for block in blocks], axis=1), length)
     for block in blocks:
-        np.testing.assert_array_equal(block.thresholds.hellinger, block.first + np.arange(block.length.shape[1]))
+        expected = block.first_scenario + np.arange(block.length.shape[1])
+        np.testing.assert_array_equal(block.thresholds.hellinger, expected)
         np.testing.assert_array_equal(block.thresholds.mape, -block.thresholds.hellinger)

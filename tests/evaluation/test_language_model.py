@@ -123,7 +123,7 @@ def test_a_server_that_fails_a_third_of_the_time_changes_nothing(scenes, interve
 
 def test_vehicles_without_an_answer_are_counted_by_cause_and_no_run_is_lost(scenes, intervening, references, tmp_path):
     def fault(seen):
-        return None if seen.is_canary else [None, Fault.html, None, 400, None][crc32(seen.raw) % 5]
+        return None if seen.is_trial else [None, Fault.html, None, 400, None][crc32(seen.raw) % 5]
 
     with Stub(fault=fault) as stub:
         values, decisions, requests = run(asking(intervening, tmp_path, stub.url, tries=2), scenes, references)

@@ -11,7 +11,7 @@ import pytest
 from rearl_jax.config.evaluation import EvaluationConfig
 from rearl_jax.config.metrics import HistConfig, MetricsConfig, RealismConfig
 from rearl_jax.core.rollout import Frames
-from rearl_jax.data.scenes.scene_set import real_lane_change_rate
+from rearl_jax.data.scenes.scene_set import recorded_lane_change_rate
 from rearl_jax.evaluation.scores import (
     COMPARING,
     REAL,
@@ -68,7 +68,7 @@ def test_noise_floor_is_the_distance_of_two_samples(scenes):
 
 
 def scored(scenes, candidate, index, row="real_vs_real"):
-    scorer = Scorer(scenes, MetricsConfig(), width=6, dtype=np.dtype(np.float32))
+    scorer = Scorer(scenes, MetricsConfig(), per_device=6, dtype=np.dtype(np.float32))
     metrics = scorer.recorded(candidate, index)
     run = np.arange(len(index)) // 2
     return scores_of(row, index, run, metrics, partner=candidate, seconds=1.0)
@@ -80,7 +80,7 @@ def test_a_scene_against_itself_is_no_comparison(scenes):
     assert raw.values["h"].max() == 0.0
     own = of_recordings(raw, scenes)
     assert not set(COMPARING) & set(own.values)
-    np.testing.assert_array_equal(own.values["lcr"], real_lane_change_rate(scenes))
+    np.testing.assert_array_equal(own.values["lcr"], recorded_lane_change_rate(scenes))
     assert own.values["lcr"].min() > 0
     with pytest.raises(InvalidInputError) as caught:
         of_recordings(replace(raw, partner=None), scenes)
@@ -127,18 +127,18 @@ def test_vehicles_that_collided_and_left_count_among_all_that_were_simulated(sce
     track[0] = np.arange(n_vehicles)
     track[0, 4:, 0], track[0, 8:, 0], left[4:, 0] = 20, 30, 1
     frames = Frames(same, same * 0, same * 0, same, same * 0, jnp.zeros(shape, jnp.int32), jnp.asarray(crashed))
-    scorer = Scorer(scenes, MetricsConfig(), width=6, dtype=np.dtype(np.float32))
+    scorer = Scorer(scenes, MetricsConfig(), per_device=6, dtype=np.dtype(np.float32))
 
     def figures(frames, *track):
         simulated = Simulated(frames, np.full(shape[1:], 5.0, np.float32))
         metrics = scorer.simulated(simulated, np.zeros(1, int), np.array([2]), *track)
         return [float(metrics.measure(name).value[0]) for name in ("collisions", "any_collision")]
 
-    entered = replace(frames, left_crashed=jnp.asarray(left))
+    entered = replace(frames, n_crashed_replaced=jnp.asarray(left))
     assert figures(entered, track) == [pytest.approx(1 / (n_vehicles + 2)), 1.0]
     crashed[6:8, 0] = crashed[8:, 1] = True  # the second vehicle of place 0, and one that stays
     left[second >= 8, 0] = 2
-    both = replace(entered, crashed=jnp.asarray(crashed), left_crashed=jnp.asarray(left))
+    both = replace(entered, crashed=jnp.asarray(crashed), n_crashed_replaced=jnp.asarray(left))
     assert figures(both, track) == [pytest.approx(3 / (n_vehicles + 2)), 1.0]
     assert figures(frames) == [0.0, 0.0]
     assert figures(replace(frames, crashed=jnp.asarray(crashed))) == [pytest.approx(1 / n_vehicles), 1.0]
@@ -151,7 +151,7 @@ def test_headways_are_those_of_the_vehicles_own_lengths(scenes):
     moved = 20.0 * np.arange(n_seconds)[:, None, None] + 40.0 * np.arange(n_vehicles)[None, :, None]
     same, nobody = jnp.zeros(shape, jnp.float32), jnp.zeros(shape, bool)
     frames = Frames(jnp.float32(moved), same, same, same + 20, same, jnp.zeros(shape, jnp.int32), nobody)
-    scorer = Scorer(scenes, MetricsConfig(), width=6, dtype=np.dtype(np.float32))
+    scorer = Scorer(scenes, MetricsConfig(), per_device=6, dtype=np.dtype(np.float32))
     headway = {}
     for length in (5.0, 15.0):
         simulated = Simulated(frames, np.full(shape[1:], length, np.float32))

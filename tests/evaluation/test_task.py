@@ -87,12 +87,12 @@ def test_partners_are_other_scenes(done):
 
 
 def test_real_rows_are_the_scenes_own(done):
-    from rearl_jax.data.scenes.scene_set import real_lane_change_rate
+    from rearl_jax.data.scenes.scene_set import recorded_lane_change_rate
 
     scenes, held_out = done.evaluation.scenes, done.evaluation.held_out
     runs = done.table("runs").set_index(["method", "scene_id"])
     np.testing.assert_allclose(
-        runs.loc["real", "lcr"].to_numpy(np.float64), real_lane_change_rate(scenes)[held_out], rtol=1e-6
+        runs.loc["real", "lcr"].to_numpy(np.float64), recorded_lane_change_rate(scenes)[held_out], rtol=1e-6
     )
     np.testing.assert_allclose(
         runs.loc["real", "spacing"].to_numpy(np.float64),

@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 
 from rearl_jax.config import ResultsConfig
-from rearl_jax.config.data import DataConfig, DataFormat, OnBad
+from rearl_jax.config.data import BadRows, DataConfig, DataFormat
 from rearl_jax.config.driver import record_of
 from rearl_jax.config.export import ExportConfig, ExportTask, Target
 from rearl_jax.config.mobil import MobilConfig
@@ -25,7 +25,7 @@ from tests.models.drivers import GAIN, model
 from tests.refusal import refused
 
 F64 = np.dtype("float64")
-DATA = DataConfig(DataFormat.openacc, recordings="*handling_part22_2to8", on_bad=OnBad.drop_row)
+DATA = DataConfig(DataFormat.openacc, recordings="*handling_part22_2to8", on_bad=BadRows.drop_row)
 N_LEADERS, N_FOLLOWERS, SECONDS = 2, 3, 60
 KEYS = record_of("idm")(time_gap_sd=0.3, max_accel_sd=0.2, length_sd=0.3)
 

@@ -36,7 +36,7 @@ def test_a_vehicle_with_the_attributes_accelerates_as_the_driver():
     driver = HighwayEnvIDM(accel_exponent=jnp.array([3.8]), **{name: jnp.array([v]) for name, v in usual.items()})
     expected = driver.acceleration(jnp.array([28.0]), jnp.array([24.0]), jnp.array([3.0]))
     assert own.acceleration(own, leader) == pytest.approx(float(expected[0]), abs=1e-5)
-    assert all(one.where for one in exported.said)
+    assert all(one.where for one in exported.translations)
 
 
 def test_the_published_model_and_lane_changing_are_said_with_what_differs():
@@ -45,19 +45,19 @@ def test_the_published_model_and_lane_changing_are_said_with_what_differs():
     assert {one["DELTA"] for one in drawn} == {4.0}
     assert {(one["POLITENESS"], one["LANE_CHANGE_DELAY"]) for one in drawn} == {(0.3, 2.0)}
     assert np.std([one["TIME_WANTED"] for one in drawn]) == pytest.approx(0.3, rel=0.3)
-    assert exported.said[0].remark
+    assert exported.translations[0].remark
 
 
 def test_what_highway_env_draws_itself_stays_open():
     exported = to_highway_env(people("highway_env_idm", time_gap=1.0), 1, 0)
     assert {"target_speed", "DELTA"}.isdisjoint(json.loads(exported.text)[0])
-    assert [one.what for one in exported.said if one.where is None] == ["desired_speed", "accel_exponent"]
+    assert [one.what for one in exported.translations if one.where is None] == ["desired_speed", "accel_exponent"]
 
 
 def test_effects_noise_and_lengths_are_not_said():
     effect = EffectValues("actuator_lag", {"time": 0.4})
     exported = to_highway_env(population_of_model(model(effect), F64, with_effects=True), 1, 0)
-    unsaid = [one.what for one in exported.said if one.where is None]
+    unsaid = [one.what for one in exported.translations if one.where is None]
     assert unsaid == ["actuator_lag", "noise_sd, noise_time", "length, class of vehicles"]
 
 

@@ -70,7 +70,7 @@ def test_effects_and_noise_are_not_said():
     exported = to_openscenario(
         population_of_model(model(EffectValues("actuator_lag", {"time": 0.4})), F64, with_effects=True), 1, 0
     )
-    assert "actuator_lag" in [one.what for one in exported.said if one.where is None]
+    assert "actuator_lag" in [one.what for one in exported.translations if one.where is None]
 
 
 @needs_it

@@ -10,7 +10,7 @@ from rearl_jax.config.driver import MODELS as DECLARED
 from rearl_jax.core.effects import EFFECTS
 from rearl_jax.export import sumo, to_sumo
 from rearl_jax.export.drawn import DriverColumns
-from rearl_jax.export.said import unsaid_effects
+from rearl_jax.export.translations import untranslated_effects
 from rearl_jax.models.population import population_of_model
 from rearl_jax.models.record import EffectValues
 from tests.models.drivers import CURVE, GAIN, MOBIL, NOISE, SD, drivers, model
@@ -84,9 +84,9 @@ def test_eidm_says_noise_of_perception_and_no_delay():
     # SUMO's processes have a standard deviation of .5.
     assert [float(one.attrib[name]) for name in ("sigmagap", "sigmaleader", "tPersEstimate")] == [0.1, 0.02, 20.0]
     assert "actionStepLength" not in one.attrib
-    said = {one.what: one.where for one in exported.said}
+    said = {one.what: one.where for one in exported.translations}
     assert (said["perception_noise"], said["reaction_delay"]) == ("sigmagap, sigmaleader, tPersEstimate", None)
-    plain = {one.what: one.where for one in to_sumo(people, 2, 0).said}
+    plain = {one.what: one.where for one in to_sumo(people, 2, 0).translations}
     assert (plain["perception_noise"], plain["reaction_delay"]) == (None, "actionStepLength")
 
 
@@ -132,7 +132,7 @@ def test_a_delay_becomes_action_steps_of_twice_its_length():
 
 def test_every_part_of_the_model_is_said_or_listed():
     people = population(GAIN, CURVE, DELAY, lane_changing=MOBIL)
-    said = {one.what: one for one in to_sumo(people, 1, 0).said}
+    said = {one.what: one for one in to_sumo(people, 1, 0).translations}
     assert {name: said[name].where for name in ("time_gap", "length")} == {"time_gap": "tau", "length": "length"}
     assert said["reaction_delay"].where == "actionStepLength"
     unsaid = {name for name, one in said.items() if one.where is None}
@@ -141,4 +141,4 @@ def test_every_part_of_the_model_is_said_or_listed():
 
 
 def test_every_effect_of_the_library_has_a_reason():
-    assert [one.what for one in unsaid_effects(EFFECTS, "SUMO")] == list(EFFECTS)
+    assert [one.what for one in untranslated_effects(EFFECTS, "SUMO")] == list(EFFECTS)

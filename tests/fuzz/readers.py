@@ -11,7 +11,7 @@ from random import Random
 
 import numpy as np
 
-from rearl_jax.config.data import DataConfig, OnBad
+from rearl_jax.config.data import BadRows, DataConfig
 from rearl_jax.data.checks.typed_table import RANGES
 from rearl_jax.data.recordings import data_id, is_generated, iterate_recordings
 from rearl_jax.data.records import Recording
@@ -40,7 +40,7 @@ class Reader:
 
     def try_one(self, rng: Random) -> Result:
         """A fuzzed recording, read: what became of it, and details."""
-        policy = rng.choice((OnBad.stop, OnBad.stop, OnBad.drop_row, OnBad.drop_track))
+        policy = rng.choice((BadRows.stop, BadRows.stop, BadRows.drop_row, BadRows.drop_track))
         dice = rng.random()
         kind = ""
         if dice < 0.15:
@@ -56,7 +56,7 @@ class Reader:
             return Outcome.silent, f"wrong unit: {kind}"
         return outcome, said
 
-    def read(self, files: dict[str, bytes], policy: OnBad) -> Result:
+    def read(self, files: dict[str, bytes], policy: BadRows) -> Result:
         """The reader's result for files."""
         shutil.rmtree(self._folder, ignore_errors=True)
         self._folder.mkdir(parents=True)

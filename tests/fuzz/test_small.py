@@ -9,7 +9,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from rearl_jax.config.data import OnBad
+from rearl_jax.config.data import BadRows
 from tests.fuzz.__main__ import BAD, TARGETS, main, target
 from tests.fuzz.formats import FORMATS
 from tests.fuzz.mutation import in_other_units, unit_faults, without_a_value
@@ -57,11 +57,11 @@ def test_every_quantity_in_every_wrong_unit_is_refused(name, tmp_path):
     reader = Reader(name, tmp_path / "recording")
     form = FORMATS[name]
     sound = form.make()
-    assert reader.read(sound.files(), OnBad.stop) == (Outcome.accepted, "")
+    assert reader.read(sound.files(), BadRows.stop) == (Outcome.accepted, "")
     faults = unit_faults(form)
     assert len(faults) >= 18
     for number, (kind, columns, factor) in enumerate(faults):
-        policy = (OnBad.stop, OnBad.drop_row, OnBad.drop_track)[number % 3]
+        policy = (BadRows.stop, BadRows.drop_row, BadRows.drop_track)[number % 3]
         outcome, said = reader.read(in_other_units(sound, columns, factor, Random(number)), policy)
         assert outcome is Outcome.refused, f"{kind} x {factor:.3g}: {outcome} {said}"
 
@@ -75,7 +75,7 @@ def test_a_missing_number_never_passes_for_one(name, tmp_path):
     outcomes = Counter()
     for number in range(10):
         files = without_a_value(sound, columns, Random(number))
-        outcome, said = reader.read(files, (OnBad.stop, OnBad.drop_row)[number % 2])
+        outcome, said = reader.read(files, (BadRows.stop, BadRows.drop_row)[number % 2])
         outcomes[outcome] += 1
         assert outcome not in BAD, said
     assert outcomes[Outcome.refused]

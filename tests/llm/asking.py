@@ -7,10 +7,11 @@ from rearl_jax.llm.records import Answer, Message, Question
 
 SYSTEM = Message("system", "Steer the car. Reply with one identifier.")
 CHOICES = (0, 1, 3, 4)
+"""Admissible actions of every question; without 2, so that some answers of the stub (0 to 4) are not admissible."""
 
 
 def make_questions(number: int, tag: str = "", first: int = 0) -> list[Question]:
-    """Different questions, ten per scenario."""
+    """`number` different questions, ten per scenario, from number `first` on; `tag` begins their text."""
     return [
         Question(i // 10, i % 10, (SYSTEM, Message("user", f"{tag} scenario {i // 10} car {i % 10}")), CHOICES)
         for i in range(first, first + number)
@@ -18,8 +19,8 @@ def make_questions(number: int, tag: str = "", first: int = 0) -> list[Question]
 
 
 def make_config(folder: Path, **changes) -> LlmConfig:
-    """A configuration for the stub: quick to try again, answers kept in the folder, no constraint tried out."""
-    quick = {
+    """A configuration for the stub server: short pauses between tries, answers stored in `folder`, no constraint."""
+    defaults = {
         "cache": str(folder / "answers.sqlite"),
         "profile": Profile.vllm,
         "constrained": False,
@@ -29,7 +30,7 @@ def make_config(folder: Path, **changes) -> LlmConfig:
         "breaker_failures": 1000,
         "api_key_env": "",
     }
-    return LlmConfig(**(quick | changes))
+    return LlmConfig(**(defaults | changes))
 
 
 def outcomes(answers: list[Answer]) -> list[tuple[int, str, str]]:

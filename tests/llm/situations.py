@@ -31,15 +31,15 @@ def make_table(speed, spacing, action, hist=None) -> ReferenceTable:
 
 
 def make_situation(second, **given) -> Situation:
-    """A situation with NumPy leaves, as fetched from the device; what is not given is nobody and nothing.
+    """A situation with NumPy leaves, as fetched from the device; all fields that are not given have neutral values.
 
     Args:
-        second: Its number.
+        second: Number of the second.
         given: Fields of the frame, the detection and the situation; `x` and `lane` are needed.
     """
     x, lane = np.asarray(given["x"], np.float32), np.asarray(given["lane"], np.int32)
     n_scenarios = x.shape[1]
-    zeros, nobody = np.zeros_like(x), np.zeros(x.shape, bool)
+    zeros, no_vehicle = np.zeros_like(x), np.zeros(x.shape, bool)
 
     def values(name, default, dtype):
         return jnp.asarray(np.broadcast_to(np.asarray(given.get(name, default), dtype), np.shape(default)))
@@ -54,7 +54,7 @@ def make_situation(second, **given) -> Situation:
         speed=values("speed", zeros, np.float32),
         acceleration=values("acceleration", zeros, np.float32),
         lane=jnp.asarray(lane),
-        crashed=jnp.asarray(nobody),
+        crashed=jnp.asarray(no_vehicle),
     )
     detection = Detection(
         reference=scenes("reference", 0, np.int32),
@@ -63,7 +63,7 @@ def make_situation(second, **given) -> Situation:
         speed_exceeded=scenes("speed_exceeded", False, bool),
         spacing_exceeded=scenes("spacing_exceeded", False, bool),
         triggered=scenes("triggered", True, bool),
-        mask=values("mask", ~nobody, bool),
+        mask=values("mask", ~no_vehicle, bool),
         spacing=values("spacing", zeros, np.float32),
         mean_spacing=scenes("mean_spacing", 0.0, np.float32),
     )
@@ -95,9 +95,9 @@ def small_table() -> ReferenceTable:
 
 @functools.cache
 def small_situation(second) -> Situation:
-    """Three cars in three scenarios; the first and the last are held against reference 1, the middle one against 0.
+    """Three cars in three scenarios; the first and the last are compared with reference 1, the middle one with 0.
 
-    In scenario 0 car 0 leads on lane 1, car 1 follows it, car 2 is beside car 1, changing from lane 2 to lane 3; nobody
+    In scenario 0 car 0 leads on lane 1, car 1 follows it, car 2 is beside car 1, changing from lane 2 to lane 3; no car
     may go left. In scenario 1 all drive on lane 0, and car 1 may do nothing. Scenario 2 is not asked about car 0.
     """
     admissible = np.ones((5, 3, 3), bool)

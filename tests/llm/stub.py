@@ -1,6 +1,6 @@
-"""A server on the loopback interface that speaks chat completions, with faults on request.
+"""A server of chat completions on the loopback interface, which produces faults on demand.
 
-Its answers are a function of the chat alone, so runs can be compared. It writes down every request it sees.
+Its answers are a function of the chat alone, so runs can be compared. It records every request.
 """
 
 import asyncio
@@ -19,18 +19,18 @@ from enum import Enum, auto
 
 
 class Fault(Enum):
-    """Faults of one request."""
+    """Faults of a response."""
 
     too_many = auto()
-    """429."""
+    """Status 429."""
     too_many_wait = auto()
-    """429 with Retry-After in seconds."""
+    """Status 429 with Retry-After in seconds."""
     too_many_date = auto()
-    """429 with Retry-After as a date."""
+    """Status 429 with Retry-After as a date."""
     internal_error = auto()
     unavailable = auto()
     garbage = auto()
-    """Bytes that are no HTTP."""
+    """Bytes that are not HTTP."""
     half_body = auto()
     """Fewer bytes than announced, then the end of the connection."""
     closed = auto()
@@ -38,10 +38,10 @@ class Fault(Enum):
     reset = auto()
     """The connection is reset."""
     late = auto()
-    """A good answer after `Stub.stall`."""
+    """A valid answer after `Stub.stall`."""
     never = auto()
     empty = auto()
-    """200 without a body."""
+    """Status 200 without a body."""
     broken_json = auto()
     wrong_json = auto()
     """JSON of another shape."""
@@ -58,12 +58,12 @@ class Fault(Enum):
 
 STATUS = dict.fromkeys((Fault.too_many, Fault.too_many_wait, Fault.too_many_date), 429)
 STATUS |= {Fault.internal_error: 500, Fault.unavailable: 503}
-"""Status of the faults that are errors of HTTP."""
+"""HTTP status of the faults that have one."""
 
 
 @dataclass(frozen=True)
-class Seen:
-    """One request: what came, when, and the how many-th it was with this body."""
+class Request:
+    """One received request; `number` counts the requests with the same body so far, `time` is when it came [s]."""
 
     method: str
     path: str
@@ -74,7 +74,7 @@ class Seen:
     time: float
 
     @property
-    def is_canary(self) -> bool:
+    def is_trial(self) -> bool:
         return "capital of France" in self.raw.decode()
 
 
@@ -115,8 +115,8 @@ class Stub:
         header: str = "stub",
         constrains: bool = True,
         key: str = "",
-        fault: Callable[[Seen], Fault | int | None] = lambda seen: None,
-        trial_fault: Callable[[Seen], Fault | int | None] = lambda seen: None,
+        fault: Callable[[Request], Fault | int | None] = lambda request: None,
+        trial_fault: Callable[[Request], Fault | int | None] = lambda request: None,
         refuse: Callable[[dict], dict | None] = lambda body: None,
         lists: bool = True,
         root: str = "/v1",
@@ -124,16 +124,17 @@ class Stub:
     ) -> None:
         """Nothing runs yet.
 
-        Times in s; a fault may be a status, `trial_fault` is that of trial requests; `refuse` gives the error, answered
-        with 400, to a body; `lists` and `root`: whether models are listed, and the path of everything; `say` gives the
-        whole response to a body.
+        Times are in s; `slots` is the largest number of chats answered at a time. `fault` gives the fault or HTTP
+        status of a chat request, `trial_fault` that of a trial request, `refuse` the error that a body gets with status
+        400, `say` the whole response to a body. `lists`: whether the server lists its models; `root`: path of
+        everything.
         """
         self.latency, self.stall, self.retry_after = latency, stall, retry_after
         self.models, self.owned_by, self.header = models, owned_by, header
         self.constrains, self.key, self.fault, self.say = constrains, key, fault, say
         self.trial_fault, self.refuse, self.lists, self.root = trial_fault, refuse, lists, root
         self.loading = 0
-        self.log: list[Seen] = []
+        self.log: list[Request] = []
         self.busiest = 0
         self._slots = slots
         self._busy = 0
@@ -150,9 +151,9 @@ class Stub:
         return f"http://127.0.0.1:{self.port}{self.root}"
 
     @property
-    def chats(self) -> list[Seen]:
-        """The chats it was asked, without trial requests."""
-        return [seen for seen in self.log if seen.method == "POST" and not seen.is_canary]
+    def chats(self) -> list[Request]:
+        """The received chats, without trial requests."""
+        return [request for request in self.log if request.method == "POST" and not request.is_trial]
 
     def __enter__(self) -> "Stub":
         self.start()
@@ -171,7 +172,7 @@ class Stub:
             raise RuntimeError("the stub does not start")
 
     def stop(self) -> None:
-        """Ends at once: whoever waits sees its connection reset."""
+        """Ends at once; the connections of pending requests are reset."""
         if self._thread is None or self._loop is None:
             return
         self._loop.call_soon_threadsafe(self._end.set)
@@ -197,36 +198,36 @@ class Stub:
         self._connections.add(writer)
         try:
             while not writer.is_closing():
-                seen = await self._read(reader)
-                self.log.append(seen)
-                await self._respond(seen, writer)
+                request = await self._read(reader)
+                self.log.append(request)
+                await self._respond(request, writer)
         except (asyncio.IncompleteReadError, ConnectionError, asyncio.CancelledError):
             pass
         finally:
             self._connections.discard(writer)
             writer.close()
 
-    async def _read(self, reader: asyncio.StreamReader) -> Seen:
+    async def _read(self, reader: asyncio.StreamReader) -> Request:
         head = (await reader.readuntil(b"\r\n\r\n")).decode("latin-1").split("\r\n")
         method, path, _ = head[0].split(" ")
         headers = {name.lower(): value.strip() for name, _, value in (line.partition(":") for line in head[1:] if line)}
         raw = await reader.readexactly(int(headers.get("content-length", 0)))
         self._numbers[raw] += 1
         body = json.loads(raw) if raw else {}
-        return Seen(method, path, headers, body, raw, self._numbers[raw], time.monotonic())
+        return Request(method, path, headers, body, raw, self._numbers[raw], time.monotonic())
 
-    async def _respond(self, seen: Seen, writer: asyncio.StreamWriter) -> None:
-        if self.key and seen.headers.get("authorization") != f"Bearer {self.key}":
-            self._write(writer, 401, {"error": {"message": f"wrong key {seen.headers.get('authorization')}"}})
+    async def _respond(self, request: Request, writer: asyncio.StreamWriter) -> None:
+        if self.key and request.headers.get("authorization") != f"Bearer {self.key}":
+            self._write(writer, 401, {"error": {"message": f"wrong key {request.headers.get('authorization')}"}})
         elif self.loading > 0:
             self.loading -= 1
             self._write(writer, 503, {"error": {"message": "Loading model"}})
-        elif seen.path == f"{self.root}/models" and self.lists:
+        elif request.path == f"{self.root}/models" and self.lists:
             listed = [{"id": model, "object": "model", "owned_by": self.owned_by} for model in self.models]
             self._write(writer, 200, {"object": "list", "data": listed})
-        elif seen.path == "/api/version" and self.owned_by == "library":
+        elif request.path == "/api/version" and self.owned_by == "library":
             self._write(writer, 200, {"version": "0.13.0"})
-        elif seen.path.partition("?")[0] != f"{self.root}/chat/completions":
+        elif request.path.partition("?")[0] != f"{self.root}/chat/completions":
             self._write(writer, 404, {"error": {"message": "not found"}})
         else:
             async with self._free:
@@ -234,17 +235,17 @@ class Stub:
                 self.busiest = max(self.busiest, self._busy)
                 try:
                     await asyncio.sleep(self.latency)
-                    await self._complete(seen, writer)
+                    await self._complete(request, writer)
                 finally:
                     self._busy -= 1
         await writer.drain()
 
-    async def _complete(self, seen: Seen, writer: asyncio.StreamWriter) -> None:
-        fault = (self.trial_fault if seen.is_canary else self.fault)(seen)
-        if (error := self.refuse(seen.body)) is not None:
+    async def _complete(self, request: Request, writer: asyncio.StreamWriter) -> None:
+        fault = (self.trial_fault if request.is_trial else self.fault)(request)
+        if (error := self.refuse(request.body)) is not None:
             self._write(writer, 400, error)
         elif fault is None:
-            self._write(writer, 200, self._completion(seen.body))
+            self._write(writer, 200, self._completion(request.body))
         elif isinstance(fault, int):
             self._write(writer, fault, {"error": {"message": f"status {fault} was asked for"}})
         elif fault in STATUS:
@@ -254,7 +255,7 @@ class Stub:
             self._write(writer, STATUS[fault], {"error": {"message": "not now"}}, headers)
         elif fault is Fault.late or fault is Fault.never:
             await asyncio.sleep(self.stall if fault is Fault.late else 3600.0)
-            self._write(writer, 200, self._completion(seen.body))
+            self._write(writer, 200, self._completion(request.body))
         elif fault is Fault.reset:
             _reset(writer)
         elif fault is Fault.endless:
@@ -263,7 +264,7 @@ class Stub:
                 writer.write(b"10000\r\n" + b"x" * 2**16 + b"\r\n")
                 await writer.drain()
         else:
-            writer.write(self._broken(fault, seen.body))
+            writer.write(self._broken(fault, request.body))
             if fault in (Fault.garbage, Fault.half_body, Fault.closed):
                 writer.close()
 
@@ -295,8 +296,8 @@ class Stub:
         usage = {"prompt_tokens": 700, "completion_tokens": 2, "prompt_tokens_details": {"cached_tokens": 500}}
         return {"choices": [{"index": 0, "finish_reason": "stop", "message": message}], "usage": usage}
 
-    def _write(self, writer: asyncio.StreamWriter, status: int, said: dict, headers: dict | None = None) -> None:
-        writer.write(_response(status, json.dumps(said).encode(), {"server": self.header} | (headers or {})))
+    def _write(self, writer: asyncio.StreamWriter, status: int, content: dict, headers: dict | None = None) -> None:
+        writer.write(_response(status, json.dumps(content).encode(), {"server": self.header} | (headers or {})))
 
 
 def _response(status: int, content: bytes, headers: dict[str, str] | None = None) -> bytes:

@@ -1,3 +1,5 @@
+"""The file of stored answers: found again, shared by processes, refused if damaged."""
+
 import contextlib
 import os
 import sqlite3
@@ -26,7 +28,7 @@ def fill(path, number: int) -> None:
     answers.close()
 
 
-def test_what_is_kept_is_found(tmp_path):
+def test_a_stored_answer_is_found_again(tmp_path):
     given = {
         "a": reply("3", finish="stop", prompt_tokens=700, cached_tokens=0, answer_tokens=1),
         "b": reply("", thinking="hm \u00e9 \U0001f697 \x00 end", finish="length"),
@@ -46,7 +48,7 @@ def test_what_is_kept_is_found(tmp_path):
     assert [path.name for path in (tmp_path / "deep" / "folder").iterdir()] == ["a ?#%.sqlite"]
 
 
-def test_many_are_found_at_once(tmp_path):
+def test_many_answers_are_found_in_one_call(tmp_path):
     fill(tmp_path / "a.sqlite", 2000)
     answers = Answers(tmp_path / "a.sqlite")
     found = answers.find([f"{i:064x}" for i in range(0, 4000, 2)])
@@ -55,7 +57,7 @@ def test_many_are_found_at_once(tmp_path):
     assert found[f"{1998:064x}"].text == "text 1998 " * 20
 
 
-def test_the_first_answer_stays(tmp_path):
+def test_the_first_answer_to_a_request_is_the_one_that_is_used(tmp_path):
     one, other = Answers(tmp_path / "a.sqlite"), Answers(tmp_path / "a.sqlite")
     one.keep({"a": reply("1"), "b": reply("2")}, "m", Profile.vllm)
     used = other.keep({"b": reply("3"), "c": reply("4")}, "m", Profile.vllm)
@@ -66,7 +68,7 @@ def test_the_first_answer_stays(tmp_path):
     other.close()
 
 
-def test_sources(tmp_path):
+def test_sources_are_models_with_the_profiles_of_their_requests(tmp_path):
     answers = Answers(tmp_path / "a.sqlite")
     assert answers.sources() == []
     answers.keep({"a": reply("1"), "b": reply("2")}, "m", Profile.vllm)
@@ -107,7 +109,7 @@ def damage_the_middle(path) -> None:
 
 
 @pytest.mark.parametrize("replay", [False, True])
-def test_damage_found_later_is_one_sentence(tmp_path, replay):
+def test_damage_found_during_a_run_is_an_input_error(tmp_path, replay):
     """The beginning of the file is whole; a burst of questions meets the rest."""
     config = make_config(tmp_path, model="stub-model")
     questions = make_questions(200)
@@ -125,8 +127,8 @@ def test_damage_found_later_is_one_sentence(tmp_path, replay):
 @pytest.mark.parametrize(
     ("column", "value"), [("finish", "X'FF'"), ("answer_tokens", "'many'"), ("answer_tokens", 1.5)]
 )
-def test_damage_that_only_changes_a_type_is_one_sentence(tmp_path, column, value):
-    """SQLite itself does not mind."""
+def test_a_stored_value_of_another_type_is_an_input_error(tmp_path, column, value):
+    """SQLite itself accepts such a value."""
     path = tmp_path / "a.sqlite"
     fill(path, 1)
     with contextlib.closing(sqlite3.connect(path, isolation_level=None)) as database:
@@ -138,7 +140,7 @@ def test_damage_that_only_changes_a_type_is_one_sentence(tmp_path, column, value
     assert "llm.cache" in caught.value.problem.remedy
 
 
-def test_a_place_that_cannot_be_written_is_refused(tmp_path):
+def test_a_file_that_cannot_be_written_is_an_input_error(tmp_path):
     (tmp_path / "file").write_text("")
     for place in (tmp_path / "file" / "a.sqlite", tmp_path):
         with pytest.raises(InvalidInputError) as caught:
@@ -146,7 +148,7 @@ def test_a_place_that_cannot_be_written_is_refused(tmp_path):
         assert caught.value.code == "answers-not-kept"
 
 
-def test_an_empty_file_is_nothing_to_replay(tmp_path):
+def test_an_empty_file_cannot_be_replayed(tmp_path):
     (tmp_path / "a.sqlite").write_bytes(b"")
     with pytest.raises(InvalidInputError) as caught:
         Answers(tmp_path / "a.sqlite", read_only=True)
@@ -165,8 +167,8 @@ def test_replay_from_a_folder_that_cannot_be_written(tmp_path, monkeypatch):
     assert [path.name for path in tmp_path.iterdir()] == ["a.sqlite"]
 
 
-def test_a_full_disk_costs_only_the_next_run(tmp_path, monkeypatch, caplog):
-    """The answers are used all the same, and it is said once."""
+def test_answers_that_cannot_be_stored_are_used_and_requested_again(tmp_path, monkeypatch, caplog):
+    """The problem is logged once."""
 
     def keep(self, *arguments):
         raise OSError("answers.sqlite: database or disk is full")
@@ -182,7 +184,7 @@ def test_a_full_disk_costs_only_the_next_run(tmp_path, monkeypatch, caplog):
     assert caplog.text.count("answers cannot be stored any more (answers.sqlite: database or disk is full)") == 1
 
 
-def test_default_place(monkeypatch, tmp_path):
+def test_answers_are_in_the_cache_folder_unless_the_key_names_a_file(monkeypatch, tmp_path):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     assert answers_path(LlmConfig()) == tmp_path / "rearl_jax" / "llm" / "answers.sqlite"
     assert str(answers_path(LlmConfig(cache="a/b"))) == "a/b"
@@ -198,7 +200,7 @@ from rearl_jax.llm.records import Cause, Reply
 name = sys.argv[2]
 print("ready", flush=True)
 sys.stdin.readline()
-first = 120 * "xyz".index(name)  # each begins elsewhere
+first = 120 * "xyz".index(name)  # each process begins with other requests
 for start in [*range(first, 400, 20), *range(0, first, 20)]:
     time.sleep(0.005)
     answers = Answers(Path(sys.argv[1]))
@@ -209,8 +211,8 @@ for start in [*range(first, 400, 20), *range(0, first, 20)]:
 """
 
 
-def test_processes_write_at_the_same_time(tmp_path):
-    """They make the file together, keep every answer once and use the same ones."""
+def test_processes_that_write_at_the_same_time_use_the_same_answers(tmp_path):
+    """Every answer is stored once, although all processes create and fill the file."""
     path = tmp_path / "a.sqlite"
     pipes = {"stdin": subprocess.PIPE, "stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
     processes = [subprocess.Popen([sys.executable, "-c", WRITER, path, name], **pipes) for name in "xyz"]
@@ -221,12 +223,12 @@ def test_processes_write_at_the_same_time(tmp_path):
         assert process.stdin is not None
         process.stdin.write("go\n")
         process.stdin.flush()
-    said = []
+    printed = []
     for process in processes:
         out, error = process.communicate(timeout=60)
         assert process.returncode == 0, error
-        said.append(sorted(out.splitlines()))
-    assert said[0] == said[1] == said[2]
+        printed.append(sorted(out.splitlines()))
+    assert printed[0] == printed[1] == printed[2]
     answers = Answers(path)
     assert len(answers) == 400
     writers = {found.text for found in answers.find(map(str, range(400))).values()}

@@ -1,3 +1,5 @@
+"""The client: order of requests, stored answers, replay, votes, addresses, proxies and the circuit breaker."""
+
 import asyncio
 import logging
 import socket
@@ -30,8 +32,8 @@ def test_answers_come_in_the_order_of_the_questions(tmp_path):
     questions = make_questions(100)
     with Stub() as stub, Client(make_config(tmp_path), stub.url) as client:
         answers = client.submit(questions).result()
-    said = {seen.raw: int(right_answer(seen.body)) for seen in stub.chats}
-    by_text = {seen.body["messages"][1]["content"]: said[seen.raw] for seen in stub.chats}
+    answer_to = {request.raw: int(right_answer(request.body)) for request in stub.chats}
+    by_text = {request.body["messages"][1]["content"]: answer_to[request.raw] for request in stub.chats}
     actions = [by_text[question.messages[1].text] for question in questions]
     assert len(set(actions)) == 5
     assert [reply.text for answer in answers for reply in answer.replies] == [str(action) for action in actions]
@@ -48,7 +50,7 @@ def test_requests_are_sent_in_the_order_of_the_questions(tmp_path):
     questions = make_questions(40)
     with Stub() as stub, Client(make_config(tmp_path, max_in_flight=1), stub.url) as client:
         client.submit(questions).result()
-    assert [seen.body["messages"][1]["content"] for seen in stub.chats] == [q.messages[1].text for q in questions]
+    assert [request.body["messages"][1]["content"] for request in stub.chats] == [q.messages[1].text for q in questions]
 
 
 def test_many_slow_requests_are_not_lost_and_no_more_are_sent_at_a_time_than_allowed(tmp_path):
@@ -128,7 +130,7 @@ def test_replay_needs_no_server(tmp_path):
     assert len(stub.chats) == 30
 
 
-def test_replay_says_whose_answers_there_are(tmp_path):
+def test_replay_of_an_unknown_model_names_the_stored_ones(tmp_path):
     config = make_config(tmp_path)
     with pytest.raises(MissingInputError) as caught:
         Client(config, "", replay=True).open()
@@ -145,17 +147,17 @@ def test_replay_says_whose_answers_there_are(tmp_path):
         assert client.server.model == "two"
 
 
-def test_votes_have_seeds_and_are_kept_one_by_one(tmp_path):
+def test_votes_have_different_seeds_and_are_stored_separately(tmp_path):
     questions = make_questions(40)
     config = make_config(tmp_path, seed=7)
     with Stub() as stub:
         with Client(config, stub.url) as client:
             single = client.submit(questions).result()
-        assert {seen.body["seed"] for seen in stub.chats} == {7}
+        assert {request.body["seed"] for request in stub.chats} == {7}
         with Client(replace(config, votes=3), stub.url) as client:
             answers = client.submit(questions).result()
             frame = client.requests_frame()
-    assert sorted(seen.body["seed"] for seen in stub.chats[40:]) == [8] * 40 + [9] * 40
+    assert sorted(request.body["seed"] for request in stub.chats[40:]) == [8] * 40 + [9] * 40
     assert [answer.replies[0].text for answer in answers] == [answer.replies[0].text for answer in single]
     assert all(len(answer.replies) == 3 for answer in answers)
     agreed = [answer for answer in answers if len({reply.text for reply in answer.replies}) < 3]
@@ -172,7 +174,7 @@ def test_votes_have_seeds_and_are_kept_one_by_one(tmp_path):
     assert list(frame["from_cache"][:3]) == [True, False, False]
 
 
-def test_table_of_requests(tmp_path):
+def test_table_of_requests_has_a_row_per_question(tmp_path):
     def say(body):
         text = "I cannot tell" if "car 3" in body["messages"][1]["content"] else "action: 1"
         return {"choices": [{"finish_reason": "stop", "message": {"content": text, "reasoning": "hmm " * 5}}]}
@@ -195,19 +197,19 @@ def test_table_of_requests(tmp_path):
     assert frame["digest"].nunique() == 10
 
 
-def test_empty_burst_and_opened_twice(tmp_path):
+def test_an_empty_burst_has_no_answers_and_a_second_open_is_an_error(tmp_path):
     with Stub() as stub, Client(make_config(tmp_path), stub.url) as client:
         assert client.submit([]).result() == []
         with pytest.raises(RuntimeError):
             client.open()
 
 
-def test_a_burst_that_is_cancelled_does_not_take_the_others_along(tmp_path, monkeypatch):
+def test_a_cancelled_burst_does_not_end_requests_of_other_bursts(tmp_path, monkeypatch):
     questions = make_questions(20)
     find = Answers.find
     monkeypatch.setattr(Answers, "find", lambda self, digests: time.sleep(0.03) or find(self, digests))
     with Stub(latency=0.1) as stub, Client(make_config(tmp_path), stub.url) as client:
-        for number in range(5):  # cancelled at whatever point it has come to
+        for number in range(5):  # cancelled at different stages
             futures = [client.submit(make_questions(20, f"{number}")) for _ in range(2)]
             time.sleep(0.01 * number)
             assert futures[0].cancel()
@@ -219,21 +221,21 @@ def test_a_burst_that_is_cancelled_does_not_take_the_others_along(tmp_path, monk
         assert {answer.replies[0].cause for answer in client.submit(questions).result()} == {Cause.answered}
 
 
-def test_counts_while_it_works(tmp_path):
+def test_counts_of_a_client_at_work(tmp_path):
     with Stub(latency=0.05) as stub, Client(make_config(tmp_path, max_in_flight=5), stub.url) as client:
         future = client.submit(make_questions(50))
-        seen = []
+        progress = []
         while not future.done():
-            seen.append(client.counts)
+            progress.append(client.counts)
             time.sleep(0.005)
         done = client.counts
-    assert any(0 < counts.in_flight <= 5 and counts.waiting > 0 for counts in seen)
-    assert [counts.sent for counts in seen] == sorted(counts.sent for counts in seen)
+    assert any(0 < counts.in_flight <= 5 and counts.waiting > 0 for counts in progress)
+    assert [counts.sent for counts in progress] == sorted(counts.sent for counts in progress)
     assert (done.questions, done.answers, done.sent, done.waiting, done.in_flight) == (50, 50, 50, 0, 0)
 
 
 def test_close_does_not_wait_for_the_server(tmp_path):
-    with Stub(fault=lambda seen: Fault.never if "stuck" in seen.raw.decode() else None) as stub:
+    with Stub(fault=lambda request: Fault.never if "stuck" in request.raw.decode() else None) as stub:
         client = Client(make_config(tmp_path), stub.url).open()
         client.submit(make_questions(5)).result()
         future = client.submit(make_questions(100, "stuck"))
@@ -252,7 +254,7 @@ def test_close_does_not_wait_for_the_server(tmp_path):
 
 
 def test_key_is_sent_and_appears_nowhere_else(tmp_path, monkeypatch, caplog):
-    """Also where the server repeats it, in an answer or in an error."""
+    """Not even if the server repeats it, in an answer or in an error."""
     monkeypatch.setenv("STUB_KEY", f" {SECRET}\n")
     caplog.set_level(logging.DEBUG)
 
@@ -262,30 +264,30 @@ def test_key_is_sent_and_appears_nowhere_else(tmp_path, monkeypatch, caplog):
 
     faults = {1: None, 2: 400, 3: Fault.garbage}
     config = make_config(tmp_path, api_key_env="STUB_KEY", constrained=True, breaker_failures=1)
-    with Stub(key=SECRET, say=say, fault=lambda seen: faults.get(len(seen.raw) % 4)) as stub:
+    with Stub(key=SECRET, say=say, fault=lambda request: faults.get(len(request.raw) % 4)) as stub:
         with Client(config, stub.url) as client:
             texts = [f"{'x' * number} question" for number in range(12)]
             questions = [replace(make_questions(1)[0], messages=(Message("user", text),)) for text in texts]
             answers = client.submit(questions).result()
-            said = [repr(client), repr(answers), client.requests_frame().to_csv(), repr(client.counts)]
-        assert all(seen.headers["authorization"] == f"Bearer {SECRET}" for seen in stub.log)
+            texts_shown = [repr(client), repr(answers), client.requests_frame().to_csv(), repr(client.counts)]
+        assert all(request.headers["authorization"] == f"Bearer {SECRET}" for request in stub.log)
         for key in (SECRET[:-1], f"{SECRET}\u00e9"):
             monkeypatch.setenv("STUB_KEY", key)
             with pytest.raises(InvalidInputError) as caught:
                 Client(config, stub.url).open()
             assert caught.value.code == "server-key"
-            said.append(repr(caught.value))
+            texts_shown.append(repr(caught.value))
     causes = {answer.cause for answer in answers}
     assert {Cause.refused, Cause.failed} <= causes or {Cause.refused, Cause.broken} <= causes
     kept = b"".join(path.read_bytes() for path in tmp_path.iterdir())
     assert b"the key is ***" in kept
     assert "ignores the constraint" in caplog.text
     assert "status 400 was asked for" in caplog.text
-    for place in [*said, caplog.text, kept.decode("latin-1")]:
-        assert SECRET[:-1] not in place
+    for text in [*texts_shown, caplog.text, kept.decode("latin-1")]:
+        assert SECRET[:-1] not in text
 
 
-def test_thinking_cut_off_is_kept_and_truncated(tmp_path):
+def test_reasoning_that_was_cut_off_is_stored_with_the_cause_truncated(tmp_path):
     def say(body):
         message = {"content": None, "reasoning_content": "well, " * 50}
         return {"choices": [{"finish_reason": "length", "message": message}]}
@@ -315,7 +317,7 @@ with Client(make_config(folder, max_in_flight=4), url) as client:
 
 
 def test_two_processes_share_the_answers(tmp_path):
-    """Both end with the same answers, although the server never says the same twice."""
+    """Both use the same answers, although the server answers a repeated request differently."""
     number = iter(range(10_000))
 
     def say(body):
@@ -327,18 +329,18 @@ def test_two_processes_share_the_answers(tmp_path):
         processes = [subprocess.Popen(command, **pipes) for _ in range(2)]
         for process in processes:
             assert process.stdout.readline() == "ready\n"
-        said = []
+        printed = []
         for process in processes:
             process.stdin.write("go\n")
             process.stdin.flush()
         for process in processes:
             out, _ = process.communicate(timeout=60)
             assert process.returncode == 0
-            said.append(out)
+            printed.append(out)
     assert 60 <= len(stub.chats) <= 120
-    assert said[0] == said[1]
+    assert printed[0] == printed[1]
     with Client(make_config(tmp_path), "", replay=True) as client:
-        assert f"{outcomes(client.submit(make_questions(60)).result())}\n" == said[0]
+        assert f"{outcomes(client.submit(make_questions(60)).result())}\n" == printed[0]
 
 
 @pytest.mark.parametrize(
@@ -358,12 +360,12 @@ def test_two_processes_share_the_answers(tmp_path):
         ("https://h/models", "https://h/models/v1"),
     ],
 )
-def test_address(given, address):
+def test_address_of_requests(given, address):
     assert server_address(given) == address
 
 
 @pytest.mark.parametrize("given", ["", "127.0.0.1:8000", "ftp://host", "http://", "http://host:99999", "http://host:x"])
-def test_no_address(given):
+def test_a_text_that_is_not_an_address_is_an_input_error(given):
     with pytest.raises(InvalidInputError) as caught:
         server_address(given)
     assert (caught.value.code, caught.value.problem.key) == ("server-address", "decision.server")
@@ -398,8 +400,8 @@ def test_address_with_a_key_is_refused_and_not_repeated(end):
         ("http://[::1]:9/v1", None),
     ],
 )
-def test_proxy_of_the_environment(monkeypatch, tmp_path, address, asked):
-    """Asked for every address except those of this machine and those that `no_proxy` names."""
+def test_a_proxy_is_used_except_for_local_and_excepted_addresses(monkeypatch, tmp_path, address, asked):
+    """It is used for all addresses except those of this machine and those that `no_proxy` names."""
     resolve = socket.getaddrinfo
 
     def getaddrinfo(host, *others, **options):
@@ -423,18 +425,18 @@ def test_proxy_of_the_environment(monkeypatch, tmp_path, address, asked):
                 await connection.close()
 
         response = asyncio.run(ask())
-    assert [(seen.method, seen.path) for seen in proxy.log] == ([asked] if asked else [])
+    assert [(request.method, request.path) for request in proxy.log] == ([asked] if asked else [])
     assert (response.status is None) == (asked is None or asked[0] == "CONNECT")
 
 
-def test_breaker():
+def test_breaker_opens_after_failures_and_closes_after_an_answer():
     now = [0.0]
     breaker = Breaker(3, 10.0, clock=lambda: now[0])
     assert [breaker.failed(False), breaker.failed(False)] == [False, False]
     assert not breaker.succeeded()
     assert [breaker.failed(False) for _ in range(3)] == [False, False, True]
     assert breaker.refuses
-    assert not breaker.failed(False)  # one that was on its way
+    assert not breaker.failed(False)  # a request sent before the breaker opened
     now[0] = 9.9
     assert breaker.refuses
     now[0] = 10.0

@@ -15,7 +15,7 @@ from rearl_jax.llm.client import Client
 from rearl_jax.llm.connection import read_retry_after
 from rearl_jax.llm.records import NO_DECISION, Cause
 from tests.llm.asking import make_config, make_questions, outcomes
-from tests.llm.stub import STATUS, Fault, Seen, Stub, chat_digest
+from tests.llm.stub import STATUS, Fault, Request, Stub, chat_digest
 from tests.refusal import refused
 
 TIMED_OUT = {Fault.late, Fault.never}
@@ -36,11 +36,11 @@ def expected(tmp_path_factory):
 
 
 @pytest.mark.parametrize("fault", Fault, ids=lambda fault: fault.name)
-def test_every_fault(tmp_path, expected, caplog, fault):
+def test_a_lasting_fault_has_its_cause_and_a_passing_one_an_answer(tmp_path, expected, caplog, fault):
     """A lasting fault is counted by its cause, reported once and not kept; after a passing one, answers are there."""
     cause = Cause.late if fault in TIMED_OUT else Cause.failed
     config = make_config(tmp_path, read_timeout=SHORT if fault in TIMED_OUT else 20.0, tries=2)
-    with Stub(fault=lambda seen: fault if seen.number <= 4 else None) as stub:
+    with Stub(fault=lambda request: fault if request.number <= 4 else None) as stub:
         with Client(config, stub.url) as client:
             answers = client.submit(make_questions(3)).result()
             assert client.counts.causes == {cause: 3}
@@ -60,7 +60,7 @@ def test_every_fault(tmp_path, expected, caplog, fault):
 
 @pytest.mark.parametrize("status", [400, 401, 403, 404, 413, 422, 302])
 def test_refusals_are_not_repeated(tmp_path, caplog, status):
-    with Stub(fault=lambda seen: status) as stub, Client(make_config(tmp_path), stub.url) as client:
+    with Stub(fault=lambda request: status) as stub, Client(make_config(tmp_path), stub.url) as client:
         answers = client.submit(make_questions(6)).result()
     assert len(stub.chats) == 6
     assert {(answer.action, answer.cause) for answer in answers} == {(NO_DECISION, Cause.refused)}
@@ -71,18 +71,18 @@ def test_refusals_are_not_repeated(tmp_path, caplog, status):
 @pytest.mark.parametrize("fault", [Fault.too_many_wait, Fault.too_many_date])
 def test_retry_after_is_waited_for(tmp_path, expected, fault):
     wait = 2 if fault is Fault.too_many_date else 1  # a date has whole seconds, and may be almost one less
-    with Stub(retry_after=wait, fault=lambda seen: fault if seen.number == 1 else None) as stub:
+    with Stub(retry_after=wait, fault=lambda request: fault if request.number == 1 else None) as stub:
         with Client(make_config(tmp_path), stub.url) as client:
             answers = client.submit(make_questions(3)).result()
     assert outcomes(answers) == expected
     times = {}
-    for seen in stub.chats:
-        times.setdefault(seen.raw, []).append(seen.time)
+    for request in stub.chats:
+        times.setdefault(request.raw, []).append(request.time)
     assert all(second - first > 0.99 for first, second in times.values())
 
 
 def test_retry_after_the_deadline_is_not_waited_for(tmp_path):
-    with Stub(retry_after=3600, fault=lambda seen: Fault.too_many_wait) as stub:
+    with Stub(retry_after=3600, fault=lambda request: Fault.too_many_wait) as stub:
         with Client(make_config(tmp_path, breaker_failures=8), stub.url) as client:
             start = time.monotonic()
             answers = client.submit(make_questions(40)).result()
@@ -109,23 +109,23 @@ def test_retry_after_the_deadline_is_not_waited_for(tmp_path):
         ("Thu, 99 Jan 1970 00:00:00 GMT", None),
     ],
 )
-def test_retry_after(value, seconds):
+def test_seconds_of_a_retry_after_header(value, seconds):
     assert read_retry_after(value, now=60.0) == seconds
 
 
 def storm(share: float, kinds: list[Fault]):
     """Faults of some kinds in a share of all requests, drawn from the chat and the number of the try."""
 
-    def fault(seen: Seen) -> Fault | None:
-        drawn = hashlib.sha256(f"{chat_digest(seen.body)} {seen.number}".encode()).digest()
+    def fault(request: Request) -> Fault | None:
+        drawn = hashlib.sha256(f"{chat_digest(request.body)} {request.number}".encode()).digest()
         strikes = int.from_bytes(drawn[:4], "big") < share * 2**32
         return kinds[int.from_bytes(drawn[4:8], "big") % len(kinds)] if strikes else None
 
     return fault
 
 
-def test_storm(tmp_path, tmp_path_factory):
-    """30 % of all requests fail, in every way the stub knows; the next run asks for the rest."""
+def test_requests_lost_to_faults_are_sent_again_by_the_next_run(tmp_path, tmp_path_factory):
+    """30 % of all requests fail, in every way the stub can fail; the next run sends them again."""
     questions = make_questions(160, "storm")
     healthy_outcomes = healthy(tmp_path_factory, questions)
     fault = storm(0.3, list(Fault))
@@ -133,7 +133,7 @@ def test_storm(tmp_path, tmp_path_factory):
     with Stub(fault=fault, stall=1.5) as stub, Client(config, stub.url) as client:
         answers = client.submit(questions).result()
         counts, frame = client.counts, client.requests_frame()
-        struck = Counter(fault(seen) for seen in stub.chats)
+        struck = Counter(fault(request) for request in stub.chats)
     assert len(answers) == 160
     assert min(struck[kind] for kind in Fault) >= 1
     assert 0.2 < 1 - struck[None] / len(stub.chats) < 0.4
@@ -155,7 +155,7 @@ def test_storm(tmp_path, tmp_path_factory):
     assert len(stub.chats) == sent
 
 
-def test_server_is_killed_and_comes_back(tmp_path, tmp_path_factory):
+def test_no_answer_is_lost_when_the_server_restarts(tmp_path, tmp_path_factory):
     """Nothing is lost while the tries last."""
     questions = make_questions(80, "killed")
     config = make_config(tmp_path, tries=12, backoff=0.02, max_in_flight=8)
@@ -176,14 +176,14 @@ def test_server_is_killed_and_comes_back(tmp_path, tmp_path_factory):
 
 @pytest.fixture
 def now(monkeypatch):
-    """The time of the breaker, which passes only when a test says so."""
+    """The clock of the breaker [s], which only the test advances."""
     clock = [0.0]
     monkeypatch.setattr("rearl_jax.llm.sending.Breaker", functools.partial(Breaker, clock=lambda: clock[0]))
     return clock
 
 
-def test_breaker_opens_and_closes(tmp_path, tmp_path_factory, caplog, now):
-    """A server that dies costs no waiting; when it is back it is asked again."""
+def test_no_requests_are_sent_to_a_dead_server_until_a_probe_succeeds(tmp_path, tmp_path_factory, caplog, now):
+    """Questions are not delayed by a dead server; once it is back, they are answered."""
     config = make_config(tmp_path, tries=2, breaker_failures=4, breaker_pause=10.0, max_in_flight=4)
     stub = Stub()
     with stub, Client(config, stub.url) as client:
@@ -216,10 +216,10 @@ def test_breaker_opens_and_closes(tmp_path, tmp_path_factory, caplog, now):
 
 def test_breaker_lets_one_probe_through(tmp_path, now):
     config = make_config(tmp_path, tries=1, breaker_failures=2, breaker_pause=10.0, max_in_flight=16)
-    with Stub(latency=0.2, fault=lambda seen: Fault.internal_error) as stub, Client(config, stub.url) as client:
+    with Stub(latency=0.2, fault=lambda request: Fault.internal_error) as stub, Client(config, stub.url) as client:
         client.submit(make_questions(2)).result()
         now[0] = 10.0
-        stub.fault = lambda seen: None
+        stub.fault = lambda request: None
         before = len(stub.chats)
         future = client.submit(make_questions(20, "probe"))
         while len(stub.chats) == before:
@@ -229,9 +229,9 @@ def test_breaker_lets_one_probe_through(tmp_path, now):
     assert stub.busiest > 2
 
 
-def test_nobody_waits_for_another_try_at_a_server_that_is_down(tmp_path):
-    def fault(seen):
-        return Fault.too_many_wait if "car 0" in seen.raw.decode() else Fault.internal_error
+def test_a_pause_before_a_retry_ends_when_the_server_counts_as_down(tmp_path):
+    def fault(request):
+        return Fault.too_many_wait if "car 0" in request.raw.decode() else Fault.internal_error
 
     config = make_config(tmp_path, tries=2, breaker_failures=3)
     with Stub(fault=fault, retry_after=20) as stub, Client(config, stub.url) as client:
@@ -243,18 +243,18 @@ def test_nobody_waits_for_another_try_at_a_server_that_is_down(tmp_path):
 
 def test_a_busy_server_is_not_down(tmp_path):
     config = make_config(tmp_path, tries=1, breaker_failures=2)
-    with Stub(fault=lambda seen: Fault.too_many) as stub, Client(config, stub.url) as client:
+    with Stub(fault=lambda request: Fault.too_many) as stub, Client(config, stub.url) as client:
         answers = client.submit(make_questions(50)).result()
     assert {answer.cause for answer in answers} == {Cause.failed}
     assert len(stub.chats) == 50
 
 
-def test_deadline(tmp_path, tmp_path_factory):
+def test_questions_past_the_deadline_are_late_and_the_others_answered(tmp_path, tmp_path_factory):
     """Answers in time count, late requests are ended: the next burst has the connections."""
     stuck = {f"some scenario 1 car {car}" for car in range(1, 5)}
 
-    def fault(seen):
-        return Fault.never if seen.body["messages"][1]["content"] in stuck else None
+    def fault(request):
+        return Fault.never if request.body["messages"][1]["content"] in stuck else None
 
     config = make_config(tmp_path, deadline=1.0, max_in_flight=4)
     with Stub(fault=fault) as stub, Client(config, stub.url) as client:
@@ -269,7 +269,7 @@ def test_deadline(tmp_path, tmp_path_factory):
     assert outcomes(again) == healthy(tmp_path_factory, make_questions(15, "other"))
 
 
-def test_deadline_before_all_are_sent(tmp_path):
+def test_no_request_is_sent_after_the_deadline(tmp_path):
     config = make_config(tmp_path, deadline=0.5, max_in_flight=2)
     with Stub(latency=0.1) as stub, Client(config, stub.url) as client:
         answers = client.submit(make_questions(100)).result()
@@ -283,7 +283,7 @@ def test_deadline_before_all_are_sent(tmp_path):
         assert len(stub.chats) == sent < 30
 
 
-def test_a_burst_that_gives_up_does_not_take_the_others_along(tmp_path):
+def test_a_burst_past_its_deadline_does_not_end_requests_of_other_bursts(tmp_path):
     """A chat two bursts wait for is finished for the second when the first is past its deadline."""
     config = make_config(tmp_path, deadline=1.0)
     with Stub(latency=1.5) as stub, Client(config, stub.url) as client:
@@ -298,8 +298,8 @@ def test_a_burst_that_gives_up_does_not_take_the_others_along(tmp_path):
     assert len(stub.chats) == 3
 
 
-def test_a_mistake_of_ours_is_seen(tmp_path, monkeypatch, caplog):
-    """Not every exception is the server's doing."""
+def test_a_programming_error_reaches_the_caller(tmp_path, monkeypatch, caplog):
+    """It is not taken for a fault of the server."""
     monkeypatch.setattr("rearl_jax.llm.sending.read_completion", lambda content: content.no_such_thing)
     with Stub() as stub, Client(make_config(tmp_path), stub.url) as client:
         with pytest.raises(AttributeError):

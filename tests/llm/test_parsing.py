@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rearl_jax.core.meta_actions import MetaAction
-from rearl_jax.llm.parsing import WORDS, majority, understand
+from rearl_jax.llm.parsing import ACTION_WORDS, majority, understand
 from rearl_jax.llm.records import NO_DECISION, Cause
 
 ALL = (0, 1, 2, 3, 4)
@@ -32,7 +32,7 @@ ANSWERS = {
     + ["<think>\n\n</think>\n\n3"],
     4: ["SLOWER", "The answer is 4.", "At 20.5 m/s I choose 4", "<p>4</p>"],
 }
-"""Texts by the action they choose: alone, next to a word that says so, in prose, code and JSON, behind thoughts."""
+"""Texts by the action they choose: alone, after a word such as action, in prose, code and JSON, after reasoning."""
 
 NOTHING = {
     Cause.unparsable: ["", " \n", "```", "```json\n```", "####", "I cannot decide.", "1. 1. 1.", "1 or 3", "0 1 3 4"]
@@ -49,12 +49,12 @@ NOTHING = {
 
 
 def by_text(texts):
-    """(text, what it means) of a table."""
+    """Pairs of a text and its action or cause, from a table of texts by action or cause."""
     return [(text, meaning) for meaning, several in texts.items() for text in several]
 
 
 @pytest.mark.parametrize(("text", "action"), by_text(ANSWERS))
-def test_answers(text, action):
+def test_the_action_in_a_text(text, action):
     assert understand(text, ALL) == (action, Cause.answered)
     assert understand(text, tuple(other for other in ALL if other != action)) == (NO_DECISION, Cause.inadmissible)
     assert understand(text, ALL, "length") == (action, Cause.answered)
@@ -67,14 +67,14 @@ def test_texts_without_an_answer(text, cause):
     assert understand(text, ALL, "length") == (NO_DECISION, cut)
 
 
-def test_words_are_those_of_the_actions():
-    assert len(WORDS) == len(MetaAction)
-    for action, word in zip(MetaAction, WORDS, strict=True):
+def test_every_name_and_number_of_an_action_is_understood():
+    assert len(ACTION_WORDS) == len(MetaAction)
+    for action, word in zip(MetaAction, ACTION_WORDS, strict=True):
         for text in (word, action.name, str(int(action)), f"Action: {word}", f"I choose {action.name}"):
             assert understand(text, ALL) == (action, Cause.answered)
 
 
-# Texts made of what the rules look for come upon their corners; texts of any characters hardly do.
+# Texts made of pieces that the rules look for reach their special cases; texts of random characters hardly do.
 PIECES = st.sampled_from(
     [*"01234579-.,:;*_`#{}[]()<>/|& \n\t\"'", "####", "```", "```json\n", "action", "Action_id", "answer", "id", "not "]
     + ["<think>", "</think>", "</thinking >", "LANE_LEFT", "lane left", "IDLE", "keep", "FASTER", "or", "to", "x", "é"]
@@ -97,26 +97,26 @@ def test_any_text_gives_an_admissible_action_or_the_reason_why_not(text, choices
 
 @given(TEXTS, st.text(" \n\t\r\u00a0\u2003"), st.text(" \n\t\r\u00a0\u2003"))
 @settings(max_examples=500, deadline=None)
-def test_white_space_around_means_nothing(text, before, after):
+def test_white_space_around_a_text_does_not_change_the_result(text, before, after):
     assert understand(before + text + after, ALL) == understand(text, ALL)
 
 
 @given(TEXTS, TEXTS, st.sampled_from(["<think>", "", "<thinking>"]))
 @settings(max_examples=500, deadline=None)
-def test_thoughts_mean_nothing(thought, rest, start):
+def test_reasoning_does_not_change_the_result(thought, rest, start):
     assert understand(start + thought + "</think>" + rest, ALL) == understand(rest, ALL)
 
 
 @given(TEXTS)
 @settings(max_examples=200, deadline=None)
-def test_an_open_thought_holds_no_answer(thought):
+def test_an_open_reasoning_block_contains_no_answer(thought):
     if "</think" not in thought:
         assert understand("<think>" + thought, ALL) == (NO_DECISION, Cause.unparsable)
 
 
 @given(st.dictionaries(st.text(max_size=8), st.one_of(st.integers(), st.text(), st.none()), max_size=4))
 @settings(max_examples=200, deadline=None)
-def test_json_with_an_action_says_what_its_action_is(others):
+def test_the_key_action_of_a_json_object_determines_the_action(others):
     others = {key: value for key, value in others.items() if "action" not in key.lower()}
     assert understand(json.dumps({**others, "action": 3}), ALL) == (3, Cause.answered)
 
@@ -146,8 +146,8 @@ HUGE = {
 
 
 @pytest.mark.parametrize("name", HUGE)
-def test_a_million_characters_cost_their_length(name):
-    """Quadratic patterns take hours for them; the bound leaves room for a busy machine."""
+def test_a_million_characters_are_parsed_in_less_than_two_seconds(name):
+    """Patterns of quadratic cost would take hours; the bound leaves room for a busy machine."""
     start = time.process_time()
     understand(HUGE[name], ALL)
     assert time.process_time() - start < 2
@@ -178,5 +178,5 @@ def failed(*causes):
         (failed(Cause.broken, Cause.late, Cause.truncated), (NO_DECISION, Cause.broken)),
     ],
 )
-def test_majority(votes, expected):
+def test_majority_of_votes(votes, expected):
     assert majority(votes) == expected

@@ -1,3 +1,5 @@
+"""Requests in the dialect of each server, completions read from responses, and the choice of server and model."""
+
 import json
 import logging
 import time
@@ -46,7 +48,7 @@ def body(profile=Profile.vllm, messages=CHAT, choices=CHOICES, model="m", seed=5
 
 
 @pytest.mark.parametrize("profile", list(Profile)[1:], ids=lambda profile: profile.name)
-def test_fields_of_each_server(profile):
+def test_fields_of_a_request_in_each_dialect(profile):
     plain = {
         "model": "m",
         "messages": [{"role": "system", "content": "Steer."}, {"role": "user", "content": "ACTIONS 0 1 3"}],
@@ -85,13 +87,13 @@ def test_digest_depends_on_everything_that_is_sent():
     digests = [request_digest(text, DIALECTS[profile]) for profile, text in bodies]
     assert len(set(digests)) == len(bodies)
     assert all(len(digest) == 64 for digest in digests)
-    # What is not sent changes nothing.
+    # Keys that are not sent do not change the digest.
     unsent = body(api_key_env="OTHER", max_in_flight=1, tries=9, votes=3, cache="x", read_timeout=1.0)
     assert request_digest(unsent, DIALECTS[Profile.vllm]) == digests[0]
 
 
-def test_digest_stays_what_it_is():
-    """Kept answers are found again by later versions; computed with sha256sum over the text below."""
+def test_digest_of_a_given_body_never_changes():
+    """Otherwise stored answers would not be found again. The digest was computed with sha256sum over the text below."""
     text = body(model="m", messages=(Message("user", "hi"),), choices=(1,))
     assert text == (
         '{"chat_template_kwargs":{"enable_thinking":false},"max_tokens":8,"messages":[{"content":"hi","role":"user"}],'
@@ -101,42 +103,43 @@ def test_digest_stays_what_it_is():
     assert digest == "883b92dbfaef2a308cc689d9b538b662130dc3bdeb97f0a419fee5e9627c8687"
 
 
-def said(**message) -> dict:
+def response_with(**message) -> dict:
     return {"choices": [{"finish_reason": "stop", "message": message}]}
 
 
 @pytest.mark.parametrize(
     ("response", "expected"),
     [
-        (said(content="3"), Completion("3", finish="stop")),
-        (said(content="", reasoning="hm"), Completion("", "hm", finish="stop")),
-        (said(content="3", reasoning_content="hm", reasoning=None), Completion("3", "hm", finish="stop")),
-        (said(content=None, reasoning="3"), Completion("", "3", finish="stop")),
+        (response_with(content="3"), Completion("3", finish="stop")),
+        (response_with(content="", reasoning="hm"), Completion("", "hm", finish="stop")),
+        (response_with(content="3", reasoning_content="hm", reasoning=None), Completion("3", "hm", finish="stop")),
+        (response_with(content=None, reasoning="3"), Completion("", "3", finish="stop")),
         ({"choices": [{"finish_reason": "length", "message": {"content": None}}]}, Completion("", finish="length")),
         (
-            said(content="3")
+            response_with(content="3")
             | {"usage": {"prompt_tokens": 9, "completion_tokens": 2, "prompt_tokens_details": {"cached_tokens": 5}}},
             Completion("3", finish="stop", prompt_tokens=9, cached_tokens=5, answer_tokens=2),
         ),
         (
-            said(content="3") | {"usage": {"prompt_tokens": 9}, "timings": {"cache_n": 4}},
+            response_with(content="3") | {"usage": {"prompt_tokens": 9}, "timings": {"cache_n": 4}},
             Completion("3", finish="stop", prompt_tokens=9, cached_tokens=4),
         ),
         (
-            said(content="3") | {"usage": {"prompt_tokens_details": None, "prompt_tokens": 0}, "timings": None},
+            response_with(content="3")
+            | {"usage": {"prompt_tokens_details": None, "prompt_tokens": 0}, "timings": None},
             Completion("3", finish="stop", prompt_tokens=0),
         ),
-        # What makes no sense is left out.
+        # Impossible token counts are left out.
         (
-            said(content="3") | {"usage": {"prompt_tokens": -1, "completion_tokens": True}, "timings": [1]},
+            response_with(content="3") | {"usage": {"prompt_tokens": -1, "completion_tokens": True}, "timings": [1]},
             Completion("3", finish="stop"),
         ),
         (
-            said(content="3") | {"usage": {"prompt_tokens": 10**30, "completion_tokens": "2"}},
+            response_with(content="3") | {"usage": {"prompt_tokens": 10**30, "completion_tokens": "2"}},
             Completion("3", finish="stop"),
         ),
         ({"choices": [{"finish_reason": 3, "message": {"content": "3"}}]}, Completion("3")),
-        (said(content="half \ud83d"), Completion("half ?", finish="stop")),
+        (response_with(content="half \ud83d"), Completion("half ?", finish="stop")),
     ],
 )
 def test_completion(response, expected):
@@ -190,7 +193,7 @@ def test_servers_are_recognised(tmp_path, caplog, stub, profile):
     with stub, Client(config, stub.url.removesuffix("/v1")) as client:
         assert client.server.dialect.profile is profile
         client.submit(make_questions(3)).result()
-    assert all(CHOICE[profile].keys() <= seen.body.keys() for seen in stub.chats)
+    assert all(CHOICE[profile].keys() <= request.body.keys() for request in stub.chats)
     assert ("does not state its software" in caplog.text) == (profile is Profile.plain)
     assert "ignores the constraint" not in caplog.text
 
@@ -198,28 +201,28 @@ def test_servers_are_recognised(tmp_path, caplog, stub, profile):
 @pytest.mark.parametrize(
     "profile", [profile for profile in CHOICE if CHOICE[profile]], ids=lambda profile: profile.name
 )
-def test_a_server_that_ignores_constraints_is_found_out(tmp_path, caplog, profile):
+def test_a_server_that_ignores_constraints_is_logged_once(tmp_path, caplog, profile):
     config = make_config(tmp_path, profile=profile, constrained=True)
     with Stub(constrains=False) as stub, Client(config, stub.url) as client:
         client.submit(make_questions(3)).result()
     assert caplog.text.count("ignores the constraint") == 1
-    assert sum(seen.is_canary for seen in stub.log) == 1
+    assert sum(request.is_trial for request in stub.log) == 1
 
 
 @pytest.mark.parametrize("changes", [{"constrained": False}, {"thinking": Thinking.on, "max_tokens": 4096}])
 def test_there_is_a_trial_request_without_constraints_too(tmp_path, changes, caplog):
     with Stub() as stub, Client(make_config(tmp_path, **({"constrained": True} | changes)), stub.url) as client:
         client.submit(make_questions(3)).result()
-    assert sum(seen.is_canary for seen in stub.log) == 1
+    assert sum(request.is_trial for request in stub.log) == 1
     assert caplog.text == ""
 
 
-def test_constraint_is_tried_out_in_spite_of_faults(tmp_path, caplog):
+def test_the_trial_request_is_repeated_after_faults(tmp_path, caplog):
     config = make_config(tmp_path, constrained=True)
-    with Stub(trial_fault=lambda seen: Fault.unavailable if seen.number < 3 else None) as stub:
+    with Stub(trial_fault=lambda request: Fault.unavailable if request.number < 3 else None) as stub:
         Client(config, stub.url).open().close()
     assert caplog.text == ""
-    with Stub(trial_fault=lambda seen: Fault.null_content) as stub:
+    with Stub(trial_fault=lambda request: Fault.null_content) as stub:
         Client(config, stub.url).open().close()
     assert "did not answer the trial request: the message has no text" in caplog.text
 
@@ -233,10 +236,10 @@ def test_constraint_is_tried_out_in_spite_of_faults(tmp_path, caplog):
         (("qwen3:32b", "one:latest"), "one", "one:latest"),
     ],
 )
-def test_model_is_one_the_server_has(tmp_path, models, wanted, used):
+def test_the_servers_name_for_the_wanted_model_is_used(tmp_path, models, wanted, used):
     with Stub(models=models) as stub, Client(make_config(tmp_path, model=wanted), stub.url) as client:
         client.submit(make_questions(1)).result()
-    assert [seen.body["model"] for seen in stub.chats] == [used]
+    assert [request.body["model"] for request in stub.chats] == [used]
 
 
 @pytest.mark.parametrize(
@@ -248,7 +251,7 @@ def test_model_is_one_the_server_has(tmp_path, models, wanted, used):
         (Stub(), "/deeper/v1", {}, "server-unknown", None),
         (Stub(key="right key"), "", {"api_key_env": "MY_KEY"}, "server-key", None),
         (
-            Stub(trial_fault=lambda seen: 400),
+            Stub(trial_fault=lambda request: 400),
             "",
             {"constrained": True, "profile": Profile.sglang},
             "dialect-refused",
@@ -256,7 +259,7 @@ def test_model_is_one_the_server_has(tmp_path, models, wanted, used):
         ),
     ],
 )
-def test_a_server_that_cannot_be_used_is_said_at_the_start(tmp_path, stub, path, config, code, key):
+def test_a_server_that_cannot_be_used_is_an_input_error_at_the_start(tmp_path, stub, path, config, code, key):
     with stub, pytest.raises(InvalidInputError) as caught:
         Client(make_config(tmp_path, **config), stub.url + path).open()
     assert (caught.value.code, caught.value.problem.key) == (code, key)
@@ -270,7 +273,7 @@ def test_a_server_that_loads_is_waited_for(tmp_path, caplog, monkeypatch):
         stub.loading = 4
         with Client(make_config(tmp_path), stub.url) as client:
             assert client.server.model == "stub-model"
-        assert sum(seen.method == "GET" for seen in stub.log) == 5
+        assert sum(request.method == "GET" for request in stub.log) == 5
         assert caplog.text.count("is loading") == 1
         stub.loading = 10_000
         start = time.monotonic()
@@ -280,7 +283,7 @@ def test_a_server_that_loads_is_waited_for(tmp_path, caplog, monkeypatch):
         assert time.monotonic() - start < 5.0
 
 
-def test_no_server(tmp_path):
+def test_an_absent_server_is_an_error_that_names_the_address(tmp_path):
     stub = Stub()
     with pytest.raises(ServerError) as caught:
         Client(make_config(tmp_path), stub.url).open()
@@ -307,7 +310,7 @@ def test_configuration_out_of_range(changes, key):
 
 
 @pytest.mark.parametrize("file", PRESETS, ids=lambda file: file.stem)
-def test_presets(file):
+def test_presets_are_valid_and_name_model_and_profile(file):
     text = file.read_text(encoding="utf-8")
     assert text.startswith("# ")
     assert "not tested" in text.splitlines()[0]

@@ -1,4 +1,4 @@
-"""Questions about a scene made by hand and about random ones: their text, order, shared beginnings; own templates."""
+"""Questions about a scene made by hand and about random ones: text, order, shared beginnings; other templates."""
 
 from collections import Counter
 from functools import cache, partial
@@ -66,8 +66,8 @@ def section(question, name):
     return next(line for line in question.messages[1].text.splitlines() if line.startswith(name))
 
 
-def test_text_is_the_kept_one():
-    """To renew the kept text after a change that is meant: delete the file, run this, read what it wrote."""
+def test_text_equals_the_golden_file():
+    """To renew the file after an intended change: delete it, run this test, and read the new file."""
     file = GOLDEN / "questions.txt"
     questions = ask_small()
     parts = [f"[{questions[0].messages[0].role}]\n{questions[0].messages[0].text}\n"]
@@ -81,13 +81,13 @@ def test_text_is_the_kept_one():
     assert text == file.read_text(encoding="utf-8")
 
 
-def test_questions_are_sorted_and_leave_out_who_is_not_asked_or_has_no_choice():
+def test_questions_are_sorted_and_leave_out_vehicles_that_are_not_asked_or_have_no_choice():
     questions = ask_small()
     assert [(q.scenario, q.vehicle) for q in questions] == [(1, 0), (1, 2), (0, 0), (0, 1), (0, 2), (2, 1), (2, 2)]
     assert [q.choices for q in questions] == [(1, 2, 3, 4)] * 5 + [(0, 1, 2, 3, 4)] * 2
 
 
-def test_random_questions_are_those_of_the_asked_who_have_a_choice():
+def test_there_is_a_question_for_every_asked_vehicle_with_an_admissible_action():
     asked, situations, _ = ask_random(6)
     n_without_choice = 0
     for questions, situation in zip(asked, situations, strict=True):
@@ -104,21 +104,21 @@ def test_random_questions_are_those_of_the_asked_who_have_a_choice():
     assert n_without_choice > 10
 
 
-def test_beginnings_are_shared():
+def test_questions_share_the_text_before_what_differs():
     asked, situations, _ = ask_random(1)
     reference = situations[0].detection.reference
-    seen = Counter()
+    n_pairs = Counter()
     for one in asked[0]:
         for other in asked[0]:
             assert one.messages[0] == other.messages[0]
             a, b = one.messages[1].text, other.messages[1].text
             same_reference = reference[one.scenario] == reference[other.scenario]
-            seen[same_reference, one.scenario == other.scenario] += 1
+            n_pairs[same_reference, one.scenario == other.scenario] += 1
             assert (a.partition("SCENE")[0] == b.partition("SCENE")[0]) == same_reference
             assert (a.partition("SELF")[0] == b.partition("SELF")[0]) == (one.scenario == other.scenario)
             assert a.partition("REFERENCE")[0] == b.partition("REFERENCE")[0]
             assert one is other or a != b
-    assert min(seen[True, True], seen[True, False], seen[False, False]) > 100
+    assert min(n_pairs[True, True], n_pairs[True, False], n_pairs[False, False]) > 100
 
 
 def test_shared_blocks_are_rendered_once(monkeypatch):
@@ -159,7 +159,7 @@ def test_scene_shows_the_shares_of_the_window(oob):
 
 
 def plain_neighbours(situation, i, s, length):
-    """The six places around one vehicle, by the book."""
+    """The six places around vehicle i of scenario s, by a plain loop: gap, speed and relative speed of the nearest."""
     frame = situation.frame
     found = []
     for side in (0, -1, 1):
@@ -184,22 +184,22 @@ def test_neighbours_are_the_nearest_at_each_place():
     length = rng.uniform(4, 18, (10, 30)).astype(np.float32)
     vehicle, scenario = np.nonzero(situation.detection.mask)
     around = look_around(situation.frame, length, vehicle, scenario, TrafficModel())
-    n_nobody = n_beside = 0
+    n_empty = n_beside = 0
     for i, s, found in zip(vehicle, scenario, neighbours_of(around), strict=True):
         assert [other.place for other in found] == list(PLACES)
         expected = plain_neighbours(situation, i, s, length)
         for other, (gap, speed, relative) in zip(found, expected, strict=True):
-            n_nobody += gap is None
+            n_empty += gap is None
             n_beside += gap is not None and gap < 0
             assert (other.gap, other.speed, other.relative_speed) == (
                 (None,) * 3 if gap is None else pytest.approx((gap, speed, relative), abs=1e-4)
             )
-    assert n_nobody > 100
+    assert n_empty > 100
     assert n_beside > 100
 
 
-def test_neighbours_are_those_the_core_sees():
-    def see(state, side):
+def test_neighbours_are_those_of_the_traffic_model():
+    def distances(state, side):
         derived = derive_state(state, model)
         lane = derived.lane + side
         return find_leader(state, derived, lane).distance, find_follower(state, derived, lane).distance
@@ -209,13 +209,13 @@ def test_neighbours_are_those_the_core_sees():
     state = make_state(frame.x, frame.y, frame.speed, model)
     vehicle, scenario = np.nonzero(np.ones(frame.x.shape, bool))
     around = look_around(frame, 5.0, vehicle, scenario, model)
-    n_seen = 0
+    n_neighbours = 0
     for number, side in enumerate((0, -1, 1)):
-        for place, distance in enumerate(jax.jit(see)(state, jnp.int32(side)), 2 * number):
+        for place, distance in enumerate(jax.jit(distances)(state, jnp.int32(side)), 2 * number):
             distance = np.asarray(distance)[vehicle, scenario]
             np.testing.assert_allclose(around.gap[place], distance - 5, rtol=1e-6)
-            n_seen += np.isfinite(distance).sum()
-    assert n_seen > 500
+            n_neighbours += np.isfinite(distance).sum()
+    assert n_neighbours > 500
 
 
 def test_equal_values_share_the_better_rank():
@@ -243,7 +243,7 @@ def test_scene_can_be_left_out():
         assert question.messages[1].text.splitlines() == [line for line in lines if not line.startswith("SCENE")]
 
 
-def test_minus_zero_is_zero_and_no_limit_is_no_number():
+def test_minus_zero_is_written_as_zero_and_a_missing_limit_as_no_limit():
     situation = make_situation(0, x=[[0.0]], lane=[[0]], acceleration=[[-0.04]])
     table = make_table([[[20.0]]], [[[30.0]]], [[[1]]])
     prompter = Prompter(table, TrafficModel(speed_limit=None), PromptConfig(), DetectionOptions())
@@ -252,7 +252,7 @@ def test_minus_zero_is_zero_and_no_limit_is_no_number():
     assert "no limit" in section(question, "ROAD")
 
 
-def test_every_second_must_be_shown():
+def test_a_repeated_or_skipped_second_is_an_error():
     prompter = Prompter(small_table(), TrafficModel(), PromptConfig(), DetectionOptions())
     prompter.questions(small_situation(0), make_thresholds(3))
     for wrong in (0, 2):
@@ -260,20 +260,20 @@ def test_every_second_must_be_shown():
             prompter.questions(small_situation(wrong), make_thresholds(3))
 
 
-def test_seconds_in_which_nobody_is_asked_count_for_the_window():
+def test_seconds_without_questions_count_for_the_window():
     asked, silent = (Prompter(small_table(), TrafficModel(), PromptConfig(), DetectionOptions()) for _ in range(2))
-    nobody = np.zeros((3, 3), bool)
+    no_vehicle = np.zeros((3, 3), bool)
     for second in range(4):
         situation = small_situation(second)
         asked.questions(situation, make_thresholds(3))
-        quiet = eqx.tree_at(lambda s: s.detection.mask, situation, nobody)
+        quiet = eqx.tree_at(lambda s: s.detection.mask, situation, no_vehicle)
         assert silent.questions(quiet, make_thresholds(3)) == []
     last = small_situation(4)
     assert silent.questions(last, make_thresholds(3)) == asked.questions(last, make_thresholds(3))
 
 
 @pytest.mark.thorough
-def test_questions_about_what_the_loop_shows():
+def test_questions_about_situations_of_the_closed_loop():
     """The records that `assess` returns, fetched as they are: their shapes, their window, their permissions."""
     model, options = TrafficModel(meta_follows=True), LoopOptions(DetectionOptions(cues=Cues.always))
     rng = np.random.default_rng(4)
@@ -295,7 +295,7 @@ def test_questions_about_what_the_loop_shows():
             assert section(question, "ACTIONS").split()[1:] == [str(choice) for choice in question.choices]
 
 
-def own_template(folder, text) -> Path:
+def write_template(folder, text) -> Path:
     path = folder / "own.j2"
     path.write_text(text, encoding="utf-8")
     return path
@@ -314,14 +314,14 @@ Choose.
 
 def test_own_template_replaces_the_shipped_one(tmp_path):
     (tmp_path / "more.txt").write_text("{{ car.last_action }}, {{ reference.cars[0].speed }}\n", encoding="utf-8")
-    questions = ask_small(template=str(own_template(tmp_path, OWN)))
+    questions = ask_small(template=str(write_template(tmp_path, OWN)))
     assert {question.messages[0] for question in questions} == {Message("system", "Choose.")}
     assert questions[1].messages[1] == Message("user", "2: 18.0 9.000 133.3 (1, 2, 3, 4)\nslower, 10.0")
     assert questions[2].messages[1] == Message("user", "0: 36.0 18.000 26.7 (1, 2, 3, 4)\nnone, 6.0")
 
 
 BOTH = "{{% block system %}}\n{}{{% endblock %}}\n{{% block user %}}\n{}{{% endblock %}}"
-# The template, code and line of the problem, what it names.
+# Template; code and line of the problem; text that the problem contains.
 BROKEN = {
     "no block": ("hello", "block-missing", None, "block system"),
     "one block": ("{% block system %}{% endblock %}", "block-missing", None, "block user"),
@@ -340,9 +340,9 @@ BROKEN = {
 
 
 @pytest.mark.parametrize("name", BROKEN)
-def test_what_is_wrong_with_a_template_is_one_sentence_with_file_and_line(tmp_path, name):
+def test_an_error_in_a_template_names_file_line_and_fault(tmp_path, name):
     text, code, line, named = BROKEN[name]
-    template = str(own_template(tmp_path, text))
+    template = str(write_template(tmp_path, text))
     with pytest.raises(InvalidInputError) as caught:
         ask_small(template=template)
     problem = caught.value.problem
@@ -351,7 +351,7 @@ def test_what_is_wrong_with_a_template_is_one_sentence_with_file_and_line(tmp_pa
     assert "\n" not in str(caught.value)
 
 
-def test_a_template_that_is_not_there_or_not_text(tmp_path):
+def test_a_template_that_is_missing_or_not_text_is_an_error(tmp_path):
     for wrong in (tmp_path / "missing.j2", tmp_path):
         with pytest.raises(MissingInputError) as caught:
             load_template(str(wrong))

@@ -43,7 +43,7 @@ def no_proxies(monkeypatch):
         ({"http_proxy": "http://a:1", "no_proxy": "", "NO_PROXY": "::/0"}, "http://[::2]:8000/v1", "a:1", "http_proxy"),
     ],
 )
-def test_proxy_that_counts(monkeypatch, variables, address, place, variable):
+def test_proxy_for_an_address(monkeypatch, variables, address, place, variable):
     for name, value in variables.items():
         monkeypatch.setenv(name, value)
     proxy = proxy_for(address)
@@ -69,7 +69,7 @@ def test_a_password_of_a_proxy_that_is_not_encoded_is_not_printed(tmp_path, monk
 
 
 @pytest.mark.parametrize("scheme", ["socks5", "socks5h"])
-def test_socks_needs_its_package(tmp_path, monkeypatch, scheme):
+def test_an_error_names_the_package_that_a_socks_proxy_needs(tmp_path, monkeypatch, scheme):
     monkeypatch.setenv("ALL_PROXY", f"{scheme}://u:secret@127.0.0.1:1080")
     monkeypatch.setitem(__import__("sys").modules, "socksio", None)
     with refused("proxy-unusable", key="ALL_PROXY") as caught:

@@ -1,4 +1,4 @@
-"""Servers that differ from OpenAI's in address, list of models, parameters and shape of answers: usable, or said."""
+"""Servers that differ from OpenAI's in address, list of models, parameters and form of answers."""
 
 import json
 
@@ -40,13 +40,13 @@ def causes(stub, config, n=4) -> set[Cause]:
         ("https://host/dev1", "https://host/dev1/v1"),
     ],
 )
-def test_address(given, address):
+def test_address_with_other_paths_and_queries(given, address):
     assert server_address(given) == address
 
 
 @pytest.mark.parametrize("root", ["/v1beta/openai", "/serving-endpoints", ""])
 @pytest.mark.parametrize("lists", [True, False])
-def test_version_anywhere_or_nowhere(tmp_path, root, lists):
+def test_a_server_is_reached_with_any_or_no_version_in_its_path(tmp_path, root, lists):
     config = make_config(tmp_path, model="stub-model")
     with Stub(root=root, lists=lists) as stub:
         assert causes(stub, config) == {Cause.answered}
@@ -54,7 +54,7 @@ def test_version_anywhere_or_nowhere(tmp_path, root, lists):
             assert client.address == stub.url
 
 
-def test_query_of_the_address_and_the_key_azure_wants(tmp_path, monkeypatch):
+def test_requests_to_azure_have_the_query_of_the_address_and_its_header_of_the_key(tmp_path, monkeypatch):
     monkeypatch.setenv("STUB_KEY", "a long secret")
     config = make_config(tmp_path, model="m", api_key_env="STUB_KEY")
     with Stub(root="/openai/deployments/m", lists=False) as stub:
@@ -82,7 +82,7 @@ def test_a_list_that_is_empty_or_partial_or_does_not_come_refuses_no_named_model
     monkeypatch.setattr("rearl_jax.llm.connection.Connection.get", get)
     with Stub() as stub:
         assert causes(stub, make_config(tmp_path, model="m", profile=Profile.plain)) == {Cause.answered}
-    assert {seen.body["model"] for seen in stub.chats} == {"m"}
+    assert {request.body["model"] for request in stub.chats} == {"m"}
 
 
 def test_a_redirect_names_its_target(tmp_path, monkeypatch):
@@ -102,7 +102,7 @@ def test_a_server_without_a_list_of_models_is_asked_for_the_configured_one(tmp_p
         assert causes(stub, make_config(tmp_path, model="m")) == {Cause.answered}
         with pytest.raises((InvalidInputError, ServerError)):
             Client(make_config(tmp_path), stub.url).open()
-    assert {seen.body["model"] for seen in stub.chats} == {"m"}
+    assert {request.body["model"] for request in stub.chats} == {"m"}
 
 
 def unlisted(status):
@@ -113,17 +113,17 @@ def unlisted(status):
 
 
 @pytest.mark.parametrize("fault", [Fault.html, Fault.internal_error])
-def test_what_lists_no_models_and_answers_nothing_is_no_server(tmp_path, fault):
-    with Stub(lists=False, trial_fault=lambda seen: fault) as stub, pytest.raises(ServerError) as caught:
+def test_an_address_without_models_and_answers_is_not_a_server(tmp_path, fault):
+    with Stub(lists=False, trial_fault=lambda request: fault) as stub, pytest.raises(ServerError) as caught:
         Client(make_config(tmp_path, model="m", tries=2), stub.url).open()
     assert caught.value.code == "server-unknown"
     assert stub.chats == []
 
 
-def test_a_model_is_found_behind_its_maker(tmp_path):
+def test_a_model_listed_with_its_maker_is_found_by_its_name(tmp_path):
     with Stub(models=("Qwen/Qwen3-32B", "other/one")) as stub:
         assert causes(stub, make_config(tmp_path, model="Qwen3-32B")) == {Cause.answered}
-    assert {seen.body["model"] for seen in stub.chats} == {"Qwen/Qwen3-32B"}
+    assert {request.body["model"] for request in stub.chats} == {"Qwen/Qwen3-32B"}
 
 
 def refusing(*names, message="Unsupported parameter: '{}'"):
@@ -153,24 +153,24 @@ def refusing(*names, message="Unsupported parameter: '{}'"):
         ),
     ],
 )
-def test_refused_parameters_are_left_out_and_said(tmp_path, caplog, refuse, gone, new):
+def test_refused_parameters_are_left_out_and_logged(tmp_path, caplog, refuse, gone, new):
     config = make_config(tmp_path, constrained=True)
     with Stub(refuse=refuse) as stub:
         assert causes(stub, config) == {Cause.answered}
-        sent = [set(seen.body) for seen in stub.chats]
+        sent = [set(request.body) for request in stub.chats]
         assert len(sent) == 4
         assert not any(keys & gone for keys in sent)
         assert all(new <= keys for keys in sent)
         assert all(name in caplog.text for name in gone)
         assert "ignores the constraint" not in caplog.text
-    # A replay, which asks nobody, finds the answers.
+    # A replay, which sends no request, finds the answers.
     with Client(make_config(tmp_path, constrained=True), "", replay=True) as client:
         replies = [answer.replies[0] for answer in client.submit(make_questions(4)).result()]
     assert {reply.cause for reply in replies} == {Cause.answered}
 
 
 @pytest.mark.parametrize("refusal", ["System role not supported", "Developer instruction is not enabled for models/m"])
-def test_a_message_of_the_system_that_is_refused_begins_that_of_the_user(tmp_path, refusal):
+def test_a_refused_system_message_is_put_before_the_text_of_the_user(tmp_path, refusal):
     def refuse(body):
         has_system = any(message["role"] == "system" for message in body["messages"])
         return {"error": {"message": refusal}} if has_system else None
@@ -187,22 +187,22 @@ def test_a_message_of_the_system_that_is_refused_begins_that_of_the_user(tmp_pat
     [(400, "request-refused"), (402, "request-refused"), (404, "request-refused"), (403, "server-key")],
 )
 def test_a_server_that_refuses_every_request_is_not_asked(tmp_path, status, code):
-    with Stub(trial_fault=lambda seen: status) as stub, pytest.raises(InvalidInputError) as caught:
+    with Stub(trial_fault=lambda request: status) as stub, pytest.raises(InvalidInputError) as caught:
         Client(make_config(tmp_path), stub.url).open()
     assert caught.value.code == code
     assert f"status {status} was asked for" in caught.value.problem.fault
     assert stub.chats == []
 
 
-def test_a_used_up_account_is_a_refusal(tmp_path, monkeypatch):
+def test_an_exhausted_account_is_a_refusal(tmp_path, monkeypatch):
     error = {"error": {"message": "You exceeded your current quota", "code": "insufficient_quota"}}
-    monkeypatch.setattr(Stub, "_complete", lambda stub, seen, writer: over(stub, writer, error))
+    monkeypatch.setattr(Stub, "_complete", lambda stub, request, writer: exhausted_account(stub, writer, error))
     with Stub() as stub, pytest.raises(InvalidInputError) as caught:
         Client(make_config(tmp_path), stub.url).open()
     assert caught.value.code == "request-refused"
 
 
-async def over(stub, writer, error):
+async def exhausted_account(stub, writer, error):
     stub._write(writer, 429, error)
 
 
@@ -219,7 +219,7 @@ def test_parameter_named_in_an_error():
     assert without(body, ()) == body
 
 
-def said(**message) -> bytes:
+def response_with(**message) -> bytes:
     return json.dumps({"choices": [{"finish_reason": "stop", "message": message}]}).encode()
 
 
@@ -242,12 +242,12 @@ def said(**message) -> bytes:
     ],
 )
 def test_content_in_parts_is_joined(content, text, thinking):
-    completion = read_completion(said(content=content))
+    completion = read_completion(response_with(content=content))
     assert (completion.text, completion.thinking) == (text, thinking)
 
 
-def test_what_a_model_declines_with_is_its_text():
-    assert read_completion(said(content=None, refusal="I cannot help")).text == "I cannot help"
+def test_a_refusal_of_the_model_is_its_text():
+    assert read_completion(response_with(content=None, refusal="I cannot help")).text == "I cannot help"
 
 
 @pytest.mark.parametrize(
@@ -262,7 +262,7 @@ def test_an_error_in_a_good_response_is_no_answer(content):
         read_completion(content)
 
 
-def test_a_prompt_that_the_server_cuts_is_said_once(tmp_path, caplog):
+def test_a_prompt_that_the_server_truncates_is_logged_once(tmp_path, caplog):
     message = {"choices": [{"message": {"content": "1"}}], "usage": {"prompt_tokens": 64}}
     long = [Question(0, n, (Message("user", f"car {n} " + "gap=3.4 " * 400),), CHOICES) for n in range(3)]
     with Stub(say=lambda body: message) as stub, Client(make_config(tmp_path), stub.url) as client:
@@ -279,7 +279,7 @@ def test_a_common_count_of_prompts_of_different_lengths_is_a_limit():
     assert not any(silent.is_cut(10_000, count) for count in (None, 0))
 
 
-def test_profile_of_a_server_without_a_list_is_its_own(tmp_path):
+def test_a_server_without_a_list_gets_the_profile_plain(tmp_path):
     config = make_config(tmp_path, model="m", profile=Profile.auto)
     with Stub(lists=False) as stub, Client(config, stub.url) as client:
         assert client.server.dialect.profile is Profile.plain

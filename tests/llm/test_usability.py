@@ -102,12 +102,12 @@ def test_a_run_without_credit_is_stopped_and_its_answers_are_stored(tmp_path):
     with Stub() as stub, Client(config, stub.url) as client:
         client.submit(make_questions(20)).result()
         client.check_usable(is_finished=False)
-        stub.fault = lambda seen: 402  # HTTP status: payment required
+        stub.fault = lambda request: 402  # HTTP status: payment required
         client.submit(make_questions(5, "later")).result()
         with refused("requests-refused") as caught:
             client.check_usable(is_finished=False)
         assert "status 402" in caught.value.problem.fault
-        stub.fault = lambda seen: None
+        stub.fault = lambda request: None
         client.submit(make_questions(5, "later")).result()
         client.check_usable(is_finished=True)
     with Client(config, "", replay=True) as client:
@@ -132,7 +132,7 @@ def test_a_run_whose_server_dies_is_stopped_with_the_reason_and_resumed_by_the_s
     config = make_config(tmp_path, breaker_failures=3, tries=1, max_in_flight=1)
     with Stub() as stub, Client(config, stub.url) as client:
         client.submit(make_questions(5)).result()
-        stub.fault = lambda seen: 500
+        stub.fault = lambda request: 500
         causes = [answer.cause for answer in client.submit(make_questions(20)).result()]
         assert causes.count(Cause.broken) > 10
         client.check_usable(is_finished=False)

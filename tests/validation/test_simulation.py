@@ -85,5 +85,5 @@ def test_results_of_the_core_that_are_no_numbers_are_refused(scenes):
 
 def test_a_batch_fills_whole_vectors():
     for n_vehicles in (2, 10, 15, 30, 60):
-        assert simulation.batch_width(n_vehicles) % simulation.VECTOR_WIDTH == 0
-    assert simulation.batch_width(2) >= simulation.batch_width(60) > 0
+        assert simulation.batch_size(n_vehicles) % simulation.VECTOR_WIDTH == 0
+    assert simulation.batch_size(2) >= simulation.batch_size(60) > 0

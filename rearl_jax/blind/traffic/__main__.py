@@ -16,11 +16,11 @@ from rearl_jax.blind.traffic.dataset import write_dataset
 from rearl_jax.blind.traffic.scenario import FREE_CHANGES, Planted, Scenario
 
 
-def main(words: list[str]) -> None:
+def main(arguments: list[str]) -> None:
     """Writes the data set and prints what is hidden in it."""
-    if len(words) < 4:
+    if len(arguments) < 4:
         sys.exit((__doc__ or "").strip())
-    name, seed, strength, folder, *pairs = words
+    name, seed, strength, folder, *pairs = arguments
     planted = () if name == "none" else tuple(Planted(part, float(strength)) for part in name.split("+"))
     given = {key: value for key, _, value in (pair.partition("=") for pair in pairs)}
     as_highd = bool(int(given.pop("highd", "0")))

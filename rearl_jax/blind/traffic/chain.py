@@ -13,12 +13,12 @@ KERNELS = ("gaussian", "moving_average", "triangular", "exponential")
 
 
 def release(scenario: Scenario, chain: Chain, events: Events) -> Frames:
-    """The released columns."""
+    """The columns as the data provider releases them."""
     rng = np.random.default_rng([scenario.seed, 6])
     rate = scenario.frame_rate
     pad, n_frames = round(PAD * rate), round(scenario.duration * rate) + 1
     time = np.arange(-pad, n_frames + pad) / rate
-    inside = slice(pad, pad + n_frames)
+    recorded = slice(pad, pad + n_frames)
     steps = np.searchsorted(events.time, time - 1e-6)
     shape = events.position[steps].shape
     position = events.position[steps] + scenario.position_noise * correlated(shape, scenario.noise_time, rate, rng)
@@ -30,13 +30,13 @@ def release(scenario: Scenario, chain: Chain, events: Events) -> Frames:
         window = max(3, 2 * round(0.5 * chain.slope_time * rate) + 1)
         speed = np.asarray(savgol_filter(position, window, 2, deriv=1, delta=1.0 / rate, axis=0))
     speed = np.maximum(0.0, speed)
-    lane, lateral = _across(chain, events, time[inside], rng)
+    lane, lateral = _across(chain, events, time[recorded], rng)
     return Frames(
-        position[inside],
+        position[recorded],
         lateral,
         lane,
-        speed[inside],
-        np.clip(np.gradient(speed, 1.0 / rate, axis=0)[inside], -30.0, 30.0),
+        speed[recorded],
+        np.clip(np.gradient(speed, 1.0 / rate, axis=0)[recorded], -30.0, 30.0),
         np.ones_like(lane, dtype=bool),
     )
 
@@ -74,11 +74,12 @@ def weights(kernel: str, deviation: float) -> np.ndarray:
 
 def _across(chain: Chain, events: Events, time: np.ndarray, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray]:
     """Lane and lateral position [m] in every frame; the sideways motion begins with the decision."""
-    late = 0.5 * chain.change_time if chain.lane == "marking" else 0.0
-    lane = events.lane[np.searchsorted(events.time, time - late - 1e-6)]
+    delay = 0.5 * chain.change_time if chain.lane == "marking" else 0.0
+    lane = events.lane[np.searchsorted(events.time, time - delay - 1e-6)]
     lateral = events.wander[np.searchsorted(events.time, time - 1e-6)] + LANE_WIDTH * (events.lane[0] + 0.5)
     for step, vehicle in zip(*np.nonzero(np.diff(events.lane, axis=0)), strict=True):
         share = np.clip((time - events.time[step + 1]) / chain.change_time, 0.0, 1.0)
         jump = int(events.lane[step + 1, vehicle]) - int(events.lane[step, vehicle])
+        # A path of minimum jerk.
         lateral[:, vehicle] += LANE_WIDTH * jump * share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
     return lane, lateral + LATERAL_NOISE * rng.standard_normal(lateral.shape)

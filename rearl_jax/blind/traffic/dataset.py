@@ -16,8 +16,8 @@ from rearl_jax.data.records import Recording, RecordingInfo
 from rearl_jax.data.tables.canonical import write_recording
 from rearl_jax.problems import out_of_range
 
-PLACES = ("start", "end")
-"""Parameters that are positions on the road."""
+POSITIONS = ("start", "end")
+"""Parameters of effects that are positions on the road; in the truth from the start of the recorded road."""
 
 
 def write_dataset(folder: Path, scenario: Scenario, *, as_highd: bool = False) -> dict[str, Any]:
@@ -52,16 +52,18 @@ def write_tables(folder: Path, scenario: Scenario, events: Events, frames: Frame
 
 def hidden_truth(scenario: Scenario, events: Events) -> dict[str, Any]:
     """The truth of a data set: one entry per hidden effect, and statistics of the traffic."""
-    known = iter(events.effects)
-    begin, _ = seen_road(scenario, events)
+    effects = iter(events.effects)
+    road_start, _ = seen_road(scenario, events)
     planted = []
     for item in scenario.planted:
         entry: dict[str, Any] = {"name": item.name, "strength": item.strength}
         if item.name in ARTEFACTS:
             planted.append(entry | {"kind": "artefact", "truths": [item.name], "variables": [], "parameters": {}})
             continue
-        effect = next(known)
-        parameters = {name: value - begin * (name in PLACES) for name, value in effect.parameters.items()}
+        effect = next(effects)
+        parameters = {
+            name: value - road_start if name in POSITIONS else value for name, value in effect.parameters.items()
+        }
         kind = "listed" if item.name in LISTED | LANE_CHOICE else "unlisted"
         entry |= {"kind": kind, "truths": list(effect.truths), "variables": list(effect.variables)}
         planted.append(entry | {"parameters": {name: float(value) for name, value in parameters.items()}})
@@ -70,9 +72,10 @@ def hidden_truth(scenario: Scenario, events: Events) -> dict[str, Any]:
 
 
 def _recording(scenario: Scenario, events: Events, frames: Frames, number: int) -> Recording:
-    own = np.flatnonzero(events.fleet.recording == number)
+    """The recording with a number, from 0, as a canonical table."""
+    members = np.flatnonzero(events.fleet.recording == number)
     # Random identifiers, so that they do not reveal the order in the platoon.
-    shuffled = np.random.default_rng([scenario.seed, 7, number]).permutation(own)
+    shuffled = np.random.default_rng([scenario.seed, 7, number]).permutation(members)
     n_frames = len(frames.position)
     seen = frames.seen[:, shuffled].T.ravel()
     columns = {name: getattr(frames, name)[:, shuffled].T.ravel()[seen] for name in vars(frames) if name != "seen"}

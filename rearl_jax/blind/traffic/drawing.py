@@ -58,7 +58,7 @@ def draw_scenario(
     per_lane = max(1, round(per_recording / n_lanes))
     seconds = round(duration or drawn_duration)
     changes = priors.lane_changes.draw(rng) * n_lanes * per_lane * seconds / 60.0
-    frame_rates = CHOICES["frame_rate"][: 2 if is_sumo else None]
+    frame_rates = CHOICES["frame_rate"][: 2 if is_sumo else None]  # the last one is too high for SUMO's time step
     driver_noise = priors.driver_noise.draw(rng)
     return Scenario(
         seed=int(rng.integers(2**32)),

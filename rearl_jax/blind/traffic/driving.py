@@ -1,4 +1,4 @@
-"""The generator's own car following: the car-following model with all hidden effects, and emergency braking."""
+"""Car following in the generator: the car-following model with all hidden effects, and emergency braking."""
 
 from collections.abc import Sequence
 
@@ -37,9 +37,9 @@ def wanted_acceleration(now: Snapshot, effects: Sequence[HiddenEffect]) -> np.nd
 def with_emergencies(value: np.ndarray, now: Snapshot) -> tuple[np.ndarray, np.ndarray]:
     """Accelerations that avoid collisions [m/s^2], and which vehicles have an emergency.
 
-    An emergency occurs if own braking at HARDEST would stop less than LAST_METRE behind the stopping point of the
-    leader (Gipps, Transp. Res. B 15 (1981) 105, without reaction time). IDM without noise and hidden effects never has
-    one.
+    An emergency occurs if a driver who brakes at HARDEST would stop less than LAST_METRE behind the stopping point of
+    the leader (Gipps, Transp. Res. B 15 (1981) 105, without reaction time). IDM without noise and hidden effects never
+    has one.
     """
     ahead = now.gap_to(now.leader) + now.speed[now.leader] ** 2 / (2.0 * HARDEST)
     is_emergency = now.speed[: now.n] ** 2 / (2.0 * HARDEST) + LAST_METRE > ahead

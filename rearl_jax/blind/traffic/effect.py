@@ -1,6 +1,6 @@
 """Base class of hidden effects: hooks into the generator's driving.
 
-Each effect has its own functional form, a different one from the literature than in the library that is tested with it.
+An effect that is also in the library of discovery has another functional form there; both are from the literature.
 """
 
 from collections.abc import Mapping

@@ -59,3 +59,4 @@ def draw_fleet(scenario: Scenario, rng: np.random.Generator) -> Fleet:
 
 
 _NAMES = {item.name for item in fields(Fleet)}
+"""Parameters with a field of their own; all others are in `Fleet.further`."""

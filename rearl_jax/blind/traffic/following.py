@@ -106,9 +106,9 @@ class StayingBehind(HiddenEffect):
     crawl, hardest = 16.0, 2.0  # m/s, m/s^2
 
     def acceleration(self, value: np.ndarray, now: Snapshot) -> np.ndarray:
-        own = slice(0, now.n)
         other = now.ahead_on_left()
-        speed, dv = now.speed[own], now.speed[own] - now.speed[other]
+        speed = now.speed[: now.n]
+        dv = speed - now.speed[other]
         wanted = now.model.acceleration(now.drivers(), now.interaction(now.gap_to(other), dv))
         behind = np.maximum(wanted, -self.hardest)
         passes = (speed > self.crawl) & (dv > 0.0) & (other != now.n)

@@ -1,8 +1,8 @@
 """Free lane changes: twice a second all drivers compare lanes and change at random, with a probability that grows with
 the gain.
 
-The gain of a change is the gained own acceleration (Kesting, Treiber & Helbing, Transp. Res. Rec. 1999 (2007) 86); the
-choice is a logit model of the gain (McFadden, in: Frontiers in Econometrics (1974) 105).
+The gain of a change is that in the driver's acceleration (Kesting, Treiber & Helbing, Transp. Res. Rec. 1999 (2007)
+86); the choice is a logit model of the gain (McFadden, in: Frontiers in Econometrics (1974) 105).
 """
 
 from collections.abc import Sequence
@@ -57,10 +57,10 @@ class FreeChanges:
             sides = [k for k in (0, 1) if decided[k][vehicle]]
             choice = choices[sides[int(self._rng.integers(len(sides)))]]
             others = [now.leader[vehicle], now.follower[vehicle], choice.leader[vehicle], choice.rear[vehicle]]
-            met = np.array([vehicle, *(other for other in others if other < now.n)])
-            if involved[met].any():
+            affected = np.array([vehicle, *(other for other in others if other < now.n)])
+            if involved[affected].any():
                 continue
-            involved[met] = True
+            involved[affected] = True
             now.lane[vehicle] += choice.side
             self._changed[vehicle] = now.time
             moved = True
@@ -70,16 +70,19 @@ class FreeChanges:
 
 def weigh(now: Snapshot, side: int) -> Choice:
     """The lane change to one side as an option for every vehicle."""
-    own, everyone, speed, follower = slice(0, now.n), np.arange(now.n), now.speed, now.follower
+    everyone, own_speed, speed, follower = np.arange(now.n), now.speed[: now.n], now.speed, now.follower
+    own_length = now.length[: now.n]
     leader, rear = _neighbours(now, side)
     gap, rear_gap, follower_gap = now.gap_to(leader), now.gap_behind(rear), now.gap_behind(follower)
+    # Interactions of the driver behind its present and its new leader.
     here = _interaction(now, everyone, now.gap_to(now.leader), speed[now.leader])
     there = _interaction(now, everyone, gap, speed[leader])
-    behind_me = _interaction(now, rear, rear_gap, speed[own])
-    before = _interaction(now, rear, gap + rear_gap + now.length[own], speed[leader])
-    freed_gap = follower_gap + now.gap_to(now.leader) + now.length[own]
+    # Interactions of the new follower after and before the change, and of the present follower after it.
+    behind_me = _interaction(now, rear, rear_gap, own_speed)
+    before = _interaction(now, rear, gap + rear_gap + own_length, speed[leader])
+    freed_gap = follower_gap + now.gap_to(now.leader) + own_length
     freed = _interaction(now, follower, freed_gap, speed[now.leader])
-    relief = _interaction(now, follower, follower_gap, speed[own]) - freed
+    relief = _interaction(now, follower, follower_gap, own_speed) - freed
     drivers, scale = now.drivers(), now.model.scale
     rear_after = np.where(rear == now.n, 0.0, now.model.acceleration(now.drivers(rear), behind_me))
     own_after = now.model.acceleration(drivers, there)
@@ -96,6 +99,7 @@ def _neighbours(now: Snapshot, side: int) -> tuple[np.ndarray, np.ndarray]:
     position = now.position[: now.n]
     group = now.fleet.recording * (now.n_lanes + 2) + now.lane + 1
     order = np.lexsort((position, group))
+    # All lanes one behind the other on one line, farther apart than any vehicle is from another.
     span = np.ptp(position) + 1.0
     line = (group * span + position - position.min())[order]
     there = np.searchsorted(line, (group + side) * span + position - position.min(), side="right")
@@ -107,5 +111,5 @@ def _neighbours(now: Snapshot, side: int) -> tuple[np.ndarray, np.ndarray]:
 
 def _interaction(now: Snapshot, who: np.ndarray, gap: np.ndarray, speed_ahead: np.ndarray) -> np.ndarray:
     """Interaction of the given vehicles behind a leader; 0 without a vehicle."""
-    own = now.drivers(who)
-    return np.where(who == now.n, 0.0, now.model.interaction(own, gap, own.speed - speed_ahead))
+    drivers = now.drivers(who)
+    return np.where(who == now.n, 0.0, now.model.interaction(drivers, gap, drivers.speed - speed_ahead))

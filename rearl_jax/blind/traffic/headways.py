@@ -7,7 +7,7 @@ from rearl_jax.blind.traffic.snapshot import Snapshot
 
 
 class SpeedyDistance(HiddenEffect):
-    """The time gap grows linearly with speed and equals the driver's own value at 16 m/s."""
+    """The time gap grows linearly with speed and equals the driver's parameter at 16 m/s."""
 
     truths = ("speed_dependent_time_gap",)
 
@@ -81,7 +81,7 @@ class TruckAhead(HiddenEffect):
     """Behind a truck the time gap is longer by 40 %."""
 
     truths = ("leader_class",)
-    usual = {"gain": 0.34}
+    usual = {"gain": 0.34}  # the logarithm of 1.405
 
     def time_gap(self, value: np.ndarray, now: Snapshot) -> np.ndarray:
         return np.where(now.is_truck[now.leader], value * 1.405**self.strength, value)

@@ -36,15 +36,15 @@ def write_highd(folder: Path, scenario: Scenario, events: Events, frames: Frames
 
 def _write(folder: Path, scenario: Scenario, view: float, events: Events, frames: Frames, number: int) -> None:
     fleet = events.fleet
-    inside = (frames.position - 0.5 * fleet.length >= 0.0) & (frames.position + 0.5 * fleet.length <= view)
-    vehicle, frame = np.nonzero(_unbroken(inside & (fleet.recording == number)).T)
+    is_in_view = (frames.position - 0.5 * fleet.length >= 0.0) & (frames.position + 0.5 * fleet.length <= view)
+    vehicle, frame = np.nonzero(_unbroken(is_in_view & (fleet.recording == number)).T)
     across = np.gradient(frames.lateral, 1.0 / FRAME_RATE, axis=0)
     sideways = np.gradient(across, 1.0 / FRAME_RATE, axis=0)
     columns = (frames.position, frames.lateral, frames.speed, across, frames.acceleration, sideways)
     tracks = Tracks(vehicle, frame + 1, *(column[frame, vehicle] for column in columns))
     plan = RecordingPlan(
         id=number + 1,
-        section=Section(1, scenario.n_lanes, LANE_WIDTH, 8.5, 4.0, None),
+        section=Section(1, scenario.n_lanes, LANE_WIDTH, top=8.5, median=4.0, speed_limit=None),
         duration=scenario.duration,
         n_vehicles=float(scenario.n_vehicles),
         truck_share=float(fleet.is_truck.mean()),

@@ -1,4 +1,4 @@
-"""Hidden effects on lane choice, in addition to the own acceleration."""
+"""Hidden effects on lane choice, in addition to the driver's gain in acceleration."""
 
 import numpy as np
 

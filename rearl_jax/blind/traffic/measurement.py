@@ -27,8 +27,8 @@ GATE = 0.95
 PAD = 4.4
 """Additional measured time before and after the recording [s], needed by filters and delayed columns."""
 
-LATEST = 0.5
-"""Bound of clock offsets [s]."""
+MAX_CLOCK_OFFSET = 0.5
+"""Bound of clock offsets, early or late [s]."""
 
 ARTEFACTS = (
     "lens", "clock_offset", "position_lag", "speed_lag", "speed_scale", "position_scale", "smoothing", "position_noise",
@@ -49,14 +49,14 @@ class Frames:
 
 
 def measure(scenario: Scenario, events: Events) -> Frames:
-    """The released columns."""
+    """The columns as a data provider releases them."""
     fault = {item.name: item.strength for item in scenario.planted if item.name in ARTEFACTS}
     rng = np.random.default_rng([scenario.seed, 6])
     rate = scenario.frame_rate
     pad, n_frames = round(PAD * rate), round(scenario.duration * rate) + 1
     time = (np.arange(-pad, n_frames + pad)) / rate
     position = _sampled(events, time, _clock_offsets(events, fault, rng))
-    true = position
+    true_position = position
     position = position + _lens(position, fault, events)
     position = position + _errors(scenario, position.shape, fault, rng)
     if "smoothing" in fault:
@@ -70,19 +70,19 @@ def measure(scenario: Scenario, events: Events) -> Frames:
     position = position * (1.0 + 0.05 * fault.get("position_scale", 0.0))
 
     def released(column: np.ndarray, late_by: float = 0.0) -> np.ndarray:
-        begin = pad - round(late_by * rate)
-        return column[begin : begin + n_frames]
+        first = pad - round(late_by * rate)
+        return column[first : first + n_frames]
 
-    begin, length = seen_road(scenario, events)
+    road_start, road_length = seen_road(scenario, events)
     lane, lateral = _across(scenario, events, time[pad : pad + n_frames], rng)
-    late = {name: 0.5 * fault.get(name, 0.0) for name in ("position_lag", "speed_lag")}
+    delay = {name: 0.5 * fault.get(name, 0.0) for name in ("position_lag", "speed_lag")}
     return Frames(
-        released(position, late["position_lag"]) - begin,
+        released(position, delay["position_lag"]) - road_start,
         lateral,
         lane,
-        released(speed, late["speed_lag"]),
-        np.clip(released(acceleration, late["speed_lag"]), -30.0, 30.0),
-        (released(true) >= begin) & (released(true) <= begin + length),
+        released(speed, delay["speed_lag"]),
+        np.clip(released(acceleration, delay["speed_lag"]), -30.0, 30.0),
+        (released(true_position) >= road_start) & (released(true_position) <= road_start + road_length),
     )
 
 
@@ -98,7 +98,7 @@ def _sampled(events: Events, time: np.ndarray, offsets: np.ndarray) -> np.ndarra
 def _clock_offsets(events: Events, fault: dict[str, float], rng: np.random.Generator) -> np.ndarray:
     """Clock offset of every vehicle's logger [s]; positive if early."""
     drawn = rng.standard_normal(events.position.shape[1])
-    return np.clip(0.2 * fault.get("clock_offset", 0.0) * drawn, -LATEST, LATEST)
+    return np.clip(0.2 * fault.get("clock_offset", 0.0) * drawn, -MAX_CLOCK_OFFSET, MAX_CLOCK_OFFSET)
 
 
 def _lens(position: np.ndarray, fault: dict[str, float], events: Events) -> np.ndarray:
@@ -132,6 +132,7 @@ def _across(
     for step, vehicle in zip(*np.nonzero(np.diff(events.lane, axis=0)), strict=True):
         share = np.clip((time - events.time[0] - (step + 1) * dt) / CHANGE_TIME + 0.5, 0.0, 1.0)
         jump = int(events.lane[step + 1, vehicle]) - int(events.lane[step, vehicle])
+        # A path of minimum jerk.
         lateral[:, vehicle] += LANE_WIDTH * jump * share**3 * (10.0 - 15.0 * share + 6.0 * share**2)
     return lane, lateral + LATERAL_NOISE * rng.standard_normal(lateral.shape)
 

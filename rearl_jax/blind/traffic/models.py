@@ -1,4 +1,4 @@
-"""The generator's own car-following models, on bumper-to-bumper gaps.
+"""Car-following models of the generator, on bumper-to-bumper gaps.
 
 Hidden effects change what a model reacts to (time gap, desired speed, perceived gap and approach rate), its
 interaction, or the resulting acceleration, so they act on every model. The interaction is the reduction of the
@@ -26,7 +26,7 @@ FREE_GAP = 1.0e6
 
 @dataclass(frozen=True)
 class Drivers:
-    """Drivers whose acceleration is wanted.
+    """Drivers whose acceleration is to be computed.
 
     Attributes:
         speed: Speeds [m/s].
@@ -57,43 +57,43 @@ class BaseModel(ABC):
     parameters: tuple[str, ...] = ()
 
     @abstractmethod
-    def interaction(self, own: Drivers, gap: np.ndarray, dv: np.ndarray) -> np.ndarray:
+    def interaction(self, drivers: Drivers, gap: np.ndarray, dv: np.ndarray) -> np.ndarray:
         """Reduction of the free-road acceleration by a leader, in parts of `scale`, from gap [m] and approach rate
         [m/s].
         """
 
     @abstractmethod
-    def acceleration(self, own: Drivers, interaction: np.ndarray) -> np.ndarray:
+    def acceleration(self, drivers: Drivers, interaction: np.ndarray) -> np.ndarray:
         """Acceleration with an interaction [m/s^2]."""
 
     @abstractmethod
-    def scale(self, own: Drivers) -> np.ndarray:
+    def scale(self, drivers: Drivers) -> np.ndarray:
         """Unit of the interaction [m/s^2]."""
 
-    def equilibrium_gap(self, own: Drivers) -> np.ndarray:
+    def equilibrium_gap(self, drivers: Drivers) -> np.ndarray:
         """Gap [m] at constant speed."""
-        return own.parameter("jam_gap") + own.time_gap * own.speed
+        return drivers.parameter("jam_gap") + drivers.time_gap * drivers.speed
 
 
 class DirectModel(BaseModel):
     """A model that states the acceleration on a free road and the one behind a leader."""
 
     @abstractmethod
-    def free(self, own: Drivers) -> np.ndarray:
+    def free(self, drivers: Drivers) -> np.ndarray:
         """Free-road acceleration [m/s^2]."""
 
     @abstractmethod
-    def follow(self, own: Drivers, gap: np.ndarray, dv: np.ndarray) -> np.ndarray:
+    def follow(self, drivers: Drivers, gap: np.ndarray, dv: np.ndarray) -> np.ndarray:
         """Acceleration behind a leader [m/s^2]."""
 
-    def interaction(self, own: Drivers, gap: np.ndarray, dv: np.ndarray) -> np.ndarray:
-        return self.free(own) - self.follow(own, np.maximum(gap, SMALLEST_GAP), dv)
+    def interaction(self, drivers: Drivers, gap: np.ndarray, dv: np.ndarray) -> np.ndarray:
+        return self.free(drivers) - self.follow(drivers, np.maximum(gap, SMALLEST_GAP), dv)
 
-    def acceleration(self, own: Drivers, interaction: np.ndarray) -> np.ndarray:
-        return self.free(own) - interaction
+    def acceleration(self, drivers: Drivers, interaction: np.ndarray) -> np.ndarray:
+        return self.free(drivers) - interaction
 
-    def scale(self, own: Drivers) -> np.ndarray:
-        return np.ones_like(own.speed)
+    def scale(self, drivers: Drivers) -> np.ndarray:
+        return np.ones_like(drivers.speed)
 
 
 class IDM(BaseModel):
@@ -101,27 +101,27 @@ class IDM(BaseModel):
 
     parameters = ("max_accel", "comfort_decel")
 
-    def interaction(self, own: Drivers, gap: np.ndarray, dv: np.ndarray) -> np.ndarray:
+    def interaction(self, drivers: Drivers, gap: np.ndarray, dv: np.ndarray) -> np.ndarray:
         """(s* / s)^2."""
-        wanted = own.parameter("jam_gap") + np.maximum(0.0, self._dynamic(own, dv))
+        wanted = drivers.parameter("jam_gap") + np.maximum(0.0, self._dynamic(drivers, dv))
         return (wanted / np.maximum(gap, SMALLEST_GAP)) ** 2
 
-    def acceleration(self, own: Drivers, interaction: np.ndarray) -> np.ndarray:
-        return own.parameter("max_accel") * (1.0 - self._speed_term(own) - interaction)
+    def acceleration(self, drivers: Drivers, interaction: np.ndarray) -> np.ndarray:
+        return drivers.parameter("max_accel") * (1.0 - self._speed_term(drivers) - interaction)
 
-    def scale(self, own: Drivers) -> np.ndarray:
-        return own.parameter("max_accel")
+    def scale(self, drivers: Drivers) -> np.ndarray:
+        return drivers.parameter("max_accel")
 
-    def equilibrium_gap(self, own: Drivers) -> np.ndarray:
-        return super().equilibrium_gap(own) / np.sqrt(1.0 - self._speed_term(own))
+    def equilibrium_gap(self, drivers: Drivers) -> np.ndarray:
+        return super().equilibrium_gap(drivers) / np.sqrt(1.0 - self._speed_term(drivers))
 
-    def _dynamic(self, own: Drivers, dv: np.ndarray) -> np.ndarray:
+    def _dynamic(self, drivers: Drivers, dv: np.ndarray) -> np.ndarray:
         """Part of the desired gap that depends on speeds [m]."""
-        root = np.sqrt(own.parameter("max_accel") * own.parameter("comfort_decel"))
-        return own.speed * own.time_gap + 0.5 * own.speed * dv / root
+        root = np.sqrt(drivers.parameter("max_accel") * drivers.parameter("comfort_decel"))
+        return drivers.speed * drivers.time_gap + 0.5 * drivers.speed * dv / root
 
-    def _speed_term(self, own: Drivers) -> np.ndarray:
-        return (own.speed / own.desired_speed) ** 4
+    def _speed_term(self, drivers: Drivers) -> np.ndarray:
+        return (drivers.speed / drivers.desired_speed) ** 4
 
 
 class HighwayEnvIDM(IDM):
@@ -130,16 +130,16 @@ class HighwayEnvIDM(IDM):
     parameters = ("max_accel", "comfort_decel", "accel_exponent")
     length = 5.0  # m
 
-    def interaction(self, own: Drivers, gap: np.ndarray, dv: np.ndarray) -> np.ndarray:
-        wanted = own.parameter("jam_gap") + self.length + self._dynamic(own, dv)
+    def interaction(self, drivers: Drivers, gap: np.ndarray, dv: np.ndarray) -> np.ndarray:
+        wanted = drivers.parameter("jam_gap") + self.length + self._dynamic(drivers, dv)
         return (wanted / (np.maximum(gap, SMALLEST_GAP) + self.length)) ** 2
 
-    def equilibrium_gap(self, own: Drivers) -> np.ndarray:
-        wanted = own.parameter("jam_gap") + self.length + own.time_gap * own.speed
-        return wanted / np.sqrt(1.0 - self._speed_term(own)) - self.length
+    def equilibrium_gap(self, drivers: Drivers) -> np.ndarray:
+        wanted = drivers.parameter("jam_gap") + self.length + drivers.time_gap * drivers.speed
+        return wanted / np.sqrt(1.0 - self._speed_term(drivers)) - self.length
 
-    def _speed_term(self, own: Drivers) -> np.ndarray:
-        return (own.speed / own.desired_speed) ** own.parameter("accel_exponent")
+    def _speed_term(self, drivers: Drivers) -> np.ndarray:
+        return (drivers.speed / drivers.desired_speed) ** drivers.parameter("accel_exponent")
 
 
 class ApproachGainIDM(DirectModel):
@@ -147,13 +147,13 @@ class ApproachGainIDM(DirectModel):
 
     parameters = ("max_accel", "gap_exponent", "approach_gain", "speed_gain")
 
-    def free(self, own: Drivers) -> np.ndarray:
-        return np.minimum(own.parameter("max_accel"), _towards_desired_speed(own))
+    def free(self, drivers: Drivers) -> np.ndarray:
+        return np.minimum(drivers.parameter("max_accel"), _towards_desired_speed(drivers))
 
-    def follow(self, own: Drivers, gap: np.ndarray, dv: np.ndarray) -> np.ndarray:
-        pressure = (self.equilibrium_gap(own) / gap) ** own.parameter("gap_exponent")
-        wanted = own.parameter("max_accel") * (1.0 - pressure) - own.parameter("approach_gain") * _seen(dv, gap)
-        return np.minimum(wanted, _towards_desired_speed(own))
+    def follow(self, drivers: Drivers, gap: np.ndarray, dv: np.ndarray) -> np.ndarray:
+        pressure = (self.equilibrium_gap(drivers) / gap) ** drivers.parameter("gap_exponent")
+        wanted = drivers.parameter("max_accel") * (1.0 - pressure) - drivers.parameter("approach_gain") * _seen(dv, gap)
+        return np.minimum(wanted, _towards_desired_speed(drivers))
 
 
 class ConstantTimeHeadway(DirectModel):
@@ -161,13 +161,13 @@ class ConstantTimeHeadway(DirectModel):
 
     parameters = ("gap_gain", "approach_gain", "speed_gain")
 
-    def free(self, own: Drivers) -> np.ndarray:
-        return _towards_desired_speed(own)
+    def free(self, drivers: Drivers) -> np.ndarray:
+        return _towards_desired_speed(drivers)
 
-    def follow(self, own: Drivers, gap: np.ndarray, dv: np.ndarray) -> np.ndarray:
-        gap_error = gap - self.equilibrium_gap(own)
-        wanted = own.parameter("gap_gain") * gap_error - own.parameter("approach_gain") * _seen(dv, gap)
-        return np.minimum(wanted, _towards_desired_speed(own))
+    def follow(self, drivers: Drivers, gap: np.ndarray, dv: np.ndarray) -> np.ndarray:
+        gap_error = gap - self.equilibrium_gap(drivers)
+        wanted = drivers.parameter("gap_gain") * gap_error - drivers.parameter("approach_gain") * _seen(dv, gap)
+        return np.minimum(wanted, _towards_desired_speed(drivers))
 
 
 class Gipps(DirectModel):
@@ -175,16 +175,16 @@ class Gipps(DirectModel):
 
     parameters = ("max_accel", "comfort_decel")
 
-    def free(self, own: Drivers) -> np.ndarray:
-        share = own.speed / own.desired_speed
-        return 2.5 * own.parameter("max_accel") * (1.0 - share) * np.sqrt(0.025 + share)
+    def free(self, drivers: Drivers) -> np.ndarray:
+        share = drivers.speed / drivers.desired_speed
+        return 2.5 * drivers.parameter("max_accel") * (1.0 - share) * np.sqrt(0.025 + share)
 
-    def follow(self, own: Drivers, gap: np.ndarray, dv: np.ndarray) -> np.ndarray:
-        reaction, braking = own.time_gap / 1.5, own.parameter("comfort_decel")
-        left = 2.0 * (gap - own.parameter("jam_gap")) - own.speed * reaction
-        square = (braking * reaction) ** 2 + braking * left + np.maximum(own.speed - dv, 0.0) ** 2
+    def follow(self, drivers: Drivers, gap: np.ndarray, dv: np.ndarray) -> np.ndarray:
+        reaction, braking = drivers.time_gap / 1.5, drivers.parameter("comfort_decel")
+        left = 2.0 * (gap - drivers.parameter("jam_gap")) - drivers.speed * reaction
+        square = (braking * reaction) ** 2 + braking * left + np.maximum(drivers.speed - dv, 0.0) ** 2
         safe = np.sqrt(np.maximum(square, 0.01)) - braking * reaction
-        return np.minimum(self.free(own), (safe - own.speed) / reaction)
+        return np.minimum(self.free(drivers), (safe - drivers.speed) / reaction)
 
 
 class FVDM(DirectModel):
@@ -192,17 +192,18 @@ class FVDM(DirectModel):
 
     parameters = ("speed_gain", "approach_gain")
 
-    def free(self, own: Drivers) -> np.ndarray:
-        return _towards_desired_speed(own)
+    def free(self, drivers: Drivers) -> np.ndarray:
+        return _towards_desired_speed(drivers)
 
-    def follow(self, own: Drivers, gap: np.ndarray, dv: np.ndarray) -> np.ndarray:
-        excess = np.maximum(0.0, gap - own.parameter("jam_gap"))
-        optimal = own.desired_speed * np.tanh(excess / (own.desired_speed * own.time_gap))
-        return own.parameter("speed_gain") * (optimal - own.speed) - own.parameter("approach_gain") * _seen(dv, gap)
+    def follow(self, drivers: Drivers, gap: np.ndarray, dv: np.ndarray) -> np.ndarray:
+        excess = np.maximum(0.0, gap - drivers.parameter("jam_gap"))
+        optimal = drivers.desired_speed * np.tanh(excess / (drivers.desired_speed * drivers.time_gap))
+        braking = drivers.parameter("approach_gain") * _seen(dv, gap)
+        return drivers.parameter("speed_gain") * (optimal - drivers.speed) - braking
 
-    def equilibrium_gap(self, own: Drivers) -> np.ndarray:
-        reach = own.desired_speed * own.time_gap
-        return own.parameter("jam_gap") + reach * np.arctanh(own.speed / own.desired_speed)
+    def equilibrium_gap(self, drivers: Drivers) -> np.ndarray:
+        reach = drivers.desired_speed * drivers.time_gap
+        return drivers.parameter("jam_gap") + reach * np.arctanh(drivers.speed / drivers.desired_speed)
 
 
 class Krauss(DirectModel):
@@ -210,20 +211,20 @@ class Krauss(DirectModel):
 
     parameters = ("max_accel", "comfort_decel")
 
-    def free(self, own: Drivers) -> np.ndarray:
-        return np.minimum(own.parameter("max_accel"), (own.desired_speed - own.speed) / own.time_gap)
+    def free(self, drivers: Drivers) -> np.ndarray:
+        return np.minimum(drivers.parameter("max_accel"), (drivers.desired_speed - drivers.speed) / drivers.time_gap)
 
-    def follow(self, own: Drivers, gap: np.ndarray, dv: np.ndarray) -> np.ndarray:
-        ahead = np.maximum(own.speed - dv, 0.0)
-        stopping = 0.5 * (own.speed + ahead) / own.parameter("comfort_decel")
-        left = gap - own.parameter("jam_gap") - ahead * own.time_gap
-        safe = ahead + left / (stopping + own.time_gap)
-        return np.minimum(self.free(own), (safe - own.speed) / own.time_gap)
+    def follow(self, drivers: Drivers, gap: np.ndarray, dv: np.ndarray) -> np.ndarray:
+        ahead = np.maximum(drivers.speed - dv, 0.0)
+        stopping = 0.5 * (drivers.speed + ahead) / drivers.parameter("comfort_decel")
+        left = gap - drivers.parameter("jam_gap") - ahead * drivers.time_gap
+        safe = ahead + left / (stopping + drivers.time_gap)
+        return np.minimum(self.free(drivers), (safe - drivers.speed) / drivers.time_gap)
 
 
-def _towards_desired_speed(own: Drivers) -> np.ndarray:
+def _towards_desired_speed(drivers: Drivers) -> np.ndarray:
     """k0 (v0 - v) [m/s^2]."""
-    return own.parameter("speed_gain") * (own.desired_speed - own.speed)
+    return drivers.parameter("speed_gain") * (drivers.desired_speed - drivers.speed)
 
 
 def _seen(dv: np.ndarray, gap: np.ndarray) -> np.ndarray:

@@ -27,12 +27,12 @@ def draw_profiles(n: int, seconds: float, pace: float, rng: np.random.Generator)
 def _draw_profile(n_steps: int, pace: float, rng: np.random.Generator) -> np.ndarray:
     shares = np.array([share for share, _, _ in PHASES])
     speed = float(pace * rng.uniform(19.0, 28.0))
-    pieces, length, last = [np.array([speed])], 1, -1
+    pieces, length, phase = [np.array([speed])], 1, -1  # no phase yet
     while length < n_steps:
         # Never the same phase twice in a row, because constant driving carries no information.
-        weights = np.where(np.arange(len(PHASES)) == last, 0.0, shares)
-        last = int(rng.choice(len(PHASES), p=weights / weights.sum()))
-        _, speeds, durations = PHASES[last]
+        weights = np.where(np.arange(len(PHASES)) == phase, 0.0, shares)
+        phase = int(rng.choice(len(PHASES), p=weights / weights.sum()))
+        _, speeds, durations = PHASES[phase]
         target = min(pace * float(rng.uniform(*speeds)), FASTEST)
         rate = float(rng.uniform(*(ACCELERATION if target > speed else DECELERATION)))
         ramp = np.linspace(speed, target, max(2, round(abs(target - speed) / rate / SUB_STEP)))

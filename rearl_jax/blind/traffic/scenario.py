@@ -55,7 +55,8 @@ class Scenario:
     """The scenario of one data set.
 
     Attributes:
-        seed: Seed of all random draws; data sets with equal seed and fleet size have the same drivers.
+        seed: Seed of all random draws, to which each module adds a number so that its draws are independent; data sets
+            with equal seed and fleet size have the same drivers.
         planted: Hidden effects and artefacts; empty in a control.
         n_recordings: Recordings of the same road, with different drivers.
         n_vehicles: Vehicles per recording, a multiple of the lanes; the first of each lane is a platoon leader.

@@ -74,8 +74,10 @@ def simulate(scenario: Scenario) -> Events:
     fleet = draw_fleet(scenario, streams[0])
     profiles = draw_profiles(scenario.n_recordings * scenario.n_lanes, seconds, scenario.pace, streams[1])
     platoon_leaders = np.flatnonzero(fleet.rank == 0)
-    known = HIDDEN | LANE_CHOICE
-    effects = tuple(known[item.name](item.strength) for item in scenario.planted if item.name in known)
+    effect_classes = HIDDEN | LANE_CHOICE
+    effects = tuple(
+        effect_classes[item.name](item.strength) for item in scenario.planted if item.name in effect_classes
+    )
     position, speed, travelled = place_platoons(scenario, fleet, profiles)
     now = Snapshot(scenario, fleet, position, speed)
     now.time = -WARM_UP
@@ -109,35 +111,35 @@ def _drive(
     """Motion in every step, [n_steps, n], the number of vehicle steps with emergency braking, and the size of hidden
     effects.
     """
-    n_steps, own, platoon_leaders = len(noise), slice(0, now.n), np.flatnonzero(now.fleet.rank == 0)
+    n_steps, n, platoon_leaders = len(noise), now.n, np.flatnonzero(now.fleet.rank == 0)
     log = {name: np.empty((n_steps, now.n)) for name in ("position", "speed", "acceleration")}
     log |= {"lane": np.empty((n_steps, now.n), dtype=np.int8), "leader": np.empty((n_steps, now.n), dtype=np.int32)}
-    n_emergencies, hidden = 0, [np.zeros(now.n)]
+    n_emergencies, by_effects = 0, [np.zeros(n)]  # the zeros count only if nothing is hidden
     for step in range(n_steps):
         now.step, now.time, now.wander = step, step * SUB_STEP - WARM_UP, wander[step]
         changes.carry_out(now)
         for effect in effects:
             effect.observe(now, SUB_STEP)
-        plain = wanted_acceleration(now, ()) if effects and step % SAMPLED == 0 else None
+        without_effects = wanted_acceleration(now, ()) if effects and step % SAMPLED == 0 else None
         wanted = wanted_acceleration(now, effects)
-        if plain is not None and 0.0 <= now.time <= scenario.duration:
-            hidden.append(wanted - plain)
-        own_noise = noise[step] * (1.0 + scenario.noise_growth * np.abs(now.acceleration[own]))
-        value, in_emergency = with_emergencies(wanted + own_noise, now)
+        if without_effects is not None and 0.0 <= now.time <= scenario.duration:
+            by_effects.append(wanted - without_effects)
+        driver_noise = noise[step] * (1.0 + scenario.noise_growth * np.abs(now.acceleration[:n]))
+        value, in_emergency = with_emergencies(wanted + driver_noise, now)
         value[platoon_leaders] = (profiles[:, step + 1] - profiles[:, step]) / SUB_STEP
-        faster = np.maximum(0.0, now.speed[own] + SUB_STEP * value)
-        log["position"][step], log["speed"][step] = now.position[own], now.speed[own]
+        new_speed = np.maximum(0.0, now.speed[:n] + SUB_STEP * value)
+        log["position"][step], log["speed"][step] = now.position[:n], now.speed[:n]
         log["lane"][step], log["leader"][step] = now.lane, now.leader
-        now.acceleration[own] = log["acceleration"][step] = (faster - now.speed[own]) / SUB_STEP
-        now.position[own] += 0.5 * SUB_STEP * (now.speed[own] + faster)
-        now.speed[own] = faster
+        now.acceleration[:n] = log["acceleration"][step] = (new_speed - now.speed[:n]) / SUB_STEP
+        now.position[:n] += 0.5 * SUB_STEP * (now.speed[:n] + new_speed)
+        now.speed[:n] = new_speed
         n_emergencies += int(np.count_nonzero(in_emergency & (now.fleet.rank > 0)))
-    following = np.stack(hidden[1:] or hidden)[:, now.fleet.rank > 0]
-    return log, n_emergencies, float(np.sqrt(np.mean(following**2)))
+    of_followers = np.stack(by_effects[1:] or by_effects)[:, now.fleet.rank > 0]
+    return log, n_emergencies, float(np.sqrt(np.mean(of_followers**2)))
 
 
 def place_platoons(scenario: Scenario, fleet: Fleet, profiles: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Initial positions [m] and speeds [m/s], and positions of the platoon leaders, [n_platoon_leaders, n_steps] [m].
+    """Initial positions [m] and speeds [m/s], and distances the platoon leaders drive, [n_platoon_leaders, n_steps].
 
     Every driver starts near the desired gap.
     """
@@ -148,8 +150,8 @@ def place_platoons(scenario: Scenario, fleet: Fleet, profiles: np.ndarray) -> tu
     length = fleet.length.reshape(-1, per_lane)
     step = gap.reshape(-1, per_lane) + 0.5 * (length + np.roll(length, 1, axis=1))
     step[:, 0] = 0.0
-    way = np.cumsum(0.5 * SUB_STEP * (profiles[:, 1:] + profiles[:, :-1]), axis=1)
-    travelled = np.concatenate([np.zeros((len(profiles), 1)), way], axis=1)
+    distance = np.cumsum(0.5 * SUB_STEP * (profiles[:, 1:] + profiles[:, :-1]), axis=1)
+    travelled = np.concatenate([np.zeros((len(profiles), 1)), distance], axis=1)
     # Slower lanes start further ahead, so that all lanes are side by side in the middle of the recording.
     position = -np.cumsum(step, axis=1) - 0.5 * (travelled[:, -1:] - travelled[:, -1:].mean())
     speed[fleet.rank == 0] = profiles[:, 0]
@@ -159,7 +161,7 @@ def place_platoons(scenario: Scenario, fleet: Fleet, profiles: np.ndarray) -> tu
 def common_section(
     scenario: Scenario, now: Snapshot, travelled: np.ndarray, platoon_leaders: np.ndarray, rng: np.random.Generator
 ) -> tuple[float, float]:
-    """A section of the road that most vehicles reach and leave during the recording [m]."""
+    """A section of the road that most vehicles pass while recorded [m]; `travelled` as from `place_platoons`."""
     middle = travelled[:, travelled.shape[1] // 2]
     platoon = now.position[platoon_leaders].mean() - now.position[: now.n].min()
     centre = float(np.mean(now.position[platoon_leaders] + middle) - 0.45 * platoon + rng.uniform(-60.0, 60.0))

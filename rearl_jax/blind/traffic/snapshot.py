@@ -79,14 +79,14 @@ class Snapshot:
 
     def gap_to(self, other: np.ndarray) -> np.ndarray:
         """Bumper-to-bumper gap to a vehicle ahead [m]; FAR without one."""
-        own = slice(0, self.n)
-        distance = self.position[other] - self.position[own] - 0.5 * (self.length[other] + self.length[own])
+        n = self.n
+        distance = self.position[other] - self.position[:n] - 0.5 * (self.length[other] + self.length[:n])
         return np.where(other == self.n, FAR, distance)
 
     def gap_behind(self, other: np.ndarray) -> np.ndarray:
         """Bumper-to-bumper gap to a vehicle behind [m]; FAR without one."""
-        own = slice(0, self.n)
-        distance = self.position[own] - self.position[other] - 0.5 * (self.length[other] + self.length[own])
+        n = self.n
+        distance = self.position[:n] - self.position[other] - 0.5 * (self.length[other] + self.length[:n])
         return np.where(other == self.n, FAR, distance)
 
     def offsets_beside(self) -> np.ndarray:
@@ -125,7 +125,7 @@ class Choice:
         side: -1 to the left, +1 to the right.
         leader, rear: New leader and new follower; n without one.
         gap, rear_gap: Bumper-to-bumper gaps to them [m]; FAR without one.
-        gain: Gain in own acceleration [m/s^2].
+        gain: Gain in the acceleration of the driver who changes [m/s^2].
         cost_to_rear: Loss of the new follower's acceleration [m/s^2], positive.
         follower_gain: Gain of the present follower's acceleration [m/s^2].
         is_possible: Whether the lane exists, the gaps are sufficient, and no driver would have to brake too hard.

@@ -113,8 +113,8 @@ class DriverConfig:
             for name, value in keys_of_class.items():
                 if name not in ("share", *known):
                     close = nearest(str(name), ["share", *known])
-                    words = f"is not a key of driver={self.model}; nearest: {close}"
-                    raise InvalidInputError(Problem("key-unknown", words, key=f"{place}.{name}"))
+                    message = f"is not a key of driver={self.model}; nearest: {close}"
+                    raise InvalidInputError(Problem("key-unknown", message, key=f"{place}.{name}"))
                 if isinstance(value, bool) or not isinstance(value, (int, float)):
                     raise out_of_range(f"{place}.{name}", "must be a number", value)
             if not 0 < keys_of_class["share"] <= 1:
@@ -126,6 +126,7 @@ class DriverConfig:
 
 
 def _check_values(values: Mapping[str, float | None], model: DriverModel, place: str) -> None:
+    """Raise InvalidInputError for a value outside its bounds; `place` is the beginning of its key in the message."""
     for parameter in model.parameters:
         value, sd = values[parameter.name], values[f"{parameter.name}_sd"]
         if value is not None and not parameter.low <= value <= parameter.high:
@@ -148,6 +149,8 @@ def record_of(name: str) -> type[DriverConfig]:
 
 
 def _record(model: DriverModel) -> type[DriverConfig]:
+    """DriverConfig with two more keys per parameter of the model: its value, and its spread between drivers."""
+
     def keys_of(parameter: DriverParameter) -> list[tuple]:
         unit = "" if parameter.unit == "-" else f" [{parameter.unit}]"
         kind = float if parameter.usual is not None else float | None
@@ -155,8 +158,8 @@ def _record(model: DriverModel) -> type[DriverConfig]:
         spread = key(0.0, f"standard deviation of {parameter.name} between drivers{unit}, log-normal; 0 = all alike")
         return [(parameter.name, kind, value), (f"{parameter.name}_sd", float, spread)]
 
-    own = [("model", str, key(model.name, DriverConfig.__dataclass_fields__["model"].metadata["help"]))]
-    items = own + [item for parameter in model.parameters for item in keys_of(parameter)]
+    model_key = [("model", str, key(model.name, DriverConfig.__dataclass_fields__["model"].metadata["help"]))]
+    items = model_key + [item for parameter in model.parameters for item in keys_of(parameter)]
     record = make_dataclass(f"{model.name}_driver", items, bases=(DriverConfig,), unsafe_hash=True)
     record.__doc__, record.__module__ = f"{model.title}; {model.source}.", __name__
     globals()[record.__name__] = record  # pickle looks the class up here

@@ -17,7 +17,7 @@ MODEL = declaration.DriverModel(
         declaration.jam_gap(),
         declaration.max_accel(),
         declaration.DriverParameter(
-            "gap_exponent", "-", "exponent p of desired over actual gap", 2.0, 0.2, 10.0, "2 as in IDM", 0.3
+            "gap_exponent", "-", "exponent p of desired over actual gap", 2.0, 0.2, 10.0, "2 as in IDM", spread=0.3
         ),
         declaration.approach_gain(0.5, _ACC),
         declaration.speed_gain(0.4, "Xiao, Wang & van Arem, Transp. Res. Rec. 2623 (2017) 1"),

@@ -16,7 +16,7 @@ class DriverParameter:
         unit: Unit; "-" for none.
         meaning: Meaning in one line.
         usual: Typical value for cars; None if highway-env draws it with the initial state.
-        low, high: Bounds of the values, wide enough for real drivers.
+        low, high: Bounds of the values, wide enough for every driver.
         source: Source of the typical value.
         spread: Standard deviation of the logarithm between drivers [-], the prior of a calibration. Source of the order
             of magnitude: Kesting & Treiber, Transp. Res. Rec. 2088 (2008) 148.
@@ -108,13 +108,5 @@ def approach_gain(usual: float, source: str) -> DriverParameter:
 
 def speed_gain(usual: float, source: str) -> DriverParameter:
     """Gain of the difference to the desired speed."""
-    return DriverParameter(
-        "speed_gain",
-        "1/s",
-        "acceleration per speed deficit, on a free road",
-        usual,
-        0.01,
-        5.0,
-        source,
-        0.5,
-    )
+    meaning = "acceleration per speed deficit, on a free road"
+    return DriverParameter("speed_gain", "1/s", meaning, usual, 0.01, 5.0, source, 0.5)

@@ -1,1 +1,1 @@
-"""Checks of canonical tables: rows that contradict the motion of vehicles on a road, and their removal."""
+"""Checks of canonical tables (see `data.schema`): rows that contradict the motion of vehicles, and their removal."""

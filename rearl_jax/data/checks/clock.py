@@ -53,28 +53,29 @@ def period_of(track: np.ndarray, frame: np.ndarray, time: np.ndarray) -> tuple[f
     if not len(track):
         return None
     starts = np.flatnonzero(np.r_[True, track[1:] != track[:-1]])
-    spans, periods = [], []
+    frames_between, periods = [], []
     for start, stop in zip(starts, np.r_[starts[1:], len(track)], strict=True):
         # Medians over the first and the last third, so that a single wrong time does not change the period.
         part = max((stop - start) // 3, 1)
         ends = slice(start, start + part), slice(stop - part, stop)
-        span, length = (np.median(values[ends[1]]) - np.median(values[ends[0]]) for values in (frame, time))
-        if span > 0 and length > 0:
-            spans.append(span)
-            periods.append(length / span)
-    if not spans:
+        n_frames, duration = (np.median(values[ends[1]]) - np.median(values[ends[0]]) for values in (frame, time))
+        if n_frames > 0 and duration > 0:
+            frames_between.append(n_frames)
+            periods.append(duration / n_frames)
+    if not frames_between:
         return None
-    long = np.array(spans) >= 0.5 * max(spans)
-    period = float(np.median(np.array(periods)[long]))
+    is_long = np.array(frames_between) >= 0.5 * max(frames_between)
+    period = float(np.median(np.array(periods)[is_long]))
     rounding = resolution(time) + 8.0 * np.finfo(np.float64).eps * float(np.max(np.abs(time)))
-    uncertainty = rounding / max(spans)
-    off = time - period * (frame - frame[0])
+    uncertainty = rounding / max(frames_between)
+    deviation = time - period * (frame - frame[0])
     low, high = np.quantile(frame, (0.1, 0.9))
-    span = float(np.median(frame[frame >= high]) - np.median(frame[frame <= low]))
-    if span > max(spans):
-        drift = float(np.median(off[frame >= high]) - np.median(off[frame <= low])) / span
+    n_frames = float(np.median(frame[frame >= high]) - np.median(frame[frame <= low]))
+    if n_frames > max(frames_between):
+        # Per frame. A larger drift shows that the clocks of the tracks differ.
+        drift = float(np.median(deviation[frame >= high]) - np.median(deviation[frame <= low])) / n_frames
         if abs(drift) <= 2.0 * uncertainty:
-            period, uncertainty = period + drift, rounding / span
+            period, uncertainty = period + drift, rounding / n_frames
     return period, uncertainty
 
 

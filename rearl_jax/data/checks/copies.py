@@ -17,9 +17,9 @@ class Copies:
     """Tracks of the recordings read so far, as hashes that do not depend on the format and the ids."""
 
     def __init__(self) -> None:
-        self._infos: list[tuple[RecordingInfo, int]] = []
+        self._infos: list[tuple[RecordingInfo, int]] = []  # of each recording, with its number of tracks
         self._files: list[Path | None] = []
-        self._where: dict[bytes, int] = {}
+        self._where: dict[bytes, int] = {}  # hash of a track -> place of its recording in that list
         self._profiles = SpeedProfiles()
 
     def checked(self, recording: Recording, file: Path | None) -> Recording:
@@ -38,18 +38,18 @@ class Copies:
         info, tracks = recording.info, _tracks(recording)
         shared = Counter(self._where[track] for track in tracks if track in self._where)
         for number, n_shared in shared.items():
-            first, n_first = self._infos[number]
-            if n_shared < min(len(tracks), n_first):
+            earlier, n_earlier = self._infos[number]
+            if n_shared < min(len(tracks), n_earlier):
                 continue
-            message = f"the rows of {info.id} are those of {first.id} ({first.file or 'the same source'})"
-            if len(tracks) != n_first:
-                part, whole = (info, first) if len(tracks) < n_first else (first, info)
+            message = f"the rows of {info.id} are those of {earlier.id} ({earlier.file or 'the same source'})"
+            if len(tracks) != n_earlier:
+                part, whole = (info, earlier) if len(tracks) < n_earlier else (earlier, info)
                 message = f"all {n_shared} vehicles of {part.id} are also in {whole.id} ({whole.file or whole.source})"
             raise InvalidInputError(Problem("rows-twice", message, "keep one of the two", file=info.file or info.id))
         profiles = Profiles(recording.table)
         if (copy := self._profiles.copy_of(profiles)) is not None:
-            first, _ = self._infos[copy.recording]
-            message = f"{info.id} contains vehicles of {first.id} ({first.file or 'the same source'}): "
+            earlier, _ = self._infos[copy.recording]
+            message = f"{info.id} contains vehicles of {earlier.id} ({earlier.file or 'the same source'}): "
             message += f"{copy.share:.0%} of the compared vehicles have the same speeds"
             message += (
                 f", {abs(copy.offset):.1f} s apart" if abs(copy.offset) > copy.TOLERANCE else " at the same times"

@@ -1,6 +1,7 @@
-"""Labels of tracks: columns in addition to the canonical ones, with one value per track.
+"""Labels of tracks: columns in addition to the canonical ones (see `schema`), with one value per track.
 
-Examples are the car model, the setting of the cruise control and the driver. Discovery groups vehicles by them.
+Examples are the car model, the setting of the cruise control and the driver. Discovery, the search for effects
+that a driver model is missing, groups vehicles by them.
 """
 
 from collections.abc import Sequence
@@ -69,12 +70,14 @@ def track_labels(recordings: Sequence[Recording], name: str, key: str) -> list[p
 
 
 def _of_label(recording: Recording, name: str) -> pd.Series:
+    """A label of the tracks, by track_id; None where it is unknown or the recording lacks the label."""
     labels = recording.labels
     texts = list(labels[name]) if name in labels else [None] * len(labels)
     return pd.Series([text if isinstance(text, str) else None for text in texts], index=labels.index, dtype=object)
 
 
 def _of_canonical(recording: Recording, name: str) -> pd.Series:
+    """A canonical column as a label of the tracks, by track_id; of the lane, the one in most rows of the track."""
     table = recording.table
     tracks = table["track_id"].drop_duplicates()
     if name != "lane":

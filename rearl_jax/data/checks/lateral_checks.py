@@ -44,7 +44,7 @@ def wrong_lateral(table: pd.DataFrame, info: RecordingInfo) -> Finding | None:
     lanes = lanes[counts >= MIN_STEPS]
     if lanes.size < 2:
         return None
-    left, right = (float(np.median(lateral[known & (lane == rank)])) for rank in (lanes[0], lanes[-1]))
+    left, right = (float(np.median(lateral[known & (lane == number)])) for number in (lanes[0], lanes[-1]))
     width = (right - left) / (lanes[-1] - lanes[0])
     if LANE_WIDTH[0] <= width <= LANE_WIDTH[1]:
         return None
@@ -85,11 +85,11 @@ def lanes_off(table: pd.DataFrame) -> int | None:
     lanes = lanes[counts >= MIN_STEPS]
     if not lanes.size:
         return None
-    middle = [float(np.median(lateral[known & (lane == rank)])) for rank in lanes]
+    middle = [float(np.median(lateral[known & (lane == number)])) for number in lanes]
     width = (middle[-1] - middle[0]) / (lanes[-1] - lanes[0]) if lanes.size > 1 else USUAL_WIDTH
     if not LANE_WIDTH[0] <= width <= LANE_WIDTH[1]:
         return None
-    off = float(np.median([place / width - rank - 0.5 for place, rank in zip(middle, lanes, strict=True)]))
+    off = float(np.median([centre / width - number - 0.5 for centre, number in zip(middle, lanes, strict=True)]))
     return int(np.sign(off)) * int(abs(off) + 0.25)
 
 

@@ -21,11 +21,11 @@ def without_absent(
         position: Positions along the road, rising in driving direction.
     """
     leader = leader.astype(np.float64)
-    none = ((leader == 0.0) | is_placeholder(leader)) & ~np.isin(leader, track)
+    is_none = ((leader == 0.0) | is_placeholder(leader)) & ~np.isin(leader, track)
     rows, zero = np.flatnonzero(leader == 0.0), np.flatnonzero(track == 0)
     if rows.size and zero.size:
         zero = zero[np.argsort(frame[zero], kind="stable")]
         found = zero[np.minimum(np.searchsorted(frame[zero], frame[rows]), len(zero) - 1)]
         is_ahead = (frame[found] == frame[rows]) & (lane[found] == lane[rows]) & (position[found] > position[rows])
-        none[rows[~is_ahead]] = True
-    return np.where(none, np.nan, leader)
+        is_none[rows[~is_ahead]] = True
+    return np.where(is_none, np.nan, leader)

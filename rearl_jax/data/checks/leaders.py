@@ -101,7 +101,14 @@ def notes_on_leaders(table: pd.DataFrame) -> list[str]:
 
 
 def _in_other_lane(table: pd.DataFrame, stated: np.ndarray, other: np.ndarray, frame_rate: float) -> np.ndarray:
-    """Mask of the rows of pairs that are never in the same lane and last longer than LANE_CHANGE."""
+    """Mask of the rows of pairs that are never in the same lane and last longer than LANE_CHANGE.
+
+    Args:
+        table: Canonical table.
+        stated: Mask of the rows with a leader.
+        other: Row of the leader at the same frame.
+        frame_rate: Frames per second [1/s].
+    """
     lane = table["lane"].to_numpy(dtype=np.float64, na_value=np.nan)
     known = np.flatnonzero(stated & np.isfinite(lane) & np.isfinite(lane[other]))
     bad = np.zeros(len(table), dtype=bool)

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import pandas as pd
 
-from rearl_jax.config.data import DataConfig, OnBad
+from rearl_jax.config.data import BadRows, DataConfig
 from rearl_jax.data.problems import Finding, bad_recording
 from rearl_jax.data.records import RecordingInfo
 
@@ -18,7 +18,7 @@ class Losses:
     Attributes:
         counts: Rows by cause, cuts by cause under `<cause>_cuts`, vehicles left without any row under
             `tracks`; becomes `Recording.dropped`.
-        cut: Ids of the pieces of tracks that were cut because of a fault.
+        cut: Ids of the parts of tracks that were cut because of a fault.
     """
 
     counts: Counter[str] = field(default_factory=Counter)
@@ -51,17 +51,17 @@ def reject(
         BadRecordingError: data.on_bad is stop, or nothing is left.
     """
     track = table["track_id"].to_numpy()
-    if policy.on_bad is OnBad.stop:
+    if policy.on_bad is BadRows.stop:
         raise finding.error(table, info)
-    if policy.on_bad is OnBad.drop_row and finding.is_step:
+    if policy.on_bad is BadRows.drop_row and finding.is_step:
         losses.counts[f"{finding.name}_cuts"] += int(finding.rows.sum())
         losses.cut.update(track[finding.rows].tolist())
         table = split_tracks(table, finding.rows)
-        pieces = table["track_id"].to_numpy()
-        losses.cut.update(np.unique(pieces[pieces > track.max()]).tolist())
+        parts = table["track_id"].to_numpy()
+        losses.cut.update(np.unique(parts[parts > track.max()]).tolist())
         return table
     rows = finding.rows
-    if policy.on_bad is OnBad.drop_track:
+    if policy.on_bad is BadRows.drop_track:
         # The marked rows themselves too, because an unknown track id (NaN) is not equal to itself.
         rows = rows | np.isin(track, track[rows])
     table = losses.remove(table, rows, finding.name)
@@ -72,7 +72,7 @@ def reject(
 
 
 def remove_fragments(table: pd.DataFrame, info: RecordingInfo, losses: Losses) -> pd.DataFrame:
-    """The table without pieces of divided tracks that are shorter than 1 s.
+    """The table without those parts of divided tracks that are shorter than 1 s.
 
     Raises:
         BadRecordingError: Nothing is left.
@@ -104,15 +104,23 @@ def split_tracks(table: pd.DataFrame, starts: np.ndarray) -> pd.DataFrame:
     n_cuts = np.cumsum(starts)
     first = np.concatenate([[0], np.flatnonzero(old[1:] != old[:-1]) + 1])
     n_cuts_of_track = n_cuts - np.repeat(n_cuts[first] - starts[first], np.diff(np.append(first, len(old))))
-    later = n_cuts_of_track > 0
-    new = np.where(later, np.nanmax(old) + n_cuts, old)  # the schema check finds unknown ids (NaN)
+    is_renamed = n_cuts_of_track > 0
+    new = np.where(is_renamed, np.nanmax(old) + n_cuts, old)  # the schema check finds unknown ids (NaN)
     table = table.assign(track_id=new)
     if "leader_id" in table:
-        table["leader_id"] = _followed_leader(table, old, new, np.unique(old[later]))
+        table["leader_id"] = _followed_leader(table, old, new, np.unique(old[is_renamed]))
     return table.iloc[np.argsort(new, kind="stable")]
 
 
 def _followed_leader(table: pd.DataFrame, old: np.ndarray, new: np.ndarray, split: np.ndarray) -> pd.Series:
+    """`leader_id` of each row, in which the ids of split tracks are replaced by their new ones at the row's frame.
+
+    Args:
+        table: Rows with their former leaders.
+        old: Former track_id of each row.
+        new: New track_id of each row.
+        split: Former ids of the tracks that were split.
+    """
     # Through float64: ids are far below 2^53, and NaN stands for unknown.
     leader = table["leader_id"].to_numpy(dtype=np.float64, na_value=np.nan, copy=True)
     rows = np.isin(leader, split)

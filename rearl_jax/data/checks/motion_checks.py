@@ -58,8 +58,8 @@ def wrong_motion(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -
     expected = np.where(follows, 0.5 * (speed + np.roll(speed, 1)), 0.0) * dt
     ground = np.hypot(_steps(x, follows), _steps(y, follows))
     for column, measured, predicted in (("speed", step, expected), ("x", ground, np.abs(step))):
-        ratio = _steps_off(measured, predicted, dt)
-        rows = _of_whole_tracks(vehicle, measured, predicted, dt, *ratio)
+        masks = _steps_off(measured, predicted, dt)
+        rows = _of_whole_tracks(vehicle, measured, predicted, dt, *masks)
         if not rows.any():
             stretch = _Stretches(vehicle, round(STRETCH * info.frame_rate))
             if column == "speed":
@@ -68,17 +68,17 @@ def wrong_motion(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -
             else:
                 low = high = np.abs(stretch.change(position))
                 moved = np.hypot(stretch.change(x), stretch.change(y))
-            rows = stretch.rows(_apart(moved, low, high) & _mostly(*(stretch.sums(mask) for mask in ratio)))
+            rows = stretch.rows(_apart(moved, low, high) & _mostly(*(stretch.sums(mask) for mask in masks)))
         if rows.any():
-            own = rows & (vehicle == vehicle[np.argmax(rows)])
-            total, other = float(measured[own & follows].sum()), float(predicted[own & follows].sum())
+            first = rows & (vehicle == vehicle[np.argmax(rows)])  # those of the first vehicle
+            total, predicted_total = float(measured[first & follows].sum()), float(predicted[first & follows].sum())
             text = f"vehicle {track[np.argmax(rows)]} moves {total:.1f} m "
             text += (
-                f"where speed x time is {other:.1f} m"
+                f"where speed x time is {predicted_total:.1f} m"
                 if column == "speed"
-                else f"in x, y and {other:.1f} m in position"
+                else f"in x, y and {predicted_total:.1f} m in position"
             )
-            text += f", in the {dt[own].sum():.1f} s from frame {table['frame'].iloc[int(np.argmax(rows))]}"
+            text += f", in the {dt[first].sum():.1f} s from frame {table['frame'].iloc[int(np.argmax(rows))]}"
             remedy = "position must grow while driving, and all columns must be of the same vehicle and unit"
             return Finding("wrong_motion", column, rows, text, remedy)
     rows = _wrongly_accelerating(table, vehicle, info)
@@ -109,11 +109,11 @@ class _Stretches:
         return self.change(np.cumsum(of_steps, dtype=np.float64))
 
     def between(self, of_steps: np.ndarray, shifts: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
-        """Smallest and largest sum over the steps of each stretch, moved by these numbers of rows within its track."""
+        """Smallest and largest sum over the steps of each stretch, shifted by these numbers of rows in its track."""
         starts = np.flatnonzero(np.diff(self._vehicle, prepend=-1))
         ends = np.append(starts[1:], len(self._vehicle)) - 1
-        own = self._vehicle[self.first]
-        back, ahead = starts[own] - self.first, ends[own] - self.last
+        of_stretch = self._vehicle[self.first]
+        back, ahead = starts[of_stretch] - self.first, ends[of_stretch] - self.last
         total = np.cumsum(of_steps)
         moves = (np.clip(shift, back, ahead) for shift in shifts)
         sums = np.stack([total[self.last + move] - total[self.first + move] for move in moves])
@@ -122,6 +122,7 @@ class _Stretches:
     def rows(self, bad: np.ndarray) -> np.ndarray:
         """Mask of the rows of the marked stretches."""
         n_rows = len(self._vehicle)
+        # 1 where a stretch begins, -1 after its end: the running sum counts the stretches that contain a row.
         begun = (
             np.bincount(self.first[bad], minlength=n_rows) - np.bincount(self.last[bad] + 1, minlength=n_rows + 1)[:-1]
         )
@@ -134,7 +135,7 @@ def _steps(values: np.ndarray, follows: np.ndarray) -> np.ndarray:
 
 
 def _steps_off(measured: np.ndarray, predicted: np.ndarray, dt: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Masks of the steps of a moving vehicle, and of those among them whose two distances differ."""
+    """Masks of the steps of a moving vehicle, and of those among them whose two distances [m] differ; dt in s."""
     size = np.maximum(np.abs(measured), np.abs(predicted))
     moving = size > MIN_MOVING_SPEED * dt
     return moving, moving & (np.abs(measured - predicted) > MOTION_TOLERANCE * size)
@@ -161,17 +162,23 @@ def _of_whole_tracks(
     moving: np.ndarray,
     off: np.ndarray,
 ) -> np.ndarray:
-    """Mask of the rows of vehicles whose measured and predicted distances differ in most steps and in total."""
-    number, n_off, time = (np.bincount(vehicle, weights=values) for values in (moving, off, moving * dt))
-    total, other = (np.bincount(vehicle, weights=values) for values in (measured, predicted))
-    far = np.maximum(np.abs(total), np.abs(other))
-    wrong = _mostly(number, n_off) & (time >= MIN_MOVING_TIME) & (far > MIN_DISTANCE)
-    wrong &= np.abs(total - other) > MOTION_TOLERANCE * far
+    """Mask of the rows of vehicles whose measured and predicted distances [m] differ in most steps and in total.
+
+    `moving` and `off` are the masks of `_steps_off`.
+    """
+    n_moving, n_off, time = (np.bincount(vehicle, weights=values) for values in (moving, off, moving * dt))
+    total, predicted_total = (np.bincount(vehicle, weights=values) for values in (measured, predicted))
+    far = np.maximum(np.abs(total), np.abs(predicted_total))
+    wrong = _mostly(n_moving, n_off) & (time >= MIN_MOVING_TIME) & (far > MIN_DISTANCE)
+    wrong &= np.abs(total - predicted_total) > MOTION_TOLERANCE * far
     return wrong[vehicle]
 
 
 def _wrongly_accelerating(table: pd.DataFrame, vehicle: np.ndarray, info: RecordingInfo) -> np.ndarray:
-    """Mask of rows whose accelerations correlate with the changes of speed, but with a wrong sign or unit."""
+    """Mask of rows whose accelerations correlate with the changes of speed, but with a wrong sign or unit.
+
+    Compares means of the acceleration over AVERAGING_TIME (n steps) with the change of speed in that time.
+    """
     speed, values = table["speed"].to_numpy(), table["acceleration"].to_numpy()
     n = max(round(AVERAGING_TIME * info.frame_rate), 1)
     if len(table) <= n:
@@ -185,23 +192,27 @@ def _wrongly_accelerating(table: pd.DataFrame, vehicle: np.ndarray, info: Record
     if wrong.any():
         return wrong[vehicle]
     stretch = _Stretches(number, round(ACCELERATION_STRETCH * info.frame_rate))
-    count, product, own, other = (stretch.sums(part) for part in parts)
+    count, product, squared, squared_change = (stretch.sums(part) for part in parts)
     # Accelerations that are all 0 have no sign; `remarks` notes them.
-    wrong = _has_other_scale(count, product, own, other) & (other > MIN_CHANGE**2 * count) & (own > 1e-6 * count)
+    wrong = _has_other_scale(count, product, squared, squared_change)
+    wrong &= (squared_change > MIN_CHANGE**2 * count) & (squared > 1e-6 * count)
     rows = np.zeros(len(table), dtype=bool)
     means = used[stretch.rows(wrong)]
     rows[means] = rows[means + n] = True  # the first and the last row of each average
     return rows
 
 
-def _has_other_scale(n: np.ndarray, product: np.ndarray, own: np.ndarray, other: np.ndarray) -> np.ndarray:
+def _has_other_scale(
+    count: np.ndarray, product: np.ndarray, squared: np.ndarray, squared_change: np.ndarray
+) -> np.ndarray:
     """True where accelerations are proportional to the changes of speed, but by a factor outside ACCELERATION_SCALE.
 
-    The arguments are the number of values and the sums of products, squared accelerations and squared changes of speed.
+    The arguments are the number of values and the sums of products, of squared accelerations and of squared changes.
     """
-    alike = (n >= MIN_STEPS) & (product != 0.0) & (np.abs(product) > MIN_CORRELATION * np.sqrt(np.abs(own * other)))
+    alike = (count >= MIN_STEPS) & (product != 0.0)
+    alike &= np.abs(product) > MIN_CORRELATION * np.sqrt(np.abs(squared * squared_change))
     product = np.where(alike, product, 1.0)
     with np.errstate(divide="ignore", invalid="ignore"):
-        slopes = np.stack([product / other, own / product])
+        slopes = np.stack([product / squared_change, squared / product])
     low, high = np.min(slopes, axis=0), np.max(slopes, axis=0)
     return alike & ((high < ACCELERATION_SCALE[0]) | (low > ACCELERATION_SCALE[1]))

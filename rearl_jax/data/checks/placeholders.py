@@ -21,7 +21,7 @@ MIN_FAR = 1000.0  # m, added to that distance
 NEAR = 0.7  # share of a placeholder's acceleration above which another acceleration counts as near to it
 MAX_NEAR = 0.1  # largest number of rows near to a placeholder, as a share of its own rows
 APART = 100.0  # m; a number of NUMBERS that is further than this from all positions of vehicles is a placeholder
-_PLACES = ("position", "lateral", "x", "y")  # x and y may be filled in from the others
+_POSITIONS = ("position", "lateral", "x", "y")  # x and y may be filled in from the others
 
 
 def is_placeholder(values: np.ndarray) -> np.ndarray:
@@ -30,18 +30,18 @@ def is_placeholder(values: np.ndarray) -> np.ndarray:
 
 
 def misplaced(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -> Finding | None:
-    """Finding of positions that are placeholders: numbers of NUMBERS away from all vehicles, or any value far beyond.
+    """Finding of positions that are placeholders: values of NUMBERS away from all vehicles, and all values far away.
 
-    The latter, because a reader may have converted a placeholder to m or to the centre of the vehicle.
+    Far away, any value counts: a reader may have converted a placeholder to m or to the centre of the vehicle.
     """
-    for name in _PLACES:
+    for name in _POSITIONS:
         values = table[name].to_numpy()
         marked = is_placeholder(values) & (values != -1.0)
-        places = values[~marked & np.isfinite(values)]
-        if not places.size:
+        sound = values[~marked & np.isfinite(values)]
+        if not sound.size:
             continue
-        bad = marked & ((values < places.min() - APART) | (values > places.max() + APART))
-        low, high = np.quantile(places, (0.25, 0.75))
+        bad = marked & ((values < sound.min() - APART) | (values > sound.max() + APART))
+        low, high = np.quantile(sound, (0.25, 0.75))
         reach = FAR_FACTOR * (high - low) + MIN_FAR
         bad |= (values < low - reach) | (values > high + reach)
         if bad.any():

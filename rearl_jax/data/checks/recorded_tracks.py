@@ -1,9 +1,9 @@
-"""Check that the rows of a recording are those of the tracks that NN_tracksMeta.csv lists."""
+"""Check that the rows of a recording are those of the tracks that NN_tracksMeta.csv of highD or exiD lists."""
 
 import numpy as np
 import pandas as pd
 
-from rearl_jax.config.data import DataConfig, OnBad
+from rearl_jax.config.data import BadRows, DataConfig
 from rearl_jax.data.checks.losses import Losses
 from rearl_jax.data.problems import DROP_HINT, Finding, bad_recording
 
@@ -13,7 +13,7 @@ def require_rows(
 ) -> None:
     """Counts tracks that are only listed in NN_tracksMeta.csv, or stops at the first."""
     absent = np.setdiff1d(meta.index.to_numpy(), source["track_id"].to_numpy())
-    if absent.size and policy.on_bad is OnBad.stop:
+    if absent.size and policy.on_bad is BadRows.stop:
         text = f"{absent.size} tracks of the meta file have no row, the first is {absent[0]}"
         remedy = f"the file is cut off: copy it again{DROP_HINT}"
         raise bad_recording("tracks-without-rows", text, remedy, file, column=column)

@@ -32,6 +32,7 @@ def noted(recording: Recording) -> Recording:
 
 
 def _on_lanes(table: pd.DataFrame) -> list[str]:
+    """Notes on lateral positions that do not agree with lane numbers or the left edge of the carriageway."""
     notes = []
     direction = table["direction"].to_numpy()
     for side in np.unique(direction):
@@ -46,6 +47,7 @@ def _on_lanes(table: pd.DataFrame) -> list[str]:
 
 
 def _on_overlaps(table: pd.DataFrame) -> list[str]:
+    """Note if more vehicles overlap with the one ahead than noise explains."""
     ahead = next_in_lane(table)
     beside = _next_at_same_place(table)
     ahead = np.where(ahead == ABSENT, beside, ahead)
@@ -95,6 +97,7 @@ def _on_changing_vehicles(table: pd.DataFrame) -> list[str]:
 
 
 def _on_long_cars(table: pd.DataFrame) -> list[str]:
+    """Note on cars whose median length is that of no car."""
     cars = table.iloc[np.flatnonzero(table["vehicle_class"] == "car")]
     length = cars.groupby("track_id")["length"].median().to_numpy()
     n_long = int(np.count_nonzero(length > _LONG_CAR))

@@ -76,14 +76,15 @@ class Profiles:
         return self._at(chosen[: max(_MIN_TRACKS, int(np.searchsorted(n_each, _MAX_COMPARED)))], _STEP)
 
     def _at(self, tracks: np.ndarray, every: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Track, start and speeds of the profiles of the given tracks, without those of nearly constant speed."""
+        """Track, start and speeds of profiles that begin `every` seconds, without those of nearly constant speed."""
         begin, span = self._begin[tracks], self._end[tracks] - self._begin[tracks] - _LENGTH
-        number = np.where(span >= 0.0, np.floor(np.maximum(span, 0.0) / every + 1e-9) + 1, 0).astype(np.int64)
-        which = np.repeat(np.arange(len(tracks)), number)
-        within = np.arange(len(which)) - np.repeat(np.cumsum(number) - number, number)
+        n_profiles = np.where(span >= 0.0, np.floor(np.maximum(span, 0.0) / every + 1e-9) + 1, 0).astype(np.int64)
+        which = np.repeat(np.arange(len(tracks)), n_profiles)
+        within = np.arange(len(which)) - np.repeat(np.cumsum(n_profiles) - n_profiles, n_profiles)
         track, time = tracks[which], begin[which] + every * within
-        places = np.arange(0.0, _LENGTH + 0.5 * _SPACING, _SPACING)
-        speeds = np.interp((time + self._shift[track])[:, None] + places, self._axis, self._speed).astype(np.float32)
+        after_start = np.arange(0.0, _LENGTH + 0.5 * _SPACING, _SPACING)
+        at = (time + self._shift[track])[:, None] + after_start
+        speeds = np.interp(at, self._axis, self._speed).astype(np.float32)
         changes = np.ptp(speeds, axis=1) >= _MIN_CHANGE
         return track[changes], time[changes], speeds[changes]
 
@@ -145,7 +146,16 @@ def _compared(
     other: np.ndarray,
     number: int,
 ) -> Copy | None:
-    """The earlier recording as a copy, if most tracks of the smaller recording are in the other at one time offset."""
+    """The earlier recording as a copy, if most tracks of the smaller recording are in the other at one time offset.
+
+    Args:
+        profiles: Those of the new recording.
+        earlier: Those of the earlier recording.
+        compared: Track and start [s] of the compared profiles of the new recording.
+        own: Of each pair of similar profiles, the index in `compared`.
+        other: Of each pair, the index in `earlier`.
+        number: Number of the earlier recording.
+    """
     track, time = compared
     offsets = earlier.time[other] - time[own]
     order = np.argsort(offsets)

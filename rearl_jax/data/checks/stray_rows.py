@@ -1,6 +1,7 @@
 """Detection of stray rows: a wrong time, place or name assigns them to another recording than their own.
 
 Separate recordings each hold many vehicles and number them independently, and no track continues from one to another.
+Below, `track` and `frame` are columns of a table, `part` and `other` row numbers in it.
 """
 
 import numpy as np

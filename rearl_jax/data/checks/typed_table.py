@@ -1,4 +1,4 @@
-"""Checks of a typed canonical table; each returns its first finding, or None.
+"""Checks of a canonical table whose columns have the types of `schema.COLUMNS`; each gives its first finding, or None.
 
 Row checks mark bad rows, step checks mark the row after a bad step. Marked rows may be dropped and counted.
 """
@@ -107,7 +107,7 @@ def out_of_range(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -
 
 def wrong_time(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -> Finding | None:
     """Rows whose time differs from that of their frame by more than half a frame interval."""
-    bad = times_beside_frames(table, info)
+    bad = times_off_frames(table, info)
     if not bad.any():
         return None
     row = int(np.argmax(bad))
@@ -193,7 +193,7 @@ def jump(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -> Findin
     return None
 
 
-def times_beside_frames(table: pd.DataFrame, info: RecordingInfo) -> np.ndarray:
+def times_off_frames(table: pd.DataFrame, info: RecordingInfo) -> np.ndarray:
     """Mask of rows whose time differs from start + frame / frame rate by more than half a frame interval.
 
     The start is common to all rows. A rounded time may differ by half of its rounding unit instead, if that is more.

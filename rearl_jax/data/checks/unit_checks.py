@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from rearl_jax.data.checks import clock
-from rearl_jax.data.checks.typed_table import follows_row_before, times_beside_frames
+from rearl_jax.data.checks.typed_table import follows_row_before, times_off_frames
 from rearl_jax.data.problems import Finding, bad_recording
 from rearl_jax.data.records import RecordingInfo
 from rearl_jax.data.units import SI_FACTOR
@@ -86,12 +86,12 @@ def is_other_unit(scale: tuple[float, float] | None) -> bool:
 
 def wrong_time(table: pd.DataFrame, info: RecordingInfo) -> Finding | None:
     """Times that do not follow frame / frame rate."""
-    bad = times_beside_frames(table, info)
+    bad = times_off_frames(table, info)
     if np.mean(bad) < WRONG_SHARE:
         return None
     track = table["track_id"].to_numpy()
-    of = "" if np.isin(track, track[~bad]).sum() == 0 else f" of vehicle {track[np.argmax(bad)]}"
-    text = f"time{of} does not follow frame / frame rate at {info.frame_rate:g} frames per second"
+    whose = "" if np.isin(track, track[~bad]).sum() == 0 else f" of vehicle {track[np.argmax(bad)]}"
+    text = f"time{whose} does not follow frame / frame rate at {info.frame_rate:g} frames per second"
     found = clock.period_of(*(table[name].to_numpy(np.float64)[bad] for name in ("track_id", "frame", "time")))
     units = {unit: found[0] * seconds * info.frame_rate for unit, seconds in clock.SECONDS.items()} if found else {}
     unit = next((unit for unit, ratio in units.items() if abs(ratio - 1.0) <= RATIO_TOLERANCE), None)

@@ -14,7 +14,7 @@ import pandas as pd
 import pyarrow as pa
 from pyarrow import csv
 
-from rearl_jax.config.data import OnBad
+from rearl_jax.config.data import BadRows
 from rearl_jax.data.files.text_layout import (
     BLANKS,
     DAMAGED,
@@ -68,7 +68,7 @@ def read_header(path: Path) -> list[str]:
 
 
 def read_csv(
-    path: Path, columns: dict[str, pa.DataType], on_bad: OnBad, *, quoted: bool = True
+    path: Path, columns: dict[str, pa.DataType], on_bad: BadRows, *, quoted: bool = True
 ) -> tuple[pa.Table, int]:
     """The named columns of a CSV file, and the number of broken lines that were skipped.
 
@@ -93,13 +93,14 @@ def read_csv(
 
 
 def _require_once(names: Sequence[str], columns: dict[str, pa.DataType], path: Path) -> None:
+    """Raise BadRecordingError if a wanted column occurs twice."""
     twice = [name for name, n in Counter(names).items() if n > 1 and name in columns]
     if twice:
         raise bad_recording("column-twice", "the column occurs twice", "remove one of them", path, column=twice[0])
 
 
 def read_below(
-    path: Path, header: Sequence[str], n_above: int, columns: dict[str, pa.DataType], delimiter: str, on_bad: OnBad
+    path: Path, header: Sequence[str], n_above: int, columns: dict[str, pa.DataType], delimiter: str, on_bad: BadRows
 ) -> tuple[pa.Table, int]:
     """The named columns and the number of skipped lines, for a file with lines above its table and without quotes.
 
@@ -178,7 +179,7 @@ def _lines_of(path: Path, names: list[str]) -> "_Lines":
 
 
 def read_blank_separated(
-    path: Path, names: Sequence[str], columns: dict[str, pa.DataType], on_bad: OnBad
+    path: Path, names: Sequence[str], columns: dict[str, pa.DataType], on_bad: BadRows
 ) -> tuple[pa.Table, int]:
     """The named columns and the number of skipped lines, for a file without header and with blanks between fields.
 
@@ -218,7 +219,7 @@ class _Lines:
     header_lines: int = 0
     quote: str | None = '"'
 
-    def table(self, columns: dict[str, pa.DataType], on_bad: OnBad) -> tuple[pa.Table, int]:
+    def table(self, columns: dict[str, pa.DataType], on_bad: BadRows) -> tuple[pa.Table, int]:
         """The columns, and the number of lines skipped."""
         try:
             return self._parsed(columns, None), 0
@@ -231,7 +232,7 @@ class _Lines:
             table = self._as_text()._parsed(lenient, broken)
         except pa.ArrowInvalid as error:
             raise self._bad_value(str(error)) from None
-        if broken and on_bad is OnBad.stop:
+        if broken and on_bad is BadRows.stop:
             raise self._broken_line(broken[0], len(broken))
         return self._whole(table, columns), len(broken)
 
@@ -297,6 +298,7 @@ class _Lines:
             )
 
     def _broken_line(self, row: csv.InvalidRow, n_rows: int) -> BadRecordingError:
+        """The error for a line with a wrong number of fields, the first of `n_rows` such lines."""
         text = f"the line has {row.actual_columns} fields instead of {row.expected_columns}"
         if n_rows > 1:
             text += f" (and {n_rows - 1} more lines)"

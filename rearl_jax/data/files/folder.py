@@ -14,11 +14,11 @@ log = logging.getLogger(__name__)
 
 PACKED = (".gz", ".bz2", ".xz", ".zst", ".zip", ".7z", ".rar", ".tar", ".tgz")
 """Endings of compressed files and archives."""
-_DEEP = 2  # levels of subfolders that are searched to name them in an error
+_MAX_DEPTH = 2  # levels of subfolders that are searched to name them in an error
 _MAX_NAME_LENGTH = 150  # characters; 255 is the limit of most file systems, with an ending and a mark while unfinished
 _DEVICES = frozenset({"con", "prn", "aux", "nul", *(f"{port}{n}" for port in ("com", "lpt") for n in range(1, 10))})
 """Names that Windows keeps for devices."""
-_HIDDEN = (".", "~$", "__")
+_HIDDEN = (".", "~$", "__")  # beginnings of the names of hidden files
 
 
 def visible_files(root: Path, endings: Sequence[str]) -> list[Path]:
@@ -128,6 +128,7 @@ def recordings_missing(found: str, root: Path, wanted: str, endings: Sequence[st
 
 
 def _hint(root: Path, endings: Sequence[str]) -> str:
+    """End of the message: compressed files to unpack, or subfolders that hold recordings."""
     if not root.is_dir():
         return ""
     packed = [file.name for file in sorted(root.glob("*")) if is_visible(file) and file.suffix.lower() in PACKED]
@@ -140,7 +141,7 @@ def _hint(root: Path, endings: Sequence[str]) -> str:
 
 def _folders_below(root: Path, endings: Sequence[str]) -> list[Path]:
     """The nearest subfolders that hold files with one of the endings; of a study folder, its folder of tables."""
-    for depth in range(1, _DEEP + 1):
+    for depth in range(1, _MAX_DEPTH + 1):
         below = sorted(root.glob("/".join("*" * depth)))
         folders = [tables_of_study(folder) or folder for folder in below if folder.is_dir() and is_visible(folder)]
         if holding := [folder for folder in folders if endings and visible_files(folder, endings)]:

@@ -46,24 +46,24 @@ def documents(path: Path) -> Iterator[Documents]:
     """
     if not path.is_file():
         raise file_missing(path)
-    rest, place, is_array, closed, n_found = b"", 0, False, False, 0
+    rest, offset, is_array, closed, n_found = b"", 0, False, False, 0
     with path.open("rb") as file:
         while block := file.read(BLOCK_BYTES):
             text = rest + block
-            if place == 0 and not n_found:
+            if offset == 0 and not n_found:
                 is_array = text.lstrip(b"\xef\xbb\xbf" + _SEPARATORS).startswith(b"[")
             begins, ends = _spans(text)
-            _require_json(text, begins, ends, place, path)
+            _require_json(text, begins, ends, offset, path)
             if ends.size:
                 texts = [text[begin:end] for begin, end in zip(begins[: ends.size], ends, strict=True)]
-                yield Documents([place + int(begin) for begin in begins[: ends.size]], texts)
+                yield Documents([offset + int(begin) for begin in begins[: ends.size]], texts)
                 n_found += ends.size
             done = int(ends[-1]) if ends.size else 0
-            place += done
+            offset += done
             rest = text[done:]
             closed = rest.rstrip(_SEPARATORS).endswith(b"]") and begins.size == ends.size
             if len(rest) > MAX_DOCUMENT_BYTES:
-                fault = f"the object at byte {place} does not end within {MAX_DOCUMENT_BYTES // 2**20} MB"
+                fault = f"the object at byte {offset} does not end within {MAX_DOCUMENT_BYTES // 2**20} MB"
                 raise bad_recording("document-broken", fault, "the file is damaged: copy it again", path)
     if not n_found and not rest.strip(_SEPARATORS + b"[]"):
         raise bad_recording("file-empty", "the file holds no documents", "remove the file or complete it", path)
@@ -75,21 +75,23 @@ def documents(path: Path) -> Iterator[Documents]:
 def _spans(text: bytes) -> tuple[np.ndarray, np.ndarray]:
     """Offsets of the beginnings of the objects in a text, and of their ends; the last object may have no end."""
     codes = np.frombuffer(text, np.uint8)
-    at = np.flatnonzero((codes == ord("{")) | (codes == ord("}")) | (codes == ord('"')))
-    quote = codes[at] == ord('"')
-    escaped = np.zeros(len(at), dtype=bool)
+    marks = np.flatnonzero((codes == ord("{")) | (codes == ord("}")) | (codes == ord('"')))
+    quote = codes[marks] == ord('"')
+    escaped = np.zeros(len(marks), dtype=bool)
     if b"\\" in text:
-        for place in np.flatnonzero(quote & (at > 0) & (codes[np.maximum(at - 1, 0)] == ord("\\"))):
+        for number in np.flatnonzero(quote & (marks > 0) & (codes[np.maximum(marks - 1, 0)] == ord("\\"))):
             before = (
-                text[: at[place]] if at[place] < _MAX_BACKSLASHES else text[at[place] - _MAX_BACKSLASHES : at[place]]
+                text[: marks[number]]
+                if marks[number] < _MAX_BACKSLASHES
+                else text[marks[number] - _MAX_BACKSLASHES : marks[number]]
             )
             # A backslash that is itself escaped does not escape the next character.
-            escaped[place] = (len(before) - len(before.rstrip(b"\\"))) % 2 == 1
+            escaped[number] = (len(before) - len(before.rstrip(b"\\"))) % 2 == 1
     within = np.cumsum(quote & ~escaped) % 2 == 1
-    at = at[~quote & ~within]
-    step = np.where(codes[at] == ord("{"), 1, -1)
+    marks = marks[~quote & ~within]
+    step = np.where(codes[marks] == ord("{"), 1, -1)
     depth = np.cumsum(step)
-    begins, ends = at[(step == 1) & (depth == 1)], at[(step == -1) & (depth == 0)] + 1
+    begins, ends = marks[(step == 1) & (depth == 1)], marks[(step == -1) & (depth == 0)] + 1
     # An extra bracket shifts all that follow, so everything after it is ignored.
     n = min(len(begins), len(ends))
     wrong = np.flatnonzero(ends[:n] <= begins[:n])
@@ -97,13 +99,23 @@ def _spans(text: bytes) -> tuple[np.ndarray, np.ndarray]:
     return begins[: n + 1], ends[:n]
 
 
-def _require_json(text: bytes, begins: np.ndarray, ends: np.ndarray, place: int, path: Path) -> None:
-    """Raise BadRecordingError if there is anything except commas and blanks between objects."""
+def _require_json(text: bytes, begins: np.ndarray, ends: np.ndarray, offset: int, path: Path) -> None:
+    """Raise BadRecordingError if there is anything except commas and blanks between objects.
+
+    Args:
+        text: Part of the file.
+        begins: Beginnings of the objects in it.
+        ends: Their ends.
+        offset: Byte offset of the text in the file.
+        path: The file.
+    """
     before = np.concatenate([[0], ends])[: begins.size]
     for start, stop in zip(before, begins, strict=True):
         between = text[start:stop].strip(_SEPARATORS)
-        if between and not (place == 0 and start == 0 and between.removeprefix(b"\xef\xbb\xbf").strip() in (b"[", b"")):
-            fault = f"not JSON documents: {between[:20].decode(errors='replace')!r} at byte {place + int(start)}"
+        if between and not (
+            offset == 0 and start == 0 and between.removeprefix(b"\xef\xbb\xbf").strip() in (b"[", b"")
+        ):
+            fault = f"not JSON documents: {between[:20].decode(errors='replace')!r} at byte {offset + int(start)}"
             raise bad_recording("not-json", fault, "the file is damaged: copy it again", path)
     if not begins.size and text.strip(_SEPARATORS + b"[]\xef\xbb\xbf"):
         fault = f"not JSON documents: the file begins with {text[:20].decode(errors='replace')!r}"
@@ -133,14 +145,15 @@ def parsed(texts: Sequence[bytes], fields: dict[str, pa.DataType]) -> tuple[pa.T
     table = _table(b"\n".join(texts), schema)
     if table is not None and table.num_rows == len(texts):
         return table, np.zeros(len(texts), dtype=bool)
-    parsed = [_table(text, schema) for text in texts]
-    single = [document if document is not None and document.num_rows == 1 else None for document in parsed]
+    tables = [_table(text, schema) for text in texts]
+    single = [document if document is not None and document.num_rows == 1 else None for document in tables]
     good = [document for document in single if document is not None]
     table = pa.concat_tables(good) if good else schema.empty_table()
     return table, np.array([document is None for document in single], dtype=bool)
 
 
 def _table(text: bytes, schema: pa.Schema) -> pa.Table | None:
+    """The fields of the documents in a text, one row each; None if it cannot be parsed."""
     options = json.ParseOptions(schema, newlines_in_values=True, unexpected_field_behavior="ignore")
     try:
         # One block, because a document must not lie across two.

@@ -40,8 +40,9 @@ _NAMES = {
 }
 _SAMPLE_BYTES = 2**16  # bytes from which it is decided whether a file is text
 _BLOCK_BYTES = 2**20
-_CONTROL = re.compile(rb"[\x00-\x08\x0e-\x1a\x1c-\x1f]")
+_CONTROL = re.compile(rb"[\x00-\x08\x0e-\x1a\x1c-\x1f]")  # characters that no text has
 _UNDEFINED = re.compile(rb"[\x81\x8d\x8f\x90\x9d]")  # bytes that Windows-1252 does not define
+# Characters of UTF-8; a file that holds them and is not valid UTF-8 is damaged, not in Windows-1252.
 _MULTIBYTE = re.compile(rb"[\xc3-\xdf][\x80-\xbf]|[\xe1-\xef][\x80-\xbf]{2}")
 _NUMBER = re.compile(r"[+-]?\d*(?:([.,])\d+|\d)(?:[eE][+-]?\d+)?")
 _JSON = re.compile(r'\s*(\[\s*)?(\{\s*("|$)|\[\s*$)|\s*\[\s*$')
@@ -55,7 +56,7 @@ _NO_TABLES = (
 _BRACKETED = re.compile(r"[\[(<{]\s*(.*?)\s*[\])>}]")
 _NO_UNIT = frozenset({"", "-", "--", "1", "n/a", "none", "id", "text", "string"})
 _SINGLE_QUOTED = re.compile(r"'[^']*'")
-_PREAMBLE = re.compile(r"#.*|sep=.", re.IGNORECASE)
+_PREAMBLE = re.compile(r"#.*|sep=.", re.IGNORECASE)  # a comment, or the line that tells Excel the delimiter
 
 
 @dataclass(frozen=True)
@@ -224,7 +225,9 @@ def _layout(path: Path, size: int, changed: int) -> Layout:
     if rows and (units := _units(fields_of(rows[0], delimiter))):
         n_above = lines.index(rows[0], header + 1) + 1
         quote = "" if delimiter == BLANKS else '"'
-        pairs = zip(fields_of(names, delimiter), units, strict=False)
+        pairs = zip(
+            fields_of(names, delimiter), units, strict=False
+        )  # columns with a name and an entry in the line of units
         names = delimiter.join(f"{quote}{name}[{unit}]{quote}" if unit else name for name, unit in pairs)
         rows = rows[1:]
     names += delimiter * _unnamed(fields_of(names, delimiter), [fields_of(row, delimiter) for row in rows])
@@ -250,21 +253,20 @@ def _units(fields: Sequence[str]) -> list[str]:
 
 
 def _header(lines: Sequence[str], filled: Sequence[int]) -> tuple[int, list[str]]:
-    """Number of the line with the names, and a sample of the lines below it."""
+    """Number of the line with the names, and a sample of the lines below it; `filled` numbers the lines not empty."""
     place = 0
     while place + 1 < len(filled) and _PREAMBLE.fullmatch(lines[filled[place]].strip()):
         if _names_what_is_below(lines[filled[place]], lines[filled[place + 1]]):
             break
         place += 1
     if not _has_rows_below(lines, filled, place):
-        place = next(
-            (later for later in range(place + 1, len(filled) - 1) if _begins_table(lines, filled, later)), place
-        )
+        candidates = range(place + 1, len(filled) - 1)
+        place = next((number for number in candidates if _begins_table(lines, filled, number)), place)
     return filled[place], [lines[number] for number in filled[place + 1 : place + 1 + SAMPLE_LINES]]
 
 
 def _has_rows_below(lines: Sequence[str], filled: Sequence[int], place: int) -> bool:
-    """True if at least half of the lines below a line have as many fields as it, with any delimiter."""
+    """True if at least half of the lines below line `filled[place]` have as many fields as it, with any delimiter."""
     below = [lines[number] for number in filled[place + 1 : place + 1 + SAMPLE_LINES]]
     for delimiter in (*_DELIMITERS, BLANKS):
         wanted = len(fields_of(lines[filled[place]].strip(" "), delimiter))
@@ -274,7 +276,7 @@ def _has_rows_below(lines: Sequence[str], filled: Sequence[int], place: int) -> 
 
 
 def _begins_table(lines: Sequence[str], filled: Sequence[int], place: int) -> bool:
-    """True if a line holds names without numbers, and the next line as many fields, with numbers among them."""
+    """True if line `filled[place]` holds names only, and the next one as many fields, with numbers among them."""
     for delimiter in (*_DELIMITERS, BLANKS):
         names, row = (fields_of(lines[filled[number]].strip(" "), delimiter) for number in (place, place + 1))
         if len(names) > 2 and len(names) == len(row) and all(names[1:]) and not any(map(_NUMBER.fullmatch, names)):

@@ -15,7 +15,7 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from rearl_jax.config.data import DataConfig, OnBad
+from rearl_jax.config.data import BadRows, DataConfig
 from rearl_jax.data.checks.losses import Losses, reject
 from rearl_jax.data.checks.recorded_tracks import not_in_meta, require_rows, truncated
 from rearl_jax.data.files.delimited import read_csv, read_header
@@ -43,6 +43,7 @@ _TRACKS = {
 }
 COLUMNS = frozenset(_TRACKS)
 """Columns of NN_tracks.csv that are read."""
+# Columns of the file by canonical name, for messages.
 _SPELLING = {
     "track_id": "trackId",
     "x": "xCenter",
@@ -93,13 +94,13 @@ def read_recording(tracks_file: Path, policy: DataConfig) -> Recording:
         columns=_SPELLING,
     )
 
-    def sound(rows: pd.DataFrame, finding: Finding | None) -> pd.DataFrame:
+    def without(rows: pd.DataFrame, finding: Finding | None) -> pd.DataFrame:
         return rows if finding is None else reject(rows, finding, info, policy, losses)
 
-    rows = sound(rows, without_value(rows, "track_id")).astype({"track_id": np.int64})
+    rows = without(rows, without_value(rows, "track_id")).astype({"track_id": np.int64})
     require_rows(rows, meta, policy, losses, file=info.file, column="trackId")
-    rows = sound(rows, not_in_meta(rows, meta))
-    rows = sound(rows, truncated(rows, meta))
+    rows = without(rows, not_in_meta(rows, meta))
+    rows = without(rows, truncated(rows, meta))
     rows = rows.iloc[np.argsort(rows["track_id"].to_numpy(), kind="stable")]
     road = _straight(rows, info)
     table, notes = _driver_frame(rows, meta, road)
@@ -107,7 +108,7 @@ def read_recording(tracks_file: Path, policy: DataConfig) -> Recording:
     info = replace(info, lane_count=lane_count, road_length=road.road_length, notes=tuple(notes))
     if road.wrong_way.any():
         text = "the vehicle drives against all others of its lane"
-        table = sound(table, Finding("wrong_direction", "x", road.wrong_way, text, "correct its positions"))
+        table = without(table, Finding("wrong_direction", "x", road.wrong_way, text, "correct its positions"))
     table = leave_out(table, pd.Series(road.off_road | road.no_lane, index=rows.index), losses)
     table, dropped = validate(table, info, policy, losses)
     return Recording(info, table, dropped)
@@ -115,7 +116,7 @@ def read_recording(tracks_file: Path, policy: DataConfig) -> Recording:
 
 def _recording_meta(path: Path) -> tuple[float, float | None]:
     """Frame rate [1/s] and speed limit [m/s], None where there is none."""
-    rows, _ = read_csv(path, {"frameRate": pa.float64(), "speedLimit": pa.float64()}, OnBad.stop)
+    rows, _ = read_csv(path, {"frameRate": pa.float64(), "speedLimit": pa.float64()}, BadRows.stop)
     if not rows.num_rows or rows["frameRate"][0].as_py() is None:
         raise bad_recording("no-rows", "the recording has no frame rate", "complete the file", path, column="frameRate")
     limit = rows["speedLimit"][0].as_py()
@@ -143,6 +144,7 @@ def _rows(path: Path, policy: DataConfig, losses: Losses) -> pd.DataFrame:
 
 
 def _straight(rows: pd.DataFrame, info: RecordingInfo) -> Straightened:
+    """The road on which the vehicles drive; BadRecordingError if their paths do not show it."""
     track = rows["track_id"].to_numpy()
     begins = np.ones(len(track), dtype=bool)
     begins[1:] = (track[1:] != track[:-1]) | (rows["laneChange"].to_numpy()[1:] == 1.0)
@@ -159,6 +161,7 @@ def _straight(rows: pd.DataFrame, info: RecordingInfo) -> Straightened:
 
 
 def _driver_frame(rows: pd.DataFrame, meta: pd.DataFrame, road: Straightened) -> tuple[pd.DataFrame, list[str]]:
+    """Columns of the schema, and notes on what was changed."""
     speed = rows["lonVelocity"].to_numpy(np.float64)
     backward = (speed < 0.0) & (speed >= -_BACKWARD)
     table = pd.DataFrame(

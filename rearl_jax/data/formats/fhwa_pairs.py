@@ -101,6 +101,7 @@ def _require_pairs(pairs: pd.DataFrame, info: RecordingInfo) -> None:
 def _stop_at(
     bad: np.ndarray, pairs: pd.DataFrame, column: str, code: str, text: str, remedy: str, info: RecordingInfo
 ) -> None:
+    """Raise BadRecordingError for the first marked row, if there is one."""
     if bad.any():
         row = int(pairs.index[int(np.argmax(bad))]) + 1
         raise bad_recording(code, text, remedy, info.file, column=column, row=row)

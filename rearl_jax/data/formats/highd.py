@@ -43,6 +43,7 @@ _TRACKS = {
 }
 COLUMNS = frozenset(_TRACKS)
 """Columns by which a tracks file is recognised."""
+# Columns of the file by canonical name, for messages.
 _SOURCE_COLUMNS = {
     "track_id": "id",
     "speed": "xVelocity",
@@ -101,7 +102,7 @@ def number_of(tracks_file: Path) -> str:
 
 
 def require_files(tracks_file: Path) -> tuple[Path, Path, Path]:
-    """The same files, all of which are there.
+    """Tracks, tracks meta and recording meta file of a recording, all of which exist.
 
     Raises:
         FileNotFoundError: One is missing.
@@ -161,17 +162,17 @@ def read_recording(tracks_file: Path, policy: DataConfig, *, generated: bool = F
         columns=_SOURCE_COLUMNS,
     )
 
-    def sound(source: pd.DataFrame, finding: Finding | None) -> pd.DataFrame:
+    def without(source: pd.DataFrame, finding: Finding | None) -> pd.DataFrame:
         return source if finding is None else reject(source, finding, info, policy, losses)
 
-    source = sound(source, without_value(source, "track_id")).astype({"track_id": np.int64})
+    source = without(source, without_value(source, "track_id")).astype({"track_id": np.int64})
     # Completeness before any other loss of single rows, which would make a track look cut off.
     require_rows(source, meta, policy, losses, file=info.file, column="id")
-    source = sound(source, not_in_meta(source, meta))
-    source = sound(source, truncated(source, meta))
-    source = sound(source, without_value(source, "laneId")).astype({"laneId": np.int64})
-    source = sound(source, _wrong_sign(source, meta))
-    source = sound(source, _no_lane(source, meta, recording.markings))
+    source = without(source, not_in_meta(source, meta))
+    source = without(source, truncated(source, meta))
+    source = without(source, without_value(source, "laneId")).astype({"laneId": np.int64})
+    source = without(source, _wrong_sign(source, meta))
+    source = without(source, _no_lane(source, meta, recording.markings))
     lanes, notes = _lane_ids(source, meta, recording.markings)
     lane_count = {side: high - low + 1 for side, (low, high) in lanes.items()}
     info = replace(info, lane_count=lane_count, notes=notes)
@@ -187,6 +188,7 @@ def read_recording(tracks_file: Path, policy: DataConfig, *, generated: bool = F
 
 
 def _read_tracks(path: Path, policy: DataConfig, losses: Losses) -> pd.DataFrame:
+    """Columns _TRACKS of the tracks file, the id as track_id; broken lines are counted."""
     rows, n_broken = read_csv(path, _TRACKS, policy.on_bad)
     if n_broken:
         losses.counts["broken_line"] += n_broken
@@ -198,10 +200,10 @@ def _read_tracks(path: Path, policy: DataConfig, losses: Losses) -> pd.DataFrame
 
 
 def _no_lane(source: pd.DataFrame, meta: pd.DataFrame, markings: dict[int, tuple[float, ...]]) -> Finding | None:
-    """Rows whose laneId is not a lane of their carriageway or a stripe next to it; the median belongs to both."""
-    lane_id, between = source["laneId"].to_numpy(), len(markings[1]) + 1
+    """Rows whose laneId is neither a lane of their carriageway nor a stripe next to it, such as the median."""
+    lane_id, median = source["laneId"].to_numpy(), len(markings[1]) + 1
     upper = meta["drivingDirection"].reindex(source["track_id"].to_numpy()).to_numpy() == 1
-    first, last = np.where(upper, 1, between), np.where(upper, between, between + len(markings[2]))
+    first, last = np.where(upper, 1, median), np.where(upper, median, median + len(markings[2]))
     bad = (lane_id < first) | (lane_id > last)
     if not bad.any():
         return None
@@ -235,7 +237,7 @@ def _driver_frame(
     lanes: dict[int, tuple[int, int]],
     road_length: float,
 ) -> pd.DataFrame:
-    """Columns of the schema."""
+    """Columns of the schema; `lanes` holds the smallest and largest laneId of each direction."""
     ids, inverse = np.unique(source["track_id"].to_numpy(), return_inverse=True)
     direction = meta["drivingDirection"].reindex(ids).to_numpy()[inverse]
     classes = pd.Categorical(meta["class"].reindex(ids))
@@ -274,7 +276,7 @@ def _last_edge(edges: np.ndarray) -> float:
 
 
 def _left_edge(lines: tuple[float, ...], direction: int) -> float:
-    """Marking at the median: y grows downwards, so the left edge is the top one of 2, the bottom one of 1."""
+    """y of the marking at the median [m]: y grows downwards, so it is the topmost of direction 2, the lowest of 1."""
     return min(lines) if direction == 2 else max(lines)
 
 
@@ -285,9 +287,9 @@ def _lane_ids(
 
     highD numbers the stripes between markings from the top, starting with 1 above the first one: n_upper and
     n_lower markings make the upper lanes 2 .. n_upper and the lower ones n_upper + 2 .. n_upper + n_lower.
-    Counting from the markings keeps the ranks right if no vehicle used an outer lane. If ids are outside of the
-    markings, lanes are counted from the ids that occur. Rare ids that are not next to the markings are ignored, because
-    a single one would move the ranks of all others; the schema check finds them.
+    Counted from the markings, lanes have the right numbers even if no vehicle used an outer lane. If ids are outside of
+    the markings, lanes are counted from the ids that occur. Rare ids that are not next to the markings are ignored,
+    because a single one would change the numbers of all lanes; the schema check finds them.
     """
     n_upper, n_lower = len(markings[1]), len(markings[2])
     lanes = {1: (2, n_upper), 2: (n_upper + 2, n_upper + n_lower)}

@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 import pyarrow as pa
 
-from rearl_jax.config.data import DataConfig, OnBad
+from rearl_jax.config.data import BadRows, DataConfig
 from rearl_jax.data.checks.losses import Losses
 from rearl_jax.data.checks.unit_checks import LANE_WIDTH
 from rearl_jax.data.files.delimited import read_csv, read_header
@@ -50,7 +50,7 @@ def read_recording_meta(path: Path) -> RecordingMeta:
     present = read_header(path)
     require_columns(present, _REQUIRED, str(path))
     columns = {name: pa.string() for name in (*_REQUIRED, *({"speedLimit"} & set(present)))}
-    rows, _ = read_csv(path, columns, OnBad.stop)
+    rows, _ = read_csv(path, columns, BadRows.stop)
     if not rows.num_rows:
         raise bad_recording("no-rows", "the recording has no row", "complete the file", path)
 
@@ -131,7 +131,7 @@ def read_tracks_meta(path: Path, policy: DataConfig, losses: Losses) -> pd.DataF
             "correct it",
         ),
     )
-    if policy.on_bad is OnBad.stop:
+    if policy.on_bad is BadRows.stop:
         remedy = f"use one of {', '.join(CLASSES)}{DROP_HINT}"
         stops += (("unknown-class", "class", ~meta["class"].isin(CLASSES), "has an unknown class", remedy),)
     for code, column, bad, message, remedy in stops:

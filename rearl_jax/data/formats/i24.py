@@ -35,7 +35,7 @@ _MAX_LANES = 6
 _USED = 0.01  # smallest share of the rows of a direction that makes a further lane
 _BATCH_BYTES = 32 * 2**20  # bytes of documents that are parsed at a time
 _FIRST_DOCUMENT_BYTES = 2**23  # more than the document of a vehicle that is recorded for an hour
-_ASIDE = 0.1  # frames; a larger offset of a document's times from those of the others is noted
+_MAX_FRAME_OFFSET = 0.1  # frames; a larger offset of a document's times from those of the others is noted
 _BACKWARD = 1.0  # m/s; tracking errors give standing vehicles negative speeds down to this
 _WINTER = timedelta(hours=-6)  # Central Standard Time; all published days are in it
 _LIST = pa.list_(pa.float64())
@@ -50,6 +50,7 @@ _FIELDS = {
 }
 # 0 sedan, 1 midsize, 2 van, 3 pickup, 4 semi, 5 truck, 6 motorcycle
 _CLASSES = {0.0: "car", 1.0: "car", 2.0: "car", 3.0: "car", 4.0: "truck", 5.0: "truck", 6.0: "motorcycle"}
+# Columns of the file by canonical name, for messages.
 _SPELLING = {
     "x": "x_position",
     "position": "x_position",
@@ -114,6 +115,7 @@ def _index(path: Path, policy: DataConfig) -> Index:
 
 
 def _name(cell: Cell, path: Path, policy: DataConfig) -> str:
+    """Id of the recording of a cell: local start of its window and mile marker of its section."""
     name = "i24" if policy.window is not None else f"i24_{path.stem}"
     if policy.window is not None:
         start = datetime.fromtimestamp(cell[0] * policy.window, UTC) + _WINTER
@@ -156,7 +158,7 @@ def _rows(path: Path, numbers: np.ndarray, index: Index, cell: Cell, policy: Dat
             "length": length,
             "width": FEET * every_row("width"),
             "class": every_row("coarse_vehicle_class"),
-            "is_aside": np.repeat(np.abs(begin - np.rint(begin)) > _ASIDE, tracks.counts),
+            "is_between_frames": np.repeat(np.abs(begin - np.rint(begin)) > _MAX_FRAME_OFFSET, tracks.counts),
         },
         index=np.repeat(numbers, tracks.counts),
     )
@@ -166,6 +168,7 @@ def _rows(path: Path, numbers: np.ndarray, index: Index, cell: Cell, policy: Dat
 def _recording(
     rows: pd.DataFrame, index: Index, recording: str, cell: Cell, path: Path, policy: DataConfig, losses: Losses
 ) -> Recording:
+    """The recording that consists of the rows of a cell, as from `_rows`."""
     centre, side, lateral, speed, frame = (
         rows[name].to_numpy() for name in ("centre", "side", "lateral", "speed", "frame")
     )
@@ -196,11 +199,10 @@ def _recording(
         notes.append(f"{int(backward.sum())} speeds between -{_BACKWARD:g} and 0 m/s set to 0")
     if unknown:
         notes.append(f"{unknown} rows beside the lanes (12 ft each, from 12 ft off the median) have no lane")
-    aside = rows["is_aside"].to_numpy(bool)
-    if aside.any():
-        notes.append(
-            f"{rows.index[aside].nunique()} vehicles have times between those of the others, up to half a frame off"
-        )
+    is_between = rows["is_between_frames"].to_numpy(bool)
+    if is_between.any():
+        n_vehicles = rows.index[is_between].nunique()
+        notes.append(f"{n_vehicles} vehicles have times between those of the others, up to half a frame off")
     info = RecordingInfo(
         id=recording,
         frame_rate=index.frame_rate,

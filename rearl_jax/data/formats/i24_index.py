@@ -1,6 +1,6 @@
 """Index of a file of I-24 MOTION: the documents with vehicles in each time window and road section.
 
-One pass over the file builds the index, with which a recording of hours is read piece by piece.
+One pass over the file builds the index, with which a recording of hours is read part by part.
 """
 
 from collections import Counter
@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 
-from rearl_jax.config.data import OnBad
+from rearl_jax.config.data import BadRows
 from rearl_jax.data.checks.frame_rates import frame_rate_of
 from rearl_jax.data.files.json_documents import documents, parsed
 from rearl_jax.data.problems import DROP_HINT, bad_recording
@@ -64,7 +64,7 @@ class Index:
     dropped: Counter[str] = field(default_factory=Counter)
 
 
-def index_of(path: Path, window: float | None, section: float | None, on_bad: OnBad) -> Index:
+def index_of(path: Path, window: float | None, section: float | None, on_bad: BadRows) -> Index:
     """The index of a file, built again only if the file has changed.
 
     Args:
@@ -82,9 +82,10 @@ def index_of(path: Path, window: float | None, section: float | None, on_bad: On
 
 
 @lru_cache(maxsize=2)
-def _index(path: Path, window: float | None, section: float | None, on_bad: OnBad, stamp: tuple[int, int]) -> Index:
-    index, seen = Index(), set[str]()
-    steps, begins, miles, offsets_from_middle, backward = [], [], [], [], Counter[tuple[float, bool]]()
+def _index(path: Path, window: float | None, section: float | None, on_bad: BadRows, stamp: tuple[int, int]) -> Index:
+    index, known_ids = Index(), set[str]()
+    steps, begins, miles, offsets_from_middle = [], [], [], []
+    backward = Counter[tuple[float, bool]]()  # vehicles by direction, and by whether they moved against it
     for block in documents(path):
         first = len(index.starts)
         index.starts += block.starts
@@ -99,7 +100,7 @@ def _index(path: Path, window: float | None, section: float | None, on_bad: OnBa
             _leave_out(index, "broken_document", int(broken.sum()), first + int(np.argmax(broken)), text, path, on_bad)
         numbers = first + np.flatnonzero(~broken)
         _require_fields(table, path)
-        table, numbers = _sound(index, table, numbers, seen, path, on_bad)
+        table, numbers = _sound(index, table, numbers, known_ids, path, on_bad)
         if not len(numbers):
             continue
         tracks = Tracks(table)
@@ -118,8 +119,8 @@ def _index(path: Path, window: float | None, section: float | None, on_bad: OnBa
         if wrong.any():
             _require_forward(backward, path)
             text = "x_position does not go the way of direction (1 = rising, -1 = falling)"
-            at = int(numbers[np.argmax(wrong)])
-            _leave_out(index, "wrong_direction", int(wrong.sum()), at, text, path, on_bad, "direction")
+            document = int(numbers[np.argmax(wrong)])
+            _leave_out(index, "wrong_direction", int(wrong.sum()), document, text, path, on_bad, "direction")
         centre = FEET * (x + 0.5 * np.repeat(direction * tracks.of_document("length"), tracks.counts))
         keys = np.stack([_cell(times, window), _cell(centre, section)], axis=1)
         _add_to_index(index, keys, np.repeat(numbers, tracks.counts), np.repeat(~wrong, tracks.counts))
@@ -156,13 +157,21 @@ class Tracks:
 
 
 def _cell(values: np.ndarray, length: float | None) -> np.ndarray:
+    """Number of the window or section of this length that holds each value; 0 if there is only one."""
     if length is None:
         return np.zeros(len(values), np.int64)
     return np.floor(np.clip(values / length, -_MAX_NUMBER, _MAX_NUMBER)).astype(np.int64)
 
 
 def _add_to_index(index: Index, keys: np.ndarray, number: np.ndarray, sound: np.ndarray) -> None:
-    """Adds the documents to the index, under the windows and sections of their rows."""
+    """Adds documents to the index, under the windows and sections of their rows.
+
+    Args:
+        index: Changed in place.
+        keys: Cell of each row.
+        number: Document of each row.
+        sound: Mask of the rows to add.
+    """
     new = np.ones(len(keys), dtype=bool)
     new[1:] = (keys[1:] != keys[:-1]).any(axis=1) | (number[1:] != number[:-1])
     rows = np.flatnonzero(new & sound)
@@ -175,9 +184,18 @@ def _add_to_index(index: Index, keys: np.ndarray, number: np.ndarray, sound: np.
 
 
 def _sound(
-    index: Index, table: pa.Table, numbers: np.ndarray, seen: set[str], path: Path, on_bad: OnBad
+    index: Index, table: pa.Table, numbers: np.ndarray, known_ids: set[str], path: Path, on_bad: BadRows
 ) -> tuple[pa.Table, np.ndarray]:
-    """The documents that can be placed in time and on the road."""
+    """The documents that can be placed in time and on the road, and their numbers in the file.
+
+    Args:
+        index: The losses are counted here.
+        table: Documents of one block.
+        numbers: Their numbers in the file.
+        known_ids: Ids of the documents read so far; those of the block are added.
+        path: The file.
+        on_bad: stop makes a fault an error.
+    """
 
     def missing(name: str) -> np.ndarray:
         return table[name].is_null().to_numpy()
@@ -193,9 +211,9 @@ def _sound(
 
     def twice() -> np.ndarray:
         found = np.zeros(table.num_rows, dtype=bool)
-        for at, name in enumerate(table["_id"].combine_chunks().field("$oid").to_pylist()):
-            found[at] = name in seen if name is not None else False
-            seen.add(name or "")
+        for number, name in enumerate(table["_id"].combine_chunks().field("$oid").to_pylist()):
+            found[number] = name in known_ids if name is not None else False
+            known_ids.add(name or "")
         return found
 
     checks: tuple[tuple[str, str, Callable[[], np.ndarray], str], ...] = (
@@ -243,11 +261,11 @@ def _leave_out(
     number: int | None,
     text: str,
     path: Path,
-    on_bad: OnBad,
+    on_bad: BadRows,
     column: str | None = None,
 ) -> None:
-    """Counts documents that are left out, or stops at the first."""
-    if on_bad is OnBad.stop:
+    """Counts n documents that are left out for the cause `name`, or stops at the first of them, `number`."""
+    if on_bad is BadRows.stop:
         text = text if n == 1 else f"{text} (and {n - 1} more documents)"
         row = len(index.starts) + 1 if number is None else number + 1
         remedy = f"the file is damaged: copy it again{DROP_HINT}"
@@ -272,6 +290,7 @@ def _require_forward(backward: Counter[tuple[float, bool]], path: Path) -> None:
 
 
 def _require_units(times: np.ndarray, miles: np.ndarray, offsets_from_middle: np.ndarray, path: Path) -> None:
+    """Raise BadRecordingError for times, mile markers or distances from the middle of the road [ft] in another unit."""
     mile, time = float(np.median(miles)), float(np.median(times))
     if not MILES[0] <= mile <= MILES[1]:
         text = (

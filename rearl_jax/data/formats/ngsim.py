@@ -32,6 +32,7 @@ _US101_PERIODS = {0: "us101_0750", 1: "us101_0805", 2: "us101_0820"}
 _US101_COLUMNS = ("period", "vehicle_id", "frame", "x_m", "y_m", "lane_est", "speed_mps", "accel_mps2")
 US101_COLUMNS = (*_US101_COLUMNS, "total_frames", "global_time_ms")
 """Columns by which a file is recognised."""
+# Columns of the file by canonical name, for messages.
 _US101_SPELLING = {
     "track_id": "vehicle_id",
     "x": "y_m",
@@ -60,7 +61,7 @@ def us101_recordings(path: Path) -> dict[str, int]:
 def read_us101(path: Path, recording: str, period: int, policy: DataConfig) -> Recording:
     """One period of the SI table of US-101 lane changers.
 
-    Lane ranks are a running median over 2 s of `lane_est`, which follows from the lateral position and changes too
+    Lanes are a running median over 2 s of `lane_est`, which follows from the lateral position and changes too
     often at lane borders.
     """
     rows = read_columns(path, _US101_COLUMNS, only=("period", period))

@@ -51,12 +51,12 @@ def recordings_of(rows: pd.DataFrame, path: Path) -> dict[str, np.ndarray]:
         starts, inverse = np.unique(start[here], return_inverse=True)
         parts = [here[inverse == number] for number in range(len(starts))]
         _require_many_vehicles(rows, parts, path)
-        for first, own in zip(starts, parts, strict=True):
-            recording = f"{place}_{_clock(int(first))}"
-            others = recordings.setdefault(recording, own)
-            if others is not own:
+        for frame_zero, part in zip(starts, parts, strict=True):
+            recording = f"{place}_{_clock(int(frame_zero))}"
+            earlier = recordings.setdefault(recording, part)
+            if earlier is not part:
                 text = f"Global_Time and Frame_ID of {recording} do not go together as in its other rows"
-                raise _contradiction(text, rows, min(own, others, key=len), path)
+                raise _contradiction(text, rows, min(part, earlier, key=len), path)
     return recordings
 
 
@@ -97,7 +97,7 @@ def places_of(rows: pd.DataFrame, path: Path) -> dict[str, np.ndarray]:
         stated = rows["location"].iloc[part[0]]
         text = f"{_rows_of(rows, part)} have " + ("no place" if pd.isna(stated) else f"the place {str(stated)!r}")
         remedy = f"write {' or '.join(known)} there, or remove the rows"
-        raise _stop("location-unknown", f"{text}, the others {' and '.join(known)}", remedy, rows, part, path)
+        raise _error("location-unknown", f"{text}, the others {' and '.join(known)}", remedy, rows, part, path)
     return places or {_place_of(path.name): np.arange(0)}
 
 
@@ -131,17 +131,17 @@ def _require_one_place(rows: pd.DataFrame, start: np.ndarray, places: dict[str, 
     if len(places) < 2:
         return
     track, frame = rows["track_id"].to_numpy(), rows["frame"].to_numpy()
-    with_start: dict[float, str] = {}
+    with_start: dict[float, str] = {}  # time of frame 0 -> place with the most rows
     for place in sorted(places, key=lambda name: -len(places[name])):
-        for first in np.unique(start[places[place]]):
-            main = with_start.setdefault(first, place)
+        for frame_zero in np.unique(start[places[place]]):
+            main = with_start.setdefault(frame_zero, place)
             if main == place:
                 continue
-            part, other = (here[start[here] == first] for here in (places[place], places[main]))
+            part, other = (here[start[here] == frame_zero] for here in (places[place], places[main]))
             if not are_shared(track, frame, part, other):
                 text = f"{_rows_of(rows, part)} have the place {place}, the other vehicles of their time {main}"
                 remedy = "correct or remove the rows"
-                raise _stop("location-contradicts-time", text, remedy, rows, part, path)
+                raise _error("location-contradicts-time", text, remedy, rows, part, path)
 
 
 def _require_many_vehicles(rows: pd.DataFrame, parts: list[np.ndarray], path: Path) -> None:
@@ -165,18 +165,21 @@ def _require_many_vehicles(rows: pd.DataFrame, parts: list[np.ndarray], path: Pa
 
 
 def _rows_of(rows: pd.DataFrame, part: np.ndarray) -> str:
+    """Rows of a part and their vehicles, in words."""
     vehicles = np.unique(rows["track_id"].to_numpy()[part])
     others = f" and {len(vehicles) - 1} others" if len(vehicles) > 1 else ""
     return f"{len(part)} rows of vehicle {vehicles[0]}{others}"
 
 
 def _contradiction(text: str, rows: pd.DataFrame, part: np.ndarray, path: Path) -> Exception:
-    return _stop("time-contradicts-frame", text, "correct or remove the rows", rows, part, path, "Global_Time")
+    """The error for rows whose time is not that of their frame."""
+    return _error("time-contradicts-frame", text, "correct or remove the rows", rows, part, path, "Global_Time")
 
 
-def _stop(
+def _error(
     code: str, text: str, remedy: str, rows: pd.DataFrame, part: np.ndarray, path: Path, column: str = "Location"
 ) -> Exception:
+    """The error for some rows of the file."""
     return bad_recording(code, text, remedy, path, column=column, row=int(rows.index[part[0]]) + 1)
 
 

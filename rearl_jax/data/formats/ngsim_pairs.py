@@ -202,9 +202,9 @@ def _across(members: pd.DataFrame) -> pd.Series:
 
 def _agreeing(members: pd.DataFrame, info: RecordingInfo, policy: DataConfig, losses: Losses) -> pd.DataFrame:
     """The rows of vehicles on whose position all their pairs agree."""
-    where = members.groupby(["track_id", "frame"])["position"]
+    positions = members.groupby(["track_id", "frame"])["position"]
     with np.errstate(invalid="ignore"):  # the schema check finds infinite positions
-        off = np.asarray(where.transform("max")) - np.asarray(where.transform("min")) > _SHARED_TOLERANCE
+        off = np.asarray(positions.transform("max")) - np.asarray(positions.transform("min")) > _SHARED_TOLERANCE
     if not off.any():
         return members
     row = int(np.argmax(off))

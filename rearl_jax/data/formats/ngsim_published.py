@@ -16,7 +16,7 @@ import numpy as np
 import pandas as pd
 import pyarrow as pa
 
-from rearl_jax.config.data import DataConfig, OnBad
+from rearl_jax.config.data import BadRows, DataConfig
 from rearl_jax.data.checks.leader_ids import without_absent
 from rearl_jax.data.checks.losses import Losses, reject
 from rearl_jax.data.checks.typed_table import MAX_LANES
@@ -112,7 +112,7 @@ class PublishedFile:
         if twice.any():
             remedy = "remove the copies"
             finding = Finding("exact_duplicate", "track_id", twice, "the row occurs twice", remedy)
-            if self._policy.on_bad is OnBad.stop:
+            if self._policy.on_bad is BadRows.stop:
                 raise finding.error(chosen, info)
             # A repeated row is not a fault of the vehicle, so drop_track, too, keeps the first of the two rows.
             losses.counts["exact_duplicate"] += int(twice.sum())
@@ -170,14 +170,14 @@ class PublishedFile:
         rows = rows.reindex(columns=list(renamed)).rename(columns=renamed)
         for name in _KEYS:
             missing = rows[name].isna().to_numpy()
-            if missing.any() and self._policy.on_bad is OnBad.stop:
+            if missing.any() and self._policy.on_bad is BadRows.stop:
                 row, column = int(np.argmax(missing)) + 1, names[_PUBLISHED[name][0]]
                 remedy = f"complete it{DROP_HINT}"
                 raise bad_recording("not-finite", "the value is missing", remedy, self.path, column=column, row=row)
             if missing.any():
                 rows = losses.remove(rows, missing, "not_finite")
         impossible = impossible_times(rows, self.path)
-        if impossible.any() and not impossible.all() and self._policy.on_bad is not OnBad.stop:
+        if impossible.any() and not impossible.all() and self._policy.on_bad is not BadRows.stop:
             rows = losses.remove(rows, impossible, "time_impossible")
         return rows, dict(losses.counts)
 
@@ -250,8 +250,8 @@ def _converted(recording: str, rows: pd.DataFrame, path: Path) -> tuple[pd.DataF
         "vehicle_class": pd.Categorical(rows["vehicle_class"].replace(_CLASS)),
     }
     if "leader_id" in rows:
-        own = {name: columns[name] for name in ("frame", "lane", "position")}
-        columns["leader_id"] = without_absent(rows["leader_id"].to_numpy(), track=columns["track_id"], **own)
+        others = {name: columns[name] for name in ("frame", "lane", "position")}
+        columns["leader_id"] = without_absent(rows["leader_id"].to_numpy(), track=columns["track_id"], **others)
     return pd.DataFrame(columns, index=rows.index), info
 
 

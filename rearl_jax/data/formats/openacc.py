@@ -1,4 +1,4 @@
-"""Reader of OpenACC platoons (ZalaZone): speeds of the vehicles in a file and the gaps between neighbours.
+"""Reader of OpenACC, platoons of cars with adaptive cruise control on the test track ZalaZone: speeds and gaps.
 
 Positions are reconstructed on a straight single lane: the first vehicle moves by its integrated speed, every other one
 is gap + length behind the vehicle ahead, so bumper-to-bumper gaps are exactly those of the source. Where the source
@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from rearl_jax.config.data import DataConfig, OnBad
+from rearl_jax.config.data import BadRows, DataConfig
 from rearl_jax.data.checks import typed_table
 from rearl_jax.data.checks.losses import Losses
 from rearl_jax.data.checks.unit_checks import is_other_unit, require_period, scale_of
@@ -142,7 +142,7 @@ def rebuilt(
         rows: t_s, pos, speed_mps and gap_to_follower_m; those of a vehicle in the order of time.
         platoon: The part of them.
         info: The recording, without the length of its road.
-        labels: Labels by name: one value for all, or one for each place.
+        labels: Labels by name: one value for all vehicles, or one for each number in the platoon.
         policy: Treatment of bad rows.
         switches: Driver by number in the platoon and frame, if drivers switch; see `openacc_drivers`.
         losses: Rows that are already left out.
@@ -246,6 +246,7 @@ def _placed(
     places = np.arange(platoon.first, platoon.last + 1)
 
     def grid(values: np.ndarray) -> np.ndarray:
+        """The values of the rows, by frame and vehicle; NaN where a row is missing."""
         wide = np.full((frames.size, places.size), np.nan)
         wide[frame - frames[0], place - places[0]] = values
         return wide
@@ -256,9 +257,9 @@ def _placed(
     speed, ahead = fill_holes(measured), fill_holes(gaps)
     n_filled = int((~np.isnan(speed)).sum() - (~np.isnan(measured)).sum())
     n_filled += int((~np.isnan(ahead)).sum() - (~np.isnan(gaps)).sum())
-    first = np.nan_to_num(speed[:, 0])
+    of_first = np.nan_to_num(speed[:, 0])
     position = np.zeros_like(speed)
-    position[1:, 0] = np.cumsum(0.5 * (first[1:] + first[:-1])) / FRAME_RATE
+    position[1:, 0] = np.cumsum(0.5 * (of_first[1:] + of_first[:-1])) / FRAME_RATE
     position[:, 1:] = position[:, :1] - np.cumsum(ahead + length, axis=1)
     placed = ~np.isnan(speed) & ~np.isnan(position)
     # A vehicle has no position if a vehicle ahead of it has none.
@@ -313,7 +314,7 @@ def _leave_out(
     """Count the marked rows, or stop at the first."""
     if not bad.any():
         return
-    if policy.on_bad is OnBad.stop:
+    if policy.on_bad is BadRows.stop:
         raise Finding(name, column, bad, message, "complete the source").error(rows, info)
     losses.counts[name] += int(bad.sum())
 

@@ -1,4 +1,4 @@
-"""Driver of a car of OpenACC if it changes within a run: adaptive cruise control or a person."""
+"""Driver of a car in a run of OpenACC (see `openacc`) if it changes: adaptive cruise control or a person."""
 
 from dataclasses import replace
 

@@ -1,11 +1,11 @@
-"""Index of OpenACC's runs: whether cruise control was on, and the time gap it was set to."""
+"""Index of OpenACC's runs (see `openacc`): whether cruise control was on, and the time gap it was set to."""
 
 import re
 from pathlib import Path
 
 import pyarrow as pa
 
-from rearl_jax.config.data import OnBad
+from rearl_jax.config.data import BadRows
 from rearl_jax.data.files.delimited import read_csv
 from rearl_jax.data.problems import bad_recording
 
@@ -26,7 +26,7 @@ def labels_of_run(index: Path, run: str) -> dict[str, str | None]:
     """
     if not index.is_file():
         return {}
-    lines, _ = read_csv(index, dict.fromkeys(("file", "acc", "setting"), pa.string()), OnBad.stop)
+    lines, _ = read_csv(index, dict.fromkeys(("file", "acc", "setting"), pa.string()), BadRows.stop)
     rows = [row for row in lines.to_pylist() if (row["file"] or "").removesuffix(".csv") == run]
     if len(rows) > 1:
         raise bad_recording(

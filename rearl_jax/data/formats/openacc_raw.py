@@ -16,7 +16,7 @@ import numpy as np
 import pandas as pd
 import pyarrow as pa
 
-from rearl_jax.config.data import DataConfig, OnBad
+from rearl_jax.config.data import BadRows, DataConfig
 from rearl_jax.data.checks.losses import Losses
 from rearl_jax.data.files.delimited import read_below, stem_of, text_endings
 from rearl_jax.data.files.folder import is_visible, recordings_missing, visible_files
@@ -77,8 +77,8 @@ def find_runs(root: Path) -> list[Path]:
 
 def is_run(path: Path) -> bool:
     """True if the first lines describe a platoon and a line below them names the columns."""
-    words = [line.partition(",")[0].strip() for line in first_lines(path, _MAX_HEADER_LINES)]
-    return {*_HEADER_KEYS, "Time"} <= set(words)
+    first_cells = [line.partition(",")[0].strip() for line in first_lines(path, _MAX_HEADER_LINES)]
+    return {*_HEADER_KEYS, "Time"} <= set(first_cells)
 
 
 def runs_of(path: Path) -> dict[str, Platoon]:
@@ -92,6 +92,7 @@ def runs_of(path: Path) -> dict[str, Platoon]:
     chains = [[number] for number in speeds]
     for ahead, behind in zip(chains[:-1], chains[1:], strict=True):
         if ahead[-1] in gaps and behind[0] == ahead[-1] + 1:
+            # Joins both chains in the one behind; the other one is left empty.
             behind[:0] = ahead
             ahead.clear()
     unlinked = tuple(chain[0] for chain in chains if len(chain) == 1)
@@ -116,7 +117,7 @@ def read_run(path: Path, recording: str, platoon: Platoon, policy: DataConfig) -
     kept without a driver.
 
     Raises:
-        BadRecordingError: The file is damaged or no run, or a row is bad and data.on_bad is stop.
+        BadRecordingError: The file is damaged or is not a run, or a row is bad and data.on_bad is stop.
     """
     header = read_header_of(path)
     places = [*range(platoon.first, platoon.last + 1), *platoon.unlinked]
@@ -149,7 +150,7 @@ def read_run(path: Path, recording: str, platoon: Platoon, policy: DataConfig) -
         losses.counts["broken_line"] = n_broken
     labels = {MODEL: {k: models[k - 1] for k in places}, SETTING: _setting(header), ACC: _acc_of_run(header, path)}
     drivers = _drivers(wide, header, platoon, info, policy, losses)
-    long = [
+    of_vehicles = [
         pd.DataFrame(
             {
                 "t_s": wide["Time"],
@@ -160,14 +161,14 @@ def read_run(path: Path, recording: str, platoon: Platoon, policy: DataConfig) -
         )
         for k in places
     ]
-    return openacc.rebuilt(pd.concat(long), platoon, info, labels, policy, drivers, losses)
+    return openacc.rebuilt(pd.concat(of_vehicles), platoon, info, labels, policy, drivers, losses)
 
 
 def read_header_of(path: Path) -> Header:
     """The header lines above the table.
 
     Raises:
-        BadRecordingError: The file is empty, damaged or no run, or does not name its vehicles.
+        BadRecordingError: The file is empty, damaged or not a run, or does not name its vehicles.
     """
     about: dict[str, tuple[str, ...]] = {}
     columns: list[str] = []
@@ -210,10 +211,10 @@ def _on_receivers(wide: pd.DataFrame, platoon: Platoon) -> tuple[str, ...]:
     values = values[np.isfinite(values)]
     if not values.size:
         return ()
-    further = round(float(np.median(values)), 1) + 0.0  # + 0.0 makes -0.0 positive
+    difference = round(float(np.median(values)), 1) + 0.0  # + 0.0 makes -0.0 positive
     bumpers, receivers = "the gaps are those between bumpers", "the gaps seem to be those of receivers, a car too long"
-    reading = bumpers if further > _RECEIVER_TOLERANCE else receivers
-    return (f"receivers of neighbours are {further:.1f} m further apart than the gaps (median): {reading}",)
+    reading = bumpers if difference > _RECEIVER_TOLERANCE else receivers
+    return (f"receivers of neighbours are {difference:.1f} m further apart than the gaps (median): {reading}",)
 
 
 def _acc_of_run(header: Header, path: Path) -> str | None:
@@ -226,6 +227,7 @@ def _acc_of_run(header: Header, path: Path) -> str | None:
 
 
 def _setting(header: Header) -> str | None:
+    """Label `setting` of all cars of a run; None if the file states none."""
     stated = [word for word in dict.fromkeys(header.about["Distance_setting"]) if word.lower() != "none"]
     if len(stated) > 1 or (stated and re.fullmatch("[SML]{2,}", stated[0])):
         return "mixed"
@@ -249,7 +251,7 @@ def _drivers(
         if wrong.any():
             text = f"the driver is {words.iloc[int(np.argmax(wrong))]}, not ACC or Human"
             finding = Finding("driver_unknown", ACC, wrong, text, "write ACC or Human")
-            if policy.on_bad is OnBad.stop:
+            if policy.on_bad is BadRows.stop:
                 raise finding.error(wide, info)
             losses.counts["driver_unknown"] += int(wrong.sum())
         index = pd.MultiIndex.from_arrays([np.full(len(wide), k), frame])

@@ -17,7 +17,7 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from rearl_jax.config.data import DataConfig, OnBad
+from rearl_jax.config.data import BadRows, DataConfig
 from rearl_jax.data.checks.frame_rates import frame_rate_of
 from rearl_jax.data.checks.losses import Losses
 from rearl_jax.data.checks.typed_table import MAX_MAGNITUDE
@@ -42,6 +42,7 @@ _TYPES: dict[str, tuple[str, float | None]] = {
     "Heavy Vehicle": ("truck", 10.0),
     "Bus": ("truck", 12.0),
 }
+# Columns of the file by canonical name, for messages.
 _SPELLING = {
     "track_id": "track_id",
     "frame": "time",
@@ -103,14 +104,14 @@ def read_recording(path: Path, policy: DataConfig) -> Recording:
     """
     stretch = stretch_of(policy.stretch)
     losses = Losses()
-    pieces, steps = [], []
+    parts, steps = [], []
     for row, vehicle in _vehicles(path, policy.on_bad, losses):
         steps.append(float(np.median(np.diff(vehicle.values[:, -1]))) if len(vehicle.values) > 1 else np.nan)
-        pieces += _on_stretch(row, vehicle, stretch, losses)
+        parts += _on_stretch(row, vehicle, stretch, losses)
     if not steps:
         raise bad_recording("no-rows", "the file has no vehicle", "remove the file or complete it", path)
     frame_rate = frame_rate_of(np.array(steps), path, "time")
-    if not pieces:
+    if not parts:
         text = "no vehicle drives along data.stretch"
         raise bad_recording("no-rows", text, "name a stretch within the area of the file", path)
     info = RecordingInfo(
@@ -130,12 +131,12 @@ def read_recording(path: Path, policy: DataConfig) -> Recording:
         file=str(path),
         columns=_SPELLING,
     )
-    table = _table(pieces, stretch, frame_rate, policy.default_length)
+    table = _table(parts, stretch, frame_rate, policy.default_length)
     table, dropped = validate(table, info, policy, losses)
     return Recording(info, table, dropped)
 
 
-def _vehicles(path: Path, on_bad: OnBad, losses: Losses) -> Iterator[tuple[int, _Vehicle]]:
+def _vehicles(path: Path, on_bad: BadRows, losses: Losses) -> Iterator[tuple[int, _Vehicle]]:
     """Row number, from 0, and vehicle of each row of the file."""
     header = read_header(path)
     if not {*VEHICLE_COLUMNS, *REPEATED_COLUMNS} & set(header):
@@ -152,12 +153,13 @@ def _vehicles(path: Path, on_bad: OnBad, losses: Losses) -> Iterator[tuple[int, 
             try:
                 yield row, _vehicle(line, path, row)
             except BadRecordingError:
-                if on_bad is OnBad.stop:
+                if on_bad is BadRows.stop:
                     raise
                 losses.counts["broken_line"] += 1
 
 
 def _vehicle(line: bytes, path: Path, row: int) -> _Vehicle:
+    """The vehicle that a line describes; BadRecordingError if the line is broken."""
     if not line.endswith(b"\n") and not line.rstrip().endswith(b";"):
         raise _broken("the line ends within a number", path, row)
     try:
@@ -195,7 +197,7 @@ def _on_stretch(row: int, vehicle: _Vehicle, stretch: Stretch, losses: Losses) -
     inside = _without_excursions(inside)
     losses.counts["outside_stretch"] += int((~inside).sum())
     edges = np.flatnonzero(np.diff(np.concatenate([[False], inside, [False]])))
-    pieces = []
+    parts = []
     for begin, end in zip(edges[::2], edges[1::2], strict=True):
         ahead, aside = along[end - 1] - along[begin], lateral[end - 1] - lateral[begin]
         if abs(aside) > max(abs(ahead), _MIN_MOVED):
@@ -204,7 +206,7 @@ def _on_stretch(row: int, vehicle: _Vehicle, stretch: Stretch, losses: Losses) -
             losses.counts["oncoming"] += int(end - begin)
         else:
             values = vehicle.values[begin:end]
-            pieces.append(
+            parts.append(
                 pd.DataFrame(
                     {
                         "row": row,
@@ -212,11 +214,11 @@ def _on_stretch(row: int, vehicle: _Vehicle, stretch: Stretch, losses: Losses) -
                         "type": vehicle.kind,
                         "along": along[begin:end],
                         "lateral": lateral[begin:end],
-                        **{name: values[:, 2 + at] for at, name in enumerate(REPEATED_COLUMNS[2:])},
+                        **{name: values[:, column] for column, name in enumerate(REPEATED_COLUMNS[2:], 2)},
                     }
                 )
             )
-    return pieces
+    return parts
 
 
 def _without_excursions(inside: np.ndarray) -> np.ndarray:
@@ -233,18 +235,23 @@ def _without_excursions(inside: np.ndarray) -> np.ndarray:
     return filled
 
 
-def _table(pieces: list[pd.DataFrame], stretch: Stretch, frame_rate: float, default_length: float) -> pd.DataFrame:
-    """Columns of the schema; a vehicle that comes back to the stretch gets a new track_id."""
-    numbers = np.array([piece["track_id"].iloc[0] for piece in pieces], np.int64)
-    again = pd.Series(numbers).duplicated().to_numpy() & (np.diff([p["row"].iloc[0] for p in pieces], prepend=-1) == 0)
+def _table(parts: list[pd.DataFrame], stretch: Stretch, frame_rate: float, default_length: float) -> pd.DataFrame:
+    """Columns of the schema; a vehicle that comes back to the stretch gets a new track_id.
+
+    A track_id in two rows of the file is a fault and stays, so that the schema check finds it.
+    """
+    numbers = np.array([part["track_id"].iloc[0] for part in parts], np.int64)
+    again = pd.Series(numbers).duplicated().to_numpy() & (
+        np.diff([part["row"].iloc[0] for part in parts], prepend=-1) == 0
+    )
     ids = np.where(again, numbers.max() + np.cumsum(again), numbers)
-    rows = pd.concat(pieces, ignore_index=True)
+    rows = pd.concat(parts, ignore_index=True)
     kind = pd.Series(rows["type"])
     lateral = rows["lateral"].to_numpy(np.float64)
     lane = np.clip(np.floor(lateral / stretch.width * stretch.n_lanes), 0, stretch.n_lanes - 1)
     return pd.DataFrame(
         {
-            "track_id": np.repeat(ids, [len(piece) for piece in pieces]),
+            "track_id": np.repeat(ids, [len(part) for part in parts]),
             "frame": np.rint(rows["time"].to_numpy(np.float64) * frame_rate),
             "direction": 1,
             "x": rows["along"].to_numpy(np.float64),

@@ -29,6 +29,7 @@ of the vehicle's front from the beginning of the link [m], speed [m/s], length [
 LANE_STEP = 4.0
 """Lateral distance [m] that a vehicle may move in a step: simulators change lanes at once; SUMO's are 3.2 m wide."""
 
+# Columns of FIELDS whose values must be known.
 _KNOWN = ("time", "track_id", "link", "lane", "front", "speed", "length")
 _CLOCK_TOLERANCE = 0.05  # of a time step; largest deviation of a time from the steps of the simulation
 _MAX_TIME = 1e8  # s, three years
@@ -126,19 +127,19 @@ def recording_of(rows: pd.DataFrame, simulation: Simulation, policy: DataConfig,
     # A vehicle that comes back from another road, or begins another lap, is a track of its own.
     starts = (_comes_back(track, on_road) | road.laps) & on_road
     if not on_road.all():
-        info = _without_others(info, code[~on_road], links)
+        info = _with_note_on_others(info, code[~on_road], links)
         losses.counts["other_road"] += int((~on_road).sum())
     table, starts = table.iloc[np.flatnonzero(on_road)], starts[on_road]
     if starts.any():
         note = f"{int(starts.sum())} times a vehicle came back or began another lap: it continues as another vehicle"
         info, table = replace(info, notes=(*info.notes, note)), split_tracks(table, starts)
-    patient = replace(policy, max_jump=max(policy.max_jump, LANE_STEP / period))
-    table, dropped = validate(table, info, patient, losses)
+    with_lane_steps = replace(policy, max_jump=max(policy.max_jump, LANE_STEP / period))
+    table, dropped = validate(table, info, with_lane_steps, losses)
     # From the rows that are left, because a bad row must not change the length or the start of the road.
     half = 0.5 * table["length"].to_numpy()
     start = min(float(np.min(table["position"].to_numpy() - half)), 0.0)
-    moved = ("position",) if "hx" in rows else ("position", "x")
-    table = table.assign(**{name: table[name] - start for name in moved}) if start else table
+    shifted = ("position",) if "hx" in rows else ("position", "x")
+    table = table.assign(**{name: table[name] - start for name in shifted}) if start else table
     end = float(np.max(table["position"].to_numpy() + half))
     return Recording(replace(info, road_length=end), table, dropped)
 
@@ -146,7 +147,7 @@ def recording_of(rows: pd.DataFrame, simulation: Simulation, policy: DataConfig,
 def _comes_back(track: np.ndarray, on_road: np.ndarray) -> np.ndarray:
     """Mask of the rows in which a vehicle returns to the road after rows on other links."""
     rows = np.arange(len(track))
-    before = np.maximum.accumulate(np.where(on_road, rows, -1))
+    before = np.maximum.accumulate(np.where(on_road, rows, -1))  # last row on the road up to each row
     back = np.zeros(len(track), bool)
     last = before[:-1]  # of any vehicle
     back[1:] = on_road[1:] & ~on_road[:-1] & (last >= 0) & (track[last] == track[1:])
@@ -249,7 +250,7 @@ def _described(
     )
 
 
-def _without_others(info: RecordingInfo, others: np.ndarray, links: pd.Index) -> RecordingInfo:
+def _with_note_on_others(info: RecordingInfo, others: np.ndarray, links: pd.Index) -> RecordingInfo:
     """The recording with a note on links that are not part of the road."""
     found, counts = np.unique(others, return_counts=True)
     most = np.argsort(-counts, kind="stable")[:_MAX_NAMED_LINKS]

@@ -25,6 +25,7 @@ from rearl_jax.data.vehicle_classes import CLASSES, class_of
 LABELS = ("vehicle", "type")
 """Labels of tracks: SUMO's id of the vehicle and of its type."""
 
+# Columns of the file by canonical name, for messages.
 _SPELLING = {
     "track_id": "id",
     "frame": "time",
@@ -110,7 +111,8 @@ def read_recording(path: Path, beside: list[Path], policy: DataConfig) -> Record
     if n_broken and path.name.lower().endswith(XML):
         notes.append("the file ends within an element: what came after is not known")
     low, high = SPEED_LIMITS
-    columns = {ours: names.get(theirs, theirs) for ours, theirs in ({n: n for n in names} | _SPELLING).items()}
+    sources = {name: name for name in names} | _SPELLING
+    columns = {canonical: names.get(source, source) for canonical, source in sources.items()}
     info = info_of(path, recording_id(path), "SUMO", LABELS, notes, columns)
     limits = {edge: limit for edge, limit in around.limits.items() if low <= limit <= high}
     return recording_of(rows, Simulation(info, around.lanes, limits, around.lane_width), policy, losses)
@@ -128,8 +130,8 @@ def _edges_and_lanes(lanes: pd.Series) -> tuple[pd.Categorical, np.ndarray]:
     parts = [name.rpartition("_") for name in ids]
     sound = [bool(edge) and number.isascii() and number.isdigit() for edge, _, number in parts]
     edges = sorted({edge for (edge, _, _), is_sound in zip(parts, sound, strict=True) if is_sound})
-    place = {edge: code for code, edge in enumerate(edges)}
-    of_id = np.array([place[e] if ok else -1 for (e, _, _), ok in zip(parts, sound, strict=True)] + [-1], np.int64)
+    code_of = {edge: code for code, edge in enumerate(edges)}
+    of_id = np.array([code_of[e] if ok else -1 for (e, _, _), ok in zip(parts, sound, strict=True)] + [-1], np.int64)
     number = np.array([float(n) if ok else np.nan for (_, _, n), ok in zip(parts, sound, strict=True)] + [np.nan])
     codes = lanes.cat.codes.to_numpy()  # -1, for an unknown one, is the last
     return pd.Categorical.from_codes(of_id[codes], edges), number[codes]

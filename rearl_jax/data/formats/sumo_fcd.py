@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 import pyarrow as pa
 
-from rearl_jax.config.data import OnBad
+from rearl_jax.config.data import BadRows
 from rearl_jax.data.files.columnar import column_names, is_parquet, read_columns
 from rearl_jax.data.files.delimited import read_csv, read_header, text_endings
 from rearl_jax.data.files.text_layout import first_names
@@ -30,7 +30,7 @@ _OTHERS = frozenset({"person", "container"})  # elements that are not vehicles
 _BATCH_SIZE = 2**15  # elements whose attributes are held as texts
 
 
-def read_fcd(path: Path, on_bad: OnBad) -> tuple[pd.DataFrame, int]:
+def read_fcd(path: Path, on_bad: BadRows) -> tuple[pd.DataFrame, int]:
     """The rows of vehicles, and the number of broken lines that were left out.
 
     Columns are NUMBERS, TEXTS (as categories), and those of OPTIONAL that the file has.
@@ -66,7 +66,8 @@ def _plain(names: Sequence[str]) -> dict[str, str]:
     return {name.removeprefix("vehicle_").removeprefix("timestep_"): name for name in names}
 
 
-def _of_table(path: Path, on_bad: OnBad) -> tuple[pd.DataFrame, int]:
+def _of_table(path: Path, on_bad: BadRows) -> tuple[pd.DataFrame, int]:
+    """Rows of vehicles in CSV or Parquet, and the number of broken lines."""
     names = spelling(path)
     n_broken = 0
     if path.suffix.lower() == ".parquet":
@@ -82,7 +83,8 @@ def _of_table(path: Path, on_bad: OnBad) -> tuple[pd.DataFrame, int]:
     return rows.astype(dict.fromkeys(set(rows.columns) - set(NUMBERS) - {"acceleration"}, "category")), n_broken
 
 
-def _of_xml(path: Path, on_bad: OnBad) -> tuple[pd.DataFrame, int]:
+def _of_xml(path: Path, on_bad: BadRows) -> tuple[pd.DataFrame, int]:
+    """Rows of vehicles in XML, and 1 if the file ends within an element, else 0."""
     batches: list[pa.RecordBatch] = []
     n_broken, n_rows = 0, 0
     try:
@@ -91,7 +93,7 @@ def _of_xml(path: Path, on_bad: OnBad) -> tuple[pd.DataFrame, int]:
             n_rows += len(chunk)
     except CutOff as cut:
         n_broken = 1
-        if on_bad is OnBad.stop:
+        if on_bad is BadRows.stop:
             text, remedy = "the file ends within an element", f"let SUMO write it to its end{DROP_HINT}"
             raise bad_recording("line-broken", text, remedy, path, line=cut.line) from None
     if not batches:
@@ -144,6 +146,7 @@ def _batch(chunk: Sequence[dict[str, str]], path: Path, n_before: int) -> pa.Rec
 
 
 def _numbers(values: pa.Array, name: str, path: Path, n_before: int) -> pa.Array:
+    """The texts of an attribute as numbers; rows are counted from `n_before`, the rows of earlier batches."""
     try:
         return values.cast(pa.float64())
     except pa.ArrowInvalid:

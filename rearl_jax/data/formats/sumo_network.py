@@ -119,6 +119,7 @@ def surroundings_of(files: list[Path]) -> Surroundings:
 
 
 def _type_of(attributes: dict[str, str], path: Path) -> VehicleType:
+    """The vehicle type of a vType element; sizes that it does not state are those of its class."""
     vehicle_class = attributes.get("vClass", "passenger")
     length, width = SIZES.get(vehicle_class, (None, None))
     own_length, own_width = _number(attributes, "length", path), _number(attributes, "width", path)

@@ -71,6 +71,7 @@ def not_xml(path: Path, reason: str, line: int) -> BadRecordingError:
 
 
 def _fault_of(parse: Callable, block: bytes, is_last: bool) -> expat.ExpatError | None:
+    """The error that parsing a block raises; None if it is sound."""
     try:
         parse(block, is_last)
     except expat.ExpatError as error:

@@ -120,7 +120,7 @@ def read_run(path: Path, recording: str, run: int | None, policy: DataConfig) ->
         attribution=ATTRIBUTION,
         labels=(AUTOMATED,),
         file=str(path),
-        columns={ours: names[ours] for ours in _COLUMNS} | {"position": names["x"], "lateral": names["y"]},
+        columns={name: names[name] for name in _COLUMNS} | {"position": names["x"], "lateral": names["y"]},
     )
     rows["time"] = rows["time"].where(rows["time"].abs() <= MAX_MAGNITUDE)
     for name in ("track_id", "time"):
@@ -173,7 +173,7 @@ def _names(path: Path) -> dict[str, str]:
         text = f"{path.name} is not a trajectory table of TGSIM"
         raise bad_recording("not-a-table", text, "move it out of the folder", path)
     require_columns(list(present), tuple(_COLUMNS.values()), str(path))
-    return {ours: present[theirs] for ours, theirs in (_COLUMNS | _OPTIONAL).items() if theirs in present}
+    return {canonical: present[source] for canonical, source in (_COLUMNS | _OPTIONAL).items() if source in present}
 
 
 def _place(path: Path) -> str:
@@ -183,7 +183,7 @@ def _place(path: Path) -> str:
 
 def _rows(path: Path, names: dict[str, str], run: int | None, policy: DataConfig, losses: Losses) -> pd.DataFrame:
     """The rows of a run under canonical names; the index holds the row numbers of the file."""
-    types = {names[ours]: _TYPES.get(ours, pa.float64()) for ours in names}
+    types = {names[canonical]: _TYPES.get(canonical, pa.float64()) for canonical in names}
     table, n_broken = read_csv(path, types, policy.on_bad)
     if n_broken:
         losses.counts["broken_line"] = n_broken
@@ -195,18 +195,19 @@ def _rows(path: Path, names: dict[str, str], run: int | None, policy: DataConfig
     if not table.num_rows:
         raise bad_recording("no-rows", "the table has no rows", "remove the file or complete it", path)
     rows = table.to_pandas(split_blocks=True, self_destruct=True).set_axis(index, axis=0)
-    return rows.rename(columns={theirs: ours for ours, theirs in names.items()})
+    return rows.rename(columns={source: canonical for canonical, source in names.items()})
 
 
 def _straight(rows: pd.DataFrame, info: RecordingInfo) -> Straightened:
+    """The road on which the vehicles drive; BadRecordingError if none of them moves."""
     track, lane = rows["track_id"].to_numpy(), rows["lane"].to_numpy(np.float64)
     same = follows_row_before(track)
     same[1:] &= lane[1:] == lane[:-1]
     x, y = (rows[name].to_numpy(np.float64) for name in ("x", "y"))
-    places = (track, np.cumsum(~same), x, y, lane)
-    road = straightened(*places, y_down=True)
+    paths = (track, np.cumsum(~same), x, y, lane)
+    road = straightened(*paths, y_down=True)
     if road is not None and road.is_mirrored:
-        road = straightened(*places, y_down=False)
+        road = straightened(*paths, y_down=False)
     if road is None:
         text = "no vehicle moves, so that the road cannot be found"
         raise bad_recording("no-motion", text, "complete the positions", info.file, column=info.columns["x"])

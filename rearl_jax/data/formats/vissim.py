@@ -49,6 +49,7 @@ _NAMES = {
     "width": ("WIDTH", "BREITE"),
 }
 _REQUIRED = ("time", "vehicle", "link", "lane", "front", "speed")
+# Units of columns whose unit the file does not state.
 _UNSTATED = {"front": "m", "speed": "km/h", "length": "m", "acceleration": "m/s^2", "width": "m"}
 _SPELT = {"m/s2": "m/s^2", "m/s²": "m/s^2", "ft/s2": "ft/s^2", "ft/s²": "ft/s^2", "kmh": "km/h", "mi/h": "mph"}
 _SI = ("m", "m/s", "m/s^2")
@@ -62,7 +63,7 @@ class _Header:
 
     Attributes:
         n_above: Lines above the first row.
-        layout: Index of the layout's names in _NAMES.
+        layout: Index of the layout's names in _NAMES; -1 for the older layout, whose names are last.
         columns: All columns, as the file spells them.
         units: Unit of a column by its name in capitals.
     """
@@ -75,8 +76,8 @@ class _Header:
     def spelling(self) -> dict[str, str]:
         """Name in the file of every known column."""
         by_name = {name.upper(): name for name in self.columns}
-        found = {ours: [by_name[name] for name in names if name in by_name] for ours, names in _NAMES.items()}
-        return {ours: names[0] for ours, names in found.items() if names}
+        found = {canonical: [by_name[name] for name in names if name in by_name] for canonical, names in _NAMES.items()}
+        return {canonical: names[0] for canonical, names in found.items() if names}
 
 
 def find_records(root: Path) -> list[Path]:
@@ -86,7 +87,7 @@ def find_records(root: Path) -> list[Path]:
 
 def is_record(path: Path) -> bool:
     """True if a line names the columns of a vehicle record."""
-    return any(line.startswith(_HEADERS) or _is_old(line) for line in first_lines(path, _MAX_HEADER_LINES))
+    return any(line.startswith(_HEADERS) or _names_old_columns(line) for line in first_lines(path, _MAX_HEADER_LINES))
 
 
 def recording_id(path: Path) -> str:
@@ -107,11 +108,12 @@ def read_record(path: Path, policy: DataConfig) -> Recording:
     for name in _REQUIRED:
         if name not in names:
             require_columns(header.columns, (_NAMES[name][header.layout],), str(path))
-    kinds = {spelt: pa.string() if ours == "type" else pa.float64() for ours, spelt in names.items()}
+    kinds = {spelt: pa.string() if canonical == "type" else pa.float64() for canonical, spelt in names.items()}
     table, n_broken = read_below(path, header.columns, header.n_above, kinds, ";", policy.on_bad)
     if n_broken:
         losses.counts["broken_line"] = n_broken
-    raw = table.rename_columns([{spelt: ours for ours, spelt in names.items()}[n] for n in table.column_names])
+    canonical = {spelt: name for name, spelt in names.items()}
+    raw = table.rename_columns([canonical[spelt] for spelt in table.column_names])
     rows, notes = _rows_of(raw.to_pandas(split_blocks=True, self_destruct=True), header, names, path, policy)
     labels = (LABEL,) if "type" in names else ()
     columns = {**names, "track_id": names["vehicle"], "frame": names["time"], "position": names["front"]}
@@ -132,7 +134,7 @@ def _header_of(path: Path) -> _Header:
             for number, content in enumerate(file, 1):
                 line = _decoded(content).strip()
                 layout = next((place for place, begin in enumerate(_HEADERS) if line.startswith(begin)), -1)
-                if layout >= 0 or _is_old(line):
+                if layout >= 0 or _names_old_columns(line):
                     named = line.removeprefix(_HEADERS[layout]) if layout >= 0 else line
                     return _Header(number, layout, [name.strip() for name in named.split(";")], units)
                 explained = re.match(r"[*\s]*([\w\\]+)\s*:.*\[([^\[\]]+)\]", line)
@@ -157,7 +159,7 @@ def _decoded(line: bytes) -> str:
         return line.decode("cp1252", errors="replace")
 
 
-def _is_old(line: str) -> bool:
+def _names_old_columns(line: str) -> bool:
     """True if the line names the columns of the older layout."""
     names = [name.strip() for name in line.split(";")]
     return "VehNr" in names and len(names) > 2

@@ -1,4 +1,4 @@
-"""Observed tracks from simulated motion: frames at 25 Hz, detection noise, a smoothing tracker, a limited view."""
+"""Observed tracks of generated vehicles: frames at 25 Hz, detection noise, a smoothing tracker, a limited view."""
 
 from dataclasses import dataclass
 
@@ -15,7 +15,7 @@ MIN_TRACK_FRAMES = 4  # frames the tracker needs for third differences
 
 @dataclass(frozen=True)
 class Tracks:
-    """Output of the tracker, one row per vehicle and frame, sorted by vehicle and frame; driver frame.
+    """Output of the tracker, one row per vehicle and frame, sorted by vehicle and frame; as the driver sees the road.
 
     Attributes:
         vehicle: Number of the vehicle.
@@ -48,9 +48,9 @@ def observe(
     smooth = smoothed(measured, begin, config.smoothing_cutoff)
     velocity, acceleration = derivatives(smooth, begin)
     half_length = 0.5 * drivers.length[vehicle]
-    seen = (frame >= 1) & (frame <= n_frames)
-    seen &= (smooth[:, 0] - half_length >= 0.0) & (smooth[:, 0] + half_length <= config.camera_length)
-    rows = _without_holes(seen, begin)
+    in_view = (frame >= 1) & (frame <= n_frames)
+    in_view &= (smooth[:, 0] - half_length >= 0.0) & (smooth[:, 0] + half_length <= config.camera_length)
+    rows = _without_holes(in_view, begin)
     return Tracks(
         vehicle[rows],
         frame[rows],
@@ -74,7 +74,7 @@ def interpolate(samples: Samples, frames_per_step: int) -> tuple[np.ndarray, np.
     pair = np.flatnonzero((samples.vehicle[1:] == samples.vehicle[:-1]) & enough[:-1])
     if np.any(samples.step[pair + 1] - samples.step[pair] != 1):
         raise RuntimeError("a generated vehicle left the view and came back; positions must not decrease")
-    p = np.arange(frames_per_step) / frames_per_step
+    p = np.arange(frames_per_step) / frames_per_step  # share of the step that has passed
     duration = FRAME * frames_per_step
     x0, x1 = samples.position[pair, None], samples.position[pair + 1, None]
     m0, m1 = duration * samples.speed[pair, None], duration * samples.speed[pair + 1, None]
@@ -88,11 +88,11 @@ def interpolate(samples: Samples, frames_per_step: int) -> tuple[np.ndarray, np.
 
 
 def smoothed(measured: np.ndarray, begin: np.ndarray, cutoff: float) -> np.ndarray:
-    """Rows x that minimise |x - y|^2 + lambda |D3 x|^2 within each track, D3 the third difference.
+    """Rows x that minimise |x - y|^2 + lambda |D3 x|^2 within each track: y is `measured`, D3 the third difference.
 
     This is the fixed-interval (Rauch-Tung-Striebel) smoother of a constant-acceleration model with white
     jerk, the tracker of highD, in one banded system. The gain at frequency f is 1 / (1 + lambda (2 sin(pi f
-    dt))^6), one half at the cut-off.
+    dt))^6), dt being the time between two frames; lambda is such that the gain is one half at the cut-off.
 
     Args:
         measured: Positions, rows sorted by track and frame; one column per coordinate.
@@ -118,7 +118,9 @@ def smoothed(measured: np.ndarray, begin: np.ndarray, cutoff: float) -> np.ndarr
 
 
 def derivatives(values: np.ndarray, begin: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """First and second derivative by central differences within each track; one-sided at the ends."""
+    """First and second derivative by central differences within each track, which begins in a row `begin`; one-sided at
+    its ends.
+    """
     n_rows = len(values)
     end = np.concatenate([begin[1:], [n_rows]]) - 1
     first, second = np.empty_like(values), np.empty_like(values)
@@ -130,10 +132,10 @@ def derivatives(values: np.ndarray, begin: np.ndarray) -> tuple[np.ndarray, np.n
     return first, second
 
 
-def _without_holes(seen: np.ndarray, begin: np.ndarray) -> np.ndarray:
+def _without_holes(in_view: np.ndarray, begin: np.ndarray) -> np.ndarray:
     """Rows of every track from its first to its last row in view, so that noise at the view's edge leaves no gap."""
-    row = np.arange(len(seen))
-    first = np.minimum.reduceat(np.where(seen, row, len(seen)), begin)
-    last = np.maximum.reduceat(np.where(seen, row, -1), begin)
+    row = np.arange(len(in_view))
+    first = np.minimum.reduceat(np.where(in_view, row, len(in_view)), begin)
+    last = np.maximum.reduceat(np.where(in_view, row, -1), begin)
     track = np.cumsum(np.isin(row, begin)) - 1
     return np.flatnonzero((row >= first[track]) & (row <= last[track]))

@@ -1,6 +1,8 @@
 """Longitudinal behaviour of the generated drivers: Gipps' free and safe speed, a time gap per driver, mild braking.
 
-All functions are element-wise over drivers. Decelerations are positive magnitudes.
+All functions are element-wise over drivers. Decelerations are positive magnitudes. In formulas v is the speed, v0 the
+desired speed, vl the leader's speed, s the gap, s0 `jam_gap`, T `time_gap`, tau `reaction_time`, a `max_accel` and b
+`braking`.
 """
 
 import numpy as np

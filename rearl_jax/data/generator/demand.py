@@ -1,4 +1,4 @@
-"""Arrivals at the start of the road: time and lane of each vehicle."""
+"""Arrivals of generated vehicles at the start of the road: time and lane of each vehicle."""
 
 from dataclasses import dataclass
 

@@ -19,7 +19,7 @@ class Drivers:
         length, width: Size [m].
         desired_speed: Speed on an empty road [m/s].
         max_accel: Acceleration scale of the Gipps model [m/s^2].
-        braking: Deceleration that a driver expects of the own vehicle and of the leader [m/s^2], positive.
+        braking: Deceleration that a driver expects of this vehicle and of the leader [m/s^2], positive.
         comfort_decel: Deceleration not exceeded unless needed to avoid a collision [m/s^2], positive.
         reaction_time: Reaction time [s].
         time_gap: Bumper to bumper time gap kept while following steadily [s].
@@ -71,9 +71,11 @@ def draw_drivers(
         return np.where(is_truck, truck, car)
 
     def around(median: float, spread: float, low: float, high: float) -> np.ndarray:
+        """Log-normal values with this median, limited to [low, high]."""
         return np.clip(median * np.exp(spread * rng.standard_normal(n)), low, high)
 
     def normal(mean: float, sd: float, n_sd: float = 2.5) -> np.ndarray:
+        """Normal values, limited to `n_sd` standard deviations from the mean."""
         return mean + sd * np.clip(rng.standard_normal(n), -n_sd, n_sd)
 
     time_gap = by_class(around(config.car_time_gap, 0.40, 0.55, 3.0), around(config.truck_time_gap, 0.25, 1.0, 3.5))
@@ -141,9 +143,9 @@ class Fleet:
     @classmethod
     def empty(cls, drivers: Drivers) -> "Fleet":
         """A road without vehicles; `drivers` are those of the whole recording."""
-        whole = {name: np.zeros(0, dtype=int) for name in ("vehicle", "direction", "lane", "origin")}
-        real = {name: np.zeros(0) for name in STATE if name not in whole}
-        return cls(drivers.take(np.zeros(0, dtype=int)), **whole, **real)
+        integers = {name: np.zeros(0, dtype=int) for name in ("vehicle", "direction", "lane", "origin")}
+        floats = {name: np.zeros(0) for name in STATE if name not in integers}
+        return cls(drivers.take(np.zeros(0, dtype=int)), **integers, **floats)
 
     def __len__(self) -> int:
         return len(self.vehicle)

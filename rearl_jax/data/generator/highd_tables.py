@@ -53,9 +53,9 @@ def highd_tables(
     track_id = np.repeat(number, n_rows)
     order = np.argsort(track_id, kind="stable")
     tracks = Tracks(*(column[order] for column in vars(tracks).values()))
-    body = _tracks_table(plan, tracks, track_id[order], vehicles, direction[tracks.vehicle], camera_length)
-    meta = _tracks_meta(body, vehicles, direction, tracks.vehicle)
-    return body, meta, _recording_meta(plan, meta)
+    rows = _tracks_table(plan, tracks, track_id[order], vehicles, direction[tracks.vehicle], camera_length)
+    meta = _tracks_meta(rows, vehicles, direction, tracks.vehicle)
+    return rows, meta, _recording_meta(plan, meta)
 
 
 def _tracks_table(
@@ -73,13 +73,13 @@ def _tracks_table(
     centre_y = plan.section.image_y(direction, tracks.lateral)
     lane_id = plan.section.lane_id(centre_y)
     x, x_velocity = _rounded(centre_x - 0.5 * length), _rounded(sign * tracks.speed)
-    around = _neighbour_rows(tracks, lane_id, direction, length)
-    ids = {name: np.where(row >= 0, track_id[row], 0) for name, row in around.items()}
-    preceding = around["precedingId"]
-    has = preceding >= 0
-    dhw = np.where(has, np.abs(x[preceding] - x), 0.0)
+    neighbours = _neighbour_rows(tracks, lane_id, direction, length)
+    ids = {name: np.where(row >= 0, track_id[row], 0) for name, row in neighbours.items()}
+    preceding = neighbours["precedingId"]
+    has_preceding = preceding >= 0
+    dhw = np.where(has_preceding, np.abs(x[preceding] - x), 0.0)
     speed = np.abs(x_velocity)
-    closing = speed - np.where(has, np.abs(x_velocity[preceding]), 0.0)
+    closing = speed - np.where(has_preceding, np.abs(x_velocity[preceding]), 0.0)
     # A hundredth is the resolution of the file: smaller speeds and speed differences cannot be distinguished from 0.
     ttc = dhw / np.where(np.abs(closing) < 0.01, 0.01, closing)
     return {
@@ -97,8 +97,8 @@ def _tracks_table(
         "backSightDistance": _rounded(tracks.position),
         "dhw": _rounded(dhw),
         "thw": _rounded(dhw / np.maximum(speed, 0.01)),
-        "ttc": _rounded(np.where(has, ttc, 0.0)),
-        "precedingXVelocity": _rounded(np.where(has, x_velocity[preceding], 0.0)),
+        "ttc": _rounded(np.where(has_preceding, ttc, 0.0)),
+        "precedingXVelocity": _rounded(np.where(has_preceding, x_velocity[preceding], 0.0)),
         **ids,
         "laneId": lane_id,
     }
@@ -116,6 +116,7 @@ def _neighbour_rows(
     place[order] = np.arange(len(order))
 
     def row_at(index: np.ndarray, wanted: np.ndarray) -> np.ndarray:
+        """Row at each place of the order; -1 where it is not of the wanted frame and lane."""
         inside = np.clip(index, 0, len(order) - 1)
         return np.where((inside == index) & (groups[inside] == wanted), order[inside], -1)
 
@@ -137,30 +138,30 @@ def _neighbour_rows(
     return found
 
 
-def _tracks_meta(body: Table, vehicles: Sizes, direction: np.ndarray, vehicle: np.ndarray) -> Table:
-    begin = np.flatnonzero(np.diff(body["id"], prepend=0))
-    n_frames = np.diff(np.append(begin, len(body["id"])))
+def _tracks_meta(rows: Table, vehicles: Sizes, direction: np.ndarray, vehicle: np.ndarray) -> Table:
+    begin = np.flatnonzero(np.diff(rows["id"], prepend=0))
+    n_frames = np.diff(np.append(begin, len(rows["id"])))
     end = begin + n_frames - 1
-    speed, x = np.abs(body["xVelocity"]), body["x"]
-    own = vehicle[begin]
+    speed, x = np.abs(rows["xVelocity"]), rows["x"]
+    of_track = vehicle[begin]
 
     def smallest(name: str) -> np.ndarray:
         """Smallest positive value of each track, -1 without one."""
-        values = body[name]
+        values = rows[name]
         lowest = np.minimum.reduceat(np.where(values > 0.0, values, np.inf), begin)
         return np.where(np.isfinite(lowest), lowest, NO_VALUE)
 
-    changed = np.diff(body["laneId"], prepend=body["laneId"][0]) != 0
+    changed = np.diff(rows["laneId"], prepend=rows["laneId"][0]) != 0
     changed[begin] = False
     return {
-        "id": body["id"][begin],
-        "width": _rounded(vehicles.length[own]),
-        "height": _rounded(vehicles.width[own]),
-        "initialFrame": body["frame"][begin],
-        "finalFrame": body["frame"][end],
+        "id": rows["id"][begin],
+        "width": _rounded(vehicles.length[of_track]),
+        "height": _rounded(vehicles.width[of_track]),
+        "initialFrame": rows["frame"][begin],
+        "finalFrame": rows["frame"][end],
         "numFrames": n_frames,
-        "class": np.where(vehicles.is_truck[own], "Truck", "Car"),
-        "drivingDirection": direction[own],
+        "class": np.where(vehicles.is_truck[of_track], "Truck", "Car"),
+        "drivingDirection": direction[of_track],
         "traveledDistance": _rounded(np.abs(x[end] - x[begin])),
         "minXVelocity": _rounded(np.minimum.reduceat(speed, begin)),
         "maxXVelocity": _rounded(np.maximum.reduceat(speed, begin)),

@@ -54,8 +54,9 @@ def expected_speed(
 def accepts_gaps(speed: np.ndarray, target: Neighbours, drivers: Drivers) -> np.ndarray:
     """Mask of drivers for whom the gaps in the target lane suffice.
 
-    To the vehicle ahead: s0 + T_c v plus the distance lost while slowing to its speed at comfortable deceleration; to
-    the one behind the same with its speed, plus the distance lost in the reaction time.
+    The gap to the vehicle ahead must exceed s0 + T_c v (jam gap, critical time gap and speed) plus the distance lost
+    while slowing to its speed at comfortable deceleration; the gap to the one behind the same with that one's speed,
+    plus the distance lost in the reaction time.
 
     Source: gap acceptance with a critical gap per driver, as in Gipps (1986), A model for the structure of
     lane-changing decisions.
@@ -80,7 +81,10 @@ def change_probability(
     rate: float,
     duration: float,
 ) -> np.ndarray:
-    """Probability of beginning a change to one side within the duration [s], if the gaps suffice."""
+    """Probability of beginning a change to one side within the duration [s], if the gaps suffice.
+
+    `rate` is the full lane-change rate [1/s], which a large incentive causes.
+    """
     fleet = situation.fleet
     drivers, speed = fleet.drivers, fleet.speed
     horizon = GAIN_HORIZON if side == LEFT else RETURN_HORIZON

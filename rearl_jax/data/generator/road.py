@@ -1,6 +1,6 @@
 """Geometry of the recorded motorway sections: carriageways, lane markings, lane numbers as in highD.
 
-Driver frame: `position` along the own driving direction [m], `lateral` from the left edge of the carriageway,
+Driver frame: `position` along the driving direction [m], `lateral` from the left edge of the carriageway,
 positive to the right [m], lanes counted from the left starting at 0. Image frame: x to the right, y down; the
 upper carriageway (direction 1) drives to the left, the lower one (direction 2) to the right.
 """
@@ -39,7 +39,7 @@ class Section:
         return np.round(first + self.lane_width * np.arange(self.n_lanes + 1), 2)
 
     def image_y(self, direction: np.ndarray, lateral: np.ndarray) -> np.ndarray:
-        """y in the image [m] of a lateral offset from the left edge of the own carriageway."""
+        """y in the image [m] of a lateral offset from the left edge of its carriageway."""
         upper_left_edge = self.markings(UPPER)[-1]
         lower_left_edge = self.markings(LOWER)[0]
         return np.where(direction == UPPER, upper_left_edge - lateral, lower_left_edge + lateral)

@@ -16,7 +16,7 @@ class Situation:
         fleet: Drivers and their own state.
         leader: Index in the fleet of the vehicle followed, -1 = none.
         gap: Bumper to bumper distance to the leader [m], inf without one.
-        leader_speed: Speed of the leader [m/s]; the own speed without one.
+        leader_speed: Speed of the leader [m/s]; the driver's own speed without one.
         leader_acceleration: Acceleration of the leader [m/s^2]; 0 without one.
     """
 

@@ -189,9 +189,9 @@ class Traffic:
             # A driver who occupies two lanes follows the leader that allows the lower speed.
             other = self.leader_in_origin
             other_gap, other_speed = self._gap_and_speed(other, self.changing)
-            own, drivers = fleet.speed[self.changing], fleet.drivers.take(self.changing)
-            safe = safe_speed(own, gap[self.changing], leader_speed[self.changing], drivers.time_gap, drivers)
-            other_safe = safe_speed(own, other_gap, other_speed, drivers.time_gap, drivers)
+            speed, drivers = fleet.speed[self.changing], fleet.drivers.take(self.changing)
+            safe = safe_speed(speed, gap[self.changing], leader_speed[self.changing], drivers.time_gap, drivers)
+            other_safe = safe_speed(speed, other_gap, other_speed, drivers.time_gap, drivers)
             lower = other_safe < safe
             vehicle = self.changing[lower]
             leader[vehicle], gap[vehicle], leader_speed[vehicle] = other[lower], other_gap[lower], other_speed[lower]
@@ -271,6 +271,7 @@ class Traffic:
             fleet.keep(self.drivers, fleet.position <= self.road_length)
 
     def _in_view(self, step: int) -> tuple[np.ndarray, ...]:
+        """Columns of `Samples` for the vehicles in the view and near it."""
         fleet = self.fleet
         position = fleet.position - 0.5 * fleet.drivers.length - self.config.approach_length
         margin = CAMERA_MARGIN

@@ -51,17 +51,17 @@ def lane_order(number: np.ndarray, across: np.ndarray) -> LaneOrder:
     """
     known = (np.abs(number) < _MAX_LANE) & np.isfinite(across)
     numbers, which, n_rows = np.unique(number[known], return_inverse=True, return_counts=True)
-    places = [across[known][which == lane] for lane in range(len(numbers))]
-    low, middle, high = np.array([np.quantile(place, (0.05, 0.5, 0.95)) for place in places]).reshape(-1, 3).T
+    offsets = [across[known][which == lane] for lane in range(len(numbers))]
+    low, middle, high = np.array([np.quantile(of_lane, (0.05, 0.5, 0.95)) for of_lane in offsets]).reshape(-1, 3).T
     is_rare = n_rows < RARE_SHARE * known.sum()
     is_lane = ~is_rare & (high - low <= LANE_SPREAD)
-    ranks, rank, last = dict[int, int](), 0, -np.inf
+    ranks, rank, previous = dict[int, int](), 0, -np.inf
     for lane in np.argsort(middle):
         if not is_lane[lane]:
             continue
-        if middle[lane] - last > 0.5 * USUAL_WIDTH:
-            rank += 0 if np.isinf(last) else max(int(np.rint((middle[lane] - last) / USUAL_WIDTH)), 1)
-            last = middle[lane]
+        if middle[lane] - previous > 0.5 * USUAL_WIDTH:
+            rank += 0 if np.isinf(previous) else max(int(np.rint((middle[lane] - previous) / USUAL_WIDTH)), 1)
+            previous = middle[lane]
         ranks[int(numbers[lane])] = rank
     apart = tuple(numbers[~is_lane & ~is_rare].astype(np.int64).tolist())
     middle = np.sort(middle[is_lane])

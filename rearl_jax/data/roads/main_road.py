@@ -126,6 +126,7 @@ def _starts(joints: list[_Joint], steps: Steps) -> np.ndarray:
     ends = [np.quantile(steps.along[part], (_OUTER, 1.0 - _OUTER)) if part.size else np.zeros(2) for part in rows]
     neighbours: dict[int, list[tuple[int, int, float]]] = {link: [] for link in range(n_links)}
     for joint in joints:
+        # Negative, because the heap gives the smallest number first.
         neighbours[joint.behind].append((-joint.n, joint.ahead, joint.apart))
         neighbours[joint.ahead].append((-joint.n, joint.behind, -joint.apart))
     begins = np.full(n_links, np.nan)

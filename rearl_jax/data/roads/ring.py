@@ -24,18 +24,18 @@ def unrolled(rows: pd.DataFrame, circumference: float, file: str) -> tuple[pd.Da
     Raises:
         BadRecordingError: There are several lanes, or vehicles overtake each other or are not on the ring.
     """
-    track, frame, place = (numbers_of(pd.Series(rows[name])) for name in ("track_id", "frame", "position"))
+    track, frame, stated = (numbers_of(pd.Series(rows[name])) for name in ("track_id", "frame", "position"))
     if "lane" in rows and len(np.unique(numbers_of(pd.Series(rows["lane"])))) > 1:
         text = "a ring road is read with one lane only, and there are several"
         remedy = "give each lane a table of its own, or leave the column out: 'data.columns={lane: null}'"
         raise bad_recording("ring-lanes", text, remedy, file, column="lane")
-    known = np.flatnonzero(np.isfinite(track) & np.isfinite(frame) & np.isfinite(place))
+    known = np.flatnonzero(np.isfinite(track) & np.isfinite(frame) & np.isfinite(stated))
     order = known[np.lexsort((frame[known], track[known]))]
-    at = _along(track[order].astype(np.int64), frame[order].astype(np.int64), place[order], circumference)
-    position = place.copy()
-    position[order] = at
+    along = _along(track[order].astype(np.int64), frame[order].astype(np.int64), stated[order], circumference)
+    position = stated.copy()
+    position[order] = along
     rows = rows.assign(position=position, x=position, y=0.0, lane=0)
-    rearmost = _rearmost(frame[order].astype(np.int64), at, circumference, file)
+    rearmost = _rearmost(frame[order].astype(np.int64), along, circumference, file)
     source = order[rearmost]
     copies = rows.iloc[source].assign(position=position[source] + circumference, x=position[source] + circumference)
     first_free = int(np.max(track[known], initial=0.0)) + 1
@@ -47,32 +47,33 @@ def unrolled(rows: pd.DataFrame, circumference: float, file: str) -> tuple[pd.Da
 
 
 def _along(
-    track: Int[np.ndarray, " rows"], frame: Int[np.ndarray, " rows"], place: Float[np.ndarray, " rows"], lap: float
+    track: Int[np.ndarray, " rows"], frame: Int[np.ndarray, " rows"], stated: Float[np.ndarray, " rows"], lap: float
 ) -> Float[np.ndarray, " rows"]:
     """Positions that grow from lap to lap [m]; every vehicle begins less than a lap behind the longest track."""
     starts = np.flatnonzero(~follows_row_before(track))
     counts = np.diff(np.r_[starts, len(track)])
-    seams = -np.rint(np.diff(place, prepend=0.0) / lap)
+    # 1 where the stated position restarts at 0, -1 where noise takes it back.
+    seams = -np.rint(np.diff(stated, prepend=0.0) / lap)
     seams[starts] = 0.0
     laps = np.cumsum(seams)
-    at = place + lap * (laps - np.repeat(laps[starts], counts))
+    along = stated + lap * (laps - np.repeat(laps[starts], counts))
     longest = int(np.argmax(counts))
-    seen = slice(starts[longest], starts[longest] + counts[longest])
-    front = np.interp(frame[starts], frame[seen], at[seen])
-    behind = np.floor((front - at[starts]) / lap)
+    of_longest = slice(starts[longest], starts[longest] + counts[longest])
+    front = np.interp(frame[starts], frame[of_longest], along[of_longest])
+    behind = np.floor((front - along[starts]) / lap)
     behind[longest] = 0.0
-    return at + lap * np.repeat(behind, counts)
+    return along + lap * np.repeat(behind, counts)
 
 
 def _rearmost(
-    frame: Int[np.ndarray, " rows"], at: Float[np.ndarray, " rows"], lap: float, file: str
+    frame: Int[np.ndarray, " rows"], along: Float[np.ndarray, " rows"], lap: float, file: str
 ) -> Int[np.ndarray, " frames"]:
     """Row of the rearmost vehicle of every frame."""
-    order = np.lexsort((at, frame))
+    order = np.lexsort((along, frame))
     is_first = ~follows_row_before(frame[order])
     rearmost = order[is_first]
     foremost = order[np.r_[np.flatnonzero(is_first)[1:] - 1, len(order) - 1]]
-    reach = at[foremost] - at[rearmost]
+    reach = along[foremost] - along[rearmost]
     if (reach >= lap).any():
         worst = int(np.argmax(reach))
         text = f"in frame {frame[rearmost[worst]]} vehicles are {reach[worst]:.1f} m apart on a ring of {lap:g} m"

@@ -89,20 +89,28 @@ def road_axis(track: np.ndarray, piece: np.ndarray, x: np.ndarray, y: np.ndarray
 def _on_line(
     x: np.ndarray, y: np.ndarray, origin: np.ndarray, forward: np.ndarray, right: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
+    """Positions along the straight line and to its right, the arrays a and b of this module [m]."""
     dx, dy = x - origin[0], y - origin[1]
     return dx * forward[0] + dy * forward[1], dx * right[0] + dy * right[1]
 
 
 def _increments(piece: np.ndarray, a: np.ndarray, b: np.ndarray, n: int) -> np.ndarray:
-    """Shift of the road to the right between consecutive points [m]: the median over all vehicles that pass both."""
+    """Shift of the road to the right between consecutive points [m]: the median over all vehicles that pass both.
+
+    Args:
+        piece: Part of a track to which each row belongs.
+        a: Position of each row along the straight line, from the first point [m].
+        b: Position to its right [m].
+        n: Number of shifts.
+    """
     cell = np.floor(a / SPACING).astype(np.int64)
     step = np.diff(a)
     crosses = (piece[1:] == piece[:-1]) & (np.abs(np.diff(cell)) == 1) & (np.abs(step) < _MAX_STEP)
-    at = np.flatnonzero(crosses)
-    point = np.maximum(cell[at], cell[at + 1])
-    share = (SPACING * point - a[at]) / step[at]
+    rows = np.flatnonzero(crosses)
+    point = np.maximum(cell[rows], cell[rows + 1])
+    share = (SPACING * point - a[rows]) / step[rows]
     # Only the first crossing of a point counts, because a vehicle that stands there may cross it several times.
-    crossings = pd.DataFrame({"piece": piece[at], "point": point, "b": b[at] + share * (b[at + 1] - b[at])})
+    crossings = pd.DataFrame({"piece": piece[rows], "point": point, "b": b[rows] + share * (b[rows + 1] - b[rows])})
     crossings = crossings.groupby(["piece", "point"], as_index=False).first()
     crossing_piece, point, b = (crossings[name].to_numpy() for name in ("piece", "point", "b"))
     same = (crossing_piece[1:] == crossing_piece[:-1]) & (np.diff(point) == 1)

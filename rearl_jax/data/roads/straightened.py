@@ -43,8 +43,8 @@ class Straightened:
         y, direction = self.columns["y"].to_numpy(), self.columns["direction"].to_numpy()
         if len(self.lanes) < 2:
             return False
-        oncoming, own = (float(np.nanmedian(y[direction == side])) for side in (1, 2))
-        return oncoming > own
+        oncoming, along_x = (float(np.nanmedian(y[direction == side])) for side in (1, 2))
+        return oncoming > along_x
 
 
 def straightened(
@@ -108,11 +108,11 @@ def leave_out(table: pd.DataFrame, off_road: pd.Series, losses: Losses) -> pd.Da
         return table
     back = follows_row_before(table["track_id"].to_numpy())
     back[1:] &= ~marked[1:] & marked[:-1]
-    before = table["track_id"].to_numpy()
-    ends = pd.Series(~marked).groupby(before).cumsum().to_numpy()
+    track = table["track_id"].to_numpy()
+    n_remaining = pd.Series(~marked).groupby(track).cumsum().to_numpy()
     kept = losses.remove(table, marked, "off_road")
     # Not at the first remaining row of a track, because nothing precedes it.
-    return split_tracks(kept, (back & (ends > 1))[~marked])
+    return split_tracks(kept, (back & (n_remaining > 1))[~marked])
 
 
 def _ways(

@@ -74,8 +74,9 @@ def stretch_of(numbers: Sequence[float] | None) -> Stretch:
 def _metres(latitude: np.ndarray, longitude: np.ndarray, origin: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
     """Distances to the east and north of the origin [m], in the plane that is tangent to the Earth there."""
     phi = np.radians(origin[0])
-    e2 = _FLATTENING * (2.0 - _FLATTENING)
+    e2 = _FLATTENING * (2.0 - _FLATTENING)  # squared eccentricity
     curve = 1.0 - e2 * np.sin(phi) ** 2
+    # Radii of curvature [m] to the north and to the east.
     meridian, across = _EQUATOR * (1.0 - e2) / curve**1.5, _EQUATOR / np.sqrt(curve)
     east = np.radians(longitude - origin[1]) * across * np.cos(phi)
     return east, np.radians(latitude - origin[0]) * meridian

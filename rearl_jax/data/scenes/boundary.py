@@ -110,14 +110,14 @@ def cut_boundary(
     chosen = scenes.select(subset)
     simulated = _simulated(chosen)
     if options.keeps_first:
-        simulated = _kept(simulated)
+        simulated = _keeping_first(simulated)
     replayed: dict[int, dict[str, np.ndarray]] = {}
     for recording in recordings:
-        own = np.flatnonzero(chosen.recording == recording.info.id)
-        if len(own):
+        of_recording = np.flatnonzero(chosen.recording == recording.info.id)
+        if len(of_recording):
             rows = VehicleRows(recording.table)
-            _require_same(recording, rows, chosen.select(own))
-            for scene in own:
+            _require_same(recording, rows, chosen.select(of_recording))
+            for scene in of_recording:
                 replayed[int(scene)] = _replayed(recording, rows, chosen, simulated, int(scene), options)
     missing = sorted(set(range(len(chosen))) - set(replayed))
     if missing:
@@ -167,20 +167,20 @@ def _simulated(scenes: SceneSet) -> dict[str, np.ndarray]:
     occupant = np.cumsum(found["is_new"], axis=1)  # number of the vehicle among those that have the same place in turn
     highest = np.zeros_like(found["speed"])
     for number in range(int(occupant.max()) + 1):
-        is_own = occupant == number
-        top = np.where(is_own, found["speed"], -np.inf).max(axis=1, keepdims=True)
-        highest = np.where(is_own, top, highest)
+        is_occupant = occupant == number
+        top = np.where(is_occupant, found["speed"], -np.inf).max(axis=1, keepdims=True)
+        highest = np.where(is_occupant, top, highest)
     return found | {"highest_speed": highest}
 
 
-def _kept(simulated: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+def _keeping_first(simulated: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     """The fields of `_simulated`, in which no other vehicle takes the place of the first one after it has left."""
     track, lane, is_new = simulated["track_id"].copy(), simulated["lane"].copy(), simulated["is_new"]
-    own = track[:, :1, :1].copy()
-    has_left = np.logical_or.accumulate(track[:, :, :1] != own, axis=1)
+    first = track[:, :1, :1].copy()
+    has_left = np.logical_or.accumulate(track[:, :, :1] != first, axis=1)
     lane[:, :, :1] = np.where(has_left, NOT_RECORDED, lane[:, :, :1])
-    track[:, :, :1] = own
-    return simulated | {"track_id": track, "lane": lane, "is_new": is_new & (track != own)}
+    track[:, :, :1] = first
+    return simulated | {"track_id": track, "lane": lane, "is_new": is_new & (track != first)}
 
 
 def _places(track_id: Int[np.ndarray, "frames slots"]) -> Int[np.ndarray, "frames places"]:
@@ -211,8 +211,8 @@ def _replayed(
     is_near = (frame >= first) & (frame < first + offsets[-1])
     if options.is_one_way:
         is_near &= table["direction"].to_numpy() == scenes.direction[scene, 0, 0]
-    tracks, at = np.unique(table["track_id"].to_numpy(np.int64)[is_near], return_index=True)
-    row = np.flatnonzero(is_near)[at]
+    tracks, first_row = np.unique(table["track_id"].to_numpy(np.int64)[is_near], return_index=True)
+    row = np.flatnonzero(is_near)[first_row]
 
     share = np.arange(options.steps_per_second) / options.steps_per_second
     time = (offsets[:-1, None] + share * np.diff(offsets)[:, None]).reshape(-1)  # in frames
@@ -237,13 +237,13 @@ def _replayed(
     lane = np.where(is_recorded, lane, NOT_RECORDED)
     origin = scenes.position[scene, 0, 0] - simulated["x"][scene, 0, 0]
     moving = {"x": between("position") - origin, "speed": between("speed"), "acceleration": between("acceleration")}
-    own = {name: values[scene] for name, values in simulated.items()}
-    is_simulated = (tracks[:, None, None] == own["track_id"]).any(axis=2)  # [tracks, seconds]
+    of_scene = {name: values[scene] for name, values in simulated.items()}
+    is_simulated = (tracks[:, None, None] == of_scene["track_id"]).any(axis=2)  # [tracks, seconds]
     if options.source is BoundarySource.measured:
         picked = _all_around(is_recorded.any(axis=2) & ~is_simulated)
     else:
-        picked = _in_front(moving["x"][:, :, 0], np.where(is_simulated, NOT_RECORDED, lane[:, :, 0]), own)
-    return _placed(picked, tracks, moving | {"lane": lane}, table.iloc[row], own["x"].shape[1])
+        picked = _in_front(moving["x"][:, :, 0], np.where(is_simulated, NOT_RECORDED, lane[:, :, 0]), of_scene)
+    return _placed(picked, tracks, moving | {"lane": lane}, table.iloc[row], of_scene["x"].shape[1])
 
 
 def _all_around(is_around: Bool[np.ndarray, "tracks seconds"]) -> Int[np.ndarray, "seconds places"]:
@@ -256,19 +256,19 @@ def _all_around(is_around: Bool[np.ndarray, "tracks seconds"]) -> Int[np.ndarray
 
 
 def _in_front(
-    x: Float[np.ndarray, "tracks seconds"], lane: Int[np.ndarray, "tracks seconds"], own: dict[str, np.ndarray]
+    x: Float[np.ndarray, "tracks seconds"], lane: Int[np.ndarray, "tracks seconds"], simulated: dict[str, np.ndarray]
 ) -> Int[np.ndarray, "seconds places"]:
     """Index of the nearest track ahead of the foremost simulated vehicle on each of its lanes, lane by lane.
 
     Args:
         x: Positions at the beginning of each second [m].
         lane: Lanes then; NOT_RECORDED for tracks that are simulated.
-        own: Fields of `SceneBoundary` about simulated vehicles.
+        simulated: Fields of `SceneBoundary` about simulated vehicles.
     """
-    n_lanes = int(max(own["lane"].max(), lane.max(initial=0))) + 1
+    n_lanes = int(max(simulated["lane"].max(), lane.max(initial=0))) + 1
     picked = np.full((x.shape[1], n_lanes), NO_VEHICLE)
     for number in range(n_lanes):
-        foremost = np.where(own["lane"] == number, own["x"], -np.inf).max(axis=1)
+        foremost = np.where(simulated["lane"] == number, simulated["x"], -np.inf).max(axis=1)
         ahead = np.where((lane == number) & np.isfinite(foremost) & (x >= foremost), x, np.inf)
         if len(ahead):
             nearest = ahead.argmin(axis=0)

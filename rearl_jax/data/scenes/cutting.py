@@ -1,7 +1,7 @@
-"""Cuts scenes of equal shape from recordings: 60 one-second snapshots of ten vehicles each.
+"""Cuts scenes of equal shape from recordings: 60 snapshots of ten vehicles, one per second.
 
-Recordings are read one at a time and not kept. Speeds are rescaled with extremes over all accepted scenes,
-which are known only once the last recording has been seen.
+Recordings are read one at a time and not kept. Speeds are rescaled with extremes over all scenes, which
+are known only once the last recording has been read.
 """
 
 import logging
@@ -40,29 +40,29 @@ def build_scenes(
     keys.scenes.check()
     parts: dict[str, list[np.ndarray]] = defaultdict(list)
     infos: list[RecordingInfo] = []
-    seen: dict[str, WindowCount] = {}
+    window_counts: dict[str, WindowCount] = {}
     dropped: Counter[str] = Counter()
     n_scenes = 0
     for recording in recordings:
         info = recording.info
-        if info.id in seen:
+        if info.id in window_counts:
             message = "two recordings have this id: give every recording its own id"
             raise InvalidInputError(Problem("recording-twice", message, file=f"recording {info.id}"))
-        arrays, seen[info.id] = windows_of(recording, keys)
+        arrays, window_counts[info.id] = windows_of(recording, keys)
         if arrays:
             infos.append(info)
         for name, values in arrays.items():
             parts[name].append(values)
         dropped.update(recording.dropped)
-        n_scenes += seen[info.id].accepted
-        log.info("%s: %d of %d windows", info.id, seen[info.id].accepted, seen[info.id].windows)
+        n_scenes += window_counts[info.id].accepted
+        log.info("%s: %d of %d windows", info.id, window_counts[info.id].accepted, window_counts[info.id].windows)
         # The loop variable would keep this recording alive while the next one is read.
         del recording
         if progress is not None:
             progress(info.id, n_scenes)
     if n_scenes == 0:
-        raise InvalidInputError(_no_scene(seen, dropped, keys.scenes))
-    counts = _counts(seen)
+        raise InvalidInputError(_no_scene(window_counts, dropped, keys.scenes))
+    counts = _counts(window_counts)
     log.info("%d scenes of %d windows; REARL reports %d from highD", n_scenes, counts.windows, PAPER_SCENES)
     # Field by field, so that the parts of a field are freed before the next one is joined.
     joined = {name: np.concatenate(parts.pop(name)) for name in tuple(parts)}
@@ -81,32 +81,32 @@ def build_scenes(
     )
 
 
-def _counts(seen: Mapping[str, WindowCount]) -> SceneCounts:
-    windows = sum(count.windows for count in seen.values())
-    accepted = sum(count.accepted for count in seen.values())
+def _counts(window_counts: Mapping[str, WindowCount]) -> SceneCounts:
+    windows = sum(count.windows for count in window_counts.values())
+    accepted = sum(count.accepted for count in window_counts.values())
     return SceneCounts(
-        recordings=len(seen),
-        recordings_without_scenes=sum(count.accepted == 0 for count in seen.values()),
+        recordings=len(window_counts),
+        recordings_without_scenes=sum(count.accepted == 0 for count in window_counts.values()),
         windows=windows,
         rejected=windows - accepted,
         accepted=accepted,
     )
 
 
-def _no_scene(seen: Mapping[str, WindowCount], dropped: Mapping[str, int], scenes: ScenesConfig) -> Problem:
+def _no_scene(window_counts: Mapping[str, WindowCount], dropped: Mapping[str, int], scenes: ScenesConfig) -> Problem:
     """Problem of recordings that give no scene, with the key to change."""
-    if not seen:
+    if not window_counts:
         message = "there are no recordings to cut scenes from: check data.format and data.root"
         return Problem("recordings-missing", message)
-    windows = sum(count.windows for count in seen.values())
+    windows = sum(count.windows for count in window_counts.values())
     if windows == 0:
-        longest, count = max(seen.items(), key=lambda item: item[1].duration)
+        longest, count = max(window_counts.items(), key=lambda item: item[1].duration)
         message = (
             f"no recording lasts scenes.seconds = {scenes.seconds} s: the longest, {longest}, {count.duration:.1f} s"
         )
         return Problem("recordings-too-short", message, f"set scenes.seconds={max(int(count.duration), 2)} or less")
-    best, count = max(seen.items(), key=lambda item: item[1].best_window)
-    most = max(count.most_vehicles for count in seen.values())
+    best, count = max(window_counts.items(), key=lambda item: item[1].best_window)
+    most = max(count.most_vehicles for count in window_counts.values())
     if count.best_window >= 2:
         remedy = f"set scenes.min_vehicles={count.best_window}"
         remedy += f" and scenes.slots={count.best_window}" if count.best_window < scenes.slots else ""

@@ -22,7 +22,7 @@ class Vehicles:
     Attributes:
         x: Centre in the common ground frame, along the road [m].
         y: Centre in the common ground frame, across the road [m].
-        position: Centre along the own driving direction [m].
+        position: Centre along its driving direction [m].
         length: Vehicle length [m].
         speed: Speed along the driving direction [m/s].
         direction: Carriageway, 1 or 2.
@@ -100,11 +100,11 @@ def distance_headway(vehicles: Vehicles, rows: np.ndarray, present: np.ndarray, 
         raise InvalidInputError(Problem("lane-missing", message, key="features.d"))
     result = np.empty((len(rows), n_places))
     for part in _parts(len(rows), n_places * rows.shape[1]):
-        own, other = rows[part, :n_places, None], rows[part, None, :]
-        ahead = vehicles.position[other] - vehicles.position[own]
-        gap = ahead - 0.5 * (vehicles.length[own] + vehicles.length[other])
-        same_lane = (vehicles.lane[other] == vehicles.lane[own]) & (
-            vehicles.direction[other] == vehicles.direction[own]
+        vehicle, other = rows[part, :n_places, None], rows[part, None, :]
+        ahead = vehicles.position[other] - vehicles.position[vehicle]
+        gap = ahead - 0.5 * (vehicles.length[vehicle] + vehicles.length[other])
+        same_lane = (vehicles.lane[other] == vehicles.lane[vehicle]) & (
+            vehicles.direction[other] == vehicles.direction[vehicle]
         )
         is_leader = present[part, None, :] & same_lane & (ahead > 0)
         # The nearest centre, not the smallest gap: a long truck further ahead is not the leader.
@@ -115,5 +115,6 @@ def distance_headway(vehicles: Vehicles, rows: np.ndarray, present: np.ndarray, 
 
 
 def _parts(n_cells: int, pairs_per_cell: int) -> list[slice]:
+    """Consecutive groups of cells with at most about _MAX_PAIRS pairs each."""
     step = max(1, _MAX_PAIRS // max(1, pairs_per_cell))
     return [slice(start, start + step) for start in range(0, n_cells, step)]

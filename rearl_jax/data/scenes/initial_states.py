@@ -52,7 +52,7 @@ def recorded_road(core: CoreConfig, scenes: SceneSet) -> CoreConfig:
 def measured_state(scenes: SceneSet, core: CoreConfig) -> TrafficState:
     """States with the vehicles of every scene's first snapshot, `[n_vehicles, n_scenes]`.
 
-    x is the position along the own driving direction minus the smallest one of the scene, so carriageways are side by
+    x is the position along the driving direction minus the smallest one of the scene, so carriageways are side by
     side and all vehicles drive towards larger x; lanes as in `first_lanes`. `desired_speed` is the highest recorded
     speed of the vehicle, by which `core.boundary.limited_desired_speed` limits that of its driver. Speeds are rescaled
     by `scenes.speed_norm`.

@@ -60,7 +60,7 @@ class SceneSet:
         track_id: Vehicle, unique in its recording.
         x: Centre in the common ground frame, along the road [m].
         y: Centre in the common ground frame, across the road [m].
-        position: Centre along the own driving direction, from the upstream edge [m].
+        position: Centre along its driving direction, from the upstream edge [m].
         lane: Lane, 0 = leftmost in driving direction, -1 = unknown.
         direction: Carriageway, 1 or 2.
         length: Vehicle length [m].
@@ -216,7 +216,7 @@ def scale_speed(speed: np.ndarray, speed_min: float, speed_max: float, norm: Spe
     return (1.0 - share) * low + share * high
 
 
-def real_lane_change_rate(scenes: SceneSet) -> Float[np.ndarray, " scenes"]:
+def recorded_lane_change_rate(scenes: SceneSet) -> Float[np.ndarray, " scenes"]:
     """Lane changes per vehicle-second of every scene, in the recorded traffic.
 
     Number of (snapshot, slot) whose vehicle is in another lane one second later, over all snapshots x slots.

@@ -1,8 +1,8 @@
-"""Windows and picked vehicles of one recording.
+"""Windows of one recording, which become scenes, and the vehicles picked in them.
 
-A window is cut into 1 Hz snapshots. Windows may share snapshots (`scenes.stride`), so quantities of a snapshot are
-computed once and assigned to windows at the end. A cell is a snapshot of the vehicles of one group: those of both
-carriageways together, or of one of them.
+A window is a stretch of time, cut into snapshots, one per second. Windows may share snapshots (`scenes.stride`), so
+quantities of a snapshot are computed once and assigned to windows at the end. A cell is a snapshot of the vehicles of
+one group: those of both carriageways together, or of one of them.
 """
 
 from dataclasses import dataclass
@@ -78,7 +78,16 @@ class WindowCount:
 
 
 class Tracks:
-    """Rows of a canonical table by track; finds the row of a track at another frame."""
+    """Rows of a canonical table by track; finds the row of a track at another frame.
+
+    Attributes:
+        track_id, frame: Columns of the table.
+        starts: First row of each track.
+        ordinal: Number of the track of each row, from 0.
+        first_frame, last_frame: Of all tracks.
+        span: Number of frames from the first to the last.
+        key: ordinal * span + frame - first_frame of each row, which ascends over the whole table.
+    """
 
     def __init__(self, recording: Recording):
         table = recording.table
@@ -92,7 +101,6 @@ class Tracks:
         self.ordinal[self.starts[1:]] = 1
         np.cumsum(self.ordinal, out=self.ordinal)
         self.first_frame, self.last_frame = int(self.frame.min()), int(self.frame.max())
-        # Keys ascend over the whole table, so that a binary search finds the row of a track at a frame.
         self.span = self.last_frame - self.first_frame + 1
         self.key = self.ordinal * self.span + (self.frame - self.first_frame)
         unsorted = (np.diff(self.track_id) < 0) | (np.diff(self.key) <= 0)
@@ -192,13 +200,13 @@ def windows_of(recording: Recording, keys: SceneKeys) -> tuple[dict[str, np.ndar
 def vehicles_of(recording: Recording) -> Vehicles:
     """Columns of a canonical table as arrays, an unknown lane as `UNKNOWN_LANE`."""
     table = recording.table
-    reals = {
+    measures = {
         name: table[name].to_numpy(np.float64, na_value=np.nan) for name in ("x", "y", "position", "length", "speed")
     }
     return Vehicles(
         direction=table["direction"].to_numpy(np.int8),
         lane=table["lane"].to_numpy(np.int8, na_value=UNKNOWN_LANE),
-        **reals,
+        **measures,
     )
 
 
@@ -223,7 +231,12 @@ def actions(lane: np.ndarray, next_lane: np.ndarray, speed: np.ndarray, next_spe
 
 
 class Cells:
-    """Vehicles of every snapshot and group, the longest recorded first, ties by track id."""
+    """Vehicles of every snapshot and group, the longest recorded first, ties by track id.
+
+    Attributes:
+        n_groups: Groups per snapshot.
+        counts: Number of vehicles, `[snapshots, groups]`.
+    """
 
     def __init__(self, index: Tracks, direction: np.ndarray, snapshots: np.ndarray, scenes: ScenesConfig):
         snapshot_at = np.full(index.span, -1, dtype=np.int64)
@@ -249,8 +262,8 @@ class Cells:
         counts = self.counts.reshape(-1)[cells]
         place = np.arange(counts.max(initial=0))
         present = place[None, :] < counts[:, None]
-        at = np.where(present, self._starts[cells][:, None] + place[None, :], 0)
-        return self._rows[at], present
+        index = np.where(present, self._starts[cells][:, None] + place[None, :], 0)
+        return self._rows[index], present
 
 
 def _window_offsets(recording: Recording, span: int, scenes: ScenesConfig) -> np.ndarray:
@@ -266,7 +279,10 @@ def _window_offsets(recording: Recording, span: int, scenes: ScenesConfig) -> np
 def _slots(
     index: Tracks, vehicles: Vehicles, rows: np.ndarray, present: np.ndarray, rate: float, keys: SceneKeys
 ) -> dict[str, np.ndarray]:
-    """Quantities of the picked vehicles, the first `slots` columns of `rows`; arrays (cells, slots)."""
+    """Quantities of the picked vehicles, the first `slots` columns of `rows`; arrays (cells, slots).
+
+    `rows` and `present` are those of `Cells.rows`, `rate` is the frame rate [1/s].
+    """
     n_slots, metric = keys.scenes.slots, keys.spacing.metric
     picked = rows[:, :n_slots]
     x, y = vehicles.x[picked], vehicles.y[picked]

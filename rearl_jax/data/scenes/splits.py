@@ -36,9 +36,9 @@ class Split(IntEnum):
     """Use of a scene."""
 
     REST = 0
-    """In no subset; references may be fitted on it."""
+    """In no other split; references of clustering may be fitted on it."""
     THRESHOLD = 1
-    """Percentiles of Base become the detection thresholds."""
+    """Percentiles of Base, the simulation without REARL, over these become the detection thresholds."""
     TUNING = 2
     """Chooses among threshold pairs."""
     EVALUATION = 3
@@ -222,16 +222,18 @@ def _rounded(value: float) -> int:
 
 
 def _refuse_overlap(recording: np.ndarray, start_time: np.ndarray, seconds: float) -> None:
+    """Raise InvalidInputError if windows of a recording overlap."""
     order = np.lexsort((start_time, recording))
     step = np.diff(start_time[order])
     same = recording[order][1:] == recording[order][:-1]
     # Equal starts are the two carriageways of one window; they stay together as one unit.
     overlap = same & (step > _TIME_TOLERANCE) & (step < seconds - _TIME_TOLERANCE)
     if overlap.any():
-        at = int(np.flatnonzero(overlap)[0])
+        first = int(np.flatnonzero(overlap)[0])
         message = (
-            f"is scenario, which needs windows that do not overlap, but recording {recording[order][at]} has "
-            f"windows of {seconds:g} s that start at {start_time[order][at]:g} s and {start_time[order][at + 1]:g} s: "
+            f"is scenario, which needs windows that do not overlap, but recording {recording[order][first]} has "
+            f"windows of {seconds:g} s that start at {start_time[order][first]:g} s and "
+            f"{start_time[order][first + 1]:g} s: "
             "two splits would share seconds of traffic"
         )
         remedy = "set split.unit=block (or recording), or leave scenes.stride at null"
@@ -277,6 +279,7 @@ def _assign_units(windows_in_unit: np.ndarray, sizes: dict[str, int], rng: np.ra
 
 
 def _refuse_small(splits: Splits, n_units: int, split: SplitConfig) -> None:
+    """Raise InvalidInputError if a split got fewer scenes than it needs."""
     sizes = splits.summary()
     for name, least in _MIN_SCENES.items():
         needed = min(least, splits.requested[name])

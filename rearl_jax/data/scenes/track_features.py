@@ -1,6 +1,6 @@
-"""Feature curves (v, x, d) of the tracks of a recording, which trajectory clustering compares.
+"""Feature curves of the tracks of a recording, speed v, position x and distance d, which clustering compares.
 
-Recorded speeds are kept; the rescaled ones follow with `scale_speed` once all recordings have been seen.
+Recorded speeds are kept; the rescaled ones follow with `scale_speed` once all recordings have been read.
 """
 
 from dataclasses import dataclass
@@ -30,7 +30,7 @@ class TrackSet:
         n_frames: Length of the track in frames of its recording.
         direction: Carriageway, 1 or 2.
         speed: Recorded speed [m/s].
-        position: Centre along the own driving direction [m].
+        position: Centre along its driving direction [m].
         distance: Distance d of the feature vector [m].
         n_short: Tracks left out because they are shorter than `tracks.min_frames`.
         n_alone: Tracks left out because no other vehicle is recorded in any of their frames.

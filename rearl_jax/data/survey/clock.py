@@ -34,7 +34,7 @@ class Clock:
     by_name: bool
 
     @property
-    def counted(self) -> FoundColumn:
+    def time_or_frame(self) -> FoundColumn:
         """The column by which the rows of a track are ordered: the times if there are times, else the frames."""
         found = self.time or self.frame
         assert found is not None
@@ -48,7 +48,7 @@ class Clock:
     @property
     def step(self) -> float:
         """Usual step of the times or frames along a track."""
-        steps = _steps(self.vehicles, self.counted.values)
+        steps = _steps(self.vehicles, self.time_or_frame.values)
         return float(np.median(steps[steps > 0.0])) if (steps > 0.0).any() else 0.0
 
 
@@ -120,6 +120,7 @@ def is_rising(vehicles: np.ndarray, column: FoundColumn, share: float = _MIN_RIS
 
 
 def _steps(vehicles: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """Changes of a column from each row of a vehicle to its next one, where both values are known."""
     known = np.isfinite(values) & (vehicles >= 0)
     order = np.argsort(vehicles[known], kind="stable")
     track, values = vehicles[known][order], values[known][order]

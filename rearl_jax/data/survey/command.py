@@ -3,7 +3,7 @@
 import shlex
 from collections.abc import Mapping
 
-from rearl_jax.config.data import OF_FOREIGN_TABLES, DataConfig, OnBad
+from rearl_jax.config.data import TABLE_KEYS, BadRows, DataConfig
 from rearl_jax.config.quoting import quoted
 
 
@@ -12,12 +12,12 @@ def command_of(data: DataConfig) -> str:
     words = ["rearl", "prepare", f"data={data.format.name}"]
     if data.root is not None:
         words.append(f"data.root={quoted(data.root)}")
-    for key in OF_FOREIGN_TABLES:
+    for key in TABLE_KEYS:
         if given := getattr(data, key):
             words.append(f"data.{key}={mapping_text(given)}")
     if data.ring is not None:
         words.append(f"data.ring={data.ring:.10g}")
-    if data.on_bad is not OnBad.stop:
+    if data.on_bad is not BadRows.stop:
         words.append(f"data.on_bad={data.on_bad.name}")
     return shlex.join(words)
 

@@ -1,6 +1,7 @@
 """Position and speed of an unknown table, and their units: of the two columns one is the rate of change of the other.
 
 The ratio of a step of position to speed x time depends on the units alone, and differs for nearly all pairs of units.
+Steps are taken over pieces, stretches of some consecutive rows of one vehicle.
 """
 
 from collections.abc import Iterator, Sequence
@@ -42,7 +43,7 @@ class Motion:
     Attributes:
         position: Column of positions.
         speed: Column of speeds.
-        units: Unit of either.
+        units: Units of position and speed.
         clock_unit: Unit of the times, or rate of the frames such as 25/s.
         ratio: Ratio of a step of position to speed x time, in the units of the table.
         doubt: Ambiguity of the units that names and values leave; empty for none.
@@ -67,7 +68,7 @@ def motion_of(columns: Sequence[FoundColumn], clock: Clock) -> Motion | None:
     pieces = Pieces(clock)
     if not pieces.time.size:
         return None
-    used = {clock.track.name, clock.counted.name} | ({clock.frame.name} if clock.frame else set())
+    used = {clock.track.name, clock.time_or_frame.name} | ({clock.frame.name} if clock.frame else set())
     numbers = [c for c in columns if c.kind == "numbers" and c.name not in used and not is_in_pixels(c.name)]
     for positions, speeds, is_named in _candidates(numbers):
         found = [
@@ -103,11 +104,11 @@ def with_size_units(motion: Motion, sizes: Sizes) -> Motion:
 
 
 class Pieces:
-    """Rows between which steps are taken, and the time between them."""
+    """All pieces of the tracks, each some rows long, and the time that each takes."""
 
     def __init__(self, clock: Clock, n_rows: int = _PIECE_ROWS, needed: Sequence[np.ndarray] = ()) -> None:
         """Pieces of at most `n_rows` rows of a vehicle, without rows in which a needed column is unknown."""
-        vehicles, counted = clock.vehicles, clock.counted.values
+        vehicles, counted = clock.vehicles, clock.time_or_frame.values
         known = np.flatnonzero((vehicles >= 0) & np.isfinite([counted, *needed]).all(axis=0))
         self._order = known[np.lexsort((counted[known], vehicles[known]))]
         track = vehicles[self._order]
@@ -184,15 +185,15 @@ def _units(
 ) -> tuple[tuple[str, str], str, str] | None:
     """The likeliest units of position, speed and clock that explain a ratio, and the remaining ambiguity."""
     of_position, of_speed = unit_in(position.name, "m"), unit_in(speed.name, "m/s")
-    together = [pair for pair in UNITS_TOGETHER if of_position in (None, pair[0]) and of_speed in (None, pair[1])]
+    pairs = [pair for pair in UNITS_TOGETHER if of_position in (None, pair[0]) and of_speed in (None, pair[1])]
     for clock_unit, seconds in _clock_units(clock):
-        for pair in together:
+        for pair in pairs:
             if abs(ratio / (SI_FACTOR[pair[1]] / SI_FACTOR[pair[0]] * seconds) - 1.0) <= TOLERANCE:
                 return pair, clock_unit, ""
-    if clock.counted.kind == "moments" or not clock.counted.is_whole or (clock.time and clock.step != 1.0):
+    if clock.time_or_frame.kind == "moments" or not clock.time_or_frame.is_whole or (clock.time and clock.step != 1.0):
         return None
     found = []
-    for pair in together:
+    for pair in pairs:
         rate = SI_FACTOR[pair[1]] / SI_FACTOR[pair[0]] / ratio
         usual = min((*STANDARD_RATES, *NTSC_RATES), key=lambda known: abs(known / rate - 1.0))
         if abs(usual / rate - 1.0) <= _RATE_TOLERANCE:

@@ -99,7 +99,7 @@ def unit_in(name: str, kind: str) -> str | None:
 def end_in(name: str) -> str | None:
     """The end of the vehicle that a name of positions contains: front or rear; None for neither."""
     words = set(_words(name))
-    return next((end for end, own in _ENDS.items() if words & own), None)
+    return next((end for end, words_of_end in _ENDS.items() if words & words_of_end), None)
 
 
 def is_on_globe(name: str) -> bool:
@@ -114,7 +114,7 @@ def per_vehicle(names: Sequence[str]) -> list[str]:
     return [
         name
         for name, stem, is_numbered in zip(names, stems, numbered, strict=True)
-        if is_numbered and sum(other == stem and has for other, has in zip(stems, numbered, strict=True)) > 1
+        if is_numbered and list(zip(stems, numbered, strict=True)).count((stem, True)) > 1
     ]
 
 
@@ -124,6 +124,7 @@ def is_in_pixels(name: str) -> bool:
 
 
 def _words(name: str) -> list[str]:
+    """The words of a name in lower case, without accents and text in brackets: `xVelocity` is x and velocity."""
     without = _BRACKETS.sub(" ", name)
     split = re.sub(r"([a-z])([A-Z])", r"\1 \2", without).casefold()
     for letter, plain in (("ä", "ae"), ("ö", "oe"), ("ü", "ue"), ("ß", "ss")):

@@ -18,7 +18,7 @@ from rearl_jax.data.units import SI_FACTOR
 from rearl_jax.data.vehicle_classes import CLASSES, class_of, code_of
 
 _CANONICAL = tuple(column.name for column in COLUMNS)
-_LEADERS_THERE = 0.5  # share of the stated leaders that must be vehicles of the table
+_MIN_LEADERS_PRESENT = 0.5  # share of the stated leaders that must be vehicles of the table
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class Proposal:
     Attributes:
         taken: Columns by canonical name.
         refused: Reasons for leaving out columns that have a suitable name, by name in the file.
-        missing: Required canonical columns that were not proposal, with the reason.
+        missing: Required canonical columns for which no column was found, with the reason.
         doubts: Properties that the table does not determine.
         ring: Length of one lap of a ring road whose positions begin anew with every lap [m]; None for other roads.
     """
@@ -105,6 +105,7 @@ def proposal_of(sample: Sample) -> Proposal:
 
 
 def _take_clock(proposal: Proposal, clock: Clock) -> None:
+    """Takes the columns of vehicles, recordings, times and frames."""
     n_vehicles = len(np.unique(clock.vehicles))
     per_track = len(clock.vehicles) / n_vehicles
     reason = "name" if clock.by_name else "values alone: along its rows a clock rises"
@@ -127,9 +128,8 @@ def _take_clock(proposal: Proposal, clock: Clock) -> None:
 def _take_motion(proposal: Proposal, clock: Clock, motion: Motion) -> None:
     """Position and speed with their units, and the unit of the clock."""
     of_position, of_speed = motion.units
-    ratio = (
-        f"steps of {motion.position.name} are {_short(motion.ratio)} times {motion.speed.name} x {clock.counted.name}"
-    )
+    ratio = f"steps of {motion.position.name} are {_short(motion.ratio)} times "
+    ratio += f"{motion.speed.name} x {clock.time_or_frame.name}"
     named_units = unit_in(motion.position.name, "m") or unit_in(motion.speed.name, "m/s")
     source = "names" if named_units else "sizes of vehicles or speeds" if of_position == "ft" else "steps"
     explained = f"{ratio}: {of_position}, {of_speed}" + (" (not certain)" if motion.doubt else "")
@@ -154,7 +154,7 @@ def _take_motion(proposal: Proposal, clock: Clock, motion: Motion) -> None:
             "table of its own, in which it rises while driving (-m reverses it)"
         )
     by_frame = clock.time is None
-    unit = None if motion.clock_unit == "s" or clock.counted.kind == "moments" else motion.clock_unit
+    unit = None if motion.clock_unit == "s" or clock.time_or_frame.kind == "moments" else motion.clock_unit
     name = "frame" if by_frame else "time"
     taken = proposal.taken[name]
     if unit is not None:
@@ -192,15 +192,16 @@ def _take_by_name(proposal: Proposal, columns: Sequence[FoundColumn]) -> None:
 
 
 def _take_sizes(proposal: Proposal, sizes: Sizes) -> None:
+    """Takes the columns of lengths and widths that have no other meaning yet."""
     used = {taken.source for taken in proposal.taken.values()}
     proposal.refused.update(sizes.refused)
     for canonical, size in sizes.taken.items():
         if size.column.name not in used:
             proposal.taken[canonical] = Taken(size.column.name, None if size.unit == "m" else size.unit, size.why)
             if canonical == "length" and size.column.name.casefold() == "width" and "position" in proposal.taken:
-                place = proposal.taken["position"].source
-                otherwise = f"if it is the corner, as in highD, 'data.columns={{rear: {place}}}'"
-                proposal.doubts.append(f"{place} is taken for the centre of the box; {otherwise}")
+                position = proposal.taken["position"].source
+                otherwise = f"if it is the corner, as in highD, 'data.columns={{rear: {position}}}'"
+                proposal.doubts.append(f"{position} is taken for the centre of the box; {otherwise}")
 
 
 def _acceleration(proposal: Proposal, column: FoundColumn, clock: Clock, motion: Motion | None) -> str | None:
@@ -249,21 +250,21 @@ def _vehicle_class(proposal: Proposal, column: FoundColumn, clock: Clock, motion
     unknown = [word for word in words if class_of(word) not in CLASSES]
     if unknown:
         stated = ", ".join(f"{code_of(word)}: {CLASSES[0]}" for word in unknown[:3])
-        words, known = ", ".join(map(str, unknown[:3])), ", ".join(CLASSES)
+        examples, known = ", ".join(map(str, unknown[:3])), ", ".join(CLASSES)
         remedy = f"'data.columns={{vehicle_class: {column.name}}}' 'data.classes={{{stated}}}'"
-        return f"{words} is no class that is known ({known}): say what it is with {remedy}"
+        return f"{examples} is no class that is known ({known}): say what it is with {remedy}"
     proposal.taken["vehicle_class"] = Taken(column.name, None, f"name; {', '.join(map(str, words[:4]))}")
     return None
 
 
 def _leader_id(proposal: Proposal, column: FoundColumn, clock: Clock, motion: Motion | None) -> str | None:
-    leaders, own = (ids.texts.dropna().str.replace(r"\.0*$", "", regex=True) for ids in (column, clock.track))
-    known = set(own.unique())
+    leaders, vehicles = (ids.texts.dropna().str.replace(r"\.0*$", "", regex=True) for ids in (column, clock.track))
+    known = set(vehicles.unique())
     stated = leaders[~leaders.str.lower().isin(NO_LEADER) | leaders.isin(known)]
     if not len(stated):
         return "names no vehicle"
     share = float(stated.isin(known).mean())
-    if share < _LEADERS_THERE:
+    if share < _MIN_LEADERS_PRESENT:
         return f"{share:.0%} of its numbers are vehicles of the table"
     proposal.taken["leader_id"] = Taken(column.name, None, f"name; {share:.0%} are vehicles of the table")
     return None

@@ -16,12 +16,12 @@ TOLERANCE = 0.02
 
 def ring_of(motion: Motion, clock: Clock) -> float | None:
     """Length of one lap [m]; None unless all jumps of positions along tracks are jumps back by the same distance."""
-    place, speed = motion.position.values, motion.speed.values
-    pieces = Pieces(clock, 1, (place, speed))
-    forward = (-1.0 if motion.is_reversed else 1.0) * pieces.steps(place)
+    position, speed = motion.position.values, motion.speed.values
+    pieces = Pieces(clock, 1, (position, speed))
+    forward = (-1.0 if motion.is_reversed else 1.0) * pieces.steps(position)
     driven = np.abs(motion.ratio * pieces.means(speed) * pieces.time)
-    short = (driven - forward) * SI_FACTOR[motion.units[0]]
-    jumps = short[np.abs(short) > SHORTEST_LAP]
+    missing = (driven - forward) * SI_FACTOR[motion.units[0]]
+    jumps = missing[np.abs(missing) > SHORTEST_LAP]
     if jumps.size < LEAST_SEAMS:
         return None
     lap = float(np.median(jumps))

@@ -92,6 +92,7 @@ def sample_of(path: Path) -> Sample:
 
 
 def _form(path: Path) -> str:
+    """Layout of a text table in words."""
     layout = layout_of(path)
     parts = [f"text in {layout.encoding_name}{'' if layout.is_sure else ' (not certain)'}"]
     if layout.compression:
@@ -126,6 +127,7 @@ def _plain(column: pa.Array) -> pd.Series:
 
 
 def _column(name: str, values: pd.Series) -> FoundColumn:
+    """The column, with the kind of its values."""
     known = values.notna().to_numpy()
     texts = pd.Series(np.full(len(values), None, dtype=object))
     texts[known] = pd.Series(values[known]).astype(str).str.strip().to_numpy()

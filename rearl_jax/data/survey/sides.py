@@ -47,11 +47,11 @@ def _is_canonical(lane: Taken) -> bool:
     return lane.source == "lane" and lane.unit is None
 
 
-def _width(numbers: np.ndarray, places: np.ndarray) -> float | None:
+def _width(numbers: np.ndarray, lateral: np.ndarray) -> float | None:
     """Growth of lateral positions from one lane to the next [m]; None with a single lane."""
-    known = np.isfinite(numbers) & np.isfinite(places)
+    known = np.isfinite(numbers) & np.isfinite(lateral)
     lanes = np.unique(numbers[known])
     if lanes.size < 2:
         return None
-    first, last = (float(np.median(places[known & (numbers == number)])) for number in (lanes[0], lanes[-1]))
+    first, last = (float(np.median(lateral[known & (numbers == number)])) for number in (lanes[0], lanes[-1]))
     return (last - first) / float(lanes[-1] - lanes[0])

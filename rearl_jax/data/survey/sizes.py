@@ -69,7 +69,7 @@ def sizes_of(columns: Sequence[FoundColumn]) -> Sizes:
     boxes = None if candidates["length"] else _boxes(candidates["width"], numbers)
     if boxes is not None:
         candidates = {"length": [boxes[0]], "width": [boxes[1]]}
-    for name, (column, *_) in ((name, own) for name, own in candidates.items() if own):
+    for name, column in ((name, found_columns[0]) for name, found_columns in candidates.items() if found_columns):
         low, median = (float(quantile) for quantile in np.nanquantile(column.values, (0.25, 0.5)))
         stated = unit_in(column.name, "m")
         unit = stated or unit_of_median(name, median)

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field, replace
 
-from rearl_jax.config.data import DataConfig, DataFormat, OnBad
+from rearl_jax.config.data import BadRows, DataConfig, DataFormat
 from rearl_jax.data.checks.column_checks import ALONE
 from rearl_jax.data.recordings import iterate_recordings
 from rearl_jax.data.survey.proposal import Proposal
@@ -66,7 +66,7 @@ def tried(root: str, proposal: Proposal, present: list[str]) -> Trial:
         if column is not None and strict.error.code in _OF_COLUMNS:
             proposal.leave_out(column, strict.error.problem.fault)
             continue
-        lenient = _read(replace(data, on_bad=OnBad.drop_row))
+        lenient = _read(replace(data, on_bad=BadRows.drop_row))
         most = _MAX_LOST_SHARE if column is None else _MAX_DROPPED_SHARE
         if lenient.error is None and lenient.share_dropped <= most:
             lenient.notes.append(f"data.on_bad=stop stops at: {strict.error.problem.message}")

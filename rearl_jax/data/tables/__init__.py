@@ -1,1 +1,1 @@
-"""Conversion of foreign tables, in files or in memory, to canonical ones: column names, units and vehicle ids."""
+"""Conversion of foreign tables, in files or in memory, to canonical ones (see `data.schema`): names, units and ids."""

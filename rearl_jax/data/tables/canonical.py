@@ -171,6 +171,7 @@ class TableFile:
         return layout_of(self.path).remarks if self._is_csv else ()
 
     def _csv(self, labels: tuple[str, ...]) -> tuple[pd.DataFrame, int]:
+        """All rows of the file under its names, and the number of broken lines."""
         # Kept: several recordings may share the file, and CSV cannot be read in part.
         if labels not in self._kept:
             types = {
@@ -216,18 +217,19 @@ class TableFile:
         return bool(rows.select(key).to_pandas().duplicated().any())
 
     def _parquet_rows(self, recording: str, labels: tuple[str, ...]) -> pd.DataFrame:
+        """Rows of a recording under the names of the file; the index holds their numbers in the file."""
         columns = self._spelling.columns
         texts = [source for name, source in columns.items() if name in _TEXTS]
         time = columns.get("time")
-        wordy = [columns[name] for name in IDS if name in columns]
-        wordy += [time] if time is not None and is_text(self.path, time) else []
-        numbers = [source for source in columns.values() if source not in (*texts, *wordy)]
-        either = (*wordy, *labels)
+        id_or_time = [columns[name] for name in IDS if name in columns]
+        id_or_time += [time] if time is not None and is_text(self.path, time) else []
+        numbers = [source for source in columns.values() if source not in (*texts, *id_or_time)]
+        either = (*id_or_time, *labels)
         if "recording" not in columns:
             return read_columns(self.path, numbers, texts, either=either)
-        own = columns["recording"]
-        names = _without_blanks(pd.Series(read_columns(self.path, (), (own,))[own])).to_numpy()
-        rows = read_columns(self.path, numbers, texts, either=either, only=(own, recording))
+        column = columns["recording"]
+        names = _without_blanks(pd.Series(read_columns(self.path, (), (column,))[column])).to_numpy()
+        rows = read_columns(self.path, numbers, texts, either=either, only=(column, recording))
         return rows.set_axis(np.flatnonzero(names == recording), axis=0)
 
     def stated(self) -> dict[str, RecordingInfo]:

@@ -164,11 +164,11 @@ def _from_left_edge(rows: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
     lateral = numbers_of(pd.Series(rows["lateral"]))
     lane = numbers_of(pd.Series(rows["lane"])) if "lane" in rows else np.full(len(rows), np.nan)
     known = np.isfinite(lateral) & np.isfinite(lane)
-    ranks = np.unique(lane[known])
-    middle = np.array([np.median(lateral[known & (lane == rank)]) for rank in ranks])
-    width = float(np.median(np.diff(middle) / np.diff(ranks))) if ranks.size > 1 else USUAL_WIDTH
-    if ranks.size:
-        edge = float(np.median(middle - width * (ranks + 0.5)))
+    lanes = np.unique(lane[known])
+    middle = np.array([np.median(lateral[known & (lane == number)]) for number in lanes])
+    width = float(np.median(np.diff(middle) / np.diff(lanes))) if lanes.size > 1 else USUAL_WIDTH
+    if lanes.size:
+        edge = float(np.median(middle - width * (lanes + 0.5)))
     else:
         edge = float(np.nanquantile(lateral, 0.01)) - 0.5 * USUAL_WIDTH if np.isfinite(lateral).any() else 0.0
     if abs(edge) <= EDGE_TOLERANCE:

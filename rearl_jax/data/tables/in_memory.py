@@ -79,8 +79,8 @@ def _read(data: TableInMemory, name: str, labels: Sequence[str] = ()) -> Recordi
     spelling = _spelling(data)
     rows = spelling.renamed(data.table.reset_index(drop=True).rename(columns=str))
     if "recording" in rows:
-        own = np.flatnonzero(rows["recording"].astype(str).to_numpy() == name)
-        rows = rows.iloc[own].drop(columns="recording")
+        of_recording = np.flatnonzero(rows["recording"].astype(str).to_numpy() == name)
+        rows = rows.iloc[of_recording].drop(columns="recording")
     canonical = [column.name for column in COLUMNS]
     further = [str(column) for column in rows.columns if column not in canonical]
     done = completed(rows, spelling, data, NAME)

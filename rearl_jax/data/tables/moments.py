@@ -12,7 +12,7 @@ _CLOCKS = ("%H:%M:%S.%f", "%I:%M:%S.%f %p")
 _FORMATS = (*(f"{day} {clock}" for day in _DAYS for clock in _CLOCKS), *_CLOCKS, "%M:%S.%f")
 _CYCLES = {**dict.fromkeys(_CLOCKS, 86400.0), "%M:%S.%f": 3600.0}
 """Time after which times of day without a date restart [s]: a day, or an hour for minutes and seconds."""
-_NEAR_END = 0.1  # of that time; a recording that passes the restart has times so near to it before and after
+_NEAR_END = 0.1  # share of that time; a recording that passes the restart has times so near to it before and after
 _NO_DAY = datetime(1900, 1, 1, tzinfo=UTC).timestamp()  # s; date that pandas gives to times of day
 _MAX_DAMAGED_SHARE = 0.05
 """Share of the times that may be unreadable before the column is not a column of times."""
@@ -58,9 +58,9 @@ def seconds_of(times: pd.Series, file: str, column: str) -> tuple[pd.Series, str
             remedy = "write the dates as 2024-05-31"
             raise bad_recording("time-ambiguous", text, remedy, file, column=column)
     cycle = _CYCLES.get(best)
-    if cycle is None or (later := _past_the_end(found[best], cycle)) is None:
+    if cycle is None or (continued := _past_the_end(found[best], cycle)) is None:
         return found[best], best
-    return later, f"{best}, which begins anew on the way"
+    return continued, f"{best}, which begins anew on the way"
 
 
 def _past_the_end(seconds: pd.Series, cycle: float) -> pd.Series | None:
@@ -93,6 +93,7 @@ def _parsed(texts: pd.Series, form: str) -> pd.Series:
 
 
 def _require_all(texts: pd.Series, is_read: pd.Series, expected: str, file: str, column: str) -> None:
+    """Raise BadRecordingError for the first text that is known and was not read as what is expected."""
     bad = (texts.notna() & ~is_read).to_numpy()
     if bad.any():
         row = int(np.argmax(bad))

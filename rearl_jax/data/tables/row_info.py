@@ -137,17 +137,17 @@ def _from_upstream_edge(
         here = here[_near_others(position[here])]
         first, last = float(np.min((position - half)[here])), float(np.max((position + half)[here]))
         if first < -ENTRY_MARGIN or last <= 0.0 or (first > DISTANT_ORIGIN and first > last - first):
-            own = values["direction"] == direction
-            position[own] -= first
+            on_carriageway = values["direction"] == direction
+            position[on_carriageway] -= first
             last -= first
             notes += (f"direction {direction}: {first:.1f} m subtracted from the positions, so that they begin at 0",)
         road = max(road, last)
     if notes:
         rows = rows.assign(position=position)
     for name in ("x", "y"):
-        places = values[name][_is_place(values[name])]
-        if places.size and np.min(np.abs(places)) > PROJECTED_COORDINATE:
-            least = float(np.floor(np.min(places)))
+        known = values[name][_is_place(values[name])]
+        if known.size and np.min(np.abs(known)) > PROJECTED_COORDINATE:
+            least = float(np.floor(np.min(known)))
             rows = rows.assign(**{name: values[name] - least})
             notes += (f"{least:.0f} m subtracted from {name}",)
     return rows, road, notes

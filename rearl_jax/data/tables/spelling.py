@@ -96,13 +96,13 @@ def spelling_of(data: DataConfig, present: Sequence[str], file: str) -> Spelling
             message = f"names the column that data.columns.{by_source[source]} names: each can be one thing only"
             raise InvalidInputError(Problem("column-shared", message, key=f"data.columns.{name}", value=source))
         by_source[source] = name
-    own = {name: name for name in _NAMES if name in present and name not in given and name not in by_source}
-    columns = {name: source for name in (*_NAMES, *ENDS) if (source := (given | own).get(name)) is not None}
-    places = [name for name in ("position", *ENDS) if name in columns]
-    if len(places) > 1:
-        message = f"names a position in addition to data.columns.{places[0]}, of which one is enough"
-        remedy = f"leave one out: 'data.columns={{{places[0]}: null}}'"
-        raise InvalidInputError(Problem("column-shared", message, remedy, key=f"data.columns.{places[1]}"))
+    canonical = {name: name for name in _NAMES if name in present and name not in given and name not in by_source}
+    columns = {name: source for name in (*_NAMES, *ENDS) if (source := (given | canonical).get(name)) is not None}
+    positions = [name for name in ("position", *ENDS) if name in columns]
+    if len(positions) > 1:
+        message = f"names a position in addition to data.columns.{positions[0]}, of which one is enough"
+        remedy = f"leave one out: 'data.columns={{{positions[0]}: null}}'"
+        raise InvalidInputError(Problem("column-shared", message, remedy, key=f"data.columns.{positions[1]}"))
     factors, leftmost = {}, None
     for name, unit in data.units.items():
         lanes = _LANES.fullmatch(str(unit).strip()) if name == "lane" else None

@@ -17,6 +17,7 @@ MAX_EXACT_ID = 2**53
 """Largest id up to which float64 represents every whole number."""
 NO_LEADER = frozenset({"", "none", "null", "nan", "na", "n/a", "<na>", "-", "-1", "0"})
 """Spellings of "no leader" in sources, in lower case; if a vehicle has such an id, that vehicle is meant."""
+# A number in exponential notation: digits are lost if the exponent exceeds the number of digits of the fraction.
 _ROUNDED = r"^[+-]?\d(?:\.(?P<fraction>\d*))?[eE]\+?(?P<exponent>\d+)$"
 _MAX_DAMAGED_SHARE = 0.02  # of the rows; if fewer ids are not numbers, and each occurs once, they are damaged rows
 
@@ -83,8 +84,8 @@ def _with_numeric_leaders(rows: pd.DataFrame, file: str, spelling: Mapping[str, 
         return rows
     if pd.api.types.is_numeric_dtype(rows["leader_id"]):
         leaders = pd.Series(rows["leader_id"])
-        none = _stands_for_none(leaders, rows)
-        return rows.assign(leader_id=leaders.mask(none)) if none.any() else rows
+        is_none = _stands_for_none(leaders, rows)
+        return rows.assign(leader_id=leaders.mask(is_none)) if is_none.any() else rows
     texts = _as_texts(pd.Series(rows["leader_id"]))
     numbers = pd.Series(pd.to_numeric(texts, errors="coerce"), index=rows.index).astype(np.float64)
     bad = (numbers.isna() & texts.notna() & ~texts.str.lower().isin(NO_LEADER)).to_numpy()

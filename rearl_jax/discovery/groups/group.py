@@ -1,4 +1,4 @@
-"""Groups of drivers by a label."""
+"""Division of measured drivers into groups, by a label of the data or by the kinds that clustering finds."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -39,18 +39,18 @@ class Grouping:
 
 
 def grouped(data: Measured, names: Sequence[str | None]) -> Grouping:
-    """Groups of drivers; a group needs enough drivers to fit, check and report on different ones.
+    """Groups of drivers; a group needs enough of them to fit, check and report on different drivers.
 
     Args:
         data: All drivers.
         names: Name of each driver's group, None where it is unknown.
     """
-    of_driver = np.array([UNKNOWN if name is None else name for name in names], object)
+    group_of = np.array([UNKNOWN if name is None else name for name in names], object)
     groups, left_out = [], {}
-    for name in sorted(set(of_driver.tolist())):
-        members = of_driver == name
-        if name == UNKNOWN or members.sum() < THRESHOLDS.least_drivers:
-            left_out[name] = int(members.sum())
+    for name in sorted(set(group_of.tolist())):
+        is_member = group_of == name
+        if name == UNKNOWN or is_member.sum() < THRESHOLDS.least_drivers:
+            left_out[name] = int(is_member.sum())
         else:
-            groups.append(Group(name, data.of_drivers(members)))
+            groups.append(Group(name, data.of_drivers(is_member)))
     return Grouping(tuple(groups), left_out)

@@ -32,7 +32,7 @@ PRIOR_DRIVERS = 4.0
 """Weight, in drivers, of the prior that the factor of a population's covariance is 1."""
 
 DRAWN = 4000
-"""Number of drivers drawn from each population, to estimate how often they are assigned to it."""
+"""Number of drivers drawn from each population, to estimate how often drivers are assigned to their own population."""
 
 
 @dataclass(frozen=True)
@@ -44,13 +44,13 @@ class DriverLikelihoods:
         weighted: h, the information times the estimate.
     """
 
-    information: Float[np.ndarray, "drivers numbers numbers"]
-    weighted: Float[np.ndarray, "drivers numbers"]
+    information: Float[np.ndarray, "drivers parameters parameters"]
+    weighted: Float[np.ndarray, "drivers parameters"]
 
 
 @dataclass(frozen=True)
 class Mixture:
-    """Populations.
+    """Populations fitted to drivers.
 
     Attributes:
         share: Share of the drivers in each population [-].
@@ -63,19 +63,20 @@ class Mixture:
     """
 
     share: Float[np.ndarray, " groups"]
-    mean: Float[np.ndarray, "groups numbers"]
-    covariance: Float[np.ndarray, "groups numbers numbers"]
+    mean: Float[np.ndarray, "groups parameters"]
+    covariance: Float[np.ndarray, "groups parameters parameters"]
     differing: tuple[int, ...]
     log_likelihood: float
     member: Float[np.ndarray, "drivers groups"]
-    expected: Float[np.ndarray, "groups drivers numbers"]
+    expected: Float[np.ndarray, "groups drivers parameters"]
 
     @property
     def evidence(self) -> float:
         """Log-likelihood less the complexity penalty of the fitted parameters [nats]."""
         n_groups, size = self.mean.shape
-        numbers = size * (size + 1) / 2 + size + (n_groups - 1) * (2 + len(self.differing))
-        return self.log_likelihood - 0.5 * numbers * np.log(len(self.member))
+        # Common covariance and mean; then share, factor of the covariance and differing means of each further group.
+        n_fitted = size * (size + 1) / 2 + size + (n_groups - 1) * (2 + len(self.differing))
+        return self.log_likelihood - 0.5 * n_fitted * np.log(len(self.member))
 
     def distinctness(self) -> float:
         """Smallest share of a population's drivers who would be assigned to it if their parameters were known exactly
@@ -89,15 +90,16 @@ class Mixture:
             least = min(least, float((self._log_density(drawn).argmax(axis=1) == k).mean()))
         return least
 
-    def _log_density(self, numbers: Float[np.ndarray, "drawn numbers"]) -> Float[np.ndarray, "drawn groups"]:
-        deviation = numbers[:, None] - self.mean
+    def _log_density(self, parameters: Float[np.ndarray, "drawn parameters"]) -> Float[np.ndarray, "drawn groups"]:
+        """Logarithm of each population's share times its density, less a constant [nats]."""
+        deviation = parameters[:, None] - self.mean
         distance = np.einsum("nki,kij,nkj->nk", deviation, np.linalg.inv(self.covariance), deviation)
         return np.log(self.share) - 0.5 * distance - 0.5 * np.linalg.slogdet(self.covariance)[1]
 
 
 def one_group(likelihoods: DriverLikelihoods) -> Mixture:
-    """One population."""
-    return _climbed(likelihoods, np.ones((len(likelihoods.weighted), 1)), (), spread_of_all(likelihoods))
+    """All drivers as one population."""
+    return _maximised(likelihoods, np.ones((len(likelihoods.weighted), 1)), (), spread_of_all(likelihoods))
 
 
 def split_further(likelihoods: DriverLikelihoods, mixture: Mixture) -> Mixture:
@@ -107,19 +109,19 @@ def split_further(likelihoods: DriverLikelihoods, mixture: Mixture) -> Mixture:
     alone, and further parameters are added while the evidence rises; a second search starts with all parameters
     differing and removes them while the evidence rises. Each of the two finds kinds that the other misses.
     """
-    pooled, numbers = spread_of_all(likelihoods), range(likelihoods.weighted.shape[1])
+    pooled, indices = spread_of_all(likelihoods), range(likelihoods.weighted.shape[1])
     one_differs, all_differ = [], []
     for k in range(len(mixture.share)):
         weights = mixture.member[:, k]
-        for place in numbers:
-            values = mixture.expected[k][:, place]
+        for index in indices:
+            values = mixture.expected[k][:, index]
             is_above = (values > np.average(values, weights=weights)).astype(float)
             member = np.column_stack(
                 [np.delete(mixture.member, k, axis=1), weights * is_above, weights * (1 - is_above)]
             )
             if member.sum(axis=0).min() >= 1.0:
-                one_differs.append(_climbed(likelihoods, member, {*mixture.differing, place}, pooled))
-                all_differ.append(_climbed(likelihoods, member, numbers, pooled))
+                one_differs.append(_maximised(likelihoods, member, {*mixture.differing, index}, pooled))
+                all_differ.append(_maximised(likelihoods, member, indices, pooled))
     if not one_differs:
         return mixture
     results = (
@@ -132,8 +134,8 @@ def split_further(likelihoods: DriverLikelihoods, mixture: Mixture) -> Mixture:
 def _improved(likelihoods: DriverLikelihoods, mixture: Mixture, pooled: np.ndarray) -> Mixture:
     """The mixture after adding or removing differing parameters, one at a time, while the evidence rises."""
     while True:
-        others = [{*mixture.differing} ^ {place} for place in range(len(pooled))]
-        tried = [_climbed(likelihoods, mixture.member, places, pooled, NEARBY) for places in others if places]
+        one_changed = [{*mixture.differing} ^ {index} for index in range(len(pooled))]
+        tried = [_maximised(likelihoods, mixture.member, indices, pooled, NEARBY) for indices in one_changed if indices]
         best = max(tried, key=lambda candidate: candidate.evidence, default=mixture)
         if best.evidence <= mixture.evidence:
             return mixture
@@ -144,18 +146,18 @@ def drawn_from(likelihoods: DriverLikelihoods, mixture: Mixture, rng: np.random.
     """Simulated drivers of a mixture, with the same information as the given ones."""
     groups = rng.choice(len(mixture.share), len(likelihoods.weighted), p=mixture.share)
     roots = np.linalg.cholesky(mixture.covariance)
-    numbers = mixture.mean[groups] + np.einsum(
+    parameters = mixture.mean[groups] + np.einsum(
         "nij,nj->ni", roots[groups], rng.standard_normal(likelihoods.weighted.shape)
     )
     values, vectors = np.linalg.eigh(likelihoods.information)
     noise = np.sqrt(np.maximum(values, 0.0)) * rng.standard_normal(likelihoods.weighted.shape)
-    errors = np.einsum("nij,nj->ni", vectors, noise)
+    errors = np.einsum("nij,nj->ni", vectors, noise)  # of h, whose covariance is J
     return DriverLikelihoods(
-        likelihoods.information, np.einsum("nij,nj->ni", likelihoods.information, numbers) + errors
+        likelihoods.information, np.einsum("nij,nj->ni", likelihoods.information, parameters) + errors
     )
 
 
-def spread_of_all(likelihoods: DriverLikelihoods) -> Float[np.ndarray, "numbers numbers"]:
+def spread_of_all(likelihoods: DriverLikelihoods) -> Float[np.ndarray, "parameters parameters"]:
     """Covariance of all drivers as one population; the search starts at the unit matrix."""
     size = likelihoods.weighted.shape[1]
     mean, covariance = np.zeros(size), np.eye(size)
@@ -173,16 +175,16 @@ def _posterior(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Posterior mean and covariance of each driver's parameters in a population, and its log-likelihood there."""
     precision = np.linalg.inv(covariance)
-    whole = likelihoods.information + precision
-    error = np.linalg.inv(whole)
+    posterior_precision = likelihoods.information + precision
+    error = np.linalg.inv(posterior_precision)
     right = likelihoods.weighted + precision @ mean
     expected = np.einsum("nij,nj->ni", error, right)
     square = np.einsum("ni,ni->n", expected, right) - mean @ precision @ mean
-    log_likelihood = 0.5 * (square - np.linalg.slogdet(covariance)[1] - np.linalg.slogdet(whole)[1])
+    log_likelihood = 0.5 * (square - np.linalg.slogdet(covariance)[1] - np.linalg.slogdet(posterior_precision)[1])
     return expected, error, log_likelihood
 
 
-def _climbed(
+def _maximised(
     likelihoods: DriverLikelihoods,
     member: np.ndarray,
     differing: Collection[int],
@@ -191,16 +193,16 @@ def _climbed(
 ) -> Mixture:
     """The mixture found by expectation maximisation, from start values of `Mixture.member`.
 
-    `differing` are the parameters in which means may differ, `pooled` is the covariance of all drivers.
+    `differing` are the indices of the parameters in which means may differ, `pooled` is the covariance of all drivers.
     """
-    n_groups, size, places = member.shape[1], len(pooled), tuple(sorted(differing))
+    n_groups, size, indices = member.shape[1], len(pooled), tuple(sorted(differing))
     mean, covariance, shape = np.zeros((n_groups, size)), np.stack([pooled] * n_groups), pooled
     posteriors = [_posterior(likelihoods, np.zeros(size), pooled)] * n_groups
     reached = -np.inf
     for _ in range(iterations):
         counts = member.sum(axis=0)
-        own = np.stack([member[:, k] @ posteriors[k][0] / counts[k] for k in range(n_groups)])
-        mean = _constrained(own, counts, covariance, places)
+        unconstrained = np.stack([member[:, k] @ posteriors[k][0] / counts[k] for k in range(n_groups)])
+        mean = _constrained(unconstrained, counts, covariance, indices)
         scatter = np.empty_like(covariance)
         for k, (expected, error, _) in enumerate(posteriors):
             away = expected - mean[k]
@@ -216,23 +218,30 @@ def _climbed(
         share = counts / counts.sum()
         log_joint = np.stack([posterior[2] for posterior in posteriors], axis=1) + np.log(share)
         total = np.logaddexp.reduce(log_joint, axis=1)
-        member, before, reached = np.exp(log_joint - total[:, None]), reached, float(total.sum())
-        if reached < before + TOLERANCE or member.sum(axis=0).min() < 1.0:
+        member, previous, reached = np.exp(log_joint - total[:, None]), reached, float(total.sum())
+        if reached < previous + TOLERANCE or member.sum(axis=0).min() < 1.0:
             break
     expected = np.stack([posterior[0] for posterior in posteriors])
-    return Mixture(share, mean, covariance, places, reached, member, expected)
+    return Mixture(share, mean, covariance, indices, reached, member, expected)
 
 
-def _constrained(own: np.ndarray, counts: np.ndarray, covariance: np.ndarray, differing: Sequence[int]) -> np.ndarray:
-    """Means of the populations, equal except in some parameters, by weighted least squares from unconstrained means."""
-    n_groups, size = own.shape
+def _constrained(
+    unconstrained: Float[np.ndarray, "groups parameters"],
+    counts: Float[np.ndarray, " groups"],
+    covariance: Float[np.ndarray, "groups parameters parameters"],
+    differing: Sequence[int],
+) -> Float[np.ndarray, "groups parameters"]:
+    """Means of the populations, of sizes `counts`, equal except in the `differing` parameters: weighted least squares
+    from unconstrained means.
+    """
+    n_groups, size = unconstrained.shape
     if n_groups == 1 or len(differing) == size:
-        return own
+        return unconstrained
     n_free = len(differing)
     design = np.zeros((n_groups, size, size + (n_groups - 1) * n_free))
     design[:, :, :size] = np.eye(size)
     for k in range(n_groups - 1):
         design[k, list(differing), size + k * n_free + np.arange(n_free)] = 1.0
     weighted = np.einsum("kij,kil->kjl", design, np.linalg.inv(covariance) * counts[:, None, None])
-    left, right = np.einsum("kjl,klm->jm", weighted, design), np.einsum("kjl,kl->j", weighted, own)
+    left, right = np.einsum("kjl,klm->jm", weighted, design), np.einsum("kjl,kl->j", weighted, unconstrained)
     return design @ np.linalg.solve(left, right)

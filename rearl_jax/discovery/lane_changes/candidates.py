@@ -1,4 +1,6 @@
-"""Candidate influences on lane choice besides the own acceleration: one or more columns per candidate."""
+"""Candidate influences on lane choice besides the driver's own acceleration: one or more columns per candidate, with a
+row per opportunity. The own gain is the acceleration that a driver gains by changing; side is -1 left, +1 right.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -18,7 +20,9 @@ MOST_GAIN = 2.0
 """Bound of accelerations gained or lost [m/s^2], because larger values are mostly measurement error."""
 
 NEAR, PASSED_BY = 80.0, 1.0
-"""Gap [m] within which the leader on the own lane would be passed, and the most [m/s] by which it may be faster."""
+"""A driver would pass the leader on its lane if the gap is below NEAR [m] and the leader at most PASSED_BY faster
+[m/s].
+"""
 
 
 @dataclass(frozen=True)
@@ -27,7 +31,7 @@ class Form:
 
     Attributes:
         column: Addition to the incentive per unit of the effect's strength.
-        shape: Parameters of the effect that are fixed in this form, with their units.
+        shape: Parameters of the effect that are fixed in this form: name, value and unit.
     """
 
     column: Callable[[Opportunities], Column]
@@ -74,9 +78,9 @@ def _politeness(table: Opportunities) -> Column:
 
 
 def _unused_gain(table: Opportunities) -> Column:
-    """Minus the own gain on the right lane [m/s^2], which drivers who do not pass on the right ignore."""
-    fast = (table.side > 0) & (table.speed > PASSING_SPEED)
-    return -np.where(fast, np.clip(table.incentive, 0.0, MOST_GAIN), 0.0)
+    """Minus the own gain on the right lane [m/s^2]: what drivers forgo who do not pass on the right; 0 at low speed."""
+    may_not_pass = (table.side > 0) & (table.speed > PASSING_SPEED)
+    return -np.where(may_not_pass, np.clip(table.incentive, 0.0, MOST_GAIN), 0.0)
 
 
 def _undertaking(table: Opportunities) -> Column:
@@ -85,18 +89,23 @@ def _undertaking(table: Opportunities) -> Column:
     return -((table.side > 0) & passes).astype(float)
 
 
-def _pressure(pressing: float) -> Callable[[Opportunities], Column]:
-    """Pressure as in `MovingOver`, from the follower's time gap and the time gap at which it presses."""
+def _pressure(pressing_time_gap: float) -> Callable[[Opportunities], Column]:
+    """Pressure from behind to move to the right [-], with the formula of the effect `MovingOver`; it is 0.5 if the
+    follower's time gap equals `pressing_time_gap` [s].
+    """
 
     def column(table: Opportunities) -> Column:
-        behind = np.maximum(table.follower_gap, 0.5) / (np.maximum(table.follower_speed, 0.0) + 2.0)
-        return np.where(table.side > 0, 1.0 / (1.0 + np.exp(np.clip((behind - pressing) / 0.25, -50.0, 50.0))), 0.0)
+        time_gap = np.maximum(table.follower_gap, 0.5) / (np.maximum(table.follower_speed, 0.0) + 2.0)
+        excess = np.clip((time_gap - pressing_time_gap) / 0.25, -50.0, 50.0)
+        return np.where(table.side > 0, 1.0 / (1.0 + np.exp(excess)), 0.0)
 
     return column
 
 
 def _truck(reach: float) -> Callable[[Opportunities], Column]:
-    """Term of `TruckAversion`: the truck ahead on the own lane less that on the adjacent lane."""
+    """Term of the effect `TruckAversion` [-]: the truck ahead on the own lane minus that on the adjacent lane, each
+    with a weight that decays with its gap over `reach` [m].
+    """
 
     def column(table: Opportunities) -> Column:
         here = table.leader_is_truck * np.exp(-np.maximum(table.gap, 0.0) / reach)
@@ -108,6 +117,7 @@ def _truck(reach: float) -> Callable[[Opportunities], Column]:
 def _dependence(
     variable: str, column: Callable[[Opportunities], Column], *, is_circumstance: bool = True
 ) -> LaneCandidate:
+    """A dependence on a variable without a library effect; the column is the variable, scaled to about 1 [-]."""
     slope, forms = ("slope", "m/s^2"), (Form(column),)
     return LaneCandidate(LANE_CHOICE_DEPENDENCE, "generic", (variable,), slope, -9.0, 9.0, forms, is_circumstance)
 

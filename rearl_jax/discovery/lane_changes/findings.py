@@ -15,7 +15,7 @@ class RankedCandidate:
         name, kind, variables: As in `LaneCandidate`.
         z_score: Slope of the likelihood along the candidate, in standard deviations between drivers [-].
         gain: Gain of log-likelihood on the fitted drivers [nats]; None if it was not fitted.
-        check: Gain of log-likelihood on the other drivers [nats].
+        check: Gain of log-likelihood on drivers that it was not fitted to [nats]; None if it was not fitted.
         ambiguous: Whether it explains the changes about as well as the named effect.
     """
 
@@ -50,8 +50,8 @@ class LaneChangeFindings:
         effects: Claimed effects, in the order in which they were added.
         candidates: All candidates, the largest z-score first.
         n_changes, n_opportunities: Usable lane changes and opportunities in the data.
-        loss_before, loss_after: Mean log-loss per opportunity of the held-out drivers [nats]; None if there were too
-            few changes.
+        loss_before, loss_after: Mean log-loss per opportunity of the held-out drivers without and with the effects
+            [nats]; None if there were too few changes.
         loss_change: Loss after minus loss before, with its interval.
         words: Summary in one line, or the reason why nothing could be tested.
         prediction: Predicted lane changes of the held-out drivers; None if there are too few changes.
@@ -79,6 +79,6 @@ class LaneChangeFindings:
         }
 
 
-def nothing_seen(n_changes: int, n_opportunities: int, words: str) -> LaneChangeFindings:
-    """Findings for data with too few lane changes."""
+def untested(n_changes: int, n_opportunities: int, words: str) -> LaneChangeFindings:
+    """Findings if nothing could be tested; `words` state the reason."""
     return LaneChangeFindings((), (), n_changes, n_opportunities, None, None, None, words)

@@ -1,4 +1,5 @@
-"""Probability that an opportunity is taken: a logit in the own gain, and a score test of further columns.
+"""Probability that an opportunity to change lanes is taken: a logit in the acceleration that the driver gains (the own
+gain), and a score test of further columns, each with a row per opportunity.
 
 Source: discrete choice of lanes, Ahmed, thesis, MIT (1999), ch. 3; Toledo, Koutsopoulos & Ben-Akiva, Transp. Res. Rec.
 1857 (2003) 30. Score test: Rao, Proc. Camb. Phil. Soc. 44 (1948) 50; variance by drivers, whose decisions are not
@@ -65,31 +66,35 @@ def fit(
     driver: Int[np.ndarray, " rows"],
     start: Float[np.ndarray, " columns"] | None = None,
 ) -> Logit:
-    """Maximum-likelihood logit of opportunities; drivers are numbered from 0; the search begins at `start` or at 0.
+    """Maximum-likelihood logit, by Newton's method; a step that lowers the likelihood is halved.
 
-    Newton's method; a step that lowers the likelihood is halved.
+    Args:
+        columns: Explanatory columns.
+        taken: Whether each opportunity was taken.
+        driver: Driver of each opportunity, numbered from 0.
+        start: Coefficients at which the search begins; None for zeros.
     """
     size = columns.shape[1]
     beta = np.zeros(size) if start is None else start
 
-    def value(coefficients: np.ndarray) -> float:
+    def objective(coefficients: np.ndarray) -> float:
         log_odds = columns @ coefficients
         return float((taken * log_odds - np.logaddexp(0.0, log_odds)).sum() - 0.5 * RIDGE * coefficients @ coefficients)
 
-    best = value(beta)
+    best = objective(beta)
     for _ in range(NEWTON_STEPS):
-        gradient, information = _slopes(columns, taken, beta)
+        gradient, information = _derivatives(columns, taken, beta)
         step = np.linalg.solve(information, gradient)
-        while (new := value(beta + step)) < best and np.abs(step).max() > 1e-9:
+        while (new := objective(beta + step)) < best and np.abs(step).max() > 1e-9:
             step = step / 2
         beta, gain, best = beta + step, new - best, new
         if gain < 1e-8:
             break
-    _, information = _slopes(columns, taken, beta)
+    _, information = _derivatives(columns, taken, beta)
     scores = _by_driver(columns * (taken - _chance(columns, beta))[:, None], driver)
     inverse = np.linalg.inv(information)
-    n = max(int((np.abs(scores).sum(axis=1) > 0).sum()), 2)
-    return Logit(beta, inverse @ (scores.T @ scores * n / (n - 1)) @ inverse)
+    n_informative = max(int((np.abs(scores).sum(axis=1) > 0).sum()), 2)  # drivers
+    return Logit(beta, inverse @ (scores.T @ scores * n_informative / (n_informative - 1)) @ inverse)
 
 
 def score_test(
@@ -101,7 +106,12 @@ def score_test(
 ) -> float:
     """Score test: slope of the likelihood along a column outside the model, in standard deviations between drivers [-].
 
-    It is positive if changes become more frequent as the column (`extra`) grows. Coefficients must be fitted.
+    It is positive if changes become more frequent as the column grows.
+
+    Args:
+        coefficients: Maximum-likelihood coefficients of `columns`.
+        columns, taken, driver: As of `fit`.
+        extra: The column outside the model.
     """
     chance = _chance(columns, coefficients)
     weight = chance * (1.0 - chance)
@@ -118,11 +128,12 @@ def score_test(
 
 
 def _chance(columns: np.ndarray, beta: np.ndarray) -> np.ndarray:
+    """Probability that each opportunity is taken [-]; `beta` are coefficients of the columns."""
     return 1.0 / (1.0 + np.exp(-np.clip(columns @ beta, -50.0, 50.0)))
 
 
-def _slopes(columns: np.ndarray, taken: np.ndarray, beta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Gradient and information of the penalised log-likelihood."""
+def _derivatives(columns: np.ndarray, taken: np.ndarray, beta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Gradient and information (negative second derivatives) of the penalised log-likelihood."""
     chance = _chance(columns, beta)
     weight = chance * (1.0 - chance)
     information = columns.T @ (columns * weight[:, None]) + RIDGE * np.eye(len(beta))

@@ -17,10 +17,10 @@ MEMORY = 3.0
 & Sun, arXiv:2210.03571 (highD, about 1.4 s).
 """
 
-RESPONSE = 3
-"""Index of the first sensitivity parameter, after desired speed, time gap and jam gap. The measured gap and speed
-contain the drivers' own noise and are smoothed, so all sensitivities are underestimated; of these parameters, only the
-difference of each driver from the mean driver is used.
+FIRST_SENSITIVITY = 3
+"""Index of the first parameter that is a sensitivity (how strongly drivers accelerate or brake), after desired speed,
+time gap and jam gap. The measured gap and speed contain the drivers' own noise and are smoothed, so all sensitivities
+are underestimated; of these parameters, only the difference of each driver from the mean driver is used.
 """
 
 FURTHEST = 4.0
@@ -34,6 +34,9 @@ STEP = 0.05
 
 HARD = 4.0
 """Absolute acceleration [m/s^2] beyond which a row is not counted as car following."""
+
+_LEAST_ROWS = 1024
+"""Smallest number of rows for which a program is compiled."""
 
 
 @dataclass(frozen=True)
@@ -74,12 +77,12 @@ class KnownDrivers:
         self, vehicle: Int[np.ndarray, " rows"], is_truck: Bool[np.ndarray, " rows"]
     ) -> Float[np.ndarray, "own rows"]:
         """Parameters of each row's vehicle; population values if the vehicle was not calibrated."""
-        out = self.population[is_truck.astype(int)]
+        values = self.population[is_truck.astype(int)]
         if len(self.vehicle):
             place = np.minimum(np.searchsorted(self.vehicle, vehicle), len(self.vehicle) - 1)
             is_known = self.vehicle[place] == vehicle
-            out[is_known] = self.values[place[is_known]]
-        return out.T
+            values[is_known] = self.values[place[is_known]]
+        return values.T
 
 
 def acceleration(
@@ -90,7 +93,14 @@ def acceleration(
     leader_speed: Float[np.ndarray, " rows"],
     is_led: Bool[np.ndarray, " rows"],
 ) -> Float[np.ndarray, " rows"]:
-    """Acceleration [m/s^2] of a car-following model behind a leader at a gap [m], or without a leader."""
+    """Acceleration [m/s^2] of a car-following model.
+
+    Args:
+        model: Name of the model.
+        own: Parameters of each row's driver, in the order of the model's declaration.
+        speed, gap, leader_speed: Own speed [m/s], gap to the leader [m], its speed [m/s].
+        is_led: False if there is no leader; gap and leader's speed are then ignored.
+    """
     n = len(speed)
     size = max(_LEAST_ROWS, 1 << max(n - 1, 0).bit_length())  # rounded to few sizes, so that few programs are compiled
 
@@ -99,9 +109,6 @@ def acceleration(
 
     numbers = np.stack([padded(values) for values in (*own, speed, gap, leader_speed, is_led)])
     return np.asarray(_acceleration(model, numbers))[:n]
-
-
-_LEAST_ROWS = 1024
 
 
 @partial(jax.jit, static_argnums=0)
@@ -140,23 +147,18 @@ def likely_parameters(
     Source: Gauss-Newton with a normal prior, Gelman et al., Bayesian Data Analysis (2013), ch. 13; drivers' spread as
     in `drivers.Prior`.
     """
-    n = int(driver.max()) + 1 if len(driver) else 0
+    n = int(driver.max()) + 1 if len(driver) else 0  # drivers
     used = np.flatnonzero(is_led & (gap > 0.0) & (np.abs(measured_acceleration) < HARD))
     if not len(used):
         return population
-    rows = [values[used] for values in (speed, gap, leader_speed)]
-    led, base, driver_used, measured = (
-        np.ones(len(used), bool),
-        population[:, used],
-        driver[used],
-        measured_acceleration[used],
-    )
+    speed, gap, leader_speed, measured = (values[used] for values in (speed, gap, leader_speed, measured_acceleration))
+    all_led, base, driver_used = np.ones(len(used), bool), population[:, used], driver[used]
     n_own, spread = prior.size, prior.spread
     z = np.zeros((n, n_own))
 
     def predicted(numbers: np.ndarray) -> np.ndarray:
         params = base * np.exp(spread[:, None] * numbers[driver_used].T)
-        return np.clip(acceleration(prior.name, params, rows[0], rows[1], rows[2], led), -HARD, HARD)
+        return np.clip(acceleration(prior.name, params, speed, gap, leader_speed, all_led), -HARD, HARD)
 
     for _ in range(ROUNDS):
         prediction = predicted(z)
@@ -173,6 +175,6 @@ def likely_parameters(
                 gram[:, i, j] = gram[:, j, i] = np.bincount(driver_used, slopes[i] * slopes[j], n) / variance
         step = np.linalg.solve(gram + np.eye(n_own), gradient[..., None])[..., 0]
         z = np.clip(z + np.clip(step, -1.0, 1.0), -FURTHEST, FURTHEST)
-    z[:, RESPONSE:] -= z[np.unique(driver_used)][:, RESPONSE:].mean(axis=0)
-    z[np.bincount(driver_used, minlength=n) == 0] = 0.0
+    z[:, FIRST_SENSITIVITY:] -= z[np.unique(driver_used)][:, FIRST_SENSITIVITY:].mean(axis=0)
+    z[np.bincount(driver_used, minlength=n) == 0] = 0.0  # drivers without data keep the population's parameters
     return population * np.exp(spread[:, None] * z[driver].T)

@@ -1,4 +1,5 @@
-"""MOBIL as a choice model: the rule accepts or refuses a change, and each case has its own rate of changes.
+"""MOBIL as a choice model: its rule accepts or refuses a change, and accepted and refused changes each have a rate. A
+table has a row per opportunity: a moment, every PERIOD seconds, at which a driver has room to change to one side.
 
 If the rule accepts a change, the driver decides every `delay` seconds at an unknown instant, so the probability of a
 change within one opportunity is PERIOD / delay. If the rule refuses a change, drivers still change at a small rate, for
@@ -22,7 +23,7 @@ POLITENESS = np.round(np.arange(0.0, 1.05, 0.1), 2)
 """Tested values of politeness [-]. Source: Kesting et al. (2007): 0 selfish, 1 as much for others as for oneself."""
 
 GAIN_THRESHOLD = np.round(np.arange(-0.5, 2.025, 0.05), 3) + 0.0
-"""Tested gain thresholds [m/s^2]."""
+"""Tested gain thresholds [m/s^2]; adding 0.0 turns -0.0 into 0.0."""
 
 SAFE_DECEL = np.array([0.25, 0.5, 1.0, 1.5, 2.0])
 """Tested safe decelerations [m/s^2]; changes that require more are not opportunities."""
@@ -66,7 +67,7 @@ class MobilRule:
     refused_chance: float = 0.0
 
     def accepts(self, table: Opportunities) -> Bool[np.ndarray, " rows"]:
-        """True if the rule accepts the change."""
+        """True if the rule accepts the change at an opportunity."""
         gain = _gain(table, self.politeness, self.bias)
         return (gain >= self.gain_threshold) & (table.rear_after >= -self.safe_decel)
 
@@ -108,16 +109,16 @@ def calibrated_mobil(table: Opportunities, confidence: float) -> CalibratedMobil
     kept. Intervals come from the posterior on the grid at the given confidence. They are somewhat too narrow because
     opportunities of one driver are treated as independent.
     """
-    taken = table.changes
-    posterior = np.full((len(POLITENESS), len(BIAS), len(SAFE_DECEL), len(GAIN_THRESHOLD)), -np.inf)
+    taken, grids = table.changes, (POLITENESS, BIAS, SAFE_DECEL, GAIN_THRESHOLD)
+    posterior = np.full([len(grid) for grid in grids], -np.inf)
     for i, politeness in enumerate(POLITENESS):
         for j, bias in enumerate(BIAS):
             gain = _gain(table, float(politeness), float(bias))
-            place = np.searchsorted(GAIN_THRESHOLD, gain, side="right")  # thresholds that the gain reaches
+            n_thresholds = np.searchsorted(GAIN_THRESHOLD, gain, side="right")  # thresholds that the gain reaches
             for k, safe_decel in enumerate(SAFE_DECEL):
-                reached = np.where(table.rear_after >= -safe_decel, place, 0)
+                reached = np.where(table.rear_after >= -safe_decel, n_thresholds, 0)
                 posterior[i, j, k] = _likelihood(reached, taken)
-    axes = dict(zip(("politeness", "bias", "safe_decel", "gain_threshold"), _grids(), strict=True))
+    axes = dict(zip(("politeness", "bias", "safe_decel", "gain_threshold"), grids, strict=True))
     prior_mean = MobilRule()
     for axis_number, (name, values) in enumerate(axes.items()):
         prior = -0.5 * ((values - getattr(prior_mean, name)) / SPREAD[name]) ** 2
@@ -131,17 +132,13 @@ def calibrated_mobil(table: Opportunities, confidence: float) -> CalibratedMobil
     weight = np.exp(posterior - posterior.max())
     estimates = {}
     for axis_number, (name, grid) in enumerate(axes.items()):
-        own = weight.sum(axis=tuple(axis for axis in range(len(axes)) if axis != axis_number))
-        share = np.cumsum(own) / own.sum()
+        marginal = weight.sum(axis=tuple(axis for axis in range(len(axes)) if axis != axis_number))
+        share = np.cumsum(marginal) / marginal.sum()
         cells = np.concatenate([grid[:1], (grid[1:] + grid[:-1]) / 2, grid[-1:]])  # no interval is finer than the grid
         first, last = (min(int(np.searchsorted(share, (1 + sign * confidence) / 2)), len(grid) - 1) for sign in (-1, 1))
         estimates[name] = Estimate(values[name], float(cells[first]), float(cells[last + 1]), UNITS[name])
     estimates["delay"] = Estimate(rule.delay, None, None, UNITS["delay"])
     return CalibratedMobil(rule, {name: estimates[name] for name in UNITS})
-
-
-def _grids() -> tuple[np.ndarray, ...]:
-    return POLITENESS, BIAS, SAFE_DECEL, GAIN_THRESHOLD
 
 
 def _gain(table: Opportunities, politeness: float, bias: float) -> Float[np.ndarray, " rows"]:
@@ -150,18 +147,18 @@ def _gain(table: Opportunities, politeness: float, bias: float) -> Float[np.ndar
 
 
 def _likelihood(reached: np.ndarray, taken: np.ndarray) -> np.ndarray:
-    """Log-likelihood under each of GAIN_THRESHOLD [nats]; -inf if accepted changes are not more frequent than refused
-    ones. `reached` is the number of thresholds that each opportunity's gain reaches.
+    """Log-likelihood under each of GAIN_THRESHOLD, ascending [nats]; -inf if accepted changes are not more frequent
+    than refused ones. `reached` is the number of thresholds that each opportunity's gain reaches.
     """
     size = len(GAIN_THRESHOLD) + 1
-    # A gain above n thresholds is accepted under the first n of them.
+    # A gain that reaches n thresholds is accepted under the first n of them, so sums run from the largest n down.
     n_accepted = np.bincount(reached, minlength=size)[::-1].cumsum()[::-1][1:]
-    accepted = np.bincount(reached, taken, size)[::-1].cumsum()[::-1][1:]
-    n_refused, refused = len(taken) - n_accepted, taken.sum() - accepted
-    often, seldom = rate(accepted, n_accepted), rate(refused, n_refused)
-    value = accepted * np.log(often) + (n_accepted - accepted) * np.log1p(-often)
-    value += refused * np.log(seldom) + (n_refused - refused) * np.log1p(-seldom)
-    return np.where((often > seldom) & (accepted > 0), value, -np.inf)
+    taken_accepted = np.bincount(reached, taken, size)[::-1].cumsum()[::-1][1:]
+    n_refused, taken_refused = len(taken) - n_accepted, taken.sum() - taken_accepted
+    often, seldom = rate(taken_accepted, n_accepted), rate(taken_refused, n_refused)
+    value = taken_accepted * np.log(often) + (n_accepted - taken_accepted) * np.log1p(-often)
+    value += taken_refused * np.log(seldom) + (n_refused - taken_refused) * np.log1p(-seldom)
+    return np.where((often > seldom) & (taken_accepted > 0), value, -np.inf)
 
 
 def rate(changes: np.ndarray | float, opportunities: np.ndarray | float) -> np.ndarray | float:

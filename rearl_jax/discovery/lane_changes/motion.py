@@ -7,7 +7,12 @@ from rearl_jax.discovery.read.smoothing import cut_off, position_noise, smoothed
 
 
 def with_motion(table: pd.DataFrame, dt: float) -> pd.DataFrame:
-    """The table with smooth motion, the time since the last lane change, the time to the next one, and its side."""
+    """The table with smooth motion, the time since the last lane change, the time to the next one, and its side.
+
+    Args:
+        table: A canonical table, its rows sorted by track and time.
+        dt: Time between the rows of a track [s].
+    """
     position, bounds = table["position"].to_numpy(), track_bounds(table)
     x, v, a = smoothed_tracks(position, *bounds, dt, cut_off(position_noise(position, *bounds), dt))
     lane = table["lane"].to_numpy(dtype=np.float64, na_value=np.nan)
@@ -17,16 +22,16 @@ def with_motion(table: pd.DataFrame, dt: float) -> pd.DataFrame:
     changed = (row != begin) & np.isfinite(step) & (step != 0)
     last = np.maximum.accumulate(np.where(changed, row, -1))
     since = np.where(last >= begin, (row - last) * dt, np.inf)
-    # The next change after each row: of all later rows the first that differs from the one before it.
-    later = np.r_[np.minimum.accumulate(np.where(changed, row, n)[::-1])[::-1][1:], n] if n else row
-    comes = later < end
+    # The row of the next change: of all later rows the first whose lane differs from that of the row before it.
+    next_row = np.r_[np.minimum.accumulate(np.where(changed, row, n)[::-1])[::-1][1:], n] if n else row
+    has_next = next_row < end
     return table.assign(
         position=x,
         speed=v,
         acceleration=a,
         since_change=since,
-        to_change=np.where(comes, (later - row) * dt, np.inf),
-        next_step=np.where(comes, step[np.minimum(later, n - 1)], 0.0),
+        to_change=np.where(has_next, (next_row - row) * dt, np.inf),
+        next_step=np.where(has_next, step[np.minimum(next_row, n - 1)], 0.0),
         time_to_track_end=(end - 1 - row) * dt,
     )
 

@@ -28,32 +28,33 @@ def next_on_lanes(table: pd.DataFrame) -> dict[int, Pair]:
     """
     frame = table["frame"].to_numpy()
     position = table["position"].to_numpy()
-    # One number per frame, direction and lane; adjacent lanes have adjacent numbers.
+    # One number per frame, direction and lane; adjacent lanes have adjacent numbers, and directions are below 4.
     lane_key = (frame - frame.min()) * 4 + table["direction"].to_numpy(np.int64)
     lane_key = lane_key * _LANES + table["lane"].to_numpy(np.int64) + 1
-    # One sortable number: lane and frame times more than the road length, plus position. Ranks keep it exact.
+    # One sortable number per row: rank of its lane key times more than the road length, plus position; ranks are small,
+    # so the sum is exact.
     lane_keys = np.unique(lane_key)
     span = float(np.ptp(position)) + 1.0
-    place = position - position.min()
+    along = position - position.min()
     order = np.lexsort((position, lane_key))
-    line = np.searchsorted(lane_keys, lane_key)[order] * span + place[order]
+    sorted_numbers = np.searchsorted(lane_keys, lane_key)[order] * span + along[order]
     pairs = {}
     for side in (-1, 0, 1):
         rank = np.searchsorted(lane_keys, lane_key + side)
         exists = (rank < len(lane_keys)) & (lane_keys[np.minimum(rank, len(lane_keys) - 1)] == lane_key + side)
-        here = rank * span + place
-        first = np.searchsorted(line, here, side="right" if side == 0 else "left")
-        behind = np.searchsorted(line, here, side="left") - 1
-        pairs[side] = Pair(
-            *(_row(number, order, lane_key, lane_key + side, exists) for number in (first, behind)),
-        )
+        number = rank * span + along
+        ahead = np.searchsorted(sorted_numbers, number, side="right" if side == 0 else "left")  # not the row itself
+        behind = np.searchsorted(sorted_numbers, number, side="left") - 1
+        pairs[side] = Pair(*(_row_at(place, order, lane_key, lane_key + side, exists) for place in (ahead, behind)))
     return pairs
 
 
-def _row(
-    number: np.ndarray, order: np.ndarray, lane_key: np.ndarray, wanted: np.ndarray, exists: np.ndarray
+def _row_at(
+    place: np.ndarray, order: np.ndarray, lane_key: np.ndarray, wanted_key: np.ndarray, exists: np.ndarray
 ) -> Int[np.ndarray, " rows"]:
-    """Rows at given places of the sorted order; NO_VEHICLE if they are on another lane or in another frame."""
-    inside = exists & (number >= 0) & (number < len(order))
-    row = order[np.clip(number, 0, len(order) - 1)]
-    return np.where(inside & (lane_key[row] == wanted), row, NO_VEHICLE)
+    """Rows at given places of the sorted order; NO_VEHICLE if a row has another lane key than the wanted one, or no row
+    has that key (`exists`).
+    """
+    inside = exists & (place >= 0) & (place < len(order))
+    row = order[np.clip(place, 0, len(order) - 1)]
+    return np.where(inside & (lane_key[row] == wanted_key), row, NO_VEHICLE)

@@ -114,30 +114,32 @@ def opportunities(recordings: Sequence[Recording], drivers: KnownDrivers) -> tup
         recordings: Canonical recordings.
         drivers: Calibrated parameters, by the numbers that `measure` gives to the vehicles of these recordings.
     """
-    parts, reasons, offset = [], [], 0
-    for number, recording in enumerate(recordings):
+    parts, reasons, first_vehicle = [], [], 0
+    for index, recording in enumerate(recordings):
         table, dt = thinned(recording)
-        tracks = int(table["track_id"].to_numpy().max(initial=-1)) + 1
-        part, reason = _of_recording(table, dt, offset, number, drivers)
-        parts, reasons, offset = [*parts, part], [*reasons, reason], offset + tracks
+        part, reason = _of_recording(table, dt, first_vehicle, index, drivers)
+        parts, reasons = [*parts, part], [*reasons, reason]
+        first_vehicle += int(table["track_id"].to_numpy().max(initial=-1)) + 1
     joined = _joined(parts) if parts else _empty()
     return joined, "" if len(joined.side) or not reasons else reasons[0]
 
 
 def _of_recording(
-    table: pd.DataFrame, dt: float, offset: int, number: int, drivers: KnownDrivers
+    table: pd.DataFrame, dt: float, first_vehicle: int, recording: int, drivers: KnownDrivers
 ) -> tuple[Opportunities, str]:
-    """Opportunities of one recording, and the reason why there are none, or ""."""
+    """Opportunities of one recording, and the reason why there are none, or ""; `first_vehicle` is the number of the
+    vehicle with track 0, `recording` the index of the recording.
+    """
     if not table["lane"].notna().to_numpy().any():
         return _empty(), "the data have no lanes"
     moving = with_motion(table, dt)
-    at_moment = moving["frame"].to_numpy() % max(1, round(PERIOD / dt)) == 0
-    rows = moving.iloc[np.flatnonzero(moving["lane"].notna().to_numpy() & at_moment)].reset_index(drop=True)
+    is_used = moving["frame"].to_numpy() % max(1, round(PERIOD / dt)) == 0
+    rows = moving.iloc[np.flatnonzero(moving["lane"].notna().to_numpy() & is_used)].reset_index(drop=True)
     lanes = np.stack([rows["direction"].to_numpy(np.int64), rows["lane"].to_numpy(np.int64)])
     if np.bincount(np.unique(lanes, axis=1)[0]).max(initial=0) < 2:
         return _empty(), "there is one lane per direction"
     neighbours = next_on_lanes(rows)
-    scene = _Scene(rows, drivers, offset, number, neighbours[0])
+    scene = _Scene(rows, drivers, first_vehicle, recording, neighbours[0])
     joined = _joined([scene.side(side, neighbours[0], neighbours[side]) for side in (-1, 1)])
     reason = "" if len(joined.side) else "no driver has leaders on the own and on an adjacent lane, and room to change"
     return joined, reason
@@ -147,13 +149,15 @@ class _Scene:
     """The rows of one recording in the frames of opportunities."""
 
     def __init__(
-        self, rows: pd.DataFrame, drivers: KnownDrivers, offset: int, recording: int, on_own_lane: Pair
+        self, rows: pd.DataFrame, drivers: KnownDrivers, first_vehicle: int, recording: int, on_own_lane: Pair
     ) -> None:
-        self.vehicle, self.recording = rows["track_id"].to_numpy().astype(np.int64) + offset, recording
+        self.vehicle, self.recording = rows["track_id"].to_numpy().astype(np.int64) + first_vehicle, recording
         self.is_truck = (rows["vehicle_class"] == "truck").to_numpy()
-        names = ("position", "speed", "acceleration", "length", "since_change", "to_change", "next_step")
-        columns = (rows[name].to_numpy() for name in (*names, "time_to_track_end"))
-        self.x, self.v, self.a, self.length, self.since, self.until, self.step, self.time_to_track_end = columns
+        motion = (rows[name].to_numpy() for name in ("position", "speed", "acceleration", "length"))
+        self.x, self.v, self.a, self.length = motion
+        times = (rows[name].to_numpy() for name in ("since_change", "to_change", "time_to_track_end"))
+        self.since_change, self.to_change, self.time_to_track_end = times
+        self.next_step = rows["next_step"].to_numpy()  # change of the lane number at the next lane change
         self.lane, self.direction = rows["lane"].to_numpy(np.int64), rows["direction"].to_numpy(np.int64)
         self.upstream = rows.groupby("direction")["position"].transform("min").to_numpy()
         self.through_lanes = whole_lanes(self.direction, self.lane, self.x)
@@ -168,21 +172,21 @@ class _Scene:
         """Parameters of every row's driver: calibrated ones, else those of `likely_parameters`."""
         own = drivers.of_vehicles(self.vehicle, self.is_truck)
         driver, gap = np.unique(self.vehicle, return_inverse=True)[1], self._gap(np.arange(len(leader)), leader)
-        behind = (self.v, gap, self.v[leader], self.a, leader != NO_VEHICLE)
-        likely = likely_parameters(own, driver, *behind, PERIOD, drivers.prior)
+        motion = (self.v, gap, self.v[leader], self.a, leader != NO_VEHICLE)
+        likely = likely_parameters(own, driver, *motion, PERIOD, drivers.prior)
         return np.where(drivers.is_known(self.vehicle), own, likely)
 
     def _earlier_braking(self, leader: np.ndarray) -> np.ndarray:
         """Acceleration of each vehicle's model behind its leader, minus its measured acceleration, both EARLIER seconds
         before [m/s^2]; 0 if unknown.
         """
-        everyone = np.arange(len(leader))
-        braking = np.where(leader == NO_VEHICLE, 0.0, self._behind(everyone, leader) - self.a)
+        row = np.arange(len(leader))
+        braking = np.where(leader == NO_VEHICLE, 0.0, self._behind(row, leader) - self.a)
         n_before = round(EARLIER / PERIOD)
-        before = np.maximum(everyone - n_before, 0)
-        breaks = np.r_[0, np.cumsum(~self.continues)]
-        same = (everyone >= n_before) & (breaks[everyone + 1] == breaks[before + 1])
-        return np.where(same, braking[before], 0.0)
+        earlier = np.maximum(row - n_before, 0)
+        n_breaks = np.cumsum(~self.continues)  # equal in two rows if the record is uninterrupted between them
+        is_known = (row >= n_before) & (n_breaks[row] == n_breaks[earlier])
+        return np.where(is_known, braking[earlier], 0.0)
 
     def side(self, side: int, own_lane: Pair, target_lane: Pair) -> Opportunities:
         """Opportunities to change to one side, from the neighbours on the own lane and on the target lane."""
@@ -202,7 +206,7 @@ class _Scene:
             recording=np.full(len(chosen), self.recording),
             frame=self.frame[chosen],
             side=np.full(len(chosen), side),
-            changes=(self.until[chosen] <= PERIOD + 1e-9) & (self.step[chosen] == side),
+            changes=(self.to_change[chosen] <= PERIOD + 1e-9) & (self.next_step[chosen] == side),
             incentive=changed - stays,
             rear_after=rear_after,
             rear_gain=rear_after - rear_before,
@@ -224,12 +228,13 @@ class _Scene:
         return options.take(np.flatnonzero(fits))
 
     def _may_change(self, side: int) -> np.ndarray:
-        """True for drivers on a through lane with a through lane on that side and no lane change within REST."""
+        """True for drivers on a through lane with a through lane on that side who changed no lane within REST."""
         has_lanes = np.zeros(len(self.x), bool)
         for direction, lane in self.through_lanes:
             if (direction, lane + side) in self.through_lanes:
                 has_lanes |= (self.direction == direction) & (self.lane == lane)
-        return has_lanes & (self.since >= REST) & (self.time_to_track_end >= PERIOD - 1e-9) & (self.v > SLOWEST)
+        is_seen = self.time_to_track_end >= PERIOD - 1e-9
+        return has_lanes & (self.since_change >= REST) & is_seen & (self.v > SLOWEST)
 
     def _gap(self, behind: np.ndarray, front: np.ndarray) -> np.ndarray:
         """Bumper-to-bumper gap [m]; OUT_OF_SIGHT if one of the two vehicles is missing."""
@@ -244,11 +249,11 @@ class _Scene:
 
 
 def _continues(rows: pd.DataFrame) -> Bool[np.ndarray, " rows"]:
-    """True if a row is the next opportunity time of the vehicle in the row before."""
+    """True if the row before is that of the same vehicle, one period earlier."""
     track, frame = rows["track_id"].to_numpy(), rows["frame"].to_numpy()
     frames = np.unique(frame)
-    each = int(np.diff(frames).min()) if len(frames) > 1 else 1
-    return np.r_[False, (track[1:] == track[:-1]) & (frame[1:] == frame[:-1] + each)]
+    period = int(np.diff(frames).min()) if len(frames) > 1 else 1  # frames
+    return np.r_[False, (track[1:] == track[:-1]) & (frame[1:] == frame[:-1] + period)]
 
 
 def _empty() -> Opportunities:

@@ -1,4 +1,8 @@
-"""Lane-change probabilities of several models at every opportunity of held-out drivers."""
+"""Lane-change probabilities of several models at every opportunity of held-out drivers, whom no model is fitted to.
+
+An opportunity is a moment, every PERIOD seconds, at which a driver has room to change to one side. The hazard is a
+probability that depends on the acceleration gained and on the effects found (`strengths.IncentiveModel`).
+"""
 
 from dataclasses import dataclass
 
@@ -23,8 +27,8 @@ PREDICTORS = {
     CALIBRATED: "calibrated MOBIL",
     HAZARD: "calibrated hazard",
 }
-"""Compared models, from the simplest on. Values that differ from MOBIL's defaults are fitted to other drivers: in
-`mobil` only the probability of refused changes, which the original rule excludes; in `mobil_rates` also the rate of
+"""Titles of the compared models, from the simplest on. `mobil` has MOBIL's default parameters; only the probability of
+refused changes, which the original rule excludes, is fitted to other drivers; in `mobil_rates` also the rate of
 accepted changes.
 """
 
@@ -32,7 +36,7 @@ LEAST_CHANGES = 30
 """Recorded lane changes below which no prediction is scored and MOBIL is not calibrated."""
 
 LEAST_IN_PART = 8
-"""Smallest number of discretionary changes, each, of the fitted and of the held-out drivers."""
+"""Smallest number of discretionary changes that the fitted drivers, and the held-out drivers, must make."""
 
 LEAST_PROBABILITY = 1e-9
 """Lower bound of the hazard's probabilities and of their complements [-], because no fit justifies more certainty."""
@@ -43,7 +47,7 @@ LARGE_ADVANTAGE = 10 / 3.6
 
 @dataclass(frozen=True)
 class Prediction:
-    """Opportunities of held-out drivers with the lane-change probabilities of the models. One row per opportunity.
+    """Opportunities of held-out drivers with the lane-change probabilities of the models; one row per opportunity.
 
     Attributes:
         table: The opportunities; `table.changes` is the recorded choice.
@@ -98,8 +102,8 @@ def log_loss(chance: Float[np.ndarray, " rows"], changes: Bool[np.ndarray, " row
 def seconds_at_risk(table: Opportunities) -> Float[np.ndarray, " rows"]:
     """Time represented by each opportunity [s]; two sides in the same frame share it."""
     moment = np.stack([table.vehicle, table.recording, table.frame])
-    _, place, count = np.unique(moment, axis=1, return_inverse=True, return_counts=True)
-    return PERIOD / count[place.ravel()]
+    _, index, count = np.unique(moment, axis=1, return_inverse=True, return_counts=True)
+    return PERIOD / count[index.ravel()]
 
 
 def prediction(
@@ -125,11 +129,11 @@ def prediction(
     sides = [fitted.changes[fitted.side == side] for side in (-1, 1)]
     left_rate, right_rate = (rate(float(taken.sum()), float(len(taken))) for taken in sides)
     constant = np.where(held_out.side < 0, left_rate, right_rate)
-    mobil, uncalibrated = calibrated_mobil(fitted, confidence), MobilRule()
+    mobil, original = calibrated_mobil(fitted, confidence), MobilRule()
     chance = {
         BASE_RATE: constant,
-        ORIGINAL: uncalibrated.with_refused(fitted).chance(held_out),
-        ORIGINAL_RULE: uncalibrated.with_rates(fitted).chance(held_out),
+        ORIGINAL: original.with_refused(fitted).chance(held_out),
+        ORIGINAL_RULE: original.with_rates(fitted).chance(held_out),
         CALIBRATED: mobil.rule.chance(held_out),
         HAZARD: np.clip(hazard[part == 2], LEAST_PROBABILITY, 1.0 - LEAST_PROBABILITY),
     }
@@ -138,8 +142,8 @@ def prediction(
         chance=chance,
         is_predicted={
             BASE_RATE: np.zeros(len(constant), bool),
-            ORIGINAL: uncalibrated.accepts(held_out),
-            ORIGINAL_RULE: uncalibrated.accepts(held_out),
+            ORIGINAL: original.accepts(held_out),
+            ORIGINAL_RULE: original.accepts(held_out),
             CALIBRATED: mobil.rule.accepts(held_out),
             HAZARD: chance[HAZARD] > constant,
         },

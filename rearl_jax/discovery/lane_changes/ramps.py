@@ -11,18 +11,18 @@ WHOLE_LANE = 0.8
 """Share of the road that a through lane must cover [-]; other lanes are ramp lanes."""
 
 Lanes = set[tuple[int, int]]
-"""Directions and lanes."""
+"""Pairs of direction and lane."""
 
 
 def whole_lanes(
     direction: Int[np.ndarray, " rows"], lane: Int[np.ndarray, " rows"], position: Float[np.ndarray, " rows"]
 ) -> Lanes:
-    """Directions and lanes that cover most of the road; positions in m."""
+    """Through lanes: directions and lanes that cover most of the road; positions in m."""
     spans = {}
     for way, lane_number in np.unique(np.stack([direction, lane]), axis=1).T.tolist():
         spans[way, lane_number] = np.ptp(position[(direction == way) & (lane == lane_number)])
-    road = {way: max(span for (of_way, _), span in spans.items() if of_way == way) for way, _ in spans}
-    return {key for key, span in spans.items() if span >= WHOLE_LANE * road[key[0]]}
+    road_length = {way: max(span for (of_way, _), span in spans.items() if of_way == way) for way, _ in spans}
+    return {(way, lane_number) for (way, lane_number), span in spans.items() if span >= WHOLE_LANE * road_length[way]}
 
 
 def side_of_ramp(
@@ -39,10 +39,11 @@ def side_of_ramp(
         whole: Through lanes.
     """
     n, row = len(vehicle), np.arange(len(vehicle))
-    on_ramp = ~_are_in(direction, lane, whole)
-    later = np.minimum.accumulate(np.where(on_ramp, row, n)[::-1])[::-1] if n else row
-    reached = np.minimum(later, n - 1)
-    goes_there = (later < n) & (vehicle[reached] == vehicle)
+    on_ramp = ~_on_through_lane(direction, lane, whole)
+    # The first row on a ramp from each row on, n without one.
+    next_on_ramp = np.minimum.accumulate(np.where(on_ramp, row, n)[::-1])[::-1] if n else row
+    reached = np.minimum(next_on_ramp, n - 1)
+    goes_there = (next_on_ramp < n) & (vehicle[reached] == vehicle)
     return np.where(goes_there, np.sign(lane[reached] - lane), 0)
 
 
@@ -52,16 +53,16 @@ def count_ramp_changes(recordings: Sequence[Recording]) -> int:
     for recording in recordings:
         table = recording.table.loc[recording.table["lane"].notna()]
         lane, direction = table["lane"].to_numpy(np.int64), table["direction"].to_numpy(np.int64)
-        on_ramp = ~_are_in(direction, lane, whole_lanes(direction, lane, table["position"].to_numpy()))
+        on_ramp = ~_on_through_lane(direction, lane, whole_lanes(direction, lane, table["position"].to_numpy()))
         track = table["track_id"].to_numpy()
         changed = (track[1:] == track[:-1]) & (lane[1:] != lane[:-1])
         n_changes += int((changed & (on_ramp[1:] | on_ramp[:-1])).sum())
     return n_changes
 
 
-def _are_in(direction: np.ndarray, lane: np.ndarray, whole: Lanes) -> np.ndarray:
+def _on_through_lane(direction: np.ndarray, lane: np.ndarray, whole: Lanes) -> np.ndarray:
     """True for rows on a through lane."""
-    known = np.zeros(len(lane), bool)
+    is_through = np.zeros(len(lane), bool)
     for way, lane_number in whole:
-        known |= (direction == way) & (lane == lane_number)
-    return known
+        is_through |= (direction == way) & (lane == lane_number)
+    return is_through

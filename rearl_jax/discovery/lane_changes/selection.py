@@ -1,4 +1,9 @@
-"""Selection of lane-choice effects: effects are added as long as other drivers confirm them."""
+"""Selection of lane-choice effects: effects are added as long as other drivers confirm them.
+
+Drivers are divided into three parts: 0 fitted drivers and 1 check drivers, to whom models are fitted and on whom they
+are checked in turn, and 2 report drivers, whose losses are stated. An opportunity is a moment, twice a second, at which
+a driver has room to change to one side; its own gain is the acceleration gained by changing.
+"""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -10,7 +15,7 @@ from scipy.stats import norm
 from rearl_jax.data.records import Recording
 from rearl_jax.discovery.claims import Claim, Estimate, share_of
 from rearl_jax.discovery.lane_changes.candidates import CANDIDATES, LaneCandidate
-from rearl_jax.discovery.lane_changes.findings import LaneChangeFindings, RankedCandidate, nothing_seen
+from rearl_jax.discovery.lane_changes.findings import LaneChangeFindings, RankedCandidate, untested
 from rearl_jax.discovery.lane_changes.hazard import fit
 from rearl_jax.discovery.lane_changes.incentives import KnownDrivers
 from rearl_jax.discovery.lane_changes.motion import count_changes
@@ -21,7 +26,7 @@ from rearl_jax.discovery.lane_changes.trials import CandidateColumns, Trial, tri
 from rearl_jax.discovery.thresholds import THRESHOLDS
 
 N_PARTS = 3
-"""Parts of the drivers: fitted, checked, reported."""
+"""Number of parts of the drivers."""
 
 UNSEEN = "lane choice: an effect could not have been detected here"
 """Beginning of the summary if there are too few lane changes."""
@@ -35,7 +40,7 @@ def too_few_changes(recordings: Sequence[Recording]) -> LaneChangeFindings | Non
     This reads one column only, so callers test it before they calibrate drivers.
     """
     n_changes = _recorded(recordings)
-    return nothing_seen(n_changes, 0, _too_few(n_changes)) if n_changes < LEAST_CHANGES else None
+    return untested(n_changes, 0, _too_few(n_changes)) if n_changes < LEAST_CHANGES else None
 
 
 def lane_change_findings(
@@ -50,26 +55,27 @@ def lane_change_findings(
     Args:
         recordings: Canonical recordings, the same and in the same order as for `measure`.
         drivers: Calibrated parameters; those of other drivers are estimated here, more coarsely. None to estimate all.
-        split: Fitted, checked and reported vehicles, as in `Measured.vehicle`; None for a split by recordings.
+        split: Numbers of the fitted, check and report drivers' vehicles, as in `Measured.vehicle`; None for a split by
+            recordings.
         confidence: Confidence of all intervals [-].
         seed: Seed of the split of drivers outside `split`, and of resampling.
     """
-    if (few := too_few_changes(recordings)) is not None:
-        return few
-    table, why = opportunities(recordings, KnownDrivers.of([]) if drivers is None else drivers)
+    if (too_few := too_few_changes(recordings)) is not None:
+        return too_few
+    table, reason = opportunities(recordings, KnownDrivers.of([]) if drivers is None else drivers)
     n_recorded, n_changes = _recorded(recordings), int(table.changes.sum())
     if not n_changes:
-        words = f"{UNSEEN}: {why}" if why else f"{UNSEEN}, no lane change by choice, {_NEEDED}"
-        return nothing_seen(n_changes, len(table.side), words)
+        words = f"{UNSEEN}: {reason}" if reason else f"{UNSEEN}, no lane change by choice, {_NEEDED}"
+        return untested(n_changes, len(table.side), words)
     part = part_of_rows(table, split, seed)
     if not table.changes[part == 0].any():
-        return nothing_seen(n_changes, len(table.side), f"{UNSEEN}, {_too_few_in_part(0)}")
+        return untested(n_changes, len(table.side), f"{UNSEEN}, {_too_few_in_part(0)}")
     columns = CandidateColumns(table, part, seed)
-    unnamed = _why_nothing_is_named(columns, n_recorded)
-    findings, added = (None, []) if unnamed else _named(columns, confidence)
+    reason = _why_nothing_is_named(columns, n_recorded)
+    findings, added = (None, []) if reason else _named(columns, confidence)
     hazard = columns.fitted(columns.effects(added), 0, 1).chance(columns.data, columns.effects(added))
     predicted = prediction(table, part, hazard, confidence, n_recorded, count_ramp_changes(recordings))
-    return replace(findings or nothing_seen(n_changes, len(table.side), unnamed), prediction=predicted)
+    return replace(findings or untested(n_changes, len(table.side), reason), prediction=predicted)
 
 
 def _recorded(recordings: Sequence[Recording]) -> int:
@@ -183,18 +189,19 @@ def _effects(
 ) -> tuple[Claim, ...]:
     """Claims on the added effects, with strengths estimated on the fitted and check drivers."""
     model = columns.fitted(columns.effects(added), 0, 1)
-    reach = float(norm.ppf(0.5 + confidence / 2))
+    n_deviations = float(norm.ppf(0.5 + confidence / 2))
     claims = []
-    for position, (trial, trials) in enumerate(zip(added, rounds, strict=False)):
+    for position, (trial, trials) in enumerate(zip(added, rounds, strict=False)):  # the last round may add nothing
         candidate, value = trial.candidate, float(model.strengths[position])
-        half = reach * float(np.sqrt(model.covariance[position, position]))
-        value, low, high = np.clip([value, value - half, value + half], candidate.low, candidate.high).tolist()
+        half_width = n_deviations * float(np.sqrt(model.covariance[position, position]))
+        bounds = candidate.low, candidate.high
+        value, low, high = np.clip([value, value - half_width, value + half_width], *bounds).tolist()
         name, unit = candidate.strength
         parameters = {name: Estimate(value, low, high, unit)}
         parameters |= {name: Estimate(value, None, None, unit) for name, value, unit in trial.form.shape}
         share = share_of(trial.total, [other.total for other in trials if other is not trial])
-        sure = min(share, THRESHOLDS.most_confidence)
-        claims.append(Claim(candidate.name, candidate.kind, parameters, candidate.variables, sure, trial.total))
+        sureness = min(share, THRESHOLDS.most_confidence)
+        claims.append(Claim(candidate.name, candidate.kind, parameters, candidate.variables, sureness, trial.total))
     return tuple(claims)
 
 
@@ -202,6 +209,7 @@ def _ranked(
     columns: CandidateColumns, added: Sequence[Trial], rounds: Sequence[Sequence[Trial]]
 ) -> tuple[RankedCandidate, ...]:
     """All candidates as in the first round, and the circumstances that every model contains."""
+    # Candidates about as good as the one that was added in their round; `zip` leaves out a last round without one.
     alike = {
         other.candidate.key
         for trial, trials in zip(added, rounds, strict=False)
@@ -216,14 +224,14 @@ def _ranked(
     rows = [row(trial.candidate, abs(trial.z), trial.gain, trial.check) for trial in rounds[0]]
     line = columns.fitted(columns.effects(()), 0, 1).line
     held = [candidate for candidate in CANDIDATES if candidate.is_circumstance]
-    last = slice(-len(held), None)
-    z = np.abs(line.coefficients[last]) / np.sqrt(np.diag(line.covariance)[last])
-    rows += [row(candidate, float(own), None, None) for candidate, own in zip(held, z, strict=True)]
+    of_held = slice(-len(held), None)  # they are the last columns of the model
+    z_scores = np.abs(line.coefficients[of_held]) / np.sqrt(np.diag(line.covariance)[of_held])
+    rows += [row(candidate, float(z), None, None) for candidate, z in zip(held, z_scores, strict=True)]
     return tuple(sorted(rows, key=lambda ranked: -ranked.z_score))
 
 
 def _loss(columns: CandidateColumns, added: Sequence[Trial], confidence: float) -> tuple[float, float, Estimate]:
-    """Mean log-loss per opportunity of the report drivers before and after, and its change [nats]."""
+    """Mean log-loss per opportunity of the report drivers without and with the added effects, and its change [nats]."""
     reported, losses = columns.rows(2), []
     for effects in (columns.effects(()), columns.effects(added)):
         losses.append(-columns.fitted(effects, 0, 1).log_likelihood(columns.data, effects))

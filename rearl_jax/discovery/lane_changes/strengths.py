@@ -1,5 +1,6 @@
 """Lane-choice effects as part of the incentive of a change [m/s^2]: they act through the same log-odds curve as the own
-gain.
+gain, the acceleration that a driver gains by changing. Each row is an opportunity: a moment at which a driver has room
+to change to one side.
 """
 
 from dataclasses import dataclass
@@ -15,7 +16,7 @@ ROUNDS = 25
 CLOSE = 1e-3
 """Change of the strengths, times their columns' standard deviation, below which the search has converged [m/s^2]."""
 
-LONGEST = 0.5
+LONGEST_STEP = 0.5
 """Bound of a step of a strength, times its column's standard deviation [m/s^2]."""
 
 LEAST_SLOPE = 0.02
@@ -29,7 +30,7 @@ class Choices:
 
     Attributes:
         gain: Own acceleration gained [m/s^2].
-        others: Further columns of every model.
+        others: Further columns of every model, which are not part of the incentive.
         taken: True where an opportunity was taken.
         driver: Driver of each opportunity, numbered from 0.
     """
@@ -40,7 +41,7 @@ class Choices:
     driver: Int[np.ndarray, " rows"]
 
     def take(self, rows: Bool[np.ndarray, " rows"]) -> "Choices":
-        """A part of the opportunities."""
+        """The opportunities of the given rows."""
         return Choices(self.gain[rows], self.others[rows], self.taken[rows], self.driver[rows])
 
 
@@ -78,10 +79,10 @@ class IncentiveModel:
 
     def slope(self, data: Choices, effects: Float[np.ndarray, "rows effects"]) -> Float[np.ndarray, " rows"]:
         """Slope of the curve at each opportunity's incentive [log-odds per m/s^2]."""
-        first, *later = self.line.coefficients[1 : 2 + len(self.bends)]
-        pieces = first + np.concatenate([[0.0], np.cumsum(later)])
-        pieces = np.maximum(pieces, LEAST_SLOPE * max(float(pieces.max()), 1e-6))
-        return pieces[np.searchsorted(self.bends, self.incentive(data, effects))]
+        first, *changes = self.line.coefficients[1 : 2 + len(self.bends)]  # below the first bend, and at each bend
+        slopes = first + np.concatenate([[0.0], np.cumsum(changes)])
+        slopes = np.maximum(slopes, LEAST_SLOPE * max(float(slopes.max()), 1e-6))
+        return slopes[np.searchsorted(self.bends, self.incentive(data, effects))]
 
 
 def fit_incentive(
@@ -90,24 +91,27 @@ def fit_incentive(
     """Model with maximum-likelihood strengths, by iteration: each step linearises the curve, which gives a logit with
     the effects times the curve's slope as further columns.
 
-    Columns of the effects are in m/s^2 per unit of strength.
+    Args:
+        data: The opportunities.
+        effects: Columns of the effects [m/s^2 per unit of strength].
+        bends: Incentives at which the slope may change [m/s^2].
     """
     n = effects.shape[1]
     spread = np.maximum(effects.std(axis=0), 1e-6)
 
-    def at(strengths: np.ndarray, covariance: np.ndarray, before: IncentiveModel | None) -> IncentiveModel:
-        start = None if before is None else before.line.coefficients
+    def model_at(strengths: np.ndarray, covariance: np.ndarray, previous: IncentiveModel | None) -> IncentiveModel:
+        start = None if previous is None else previous.line.coefficients
         columns = np.column_stack([baseline(data.gain + effects @ strengths, bends), data.others])
         return IncentiveModel(bends, strengths, covariance, fit(columns, data.taken, data.driver, start))
 
-    model = at(np.zeros(n), np.zeros((n, n)), None)
+    model = model_at(np.zeros(n), np.zeros((n, n)), None)
     for _ in range(ROUNDS if n else 0):
         columns = model.columns(data, effects)
         wider = np.column_stack([columns, model.slope(data, effects)[:, None] * effects])
         start = np.concatenate([model.line.coefficients, np.zeros(n)])
         logit = fit(wider, data.taken, data.driver, start)
-        step = np.clip(logit.coefficients[-n:], -LONGEST / spread, LONGEST / spread)
-        model = at(model.strengths + step, logit.covariance[-n:, -n:], model)
+        step = np.clip(logit.coefficients[-n:], -LONGEST_STEP / spread, LONGEST_STEP / spread)
+        model = model_at(model.strengths + step, logit.covariance[-n:, -n:], model)
         if (np.abs(step) * spread).max() < CLOSE:
             break
     return model

@@ -1,6 +1,8 @@
-"""Trials of candidates in addition to the effects added before. Two parts of the drivers check each other's fits.
+"""Trials of lane-choice candidates in addition to the effects already added.
 
-Changes are rare, so both parts together decide whether a candidate exceeds chance; the third part is not used.
+Drivers are divided into parts 0, 1 and 2. Models fitted to part 0 are checked on part 1 and vice versa. Changes are
+rare, so both parts together decide whether a candidate exceeds chance; part 2 is not used. Each row is an opportunity:
+a moment, twice a second, at which a driver has room to change to one side.
 """
 
 from collections.abc import Sequence
@@ -22,7 +24,7 @@ RESAMPLES = 1000
 NAMEABLE = tuple(candidate for candidate in CANDIDATES if not candidate.is_circumstance)
 """Candidates that may be added."""
 
-NEEDED = float(norm.isf(THRESHOLDS.lane_false_rate / 2 / sum(len(candidate.forms) for candidate in NAMEABLE)))
+LEAST_Z_SCORE = float(norm.isf(THRESHOLDS.lane_false_rate / 2 / sum(len(candidate.forms) for candidate in NAMEABLE)))
 """Z-score that a column must exceed in the score test, by Bonferroni over all columns."""
 
 
@@ -34,7 +36,7 @@ class Trial:
         candidate, form: The candidate and its best form.
         z: Slope of the likelihood, in standard deviations between drivers [-].
         gain: Gain of log-likelihood on the fitted drivers [nats]; None if z is already too small.
-        check: Gain of log-likelihood of each part under the strengths fitted to the other part [nats].
+        check: Gain of log-likelihood of each part under the strengths fitted to the other part [nats]; None as `gain`.
         is_confirmed: Whether the slope exceeds chance and the held-out drivers gain too.
     """
 
@@ -52,7 +54,9 @@ class Trial:
 
 
 class CandidateColumns:
-    """All opportunities with the columns of the candidates, in three parts that share no driver."""
+    """All opportunities with the columns of the candidates, in three parts that share no driver: `part` is that of each
+    row, `seed` the seed of resamples.
+    """
 
     def __init__(self, table: Opportunities, part: Int[np.ndarray, " rows"], seed: int) -> None:
         self.part, self.seed = part, seed
@@ -94,11 +98,12 @@ class CandidateColumns:
         data, added = self.data.take(rows), effects[rows]
         slope = model.slope(data, added)[:, None]
         columns = np.column_stack([model.columns(data, added), slope * added])
-        held = np.concatenate([model.line.coefficients, np.zeros(added.shape[1])])
-        return score_test(held, columns, data.taken, data.driver, slope[:, 0] * extra[rows])
+        # The strengths are in the incentive already, so the columns of their changes have the coefficient 0.
+        coefficients = np.concatenate([model.line.coefficients, np.zeros(added.shape[1])])
+        return score_test(coefficients, columns, data.taken, data.driver, slope[:, 0] * extra[rows])
 
-    def unseen(self, effects: Float[np.ndarray, "rows effects"]) -> Float[np.ndarray, " rows"]:
-        """Log-likelihood of each of the first two parts under the model fitted to the other [nats]; 0 for the third."""
+    def cross_validated(self, effects: Float[np.ndarray, "rows effects"]) -> Float[np.ndarray, " rows"]:
+        """Log-likelihood of parts 0 and 1, each under the model fitted to the other [nats]; 0 for part 2."""
         value = np.zeros(len(self.part))
         for fitted, checked in ((0, 1), (1, 0)):
             rows = self.rows(checked)
@@ -106,7 +111,7 @@ class CandidateColumns:
         return value
 
     def resampled(self, values: Float[np.ndarray, " rows"], *parts: int) -> Float[np.ndarray, " resamples"]:
-        """Sums over the opportunities of resampled drivers of the given parts."""
+        """Sums of the values over all opportunities of the drivers in each resample of the given parts' drivers."""
         rows = self.rows(*parts)
         sums = np.bincount(np.unique(self.data.driver[rows], return_inverse=True)[1], values[rows])
         rng = np.random.default_rng(self.seed)
@@ -117,25 +122,25 @@ def trials_of(columns: CandidateColumns, added: Sequence[Trial]) -> list[Trial]:
     """A trial of every candidate that has not been added yet, in its best form."""
     effects = columns.effects(added)
     model = columns.fitted(effects, 0, 1)
-    before, unseen = model.log_likelihood(columns.data, effects), columns.unseen(effects)
+    fitted_before, checked_before = model.log_likelihood(columns.data, effects), columns.cross_validated(effects)
     rows = columns.rows(0, 1)
-    known = {trial.candidate.key for trial in added}
+    added_keys = {trial.candidate.key for trial in added}
     trials = []
     for candidate in NAMEABLE:
-        if candidate.key in known:
+        if candidate.key in added_keys:
             continue
         forms = []
         for form in candidate.forms:
             extra = columns.column(candidate, form)
             z = columns.score(model, effects, extra)
-            if abs(z) < NEEDED or (z < 0 and candidate.low >= 0):
+            if abs(z) < LEAST_Z_SCORE or (z < 0 and candidate.low >= 0):
                 forms.append(Trial(candidate, form, z, None, None, False))
                 continue
             wider = np.column_stack([effects, extra])
-            more = columns.fitted(wider, 0, 1).log_likelihood(columns.data, wider) - before
-            other = columns.unseen(wider) - unseen
-            is_confirmed = bool(np.quantile(columns.resampled(other, 0, 1), THRESHOLDS.lane_check_quantile) > 0.0)
-            gain, check = float(more[rows].sum()), float(other.sum())
+            gains = columns.fitted(wider, 0, 1).log_likelihood(columns.data, wider) - fitted_before
+            checks = columns.cross_validated(wider) - checked_before
+            is_confirmed = bool(np.quantile(columns.resampled(checks, 0, 1), THRESHOLDS.lane_check_quantile) > 0.0)
+            gain, check = float(gains[rows].sum()), float(checks.sum())
             forms.append(Trial(candidate, form, z, gain, check, is_confirmed))
         trials.append(max(forms, key=lambda trial: (trial.is_confirmed, trial.total, abs(trial.z))))
     return trials

@@ -1,4 +1,4 @@
-"""Autocorrelation of innovations."""
+"""Autocorrelation of innovations, the prediction errors of the observer."""
 
 import numpy as np
 from jaxtyping import Float
@@ -13,7 +13,7 @@ def autocorrelation(
     """Autocorrelation of weighted innovations at lags of one, two, ... strides [-].
 
     Args:
-        innovation: Innovations [m].
+        innovation: Innovations [m]; a piece is an uninterrupted part of a track.
         weight: 1 where a time step counts.
         stride: Time steps from one independent measurement to the next.
         furthest: Largest lag [time steps].

@@ -1,8 +1,9 @@
-"""The calibrated base model that all candidates are compared with: drivers, population, noise, and lane changes.
+"""The calibrated base model that all candidates (effects that may be missing) are compared with: drivers, population,
+noise, and lane changes.
 
 Every recording of several lanes shows that drivers respond to a new leader before the lane column changes, and accept
-short gaps for a while afterwards. Without these two effects in the base model, they would dominate the residuals and
-hide all other effects.
+short gaps for a while afterwards. If the base model did not contain these two effects, they would dominate the
+residuals and hide all others.
 """
 
 from dataclasses import dataclass
@@ -24,7 +25,8 @@ STARTS = {
     ),
     "relaxation": ({"relaxation.gap_share": 0.3},),
 }
-"""Start values of the search: strengths away from their bounds (where the search would be stuck), and two lead times.
+"""Start values of the fit of each effect, by parameter: strengths away from their bounds (where the fit would be
+stuck), and two lead times [s].
 """
 
 
@@ -34,8 +36,7 @@ class Base:
 
     Attributes:
         bare: The driver model without effects of lane changes.
-        extended: The model with early responses to the next leader, and the model with these and relaxation; empty if
-            too few leaders change.
+        extended: The model with the first of LANE_CHANGES, and the model with both; empty if too few leaders change.
     """
 
     bare: Fit
@@ -48,7 +49,7 @@ class Base:
 
 
 def leader_changes(data: Measured) -> int:
-    """Number of changes of leader in the pieces of drives."""
+    """Number of changes of leader in the data."""
     return int((np.diff(data.surroundings.time_since_change, axis=0) < 0).sum())
 
 
@@ -66,7 +67,7 @@ def base_of(solver: Solver, data: Measured, *, lane_changes: bool = True) -> Bas
 
 
 def _with_effect(solver: Solver, fit: Fit, term: Term) -> Fit:
-    """The model with one effect of lane changes, fitted."""
+    """The model `fit` with one more effect of lane changes, fitted from the best of its start values."""
     active = (*fit.state.active, term)
     states = [
         replaced(fit.state, theta=solver.layout.with_values(fit.state.theta, start), active=active)

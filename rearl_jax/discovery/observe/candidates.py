@@ -1,6 +1,6 @@
 """Candidates: all effects that may be missing from the model, with their parameters in one vector, theta.
 
-At the reference value of theta no effect acts. A candidate owns some elements of the vector: the directions that the
+At the reference value of theta no effect acts. A candidate has some elements of the vector: the directions that the
 screen (`search.screen`, a score test) tests at the reference value, and the elements that the full fit (`search.refit`)
 estimates.
 """
@@ -25,7 +25,7 @@ FLAT = 1e6
 """Standard deviation of an uninformative prior, in the unit of the parameter."""
 
 POSITION_KNOTS, TIME_KNOTS, CURVE_KNOTS, LENS_KNOTS = 17, 7, 5, 21
-"""Knots of curves over position, over time and over other variables, and of the camera distortion."""
+"""Number of knots of curves over position, over time and over other variables, and of the camera distortion (lens)."""
 
 CANDIDATE_EFFECTS: dict[str, type[Effect]] = {EarlyLeader.name: EarlyLeader} | EFFECTS
 """Effects by name: those of the library, and those that exist only in recordings."""
@@ -39,7 +39,7 @@ ends of the section are not known yet; the full fit estimates them.
 """
 
 TWINS = {"speed_limit": ("bend",)}
-"""Other effects with the same influence on a follower, by effect; trajectories alone cannot distinguish them."""
+"""By effect, other effects with the same influence on a follower; trajectories alone cannot distinguish them."""
 
 CURVES = (
     "time",
@@ -61,8 +61,8 @@ CURVES = (
 """
 
 TIME_GAP_CURVES = ("lateral_offset", "leader_length", "vehicles_beside", "time_since_change", "follower_gap")
-"""Variables that the time gap may depend on. A variable that hardly changes within a drive is left to the driver's own
-parameters.
+"""Variables that the time gap may depend on. A variable that hardly changes within a drive is not among them, because
+the driver's own parameters take up its influence.
 """
 
 RANGES = {
@@ -127,7 +127,7 @@ class Candidate:
 
     Attributes:
         term: The effect or curve.
-        kind: `driver`, `road`, `generic`, `artefact`.
+        kind: `driver` or `road` for a named effect, `generic` for a curve, `artefact` of the recording.
         directions: Indices of theta whose directions the screen tests.
         free: Indices of theta that the refit estimates.
         variables: Variables that it depends on.
@@ -141,14 +141,14 @@ class Candidate:
 
 
 class Knots(eqx.Module):
-    """Knots of the curves, as arrays, so that one compiled program serves all data.
+    """Knots of the curves, as arrays, so that one program compiled by XLA serves all data.
 
     Attributes:
         position: Knots along the road [m].
         time: Knots in time [s].
         lens: Knots of the camera's distortion [m].
         curve: Knots of the curves over other variables, by variable.
-        centre: Mean weight of these knots in the data [-].
+        centre: Mean weight of each knot of these curves in the data [-], by variable.
     """
 
     position: Float[Any, " position_knots"]
@@ -170,9 +170,9 @@ class Layout:
         candidates: Candidates by term.
         reference: Theta without any acting effect; shape parameters have their default values.
         low, high: Bounds of each element.
-        scale: Standard deviation of the prior.
+        scale: Standard deviation of the prior of each element.
         unit: Step length of the search, near the smallest change with a noticeable influence on the fit.
-        places: Indices of `effect.parameter` and of the curves' values.
+        places: Indices of theta by name: `effect.parameter`, or the name of a curve.
         knots: Knots of the curves.
         prior: Prior distribution of drivers' parameters.
     """
@@ -195,7 +195,7 @@ class Layout:
     def with_values(
         self, theta: Float[np.ndarray, " parameters"], values: Mapping[str, float]
     ) -> Float[np.ndarray, " parameters"]:
-        """Theta with new values of parameters, by the names of `places`, each clipped to its bounds."""
+        """Theta with new values of some parameters, by the names of `places`, each clipped to its bounds."""
         theta = theta.copy()
         for name, value in values.items():
             place = self.places[name][0]
@@ -208,9 +208,9 @@ class Layout:
 
     def at(self, numbers: Numbers, places: Sequence[int]) -> list[Float[Array, "some *n"]]:
         """The elements at indices of theta, in their order; consecutive elements under one name stay together."""
-        home = {place: (name, k) for name, own in self.places.items() for k, place in enumerate(own)}
-        runs: list[tuple[str, int, int]] = []
-        for name, k in (home[place] for place in places):
+        name_and_offset = {place: (name, k) for name, indices in self.places.items() for k, place in enumerate(indices)}
+        runs: list[tuple[str, int, int]] = []  # name, first offset, offset behind the last
+        for name, k in (name_and_offset[place] for place in places):
             if runs and runs[-1][0] == name and runs[-1][2] == k:
                 runs[-1] = (name, runs[-1][1], k + 1)
             else:

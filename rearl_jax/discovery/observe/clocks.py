@@ -2,7 +2,8 @@
 
 If the leader's clock is ahead by d, the data show the leader where it was d earlier. In a platoon the offset of one
 vehicle acts twice: on its follower, and with the opposite sign on its own response to its leader. Other faults, such as
-a wrong length of the leader, shift each leader-follower pair independently.
+a wrong length of the leader, shift each leader-follower pair independently. Score and information are the first and the
+negative second derivative of the log-likelihood.
 """
 
 from abc import ABC, abstractmethod
@@ -28,28 +29,28 @@ VARIANCES = (0.01, 0.04, 0.1)
 
 def main_leaders(data: Measured) -> Int[np.ndarray, "drivers leaders"]:
     """The leaders that each driver followed longest; -1 if there were fewer."""
-    leaders_of = np.full((data.n_drivers, MOST_LEADERS), -1)
+    longest = np.full((data.n_drivers, MOST_LEADERS), -1)
     for driver in range(data.n_drivers):
         pieces = data.driver == driver
         leaders = data.leader[:, pieces][data.weight[:, pieces] > 0]
-        names, counts = np.unique(leaders[leaders >= 0], return_counts=True)
-        order = names[np.argsort(-counts)][:MOST_LEADERS]
-        leaders_of[driver, : len(order)] = order
-    return leaders_of
+        vehicles, counts = np.unique(leaders[leaders >= 0], return_counts=True)
+        ordered = vehicles[np.argsort(-counts)][:MOST_LEADERS]
+        longest[driver, : len(ordered)] = ordered
+    return longest
 
 
 def following(data: Measured) -> Float[np.ndarray, "leaders steps pieces"]:
-    """1 if a driver follows its k-th main leader."""
+    """1 in each time step in which a driver follows its k-th main leader, else 0."""
     leaders = main_leaders(data)[data.driver]  # [pieces, leaders]
     return (data.leader[None] == leaders.T[:, None]).astype(float) * (leaders.T[:, None] >= 0)
 
 
 @dataclass(frozen=True)
-class Estimate:
-    """Time shifts of leaders.
+class ShiftEstimate:
+    """Estimated time shifts of leaders.
 
     Attributes:
-        values: Shifts by group [s]; the groups are those of the model of shifts.
+        values: Shifts by group [s]; the groups are those of the model of shifts (`Shifts`).
         cost: Complexity penalty of the shifts: prior and Occam factor [nats].
     """
 
@@ -100,7 +101,7 @@ class Shifts(ABC):
         values: Float[np.ndarray, "groups numbers"],
         score: Float[np.ndarray, "drivers leaders"],
         information: Float[np.ndarray, "drivers leaders leaders"],
-    ) -> Estimate:
+    ) -> ShiftEstimate:
         """Improved shifts, from the score at the present shifts; other arguments as of `normal_equations`."""
         score, information = self.normal_equations(score, information)
         updates = [self._updated(values, score, information, variance) for variance in VARIANCES]
@@ -109,17 +110,17 @@ class Shifts(ABC):
 
     def _updated(
         self, values: np.ndarray, score: np.ndarray, information: np.ndarray, variance: float
-    ) -> tuple[Estimate, float]:
+    ) -> tuple[ShiftEstimate, float]:
         """Most likely shifts, and the evidence for them against the present shifts [nats]: their gain of
         log-likelihood, to second order, less their complexity penalty.
         """
         variance *= self.relative_variance
         inner = np.eye(values.shape[1]) + variance * information
         step = np.linalg.solve(inner, (variance * score - values)[:, :, None])[:, :, 0]
-        better = values + step
-        cost = 0.5 * float((better**2).sum()) / variance + 0.5 * float(np.linalg.slogdet(inner)[1].sum())
+        updated = values + step
+        cost = 0.5 * float((updated**2).sum()) / variance + 0.5 * float(np.linalg.slogdet(inner)[1].sum())
         gain = float((score * step).sum() - 0.5 * np.einsum("gi,gij,gj->", step, information, step))
-        return Estimate(better, cost), gain - cost
+        return ShiftEstimate(updated, cost), gain - cost
 
 
 class Clocks(Shifts):

@@ -1,4 +1,4 @@
-"""Closed-loop simulation of drivers behind their measured leaders, and its errors."""
+"""Closed-loop simulation: drivers are simulated behind their measured leaders, without correction; and its errors."""
 
 from collections.abc import Sequence
 

@@ -1,4 +1,6 @@
-"""Curves over a variable, which the screen tests for effects whose position or functional form is not known yet."""
+"""Curves over a variable, which the screen (a score test) tests for effects whose position or functional form is not
+known yet.
+"""
 
 from typing import ClassVar
 
@@ -12,7 +14,9 @@ from rearl_jax.core.effects.stimulus import Stimulus
 
 
 class _Curve(Effect):
-    """A curve over a variable, less its mean over the data, which the driver's own parameters take up."""
+    """A curve over a variable, less its mean over the data, which the driver's own parameters take up. `values` are at
+    the `knots`; `centre` are the mean weights of the knots in the data [-].
+    """
 
     values: Float[Array, "knots *#n"]
     knots: Float[Array, " knots"]
@@ -31,7 +35,7 @@ class DesiredSpeedCurve(_Curve):
     name: ClassVar[str] = "desired_speed_curve"
 
     def desired_speed(self, value: Array, seen: Stimulus, memory: None) -> Array:
-        """v0 exp(curve)."""
+        """Desired speed times exp(curve) [m/s]."""
         return value * jnp.exp(self.at(seen))
 
 
@@ -41,7 +45,7 @@ class TimeGapCurve(_Curve):
     name: ClassVar[str] = "time_gap_curve"
 
     def time_gap(self, value: Array, seen: Stimulus, memory: None) -> Array:
-        """T exp(curve)."""
+        """Time gap times exp(curve) [s]."""
         return value * jnp.exp(self.at(seen))
 
 
@@ -51,5 +55,5 @@ class CentredCurve(_Curve):
     name: ClassVar[str] = "centred_curve"
 
     def acceleration(self, value: Array, seen: Stimulus, memory: None) -> Array:
-        """a + curve."""
+        """Acceleration plus the curve [m/s^2]."""
         return value + self.at(seen)

@@ -1,5 +1,5 @@
-"""Standardised driver parameters z: logarithms relative to the median, divided by their standard deviation between
-drivers.
+"""Standardised driver parameters z: logarithms relative to that of the median, divided by the standard deviation of the
+logarithm between drivers.
 
 Which parameters there are, their usual values, spreads and bounds follow from the declaration of the car-following
 model (`rearl_jax.config.driver`).
@@ -65,7 +65,7 @@ class Prior:
 
     @property
     def location_precision(self) -> Float[np.ndarray, " own"]:
-        """Inverse prior variance of the mean of a population's standardised parameters [-]."""
+        """Inverse prior variance of the mean of a population's standardised parameters [-]; 1 if not declared."""
         location = np.array([parameter.location or parameter.spread for parameter in self.model.declaration.parameters])
         return (self.spread / location) ** 2
 
@@ -82,7 +82,7 @@ class Prior:
     def values(
         self, z: Float[np.ndarray, "drivers own"], truck: Int[np.ndarray, " drivers"]
     ) -> Float[np.ndarray, "drivers own"]:
-        """Parameters of drivers whose standardised parameters are z, cars 0 and trucks 1."""
+        """Parameters of drivers whose standardised parameters are z; `truck` is 0 for cars and 1 for trucks."""
         return self.usual[truck] * np.exp(self.spread * z)
 
     def drivers(self, z: Float[Any, "own pieces"], is_truck: Float[Any, " pieces"]) -> CarFollowing:

@@ -40,7 +40,7 @@ class RecordedStimulus(Stimulus):
 
 
 class EarlyLeader(Effect):
-    """Drivers respond to the next leader before the lane column shows the change."""
+    """Drivers respond to the next leader before the lane column shows the change; attributes as in `parameters`."""
 
     of_changer: Float[Array, "*#n"]
     of_follower: Float[Array, "*#n"]
@@ -65,13 +65,15 @@ class EarlyLeader(Effect):
     def leaders(
         self, value: Float[Array, "*n"], seen: Stimulus, memory: None, driver: CarFollowing
     ) -> Float[Array, "*n"]:
-        """Deceleration including the next leader, weighted with the probability that the driver already follows it."""
+        """Weighted mean of the decelerations because of the present leader (`value`) and of the next one [m/s^2]; the
+        weight follows from the probability that the driver already responds to the next one.
+        """
         assert isinstance(seen, RecordedStimulus)
         of_others = seen.next_is_nearer * self.of_follower + (1 - seen.next_is_nearer) * self.of_left
         weight = seen.next_by_own * self.of_changer + (1 - seen.next_by_own) * of_others
-        early = jax.nn.sigmoid((self.lead_time - seen.time_to_next) / SCATTER)
-        early = jnp.where(seen.time_to_next < LONGEST_LEAD, early, 0.0)
+        already = jax.nn.sigmoid((self.lead_time - seen.time_to_next) / SCATTER)
+        already = jnp.where(seen.time_to_next < LONGEST_LEAD, already, 0.0)
         by_next = driver.interaction(seen.next_gap, seen.speed, seen.speed - seen.next_speed)
         # Nobody brakes harder than comfortable for a vehicle that is not the leader yet.
         bearable = driver.free_acceleration(seen.speed) + driver.comfortable_deceleration()
-        return value + weight * early * (jnp.minimum(by_next, bearable) - value)
+        return value + weight * already * (jnp.minimum(by_next, bearable) - value)

@@ -20,7 +20,7 @@ class Fit:
     """A model fitted after one candidate was added.
 
     Attributes:
-        candidate: Candidate that was added last; None for the base model.
+        candidate: Candidate (effect that may be missing) that was added last; None for the base model.
         state: Parameters and data of the fitted model, all added candidates included.
         noise: Noise re-estimated under this model.
     """
@@ -31,7 +31,7 @@ class Fit:
 
 
 def recalibrated(solver: Solver, data: Measured, fits: Sequence[Fit]) -> list[FitState]:
-    """Other drivers under fitted models: their own parameters are calibrated, everything else is kept.
+    """The drivers of `data` under models fitted to other drivers: own parameters are calibrated, all else is kept.
 
     All models have the same number of free parameters on these drivers, so their likelihoods are comparable.
     """
@@ -48,15 +48,15 @@ def recalibrated(solver: Solver, data: Measured, fits: Sequence[Fit]) -> list[Fi
 
 
 def known_drivers(solver: Solver, split: Split, fit: Fit) -> FitState:
-    """The test drives of drivers whose own parameters and noise levels are those of their training drives."""
+    """The test drives of a split, with each driver's parameters and noise level from its training drives."""
     (trained,) = recalibrated(solver, split.training, [fit])
     return replaced(trained, data=split.test, pieces=pieces_of(split.test, fit.noise), sums=trained.sums)
 
 
 def joint_fit(solver: Solver, fit: Fit, data: Measured) -> Fit:
-    """The model fitted again to its drivers and other drivers together, starting from the present fit.
+    """The model fitted again to its drivers and those of `data` together, starting from the present fit.
 
-    All drivers together are needed for rare situations, such as the response to a cut-in.
+    Many drivers are needed for rare situations, such as the response to a cut-in.
     """
     state = fit.state
     both = new_state(state.data.with_drivers(data), solver.layout, fit.noise)

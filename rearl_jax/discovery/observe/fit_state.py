@@ -1,4 +1,7 @@
-"""State of the fit of one data set under one candidate: parameters, sums and objective.
+"""State of the fit of one data set under one candidate (effect that may be missing): parameters, sums and objective.
+
+Innovations are the prediction errors of the observer. z are the drivers' standardised parameters, theta the parameters
+of all candidates.
 
 Source for the variance of each driver, integrated out: Gelman et al., Bayesian Data Analysis (2013), chapter 3.
 """
@@ -17,7 +20,9 @@ CLASSES = 2
 """Number of populations of drivers: cars and trucks."""
 
 VARIANCE_FREEDOM = 40.0
-"""Number f of innovations that the prior of one driver's variance counts as; the prior is centred on S_usual."""
+"""Number f of innovations that the prior of one driver's variance counts as; the prior is centred on S_usual, the
+variance common to the drivers.
+"""
 
 
 @dataclass
@@ -60,9 +65,9 @@ class FitState:
     @property
     def truck(self) -> Int[np.ndarray, " drivers"]:
         """Class of each driver: 0 car, 1 truck."""
-        out = np.zeros(self.data.n_drivers, int)
-        out[self.data.driver] = self.data.is_truck
-        return out
+        truck = np.zeros(self.data.n_drivers, int)
+        truck[self.data.driver] = self.data.is_truck
+        return truck
 
     @property
     def away(self) -> Float[np.ndarray, "drivers own"]:
@@ -112,8 +117,8 @@ class FitState:
 
 @dataclass(frozen=True)
 class DriverSums:
-    """Sums over the weighted time steps of each driver. Directions of derivatives: the driver's own parameters, then
-    those of the added candidates.
+    """Sums over the weighted time steps of each driver. Derivatives are by the driver's own parameters, then by those
+    of the added candidates (`directions`).
 
     Attributes:
         square: Sum of squared innovations [m^2].
@@ -143,7 +148,7 @@ def new_state(data: Measured, layout: Layout, noise: Noise) -> FitState:
 
 
 def with_noise(state: FitState, noise: Noise) -> FitState:
-    """A state under the observer of another noise; S_usual starts at that observer's variance."""
+    """A state under the observer for another noise; S_usual starts at the variance that this observer expects."""
     gain = noise.gain(state.data.dt, state.data.stride)
     pieces = replace(replace_gain(state.pieces, gain), weight=weights(state.data, noise))
     return replaced(state, pieces=pieces, variance=float(gain.variance))
@@ -151,8 +156,8 @@ def with_noise(state: FitState, noise: Noise) -> FitState:
 
 def replaced(state: FitState, **changes: object) -> FitState:
     """A copy of a state with changes, not evaluated yet."""
-    own = {"z": state.z.copy(), "mean": state.mean.copy(), "sums": None, "objective": np.inf}
-    return replace(state, **(own | changes))
+    copied = {"z": state.z.copy(), "mean": state.mean.copy(), "sums": None, "objective": np.inf}
+    return replace(state, **(copied | changes))
 
 
 def replace_gain(pieces: Pieces, gain: Gain) -> Pieces:

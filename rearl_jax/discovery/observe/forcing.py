@@ -1,9 +1,10 @@
-"""Response of the innovations to an additional acceleration, and estimates of its size.
+"""Response of the innovations (prediction errors of the observer) to an additional acceleration, and estimates of its
+size.
 
 The observer maps an additional acceleration b(t) to a change of the innovations. The part that the driver's mean
 acceleration and own parameters could imitate is projected out. Least squares on the remaining white innovations gives
-the size of b, without bias (b does not depend on the future) and with minimum variance. One small matrix and vector per
-driver are sufficient for all estimates, so drivers can be resampled and left out at no cost.
+the size of b, without bias (b does not depend on the future) and with minimum variance. One small matrix and one vector
+per driver are sufficient for all estimates, so drivers can be resampled or left out at no cost.
 
 Source: score test, Rao (1948); partial regression, Frisch & Waugh, Econometrica 1 (1933) 387.
 """
@@ -31,7 +32,7 @@ AT_ONCE = 64
 """Number of accelerations that are passed through the observer in one batch."""
 
 NEGLIGIBLE = 1e-12
-"""Absolute innovation [m] or acceleration [m/s^2] that is set to zero."""
+"""Absolute innovation [m] or acceleration [m/s^2] below which a value is set to zero."""
 
 
 @dataclass(frozen=True)
@@ -72,7 +73,7 @@ class AccelerationDerivatives:
 
 
 def drivers_of(residuals: Residuals) -> CarFollowing:
-    """Car following of the drivers in every time step."""
+    """Car-following models of the drivers, repeated for every time step."""
     data = residuals.state.data
     return residuals.prior.drivers(jnp.asarray(residuals.state.z[data.driver].T), data.is_truck.astype(float)).full(
         residuals.x.shape
@@ -80,16 +81,16 @@ def drivers_of(residuals: Residuals) -> CarFollowing:
 
 
 def acceleration_derivatives(residuals: Residuals) -> AccelerationDerivatives:
-    """Derivatives of the car-following model along the observer's states; added effects change them little and are
-    ignored.
+    """Derivatives of the car-following model at the states predicted by the observer; added effects change them little
+    and are ignored.
     """
-    data, seen, calibrated = residuals.state.data, residuals.stimulus(), drivers_of(residuals)
+    data, stimuli, calibrated = residuals.state.data, residuals.stimulus(), drivers_of(residuals)
 
     def wanted(x: Array, v: Array, logs: Array) -> Array:
         driver = residuals.prior.model(
             *(value * jnp.exp(log) for value, log in zip(calibrated.rows(), logs, strict=True))
         )
-        moved = replace(seen, gap=seen.gap - (x - seen.position), speed=v)
+        moved = replace(stimuli, gap=stimuli.gap - (x - stimuli.position), speed=v)
         return follow(moved, driver, (), (), jnp.zeros_like(v), data.dt)[0]
 
     point = (jnp.asarray(residuals.x), jnp.asarray(residuals.v), jnp.zeros((residuals.prior.size, *residuals.x.shape)))
@@ -147,31 +148,32 @@ def driver_scores(
     accelerations: Float[np.ndarray, "columns steps pieces"], residuals: Residuals, derivatives: AccelerationDerivatives
 ) -> DriverScores:
     """Scores of all drivers for the size of accelerations, which are given at size 1 [m/s^2]."""
-    columns, n_own = _columns(accelerations, residuals, derivatives)
-    return _scored(columns, residuals.innovation, n_own, residuals)
+    columns, n_imitating = _columns(accelerations, residuals, derivatives)
+    return _scores(columns, residuals.innovation, n_imitating, residuals)
 
 
 def innovation_and_acceleration_scores(
     accelerations: Float[np.ndarray, "columns steps pieces"], residuals: Residuals, derivatives: AccelerationDerivatives
 ) -> tuple[DriverScores, DriverScores]:
     """Scores on the innovations, and scores on the acceleration residual, from which shares of its variance follow."""
-    columns, n_own = _columns(accelerations, residuals, derivatives)
-    data, seen = residuals.state.data, np.empty_like(columns)
+    columns, n_imitating = _columns(accelerations, residuals, derivatives)
+    data, smoothed = residuals.state.data, np.empty_like(columns)
     for first in range(0, len(columns), AT_ONCE):
         part = np.moveaxis(columns[first : first + AT_ONCE], 1, 0)  # [steps, columns, pieces]
         weight = np.broadcast_to(data.weight[:, None], part.shape).reshape(len(part), -1)
         smooth = smoothed_acceleration(part.reshape(len(part), -1), weight, residuals.noise, data.dt, data.stride)
-        seen[first : first + AT_ONCE] = np.moveaxis(smooth.reshape(part.shape), 0, 1)
-    return _scored(columns, residuals.innovation, n_own, residuals), _scored(
-        _without_denormals(seen), residuals.acceleration, n_own, residuals
+        smoothed[first : first + AT_ONCE] = np.moveaxis(smooth.reshape(part.shape), 0, 1)
+    return (
+        _scores(columns, residuals.innovation, n_imitating, residuals),
+        _scores(_without_denormals(smoothed), residuals.acceleration, n_imitating, residuals),
     )
 
 
 def _columns(
     accelerations: np.ndarray, residuals: Residuals, derivatives: AccelerationDerivatives
 ) -> tuple[np.ndarray, int]:
-    """Derivatives of the innovations by the sizes of accelerations, and the number of the first ones that belong to the
-    driver: a constant acceleration, then its own parameters.
+    """Derivatives of the innovations by the sizes of accelerations, and the number of the first ones, by which the
+    driver could imitate others: a constant acceleration, then the driver's own parameters.
     """
     own = np.concatenate([np.ones((1, *residuals.x.shape)), derivatives.own])
     return -np.concatenate(
@@ -190,9 +192,9 @@ def plain_scores(
     residuals: Residuals,
     derivatives: AccelerationDerivatives,
 ) -> DriverScores:
-    """Scores of a regression of one acceleration, `target`, on others, without the observer."""
+    """Scores of a regression of one acceleration, `target`, on the others, without the observer."""
     own = np.concatenate([np.ones((1, *residuals.x.shape)), derivatives.own])
-    return _scored(np.concatenate([own, accelerations]).astype(np.float32), target, len(own), residuals)
+    return _scores(np.concatenate([own, accelerations]).astype(np.float32), target, len(own), residuals)
 
 
 def added_acceleration(solver: Solver, residuals: Residuals) -> Float[np.ndarray, "steps pieces"]:
@@ -207,38 +209,38 @@ def added_acceleration(solver: Solver, residuals: Residuals) -> Float[np.ndarray
         acceleration, memory = follow(now, driver, effects, memory, last, data.dt)
         return (memory, acceleration), acceleration - follow(now, driver, (), (), last, data.dt)[0]
 
-    seen = residuals.stimulus()
-    memory = begin_effects(effects, jax.tree.map(lambda values: values[0], seen), driver, data.dt)
+    stimuli = residuals.stimulus()
+    memory = begin_effects(effects, jax.tree.map(lambda values: values[0], stimuli), driver, data.dt)
     first = memory, jnp.zeros(residuals.x.shape[1:])
-    return np.asarray(jax.jit(lambda carry, rows: lax.scan(step, carry, rows)[1])(first, seen), float)
+    return np.asarray(jax.jit(lambda carry, rows: lax.scan(step, carry, rows)[1])(first, stimuli), float)
 
 
-def _scored(
+def _scores(
     columns: Float[np.ndarray, "columns steps pieces"],
     target: Float[np.ndarray, "steps pieces"],
-    n_own: int,
+    n_imitating: int,
     residuals: Residuals,
 ) -> DriverScores:
-    """Scores of the columns on a target driver by driver, with the first `n_own` columns projected out."""
+    """Scores of the columns on a target driver by driver, with the first `n_imitating` columns projected out."""
     data = residuals.state.data
     counts, target = (data.weight > 0).astype(np.float32), target.astype(np.float32)
     products = []
     for driver in range(data.n_drivers):
         pieces = np.flatnonzero(data.driver == driver)
         rows = (columns[:, :, pieces] * counts[:, pieces]).reshape(len(columns), -1)
-        products.append(_products(rows, (target[:, pieces] * counts[:, pieces]).ravel(), n_own))
+        products.append(_products(rows, (target[:, pieces] * counts[:, pieces]).ravel(), n_imitating))
     gram, score, square = (np.stack([np.asarray(product[k], float) for product in products]) for k in range(3))
     return DriverScores(gram, score, square, float(square.sum() / max(counts.sum(), 1.0)))
 
 
 @partial(jax.jit, static_argnums=2)
 def _products(
-    rows: Float[Array, "columns moments"], target: Float[Array, " moments"], n_own: int
+    rows: Float[Array, "columns moments"], target: Float[Array, " moments"], n_imitating: int
 ) -> tuple[Float[Array, "others others"], Float[Array, " others"], Float[Array, ""]]:
-    """Gram matrix, score and sum of squares of one driver: products of the rows after the first `n_own` with each other
-    and with the target, and of the target with itself. The first rows are projected out (QR decomposition).
+    """Gram matrix, score and sum of squares of one driver: products of the rows after the first `n_imitating` with each
+    other and with the target, and of the target with itself. The first rows are projected out (QR decomposition).
     """
-    own_rows, other_rows = rows[:n_own], rows[n_own:]
+    own_rows, other_rows = rows[:n_imitating], rows[n_imitating:]
     size = jnp.sqrt(jnp.mean(own_rows**2, axis=1, keepdims=True)) + 1e-12
     basis = jnp.linalg.qr((own_rows / size).T)[0]
     other_rows, target = other_rows - (other_rows @ basis) @ basis.T, target - basis @ (basis.T @ target)

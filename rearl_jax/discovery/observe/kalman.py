@@ -28,21 +28,22 @@ MEASURED = np.array([1.0, 0.0, 0.0, 1.0, 0.0])
 """Measurement vector: coefficients of x, v, o, w, u in the measured position [-]."""
 
 STIFFNESS, DAMPING = 0.075, 0.5
-"""Response of the acceleration to a position ahead of equilibrium [1/s^2] and to excess speed [1/s] in the observer:
-IDM at 20 m/s and a gap of 30 m with default parameters. The gain depends on it: without it, the corrections that
-drivers make would be mistaken for lower noise.
+"""Deceleration that the gain assumes per position ahead of equilibrium [1/s^2] and per excess speed [1/s]: that of IDM
+at 20 m/s and a gap of 30 m with default parameters. Without it, the corrections that drivers make would be mistaken for
+lower noise.
 """
 
 
 class Gain(NamedTuple):
-    """Gain of the filter in its steady state: numbers, or arrays of one shape.
+    """Gain of the filter in its steady state: numbers, or arrays of one shape. Corrections are per innovation, the
+    measured minus the predicted position.
 
     Attributes:
-        x: Correction of the position per innovation [-].
+        x: Correction of the position [-].
         v: Correction of the speed [1/s].
         o: Correction of the acceleration residual [1/s^2].
         w: Correction of the correlated position error [-].
-        u: Correction of the process that it follows [-].
+        u: Correction of the process that w follows [-].
         kept_o: Share of o that remains after a time step [-].
         kept_w: Share of w, and of u, that remains after a time step [-].
         fed_w: Share of u that is added to w in a time step [-].
@@ -92,7 +93,7 @@ class Noise:
         position: Standard deviation of the white errors of measured positions [m].
         lasting: Standard deviation of their errors that are correlated in time [m].
         lasting_time: Time constant of these errors [s].
-        is_smooth: Whether these errors follow an Ornstein-Uhlenbeck process; otherwise they are one.
+        is_smooth: Whether these errors are smooth and follow an Ornstein-Uhlenbeck process; otherwise they are one.
         independent: Effective share of independent innovations [-]; below 1 if innovations are correlated because the
             true noise differs from this model.
         growth: Relative growth of the innovations' variance with the squared acceleration of the leader [s^4/m^2],
@@ -141,26 +142,27 @@ def steady_state(noise: Noise, dt: float, stride: int) -> SteadyState:
     The model's acceleration is linearised with STIFFNESS and DAMPING for all drivers, so that one gain serves all.
     """
     kept = np.exp(-dt / noise.time)
-    errors, of_errors = SMOOTH_COVARIANCE, smooth_step(noise.lasting_time, dt)
+    # Covariance of w and u, relative to the variance of w, and their transition matrix; without smooth errors u is 0.
+    errors, error_step = SMOOTH_COVARIANCE, smooth_step(noise.lasting_time, dt)
     if not noise.is_smooth:
-        errors, of_errors = np.diag([1.0, 0.0]), np.diag(np.diag(of_errors))
+        errors, error_step = np.diag([1.0, 0.0]), np.diag(np.diag(error_step))
     step = np.zeros((5, 5))
     step[:2, :3] = [[1.0, dt, dt * dt / 2], [-STIFFNESS * dt, 1.0 - DAMPING * dt, dt]]
-    step[2, 2], step[3:, 3:] = kept, of_errors
+    step[2, 2], step[3:, 3:] = kept, error_step
     shock = np.diag([0.0, 0.0, noise.acceleration**2 * (1 - kept**2), 0.0, 0.0])
-    shock[3:, 3:] = noise.lasting**2 * (errors - of_errors @ errors @ of_errors.T)  # keeps their covariance constant
-    measured = max(noise.position, 1e-4) ** 2
+    shock[3:, 3:] = noise.lasting**2 * (errors - error_step @ errors @ error_step.T)  # keeps their covariance constant
+    white_variance = max(noise.position, 1e-4) ** 2
     variance, gain, covariance = np.diag([1.0, 1.0, 1.0, 0.0, 0.0]) + shock, np.zeros(5), []
     for _ in range(GAIN_ITERATIONS):
         covariance = []
         for _ in range(stride):
             variance = step @ variance @ step.T + shock
             covariance.append(variance)
-        gain = variance @ MEASURED / (MEASURED @ variance @ MEASURED + measured)
+        gain = variance @ MEASURED / (MEASURED @ variance @ MEASURED + white_variance)
         variance = variance - np.outer(gain, MEASURED @ variance)
-    expected = MEASURED @ covariance[-1] @ MEASURED + measured
+    expected = MEASURED @ covariance[-1] @ MEASURED + white_variance
     # NumPy numbers, unlike Python numbers, make single-precision arrays compute in double precision.
-    steady_gain = Gain(*np.array([*gain, kept, *of_errors[0], expected]))
+    steady_gain = Gain(*np.array([*gain, kept, *error_step[0], expected]))
     corrected = step - step @ np.outer(gain, MEASURED)
     return SteadyState(steady_gain, step, corrected, [covariance[-1], *covariance[:-1]])
 

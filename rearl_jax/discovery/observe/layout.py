@@ -1,4 +1,4 @@
-"""Layout of theta for a data set: indices, bounds, priors and knots of all candidates."""
+"""Layout of theta (the vector of all candidates' parameters) for a data set: indices, bounds, priors and knots."""
 
 import jax.numpy as jnp
 import numpy as np
@@ -48,12 +48,13 @@ def layout_of(data: Measured, prior: Prior = IDM_PRIOR) -> Layout:
     builder.curve("desired_speed", POSITION_KNOTS, 0.25)
     builder.curve("weather_speed", TIME_KNOTS, 0.2)
     builder.curve("weather_time_gap", TIME_KNOTS, 0.2)
-    place = builder.places
-    builder.candidate(Term("grade"), "road", place["position"], builder.all_of("grade"), ("position",))
-    builder.candidate(Term("speed_limit"), "road", place["desired_speed"], builder.all_of("speed_limit"), ("position",))
-    weather = place["weather_speed"] + place["weather_time_gap"]
+    places = builder.places
+    builder.candidate(Term("grade"), "road", places["position"], builder.all_of("grade"), ("position",))
+    all_of_limit = builder.all_of("speed_limit")
+    builder.candidate(Term("speed_limit"), "road", places["desired_speed"], all_of_limit, ("position",))
+    weather = places["weather_speed"] + places["weather_time_gap"]
     builder.candidate(Term("weather"), "road", weather, builder.all_of("weather"), ("time",))
-    builder.candidate(ALONG_ROAD, "generic", place["position"], place["position"], ("position",))
+    builder.candidate(ALONG_ROAD, "generic", places["position"], places["position"], ("position",))
     knots, centres = {}, {}
     for variable in CURVES:
         values = curve_values(data, variable)[used]
@@ -65,16 +66,16 @@ def layout_of(data: Measured, prior: Prior = IDM_PRIOR) -> Layout:
         knots[variable] = np.linspace(low, high, CURVE_KNOTS)
         centres[variable] = np.asarray(hat_weights(jnp.asarray(values), jnp.asarray(knots[variable]))).mean(axis=1)
         builder.curve(f"curve.{variable}", CURVE_KNOTS, 0.3)
-        where = builder.places[f"curve.{variable}"]
-        builder.candidate(Term("dependence", variable), "generic", where, where, (variable,))
+        of_curve = places[f"curve.{variable}"]
+        builder.candidate(Term("dependence", variable), "generic", of_curve, of_curve, (variable,))
         if variable in TIME_GAP_CURVES:
             builder.curve(f"time_gap.{variable}", CURVE_KNOTS, 0.3)
-            where = builder.places[f"time_gap.{variable}"]
-            builder.candidate(Term("time_gap_dependence", variable), "generic", where, where, (variable,))
+            of_curve = places[f"time_gap.{variable}"]
+            builder.candidate(Term("time_gap_dependence", variable), "generic", of_curve, of_curve, (variable,))
     builder.curve("lens", LENS_KNOTS, 2.0)  # [m]
     if data.fused_errors is None:  # else every vehicle measures its own position, and no camera can distort it
-        builder.candidate(LENS, "artefact", builder.places["lens"], builder.places["lens"], ("position",))
-    low, high, off, scale, unit = (np.array(part) for part in zip(*builder.rows, strict=True))
+        builder.candidate(LENS, "artefact", places["lens"], places["lens"], ("position",))
+    low, high, off, scale, unit = (np.array(column) for column in zip(*builder.rows, strict=True))
     return Layout(
         candidates=builder.candidates,
         reference=off,
@@ -82,14 +83,20 @@ def layout_of(data: Measured, prior: Prior = IDM_PRIOR) -> Layout:
         high=high,
         scale=scale,
         unit=unit,
-        places=builder.places,
+        places=places,
         knots=Knots(position_knots, time_knots, lens_knots, knots, centres),
         prior=prior,
     )
 
 
 class _Builder:
-    """Assigns the elements of theta one after the other."""
+    """Assigns the elements of theta one after the other.
+
+    Attributes:
+        rows: Lower bound, upper bound, reference value, prior standard deviation and step length of each element.
+        places: Indices of theta by name, as in `Layout`.
+        candidates: Candidates by term.
+    """
 
     def __init__(self) -> None:
         self.rows: list[tuple[float, float, float, float, float]] = []
@@ -106,7 +113,7 @@ class _Builder:
     def effect(self, name: str) -> None:
         """Adds an effect whose strengths are the screen's directions."""
         self.parameters(name)
-        strengths = (p.name for p in CANDIDATE_EFFECTS[name].parameters if p.is_strength)
+        strengths = (each.name for each in CANDIDATE_EFFECTS[name].parameters if each.is_strength)
         directions = tuple(self.places[f"{name}.{strength}"][0] for strength in strengths)
         self.candidate(
             Term(name), CANDIDATE_EFFECTS[name].kind, directions, self.all_of(name), CANDIDATE_EFFECTS[name].depends_on
@@ -137,7 +144,7 @@ _UNKNOWN = ("start", "end", "onset", "limit", "lateral_acceleration")
 """Parameters with an uninformative prior: nothing is known about the place, time or limit of a section beforehand."""
 
 _STEPS = {"m": 50.0, "s": 5.0, "m/s": 3.0, "m/s^2": 1.0}
-"""Step length of the search for these parameters, by unit."""
+"""Step length of the search for parameters with an uninformative prior, by unit."""
 
 
 def curve_values(data: Measured, variable: str) -> Float[np.ndarray, "steps pieces"]:

@@ -39,5 +39,6 @@ class Lens(eqx.Module):
         return jnp.sum(self.values * slope * jnp.sign(signed), axis=0) / (self.knots[1] - self.knots[0])
 
     def _from_knots(self, x: Array) -> Array:
-        place = self.knots.reshape(-1, *(1,) * x.ndim)
-        return (x[None] - place) / (self.knots[1] - self.knots[0])
+        """Signed distance of positions from each knot, in distances between knots [-]."""
+        knots = self.knots.reshape(-1, *(1,) * x.ndim)
+        return (x[None] - knots) / (self.knots[1] - self.knots[0])

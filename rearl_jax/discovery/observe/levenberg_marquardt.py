@@ -1,7 +1,8 @@
-"""Levenberg-Marquardt search of one state, with one block per driver, eliminated by a Schur complement.
+"""Levenberg-Marquardt search for the best parameters of one fit (`FitState`): its Hessian has one block per driver,
+which a Schur complement eliminates. z are the drivers' own parameters, theta those of the candidates.
 
 Every driver has a damping of its own, so that one driver in a strongly nonlinear range does not slow down all others.
-Own parameters at a bound stay there and are left out of the step if the gradient points beyond the bound.
+Own parameters at a bound stay there and are left out of the step if the objective falls beyond the bound.
 
 Source: Marquardt, SIAM J. Appl. Math. 11 (1963) 431; block elimination as in bundle adjustment, Triggs et al. (2000);
 fixed bounds: projected Newton methods, Bertsekas, SIAM J. Control Optim. 20 (1982) 221.
@@ -22,17 +23,18 @@ LONGEST_STEP = 1.0
 """Bound of a step of a driver's standardised parameters [-]."""
 
 DAMPING, LEAST_DAMPING, MOST_DAMPING = 1e-2, 1e-7, 1e4
-"""Damping at the start, its lower bound, and the value at which the search gives up [-]."""
+"""Damping at the start, lower bound of the damping, and the value at which the search gives up [-]."""
 
 AFTER_SUCCESS, AFTER_FAILURE = 0.2, 8.0
 """Factors of the damping after an accepted and after a rejected step [-]."""
 
 LEAST_STEPS = 3
-"""Accepted steps before a small gain ends the search."""
+"""Number of accepted steps before which a small gain does not end the search."""
 
 
 class LevenbergMarquardt:
-    """Search from a state that has been evaluated; the state is changed in place.
+    """Search from a state that has been evaluated; the state is changed in place. `free` are the indices of theta that
+    the search varies.
 
     Attributes:
         is_running: Whether the search continues.
@@ -43,8 +45,8 @@ class LevenbergMarquardt:
         self._state, self._layout, self._free = state, layout, free
         self._damping = np.full(len(state.z), DAMPING)  # damping of each driver
         self._shared_damping = DAMPING
-        self._expected = np.zeros(len(state.z))
-        self._taken = 0
+        self._expected = np.zeros(len(state.z))  # expected gain of each driver in the step to the next point [nats]
+        self._n_accepted = 0
         adapt_variance(state)
         state.objective = self._objective(state)
 
@@ -73,22 +75,22 @@ class LevenbergMarquardt:
         # Shared block and gradient: population means first.
         block, slope = np.zeros((n_shared, n_shared)), np.zeros(n_shared)
         for c in range(CLASSES if n_mean else 0):
-            place = slice(c * n_own, (c + 1) * n_own)
+            of_mean = slice(c * n_own, (c + 1) * n_own)
             members = state.truck == c
-            coupling[members, :, place] = -precision
-            block[place, place] = members.sum() * precision + np.diag(layout.prior.location_precision)
-            slope[place] = layout.prior.location_precision * state.mean[c] - away[members].sum(axis=0)
-        last = slice(n_mean, n_shared)
-        coupling[:, :, last] = gram[:, own, added]
-        block[last, last] = gram[:, added, added].sum(axis=0) + np.diag((unit / scale) ** 2)
+            coupling[members, :, of_mean] = -precision
+            block[of_mean, of_mean] = members.sum() * precision + np.diag(layout.prior.location_precision)
+            slope[of_mean] = layout.prior.location_precision * state.mean[c] - away[members].sum(axis=0)
+        of_theta = slice(n_mean, n_shared)
+        coupling[:, :, of_theta] = gram[:, own, added]
+        block[of_theta, of_theta] = gram[:, added, added].sum(axis=0) + np.diag((unit / scale) ** 2)
         off = (state.theta - layout.reference)[free]
-        slope[last] = gradient[:, added].sum(axis=0) + off * unit / scale**2
+        slope[of_theta] = gradient[:, added].sum(axis=0) + off * unit / scale**2
         # Parameters that would leave their bounds are taken out of the system.
         low, high = (bound[state.truck] for bound in layout.prior.bounds)
         own_held = _is_held(state.z, own_gradient, low, high)
         own_block, own_gradient = _without(own_held, own_block), own_gradient * ~own_held
         held = np.zeros(n_shared, bool)
-        held[last] = _is_held(state.theta[free], slope[last], layout.low[free], layout.high[free])
+        held[of_theta] = _is_held(state.theta[free], slope[of_theta], layout.low[free], layout.high[free])
         block, slope = _without(held, block), slope * ~held
         coupling = coupling * (~own_held[:, :, None] & ~held)
         damped = own_block + self._damping[:, None, None] * np.einsum("dii,ij->dij", own_block, np.eye(n_own))
@@ -103,7 +105,7 @@ class LevenbergMarquardt:
         # Expected fall of each driver's objective, to second order [nats].
         self._expected = -0.5 * (own_gradient * z_step).sum(axis=1)
         theta = state.theta.copy()
-        theta[free] += unit * np.clip(step[last], -LONGEST_STEP, LONGEST_STEP)
+        theta[free] += unit * np.clip(step[of_theta], -LONGEST_STEP, LONGEST_STEP)
         mean = state.mean
         if n_mean:
             mean = mean + np.clip(step[:n_mean], -LONGEST_STEP, LONGEST_STEP).reshape(-1, n_own)
@@ -126,8 +128,8 @@ class LevenbergMarquardt:
             adapt_variance(state)
             state.objective = self._objective(state)
             self._shared_damping = max(self._shared_damping * AFTER_SUCCESS, LEAST_DAMPING)
-            self._taken += 1
-            self.is_running = before - reached > tolerance or self._taken < LEAST_STEPS
+            self._n_accepted += 1
+            self.is_running = before - reached > tolerance or self._n_accepted < LEAST_STEPS
         else:
             self._shared_damping *= AFTER_FAILURE
             self.is_running = self._shared_damping < MOST_DAMPING

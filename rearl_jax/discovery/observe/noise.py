@@ -1,4 +1,6 @@
-"""Estimation of driver and measurement noise by maximum likelihood of the innovations."""
+"""Estimation of driver and measurement noise by maximum likelihood of the innovations (prediction errors of the
+observer).
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -19,12 +21,14 @@ ACCELERATIONS = (0.03, 0.05, 0.07, 0.1, 0.125, 0.15, 0.2, 0.25, 0.3, 0.45, 0.7, 
 """Tested standard deviations of the acceleration residual [m/s^2]."""
 
 NOISELESS = 0.05
-"""Standard deviation [m/s^2] below which the residual comes from the time discretisation; the steadiest people have
-0.1.
+"""Standard deviation of the acceleration residual [m/s^2] up to which it comes from the time discretisation; that of
+the steadiest people is 0.1.
 """
 
 TIMES = (0.6, 1.5, 4.0)
-"""Tested correlation times [s]. Source of the middle value: Zhang & Sun, arXiv:2210.03571 (highD, about 1.4 s)."""
+"""Tested correlation times of the acceleration residual [s]. Source of the middle value: Zhang & Sun, arXiv:2210.03571
+(highD, about 1.4 s).
+"""
 
 USUAL = Noise(0.15, 1.5, 0.1)
 """Noise from which the estimation begins."""
@@ -36,10 +40,10 @@ SPREAD_ITERATIONS = 3
 """Alternating estimates of the spread between drivers and of the drivers' parameters."""
 
 USUAL_DRIVERS = 10.0
-"""Weight of the prior spread, in drivers."""
+"""Weight of the prior spread, as a number of drivers."""
 
 SPREADS = (0.5, 4.0)
-"""Bounds of the spread as a multiple of the prior spread [-]."""
+"""Bounds of the spread between drivers as a multiple of the prior spread [-]."""
 
 INDEPENDENT_AFTER = 4.0
 """Time after which innovations are uncorrelated [s]."""
@@ -51,10 +55,11 @@ SIGNIFICANT = 3.5
 """Standard deviations above which an autocorrelation counts [-]; smaller ones among many lags occur by chance."""
 
 POSITION_TIMES = (0.2, 0.5, 1.0)
-"""Tested correlation times of position errors [s], as trackers and filters cause; white errors are tested too."""
+"""Tested correlation times of position errors [s], as trackers and filters cause them; white errors are tested too."""
 
 WHITE_SHARE = 0.1
-"""Standard deviation of the white part of such errors over that of all [-]; without one their covariance is singular.
+"""Standard deviation of the white part of correlated position errors over that of all [-]; without a white part their
+covariance is singular.
 """
 
 SMOOTH_ERRORS = (0.03, 0.05, 0.08, 0.12, 0.16, 0.2, 0.25, 0.3, 0.4, 0.5)
@@ -73,7 +78,7 @@ MOST_CLIMBS = 6
 
 
 def best_noise(solver: Solver, state: FitState, tried: Sequence[Noise]) -> tuple[Noise, float]:
-    """The noise with the largest likelihood of a state's innovations, parameters fixed, and this log-likelihood [nats].
+    """The most likely of the tried noises, given a state's innovations and parameters, and its log-likelihood [nats].
 
     The drivers' own parameters are integrated out, because their fit has absorbed part of the noise, and more of it the
     smaller the assumed noise is.
@@ -131,7 +136,7 @@ def _climbed(solver: Solver, state: FitState, noise: Noise, levels: Mapping[str,
     columns = sorted({*columns, getattr(noise, second)})
     log_likelihoods: dict[tuple[int, int], float] = {}
 
-    def at(place: tuple[int, int]) -> Noise:
+    def noise_at(place: tuple[int, int]) -> Noise:
         return replace(noise, **{first: rows[place[0]], second: columns[place[1]]})
 
     here = int(np.argmin(np.abs(np.asarray(rows) - getattr(noise, first)))), columns.index(getattr(noise, second))
@@ -144,11 +149,11 @@ def _climbed(solver: Solver, state: FitState, noise: Noise, levels: Mapping[str,
         new = [place for place in around if place not in log_likelihoods]
         if new:
             log_likelihoods |= dict(
-                zip(new, noise_likelihoods(solver, state, [at(place) for place in new]), strict=True)
+                zip(new, noise_likelihoods(solver, state, [noise_at(place) for place in new]), strict=True)
             )
         best = max(around, key=log_likelihoods.__getitem__)
         if log_likelihoods[best] <= log_likelihoods[here]:
-            return at(here)
+            return noise_at(here)
         here = best
 
 
@@ -192,15 +197,15 @@ def calibrate(solver: Solver, data: Measured) -> tuple[FitState, Noise]:
     state = new_state(data, solver.layout, start)
     solver.solve([state], iterations=8, tolerance=1.0)
     noise, log_likelihood = best_noise(solver, state, noise_levels(start, ACCELERATIONS))
-    lasting = [
+    with_correlated_errors = [
         replace(noise, acceleration=sd, position=WHITE_SHARE * size, lasting=size, lasting_time=time)
         for time in POSITION_TIMES
-        for size in [lasting_noise(data.noise, time, data.dt)]
+        for size in [lasting_noise(data.noise, time, data.dt)]  # one value per time
         for sd in ACCELERATIONS
     ]
-    other, with_lasting = best_noise(solver, state, lasting)
-    if with_lasting > log_likelihood + THRESHOLDS.lasting_noise_gain:
-        noise, log_likelihood = other, with_lasting
+    other_noise, other_log_likelihood = best_noise(solver, state, with_correlated_errors)
+    if other_log_likelihood > log_likelihood + THRESHOLDS.lasting_noise_gain:
+        noise, log_likelihood = other_noise, other_log_likelihood
     smooth = (
         None
         if data.smoothing
@@ -259,8 +264,8 @@ def spread_of(state: FitState) -> Float[np.ndarray, " own"]:
     assert state.sums is not None
     n_own = state.z.shape[1]
     own = state.sums.gram[:, :n_own, :n_own] / state.variances[:, None, None] + state.precision
-    unknown = np.einsum("dii->di", np.linalg.inv(own))
-    square = (USUAL_DRIVERS + (state.away**2 + unknown).sum(axis=0)) / (USUAL_DRIVERS + len(state.z))
+    estimation_variance = np.einsum("dii->di", np.linalg.inv(own))
+    square = (USUAL_DRIVERS + (state.away**2 + estimation_variance).sum(axis=0)) / (USUAL_DRIVERS + len(state.z))
     return np.clip(np.sqrt(square), *SPREADS)
 
 
@@ -277,14 +282,14 @@ def _with_growth_and_independence(solver: Solver, state: FitState, noise: Noise)
     data = state.data
     (innovation,) = solver.innovations([state])
     relative = innovation**2 / state.variances[data.driver]
-    counts, size = data.weight, squared_leader_acceleration(data)
-    size_mean, mean = (float((values * counts).sum() / counts.sum()) for values in (size, relative))
-    slope = float(
-        (relative * (size - size_mean) * counts).sum() / max(float(((size - size_mean) ** 2 * counts).sum()), 1e-9)
-    )
-    level = mean - slope * size_mean
+    counts, squared = data.weight, squared_leader_acceleration(data)
+    squared_mean, mean = (float((values * counts).sum() / counts.sum()) for values in (squared, relative))
+    # Regression of the squared relative innovations on the squared acceleration of the leader.
+    centred = squared - squared_mean
+    slope = float((relative * centred * counts).sum() / max(float((centred**2 * counts).sum()), 1e-9))
+    level = mean - slope * squared_mean
     growth = min(max(slope, 0.0) / max(level, 0.1 * mean), MOST_GROWTH)
-    scaled = innovation / np.sqrt(state.variances[data.driver] * (1 + growth * size))
+    scaled = innovation / np.sqrt(state.variances[data.driver] * (1 + growth * squared))
     correlations = autocorrelation(scaled, counts, data.stride, round(INDEPENDENT_AFTER / data.dt))
     correlations[np.abs(correlations) < SIGNIFICANT / np.sqrt(counts.sum())] = 0.0
     phase = BEHAVIOUR_FREQUENCIES[:, None] * data.dt * data.stride * np.arange(1, len(correlations) + 1)

@@ -62,7 +62,7 @@ def measured_drivers(
         recordings: The recordings.
         options: Keys of discovery.
         prior: Prior distribution of drivers' parameters.
-        same: Label by which the data format identifies the same driver or car, if `options.same` names no label.
+        same: Label by which the data format identifies the same driver or car, used if `options.same` names no label.
 
     Raises:
         ValueError: The frame rates differ, a label is unknown, or no driver follows a leader long enough.
@@ -77,17 +77,17 @@ def measured_drivers(
     smooth = smoothness(tables)
     labels = labels_of(recordings, options)
     same = options.same or (same if same in labels else None)
-    drivers_of = partial(
+    measured_from = partial(
         measure,
         position_lag=amount(findings, "position_lag"),
         labels=labels,
-        same=same,
+        identity_label=same,
         fused_errors=fused_errors,
     )
-    data = _chosen(drivers_of(tables, smooth=smooth), options)
+    data = _chosen(measured_from(tables, smooth=smooth), options)
     if data.noise < EXACT_NOISE and _are_exact(data, prior):
         # A simulation without noise is as smooth as a smoothed recording, so smoothness proves nothing here.
-        return findings, _chosen(drivers_of(tables, least_noise=EXACT_NOISE), options)
+        return findings, _chosen(measured_from(tables, least_noise=EXACT_NOISE), options)
     return [*findings, *([smoothed_positions(smooth.drives)] if smooth.drives else [])], data
 
 
@@ -124,5 +124,5 @@ def _chosen(data: Measured, options: DiscoverConfig) -> Measured:
 
 def _are_exact(data: Measured, prior: Prior) -> bool:
     """True if a sample of the drivers follows the model without noise."""
-    some = data.select(np.flatnonzero(data.driver < ENOUGH))
-    return is_exact(solver_of(some, prior), some)
+    sample = data.select(np.flatnonzero(data.driver < ENOUGH))
+    return is_exact(solver_of(sample, prior), sample)

@@ -1,4 +1,4 @@
-"""Residuals of a calibrated model: innovations, acceleration residual, gap error.
+"""Residuals of a calibrated model: innovations (prediction errors of the observer), acceleration residual, gap error.
 
 The acceleration residual is the smoothed state o of the observer: the part of the measured acceleration that the model
 does not explain, estimated from the whole drive. It has the smallest error of the available estimates. The filtered o
@@ -50,7 +50,7 @@ class Residuals:
         gap: Gap in the closed-loop simulation with the same parameters, minus measured gap [m].
         x, v: Centre [m] and speed [m/s] of the driver halfway to the next time step, predicted from earlier
             measurements.
-        seen: Surroundings halfway to the next time step, as in the observer.
+        surroundings: Measured surroundings halfway to the next time step, as in the observer.
     """
 
     state: FitState
@@ -61,14 +61,15 @@ class Residuals:
     gap: Float[np.ndarray, "steps pieces"]
     x: Float[np.ndarray, "steps pieces"]
     v: Float[np.ndarray, "steps pieces"]
-    seen: Surroundings
+    surroundings: Surroundings
 
     def stimulus(self) -> Stimulus:
         """Stimuli of the drivers halfway, `[n_steps, n_pieces]`."""
         data = self.state.data
         truck = jnp.asarray(data.is_truck, float)
         own = (jnp.asarray(self.x), jnp.asarray(self.v), jnp.asarray(data.length))
-        return jax.vmap(stimulus, in_axes=(0, 0, None, None, 0))(*own, truck, jax.tree.map(jnp.asarray, self.seen))
+        surroundings = jax.tree.map(jnp.asarray, self.surroundings)
+        return jax.vmap(stimulus, in_axes=(0, 0, None, None, 0))(*own, truck, surroundings)
 
     def autocorrelation(self) -> tuple[Float[np.ndarray, " lags"], Float[np.ndarray, " lags"]]:
         """Lags [s] up to LAGS_FOR, and the autocorrelation of weighted innovations [-]."""
@@ -89,16 +90,16 @@ def _residuals(solver: Solver, state: FitState, noise: Noise) -> Residuals:
     (gap,) = (
         np.clip(np.asarray(part, float), -FARTHEST, FARTHEST) for part in solver.innovations([state], CLOSED_LOOP)
     )
-    gain, seen = noise.gain(data.dt, data.stride), data.halfway()
+    gain, surroundings = noise.gain(data.dt, data.stride), data.halfway()
     # Single precision, in which the innovations were computed: their rounding errors then cancel.
     expected = data.y.astype(np.float32).astype(float) - innovation
     if LENS in state.active:
         lens = lens_at(solver.layout.by_name(jnp.asarray(state.theta)[:, None, None]), solver.layout.knots)
         expected = expected - np.asarray(lens.bend(jnp.asarray(expected)))
-        seen = straightened(seen, lens)
+        surroundings = straightened(surroundings, lens)
     corrected = expected + gain.x * innovation * data.is_corrected()[:, None]
-    later = np.concatenate([expected[1:], expected[-1:]])
-    v = (later - corrected) / data.dt
+    expected_next = np.concatenate([expected[1:], expected[-1:]])
+    v = (expected_next - corrected) / data.dt
     v[-1] = v[-2]
     return Residuals(
         state=state,
@@ -109,7 +110,7 @@ def _residuals(solver: Solver, state: FitState, noise: Noise) -> Residuals:
         gap=gap,
         x=corrected + v * (data.dt / 2),
         v=np.maximum(v, 0.0),
-        seen=seen,
+        surroundings=surroundings,
     )
 
 
@@ -129,19 +130,19 @@ def smoothed_acceleration(
         dt: Time step [s].
         stride: Time steps from one correction to the next.
     """
-    # o smoothed = o predicted + its row of the covariance times the information in this and all later innovations.
+    # o smoothed = o predicted + the row of o of the covariance times the information in this and all later innovations.
     observer = steady_state(noise, dt, stride)
     gain = observer.gain
-    ended = np.cumsum(weight[::-1] > 0, axis=0)[::-1] == 0
+    has_ended = np.cumsum(weight[::-1] > 0, axis=0)[::-1] == 0
     is_corrected = is_new(len(innovation), stride)
-    used = np.where(ended | ~is_corrected[:, None], 0.0, innovation)
+    used = np.where(has_ended | ~is_corrected[:, None], 0.0, innovation)
     predicted, o = np.zeros_like(used), np.zeros(used.shape[1])
     for t in range(len(used)):
         predicted[t] = o
         o = gain.kept_o * (o + gain.o * used[t])
-    later_information, out = np.zeros((5, used.shape[1])), np.empty_like(used)
+    later_information, smoothed = np.zeros((5, used.shape[1])), np.empty_like(used)
     for t in range(len(used) - 1, -1, -1):
         later_information = (observer.corrected if is_corrected[t] else observer.step).T @ later_information
         later_information += MEASURED[:, None] * used[t] / gain.variance
-        out[t] = predicted[t] + observer.covariance[t % stride][2] @ later_information
-    return np.where(ended, 0.0, out)
+        smoothed[t] = predicted[t] + observer.covariance[t % stride][2] @ later_information
+    return np.where(has_ended, 0.0, smoothed)

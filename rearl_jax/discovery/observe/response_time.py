@@ -3,8 +3,8 @@
 The model acceleration is computed at the measured state in every time step, so errors do not accumulate. A direct
 correlation of measured and model acceleration would be biased, because the driver's noise changes gap and speed and
 thereby the model acceleration. The leader's acceleration does not depend on this noise. If drivers respond late, the
-covariance of their acceleration with the leader's earlier acceleration equals that of the model, shifted by the
-response time.
+covariance of their acceleration with the leader's earlier acceleration equals that of the model acceleration, shifted
+by the response time. A piece is an uninterrupted part of a track.
 
 Source: delay by cross-correlation, Knapp & Carter, IEEE Trans. ASSP 24 (1976) 320; with the leader's acceleration as
 the instrument, Young, Recursive Estimation and Time-Series Analysis (2011), chapter 7.
@@ -34,8 +34,8 @@ EARLIEST, LATEST = -1.0, 3.0
 WIDEST_INTERVAL = 1.0
 """Width of an interval [s] above which a response time is not identified."""
 
-SEEN_AS_LATE = 0.15
-"""Response time [s] above which drivers' own parameters are calibrated again under that delay."""
+LEAST_DELAY = 0.15
+"""Response time [s] from which drivers' own parameters are calibrated again under that delay."""
 
 DELAY = Term("reaction_delay")
 """The effect with which drivers are calibrated again."""
@@ -47,8 +47,8 @@ class Covariances:
 
     Attributes:
         dt: Time step [s].
-        measured: Covariances of the measured acceleration, from lag 0 to LONGEST_AFTER.
-        modelled: Covariances of the model acceleration, from lag -LATEST to LONGEST_AFTER - EARLIEST.
+        measured: Covariances of the measured acceleration, at lags from 0 to LONGEST_AFTER.
+        modelled: Covariances of the model acceleration, at lags from -LATEST to LONGEST_AFTER - EARLIEST.
     """
 
     dt: float
@@ -63,7 +63,7 @@ class Covariances:
         best, earliest = int(np.argmax(similarity)), round(EARLIEST / self.dt)
         if not 0 < best < len(similarity) - 1:
             return (best + earliest) * self.dt
-        before, middle, after = similarity[best - 1 : best + 2]
+        before, middle, after = similarity[best - 1 : best + 2]  # vertex of the parabola through three values
         return float(best + earliest + 0.5 * (before - after) / (before - 2 * middle + after)) * self.dt
 
 
@@ -72,23 +72,24 @@ class Responses:
     """Response times of drivers.
 
     Attributes:
-        found: Covariances under the model.
-        again: Covariances under the model with a delay and own parameters calibrated again; None if no delay was added.
+        undelayed: Covariances under the model.
+        delayed: Covariances under the model with a delay and own parameters calibrated again; None if no delay was
+            added.
         added: The added delay [s].
     """
 
-    found: Covariances
-    again: Covariances | None = None
+    undelayed: Covariances
+    delayed: Covariances | None = None
     added: float = 0.0
 
     def figure(self, confidence: float, draws: int, seed: int) -> dict[str, float] | None:
-        """Response time {value, low, high} [s] with its interval over drivers; None if it is not identified, because
-        its values in resamples of the drivers differ too much or lie at the ends of the tested range.
+        """Response time {value, low, high} [s] with its interval over drivers, from `draws` resamples; None if it is
+        not identified, because its values in the resamples differ too much or lie at the ends of the tested range.
         """
-        n, rng = len(self.found.measured), np.random.default_rng(seed)
+        n, rng = len(self.undelayed.measured), np.random.default_rng(seed)
         drawn = [self.of(rng.integers(0, n, n)) for _ in range(draws)]
         low, high = np.quantile(drawn, [(1 - confidence) / 2, (1 + confidence) / 2]).tolist()
-        is_inside = low > EARLIEST + self.found.dt and high < LATEST - self.found.dt
+        is_inside = low > EARLIEST + self.undelayed.dt and high < LATEST - self.undelayed.dt
         if not is_inside or high - low > WIDEST_INTERVAL:
             return None
         return {"value": self.of(np.arange(n)), "low": low, "high": high}
@@ -96,13 +97,13 @@ class Responses:
     def of(self, drivers: Int[np.ndarray, " some"]) -> float:
         """Response time of the given drivers [s]: the delay with which the model is no longer ahead of them.
 
-        Parameters calibrated without a delay imitate part of it. The remaining shift after a delay was added gives the
-        correction.
+        Parameters calibrated without a delay imitate part of it. The shift that remains after a delay was added shows
+        which part, and the response time is corrected by it.
         """
-        late = self.found.delay(drivers)
-        if self.again is None:
+        late = self.undelayed.delay(drivers)
+        if self.delayed is None:
             return late
-        reduction = late - self.again.delay(drivers)
+        reduction = late - self.delayed.delay(drivers)
         return late if reduction < self.added / 2 else late * self.added / reduction
 
 
@@ -111,9 +112,9 @@ def responses(solver: Solver, state: FitState) -> Responses:
     undelayed = covariances(solver, state)
     late = undelayed.delay(np.arange(state.data.n_drivers))
     layout = solver.layout
-    if late < SEEN_AS_LATE or DELAY in state.active or DELAY not in layout.candidates:
+    if late < LEAST_DELAY or DELAY in state.active or DELAY not in layout.candidates:
         return Responses(undelayed)
-    places = list(layout.candidates[DELAY].free)
+    places = list(layout.candidates[DELAY].free)  # indices of theta, the parameters of all candidates
     theta = state.theta.copy()
     theta[places] = np.minimum(late, layout.high[places])
     delayed = replaced(state, theta=theta, active=(*state.active, DELAY))
@@ -126,14 +127,15 @@ def covariances(solver: Solver, state: FitState) -> Covariances:
     data = state.data
     counts = _between_measurements(data.weight > 0, data.stride)
     leader = data.surroundings.leader_acceleration
-    measured, modelled, led = (
+    measured, modelled, of_leader = (
         (values - (values * counts).sum(axis=0) / np.maximum(counts.sum(axis=0), 1)) * counts
         for values in (np.gradient(data.smooth_speed, data.dt, axis=0), model_acceleration(solver, state), leader)
     )
 
     def lagged(values: np.ndarray, first: float, last: float) -> np.ndarray:
         rows = [
-            _lagged(values, led, data.leader, lag) for lag in range(round(first / data.dt), round(last / data.dt) + 1)
+            _lagged(values, of_leader, data.leader, lag)
+            for lag in range(round(first / data.dt), round(last / data.dt) + 1)
         ]
         sums = np.zeros((data.n_drivers, len(rows)))
         np.add.at(sums, data.driver, np.array(rows).T)
@@ -147,20 +149,20 @@ def covariances(solver: Solver, state: FitState) -> Covariances:
 def _between_measurements(counts: Bool[np.ndarray, "steps pieces"], stride: int) -> Bool[np.ndarray, "steps pieces"]:
     """True for time steps between two neighbouring ones that count, both included."""
     measured, row = counts[::stride], np.arange(len(counts))
-    last, following = row // stride, -(-row // stride)
+    last, following = row // stride, -(-row // stride)  # the measurements before and after, rounded down and up
     return measured[last] & measured[np.minimum(following, len(measured) - 1)] & (following < len(measured))[:, None]
 
 
 def _lagged(
     values: Float[np.ndarray, "steps pieces"],
-    before: Float[np.ndarray, "steps pieces"],
-    leader: np.ndarray,
+    of_leader: Float[np.ndarray, "steps pieces"],
+    leader: Int[np.ndarray, "steps pieces"],
     lag: int,
 ) -> Float[np.ndarray, " pieces"]:
-    """Sum of products of values with those of the same leader `lag` time steps before, piece by piece."""
+    """Sum of products of values with those of the leader `lag` time steps before, if it is the same, piece by piece."""
     n = len(values)
     late, early = slice(max(lag, 0), n + min(lag, 0)), slice(max(-lag, 0), n - max(lag, 0))
-    return (values[late] * before[early] * (leader[late] == leader[early])).sum(axis=0)
+    return (values[late] * of_leader[early] * (leader[late] == leader[early])).sum(axis=0)
 
 
 def model_acceleration(solver: Solver, state: FitState) -> Float[np.ndarray, "steps pieces"]:
@@ -175,13 +177,13 @@ def model_acceleration(solver: Solver, state: FitState) -> Float[np.ndarray, "st
     if LENS in state.active:
         lens = lens_at(layout.by_name(jnp.asarray(state.theta)[:, None, None]), knots)
         surroundings, (x, v) = straightened(surroundings, lens), straightened_start(jnp.stack([x, v]), lens)
-    seen = jax.vmap(stimulus, in_axes=(0, 0, None, None, 0))(x, v, jnp.asarray(data.length), is_truck, surroundings)
+    stimuli = jax.vmap(stimulus, in_axes=(0, 0, None, None, 0))(x, v, jnp.asarray(data.length), is_truck, surroundings)
 
     def step(carry: tuple, now: Stimulus) -> tuple[tuple, Array]:
         memory, last = carry
         wanted, memory = follow(now, driver, effects, memory, last, data.dt)
         return (memory, wanted), wanted
 
-    memory = begin_effects(effects, jax.tree.map(lambda values: values[0], seen), driver, data.dt)
+    memory = begin_effects(effects, jax.tree.map(lambda values: values[0], stimuli), driver, data.dt)
     first = memory, jnp.zeros(x.shape[1:])
-    return np.asarray(jax.jit(lambda carry, rows: lax.scan(step, carry, rows)[1])(first, seen), float)
+    return np.asarray(jax.jit(lambda carry, rows: lax.scan(step, carry, rows)[1])(first, stimuli), float)

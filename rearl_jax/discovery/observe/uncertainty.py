@@ -1,4 +1,4 @@
-"""Standard deviations of fitted parameters, and complexity penalties."""
+"""Standard deviations of fitted parameters, and complexity penalties. theta are the parameters of all candidates."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -69,8 +69,8 @@ def shares_at_bound(solver: Solver, state: FitState) -> Float[np.ndarray, " own"
 
 
 def _projected(state: FitState, n_free: int) -> tuple[np.ndarray, np.ndarray]:
-    """Derivative of the drivers' best own parameters by theta, with the sign reversed, and the information on theta
-    that remains when own parameters are fitted (Schur complement).
+    """Derivative of the drivers' best own parameters by the searched elements of theta, with the sign reversed, and the
+    information on these elements that remains when own parameters are fitted (Schur complement).
     """
     assert state.sums is not None
     n_own = state.z.shape[1]
@@ -82,8 +82,8 @@ def _projected(state: FitState, n_free: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def complexity_penalty(solver: Solver, state: FitState, places: Sequence[int]) -> float:
-    """Complexity penalty of the elements `places` of theta [nats]: how much the data narrow their prior, and how far
-    they lie from its mean.
+    """Complexity penalty of the elements of theta with the indices `places` [nats]: it grows with how much the data
+    narrow their prior, and with their distance from its mean.
 
     Source: Laplace approximation of the evidence, MacKay, Neural Comput. 4 (1992) 415; for uninformative priors, half
     the logarithm of the number of independent observations, Schwarz, Ann. Stat. 6 (1978) 461.
@@ -92,15 +92,15 @@ def complexity_penalty(solver: Solver, state: FitState, places: Sequence[int]) -
     _, information = _projected(state, len(free))
     scale = layout.scale[free]
     chosen = np.isin(free, list(places))
-    known_before = chosen & (scale < FLAT)
-    root = scale[known_before]
-    inner = np.eye(len(root)) + root[:, None] * information[np.ix_(known_before, known_before)] * root[None, :]
-    off = (state.theta - layout.reference)[free][known_before] / root
-    unknown = int((chosen & ~known_before).sum())
-    return float(0.5 * np.linalg.slogdet(inner)[1] + 0.5 * (off**2).sum() + 0.5 * unknown * LOG_OBSERVATIONS)
+    has_prior = chosen & (scale < FLAT)
+    sd = scale[has_prior]
+    inner = np.eye(len(sd)) + sd[:, None] * information[np.ix_(has_prior, has_prior)] * sd[None, :]
+    off = (state.theta - layout.reference)[free][has_prior] / sd
+    n_without_prior = int((chosen & ~has_prior).sum())
+    return float(0.5 * np.linalg.slogdet(inner)[1] + 0.5 * (off**2).sum() + 0.5 * n_without_prior * LOG_OBSERVATIONS)
 
 
 def interval(value: float, deviation: float, confidence: float) -> tuple[float, float]:
-    """The central interval of a Gaussian."""
+    """The central interval of a Gaussian with this mean, standard deviation and probability `confidence`."""
     half = float(norm.ppf(0.5 + confidence / 2)) * deviation
     return value - half, value + half

@@ -19,10 +19,10 @@ from rearl_jax.discovery.read.lasting import lasting
 from rearl_jax.discovery.read.smoothing import low_pass, robust_deviation
 
 LAGS = (1.0, 1.5, 2.0, 3.0, 5.0, 7.0, 10.0, 15.0, 20.0, 30.0, 40.0, 60.0)
-"""Lags at which differences of the two columns are compared [s]."""
+"""Lags of the differences of position minus integrated speed [s]."""
 
 LEAST_LAGS = 7
-"""Smallest number of lags from which the parts of the errors can be distinguished."""
+"""Smallest number of lags at which white, correlated and growing errors can be distinguished."""
 
 TIMES = (5.0, 10.0, 20.0, 40.0, 80.0)
 """Tested correlation times of the correlated errors of positions [s]."""
@@ -42,8 +42,8 @@ class FusedErrors:
         white: Standard deviation of the white errors of the position [m].
         lasting: Standard deviation of its errors that are correlated in time [m].
         time: Correlation time of these errors [s].
-        walk: Standard deviation of the integrated errors of the speed, a random walk, over the root of the time
-            [m/s^0.5].
+        walk: Standard deviation of the integrated errors of the speed, a random walk, divided by the root of the time
+            walked [m/s^0.5].
         speed_time: Correlation time of the errors of the speed [s]; 0 if they are white.
         cut_off: Angular frequency below which the position is used, and above which the integrated speed [rad/s].
     """
@@ -70,16 +70,17 @@ def fused_errors(
     dt: float,
     cut_off: float,
 ) -> FusedErrors | None:
-    """Errors from each track's position minus its integrated speed [m]; None if the tracks are too short.
+    """Errors from each track's position minus its integrated speed; None if the tracks are too short.
 
-    Second differences are used, because a constant error of the speed adds a constant slope. Their variance at a lag L
-    is 6 white^2 + 2 lasting^2 (3 - 4 r + r^2) + 2 walk^2 L, with r = exp(-L / time).
+    Second differences are used, because a constant error of the speed adds a constant slope. With the attributes of
+    `FusedErrors`, their variance at a lag L is 6 white^2 + 2 lasting^2 (3 - 4 r + r^2) + 2 walk^2 L with
+    r = exp(-L / time).
 
     Args:
-        differences: Position minus integrated speed of each track.
+        differences: Position minus integrated speed of each track [m].
         speeds: Measured speed of each track [m/s].
         dt: Time step [s].
-        cut_off: Angular frequency at which the two were fused [rad/s].
+        cut_off: Angular frequency at which position and integrated speed were fused [rad/s].
     """
     lags, variances, windows = [], [], []
     for lag in LAGS:
@@ -113,10 +114,11 @@ def _speed_time(walk: float, variance: float, dt: float) -> float:
     over one time step [m^2/s^2]. Drivers change the acceleration slowly, so nearly all of this variance is of errors.
 
     An error of variance s^2, of which a share k is kept from step to step, has second differences of variance
-    2 s^2 (1 - k) (3 - k), and its integral grows by s^2 dt^2 (1 + k) / (1 - k) per time step.
+    2 s^2 (1 - k) (3 - k); the variance of its integral grows by s^2 dt^2 (1 + k) / (1 - k) = walk^2 dt per time step.
     """
 
     def excess(kept: float) -> float:
+        """Variance of second differences for a share k, minus the observed one; it falls with k."""
         return 2 * walk**2 / dt * (1 - kept) ** 2 * (3 - kept) / (1 + kept) - variance
 
     if excess(0.0) <= 0:
@@ -128,7 +130,7 @@ def _speed_time(walk: float, variance: float, dt: float) -> float:
 
 
 def _second_differences(tracks: Sequence[Float[np.ndarray, " steps"]], step: int) -> Float[np.ndarray, " differences"]:
-    """Second differences over a number of time steps, of all tracks."""
+    """Second differences at a lag of `step` time steps, of all tracks."""
     return np.concatenate(
         [np.empty(0), *(track[2 * step :] - 2 * track[step:-step] + track[: -2 * step] for track in tracks)]
     )

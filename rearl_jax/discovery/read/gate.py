@@ -1,4 +1,4 @@
-"""Data check before any model: agreement of the columns with each other, and their noise.
+"""Data check before any model: agreement of the position and speed columns with each other, and noise of positions.
 
 A disagreement found here is a measurement artefact, whatever drivers do.
 """
@@ -11,16 +11,16 @@ import numpy as np
 from rearl_jax.discovery.read.smoothing import Thinned, cut_off, position_noise, smoothed, track_bounds
 from rearl_jax.discovery.thresholds import THRESHOLDS
 
-LOWEST_FREQUENCY = 2.0
-"""Upper bound of the cut-off of the comparison [rad/s]: below the frequencies of noise, above those of drift."""
+HIGHEST_CUT_OFF = 2.0
+"""Upper bound of the frequencies that are compared [rad/s]: below those of noise, above those of drift."""
 
 
 @dataclass(frozen=True)
 class Finding:
-    """An artefact, or a property of the measurement, that the columns themselves show.
+    """An artefact, or a property of the measurement, that the columns show without any model.
 
     Attributes:
-        name: Name as in the verdict.
+        name: Name as in verdict.json.
         is_artefact: Whether a column is wrong; otherwise a normal property of measurements, which the observer models.
         parameter: Name of the measured parameter.
         unit: Unit of the parameter.
@@ -39,7 +39,7 @@ class Finding:
 
 
 def amount(findings: Sequence[Finding], name: str) -> float:
-    """Size of an artefact in its unit; 0 without a finding."""
+    """Value of the finding with this name; 0 without one."""
     return next((finding.value for finding in findings if finding.name == name), 0.0)
 
 
@@ -81,22 +81,24 @@ def gate(tables: Sequence[Thinned]) -> list[Finding]:
     return findings
 
 
-def smoothed_positions(width: float) -> Finding:
-    """Finding that positions were smoothed with a kernel of this width [s]."""
-    words = f"positions have been smoothed over about {width:.1f} s before they were released"
-    return Finding("smoothing", False, "time", "s", width, 0.2 * width, words)
+def smoothed_positions(sd: float) -> Finding:
+    """Finding that positions were smoothed with a Gaussian kernel of this standard deviation [s]."""
+    words = f"positions have been smoothed over about {sd:.1f} s before they were released"
+    return Finding("smoothing", False, "time", "s", sd, 0.2 * sd, words)
 
 
 def _speed_against_position(
     tables: Sequence[Thinned], noise: Sequence[float]
 ) -> tuple[tuple[float, float] | None, tuple[float, float] | None]:
     """Lag [s] and relative scale error [-] of the speed column against the derivative of the position, each with its
-    standard deviation; None if there are fewer than three tracks of six seconds.
+    standard deviation; None if there are fewer than three tracks of six seconds. `noise` is that of positions [m].
+
+    A column with a scale error e and a lag L differs from the derivative v by about e v - L a, a the acceleration.
     """
     grams, products = [], []
     for (table, dt), scatter in zip(tables, noise, strict=True):
         position, speed = table["position"].to_numpy(), table["speed"].to_numpy()
-        frequency = min(cut_off(scatter, dt), LOWEST_FREQUENCY)
+        frequency = min(cut_off(scatter, dt), HIGHEST_CUT_OFF)
         for start, stop in zip(*track_bounds(table), strict=True):
             if (stop - start) * dt < 6.0:
                 continue

@@ -1,7 +1,7 @@
-"""Measured drivers: own motion and surroundings, in arrays for the observer.
+"""Measured drivers: their motion and surroundings, in arrays for the observer (Kalman filter of the driver model).
 
 A piece is an uninterrupted part of a track; a long track is cut into several pieces, which share one driver. The motion
-of all other vehicles is taken as measured, so drivers are independent of each other.
+of all vehicles around a driver is taken as measured, so drivers are independent of each other.
 """
 
 import dataclasses
@@ -16,13 +16,14 @@ from jaxtyping import Bool, Float, Int
 
 from rearl_jax.discovery.read.fused_errors import FusedErrors
 
+# Quantities that jump when another vehicle becomes the leader, second leader and so on, by vehicle.
 _OF_LEADER = ("leader_rear", "leader_centre", "leader_speed", "leader_acceleration", "time_since_change")
 _OF_SECOND = ("second_rear", "second_speed", "third_speed")
 _OF_FOLLOWER = ("follower_front", "follower_speed")
 _OF_LEFT = ("left_rear", "left_speed")
 _OF_NEXT = ("next_rear", "next_speed")
 
-_SPEED_OF = {
+_SPEED_OF = {  # the speed with which a position changes
     "leader_rear": "leader_speed",
     "leader_centre": "leader_speed",
     "second_rear": "second_speed",
@@ -31,18 +32,18 @@ _SPEED_OF = {
     "next_rear": "next_speed",
 }
 
-_JUMP = 6.0
-"""Change within a time step, of a speed [m/s] or of a position beyond what the speed explains [m], from which another
-vehicle is assumed.
+_LEAST_JUMP = 6.0
+"""Change within a time step from which another vehicle is assumed: of a speed [m/s], or of a position minus speed times
+time [m].
 """
 
 
 class Surroundings(eqx.Module):
-    """Measured surroundings of a driver, `[n_steps, n_pieces]`; leaders' positions are those of rear bumpers.
+    """Measured surroundings of drivers, `[n_steps, n_pieces]`.
 
     Attributes:
-        time: Since the start of the recording [s].
-        lane, is_leftmost, is_rightmost, lateral_offset: As in `Stimulus`.
+        time: Time since the start of the recording [s].
+        lane, is_leftmost, is_rightmost, lateral_offset: As in `core.effects.stimulus.Stimulus`.
         has_leader: Whether there is a leader.
         leader_rear: Rear bumper of the leader [m].
         leader_centre: Centre of the leader [m].
@@ -50,11 +51,10 @@ class Surroundings(eqx.Module):
         leader_acceleration: Acceleration of the leader [m/s^2].
         leader_length: Length of the leader [m].
         leader_is_truck: Whether the leader is a truck.
-        has_second, second_rear, second_speed: The leader's leader; its rear bumper minus the length of the leader
-            between.
+        has_second, second_rear, second_speed: The leader's leader; its rear bumper minus the length of the leader.
         has_third, third_speed: The third vehicle ahead.
-        has_follower, follower_front, follower_speed: The vehicle behind.
-        has_left, left_rear, left_speed: The next vehicle ahead on the lane to the left.
+        has_follower, follower_front, follower_speed: The vehicle behind, its front bumper [m] and speed [m/s].
+        has_left, left_rear, left_speed: The next vehicle ahead on the lane to the left, its rear bumper and speed.
         beside_speed, n_beside: As in `Stimulus`.
         time_since_change, gap_lost, time_gap_at_change: As in `Stimulus`.
         time_to_next, next_rear, next_speed, next_by_own, next_is_nearer: The next leader, as in `RecordedStimulus`.
@@ -105,21 +105,22 @@ class Measured:
     """Pieces of measured drives with their drivers.
 
     Attributes:
-        y: Measured position of the own centre [m].
+        y: Measured position of the driver's vehicle, its centre [m].
         weight: 1 if the time step counts, 0 if it is excluded or padding.
-        smooth, smooth_speed: Smoothed own position [m] and speed [m/s].
+        smooth, smooth_speed: Smoothed position [m] and speed [m/s] of the driver's vehicle.
         surroundings: Surrounding vehicles, and the time, in every time step.
-        length: Own length [m].
-        is_truck: Whether the own vehicle is a truck.
+        length: Length of the driver's vehicle [m].
+        is_truck: Whether the driver's vehicle is a truck.
         driver: Index of the driver of each piece, 0 to n_drivers - 1.
         vehicle: Track of each piece, unique over all recordings.
         leader: Track of the leader in every time step, -1 without one.
         recording: Index of the recording of each piece.
-        identity: Number of the driver or car of each piece, the same in all its tracks and recordings; -1 if unknown.
+        identity: Number of the person or car of each piece, the same in all tracks and recordings; -1 if unknown.
         dt: Time step [s].
         stride: Time steps from one independent measurement to the next; those between do not count.
         noise: Standard deviation of the measured positions [m].
-        smoothing: Width of the kernel that positions were smoothed with before they were released [s]; 0 for none.
+        smoothing: Standard deviation of the Gaussian kernel that positions were smoothed with before they were released
+            [s]; 0 for none.
         jumps: Number of jumps of positions in the recordings; samples around them are excluded.
         fused_errors: Errors of the positions of all vehicles, if they were fused with speeds; None if not.
         labels: Labels of each piece, equal for all pieces of a driver: texts, None where unknown.
@@ -152,7 +153,7 @@ class Measured:
 
     @property
     def seconds(self) -> float:
-        """Driver-seconds that count [s]; a time step represents the time to the next independent measurement."""
+        """Driver-seconds that count [s]; each counting time step lasts to the next independent measurement."""
         return float(np.sum(self.weight) * self.dt * self.stride)
 
     @property
@@ -162,11 +163,11 @@ class Measured:
         return np.bincount(self.driver, seconds, self.n_drivers) / 60
 
     @property
-    def same(self) -> Int[np.ndarray, " drivers"]:
-        """Number of the person or car behind each driver, the same in all its tracks and recordings; -1 if unknown."""
-        same = np.full(self.n_drivers, -1)
-        same[self.driver] = self.identity
-        return same
+    def identity_of_driver(self) -> Int[np.ndarray, " drivers"]:
+        """Number of the person or car of each driver, see `identity`; -1 if unknown."""
+        identity = np.full(self.n_drivers, -1)
+        identity[self.driver] = self.identity
+        return identity
 
     def label(self, name: str) -> np.ndarray:
         """A label of each driver: texts, None where unknown."""
@@ -194,28 +195,28 @@ class Measured:
         another vehicle takes the place, the value of the former time step.
         """
         surroundings = self.surroundings
-        last = np.zeros_like(self.y[:1])
-        same = self.leader[1:] == self.leader[:-1]
+        no_step_after_last = np.zeros_like(self.y[:1])
+        same_leader = self.leader[1:] == self.leader[:-1]
 
         def middle(name: str) -> np.ndarray:
             values = getattr(surroundings, name)
             step = values[1:] - values[:-1]
-            drift, half = step, step / 2
+            unexplained, half = step, step / 2
             if name in _SPEED_OF:
                 speed = getattr(surroundings, _SPEED_OF[name])
-                drift = step - (speed[1:] + speed[:-1]) * (self.dt / 2)
+                unexplained = step - (speed[1:] + speed[:-1]) * (self.dt / 2)
                 half = half - (speed[1:] - speed[:-1]) * (self.dt / 8)  # assumes constant acceleration
-            smooth = same
+            is_same = same_leader
             if name in _OF_SECOND:
-                smooth = same & (surroundings.has_second[1:] == surroundings.has_second[:-1])
+                is_same = same_leader & (surroundings.has_second[1:] == surroundings.has_second[:-1])
             if name in (*_OF_FOLLOWER, *_OF_LEFT, *_OF_NEXT):
-                smooth = np.ones_like(same)
+                is_same = np.ones_like(same_leader)
             if name in (*_OF_SECOND, *_OF_FOLLOWER, *_OF_LEFT, *_OF_NEXT):
-                smooth = smooth & (np.abs(drift) < _JUMP)
-            return values + np.concatenate([np.where(smooth, half, 0.0), last])
+                is_same = is_same & (np.abs(unexplained) < _LEAST_JUMP)
+            return values + np.concatenate([np.where(is_same, half, 0.0), no_step_after_last])
 
-        changed = {name: middle(name) for name in (*_OF_LEADER, *_OF_SECOND, *_OF_FOLLOWER, *_OF_LEFT, *_OF_NEXT)}
-        return dataclasses.replace(surroundings, **changed)
+        interpolated = {name: middle(name) for name in (*_OF_LEADER, *_OF_SECOND, *_OF_FOLLOWER, *_OF_LEFT, *_OF_NEXT)}
+        return dataclasses.replace(surroundings, **interpolated)
 
     def select(self, pieces: np.ndarray) -> "Measured":
         """The selected pieces; drivers are renumbered in their order."""
@@ -228,13 +229,13 @@ class Measured:
         )
 
     def with_drivers(self, other: "Measured") -> "Measured":
-        """These drivers together with others of the same recordings, whose driver numbers are appended."""
-        later = dataclasses.replace(other, driver=self.n_drivers + other.driver)
-        return dataclasses.replace(self, **joined([self, later]))
+        """These drivers and then those of `other`, from the same recordings, with consecutive driver numbers."""
+        renumbered = dataclasses.replace(other, driver=self.n_drivers + other.driver)
+        return dataclasses.replace(self, **joined([self, renumbered]))
 
 
 BY_PIECE = ("y", "weight", "smooth", "smooth_speed", "length", "is_truck", "vehicle", "leader", "recording", "identity")
-"""Arrays of `Measured`, except `driver`, whose last axis is the pieces."""
+"""Arrays of `Measured` whose last axis is the pieces, except `driver`, which is renumbered in a selection."""
 
 
 def joined(parts: Sequence[Measured]) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""The leaders before and after each change of leader, and the gradual transition in smoothed recordings."""
+"""Leaders before and after each change of leader, and the gradual transition between them in smoothed recordings."""
 
 from dataclasses import dataclass
 
@@ -19,7 +19,7 @@ Source: Toledo & Zohar, Transp. Res. Rec. 1999 (2007) 71.
 
 @dataclass(frozen=True)
 class Handovers:
-    """Changes of leader around each row; leaders are rows of the table as in `surroundings.Around`.
+    """Changes of leader around each row (vehicle and frame) of a table of trajectories; leaders are rows of this table.
 
     Attributes:
         following: Row of the leader after the next change, in the same frame; NO_VEHICLE if no change is near.
@@ -53,28 +53,31 @@ def handovers(
         longest: Largest time to or since a change for the change to count as near [s].
     """
     n = len(table)
-    changes = Handovers(*(np.full(n, value) for value in (NO_VEHICLE, np.inf, 0.0, NO_VEHICLE, np.inf)))
+    none = (NO_VEHICLE, np.inf, 0.0, NO_VEHICLE, np.inf)  # fields of `Handovers` if no change is near
+    changes = Handovers(*(np.full(n, value) for value in none))
     lane = table["lane"].to_numpy(dtype=np.float64, na_value=-1.0)
     frame, index = table["frame"].to_numpy(np.int64), VehicleRows(table)
     first, stop = (np.repeat(bound, bounds[1] - bounds[0]) for bound in bounds)
     row = np.arange(n)
     is_change = (row > first) & (leader != np.r_[NO_VEHICLE, leader[:-1]])
     reach = max(1, round(longest / dt))
-    last = 0
+    last_change = 0
     for k in np.flatnonzero(is_change):
         old, new = leader[k - 1], leader[k]
         if old == NO_VEHICLE or new == NO_VEHICLE:
             continue
-        before = row[max(first[k], last, k - reach) : k]
-        last = k
-        place = index.rows(int(new), frame[before])
-        here = place != NO_VEHICLE
-        changes.following[before[here]], changes.time_to[before[here]] = place[here], (k - before[here]) * dt
-        changes.by_own[before[here]] = float(lane[k] != lane[k - 1])
+        before = row[max(first[k], last_change, k - reach) : k]
+        last_change = k
+        row_of_new = index.rows(int(new), frame[before])
+        is_recorded = row_of_new != NO_VEHICLE
+        before = before[is_recorded]
+        changes.following[before], changes.time_to[before] = row_of_new[is_recorded], (k - before) * dt
+        changes.by_own[before] = float(lane[k] != lane[k - 1])
         after = row[k : min(stop[k], k + reach)]
-        place = index.rows(int(old), frame[after])
-        here = place != NO_VEHICLE
-        changes.preceding[after[here]], changes.time_since[after[here]] = place[here], (after[here] - k) * dt
+        row_of_old = index.rows(int(old), frame[after])
+        is_recorded = row_of_old != NO_VEHICLE
+        after = after[is_recorded]
+        changes.preceding[after], changes.time_since[after] = row_of_old[is_recorded], (after - k) * dt
     return changes
 
 
@@ -87,22 +90,22 @@ def handed_over(
 ) -> Float[np.ndarray, " rows"]:
     """A quantity of the leader, blended over changes of leader to match the follower's smoothed motion.
 
-    A driver's immediate response to a step becomes, after smoothing with a Gaussian kernel, the response to a smoothed
-    step.
+    Smoothing a motion with a Gaussian kernel turns the response to a step, the change of leader, into the response to a
+    smoothed step.
 
     Args:
         values: The quantity of the present leader.
         own_values: The quantity of every row's own vehicle.
-        changes: Changes of leader.
+        changes: Changes of leader near each row.
         smoothing: Standard deviation of the kernel [s]; 0 for none.
         dt: Time step [s].
     """
     if not smoothing:
         return values
-    later = np.where(changes.following != NO_VEHICLE, own_values[changes.following] - values, 0.0)
-    earlier = np.where(changes.preceding != NO_VEHICLE, own_values[changes.preceding] - values, 0.0)
+    to_next = np.where(changes.following != NO_VEHICLE, own_values[changes.following] - values, 0.0)
+    to_previous = np.where(changes.preceding != NO_VEHICLE, own_values[changes.preceding] - values, 0.0)
     return (
         values
-        + later * norm.cdf(-(changes.time_to - dt / 2) / smoothing)
-        + earlier * norm.cdf(-(changes.time_since + dt / 2) / smoothing)
+        + to_next * norm.cdf(-(changes.time_to - dt / 2) / smoothing)
+        + to_previous * norm.cdf(-(changes.time_since + dt / 2) / smoothing)
     )

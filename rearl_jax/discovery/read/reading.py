@@ -1,4 +1,6 @@
-"""Measured drivers from recordings: smooths positions, finds surrounding vehicles, cuts tracks into pieces."""
+"""Measured drivers from recordings: smooths positions, finds surrounding vehicles, cuts tracks into pieces
+(uninterrupted parts).
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -39,15 +41,15 @@ BEFORE_JUMP = 0.5
 
 LEAST_NOISE, EXACT_NOISE = 0.02, 0.05
 """Smallest assumed standard deviation of positions [m], for measurements and for simulations without noise. Noise is
-added to more accurate positions, because otherwise the residuals would be errors of time discretisation, of the model
-and of the data's source: with 0.02 m, noise-free IDM drives were reported as `unexplained`.
+added to more accurate positions: otherwise the residuals would be errors of time discretisation in the model and in the
+source of the data; with 0.02 m, noise-free IDM drives were reported as `unexplained`.
 """
 
 APART = 2.0
-"""Distance between independent measurements in smoothed positions, in kernel widths."""
+"""Time between independent measurements in smoothed positions, in standard deviations of the kernel [-]."""
 
 EDGE = 3.0
-"""Distance from the ends of a smoothed track, in kernel widths, within which smoothing distorts it."""
+"""Time from the ends of a smoothed track within which it is distorted, in standard deviations of the kernel [-]."""
 
 SMOOTHED_NOISE = 0.005
 """Smallest assumed standard deviation of smoothed positions [m]: smoothing hides noise, but part of it remains."""
@@ -62,7 +64,7 @@ NO_LABELS: Mapping[str, Sequence[pd.Series]] = MappingProxyType({})
 """No labels."""
 
 _STEPS_UNIT = 64
-"""Numbers of steps are rounded up to multiples of this, so that few programs are compiled."""
+"""The number of time steps is rounded up to a multiple of this, so that XLA compiles for few shapes."""
 
 
 def one_frame_rate(recordings: Sequence[Recording]) -> None:
@@ -87,51 +89,50 @@ def measure(
     smooth: Smoothness = UNSMOOTHED,
     least_noise: float = LEAST_NOISE,
     labels: Mapping[str, Sequence[pd.Series]] = NO_LABELS,
-    same: str | None = None,
+    identity_label: str | None = None,
     fused_errors: FusedErrors | None = None,
 ) -> Measured:
     """All drivers of the recordings who follow a leader long enough.
 
     Args:
         tables: Tables of the recordings, with the same time step.
-        position_lag: Delay of positions [s]; lanes and lateral positions are shifted to the same clock.
+        position_lag: Delay of positions [s]; lanes, lateral positions and leaders are delayed by the same time.
         smooth: Kernels with which positions or their errors were smoothed.
         least_noise: Smallest standard deviation of unsmoothed positions [m]; noise is added to reach it.
         labels: Labels of the tracks of each recording, by track_id.
-        same: Label that identifies the same driver or car; None without such a label.
+        identity_label: Label that identifies a person or car; None without such a label.
         fused_errors: Errors of positions that were fused with speeds; None for positions that were not.
 
     Raises:
         ValueError: No driver follows a leader long enough.
     """
     dt = tables[0][1]
-    rows = [_Rows(table, dt, round(position_lag / dt)) for table, _ in tables]
-    measured = float(np.median([part.noise for part in rows]))
+    recordings = [_Rows(table, dt, round(position_lag / dt)) for table, _ in tables]
+    measured_noise = float(np.median([recording.noise for recording in recordings]))
     if smooth.drives:
-        noise, added = max(measured, SMOOTHED_NOISE), 0.0
+        noise, added = max(measured_noise, SMOOTHED_NOISE), 0.0
     else:
-        noise = max(measured, smooth.size, least_noise)
-        added = float(np.sqrt(noise**2 - max(measured, smooth.size) ** 2))
+        noise = max(measured_noise, smooth.size, least_noise)
+        added = float(np.sqrt(noise**2 - max(measured_noise, smooth.size) ** 2))
     stride, edge = max(1, round(APART * smooth.drives / dt)), round(EDGE * smooth.drives / dt)
-    most = max((part.longest for part in rows), default=0)
-    n_steps = min(int(LONGEST / dt), most)
-    n_steps = -(-n_steps // _STEPS_UNIT) * _STEPS_UNIT
+    n_steps = min(int(LONGEST / dt), max((recording.longest for recording in recordings), default=0))
+    n_steps = -(-n_steps // _STEPS_UNIT) * _STEPS_UNIT  # rounded up
     pieces, offset = [], 0
-    for index, part in enumerate(rows):
-        rng = np.random.default_rng(index)
-        blur = added * rng.standard_normal(len(part.position))
-        for start, stop in zip(part.starts, part.stops, strict=True):
-            blur[start:stop] += smooth.complement(int(stop - start), dt, rng)
-        piece = part.pieces(n_steps, stride, edge, noise, blur, smooth.drives, index, offset)
-        of_track = {name: values[index].reindex(piece.vehicle - offset) for name, values in labels.items()}
-        pieces.append(replace(piece, labels={name: values.to_numpy(object) for name, values in of_track.items()}))
-        offset += part.n_tracks
-    used = [piece for piece in pieces if len(piece.driver)]
+    for number, recording in enumerate(recordings):
+        rng = np.random.default_rng(number)
+        added_noise = added * rng.standard_normal(len(recording.position))
+        for start, stop in zip(recording.starts, recording.stops, strict=True):
+            added_noise[start:stop] += smooth.complement(int(stop - start), dt, rng)
+        found = recording.pieces(n_steps, stride, edge, noise, added_noise, smooth.drives, number, offset)
+        of_piece = {name: values[number].reindex(found.vehicle - offset) for name, values in labels.items()}
+        pieces.append(replace(found, labels={name: values.to_numpy(object) for name, values in of_piece.items()}))
+        offset += recording.n_tracks
+    used = [found for found in pieces if len(found.driver)]
     if not used:
         message = f"no driver follows a leader for {THRESHOLDS.least_used_time:g} s: lanes or leaders may be missing, "
         remedy = "run `rearl prepare` to see what was left out"
         raise InvalidInputError(Problem("nobody-follows", f"{message}or tracks cut into fragments", remedy))
-    n_jumps = sum(int(part.jumps.sum()) for part in rows)
+    n_jumps = sum(int(recording.jumps.sum()) for recording in recordings)
     whole = Measured(
         **joined(used),
         dt=dt,
@@ -141,8 +142,8 @@ def measure(
         jumps=n_jumps,
         fused_errors=fused_errors,
     )
-    if same is not None:
-        whole = replace(whole, identity=pd.factorize(whole.labels[same])[0].astype(np.int64))
+    if identity_label is not None:
+        whole = replace(whole, identity=pd.factorize(whole.labels[identity_label])[0].astype(np.int64))
     return whole.select(np.arange(len(whole.driver)))
 
 
@@ -150,15 +151,16 @@ class _Rows:
     """The rows of one recording with the surroundings of each."""
 
     def __init__(self, table: pd.DataFrame, dt: float, late_by: int) -> None:
+        """Positions in the table are `late_by` time steps of `dt` [s] late; lanes and leaders are delayed equally."""
         self.dt = dt
         track = table["track_id"].to_numpy()
         self.starts, self.stops = track_bounds(table)
         self.n_tracks = int(track.max()) + 1 if len(track) else 0
         if late_by:
             first = np.repeat(self.starts, self.stops - self.starts)
-            before = np.maximum(np.arange(len(track)) - late_by, first)
-            earlier = {name: table[name].to_numpy()[before] for name in ("lane", "lateral", "leader_id")}
-            table = table.assign(**earlier)
+            source = np.maximum(np.arange(len(track)) - late_by, first)
+            delayed = {name: table[name].to_numpy()[source] for name in ("lane", "lateral", "leader_id")}
+            table = table.assign(**delayed)
         self.table = table
         self.position = table["position"].to_numpy()
         self.noise = position_noise(self.position, self.starts, self.stops)
@@ -173,14 +175,16 @@ class _Rows:
         stride: int,
         edge: int,
         noise: float,
-        blur: np.ndarray,
+        added_noise: np.ndarray,
         smoothing: float,
         recording: int,
         offset: int,
     ) -> Measured:
-        """All usable pieces of the recording. Every `stride`-th time step is an independent measurement; the first and
-        last `edge` rows of a track are distorted by smoothing; `blur` is added to own positions; positions were
-        smoothed over `smoothing` [s].
+        """All usable pieces of the recording number `recording`, each of at most `n_steps` time steps.
+
+        Every `stride`-th time step is an independent measurement; the first and last `edge` rows of a track are
+        distorted by smoothing; `noise` is the standard deviation of positions [m]; `added_noise` [m] is added to those
+        of drivers; positions were smoothed over `smoothing` [s]; `offset` makes track numbers unique.
         """
         dt, table = self.dt, self.table
         x, v, a = smoothed_tracks(self.position, self.starts, self.stops, dt, cut_off(noise, dt))
@@ -200,14 +204,14 @@ class _Rows:
         first, last = np.array(cuts, int).reshape(-1, 2).T
         index = np.minimum(first + np.arange(n_steps)[:, None], last - 1) if cuts else np.empty((n_steps, 0), int)
         is_recorded = np.arange(n_steps)[:, None] < last - first
-        settled = np.arange(n_steps)[:, None] >= int(SETTLING / dt)
+        is_settled = np.arange(n_steps)[:, None] >= int(SETTLING / dt)
         values = {name: column[index] for name, column in columns.items()}
         track = table["track_id"].to_numpy()[index[0]].astype(np.int64) if cuts else np.empty(0, np.int64)
         length = table["length"].to_numpy()
         is_truck = (table["vehicle_class"] == "truck").to_numpy()
         return Measured(
-            y=(self.position + blur)[index],
-            weight=weight[index] * is_recorded * settled * is_new(n_steps, stride)[:, None],
+            y=(self.position + added_noise)[index],
+            weight=weight[index] * is_recorded * is_settled * is_new(n_steps, stride)[:, None],
             smooth=x[index],
             smooth_speed=v[index],
             surroundings=Surroundings(**values),
@@ -226,7 +230,10 @@ class _Rows:
     def _columns(
         self, x: np.ndarray, v: np.ndarray, a: np.ndarray, smoothing: float
     ) -> tuple[dict[str, np.ndarray], np.ndarray, np.ndarray]:
-        """Surroundings of every row, the leader's track, and its row."""
+        """Surroundings of every row by name, the track of its leader, and the row of this leader in the same frame.
+
+        `x` [m], `v` [m/s] and `a` [m/s^2] are smooth positions, speeds and accelerations of all rows; `smoothing` [s].
+        """
         table = self.table
         neighbours = look_around(table, v)
         length = table["length"].to_numpy()
@@ -236,6 +243,7 @@ class _Rows:
         rightmost = pd.Series(lane).groupby(table["direction"].to_numpy()).transform("max").to_numpy()
 
         def values_of(row: np.ndarray, values: np.ndarray, otherwise: np.ndarray | float | int) -> np.ndarray:
+            """`values` of another vehicle, found in `row`, and `otherwise` where there is none."""
             return np.where(row != NO_VEHICLE, values[row], otherwise)
 
         first, rear = neighbours.leader, x - length / 2  # rows of the first, second and third leader
@@ -292,23 +300,23 @@ class _Rows:
         return columns, leader, first
 
     def _weight(self, leader: np.ndarray, leader_row: np.ndarray, edge: int) -> np.ndarray:
-        """1 if a row counts, else 0: a leader has been seen for a second (a missing leader may only be outside the
-        recorded area), positions of driver and leader do not jump nearby, and neither is within `edge` rows of the ends
-        of its track.
+        """1 if a row counts, else 0. It counts if a leader has been recorded for a second (a missing one may only be
+        outside the recorded area), positions of driver and leader do not jump nearby, and neither of the two is within
+        `edge` rows of the ends of its track.
         """
         n = max(1, round(1.0 / self.dt))
         row = np.arange(len(leader))
         first, stop = (np.repeat(bound, self.stops - self.starts) for bound in (self.starts, self.stops))
         absent = np.r_[0, np.cumsum(leader == NO_VEHICLE)]
-        seen = absent[row + 1] == absent[np.maximum(row - n, first)]
+        is_used = absent[row + 1] == absent[np.maximum(row - n, first)]  # no row without a leader in the last second
         jumped = np.r_[0, np.cumsum(self.jumps)]
         before, after = (round(time / self.dt) for time in (BEFORE_JUMP, SETTLING))
         is_calm = jumped[np.minimum(row + before, stop - 1) + 1] == jumped[np.maximum(row - after, first)]
-        seen &= is_calm & (is_calm[leader_row] | (leader_row == NO_VEHICLE))
+        is_used &= is_calm & (is_calm[leader_row] | (leader_row == NO_VEHICLE))
         if not edge:
-            return seen.astype(float)
+            return is_used.astype(float)
         is_inside = np.minimum(row - first, stop - 1 - row) >= edge
-        return (seen & is_inside & is_inside[leader_row]).astype(float)
+        return (is_used & is_inside & is_inside[leader_row]).astype(float)
 
 
 def _offset_in_lane(table: pd.DataFrame) -> np.ndarray:

@@ -15,7 +15,7 @@ of a second.
 AVERAGED = ("time", "position", "lateral", "x", "y", "speed", "acceleration")
 """Columns whose neighbouring frames are averaged."""
 
-SHORTEST_FILTERED = 6
+TOO_SHORT = 6
 """Largest number of time steps of a track that is too short to be smoothed."""
 
 CUT_OFF = 3.44
@@ -32,7 +32,7 @@ JUMP = 12.0
 """
 
 JUMP_NOISE = 8.0
-"""Limit of that change in standard deviations of the other changes [-]."""
+"""Limit of the change of the acceleration in standard deviations of all its changes [-]; the larger limit holds."""
 
 
 Thinned = tuple[pd.DataFrame, float]
@@ -71,8 +71,8 @@ def track_bounds(table: pd.DataFrame) -> tuple[np.ndarray, np.ndarray]:
 
 
 def position_noise(position: np.ndarray, starts: np.ndarray, stops: np.ndarray) -> float:
-    """Standard deviation of white noise in the positions of tracks that follow one another [m], from their fourth
-    differences; `starts` and `stops` as of `track_bounds`.
+    """Standard deviation of white noise in the positions of all tracks [m], from their fourth differences; `starts` and
+    `stops` as of `track_bounds`.
 
     Source: the fourth difference of white noise of variance 1 has variance 70; motion hardly has any.
     """
@@ -81,8 +81,8 @@ def position_noise(position: np.ndarray, starts: np.ndarray, stops: np.ndarray) 
 
 
 def robust_deviation(values: Float[np.ndarray, " n"]) -> float:
-    """Standard deviation of normal values with mean zero from the median of their sizes, on which a few large values
-    have no influence. Source: Hampel, J. Am. Stat. Assoc. 69 (1974) 383.
+    """Standard deviation of normal values with mean zero from the median of their absolute values, on which a few
+    outliers have no influence. Source: Hampel, J. Am. Stat. Assoc. 69 (1974) 383.
     """
     return float(np.median(np.abs(values))) / 0.6745
 
@@ -103,8 +103,9 @@ def lasting_noise(white: float, time: float, dt: float) -> float:
     """Standard deviation [m] of errors with the correlation time `time` [s] whose fourth differences have the same
     variance as those of white noise [m].
     """
-    lags = np.array([70.0, -56.0, 28.0, -8.0, 1.0])  # autocorrelation of the fourth-difference operator
-    share = (lags * np.exp(-dt / time) ** np.arange(5) * np.array([1, 2, 2, 2, 2])).sum() / 70.0
+    at_lags = np.array([70.0, -56.0, 28.0, -8.0, 1.0])  # autocorrelation of the fourth-difference operator
+    both_sides = np.array([1, 2, 2, 2, 2])  # every lag but 0 occurs twice
+    share = (at_lags * np.exp(-dt / time) ** np.arange(5) * both_sides).sum() / 70.0
     return white / float(np.sqrt(share))
 
 
@@ -121,13 +122,13 @@ def cut_off(noise: float, dt: float) -> float:
 def smoothed(position: np.ndarray, dt: float, angular_cut_off: float) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Smooth position [m], speed [m/s] and acceleration [m/s^2] of one track.
 
-    Minimises sum (y - x)^2 + weight sum (third difference of x)^2.
+    The smooth position x minimises sum (y - x)^2 + weight sum (third difference of x)^2, y the measured position.
 
     Source: Whittaker, Proc. Edinburgh Math. Soc. 41 (1923) 63; Eilers, Anal. Chem. 75 (2003) 3631.
     """
     n = len(position)
     x = position
-    if n > SHORTEST_FILTERED:
+    if n > TOO_SHORT:
         x = low_pass(position - position[0], dt, angular_cut_off) + position[0]
     speed = np.gradient(x, dt) if n > 1 else np.zeros(n)
     return x, speed, np.gradient(speed, dt) if n > 1 else np.zeros(n)
@@ -137,7 +138,7 @@ def low_pass(
     values: Float[np.ndarray, "steps *series"], dt: float, angular_cut_off: float
 ) -> Float[np.ndarray, "steps *series"]:
     """The part of series below an angular frequency [rad/s], by the filter of `smoothed`; unchanged if too short."""
-    if len(values) <= SHORTEST_FILTERED:
+    if len(values) <= TOO_SHORT:
         return values
     return np.asarray(solveh_banded(_penalty(len(values), (angular_cut_off * dt) ** -6.0), values))
 
@@ -153,7 +154,7 @@ def smoothed_tracks(
 
 
 def _penalty(n: int, weight: float) -> np.ndarray:
-    """Upper bands of 1 + weight D'D, D the third difference."""
+    """Upper bands of 1 + weight D'D, in the form of `solveh_banded`; D takes third differences of n values."""
     bands = np.zeros((4, n))
     stencil = np.array([-1.0, 3.0, -3.0, 1.0])
     for shift in range(4):

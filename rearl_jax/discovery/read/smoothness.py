@@ -1,8 +1,8 @@
 """Detection of smoothed positions, from the fall of their power with frequency.
 
-The power of the acceleration of real drives falls at most to a quarter per octave; white noise in positions makes it
-rise sixteenfold. A much steeper fall indicates a smoothing kernel. If the power rises before it falls, noise dominates
-and only the errors are smooth, as trackers leave them.
+The power of the acceleration in recorded drives falls at most to a quarter per octave; white noise in positions makes
+it rise sixteenfold. A much steeper fall indicates a smoothing kernel. If the power rises at lower frequencies, noise
+dominates there, and only the errors of positions are smooth, as trackers leave them.
 """
 
 from collections.abc import Sequence
@@ -31,7 +31,7 @@ MEDIAN_OVER_MEAN = float(np.log(2.0))
 
 @dataclass(frozen=True)
 class Smoothness:
-    """Detected Gaussian smoothing kernels.
+    """Detected Gaussian kernels of smoothing.
 
     Attributes:
         drives: Standard deviation of the kernel that smoothed positions [s]; 0 for none.
@@ -62,21 +62,22 @@ def smoothness(tables: Sequence[Thinned]) -> Smoothness:
     edges = [edge for edge in BANDS if edge < np.pi / dt / 2]
     bands = list(zip(edges[:-1], edges[1:], strict=True))
     middle = [np.sqrt(low * high) for low, high in bands]
-    # Real drives fall by DRIVING, noise rises by NOISE; what a Gaussian kernel adds per octave gives its width.
+    # Per octave, the power of drives changes by the factor DRIVING, that of noise by NOISE. A Gaussian kernel of
+    # standard deviation s multiplies the power at the frequency f by exp(-(f s)^2), which gives s.
     level = [power[(frequency >= low) & (frequency < high)].mean() for low, high in bands]
     if not min(level, default=0.0) > 0.0:
         return Smoothness()  # no vehicle has ever accelerated
-    ratio = [later / earlier for earlier, later in zip(level[:-2], level[2:], strict=True)]
+    ratio = [higher / lower for lower, higher in zip(level[:-2], level[2:], strict=True)]
     if not ratio or min(ratio) > THRESHOLDS.steepest_power_ratio:
         return Smoothness()
     k = int(np.argmin(ratio))
-    octave = middle[k + 2] ** 2 - middle[k] ** 2
+    difference = middle[k + 2] ** 2 - middle[k] ** 2  # of f^2 over the octave
     if max(ratio[:k], default=0.0) < THRESHOLDS.rising_power_ratio:
-        return Smoothness(drives=float(np.sqrt(np.log(DRIVING / ratio[k]) / octave)))
-    width = float(np.sqrt(np.log(NOISE / ratio[k]) / octave))
+        return Smoothness(drives=float(np.sqrt(np.log(DRIVING / ratio[k]) / difference)))
+    kernel = float(np.sqrt(np.log(NOISE / ratio[k]) / difference))
     top = int(np.argmax(level))
-    density = level[top] / middle[top] ** 4 * np.exp((middle[top] * width) ** 2) / MEDIAN_OVER_MEAN
-    return Smoothness(errors=width, size=float(np.sqrt(density / dt)))
+    density = level[top] / middle[top] ** 4 * np.exp((middle[top] * kernel) ** 2) / MEDIAN_OVER_MEAN
+    return Smoothness(errors=kernel, size=float(np.sqrt(density / dt)))
 
 
 def _acceleration_power(

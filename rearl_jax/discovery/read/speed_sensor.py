@@ -18,7 +18,7 @@ from rearl_jax.discovery.read.smoothing import Thinned, smoothed, track_bounds
 from rearl_jax.discovery.thresholds import THRESHOLDS
 
 FAST = 2.0
-"""Angular frequency [rad/s] above which the two columns are compared."""
+"""Angular frequency [rad/s] above which positions and integrated speeds are compared."""
 
 DRIFT = 0.3
 """Angular frequency [rad/s] below which the position is used, because integrated speeds drift."""
@@ -30,13 +30,14 @@ LEAST_TIME = 20.0
 """Shortest part of a track that is compared [s]."""
 
 SPEED_SENSOR = Finding(
-    "speed_sensor",
-    False,
-    "slower",
-    "rad/s",
-    DRIFT,
-    0.0,
-    "speeds were measured independently and are smoother than positions: motion within seconds is taken from them",
+    name="speed_sensor",
+    is_artefact=False,
+    parameter="slower",
+    unit="rad/s",
+    value=DRIFT,
+    deviation=0.0,
+    words="speeds were measured independently and are smoother than positions: "
+    "motion within seconds is taken from them",
 )
 """Finding that the high-frequency part of positions is taken from the speeds."""
 
@@ -48,18 +49,19 @@ def has_speed_sensor(tables: Sequence[Thinned]) -> bool:
     for position, _, driven in _tracks(tables):
         if len(position) * dt < LEAST_TIME:
             continue
-        fast, other = (values - smoothed(values, dt, FAST)[0] for values in (position, driven))
-        window = np.lib.stride_tricks.sliding_window_view(fast, 2 * reach + 1)
+        fast_position, fast_driven = (values - smoothed(values, dt, FAST)[0] for values in (position, driven))
+        window = np.lib.stride_tricks.sliding_window_view(fast_position, 2 * reach + 1)
         inner = slice(reach, len(window) - reach)  # smoothing distorts the ends
         of_position.append(window[inner])
-        of_speed.append(other[reach : len(other) - reach][inner])
+        of_speed.append(fast_driven[reach : len(fast_driven) - reach][inner])
     if not of_position:
         return False
-    rows, target = np.concatenate(of_position), np.concatenate(of_speed)
-    if target.std() > THRESHOLDS.sensor_roughness * rows[:, reach].std():
+    windows, driven = np.concatenate(of_position), np.concatenate(of_speed)
+    if driven.std() > THRESHOLDS.sensor_roughness * windows[:, reach].std():
         return False
-    remainder = target - rows @ np.linalg.lstsq(rows, target, rcond=None)[0]
-    return bool(remainder.var() > THRESHOLDS.sensor_own_share * target.var())
+    # What the best linear filter of the positions around each time step does not explain.
+    remainder = driven - windows @ np.linalg.lstsq(windows, driven, rcond=None)[0]
+    return bool(remainder.var() > THRESHOLDS.sensor_own_share * driven.var())
 
 
 def with_fast_speeds(table: Thinned) -> Thinned:
@@ -79,7 +81,7 @@ def errors_of_positions(tables: Sequence[Thinned]) -> FusedErrors | None:
 def _tracks(
     tables: Sequence[Thinned],
 ) -> Iterator[tuple[Float[np.ndarray, " steps"], Float[np.ndarray, " steps"], Float[np.ndarray, " steps"]]]:
-    """Positions of each track [m], its speeds [m/s], and their integral since its start [m]."""
+    """Positions of each track [m], its speeds [m/s], and the integral of these speeds since the track's start [m]."""
     for table, dt in tables:
         position, speed = table["position"].to_numpy(), table["speed"].to_numpy()
         for start, stop in zip(*track_bounds(table), strict=True):

@@ -1,4 +1,4 @@
-"""Disjoint parts of measured drivers: models are fitted, checked and reported on different drivers."""
+"""Disjoint parts of measured drivers: models are fitted to one, checked on another, and errors reported for a third."""
 
 from collections.abc import Sequence
 
@@ -9,32 +9,32 @@ from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.thresholds import THRESHOLDS
 
 SHARES = (1 / 3, 1 / 3, 1 / 3)
-"""Shares of drivers that are fitted, checked and reported."""
+"""Shares of the drivers for the fit, the check and the report."""
 
 
 def split_drivers(data: Measured, shares: Sequence[float] = SHARES, seed: int = 0) -> list[Measured]:
-    """Parts of the data without common drivers: whole persons or cars if there are enough of similar size, else whole
-    recordings of similar size, else random drivers.
+    """Parts of the data without common drivers. Persons or cars are kept together if parts of the wanted sizes result,
+    else whole recordings if these give the wanted sizes; else drivers are assigned at random.
 
     Args:
         data: All drivers.
         shares: Shares of each part; they sum to 1.
         seed: Seed of the order of drivers.
     """
-    owner = None
+    part_of_piece = None
     if n_identified(data) >= THRESHOLDS.least_drivers:
         # A driver without known identity counts as a separate person.
-        alone = data.identity.max() + 1 + data.driver
-        owner = _whole(np.where(data.identity < 0, alone, data.identity), shares)
-    if owner is None:
-        owner = _whole(data.recording, shares)
-    if owner is None:
+        separate = data.identity.max() + 1 + data.driver
+        part_of_piece = _undivided(np.where(data.identity < 0, separate, data.identity), shares)
+    if part_of_piece is None:
+        part_of_piece = _undivided(data.recording, shares)
+    if part_of_piece is None:
         rng = np.random.default_rng(seed)
         order = rng.permutation(data.n_drivers)
         edges = np.round(np.cumsum(shares) * data.n_drivers).astype(int)
-        part_of = np.searchsorted(edges, np.argsort(order), side="right")
-        owner = part_of[data.driver]
-    return [data.select(np.flatnonzero(owner == part)) for part in range(len(shares))]
+        part_of_driver = np.searchsorted(edges, np.argsort(order), side="right")
+        part_of_piece = part_of_driver[data.driver]
+    return [data.select(np.flatnonzero(part_of_piece == part)) for part in range(len(shares))]
 
 
 def n_identified(data: Measured) -> int:
@@ -47,15 +47,15 @@ def n_shared(first: Measured, second: Measured) -> int:
     return len(np.setdiff1d(np.intersect1d(first.identity, second.identity), [-1]))
 
 
-def _whole(units: Int[np.ndarray, " pieces"], shares: Sequence[float]) -> Int[np.ndarray, " pieces"] | None:
+def _undivided(units: Int[np.ndarray, " pieces"], shares: Sequence[float]) -> Int[np.ndarray, " pieces"] | None:
     """Part of each piece, without dividing any unit (person or recording): units are assigned from the largest to the
     smallest, each to the least filled part. None if the sizes of the parts differ too much.
     """
-    owner, filled = np.full(len(units), -1), np.zeros(len(shares))
+    part_of_piece, filled = np.full(len(units), -1), np.zeros(len(shares))
     numbers, sizes = np.unique(units, return_counts=True)
-    for place in np.argsort(-sizes, kind="stable"):
+    for index in np.argsort(-sizes, kind="stable"):
         part = int(np.argmin(filled / np.array(shares)))
-        owner[units == numbers[place]] = part
-        filled[part] += sizes[place]
+        part_of_piece[units == numbers[index]] = part
+        filled[part] += sizes[index]
     is_filled = filled >= THRESHOLDS.least_part_filled * np.array(shares) * sizes.sum()
-    return owner if is_filled.all() else None
+    return part_of_piece if is_filled.all() else None

@@ -1,6 +1,7 @@
-"""Drives of the same drivers in two parts: one to calibrate their own parameters, one to test a prediction.
+"""Drives of the same drivers in two parts: one to calibrate each driver's parameters, one to test predictions.
 
-In every protocol, a split is two sets of measured drives of the same drivers; no time step counts in both.
+A split consists of two sets of measured drives of the same drivers; no time step counts in both. Drives consist of
+pieces: uninterrupted stretches of a driver's record.
 """
 
 from collections.abc import Sequence
@@ -13,11 +14,11 @@ from jaxtyping import Bool, Float, Int
 from rearl_jax.discovery.read.measured import BY_PIECE, Measured
 
 LEAST_TIME = 10.0
-"""Smallest time of a driver in training, and in the test, for a prediction to be tested [s]."""
+"""Smallest time of a driver in the training, and also in the test, for a prediction to be tested [s]."""
 
 MOST_FOLDS = 4
-"""Largest number of folds of one driver's runs; each fold is predicted from the others, and with more runs several
-share a fold.
+"""Largest number of folds (parts) of one driver's runs; each fold is predicted from the other ones. With more runs than
+this, several share a fold.
 """
 
 UNKNOWN = -1
@@ -54,12 +55,12 @@ def halves(data: Measured) -> Split:
     n_steps, counts = len(data.y), (data.weight > 0)[:, order].T.ravel()
     driver = np.repeat(data.driver[order], n_steps)
     total = np.bincount(driver, counts, data.n_drivers)
-    before = np.cumsum(total) - total
-    late = np.empty((n_steps, len(order)), bool)
-    late[:, order] = (np.cumsum(counts) - before[driver] > total[driver] / 2).reshape(-1, n_steps).T
-    training = replace(data, weight=data.weight * ~late)
+    of_earlier_drivers = np.cumsum(total) - total
+    is_second = np.empty((n_steps, len(order)), bool)
+    is_second[:, order] = (np.cumsum(counts) - of_earlier_drivers[driver] > total[driver] / 2).reshape(-1, n_steps).T
+    training = replace(data, weight=data.weight * ~is_second)
     is_cut = (training.weight > 0).any(axis=0)
-    test = replace(data, weight=data.weight * late)
+    test = replace(data, weight=data.weight * is_second)
     return Split(training, begun_later(test, np.where(is_cut, np.argmax(test.weight > 0, axis=0), 0)))
 
 
@@ -68,40 +69,41 @@ def begun_later(data: Measured, first: Int[np.ndarray, " pieces"]) -> Measured:
 
     The number of removed steps is a multiple of the stride if the first remaining step counts.
     """
-    later = np.arange(len(data.y))[:, None] + first
-    rows = np.minimum(later, len(data.y) - 1)
+    source = np.arange(len(data.y))[:, None] + first
+    rows = np.minimum(source, len(data.y) - 1)
 
     def moved(values: np.ndarray) -> np.ndarray:
         return np.take_along_axis(values, rows, axis=0)
 
     of_steps = {name: moved(getattr(data, name)) for name in BY_PIECE if getattr(data, name).ndim == 2}
-    of_steps["weight"] = of_steps["weight"] * (later < len(data.y))
+    of_steps["weight"] = of_steps["weight"] * (source < len(data.y))
     return replace(data, surroundings=jax.tree.map(moved, data.surroundings), **of_steps)
 
 
 def left_out_runs(
-    data: Measured, same: Int[np.ndarray, " drivers"], tested: Bool[np.ndarray, " drivers"]
+    data: Measured, identity: Int[np.ndarray, " drivers"], tested: Bool[np.ndarray, " drivers"]
 ) -> list[Split]:
-    """Leave-one-out splits over the runs of drivers with several runs; drivers of the splits are persons or cars.
+    """Splits that leave out one fold of the runs of every person or car with several runs; the drivers of the splits
+    are these persons or cars.
 
     Args:
         data: Runs; each run counts as a separate driver.
-        same: Identity of the person or car of each run, equal for all its runs; `UNKNOWN` if not known.
+        identity: Identity of the person or car of each run, equal for all its runs; `UNKNOWN` if not known.
         tested: Runs that are predicted; other runs are only used for training.
 
     Returns:
-        Splits of the same drivers, each with other runs left out; empty if no driver has two runs.
+        Splits of the same drivers, one for each fold, which is its test; empty if no driver has two runs.
     """
-    runs = np.bincount(same[same != UNKNOWN], minlength=1)
-    tests = np.bincount(same[(same != UNKNOWN) & tested], minlength=len(runs))
+    runs = np.bincount(identity[identity != UNKNOWN], minlength=1)
+    tests = np.bincount(identity[(identity != UNKNOWN) & tested], minlength=len(runs))
     several = np.flatnonzero((runs > 1) & (tests > 0))
     if not len(several):
         return []
-    pieces = np.flatnonzero(np.isin(same, several)[data.driver])
+    pieces = np.flatnonzero(np.isin(identity, several)[data.driver])
     chosen = data.select(pieces)
     run = data.driver[pieces]
-    fold = _folds(data, same, several)[run]
-    chosen = replace(chosen, driver=np.searchsorted(several, same[run]))
+    fold = _folds(data, identity, several)[run]
+    chosen = replace(chosen, driver=np.searchsorted(several, identity[run]))
     return [
         Split(
             replace(chosen, weight=chosen.weight * (fold != left_out)),
@@ -113,18 +115,20 @@ def left_out_runs(
 
 def every_run(data: Measured) -> list[Split]:
     """The splits of `left_out_runs` in which every run of drivers with several known runs is predicted."""
-    return left_out_runs(data, data.same, np.ones(data.n_drivers, bool))
+    return left_out_runs(data, data.identity_of_driver, np.ones(data.n_drivers, bool))
 
 
-def _folds(data: Measured, same: Int[np.ndarray, " drivers"], several: np.ndarray) -> Int[np.ndarray, " drivers"]:
-    """Fold of each run: the runs of one driver, in order of time, in at most MOST_FOLDS parts of similar size."""
+def _folds(data: Measured, identity: Int[np.ndarray, " drivers"], several: np.ndarray) -> Int[np.ndarray, " drivers"]:
+    """Fold of each run: the runs of each identity in `several`, in order of time, in at most MOST_FOLDS parts of
+    similar size.
+    """
     begin = np.full(data.n_drivers, np.inf)
     np.minimum.at(begin, data.driver, data.surroundings.time[0])
     recording = np.zeros(data.n_drivers, int)
     recording[data.driver] = data.recording
     fold = np.zeros(data.n_drivers, int)
-    for identity in several:
-        runs = np.flatnonzero(same == identity)
+    for number_of_person in several:
+        runs = np.flatnonzero(identity == number_of_person)
         runs = runs[np.lexsort((begin[runs], recording[runs]))]
         for number, part in enumerate(np.array_split(runs, min(len(runs), MOST_FOLDS))):
             fold[part] = number
@@ -134,10 +138,10 @@ def _folds(data: Measured, same: Int[np.ndarray, " drivers"], several: np.ndarra
 def error_of_splits(
     splits: Sequence[Split], values: Sequence[Float[np.ndarray, "steps pieces"]]
 ) -> Float[np.ndarray, " drivers"]:
-    """Root mean square of each driver's values over the time steps that count in the tests."""
-    sums = np.zeros((2, splits[0].test.n_drivers))
+    """Root mean square of each driver's values over the time steps that count in the tests; one array per split."""
+    square, count = np.zeros((2, splits[0].test.n_drivers))
     for split, errors in zip(splits, values, strict=True):
         test = split.test
-        for row, part in zip(sums, (errors**2 * test.weight, test.weight), strict=True):
-            row += np.bincount(test.driver, part.sum(axis=0), test.n_drivers)
-    return np.sqrt(sums[0] / np.maximum(sums[1], 1.0))
+        square += np.bincount(test.driver, (errors**2 * test.weight).sum(axis=0), test.n_drivers)
+        count += np.bincount(test.driver, test.weight.sum(axis=0), test.n_drivers)
+    return np.sqrt(square / np.maximum(count, 1.0))

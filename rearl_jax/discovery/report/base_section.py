@@ -1,4 +1,8 @@
-"""Section of the document that compares car-following models."""
+"""Section of the document that compares car-following models.
+
+Models are calibrated to the fitted drivers and compared on the check drivers, to whom nothing but their own parameters
+is fitted.
+"""
 
 from collections.abc import Mapping
 from typing import Any
@@ -10,7 +14,7 @@ from rearl_jax.document.table import NONE, Cell, Row, Table, interval, number, p
 
 
 def base_section(verdict: Mapping[str, Any]) -> Section:
-    """A row per model: evidence on the check drivers, and mean gap errors; empty if none were compared."""
+    """Section with a row per model, its evidence and mean gap errors; empty if no models were compared."""
     base, title = verdict.get("base"), "Car-following models compared"
     if base is None:
         return Section(title)
@@ -19,20 +23,19 @@ def base_section(verdict: Mapping[str, Any]) -> Section:
     rows = []
     for row in base["compared"]:
         errors = (_error(row["protocols"][name]) for name in shown)
-        rows.append(Row(spoken(row["name"]), (*_evidence(row, base), *errors, _mark(row, base))))
+        rows.append(Row(spoken(row["name"]), (*_evidence(row, base), *errors, _result(row, base))))
     drivers = base["drivers"]
     how = (
-        f"Each was calibrated to {drivers['fitted']} of the fitted drivers "
-        f"and evaluated on {drivers['checked']} of the "
-        f"check drivers. Gain: log-likelihood above that of {spoken(base['driver'])}, with every driver's own "
-        "parameters integrated out, which penalises additional parameters. Most likely in: share of resamples "
-        "of drivers. Errors are mean closed-loop gap errors of the check drivers, by source of the parameters; "
+        f"Each was calibrated to {drivers['fitted']} of the fitted drivers and evaluated on {drivers['checked']} "
+        f"check drivers, who are others. Gain: log-likelihood above that of {spoken(base['driver'])}, with every "
+        "driver's own parameters integrated out, which penalises additional parameters. Most likely in: share of "
+        "resamples of drivers. Errors: mean closed-loop gap errors of the check drivers, by source of the parameters; "
         "models that are significantly less likely than the best were not simulated."
     )
-    notes = [words for words in (_repeated(base), _time_gaps(base), *_dependences(verdict)) if words]
-    said = base_words(base) or f"no model is significantly better than {spoken(base['driver'])}, which is kept"
+    notes = [note for note in (_earlier_model(base), _time_gaps(base), *_dependences(verdict)) if note]
+    outcome = base_words(base) or f"no model is significantly better than {spoken(base['driver'])}, which is kept"
     return Section(
-        title, (f"{sentence(said)} {how}",), (Table(title, headings, tuple(rows)),), tuple(map(sentence, notes))
+        title, (f"{sentence(outcome)} {how}",), (Table(title, headings, tuple(rows)),), tuple(map(sentence, notes))
     )
 
 
@@ -50,14 +53,14 @@ def _error(errors: Mapping[str, Any] | None) -> Cell:
     return Cell(number(mean["value"]), interval(mean["low"], mean["high"]))
 
 
-def _mark(row: Mapping[str, Any], base: Mapping[str, Any]) -> Cell:
+def _result(row: Mapping[str, Any], base: Mapping[str, Any]) -> Cell:
     if row["name"] == base["chosen"]:
         return Cell("chosen")
     return Cell("rejected by simulations" if row["is_vetoed"] else "")
 
 
-def _repeated(base: Mapping[str, Any]) -> str:
-    """Sentence on the model that was chosen before effects were found; empty if it is the chosen one."""
+def _earlier_model(base: Mapping[str, Any]) -> str:
+    """Sentence on the model that was chosen before any effect was found; empty if it is still the chosen one."""
     if base.get("before") is None:
         return ""
     return (
@@ -77,7 +80,7 @@ def _time_gaps(base: Mapping[str, Any]) -> str:
 
 
 def _dependences(verdict: Mapping[str, Any]) -> list[str]:
-    """Sentences on effects that are found with the chosen model only."""
+    """Sentences on effects that are found with the chosen model but not with all others."""
     return [
         f"{described(effect)} holds with {spoken(verdict['base']['chosen'])} but not with "
         f"{' and '.join(map(spoken, effect['depends_on_base']))}: it depends on the car-following model"

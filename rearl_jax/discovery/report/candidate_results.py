@@ -10,29 +10,29 @@ from rearl_jax.discovery.thresholds import THRESHOLDS
 RESULTS: Mapping[str, str] = {
     "added": "added to the model",
     "not_distinguished": "explains the data as well as the added one",
-    "predicts_no_better": "left out: no significantly better prediction of others",
-    "contradicted": "simulations of others contradict it",
+    "predicts_no_better": "left out: other drivers are not predicted significantly better",
+    "contradicted": "simulations of other drivers contradict it",
     "of_numerics": "a delay within the time resolution",
-    "copies_leader": "as hard as the leader, at once: positions of both may share an error",
-    "worse_on_others": "others are worse with it",
+    "copies_leader": "repeats the leader's acceleration at once: both positions may share an error",
+    "worse_on_others": "other drivers are predicted worse",
     "too_little": "gains too little",
     "surpassed": "another candidate gains more",
-    "within_chance": "within chance",
+    "within_chance": "evidence within chance",
     "not_fitted": "not fitted: weaker than those that were",
 }
 """Meaning of the `result` of a candidate."""
 
 
 def result_of(search: Search, term: Term) -> str:
-    """Key of RESULTS for a candidate of car following; the test that decided last if it failed several."""
+    """Key of RESULTS for a candidate of car following; if it failed several tests, that of the last one."""
     if any(trial.candidate.term == term for trial in search.added):
         return "added"
     if any(trial.candidate.term == term for round_ in search.rounds for trial in round_.alternatives):
         return "not_distinguished"
     if term in search.unpredictive:
         return "predicts_no_better"
-    denied = [*search.rejected, *(trial for round_ in search.rounds for trial in round_.contradicted)]
-    if any(trial.candidate.term == term for trial in denied):
+    contradicted = [*search.rejected, *(trial for round_ in search.rounds for trial in round_.contradicted)]
+    if any(trial.candidate.term == term for trial in contradicted):
         return "contradicted"
     trials = [trial for round_ in search.rounds for trial in round_.trials if trial.candidate.term == term]
     if trials:

@@ -1,4 +1,9 @@
-"""The document of a discovery: missing effects, error before and after, evidence and confidence."""
+"""The document of a discovery: missing effects, error before and after, evidence and confidence.
+
+`before` is the calibrated model, `after` the final model with the effects found. Fitted drivers are those whom models
+are fitted to, check drivers those who decide whether a candidate is accepted, report drivers those whose errors are
+stated.
+"""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -32,7 +37,7 @@ from rearl_jax.document.document import DataSource, Document, Section
 from rearl_jax.document.table import NONE, Cell, Row, Table, interval, number, percent, sentence, spoken
 
 MOST_CANDIDATES, MOST_VARIABLES = 12, 5
-"""Maximum rows of the tables; candidates.parquet and maps.parquet contain all."""
+"""Largest number of rows of their tables; candidates.parquet and maps.parquet contain all."""
 
 MOST_PARAMETERS = 5
 """Largest number of parameters of an effect that are listed; effects with more are curves, which the maps show."""
@@ -50,22 +55,22 @@ _PROTOCOL_MEASURES = {
     "gap_nrmse": "gap error as a share of the gap [-]",
     "speed_rmse": "speed error [m/s]",
 }
-"""Titles of the measures of the protocols."""
+"""Titles of the measures that are stated for every protocol (source of the simulated driver's parameters)."""
 
 CAPTIONS = {
     "maps": "Acceleration residual as a function of possible influences, with drivers' own means and parameters "
     "projected out; bands from resampling drivers. Red: calibrated model. Blue: with the added effects. Dotted: "
     "added acceleration. A curve that is flat within its band shows no remaining dependence.",
-    "planes": "The same over two variables. Grey: too few time steps.",
-    "evidence": "Evidence of the candidates. Grey: range without a missing effect, up to the threshold. A "
+    "planes": "Acceleration residual as a function of two variables. Grey: too few time steps.",
+    "evidence": "Evidence of the candidates. Grey: range if no effect is missing, up to the threshold. A "
     "candidate is accepted if it gains on the fitted and on other drivers.",
-    "closed_loop": "Gap error of each report driver, simulated behind the measured leader, before and after, and "
-    "the error from the drivers' own noise alone.",
+    "closed_loop": "Gap error of each report driver, simulated behind the measured leader, before and after effects "
+    "were added, and the error from the drivers' own noise alone.",
     "innovations": "Innovations: prediction errors of the observer, white and normal for a correct model.",
     "example": "One report driver: gap measured and simulated with the parameters of the best one-step "
     "prediction; below, the acceleration residual.",
-    "parameters": "Own parameters of the fitted drivers (squares: trucks), lines: medians. Effects missing from "
-    "a model shift them from their true values.",
+    "parameters": "Parameters of each fitted driver (squares: trucks), lines: medians. Effects missing from a model "
+    "shift parameters from their true values.",
 }
 
 
@@ -86,31 +91,30 @@ def document_of(
     data, candidates = verdict["data"], verdict["candidates"]
     following = [row for row in candidates if not is_lane_choice(row)]
     lanes = [row for row in candidates if is_lane_choice(row)]
-    fitted = (
-        f"Fitted to {data['drivers']['fitted']} drivers and checked on {data['drivers']['checked']} others; "
-        "errors "
+    how_following = (
+        f"Fitted to {data['drivers']['fitted']} drivers and checked on {data['drivers']['checked']} others; errors "
         f"are those of {data['drivers']['reported']} more, who were used for neither. A candidate is accepted if "
-        "it gains on both groups."
+        "it gains on the fitted drivers and on those on whom it was checked."
     )
-    lanes_fitted = (
+    how_lanes = (
         "Drivers change to lanes in which they accelerate more. A candidate is accepted if it explains further "
         "changes, also of drivers that it was not fitted to."
     )
     if lanes:
-        lanes_fitted = f"{sentence(lane_choice_words(verdict['lane_choice']))} {lanes_fitted}"
+        how_lanes = f"{sentence(lane_choice_words(verdict['lane_choice']))} {how_lanes}"
     sections = (
         groups_section(verdict),
         _error_section(verdict["error"]),
         base_section(verdict),
         _effect_section(verdict),
         _protocol_section(verdict["error"]),
-        _section("Candidates", fitted, _candidate_table("Candidates of car following", following, verdict)),
-        _section("Lane choice", lanes_fitted, _candidate_table("Candidates of lane choice", lanes, verdict)),
+        _section("Candidates", how_following, _candidate_table("Candidates of car following", following, verdict)),
+        _section("Lane choice", how_lanes, _candidate_table("Candidates of lane choice", lanes, verdict)),
         lane_choice_section(verdict),
         Section("Notes on data and model", notes=tuple(map(sentence, data["notes"]))),
         population_section(verdict),
         variation_section(verdict),
-        _left_section(verdict, maps),
+        _unexplained_section(verdict, maps),
         _section(
             "Effects that these data could not show",
             "Weaker effects than these are not excluded.",
@@ -145,16 +149,16 @@ def _section(title: str, words: str, table: Table, *, is_folded: bool = False) -
 
 
 def _error_section(error: Mapping[str, Any]) -> Section:
-    states = ("before", "after", "change")
+    columns = ("before", "after", "change")
     rows = [
-        Row(title, tuple(_cell(error["all"][name][when], "+" if when == "change" else "") for when in states))
+        Row(title, tuple(_cell(error["all"][name][key], "+" if key == "change" else "") for key in columns))
         for name, title in _MEASURES.items()
     ]
     noise = error.get("noise_alone", error["floor"])
     rows.append(Row("gap error by the drivers' own noise alone [m]", (Cell(""), _cell(noise), Cell(""))))
     times = error.get("response_time", {})
     if any(times.values()):
-        cells = (Cell(NONE) if times[when] is None else _cell(times[when], "+") for when in ("before", "after"))
+        cells = (Cell(NONE) if times[model] is None else _cell(times[model], "+") for model in ("before", "after"))
         rows.append(Row("response time beyond the model's [s]", (*cells, Cell(""))))
     words = sentence(error_words(error)) + share_words(error) + response_words(error)
     table = Table("Errors on drivers not used in the fit", _headings(error), tuple(rows))
@@ -166,7 +170,7 @@ def _headings(error: Mapping[str, Any]) -> tuple[str, str, str]:
 
 
 def _protocol_tables(error: Mapping[str, Any]) -> tuple[Table, ...]:
-    """Table of the mean gap error by protocol; no table if the verdict has no protocols."""
+    """Table of the mean gap error by protocol; none if the verdict has no protocols."""
     tested = {name: errors for name, errors in error.get("protocols", {}).items() if errors is not None}
     means = {name: errors["gap_rmse"]["mean"] for name, errors in tested.items()}
     has_idm = any(mean.get(IDM, mean["before"]) != mean["before"] for mean in means.values())
@@ -188,6 +192,7 @@ def _protocol_tables(error: Mapping[str, Any]) -> tuple[Table, ...]:
 def _protocol_section(error: Mapping[str, Any]) -> Section:
     """Section of every measure under every protocol."""
     tables, notes, title = [], [], "Errors by source of a driver's parameters"
+    keys = ("population", "before", "after")
     for name, errors in error.get("protocols", {}).items():
         notes.append(f"{spoken(name)}: {PROTOCOLS[name]}")
         if errors is None:
@@ -196,16 +201,14 @@ def _protocol_section(error: Mapping[str, Any]) -> Section:
         if errors["left_out"]:
             notes[-1] += f"; {errors['left_out']} drivers were recorded too briefly and are left out"
         rows = [
-            Row(f"{statistic} {title}", (*(_cell(figures[end]) for end in ("population", "before", "after")), share))
-            for measure, title in _PROTOCOL_MEASURES.items()
+            Row(f"{statistic} {label}", (*(_cell(figures[key]) for key in keys), _share_cell(figures["change_share"])))
+            for measure, label in _PROTOCOL_MEASURES.items()
             for statistic, figures in errors[measure].items()
-            for share in (_share_cell(figures["change_share"]),)
         ]
         tables.append(Table(spoken(name).capitalize(), ("population", *_headings(error)), tuple(rows)))
     how = (
-        "All errors are of simulations behind the measured leader. Protocols differ in the source of a driver's "
-        "own parameters. Next to each error is that on the same drives with population parameters in the model "
-        "before."
+        "All errors are of simulations behind the measured leader. Protocols differ in the source of the driver's "
+        "parameters. Population: error of the model before, on the same drives, with parameters of the population."
     )
     if not tables:
         return Section(title)
@@ -222,9 +225,7 @@ def _cell(value: Mapping[str, Any], sign: str = "") -> Cell:
 
 
 def _effect_section(verdict: Mapping[str, Any]) -> Section:
-    """Section of findings in the columns, effects with parameters and equations, and candidates that explain the data
-    equally well.
-    """
+    """Section of faults that the columns show, effects with parameters and equations, and equally good candidates."""
     effects, notes = verdict["effects"], []
     for effect in effects:
         if effect["name"] in EFFECTS:
@@ -252,13 +253,13 @@ def _with_unit(name: str, unit: str) -> str:
 
 
 def _candidate_table(title: str, rows: Sequence[Mapping[str, Any]], verdict: Mapping[str, Any]) -> Table:
-    drawn = []
+    shown = []
     for row in rows[:MOST_CANDIDATES]:
         figures = (NONE if row[name] is None else f"{row[name]:.1f}" for name in ("surprise", "gain", "check"))
-        drawn.append(Row(described(row), (*map(Cell, figures), Cell(_result(row, verdict)))))
-    if len(rows) > len(drawn):
+        shown.append(Row(described(row), (*map(Cell, figures), Cell(_result(row, verdict)))))
+    if len(rows) > len(shown):
         title += f" (the first {MOST_CANDIDATES} of {len(rows)}; candidates.parquet has all)"
-    return Table(title, ("z-score [σ]", "gain [nats]", "on others [nats]", "result"), tuple(drawn))
+    return Table(title, ("z-score [σ]", "gain [nats]", "on others [nats]", "result"), tuple(shown))
 
 
 def _result(row: Mapping[str, Any], verdict: Mapping[str, Any]) -> str:
@@ -267,7 +268,7 @@ def _result(row: Mapping[str, Any], verdict: Mapping[str, Any]) -> str:
     return "named" if is_claimed(row, verdict) else RESULTS.get(row.get("result", ""), "")
 
 
-def _left_section(verdict: Mapping[str, Any], maps: pd.DataFrame | None) -> Section:
+def _unexplained_section(verdict: Mapping[str, Any], maps: pd.DataFrame | None) -> Section:
     """Section on the remaining errors of the final model: measures of its innovations, and sparse regression over all
     variables.
     """
@@ -283,18 +284,17 @@ def _left_section(verdict: Mapping[str, Any], maps: pd.DataFrame | None) -> Sect
     if maps is not None:
         variables = maps.drop_duplicates(["model", "variable"]).sort_values(["selected", "gain"], ascending=False)
         by_model = dict(list(variables.groupby("model")))
-        before, last = by_model["before"], by_model.get("after", by_model["before"])
+        before, final = by_model["before"], by_model.get("after", by_model["before"])
         text = f"Without any list of effects, sparse regression over curves of every variable {_depends_on(before)}."
         if "after" in by_model:
-            text += f" After the repair it {_depends_on(last)}."
-        best = last.loc[last["gain"].idxmax()]
+            text += f" After the repair it {_depends_on(final)}."
+        best = final.loc[final["gain"].idxmax()]
         sentences += [
             text,
-            f"Any single variable still "
-            f"predicts at most {percent(max(best['share'], 0.0))} of the remaining acceleration residual, on "
-            f"other drivers ({title_of(best['variable'])}).",
+            f"Any single variable still predicts at most {percent(max(best['share'], 0.0))} of the remaining "
+            f"acceleration residual, on other drivers ({title_of(best['variable'])}).",
         ]
-        rows = tuple(_variable(row) for row in before.head(MOST_VARIABLES).to_dict("records"))
+        rows = tuple(_variable_row(row) for row in before.head(MOST_VARIABLES).to_dict("records"))
         headings = ("selected", "share", "shape of the residual")
         tables = [Table("Acceleration residual of the calibrated model, by variable", headings, rows)]
     return Section("What the model leaves unexplained", tuple(sentences), tuple(tables), is_folded=True)
@@ -305,7 +305,7 @@ def _depends_on(variables: pd.DataFrame) -> str:
     return f"finds a dependence on {', '.join(map(title_of, stable))}" if len(stable) else "finds nothing"
 
 
-def _variable(row: Mapping[Any, Any]) -> Row:
+def _variable_row(row: Mapping[Any, Any]) -> Row:
     words = row["shape"] + ("; predicts better as a change of the time gap" if row["acts_on"] == "time_gap" else "")
     cells = (f"{100 * row['selected']:.0f} %", percent(max(row["share"], 0.0)), words)
     return Row(title_of(row["variable"]), tuple(map(Cell, cells)))
@@ -321,21 +321,20 @@ def _unseen_table(effects: Sequence[Mapping[str, Any]]) -> Table:
 
 def _definition_section(car_following: str, confidence: float) -> Section:
     how = (
-        f"Every driver of the first group was calibrated with the car-following model {car_following}. The "
-        "prediction errors were compared with those that each candidate would cause, and with those of "
-        "simulations without missing effects. Candidates that exceed chance were fitted and had to gain on the "
-        "second group."
+        f"Every fitted driver was calibrated with the car-following model {car_following}. Its prediction errors "
+        "were compared with those that each candidate would cause, and with those of simulations in which no effect "
+        "is missing. Candidates that exceed chance were fitted, and had to gain on the check drivers too."
     )
     definitions = (
-        "Closed-loop gap error: the driver, with the own parameters that fit its gap best, is simulated behind the "
+        "Closed-loop gap error: the driver, with the parameters that fit its gap best, is simulated behind the "
         "measured leader; root mean square over time steps and drivers.",
         f"Intervals: {100 * confidence:g} %, from resampling drivers.",
         "Confidence: stated probability that the effect is present, provided that the true effect is among the "
         "candidates.",
-        "Z-score: evidence above its mean without missing effects, in standard deviations of that evidence; for lane "
+        "Z-score: evidence above its mean if no effect is missing, in standard deviations of that evidence; for lane "
         "choice, the slope of the likelihood in standard deviations between drivers.",
-        "Gain: log-likelihood of the fitted drivers less the complexity penalty; on others: that of drivers for "
-        "whom only own parameters were fitted.",
+        "Gain: rise of the log-likelihood of the fitted drivers, less the complexity penalty; on others: rise for the "
+        "check drivers, for whom only the parameters of each driver were fitted.",
         "Selected: share of random halves of the drivers in which sparse regression selects the variable; from "
         f"{100 * THRESHOLDS.stable_share:.0f} % on it counts as influential.",
         "Share: explained share of the variance of the acceleration residual, on drivers that the curve was not "

@@ -15,8 +15,8 @@ SPEEDS = (10.0, 20.0)
 
 
 def time_gaps(solver: Solver, state: FitState, speed: float) -> Float[np.ndarray, " drivers"]:
-    """Gap over speed [s] of each driver behind a leader of constant speed [m/s]; NaN if the driver's desired speed is
-    lower.
+    """Gap over speed [s] of each driver in equilibrium behind a leader of this constant speed [m/s]; NaN if the
+    driver's desired speed is lower.
     """
     prior = solver.layout.prior
     model = prior.model.of_rows(jnp.asarray(prior.values(state.z, state.truck).T))
@@ -25,17 +25,19 @@ def time_gaps(solver: Solver, state: FitState, speed: float) -> Float[np.ndarray
 
 
 def equilibrium_time_gaps(solver: Solver, state: FitState, options: DiscoverConfig) -> dict[str, Any]:
-    """Median over drivers of gap over speed [s] behind a leader of constant speed, by this speed [m/s]."""
+    """Median equilibrium time gap of the drivers, {value, low, high} [s], by the leader's speed [m/s]; None if fewer
+    than half of the drivers have a higher desired speed.
+    """
     rng = np.random.default_rng(options.seed)
-    share = [(1 - options.confidence) / 2, (1 + options.confidence) / 2]
+    quantiles = [(1 - options.confidence) / 2, (1 + options.confidence) / 2]
     by_speed: dict[str, Any] = {}
     for speed in SPEEDS:
-        gaps = time_gaps(solver, state, speed)
-        gaps = gaps[np.isfinite(gaps)]
-        if len(gaps) < len(state.z) / 2:
+        values = time_gaps(solver, state, speed)
+        values = values[np.isfinite(values)]
+        if len(values) < len(state.z) / 2:
             by_speed[f"{speed:g}"] = None
             continue
-        resampled = np.median(rng.choice(gaps, (options.draws, len(gaps))), axis=1)
-        low, high = np.quantile(resampled, share).tolist()
-        by_speed[f"{speed:g}"] = {"value": float(np.median(gaps)), "low": low, "high": high}
+        resampled = np.median(rng.choice(values, (options.draws, len(values))), axis=1)
+        low, high = np.quantile(resampled, quantiles).tolist()
+        by_speed[f"{speed:g}"] = {"value": float(np.median(values)), "low": low, "high": high}
     return by_speed

@@ -1,4 +1,6 @@
-"""Entry `error` of the verdict: errors with intervals over drivers."""
+"""Entry `error` of the verdict: errors of the report drivers, who are used neither in the fit nor in the choice of
+effects, before and after effects were added, with intervals over drivers.
+"""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -12,13 +14,14 @@ from rearl_jax.discovery.report.errors import MEASURES, ModelErrors
 from rearl_jax.discovery.report.protocols import IN_SAMPLE, PROTOCOL_MEASURES, PROTOCOLS, ProtocolErrors
 
 MAIN_MEASURE = "gap_rmse"
+"""Measure that the verdict states first: the closed-loop gap error."""
 
 IDM = "idm"
 """Name of the calibrated IDM without any effect among the models whose errors are compared."""
 
 LEAST_REMOVABLE = 0.02
-"""Smallest share of the squared error before that must exceed the drivers' own noise for an explained share to be
-stated [-].
+"""Share of the squared error before [-] that must lie above that of the drivers' own noise for an explained share to be
+stated.
 """
 
 Pool = Callable[..., np.ndarray]
@@ -64,16 +67,22 @@ class Resampling:
         return {"value": float(drawn[0]), "low": low, "high": high}
 
     def change(self, before: np.ndarray, after: np.ndarray, pool: Pool) -> dict[str, dict[str, float]]:
-        """Figures before and after, and of the change."""
-        first, last = self.drawn(before, pool), self.drawn(after, pool)
-        return {"before": self.figure(first), "after": self.figure(last), "change": self.figure(last - first)}
+        """Figures of the drivers' values before and after, and of the change."""
+        first, second = self.drawn(before, pool), self.drawn(after, pool)
+        return {"before": self.figure(first), "after": self.figure(second), "change": self.figure(second - first)}
 
 
 def error_block(errors: Mapping[str, ModelErrors], confidence: float, draws: int, seed: int) -> dict[str, Any]:
-    """`error` of the verdict: every measure before and after, and the floor, with intervals over drivers."""
-    last = "after" if "after" in errors else "oracle" if "oracle" in errors else "before"
-    first, final, resampling = errors["before"], errors[last], Resampling(confidence, draws, seed)
-    idm = errors.get(IDM)
+    """Entry `error` of the verdict.
+
+    Args:
+        errors: Errors by model: `before`; `after` if effects were added, or `oracle` if the true effect was given; IDM
+            for comparison.
+        confidence, draws, seed: As in `Resampling`.
+    """
+    final_name = "after" if "after" in errors else "oracle" if "oracle" in errors else "before"
+    first, final, idm = errors["before"], errors[final_name], errors.get(IDM)
+    resampling = Resampling(confidence, draws, seed)
     figures = {
         name: resampling.change(first.by_driver[name], final.by_driver[name], POOLS.get(name, root_mean_square))
         for name in MEASURES
@@ -86,15 +95,17 @@ def error_block(errors: Mapping[str, ModelErrors], confidence: float, draws: int
         "protocol": IN_SAMPLE,
         "n_drivers": len(final.floor),
         "before": main["before"],
-        "after": main["after"] if last != "oracle" else None,
+        "after": main["after"] if final_name != "oracle" else None,
         "change": main["change"],
         "floor": resampling.figure(np.minimum(noise, after)),
         "noise_alone": resampling.figure(noise),
-        "oracle": main["after"] if last == "oracle" else None,
+        "oracle": main["after"] if final_name == "oracle" else None,
         "explained_share": explained_share(before, after, noise, confidence),
         "all": figures,
         "protocols": {
-            name: _protocol(first.protocols[name], final.protocols[name], idm and idm.protocols[name], resampling)
+            name: _protocol(
+                first.protocols[name], final.protocols[name], None if idm is None else idm.protocols[name], resampling
+            )
             for name in PROTOCOLS
         },
         "response_time": {
@@ -110,10 +121,11 @@ def explained_share(
     noise: Float[np.ndarray, " figures"],
     confidence: float,
 ) -> float | None:
-    """Share of the squared error above the floor that the added effects remove [-], from 0 to 1.
+    """Share of the squared error above the floor that the added effects remove [-], from 0 to 1. The floor is the error
+    from the drivers' own noise, at most the error after.
 
-    None if the error was at the floor before. Also None if simulations with the drivers' own noise have a significantly
-    larger error than measured: then the noise model is wrong, and the removable error is unknown.
+    None if the error was at the floor before. Also None if the noise alone causes a significantly larger error than
+    that after: then the noise model is wrong, and the removable error is unknown.
 
     Args:
         before: Error before: the figure of all drivers, then those of resamples.
@@ -132,7 +144,7 @@ def explained_share(
 def _protocol(
     first: ProtocolErrors | None, final: ProtocolErrors | None, idm: ProtocolErrors | None, resampling: Resampling
 ) -> dict[str, Any] | None:
-    """Figures under one protocol; None if no driver could be tested."""
+    """Figures under one protocol (source of the driver's parameters); None if no driver could be tested."""
     if first is None or final is None:
         return None
     figures: dict[str, Any] = {"n_drivers": len(final.driver), "left_out": final.left_out}
@@ -150,12 +162,13 @@ def _protocol(
 def _compared(
     before: np.ndarray, after: np.ndarray, others: Mapping[str, np.ndarray], pool: Pool, resampling: Resampling
 ) -> dict[str, dict[str, float]]:
-    """Figures before and after, their absolute and relative change, and other errors on the same drives with the
-    relative difference of the error after from them.
+    """Figures before and after, with their absolute and relative change; then each of `others` (errors of other models
+    on the same drives, by name) with the relative difference of the error after from it.
     """
-    first, last = resampling.drawn(before, pool), resampling.drawn(after, pool)
-    figures = resampling.change(before, after, pool) | {"change_share": resampling.figure(last / first - 1)}
+    drawn_before, drawn_after = resampling.drawn(before, pool), resampling.drawn(after, pool)
+    relative_change = resampling.figure(drawn_after / drawn_before - 1)
+    figures = resampling.change(before, after, pool) | {"change_share": relative_change}
     for name, values in others.items():
         other = resampling.drawn(values, pool)
-        figures |= {name: resampling.figure(other), f"{name}_share": resampling.figure(last / other - 1)}
+        figures |= {name: resampling.figure(other), f"{name}_share": resampling.figure(drawn_after / other - 1)}
     return figures

@@ -1,8 +1,8 @@
-"""Errors of models, before and after, on drivers not used to find them, with the floor from the drivers' own noise.
+"""Errors of models on the report drivers (not used to find the models), with the floor from the drivers' own noise.
 
-Only the own parameters of these drivers are calibrated; everything else is kept as fitted to other drivers. The model
-is then simulated behind the measured leader, without correction. The main error uses parameters calibrated to each
-drive (`protocols.IN_SAMPLE`).
+Only the drivers' own parameters are calibrated; everything else is kept as fitted to other drivers. The model is then
+simulated behind the measured leader, without correction. The main error uses parameters calibrated to each drive
+(`protocols.IN_SAMPLE`).
 """
 
 from collections.abc import Mapping, Sequence
@@ -23,7 +23,7 @@ from rearl_jax.discovery.search.headway import CONSTANT_TIME_GAP, TimeGapVariati
 from rearl_jax.discovery.search.null import behind_noisy_drive, position_errors
 
 FLOOR_RUNS = 4
-"""Realisations of the drivers' noise for the floor."""
+"""Realisations of the drivers' noise for the floor, the error that remains if the model is correct."""
 
 MOST_SQUARE = 2.0
 """Bound of the squared error of one realisation as a multiple of the median one, because noise alone sometimes drives a
@@ -39,9 +39,9 @@ MEASURES = (
     "energy_score",
     "log_likelihood",
 )
-"""Measures of each driver: closed-loop gap error [m], the same over the root mean square gap [-] and the speed error
-[m/s], all three with parameters calibrated to the gap, as is common; the gap error with the parameters of the best
-one-step prediction [m]; error in predicting the next position [m]; energy score of noisy simulations [m];
+"""Measures of each driver, in this order. With parameters calibrated to the gap, as is common: closed-loop gap error
+[m], the same over the root mean square gap [-], speed error [m/s]. With the parameters of the best one-step prediction:
+closed-loop gap error [m], error in predicting the next position [m], energy score of noisy simulations [m],
 log-likelihood [nats].
 """
 
@@ -55,7 +55,8 @@ class ModelErrors:
         floor: Closed-loop gap error from the drivers' own noise alone [m], by driver; larger than the error itself if
             the acceleration residual is not the assumed noise.
         protocols: Errors under each protocol, see `protocols`.
-        responses: Response times of the drivers; None if they have different models.
+        responses: Response times of the drivers; None if the errors of several models are joined or were read from a
+            table.
     """
 
     by_driver: dict[str, Float[np.ndarray, " drivers"]]
@@ -67,13 +68,13 @@ class ModelErrors:
 def model_errors(
     solver: Solver, data: Measured, fits: Mapping[str, Fit], seed: int, variation: TimeGapVariation = CONSTANT_TIME_GAP
 ) -> dict[str, ModelErrors]:
-    """Errors of fitted models on other drivers, with the same noise for all.
+    """Errors of fitted models on the report drivers, by name.
 
     Args:
         solver: Solver of the models.
-        data: The other drivers.
+        data: The report drivers.
         fits: The models by name.
-        seed: Seed of the noise.
+        seed: Seed of the noise, the same for all models.
         variation: Variation of the time gap in predictions, see `protocol_errors`.
     """
     runs = every_run(data)
@@ -89,14 +90,14 @@ def _errors(
 ) -> ModelErrors:
     data = state.data
     calibrated = calibrated_to_gap(solver, state)
-    deviation, uncalibrated = (simulated_error(solver, model_state) for model_state in (calibrated, state))
-    protocols = protocol_errors(solver, state, fit, deviation, runs, variation)
+    in_sample_error, uncalibrated_error = (simulated_error(solver, each) for each in (calibrated, state))
+    protocols = protocol_errors(solver, state, fit, in_sample_error, runs, variation)
     in_sample = protocols[IN_SAMPLE]
     assert in_sample is not None
     (innovation,) = solver.innovations([state])
     mean = data.driver_mean
     measures = {
-        "gap_rmse_uncalibrated": np.sqrt(mean(uncalibrated**2)),
+        "gap_rmse_uncalibrated": np.sqrt(mean(uncalibrated_error**2)),
         "one_step": np.sqrt(mean(innovation**2)),
         "energy_score": energy_scores(solver, state, fit, seed),
         "log_likelihood": state.penalised(),
@@ -113,12 +114,12 @@ def _floor(solver: Solver, state: FitState, calibrated: FitState, fit: Fit, seed
     rng = np.random.default_rng([seed, 1])
     # The innovations of `state` give the noise level; the parameters calibrated to the gap generate the drives.
     expected = float(fit.noise.gain(data.dt, data.stride).variance)
-    driving = replace(state, z=calibrated.z, variance=expected)
+    noisy = replace(state, z=calibrated.z, variance=expected)
     for _ in range(FLOOR_RUNS):
-        behind = behind_noisy_drive(solver, driving, fit.noise, rng)
-        driven = data.y - np.clip(behind, -FARTHEST, FARTHEST)
-        driven = driven + position_errors(fit.noise, driven.shape, data.dt, rng)
-        again = replaced(calibrated, pieces=replace(calibrated.pieces, y=driven))
-        solver.solve([again], iterations=20, tolerance=0.1)
-        squares.append(data.driver_mean(simulated_error(solver, again) ** 2))
+        behind = behind_noisy_drive(solver, noisy, fit.noise, rng)
+        positions = data.y - np.clip(behind, -FARTHEST, FARTHEST)
+        positions = positions + position_errors(fit.noise, positions.shape, data.dt, rng)
+        recalibrated_state = replaced(calibrated, pieces=replace(calibrated.pieces, y=positions))
+        solver.solve([recalibrated_state], iterations=20, tolerance=0.1)
+        squares.append(data.driver_mean(simulated_error(solver, recalibrated_state) ** 2))
     return np.sqrt(np.minimum(squares, MOST_SQUARE * np.median(squares, axis=0)).mean(axis=0))

@@ -1,4 +1,8 @@
-"""Figures of the evidence, errors, innovations, drivers' parameters, and an example drive."""
+"""Figures of the evidence, errors, innovations, drivers' parameters, and an example drive.
+
+`before` is the calibrated model, `after` the final model with the effects found. Errors are those of the report
+drivers, who are used neither in the fit nor in the choice of effects.
+"""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -31,7 +35,7 @@ def draw_evidence(rows: Sequence[Mapping[str, Any]], null: Null, *, generated: b
 
     Args:
         rows: Entries `candidates` of the verdict.
-        null: Null distribution of the evidence; candidates outside it have no band.
+        null: Null distribution: evidence if no effect is missing; candidates that it does not contain have no band.
         generated: Whether the data were generated, not measured.
     """
     shown, threshold = rows[:BARS], null.threshold(THRESHOLDS.candidate_z_score)
@@ -85,25 +89,26 @@ def draw_errors(errors: Mapping[str, ModelErrors], *, generated: bool) -> bytes:
 
 
 def draw_innovations(residuals: Mapping[str, Residuals], *, generated: bool) -> bytes:
-    """PNG of autocorrelation and distribution of the innovations."""
-    figure, (lags, spread) = panels(7.2, 3.0, columns=2, generated=generated)
+    """PNG of autocorrelation and distribution of the innovations (prediction errors of the observer)."""
+    figure, (lags, distribution) = panels(7.2, 3.0, columns=2, generated=generated)
     for model, of_model in residuals.items():
         data = of_model.state.data
         lags.plot(*of_model.autocorrelation(), color=COLOURS[model], linewidth=1.4, label=model)
         used = of_model.innovation[data.weight > 0]
         edges = np.linspace(-FARTHEST_SIGMA, FARTHEST_SIGMA, 41)
         density = np.histogram(used / used.std(), edges, density=True)[0]
-        spread.stairs(np.maximum(density, 1e-6), edges, color=COLOURS[model], linewidth=1.4, label=model)
+        distribution.stairs(np.maximum(density, 1e-6), edges, color=COLOURS[model], linewidth=1.4, label=model)
         if model == "before":
             limit = 1.96 / np.sqrt(max(data.weight.sum(), 1.0))
             lags.axhspan(-limit, limit, color=LIGHT_GREY, zorder=0, label="white noise, 95 %")
     middle = np.linspace(-FARTHEST_SIGMA, FARTHEST_SIGMA, 101)
-    spread.plot(middle, norm.pdf(middle), "--", color=DARK_GREY, linewidth=1.0, label="normal")
-    spread.set(xlabel="innovation / its standard deviation [-]", ylabel="density [-]", yscale="log", ylim=(1e-5, 1))
+    distribution.plot(middle, norm.pdf(middle), "--", color=DARK_GREY, linewidth=1.0, label="normal")
+    distribution.set(xlabel="innovation / its standard deviation [-]", ylabel="density [-]")
+    distribution.set(yscale="log", ylim=(1e-5, 1))
     lags.set(xlabel="time apart [s]", ylabel="autocorrelation [-]")
     low, high = lags.get_ylim()
     lags.set_ylim(min(low, -0.1), max(high, 0.1))
-    for panel in (lags, spread):
+    for panel in (lags, distribution):
         panel.legend(frameon=False, fontsize=8)
     return png(figure)
 
@@ -116,7 +121,8 @@ def draw_parameters(table: pd.DataFrame, prior: Prior, *, generated: bool) -> by
         for place, model in enumerate(models):
             part = table.loc[table["model"] == model]
             values = part[name].to_numpy()
-            beside = place + 0.5 * (np.argsort(np.argsort(values)) / max(len(values) - 1, 1) - 0.5)
+            ranks = np.argsort(np.argsort(values))  # drivers side by side, the smallest value on the left
+            beside = place + 0.5 * (ranks / max(len(values) - 1, 1) - 0.5)
             truck = part["truck"].to_numpy(bool)
             panel.plot(beside[~truck], values[~truck], "o", color=COLOURS[model], markersize=2.5)
             panel.plot(beside[truck], values[truck], "s", color=COLOURS[model], markersize=4, mfc="none")
@@ -137,14 +143,14 @@ def draw_example(residuals: Mapping[str, Residuals], errors: Mapping[str, ModelE
     time, leader = data.surroundings.time[rows, piece], data.leader[rows, piece]
     gap = (data.surroundings.leader_rear - data.smooth - data.length / 2)[rows, piece]
     # NaN interrupts the line at changes of leader.
-    seen = np.where(begins | np.r_[False, leader[1:] != leader[:-1]], np.nan, gap)
-    above.plot(time, seen, color=DARK_GREY, linewidth=2.0, label="measured")
+    measured = np.where(begins | np.r_[False, leader[1:] != leader[:-1]], np.nan, gap)
+    above.plot(time, measured, color=DARK_GREY, linewidth=2.0, label="measured")
     for model, of_model in residuals.items():
-        # The simulated gap itself has no measurement noise.
+        # `gap` is the simulated minus the measured gap; the simulated gap has no measurement noise.
         noise = of_model.state.data.y[rows, piece] - of_model.state.data.smooth[rows, piece]
         above.plot(
             time,
-            seen + of_model.gap[rows, piece] - noise,
+            measured + of_model.gap[rows, piece] - noise,
             color=COLOURS[model],
             linewidth=1.3,
             label=f"simulated {model}",
@@ -163,7 +169,7 @@ def draw_example(residuals: Mapping[str, Residuals], errors: Mapping[str, ModelE
 def stretches(
     counts: Bool[np.ndarray, " steps"], stride: int
 ) -> tuple[Int[np.ndarray, " counted"], Bool[np.ndarray, " counted"]]:
-    """Time steps of a piece that count, and whether the interval before each was excluded.
+    """Time steps of a piece (part of a track) that count, and whether the interval before each was excluded.
 
     Args:
         counts: Whether each time step counts.
@@ -174,7 +180,7 @@ def stretches(
 
 
 def example_piece(residuals: Residuals, errors: Mapping[str, ModelErrors]) -> int:
-    """The longest piece of the report driver with the median change of the error, or with the median error."""
+    """The longest piece of the driver with the median change of the error (median error if nothing was added)."""
     before = errors["before"].by_driver["gap_rmse"]
     change = before - errors["after"].by_driver["gap_rmse"] if "after" in errors else before
     driver = int(np.argsort(change)[len(change) // 2])

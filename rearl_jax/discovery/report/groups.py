@@ -7,12 +7,13 @@ Candidates, unseen effects and adequacy are in the verdict of each group, `group
 groups    [{by, value, drivers, driver_seconds, cars, shared, labels, verdict, effects, error, car_following, base,
           equilibrium_time_gap, notes}]: `labels` {label: {value, share}} the most common value of each label and its
           share of the drivers, `cars` the number of persons or cars, null if no identity is known; `shared` the number
-          of them among both fitted and report drivers; `equilibrium_time_gap` {speed [m/s]: {value, low, high}}, the
+          of them among both fitted drivers (whom the model is fitted to) and report drivers (whose errors are
+          stated); `equilibrium_time_gap` {speed [m/s]: {value, low, high}}, the
           median over fitted drivers of gap over speed [s] behind a leader of that speed in the calibrated model, null
           if fewer than half of the drivers have a higher desired speed
 grouping  {by, left_out: {value: drivers}}: number of drivers outside all groups; for kinds found without labels also
           {kinds, evidence, distinctness, gain, chance, uncertain, purity: {label: {value, by_chance}}}, see
-          `groups.kinds`
+          `discovery.groups.kinds`
 """
 
 from collections import Counter
@@ -33,6 +34,7 @@ from rearl_jax.discovery.report.tables import read_errors
 from rearl_jax.discovery.thresholds import THRESHOLDS
 
 STRONGEST_FIRST = ("named", "improved", "unexplained", "artefact", "nothing")
+"""Verdicts, from the strongest statement to the weakest."""
 
 
 def verdict_of_groups(
@@ -43,16 +45,16 @@ def verdict_of_groups(
     Args:
         options: Keys of discovery.
         groups: Verdict and table of errors of each group.
-        parts: Drivers of the group.
+        parts: Drivers of each group.
         left_out: Number of drivers outside all groups, by value of the label.
     """
     rows = [_row(options, name, discovery.verdict, parts[name]) for name, discovery in groups.items()]
-    words = [row["verdict"] for row in rows]
+    verdicts = [row["verdict"] for row in rows]
     errors = _joined([read_errors(one.tables["errors"], one.verdict["error"]) for one in groups.values()])
     data = [discovery.verdict["data"] for discovery in groups.values()]
-    notes = list(dict.fromkeys(note for part in data for note in part["notes"]))
+    notes = list(dict.fromkeys(note for entry in data for note in entry["notes"]))
     return {
-        "verdict": min(words, key=STRONGEST_FIRST.index),
+        "verdict": min(verdicts, key=STRONGEST_FIRST.index),
         "effects": [effect | {"group": row["value"]} for row in rows for effect in row["effects"]],
         "candidates": [],
         "lane_changes": [],
@@ -96,7 +98,7 @@ def _row(options: DiscoverConfig, name: str, verdict: Mapping[str, Any], parts: 
 
 
 def _most_common(data: Measured) -> dict[str, Any]:
-    """The most common value of each label, for labels known of some drivers."""
+    """The most common value of each label and its share of the drivers; labels that no driver has are left out."""
     common = {}
     for name in data.labels:
         counts = Counter(value for value in data.label(name).tolist() if value is not None)
@@ -106,7 +108,9 @@ def _most_common(data: Measured) -> dict[str, Any]:
 
 
 def _joined(groups: Sequence[Mapping[str, ModelErrors]]) -> dict[str, ModelErrors]:
-    """Errors of the drivers of all groups; for a group without added effects, `after` equals `before`."""
+    """Errors of the drivers of all groups, each with the model of its group. A model that a group lacks (`after` if no
+    effect was added, or IDM) has the errors `before`.
+    """
     joined = {}
     for model in ("before", "after", IDM):
         parts = [errors.get(model, errors["before"]) for errors in groups]

@@ -1,11 +1,14 @@
 """Scores of predicted lane changes: `lane_choice.prediction` of the verdict, and a table with a row per driver.
 
+An opportunity is a moment, twice a second, at which a driver has room to change to one side; held-out drivers are those
+whom no model was fitted to.
+
 Log loss [nats per driver-second] is the negative log-likelihood of the recorded choices (each side at each opportunity
 separately) divided by the time in which drivers could have changed lanes. Balanced accuracy [-] is the mean of
 sensitivity (share of changes that are predicted) and specificity (share of all other opportunities for which no change
 is predicted). It is .5 for a model without information. Plain accuracy is not used because changes are rare, so that
 "no driver ever changes" would score highest. A rule predicts the changes that it accepts; a probability model predicts
-a change if the probability exceeds the constant rate, the usual threshold for rare events.
+a change if the probability exceeds the constant rate (`BASE_RATE`), the usual threshold for rare events.
 
 Source: Brodersen, Ong, Stephan & Buhmann, ICPR (2010) 3121 (balanced accuracy); Freeman & Moisen, Ecol. Model. 217
 (2008) 48 (prevalence as the threshold).
@@ -22,6 +25,7 @@ from rearl_jax.discovery.lane_changes.prediction import BASE_RATE, PREDICTORS, P
 from rearl_jax.discovery.report.error_block import Resampling
 
 LANE_CHANGE_TABLE = "lane_changes"
+"""Name of the table."""
 
 
 def prediction_block(prediction: Prediction | None, resampling: Resampling) -> dict[str, Any] | None:
@@ -68,25 +72,23 @@ def prediction_table(prediction: Prediction) -> pd.DataFrame:
 def _stratum(prediction: Prediction, rows: Bool[np.ndarray, " rows"], resampling: Resampling) -> dict[str, Any]:
     """Scores of the given opportunities; drivers are resampled from all held-out drivers."""
     table = prediction.table.take(rows)
-    driver, n = (
-        np.searchsorted(np.unique(prediction.table.vehicle), table.vehicle),
-        len(np.unique(prediction.table.vehicle)),
-    )
+    vehicles = np.unique(prediction.table.vehicle)
+    driver, n_drivers = np.searchsorted(vehicles, table.vehicle), len(vehicles)
 
     def drawn(values: np.ndarray) -> Float[np.ndarray, " figures"]:
-        return resampling.drawn(_sums(driver, values, n), np.sum)
+        return resampling.drawn(_sums(driver, values, n_drivers), np.sum)
 
     seconds = seconds_at_risk(table)
     time, scores = drawn(seconds), {}
     constant = drawn(log_loss(prediction.chance[BASE_RATE][rows], table.changes))
     for name in PREDICTORS:
         chance = prediction.chance[name][rows]
-        loss, said = drawn(log_loss(chance, table.changes)), prediction.is_predicted[name][rows]
+        loss, predicted = drawn(log_loss(chance, table.changes)), prediction.is_predicted[name][rows]
         with np.errstate(invalid="ignore", divide="ignore"):
             scores[name] = {
                 "log_loss": _figure(loss / time, resampling),
                 "less_base_rate": _figure((loss - constant) / time, resampling),
-                "balanced_accuracy": _figure(_balanced(*map(drawn, _outcomes(table.changes, said))), resampling),
+                "balanced_accuracy": _figure(_balanced(*map(drawn, _outcomes(table.changes, predicted))), resampling),
                 "expected": float(chance.sum()),
             }
     return {
@@ -98,18 +100,19 @@ def _stratum(prediction: Prediction, rows: Bool[np.ndarray, " rows"], resampling
     }
 
 
-def _outcomes(changes: np.ndarray, said: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Counts: predicted changes, changes, correctly predicted non-changes, non-changes."""
-    return changes & said, changes, ~changes & ~said, ~changes
+def _outcomes(changes: np.ndarray, predicted: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """True for: correctly predicted changes, changes, correctly predicted non-changes, non-changes."""
+    return changes & predicted, changes, ~changes & ~predicted, ~changes
 
 
 def _balanced(hits: np.ndarray, changes: np.ndarray, rejections: np.ndarray, others: np.ndarray) -> np.ndarray:
-    """Balanced accuracy [-]; nan if there were no changes or only changes."""
+    """Balanced accuracy [-] from the counts of `_outcomes`; NaN if there were no changes or only changes."""
     return (hits / changes + rejections / others) / 2
 
 
-def _sums(driver: np.ndarray, values: np.ndarray, n: int = 0) -> Float[np.ndarray, " drivers"]:
-    return np.bincount(driver, values, n).astype(float)  # the sum of an empty list is an integer
+def _sums(driver: np.ndarray, values: np.ndarray, n_drivers: int = 0) -> Float[np.ndarray, " drivers"]:
+    """Sum of the values of each driver, for at least `n_drivers` drivers."""
+    return np.bincount(driver, values, n_drivers).astype(float)  # the sum of an empty list is an integer
 
 
 def _figure(drawn: Float[np.ndarray, " figures"], resampling: Resampling) -> dict[str, float] | None:

@@ -1,4 +1,4 @@
-"""Section of the document on predicted lane changes of held-out drivers."""
+"""Section of the document on predicted lane changes of held-out drivers, whom no model was fitted to."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -31,7 +31,10 @@ STRATA = {
 """Titles of the strata, by their names in the verdict."""
 
 _SHOWN = (ORIGINAL, CALIBRATED, HAZARD)
+"""Models compared by side and urgency."""
+
 _MEASURES = {"less_base_rate": "log loss less that of the constant rate", "balanced_accuracy": "balanced accuracy"}
+"""Titles of the measures compared by side and urgency, by their names in the verdict."""
 
 
 def lane_choice_section(verdict: Mapping[str, Any]) -> Section:
@@ -43,14 +46,14 @@ def lane_choice_section(verdict: Mapping[str, Any]) -> Section:
         return Section(TITLE)
     prediction = lanes["prediction"]
     if prediction is None:
-        words = (
+        reason = (
             f"No prediction of lane changes is scored, and MOBIL is not calibrated. {LEAST_CHANGES} recorded changes "
             f"are needed, and {LEAST_IN_PART} by choice of the drivers who are fitted and of those who are held out: "
             f"there are {lanes['changes']} in all"
         )
-        return Section(TITLE, (sentence(words),))
+        return Section(TITLE, (sentence(reason),))
     tables = (_model_table(prediction), *(_strata_table(prediction, name, title) for name, title in _MEASURES.items()))
-    return Section(TITLE, (_words(prediction),), (*tables, _mobil_table(prediction)), _notes(prediction))
+    return Section(TITLE, (_summary(prediction),), (*tables, _mobil_table(prediction)), _notes(prediction))
 
 
 def significantly_worse(prediction: Mapping[str, Any]) -> list[str]:
@@ -59,21 +62,21 @@ def significantly_worse(prediction: Mapping[str, Any]) -> list[str]:
     return [name for name, scores in models.items() if scores["less_base_rate"]["low"] > 0]
 
 
-def _words(prediction: Mapping[str, Any]) -> str:
+def _summary(prediction: Mapping[str, Any]) -> str:
     every, fitted = prediction["strata"]["all"], prediction["fitted"]
-    said = (
+    text = (
         f"{every['changes']} changes by choice of {every['drivers']} drivers in {every['seconds'] / 60:.1f} minutes, "
         f"predicted twice a second from {fitted['changes']} changes of {fitted['drivers']} others."
     )
     worse = [PREDICTORS[name] for name in significantly_worse(prediction)]
     if worse:
-        said += f" Significantly worse than the constant rate: {', '.join(worse)}."
-    uncalibrated, own = (every["models"][name]["log_loss"]["value"] for name in (ORIGINAL, CALIBRATED))
-    if own >= uncalibrated:
-        said += " Calibrated MOBIL is not better than original MOBIL."
+        text += f" Significantly worse than the constant rate: {', '.join(worse)}."
+    original, calibrated = (every["models"][name]["log_loss"]["value"] for name in (ORIGINAL, CALIBRATED))
+    if calibrated >= original:
+        text += " Calibrated MOBIL is not better than original MOBIL."
     if every["models"][CALIBRATED]["less_base_rate"]["high"] >= 0:
-        said += " Calibrated MOBIL is not significantly better than the constant rate."
-    return said
+        text += " Calibrated MOBIL is not significantly better than the constant rate."
+    return text
 
 
 def _model_table(prediction: Mapping[str, Any]) -> Table:
@@ -104,10 +107,10 @@ def _strata_table(prediction: Mapping[str, Any], measure: str, title: str) -> Ta
 
 
 def _mobil_table(prediction: Mapping[str, Any]) -> Table:
-    uncalibrated, rows = MobilRule(), []
+    original, rows = MobilRule(), []
     for name, estimate in prediction["mobil"].items():
         unit = "" if estimate["unit"] == "-" else f" [{estimate['unit']}]"
-        rows.append(Row(f"{spoken(name)}{unit}", (Cell(number(getattr(uncalibrated, name))), _cell(estimate))))
+        rows.append(Row(f"{spoken(name)}{unit}", (Cell(number(getattr(original, name))), _cell(estimate))))
     return Table("Parameters of MOBIL", ("original", "calibrated"), tuple(rows))
 
 
@@ -117,9 +120,9 @@ def _notes(prediction: Mapping[str, Any]) -> tuple[str, ...]:
         f"of {prediction['recorded']} recorded changes {prediction['ramp']} are from or to a ramp lane, "
         f"mandatory and not scored; {prediction['fitted']['changes'] + every['changes']} are discretionary, with "
         "leaders and gaps in the recording",
-        "MOBIL predicts the changes that its rule accepts, the hazard those whose probability is above the "
-        "constant rate of the side; balanced accuracy is the mean of the correctly predicted shares of changes "
-        "and of non-changes, .5 without information",
+        "MOBIL predicts the changes that its rule accepts, the hazard (a probability that depends on the own gain and "
+        "the effects found) those whose probability is above the constant rate of the side; balanced "
+        "accuracy is the mean of the correctly predicted shares of changes and of non-changes, .5 without information",
         "original MOBIL changes lanes within its delay whenever its rule allows a change, and excludes other "
         "changes; here it has the fitted drivers' rate of refused changes, because its log loss would otherwise "
         "be infinite",

@@ -1,4 +1,6 @@
-"""Figures of the residual's dependences, before and after the repair."""
+"""Figures of the residual's dependences on one variable (maps) and on two (planes), before and after effects were
+added.
+"""
 
 from collections.abc import Mapping
 
@@ -10,7 +12,7 @@ from rearl_jax.discovery.search.atlas import Atlas
 from rearl_jax.discovery.search.maps import Curve, ranked
 from rearl_jax.drawing import BLUE, DARK_GREY, FONT_SIZE, GREY, VERMILION, panels, png, set_title
 
-SHOWN = 6
+MOST_MAPS = 6
 """Largest number of maps that is drawn."""
 
 LEAST_REACH = 0.3
@@ -32,7 +34,7 @@ def draw_maps(atlases: Mapping[str, Atlas], added: Mapping[str, np.ndarray], *, 
     n_rows = -(-len(best) // COLUMNS)
     figure, axes = _grid(7.2, 2.2 * n_rows + 0.7, n_rows, COLUMNS, generated=generated)
     reach = max(LEAST_REACH, *(np.abs(curve.value).max() for curve in best)) * 1.15
-    for panel, curve in zip(axes, best, strict=False):
+    for panel, curve in zip(axes, best, strict=False):  # the last row may have more panels than maps
         _draw(panel, curve, VERMILION, "before")
         name = curve.basis.variable.name
         if "after" in atlases and name in atlases["after"].curves:
@@ -58,11 +60,13 @@ def draw_maps(atlases: Mapping[str, Atlas], added: Mapping[str, np.ndarray], *, 
 
 
 def shown_maps(atlases: Mapping[str, Atlas]) -> list[Curve]:
-    """The maps with the largest gains before any effect was added; those selected by the finder come first."""
+    """The maps with the largest gains before any effect was added; first those of variables that sparse regression
+    selects in at least half of the halves of the drivers.
+    """
     atlas = atlases["before"]
-    stable = [selection.variable for selection in atlas.selected if selection.frequency >= 0.5]
-    order = sorted(ranked(atlas.curves), key=lambda selection: selection.basis.variable.name not in stable)
-    return order[:SHOWN]
+    often_selected = [selection.variable for selection in atlas.selected if selection.frequency >= 0.5]
+    order = sorted(ranked(atlas.curves), key=lambda curve: curve.basis.variable.name not in often_selected)
+    return order[:MOST_MAPS]
 
 
 def _draw(panel: Axes, curve: Curve, colour: str, label: str) -> None:
@@ -72,7 +76,7 @@ def _draw(panel: Axes, curve: Curve, colour: str, label: str) -> None:
 
 
 def draw_planes(atlases: Mapping[str, Atlas], *, generated: bool) -> bytes:
-    """PNG of the maps over two variables: before in the upper row, after in the lower row."""
+    """PNG of the planes: before in the upper row, after in the lower row."""
     pairs = list(atlases["before"].planes)
     figure, axes = _grid(7.2, 2.9 * len(atlases), len(atlases), len(pairs), generated=generated)
     planes = [(model, atlas.planes[pair]) for model, atlas in atlases.items() for pair in pairs]
@@ -95,8 +99,8 @@ def draw_planes(atlases: Mapping[str, Atlas], *, generated: bool) -> bytes:
 
 def _grid(width: float, height: float, rows: int, columns: int, *, generated: bool) -> tuple[Figure, list[Axes]]:
     """A figure with panels on separate horizontal scales; width and height in inches."""
-    figure, (whole,) = panels(width, height, generated=generated)
-    whole.remove()
+    figure, (whole_area,) = panels(width, height, generated=generated)
+    whole_area.remove()
     axes = figure.subplots(rows, columns, squeeze=False).ravel().tolist()
     for panel in axes:
         panel.tick_params(labelsize=8)

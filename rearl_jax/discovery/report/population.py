@@ -54,10 +54,9 @@ def population_section(verdict: Mapping[str, Any]) -> Section:
                 f"{spoken(name)} is at its bound in {percent(entry['at_bound'])} of drivers: its value has no meaning"
             )
     words = (
-        "Parameters that a driver's data do not determine are shrunk to "
-        "the population mean. Spread: standard deviation "
-        "of the logarithm between drivers. Determined by data: mean share of the variance that one driver's data "
-        "remove. Parameters can compensate for each other; equilibrium time gaps cannot."
+        "Parameters that a driver's data do not determine are shrunk to the population mean. Spread: standard "
+        "deviation of the logarithm between drivers. Determined by data: mean share of the variance between drivers "
+        "that one driver's data remove. Parameters can compensate for each other; equilibrium time gaps cannot."
     )
     table = Table(title, ("median driver", "spread", "determined by data", "at a bound"), tuple(rows))
     return Section(title, (words,), (table,), tuple(map(sentence, notes)), is_folded=True)

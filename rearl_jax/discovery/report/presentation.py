@@ -1,4 +1,8 @@
-"""Residuals, maps, figures and page of a discovery; they do not influence the verdict."""
+"""Residuals, maps, figures and page of a discovery; they do not influence the verdict.
+
+A map is the acceleration residual as a curve over one variable, a plane the same over two; an atlas contains all of one
+model. `before` is the calibrated model, `after` the final one with the effects found.
+"""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -13,19 +17,21 @@ from rearl_jax.discovery.report import figures, map_figures
 from rearl_jax.discovery.report.document import document_of
 from rearl_jax.discovery.report.tables import driver_table
 from rearl_jax.discovery.report.words import is_lane_choice
-from rearl_jax.discovery.search.atlas import Atlas, added_curves, atlas_of, chart_of, part_scores
+from rearl_jax.discovery.search.atlas import Atlas, added_curves, atlas_of, grid_of, part_scores
 from rearl_jax.document.document import data_sources
 from rearl_jax.document.html import page_of
 from rearl_jax.results import Study
 
 PARTS = ("fitted", "checked", "reported")
-"""Parts of the drivers, in the order of the residuals."""
+"""Parts of the drivers, in the order of the residuals: those whom models are fitted to, those whom candidates are
+checked on, and those whose errors are stated.
+"""
 
-CHOSEN_FROM = 2
-"""Number of parts used by the open-ended finder; the reported part is excluded."""
+N_SELECTING_PARTS = 2
+"""Number of the first parts from which sparse regression selects variables; the reported part is excluded."""
 
 KEPT_EVERY = 0.2
-"""Smallest time between rows of residuals.parquet [s]."""
+"""Time between rows of residuals.parquet, rounded to time steps with a measurement [s]."""
 
 DRAWS = 300
 """Resamples of drivers for the bands of maps."""
@@ -36,35 +42,35 @@ def present(study: Study, discovery: Discovery) -> None:
 
     Args:
         study: Study folder.
-        discovery: A discovery with the data for its figures.
+        discovery: A discovery, with its page data.
     """
     page_data, verdict, options = discovery.page_data, discovery.verdict, discovery.config.discover
     assert page_data is not None
     solver, search, generated = page_data.solver, page_data.search, verdict["data"]["generated"]
     residuals = all_residuals(page_data)
-    chart = chart_of(residuals["before"][0])
+    grid = grid_of(residuals["before"][0])
     atlases = {
         model: atlas_of(
-            chart,
-            [part_scores(part, chart) for part in of_parts],
-            CHOSEN_FROM,
+            grid,
+            [part_scores(of_part, grid) for of_part in of_parts],
+            N_SELECTING_PARTS,
             options.confidence,
             DRAWS,
             options.seed,
         )
         for model, of_parts in residuals.items()
     }
-    added = added_curves(solver, residuals["after"][0], chart) if search.added else {}
+    added = added_curves(solver, residuals["after"][0], grid) if search.added else {}
     # Only an effect that depends on one variable can be drawn as a curve over it.
-    known = {trial.candidate.variables for trial in search.added}
-    added = {name: values for name, values in added.items() if (name,) in known}
+    variables_of_added = {trial.candidate.variables for trial in search.added}
+    added = {name: values for name, values in added.items() if (name,) in variables_of_added}
     maps = map_table(atlases, added)
     for name, table in (("residuals", residual_table(residuals)), ("maps", maps), ("planes", plane_table(atlases))):
         study.write_table(name, table, seeds=f"discover.seed={options.seed}")
 
     candidates = [row for row in verdict["candidates"] if not is_lane_choice(row)]
-    of_fitted, of_reported = ({model: of_parts[part] for model, of_parts in residuals.items()} for part in (0, -1))
-    drawn = {
+    of_fitted, of_reported = ({model: of_parts[index] for model, of_parts in residuals.items()} for index in (0, -1))
+    images = {
         "maps": map_figures.draw_maps(atlases, added, generated=generated),
         "evidence": figures.draw_evidence(candidates, search.null, generated=generated),
         "closed_loop": figures.draw_errors(page_data.errors, generated=generated),
@@ -73,10 +79,10 @@ def present(study: Study, discovery: Discovery) -> None:
         "planes": map_figures.draw_planes(atlases, generated=generated),
         "parameters": figures.draw_parameters(driver_table(solver, search), solver.layout.prior, generated=generated),
     }
-    for name, png in drawn.items():
+    for name, png in images.items():
         study.write_bytes(f"{name}.png", png)
     document = document_of(discovery.config, verdict, maps, data_sources(page_data.parts.infos))
-    study.write_text("page.html", page_of(document, discovery.config, drawn, data_id=discovery.data_id))
+    study.write_text("page.html", page_of(document, discovery.config, images, data_id=discovery.data_id))
 
 
 def all_residuals(page_data: PageData) -> dict[str, list[Residuals]]:
@@ -93,13 +99,13 @@ def all_residuals(page_data: PageData) -> dict[str, list[Residuals]]:
 
 
 def residual_table(residuals: Mapping[str, Sequence[Residuals]]) -> pd.DataFrame:
-    """Residuals in time steps that count, about KEPT_EVERY apart, driver by driver, before and after."""
+    """Residuals in time steps that count, about KEPT_EVERY apart, driver by driver; given for PARTS by model."""
     tables = []
-    for number, part in enumerate(PARTS):
-        data = residuals["before"][number].state.data
-        step = data.stride * max(1, round(KEPT_EVERY / (data.stride * data.dt)))
-        kept = np.argwhere(data.weight[::step].T > 0)
-        piece, t = kept[:, 0], kept[:, 1] * step
+    for index, part in enumerate(PARTS):
+        data = residuals["before"][index].state.data
+        every = data.stride * max(1, round(KEPT_EVERY / (data.stride * data.dt)))  # time steps
+        kept = np.argwhere(data.weight[::every].T > 0)
+        piece, t = kept[:, 0], kept[:, 1] * every
         table: dict[str, Any] = {
             "part": part,
             "driver": data.driver[piece].astype(np.int32),
@@ -109,13 +115,15 @@ def residual_table(residuals: Mapping[str, Sequence[Residuals]]) -> pd.DataFrame
         }
         for model, of_model in residuals.items():
             for name in ("innovation", "acceleration", "gap"):
-                table[f"{name}_{model}"] = getattr(of_model[number], name)[t, piece].astype(np.float32)
+                table[f"{name}_{model}"] = getattr(of_model[index], name)[t, piece].astype(np.float32)
         tables.append(pd.DataFrame(table))
     return pd.concat(tables, ignore_index=True)
 
 
 def map_table(atlases: Mapping[str, Atlas], added: Mapping[str, np.ndarray]) -> pd.DataFrame:
-    """Table of the maps, a row per knot, with their gains and the finder's selection frequencies."""
+    """Table of the maps, a row per knot, with their gains and how often sparse regression selects their variable;
+    `added` is the added acceleration at the knots [m/s^2], by variable.
+    """
     tables = []
     for model, atlas in atlases.items():
         selected = {selection.variable: selection for selection in atlas.selected}
@@ -142,7 +150,7 @@ def map_table(atlases: Mapping[str, Atlas], added: Mapping[str, np.ndarray]) -> 
 
 
 def plane_table(atlases: Mapping[str, Atlas]) -> pd.DataFrame:
-    """Table of the maps over two variables, a row per field; no value if it has too few time steps."""
+    """Table of the planes, a row per cell; no value if the cell has too few time steps."""
     tables = []
     for model, atlas in atlases.items():
         for plane in atlas.planes.values():

@@ -1,8 +1,8 @@
 """Calibration protocols of the literature: which data a driver's parameters come from when its drive is simulated.
 
-Every error compares a simulation behind the measured leader with the measurement. Own parameters come from the
+Every error compares a simulation behind the measured leader with the measurement. A driver's parameters come from the
 population, from the first half of the drive, from the driver's other runs, or from the drive itself. The last case is
-not a prediction.
+not a prediction. Report drivers are those whose errors are stated; they are not used to find the model.
 """
 
 from collections.abc import Sequence
@@ -20,20 +20,21 @@ from rearl_jax.discovery.read.training import Split, error_of_splits, halves, ha
 from rearl_jax.discovery.search.headway import CONSTANT_TIME_GAP, TimeGapVariation
 
 IN_SAMPLE = "in_sample"
+"""Name of the protocol with parameters from the drive itself."""
 
 PROTOCOLS = {
-    "population": "parameters of the population, other drivers",
-    "first_half": "own parameters from the first half of a drive, the second half",
-    "other_runs": "own parameters from the driver's other runs, the run left out",
+    "population": "parameters of the population of other drivers",
+    "first_half": "own parameters from the first half of a drive, simulation of the second half",
+    "other_runs": "own parameters from the driver's other runs, simulation of the run left out",
     IN_SAMPLE: "own parameters calibrated to the drive itself",
 }
-"""Source of a driver's parameters and simulated drive, by protocol."""
+"""Source of a driver's parameters, and the simulated drive if it is another, by protocol."""
 
 PREDICTING = tuple(name for name in PROTOCOLS if name != IN_SAMPLE)
 """Protocols that predict."""
 
 SMALLEST_GAP = 0.1
-"""Smallest divisor of relative errors [m]; it avoids division by zero for drivers who are not tested."""
+"""Smallest divisor of relative gap errors [m]; it avoids division by zero for drivers who are not tested."""
 
 PROTOCOL_MEASURES = ("gap_rmse", "gap_nrmse", "speed_rmse")
 """Root mean square error of the gap [m], the same over the root mean square gap [-], and of the speed [m/s]."""
@@ -44,7 +45,7 @@ class ProtocolErrors:
     """Errors of one model under one protocol.
 
     Attributes:
-        driver: Index of each tested driver among the report drivers, or among the drivers with several runs.
+        driver: Index of each tested driver among the report drivers; under `other_runs` among those with several runs.
         by_driver: Values of the PROTOCOL_MEASURES of each tested driver.
         population: Values of the same measures on the same drives with population parameters.
         left_out: Number of drivers with too little data.
@@ -75,8 +76,7 @@ def protocol_errors(
         state: State of the report drivers under the model.
         fit: The fitted model.
         in_sample: Deviations with parameters calibrated to each drive.
-        runs: As of `prediction_errors`.
-        variation: As of `prediction_errors`.
+        runs, variation: As in `prediction_errors`.
     """
     predicted, whole = prediction_errors(solver, state, fit, runs, variation), [Split(state.data, state.data)]
     population = predicted["population"]
@@ -99,14 +99,14 @@ def prediction_errors(
         state: State of the report drivers under the model.
         fit: The fitted model.
         runs: Splits of drivers with several runs, see `left_out_runs`.
-        variation: Variation of the time gap; predictions contain the part that follows from the gap at the start.
+        variation: Variation of the time gap; the part that follows from the gap at the start of a drive is predicted.
     """
     data = state.data
     whole, all_drivers = [Split(data, data)], np.arange(data.n_drivers)
-    unknown = replaced(state, z=state.mean[state.truck])
-    population = measures_of(whole, [simulated_error(solver, unknown)])
-    started = _varied(unknown, variation.expected_of_unknown(unknown, solver.layout.prior))
-    predicted = population if started is unknown else measures_of(whole, [simulated_error(solver, started)])
+    average = replaced(state, z=state.mean[state.truck])
+    population = measures_of(whole, [simulated_error(solver, average)])
+    varied = _varied(average, variation.expected_of_unknown(average, solver.layout.prior))
+    predicted = population if varied is average else measures_of(whole, [simulated_error(solver, varied)])
     return {
         "population": ProtocolErrors(all_drivers, predicted, population, 0),
         "first_half": _predicted(solver, [halves(data)], fit, variation),
@@ -115,33 +115,39 @@ def prediction_errors(
 
 
 def _predicted(solver: Solver, splits: Sequence[Split], fit: Fit, variation: TimeGapVariation) -> ProtocolErrors | None:
-    """Errors in the tests with parameters estimated from the training drives and the population."""
+    """Errors on the test drives, with each driver's parameters from its training drives and from the population; None
+    if no driver has enough data.
+    """
     if not splits or not has_enough_data(splits).any():
         return None
-    used = np.flatnonzero(has_enough_data(splits))
+    tested_drivers = np.flatnonzero(has_enough_data(splits))
     own, population = [], []
     for split in splits:
         tested = known_drivers(solver, split, fit)
         own.append(simulated_error(solver, _varied(tested, variation.expected(tested, solver.layout.prior))))
         population.append(simulated_error(solver, replaced(tested, z=tested.mean[tested.truck])))
     by_driver, with_population = (
-        {name: values[used] for name, values in measures_of(splits, deviations).items()}
+        {name: values[tested_drivers] for name, values in measures_of(splits, deviations).items()}
         for deviations in (own, population)
     )
-    return ProtocolErrors(used, by_driver, with_population, splits[0].test.n_drivers - len(used))
+    left_out = splits[0].test.n_drivers - len(tested_drivers)
+    return ProtocolErrors(tested_drivers, by_driver, with_population, left_out)
 
 
-def _varied(state: FitState, varied: Float[np.ndarray, "steps pieces"] | None) -> FitState:
-    """The drivers with the logarithm of their time gap changed by `varied`; unchanged for None."""
-    return state if varied is None else replaced(state, pieces=replace(state.pieces, varied=varied))
+def _varied(state: FitState, log_change: Float[np.ndarray, "steps pieces"] | None) -> FitState:
+    """The drivers with the logarithm of their time gap changed by `log_change` [-]; unchanged for None."""
+    return state if log_change is None else replaced(state, pieces=replace(state.pieces, varied=log_change))
 
 
 def measures_of(splits: Sequence[Split], deviations: Sequence[Deviation]) -> dict[str, Float[np.ndarray, " drivers"]]:
-    """The PROTOCOL_MEASURES of each driver, over the time steps that count in the tests."""
+    """The PROTOCOL_MEASURES of each driver, over the time steps of the test drives that count; `deviations` belong to
+    the splits, in order.
+    """
     gaps = [gap_of(split.test) for split in splits]
     speeds = [speed_deviation(deviation, split.test) for deviation, split in zip(deviations, splits, strict=True)]
-    rmse, size, speed = (error_of_splits(splits, values) for values in (deviations, gaps, speeds))
-    return {"gap_rmse": rmse, "gap_nrmse": rmse / np.maximum(size, SMALLEST_GAP), "speed_rmse": speed}
+    gap_rmse, gap_rms, speed_rmse = (error_of_splits(splits, values) for values in (deviations, gaps, speeds))
+    gap_nrmse = gap_rmse / np.maximum(gap_rms, SMALLEST_GAP)
+    return {"gap_rmse": gap_rmse, "gap_nrmse": gap_nrmse, "speed_rmse": speed_rmse}
 
 
 def gap_of(data: Measured) -> Float[np.ndarray, "steps pieces"]:
@@ -151,6 +157,6 @@ def gap_of(data: Measured) -> Float[np.ndarray, "steps pieces"]:
 
 def speed_deviation(deviation: Deviation, data: Measured) -> Float[np.ndarray, "steps pieces"]:
     """Measured minus simulated speeds [m/s], from measured minus simulated positions [m]."""
-    ahead = deviation - (data.y - data.smooth)
+    ahead = deviation - (data.y - data.smooth)  # smoothed measurement minus simulation
     # Backward difference, because the values after the last time step of a piece are padding.
     return np.diff(ahead, axis=0, prepend=ahead[:1]) / data.dt

@@ -1,4 +1,4 @@
-"""The repaired model, in the format that every task can load."""
+"""The repaired model (with the missing effects added), in the format of model.yaml, which every task can load."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -42,12 +42,20 @@ def repaired_model(
     lane_choice: LaneChangeFindings | None = None,
     variation: TimeGapVariation = CONSTANT_TIME_GAP,
 ) -> RepairedModel:
-    """The driver model without (`calibrated`) and with (`repaired`) the identified effects (`added`).
+    """The driver model as content of model.yaml. Artefacts of the measurement, and lane-choice dependences without an
+    effect in the library (`core.effects`), are not part of a model.
 
-    The model also contains the confirmed effects of lane changes (`lane_changes`) and MOBIL if it was calibrated
-    (`lane_choice`; None if lane choice was not analysed). Artefacts and lane-choice dependences without a library
-    effect are not part of a model. The acceleration residual is divided into noise and time-gap variation according to
-    `variation`.
+    Args:
+        calibrated: The model without the effects found by the search.
+        repaired: The model with them.
+        data: The drivers to whom both were fitted.
+        layout: Layout of the candidates' parameters.
+        data_id: Identity of the data.
+        study: Name of the study.
+        lane_changes: Confirmed effects of lane changes, part of both models.
+        added: Effects found by the search.
+        lane_choice: Findings on lane choice, with MOBIL if it was calibrated; None if lane choice was not analysed.
+        variation: Division of the acceleration residual into noise and variation of the time gap.
     """
     effects = [
         effect_values(trial.candidate, repaired.state.theta, layout)
@@ -77,19 +85,19 @@ def population(fit: Fit, data: Measured, prior: Prior) -> dict[str, DriverClass]
     lengths = np.zeros(data.n_drivers)
     lengths[data.driver] = data.length
     unit, spread = prior.spread, prior.spread * state.spread
-    for number, (name, median) in enumerate(zip((CAR, TRUCK), prior.usual, strict=True)):
-        members = truck == number
+    for class_number, (name, median) in enumerate(zip((CAR, TRUCK), prior.usual, strict=True)):
+        members = truck == class_number
         share = float(members.mean())
         if share < THRESHOLDS.least_truck_share:
             continue
         away = state.away[members] * unit
         # Parameters with little information scatter less than drivers do, so the missing variance is taken from the
         # prior.
-        own = away.T @ away / max(members.sum(), 1)
-        covariance = own + np.diag(np.maximum(spread**2 - np.diag(own), 0.0)) * _unknown(fit, members)
+        scatter = away.T @ away / max(members.sum(), 1)
+        covariance = scatter + np.diag(np.maximum(spread**2 - np.diag(scatter), 0.0)) * _unknown_share(fit, members)
         classes[name] = DriverClass(
             share=share,
-            log_mean=dict(zip(prior.names, (np.log(median) + unit * state.mean[number]).tolist(), strict=True)),
+            log_mean=dict(zip(prior.names, (np.log(median) + unit * state.mean[class_number]).tolist(), strict=True)),
             log_covariance=((covariance + covariance.T) / 2).tolist(),
             noise_sd=fit.noise.acceleration,
             noise_time=fit.noise.time,
@@ -100,8 +108,8 @@ def population(fit: Fit, data: Measured, prior: Prior) -> dict[str, DriverClass]
     return {name: replace(members, share=members.share / total) for name, members in classes.items()}
 
 
-def _unknown(fit: Fit, members: np.ndarray) -> np.ndarray:
-    """Mean share of each parameter's prior variance that remains after the data [-]."""
+def _unknown_share(fit: Fit, members: np.ndarray) -> np.ndarray:
+    """Mean share, over the class members, of each parameter's prior variance that their data leave [-]."""
     assert fit.state.sums is not None
     n_own = fit.state.z.shape[1]
     gram = fit.state.sums.gram[members][:, :n_own, :n_own] / fit.state.variances[members, None, None]
@@ -110,7 +118,9 @@ def _unknown(fit: Fit, members: np.ndarray) -> np.ndarray:
 
 
 def effect_values(candidate: Candidate, theta: np.ndarray, layout: Layout) -> EffectValues:
-    """The library effect equivalent to a candidate; `early_response` replaces `early_leader`."""
+    """The library effect equivalent to a candidate, with its elements of `theta` (parameters of all candidates).
+    `early_response` replaces `early_leader`, which needs the future of a recording.
+    """
     effect = candidate.term.effect
     if candidate.term == EARLY_LEADER:
         parameters = {parameter.name: parameter.off for parameter in EFFECTS["early_response"].parameters}
@@ -119,14 +129,14 @@ def effect_values(candidate: Candidate, theta: np.ndarray, layout: Layout) -> Ef
         return EffectValues("early_response", parameters)
     if candidate.term.is_effect:
         names = [parameter.name for parameter in EFFECTS[effect].parameters]
-        return EffectValues(effect, dict(zip(names, (float(theta[p]) for p in candidate.free), strict=True)))
+        return EffectValues(effect, dict(zip(names, (float(theta[place]) for place in candidate.free), strict=True)))
     (variable,) = candidate.variables
     values = theta[list(candidate.free)]
     if variable == "position":
         knots, centre = layout.knots.position, np.zeros(len(values))
     else:
         knots, centre = layout.knots.curve[variable], layout.knots.centre[variable]
-    # Weights sum to 1, so a curve less its mean is the curve of the values less that mean.
+    # The weights of the knots sum to 1, so a curve less its mean is the curve of the values less that mean.
     values = values - values @ np.asarray(centre)
     parameters = {"values": values.tolist(), "knots": np.asarray(knots).tolist()}
     return EffectValues(effect, parameters, variable)
@@ -139,9 +149,12 @@ def lane_change_values(prediction: Prediction) -> LaneChangeValues:
 
 
 def lane_effect_values(effect: Claim) -> EffectValues:
-    """The library effect of a lane-choice claim, within its bounds; defaults for parameters not estimated."""
+    """The library effect of a lane-choice claim, within the effect's bounds; parameters not estimated have their
+    defaults.
+    """
     values = {}
-    for known in EFFECTS[effect.name].parameters:
-        value = effect.parameters[known.name].value if known.name in effect.parameters else known.off
-        values[known.name] = float(np.clip(value, known.low, known.high))
+    for parameter in EFFECTS[effect.name].parameters:
+        is_estimated = parameter.name in effect.parameters
+        value = effect.parameters[parameter.name].value if is_estimated else parameter.off
+        values[parameter.name] = float(np.clip(value, parameter.low, parameter.high))
     return EffectValues(effect.name, values)

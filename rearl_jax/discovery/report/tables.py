@@ -18,7 +18,7 @@ from rearl_jax.discovery.search.outcome import Search
 
 
 def null_table(null: Null) -> pd.DataFrame:
-    """Table of the null distribution of each candidate's evidence."""
+    """Table of the null distribution: each candidate's evidence if no effect is missing."""
     return pd.DataFrame(
         {
             "candidate": [str(term) for term in null.mean],
@@ -41,21 +41,20 @@ def read_null(path: Path) -> Null:
 
 
 def error_table(errors: Mapping[str, ModelErrors]) -> pd.DataFrame:
-    """Every measure of every report driver under every model and protocol."""
-    parts = []
+    """Every measure of every report driver (not used to find the models), by model and by protocol (source of the
+    driver's parameters).
+    """
+    tables = []
     for model, model_errors in errors.items():
         for protocol, protocol_errors in model_errors.protocols.items():
             if protocol_errors is None:
                 continue
-            part = pd.DataFrame({"model": model, "protocol": protocol, "driver": protocol_errors.driver})
+            table = pd.DataFrame({"model": model, "protocol": protocol, "driver": protocol_errors.driver})
             if protocol == IN_SAMPLE:
-                part = part.assign(floor=model_errors.floor, **model_errors.by_driver)
-            parts.append(
-                part.assign(
-                    **protocol_errors.by_driver, **{f"population_{k}": v for k, v in protocol_errors.population.items()}
-                )
-            )
-    return pd.concat(parts, ignore_index=True)
+                table = table.assign(floor=model_errors.floor, **model_errors.by_driver)
+            of_population = {f"population_{name}": values for name, values in protocol_errors.population.items()}
+            tables.append(table.assign(**protocol_errors.by_driver, **of_population))
+    return pd.concat(tables, ignore_index=True)
 
 
 def read_errors(table: pd.DataFrame, error: Mapping[str, Any]) -> dict[str, ModelErrors]:
@@ -69,21 +68,21 @@ def read_errors(table: pd.DataFrame, error: Mapping[str, Any]) -> dict[str, Mode
 
 
 def _read_model(rows: pd.DataFrame, error: Mapping[str, Any]) -> ModelErrors:
-    found: dict[str, ProtocolErrors | None] = dict.fromkeys(PROTOCOLS)
+    protocols: dict[str, ProtocolErrors | None] = dict.fromkeys(PROTOCOLS)
     for name, part in rows.groupby("protocol", sort=False):
         of_model, of_population = (
             {measure: part[f"{prefix}{measure}"].to_numpy(float) for measure in PROTOCOL_MEASURES}
             for prefix in ("", "population_")
         )
         left_out = error["protocols"][name]["left_out"]
-        found[str(name)] = ProtocolErrors(part["driver"].to_numpy(), of_model, of_population, left_out)
-    whole = rows.loc[rows["protocol"] == IN_SAMPLE, ["floor", *MEASURES]].astype(float)
-    by_driver = {name: np.asarray(whole[name]) for name in MEASURES}
-    return ModelErrors(by_driver, np.asarray(whole["floor"]), found, None)
+        protocols[str(name)] = ProtocolErrors(part["driver"].to_numpy(), of_model, of_population, left_out)
+    in_sample = rows.loc[rows["protocol"] == IN_SAMPLE, ["floor", *MEASURES]].astype(float)
+    by_driver = {name: np.asarray(in_sample[name]) for name in MEASURES}
+    return ModelErrors(by_driver, np.asarray(in_sample["floor"]), protocols, None)
 
 
 def driver_table(solver: Solver, search: Search) -> pd.DataFrame:
-    """Calibrated parameters of the fitted drivers before and after, see `fit_table`."""
+    """Calibrated parameters of the fitted drivers before and after effects were added, see `fit_table`."""
     parts = []
     for model, fit in (("before", search.first), ("after", search.last)):
         part = fit_table(solver, fit)

@@ -1,5 +1,9 @@
 """The verdict of a discovery, the content of verdict.json: missing effects, confidence, and equally good alternatives.
 
+In all entries `before` is the calibrated model, `after` the final model with the effects found; fitted drivers are
+those whom models are fitted to, check drivers those whom candidates are checked on, and report (held-out) drivers those
+whose errors are stated.
+
 verdict      named | improved | artefact | unexplained | nothing; improved: a curve without a library effect
              significantly lowers the error of other drivers
 effects      [{name, kind: driver | road | artefact | generic, parameters: {name: {value, low, high, unit}},
@@ -38,9 +42,10 @@ error        {measure, protocol, n_drivers, before, after, change, floor, noise_
              of after from these; `response_time`: {before, after} [s], delay of drivers behind the
              model's acceleration, null if not identified
 population   {parameter: {value, unit, spread, told, at_bound}}: the calibrated drivers, see `population`
-time_gap_variation  {sd, time, noise_share, time_gap, energy_score}: variation within a driver, see `variation`
+time_gap_variation  {sd, time, noise_share, start_share, time_gap, energy_score}: variation within a driver, see
+             `variation`
 adequacy     {kurtosis, autocorrelation, autocorrelation_by_noise, misjudgement, staleness, remaining, ...}: remaining
-             misfit of the final model
+             misfit of the final model, see `search.adequacy`
 lane_choice  {changes, opportunities, loss: {before, after, change}, prediction}: number of discretionary lane changes
              and of opportunities, and mean log-loss of the report drivers' choices [nats], null if there were too few;
              effects of lane choice are in `effects` and `candidates`, see `words.is_lane_choice`. `prediction`, for
@@ -94,7 +99,7 @@ OF_BOUNDS = "{} is not found if drivers' parameters may leave their bounds: driv
 """Note on an effect that depends on the bounds of the drivers' parameters."""
 
 
-def named_trial(
+def claim_of(
     trial: Trial,
     others: Sequence[Trial],
     theta: np.ndarray,
@@ -107,11 +112,11 @@ def named_trial(
 
     Args:
         trial: The candidate.
-        others: Other fitted trials.
-        theta: Parameters of the final model.
+        others: The fitted trials that it competed with.
+        theta: Parameters of all candidates in the final model.
         deviations: Standard deviations of the candidate's parameters, in order.
         layout: Layout of theta.
-        confidence: Confidence of the intervals.
+        confidence: Confidence of the intervals [-].
         reliability: Upper bound of the confidence in the effect.
     """
     candidate = trial.candidate
@@ -129,7 +134,7 @@ def named_trial(
 
 
 def names_and_units(candidate: Candidate) -> list[tuple[str, str]]:
-    """Names and units of the fitted parameters."""
+    """Names and units of a candidate's fitted parameters; the values of a curve are numbered."""
     if candidate.term.is_effect:
         return [(parameter.name, parameter.unit) for parameter in CANDIDATE_EFFECTS[candidate.term.effect].parameters]
     unit = {"lens": "m", "time_gap_dependence": "-"}.get(candidate.term.effect, "m/s^2")
@@ -137,23 +142,23 @@ def names_and_units(candidate: Candidate) -> list[tuple[str, str]]:
 
 
 def is_on(trial: Trial, theta: np.ndarray, deviations: np.ndarray, layout: Layout, confidence: float) -> bool:
-    """True if the interval of a strength excludes the value at which the effect is off."""
+    """True if the interval of a strength excludes the value at which the effect is off; arguments as of `claim_of`."""
     free = list(trial.candidate.free)
     strengths = np.isin(free, list(trial.candidate.directions))
     if trial.candidate.kind == "generic" or not strengths.any():
         return True  # curves and sections have no single strength that could be off
     values, off = theta[free], layout.reference[free]
-    half = np.array(
+    half_widths = np.array(
         [interval(0.0, THRESHOLDS.interval_stretch * float(deviation), confidence)[1] for deviation in deviations]
     )
-    return bool((np.abs(values - off) > half)[strengths].any())
+    return bool((np.abs(values - off) > half_widths)[strengths].any())
 
 
 def lane_changes_block(search: Search, deviations: np.ndarray, confidence: float) -> list[dict[str, Any]]:
     """Entry `lane_changes` of the verdict; `deviations` are standard deviations of all searched elements of theta."""
     theta, layout, rows = search.last.state.theta, search.layout, []
     for trial, rivals, own_deviations in search.fitted_trials(deviations)[: len(search.lane_changes)]:
-        claim = named_trial(trial, rivals, theta, own_deviations, layout, confidence, THRESHOLDS.most_confidence)
+        claim = claim_of(trial, rivals, theta, own_deviations, layout, confidence, THRESHOLDS.most_confidence)
         is_sure = trial.holds and is_on(trial, theta, own_deviations, layout, confidence)
         row = {"name": claim.name, "parameters": claim.plain()["parameters"], "gain": trial.gain, "check": trial.check}
         rows.append(row | {"is_sure": is_sure})
@@ -161,7 +166,9 @@ def lane_changes_block(search: Search, deviations: np.ndarray, confidence: float
 
 
 def found_in_columns(finding: Finding, confidence: float) -> Claim:
-    """A measurement artefact as an effect of the verdict; nothing was fitted, so there is no evidence."""
+    """A measurement artefact that the columns show, as an effect of the verdict; nothing was fitted, so there is no
+    evidence.
+    """
     low, high = interval(finding.value, finding.deviation, confidence)
     estimate = Estimate(finding.value, low, high, finding.unit)
     return Claim(finding.name, "artefact", {finding.parameter: estimate}, (), THRESHOLDS.most_confidence, None)
@@ -180,7 +187,7 @@ def verdict_of(search: Search, effects: Sequence[Claim], adequacy: Adequacy, *, 
         search: Result of the search.
         effects: Claimed effects.
         adequacy: Adequacy of the final model.
-        is_lower: Whether the error of the report drivers is significantly lower than before.
+        is_lower: Whether the error of the report drivers is significantly lower with the effects found.
     """
     added = [trial.candidate.kind for trial in search.added]
     names = {trial.candidate.term.effect for trial in search.added if trial.candidate.kind in NAMED_KINDS}
@@ -207,7 +214,9 @@ def verdict_of(search: Search, effects: Sequence[Claim], adequacy: Adequacy, *, 
 
 
 def candidate_rows(search: Search) -> list[dict[str, Any]]:
-    """All candidates of the first round: fitted ones by their total, then the others by evidence."""
+    """Entry `candidates` of the verdict, candidates of the first round: fitted ones by their total, then the others by
+    evidence. Effects that are indistinguishable from an added one (TWINS) follow it.
+    """
     first = search.rounds[0]
     trials = {trial.candidate.term: trial for round_ in reversed(search.rounds) for trial in round_.trials}
     ambiguous = {trial.candidate.term for round_ in search.rounds for trial in round_.alternatives}
@@ -234,17 +243,18 @@ def candidate_rows(search: Search) -> list[dict[str, Any]]:
         )
     for term in chosen:
         for twin in TWINS.get(term.effect, ()):
-            place, row = next((place, row) for place, row in enumerate(rows) if row["name"] == term.effect)
-            others = {"name": twin, "ambiguous": True, "told_apart_by": told_apart_by(Term(twin), chosen)}
-            rows.insert(place + 1, row | others | {"result": "not_distinguished"})
+            place = next(place for place, row in enumerate(rows) if row["name"] == term.effect)
+            of_twin = {"name": twin, "ambiguous": True, "told_apart_by": told_apart_by(Term(twin), chosen)}
+            rows.insert(place + 1, rows[place] | of_twin | {"result": "not_distinguished"})
     return rows
 
 
 def unseen(search: Search, threshold: dict[Term, float]) -> list[dict[str, Any]]:
     """Smallest strength at which each named effect would be detected in these data, entry `unseen` of the verdict.
 
-    `threshold` is the evidence above which each candidate exceeds chance [nats]. The Laplace evidence is solved for the
-    strength, with the information of the effect's first parameter.
+    `threshold` is the evidence above which each candidate exceeds chance [nats]; at least 3 nats are required. Evidence
+    in the Laplace approximation is half of information times squared strength, minus the penalty
+    log(1 + information * scale^2) / 2; it is solved for the strength of the effect's first parameter.
     """
     rows = []
     for term, score in search.first_scores.items():

@@ -1,4 +1,8 @@
-"""The verdict in sentences."""
+"""The verdict in sentences.
+
+`driver` is the car-following model of the configuration. `before` is the calibrated model, `after` the final model with
+the effects found; other drivers are those not used to find the model.
+"""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -17,17 +21,17 @@ def verdict_words(verdict: Mapping[str, Any]) -> str:
         return "; ".join(f"{row['value']}: {verdict_words(row)}" for row in verdict["groups"])
     following = [effect for effect in verdict["effects"] if not is_lane_choice(effect)]
     lanes = [effect for effect in verdict["effects"] if is_lane_choice(effect)]
-    words = [base_words(verdict["base"])] if verdict.get("base") and verdict["base"]["differs"] else []
+    findings = [base_words(verdict["base"])] if verdict.get("base") and verdict["base"]["differs"] else []
     if following or not lanes or verdict["verdict"] == "unexplained":
-        words.append(_following_words(verdict["verdict"], following))
+        findings.append(_following_words(verdict["verdict"], following))
     if lanes:
-        words.append(f"missing in lane choice: {_names(lanes)}")
-    return "; ".join(words)
+        findings.append(f"missing in lane choice: {_names(lanes)}")
+    return "; ".join(findings)
 
 
 def _following_words(word: str, effects: Sequence[Mapping[str, Any]]) -> str:
     if word == "named" and not effects:
-        return "the given effect was fitted, and no other was searched for"  # the oracle
+        return "the given effect was fitted, and no other was searched for"  # with `discover.oracle`
     if word == "named":
         return f"missing in the model: {_names(effects)}"
     if word == "artefact":
@@ -58,9 +62,9 @@ def _names(effects: Sequence[Mapping[str, Any]]) -> str:
 
 def _dependence(effect: Mapping[str, Any]) -> str:
     """Phrase on car-following models under which an effect is not found."""
-    others = effect.get("depends_on_base")
+    models = effect.get("depends_on_base")
     return (
-        f" (depends on the car-following model: not found with {' and '.join(map(spoken, others))})" if others else ""
+        f" (depends on the car-following model: not found with {' and '.join(map(spoken, models))})" if models else ""
     )
 
 
@@ -71,7 +75,7 @@ def is_lane_choice(row: Mapping[str, Any]) -> bool:
 
 
 def lane_choice_words(lanes: Mapping[str, Any]) -> str:
-    """Sentence on the data about lane choice, and the improvement of predictions for other drivers."""
+    """Sentence on the data about lane choice, and on the improvement of predictions for other drivers."""
     text, loss = f"{lanes['changes']} changes by choice in {lanes['opportunities']} opportunities", lanes["loss"]
     if loss is None or loss["after"] == loss["before"]:
         return text
@@ -97,7 +101,7 @@ def described(effect: Mapping[str, Any]) -> str:
 
 
 def error_words(error: Mapping[str, Any]) -> str:
-    """Sentence on the closed-loop gap error before and after, with intervals and the noise floor."""
+    """Sentence on the closed-loop gap error before and after, with intervals, and on the error from noise alone."""
 
     def text(value: Mapping[str, float], sign: str = "") -> str:
         return f"{value['value']:{sign}.2f} ({value['low']:{sign}.2f} to {value['high']:{sign}.2f}) m"
@@ -123,13 +127,13 @@ def share_words(error: Mapping[str, Any]) -> str:
 def response_words(error: Mapping[str, Any]) -> str:
     """Sentence on response times before and after; empty if none is identified."""
     times = error.get("response_time", {})
-    ends = ("before", "after") if _is_changed(error) else ("before",)
-    said = [
-        f"{times[end]['value']:+.2f} s ({times[end]['low']:+.2f} to {times[end]['high']:+.2f}) {end}"
-        for end in ends
-        if times.get(end) is not None
+    models = ("before", "after") if _is_changed(error) else ("before",)
+    figures = [
+        f"{times[model]['value']:+.2f} s ({times[model]['low']:+.2f} to {times[model]['high']:+.2f}) {model}"
+        for model in models
+        if times.get(model) is not None
     ]
-    return f" Response time beyond the model's: {', '.join(said)}." if said else ""
+    return f" Response time beyond the model's: {', '.join(figures)}." if figures else ""
 
 
 def _is_changed(error: Mapping[str, Any]) -> bool:

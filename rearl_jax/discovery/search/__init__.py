@@ -1,1 +1,1 @@
-"""Search for effects: candidates are screened, fitted, checked on other drivers, and accepted or rejected."""
+"""Search for effects: candidates are scored without a fit (screen), the best fitted and checked on other drivers."""

@@ -1,4 +1,7 @@
-"""Adequacy of the final model: tests whether its residuals are noise.
+"""Adequacy of the final model of a search: tests whether its residuals are noise.
+
+Residuals are the innovations (one-step prediction errors of the position) and the acceleration residual (acceleration
+that the model does not explain).
 
 Source: Meissner & Glasner, arXiv:2406.06707, for the joint view of states and terms; excess kurtosis as a test of
 normality, Jarque & Bera, Int. Stat. Rev. 55 (1987) 163; variance that depends on the situation, Breusch & Pagan,
@@ -25,16 +28,16 @@ from rearl_jax.discovery.search.outcome import Search
 from rearl_jax.discovery.thresholds import THRESHOLDS
 
 MOST_ENERGY = 9.0
-"""Bound of a squared acceleration residual over the driver's mean one [-], so that no single time step decides."""
+"""Bound of a squared acceleration residual divided by the driver's mean one [-], so that no single time step decides.
+"""
 
-OF_LATE = 0.3
+CHANGE_TIME = 0.3
 """Time over which the change of the model's acceleration is computed [s]."""
 
-REASONABLE = (-5.0, 3.0)
+PLAUSIBLE_ACCELERATIONS = (-5.0, 3.0)
 """Range of plausible model accelerations [m/s^2]; beyond it, a leader is measured too close."""
 
-
-EVEN_FOR = 20.0
+CONSTANT_NOISE_TIME = 20.0
 """Time within which a driver's noise level is assumed constant [s]. On measured drives an excess kurtosis of 0.18 falls
 to 0.17 with one noise level per driver, and to -0.03 with one per 20 s.
 """
@@ -42,8 +45,8 @@ to 0.17 with one noise level per driver, and to -0.03 with one per 20 s.
 REPLICATES = 8
 """Simulated replicates of the drives with noise alone; the mean over them is known to 0.35 standard deviations."""
 
-Parts = Sequence[Residuals]
-"""Residuals of the final model, for each part of the drivers."""
+ResidualsByPart = Sequence[Residuals]
+"""Residuals of the final model, of the fitted and of the check drivers."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +57,7 @@ class Adequacy:
         kurtosis: Excess kurtosis of the innovations [-].
         kurtosis_deviation: Standard deviation of the kurtosis of normal innovations [-].
         kurtosis_before: Excess kurtosis without added effects [-].
-        autocorrelation: Autocorrelation of innovations one time step apart [-].
+        autocorrelation: Autocorrelation of innovations from one independent measurement to the next [-].
         autocorrelation_by_noise: The same of drives simulated with the final model and noise alone [-]; not zero if
             positions were smoothed.
         unequal_noise: Dependence of the innovations' variance on the situation, in standard deviations [-].
@@ -113,8 +116,8 @@ class Adequacy:
 def adequacy(solver: Solver, search: Search, seed: int) -> Adequacy:
     """Adequacy of the final model of a search.
 
-    Misjudged gaps and old decisions are not candidates, so no fit is checked on other drivers; they are tested on the
-    fitted and the check drivers together.
+    Misjudged gaps and old decisions are not candidates of the search, and nothing is fitted to test them, so the tests
+    use the fitted and the check drivers together.
 
     Args:
         solver: Solver of the model.
@@ -122,35 +125,37 @@ def adequacy(solver: Solver, search: Search, seed: int) -> Adequacy:
         seed: Seed of the simulated drives.
     """
     state, last_round = search.last.state, search.rounds[-1]
-    (before,) = solver.innovations([search.first.state])
+    (innovation_before,) = solver.innovations([search.first.state])
     states = [state, *recalibrated(solver, search.checked, [search.last])]
     of_parts = residuals_of(solver, states, [search.last, search.last])
-    chance = by_noise_alone(solver, states, search.last, seed)
+    by_noise = by_noise_alone(solver, states, search.last, seed)
     fitted = of_parts[0]
     weight = state.data.weight
-    innovation, before = standardised(fitted.innovation, state.data), standardised(before, state.data)
+    innovation, innovation_before = (
+        standardised(values, state.data) for values in (fitted.innovation, innovation_before)
+    )
     term = max(last_round.z_score, key=lambda key: last_round.z_score[key])
     return Adequacy(
         kurtosis=kurtosis(innovation, weight),
         kurtosis_deviation=float(np.sqrt(24.0 / weight.sum())),
-        kurtosis_before=kurtosis(before, weight),
-        autocorrelation=neighbours(fitted),
-        autocorrelation_by_noise=float(np.mean([neighbours(replicate[0]) for replicate in chance])),
+        kurtosis_before=kurtosis(innovation_before, weight),
+        autocorrelation=neighbour_autocorrelation(fitted),
+        autocorrelation_by_noise=float(np.mean([neighbour_autocorrelation(of_fitted) for of_fitted, _ in by_noise])),
         unequal_noise=unequal_noise(fitted.innovation, state.data),
-        misjudgement=misjudgement(of_parts, chance),
-        staleness=staleness(of_parts, chance),
+        misjudgement=misjudgement(of_parts, by_noise),
+        staleness=staleness(of_parts, by_noise),
         remaining=(term, float(last_round.z_score[term])),
         driver_minutes=sum(solved.data.seconds for solved in states) / 60,
     )
 
 
-def by_noise_alone(solver: Solver, states: Sequence[FitState], fit: Fit, seed: int) -> list[Parts]:
-    """Residuals of drives simulated with the final model and noise alone: a list of parts per replicate."""
-    parts = [
-        [replicate for group in noise_alone(solver, state, fit.noise, REPLICATES, seed + part) for replicate in group]
+def by_noise_alone(solver: Solver, states: Sequence[FitState], fit: Fit, seed: int) -> list[ResidualsByPart]:
+    """Residuals of drives simulated with the final model and noise alone, for each replicate."""
+    replicates_by_part = [
+        [replicate for batch in noise_alone(solver, state, fit.noise, REPLICATES, seed + part) for replicate in batch]
         for part, state in enumerate(states)
     ]
-    return [residuals_of(solver, again, [fit] * len(again)) for again in zip(*parts, strict=True)]
+    return [residuals_of(solver, drives, [fit] * len(drives)) for drives in zip(*replicates_by_part, strict=True)]
 
 
 def standardised(innovation: Float[np.ndarray, "steps pieces"], data: Measured) -> Float[np.ndarray, "steps pieces"]:
@@ -159,14 +164,14 @@ def standardised(innovation: Float[np.ndarray, "steps pieces"], data: Measured) 
     """
     energy = np.cumsum(np.pad(innovation**2 * data.weight, ((1, 0), (0, 0))), axis=0)
     count = np.cumsum(np.pad(data.weight, ((1, 0), (0, 0))), axis=0)
-    half, row = round(EVEN_FOR / 2 / data.dt), np.arange(len(innovation))
-    first, last = np.maximum(row - half, 0), np.minimum(row + half + 1, len(innovation))
-    local = (energy[last] - energy[first]) / np.maximum(count[last] - count[first], 1.0)
+    half, row = round(CONSTANT_NOISE_TIME / 2 / data.dt), np.arange(len(innovation))
+    first, stop = np.maximum(row - half, 0), np.minimum(row + half + 1, len(innovation))
+    local = (energy[stop] - energy[first]) / np.maximum(count[stop] - count[first], 1.0)
     return innovation / np.sqrt(np.maximum(local, 1e-12))
 
 
-def neighbours(residuals: Residuals) -> float:
-    """Autocorrelation of standardised innovations one time step apart [-]."""
+def neighbour_autocorrelation(residuals: Residuals) -> float:
+    """Autocorrelation of standardised innovations from one independent measurement to the next [-]."""
     data, lag = residuals.state.data, residuals.state.data.stride
     innovation = standardised(residuals.innovation, data)
     pair = data.weight[lag:] * data.weight[:-lag]
@@ -176,11 +181,11 @@ def neighbours(residuals: Residuals) -> float:
 def kurtosis(innovation: Float[np.ndarray, "steps pieces"], weight: Float[np.ndarray, "steps pieces"]) -> float:
     """Excess kurtosis of the innovations that count [-]."""
     square, fourth = ((innovation**power * weight).sum() / weight.sum() for power in (2, 4))
-    return float(fourth / square**2 - 3)
+    return float(fourth / square**2 - 3)  # 3: kurtosis of normal values
 
 
 def unequal_noise(innovation: Float[np.ndarray, "steps pieces"], data: Measured) -> dict[str, float]:
-    """Dependence of the size of innovations [m] on the situation, in standard deviations [-]."""
+    """Dependence of the size of innovations [m] on gap, speed and approach rate, in standard deviations [-]."""
     surroundings = data.surroundings
     gap = np.maximum(surroundings.leader_rear - (data.smooth + data.length / 2), 1.0)
     situations = {
@@ -192,61 +197,62 @@ def unequal_noise(innovation: Float[np.ndarray, "steps pieces"], data: Measured)
     return {name: _in_deviations(_driver_scores(relative, values, data)) for name, values in situations.items()}
 
 
-def misjudgement(parts: Parts, chance: Sequence[Parts]) -> float:
-    """Growth of the acceleration residual with the response to a misjudged gap, in standard deviations.
+def misjudgement(measured: ResidualsByPart, by_noise: Sequence[ResidualsByPart]) -> float:
+    """Growth of the acceleration residual with the response to a misjudged gap, in standard deviations [-].
 
     A relative error of the gap changes the acceleration by the gap times the model's derivative by the gap. Noise of
     the acceleration does not depend on this derivative and is even damped by it, which gives negative values.
 
     Args:
-        parts: Residuals of the measured drives.
-        chance: Residuals of replicates of these drives, simulated with the final model and noise alone.
+        measured: Residuals of the measured drives.
+        by_noise: Residuals of replicates of these drives, simulated with the final model and noise alone.
     """
 
     def by_misjudging(residuals: Residuals) -> np.ndarray:
         gap, by_gap = np.asarray(residuals.stimulus().gap), acceleration_derivatives(residuals).x
         return (by_gap * gap) ** 2
 
-    return _beyond_chance(by_misjudging, parts, chance)
+    return _beyond_noise(by_misjudging, measured, by_noise)
 
 
-def staleness(parts: Parts, chance: Sequence[Parts]) -> float:
-    """Growth of the acceleration residual with the recent change of the model acceleration, in standard deviations.
+def staleness(measured: ResidualsByPart, by_noise: Sequence[ResidualsByPart]) -> float:
+    """Growth of the acceleration residual with the recent change of the model acceleration, in standard deviations [-].
 
     A driver who decides from time to time and keeps the acceleration in between lags by a random time; the resulting
     residual is proportional to the change. A constant lag is a delay, which leaves no such residual once the model
-    contains it. Noise also changes the model acceleration, through the speed, and the more so behind leaders of steady
+    contains it. Noise also changes the speed and thereby the model acceleration, most of all behind leaders of steady
     speed; simulations with noise alone show by how much. Arguments as of `misjudgement`.
     """
 
-    def by_being_late(residuals: Residuals) -> np.ndarray:
+    def by_old_decision(residuals: Residuals) -> np.ndarray:
         data = residuals.state.data
         none_before = jnp.zeros(residuals.x.shape)  # without effects, the last acceleration is not used
         wanted = np.asarray(follow(residuals.stimulus(), drivers_of(residuals), (), (), none_before, data.dt)[0], float)
-        wanted = wanted.clip(*REASONABLE)
-        ago = max(1, round(OF_LATE / data.dt))
+        wanted = wanted.clip(*PLAUSIBLE_ACCELERATIONS)
+        n_back = max(1, round(CHANGE_TIME / data.dt))
         change = np.zeros_like(wanted)
-        change[ago:] = wanted[ago:] - wanted[:-ago]
+        change[n_back:] = wanted[n_back:] - wanted[:-n_back]
         return change**2
 
-    return _beyond_chance(by_being_late, parts, chance)
+    return _beyond_noise(by_old_decision, measured, by_noise)
 
 
-Energy = Callable[[Residuals], np.ndarray]
-"""Function from residuals to the squared cause of the acceleration residual."""
+SquaredCause = Callable[[Residuals], np.ndarray]
+"""Function from residuals to the square of a possible cause of the acceleration residual in every time step."""
 
 
-def _beyond_chance(energy: Energy, parts: Parts, chance: Sequence[Parts]) -> float:
+def _beyond_noise(squared_cause: SquaredCause, measured: ResidualsByPart, by_noise: Sequence[ResidualsByPart]) -> float:
     """Growth of the acceleration residual with a squared cause, minus the growth by noise alone if that is positive.
 
     A negative growth by noise alone is not subtracted: drivers with a delay, even a modelled one, show more growth than
     noise alone, and would otherwise exceed the threshold.
     """
 
-    def grows(parts: Parts) -> float:
-        return _in_deviations(np.concatenate([_energy_scores(energy(residuals), residuals) for residuals in parts]))
+    def growth(by_part: ResidualsByPart) -> float:
+        scores = [_energy_scores(squared_cause(residuals), residuals) for residuals in by_part]
+        return _in_deviations(np.concatenate(scores))
 
-    return grows(parts) - max(float(np.mean([grows(replicate) for replicate in chance])), 0.0)
+    return growth(measured) - max(float(np.mean([growth(replicate) for replicate in by_noise])), 0.0)
 
 
 def _energy_scores(square: Float[np.ndarray, "steps pieces"], residuals: Residuals) -> Float[np.ndarray, " drivers"]:
@@ -265,14 +271,16 @@ def _energy_scores(square: Float[np.ndarray, "steps pieces"], residuals: Residua
 def _driver_scores(
     energy: Float[np.ndarray, "steps pieces"], situation: Float[np.ndarray, "steps pieces"], data: Measured
 ) -> Float[np.ndarray, " drivers"]:
-    """Covariance of squared residual and situation within each driver."""
+    """Covariance of squared residual and situation within each driver, times the number of time steps that count."""
 
-    def off(values: np.ndarray) -> np.ndarray:
+    def deviation(values: np.ndarray) -> np.ndarray:
         return values - data.driver_mean(values)[data.driver]
 
-    return np.bincount(data.driver, (off(energy) * off(situation) * data.weight).sum(axis=0), data.n_drivers)
+    return np.bincount(
+        data.driver, (deviation(energy) * deviation(situation) * data.weight).sum(axis=0), data.n_drivers
+    )
 
 
 def _in_deviations(scores: Float[np.ndarray, " drivers"]) -> float:
-    """Sum of the scores in standard deviations [-]."""
+    """Sum of independent scores of mean 0, in standard deviations of the sum [-]."""
     return float(scores.sum() / max(float(np.sqrt((scores**2).sum())), 1e-12))

@@ -1,4 +1,6 @@
-"""All maps of one model's residual, and the variables that the open-ended finder selects."""
+"""Maps of one model's acceleration residual over one variable (curves) and over two (planes), and the variables that
+stability selection finds without naming an effect.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -22,10 +24,10 @@ from rearl_jax.discovery.search.maps import (
     Curve,
     Plane,
     basis_of,
+    cells,
     centred,
     curve_of,
     edges_of,
-    fields,
     fitted,
     plane_of,
 )
@@ -33,26 +35,28 @@ from rearl_jax.discovery.search.shapes import shape_of, shape_words
 from rearl_jax.discovery.search.variables import Variable, variables_of
 
 PLANES = (("gap", "approach_rate"), ("position", "time"))
-"""Pairs of variables, horizontal and vertical, of the planes (maps over two variables)."""
+"""Horizontal and vertical variable of each plane."""
 
 CURVE_SCALE = {"acceleration": 0.3, "time_gap": 0.3}
-"""Standard deviation of the prior of a curve's values in the finder: as for the curves of the screen [m/s^2], [-]."""
+"""Prior standard deviation of a curve's values: acceleration [m/s^2], change of the logarithm of the time gap [-]."""
 
 
 @dataclass(frozen=True)
-class Chart:
-    """Knots of curves and edges of planes, the same for all models and parts of the data.
+class Grid:
+    """Knots of the curves and edges of the planes' cells, the same for all models and parts of the data.
 
     Attributes:
-        bases: Bases of the variables.
-        edges: Edges of the planes.
+        bases: Knots of the curve over each variable.
+        edges: Edges of the cells by variable.
     """
 
     bases: tuple[Basis, ...]
     edges: dict[str, np.ndarray]
 
     def groups(self) -> list[Group]:
-        """The curves as groups of columns for the finder: accelerations, then time gaps."""
+        """One group of design-matrix columns per curve: first curves that add acceleration, then those that change the
+        time gap.
+        """
         curves = [(basis, acts_on) for acts_on in CURVE_SCALE for basis in self.bases]
         stops = np.cumsum([len(basis.knots) for basis, _ in curves])
         return [
@@ -60,8 +64,8 @@ class Chart:
             for (basis, acts_on), stop in zip(curves, stops, strict=True)
         ]
 
-    def weights(self, variables: Mapping[str, Variable]) -> Float[np.ndarray, "columns steps pieces"]:
-        """Weights of the knots of all curves, concatenated."""
+    def knot_columns(self, variables: Mapping[str, Variable]) -> Float[np.ndarray, "columns steps pieces"]:
+        """Weight of each knot of each curve in every time step [-]."""
         return np.concatenate([basis.columns(variables[basis.variable.name].values) for basis in self.bases])
 
 
@@ -70,14 +74,14 @@ class PartScores:
     """Scores of the drivers of one part of the data.
 
     Attributes:
-        curves: Scores on the columns of all groups.
-        seen: Scores of these columns on the acceleration residual, for shares of its variance.
-        planes: Scores on the fields (cells) of each plane.
-        shares: Shares of the time steps in the fields of each plane [-].
+        curves: Scores of the columns of `Grid.groups` on the innovations.
+        curves_on_acceleration: Scores of the same columns on the acceleration residual, for shares of its variance.
+        planes: Scores of the cells of each plane on the innovations.
+        shares: Share of the time steps in each cell of each plane [-].
     """
 
     curves: DriverScores
-    seen: DriverScores
+    curves_on_acceleration: DriverScores
     planes: dict[tuple[str, str], DriverScores]
     shares: dict[tuple[str, str], np.ndarray]
 
@@ -87,10 +91,10 @@ class Atlas:
     """Maps of one model.
 
     Attributes:
-        curves: Maps by variable.
+        curves: Curves by variable.
         planes: Planes by pair of variables.
-        selected: Variables selected by the finder, the most stable first.
-        shapes: Description of each curve's shape, by variable.
+        selected: How often stability selection selected each variable, in the order of `stability_selection`.
+        shapes: Shape of each curve in words, by variable.
     """
 
     curves: dict[str, Curve]
@@ -99,24 +103,25 @@ class Atlas:
     shapes: dict[str, str]
 
 
-def chart_of(residuals: Residuals) -> Chart:
-    """Knots and edges at the quantiles of one part of the data."""
+def grid_of(residuals: Residuals) -> Grid:
+    """Knots and edges at the quantiles of the variables in one part of the data."""
     weight, variables = residuals.state.data.weight, variables_of(residuals)
     bases = [basis_of(variable, weight) for variable in variables.values()]
     edges = {name: edges_of(variables[name], weight) for pair in PLANES for name in pair}
-    return Chart(tuple(basis for basis in bases if basis is not None), edges)
+    return Grid(tuple(basis for basis in bases if basis is not None), edges)
 
 
-def part_scores(residuals: Residuals, chart: Chart) -> PartScores:
+def part_scores(residuals: Residuals, grid: Grid) -> PartScores:
     """Scores of the drivers of one part of the data."""
     variables, derivatives, data = variables_of(residuals), acceleration_derivatives(residuals), residuals.state.data
-    weights = chart.weights(variables)
+    by_knot = grid.knot_columns(variables)
     planes, shares = {}, {}
     used = data.weight > 0
     for pair in PLANES:
-        indicators = fields([variables[name].values for name in pair], [chart.edges[name] for name in pair])
+        indicators = cells([variables[name].values for name in pair], [grid.edges[name] for name in pair])
         planes[pair], shares[pair] = driver_scores(indicators, residuals, derivatives), indicators[:, used].mean(axis=1)
-    columns = np.concatenate([weights, weights * derivatives.own[residuals.prior.names.index("time_gap")]])
+    by_time_gap = derivatives.own[residuals.prior.names.index("time_gap")]
+    columns = np.concatenate([by_knot, by_knot * by_time_gap])
     return PartScores(*innovation_and_acceleration_scores(columns, residuals, derivatives), planes, shares)
 
 
@@ -130,38 +135,45 @@ def joined(parts: Sequence[DriverScores]) -> DriverScores:
 
 
 def atlas_of(
-    chart: Chart, parts: Sequence[PartScores], n_chosen_from: int, confidence: float, draws: int, seed: int
+    grid: Grid, parts: Sequence[PartScores], n_finder_parts: int, confidence: float, draws: int, seed: int
 ) -> Atlas:
-    """All maps. The finder uses the first `n_chosen_from` parts; drivers are resampled `draws` times for bands."""
-    curves, seen = joined([part.curves for part in parts]), joined([part.seen for part in parts])
-    groups = chart.groups()
+    """All maps of one model. Variables are selected with the first `n_finder_parts` parts of the drivers; bands of
+    curves have the given confidence [-] and come from `draws` resamples of drivers.
+    """
+    curves = joined([part.curves for part in parts])
+    curves_on_acceleration = joined([part.curves_on_acceleration for part in parts])
+    groups = grid.groups()
     maps, shapes = {}, {}
-    for basis in chart.bases:
+    for basis in grid.bases:
         name, of_variable = basis.variable.name, [group for group in groups if group.variable == basis.variable.name]
-        pairs = {group.acts_on: (curves.of(group.columns), seen.of(group.columns)) for group in of_variable}
+        pairs = {
+            group.acts_on: (curves.of(group.columns), curves_on_acceleration.of(group.columns)) for group in of_variable
+        }
         maps[name] = curve_of(basis, pairs, confidence, draws, seed)
         shapes[name] = shape_words(maps[name], shape_of(maps[name], pairs["acceleration"][0]))
-    variables = {basis.variable.name: basis.variable for basis in chart.bases}
+    variables = {basis.variable.name: basis.variable for basis in grid.bases}
     planes = {}
     for pair in PLANES:
         if all(name in variables for name in pair):
             share = np.mean([part.shares[pair] for part in parts], axis=0)
             plane_scores = joined([part.planes[pair] for part in parts])
-            edges = [chart.edges[name] for name in pair]
+            edges = [grid.edges[name] for name in pair]
             planes[pair] = plane_of([variables[name] for name in pair], edges, share, plane_scores)
-    finder_scores = joined([part.curves for part in parts[:n_chosen_from]])
+    finder_scores = joined([part.curves for part in parts[:n_finder_parts]])
     return Atlas(maps, planes, stability_selection(finder_scores, groups, seed), shapes)
 
 
-def added_curves(solver: Solver, residuals: Residuals, chart: Chart) -> dict[str, np.ndarray]:
-    """The acceleration of the added effects [m/s^2] as a curve over every variable, at its knots, for comparison with
-    the maps before. Empty if no added effect changes the acceleration.
+def added_curves(solver: Solver, residuals: Residuals, grid: Grid) -> dict[str, np.ndarray]:
+    """Acceleration by the added effects [m/s^2] as a curve over every variable, at its knots, for comparison with the
+    maps of the model without these effects. Empty if no added effect changes the acceleration.
     """
     added = added_acceleration(solver, residuals)
     if np.abs(added).max(initial=0.0) < 1e-6:
         return {}
-    scores = plain_scores(added, chart.weights(variables_of(residuals)), residuals, acceleration_derivatives(residuals))
+    columns = grid.knot_columns(variables_of(residuals))
+    scores = plain_scores(added, columns, residuals, acceleration_derivatives(residuals))
+    # The first groups, one per basis, are the curves that add acceleration; `zip` leaves out those of the time gap.
     return {
         basis.variable.name: centred(fitted(scores.of(group.columns)), basis)
-        for basis, group in zip(chart.bases, chart.groups(), strict=False)
+        for basis, group in zip(grid.bases, grid.groups(), strict=False)
     }

@@ -1,15 +1,15 @@
 """Detection of clock offsets between vehicles, and correction of the data.
 
-Clock offsets are compared with independent shifts of every leader-follower pair, as other faults cause them. Shifts
-are estimated in a few iterations, because offsets of half a second are too large for a linear estimate. The gain of
-each explanation is that of the data that it corrects over the data as measured.
+One clock offset per vehicle is compared with one independent time shift per leader-follower pair, which other faults
+cause. Both are estimated in a few iterations, because offsets of half a second are too large for a linear estimate. The
+gain of each explanation is that of the data it corrects over the data as measured.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from rearl_jax.discovery.observe.clocks import CLOCK_OFFSET, Clocks, Estimate, Pairs, Shifts
+from rearl_jax.discovery.observe.clocks import CLOCK_OFFSET, Clocks, Pairs, ShiftEstimate, Shifts
 from rearl_jax.discovery.observe.fit import Fit, recalibrated
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.read.measured import Measured
@@ -23,7 +23,7 @@ ITERATIONS = 3
 
 @dataclass(frozen=True)
 class ClockCheck:
-    """Clock offsets found in the fitted drivers and checked in the others.
+    """Clock offsets of the fitted drivers, estimated for the check drivers as well.
 
     Attributes:
         base: The calibrated model on the uncorrected data.
@@ -56,39 +56,38 @@ class ShiftCorrection:
     """
 
     data: Measured
-    estimate: Estimate
+    estimate: ShiftEstimate
     gain: float
 
 
 def check_clocks(solver: Solver, base: Fit, checked: Measured) -> ClockCheck | None:
-    """Clock offsets that fitted and check drivers support, and not less than independent shifts of pairs; else None."""
+    """Clock offsets if fitted and check drivers support them, and hardly less than shifts of pairs; else None."""
     parts = (base.state.data, checked)
-    fitted, others = (correct_shifts(solver, Clocks(part), base) for part in parts)
+    fitted, of_check = (correct_shifts(solver, Clocks(part), base) for part in parts)
     gain = fitted.gain - THRESHOLDS.freedom_price
     if (
         gain < THRESHOLDS.least_gain
-        or gain + others.gain < THRESHOLDS.least_total
-        or others.gain < THRESHOLDS.worst_check
+        or gain + of_check.gain < THRESHOLDS.least_total
+        or of_check.gain < THRESHOLDS.worst_check
     ):
         return None
-    by_pairs = sum(correct_shifts(solver, Pairs(part), base).gain for part in parts)
-    if fitted.gain + others.gain < by_pairs + THRESHOLDS.clock_lead:
+    gain_by_pairs = sum(correct_shifts(solver, Pairs(part), base).gain for part in parts)
+    if fitted.gain + of_check.gain < gain_by_pairs + THRESHOLDS.clock_lead:
         return None
-    return ClockCheck(base, gain, others.gain, float(np.std(fitted.estimate.values)), fitted.data, others.data)
+    return ClockCheck(base, gain, of_check.gain, float(np.std(fitted.estimate.values)), fitted.data, of_check.data)
 
 
 def correct_shifts(solver: Solver, shifts: Shifts, base: Fit) -> ShiftCorrection:
-    """The data corrected by a model of shifts, under the calibrated model; the best of all iterations."""
+    """The data of `shifts`, corrected by these shifts under the calibrated model `base`; the best of all iterations."""
     (state,) = recalibrated(solver, shifts.data, [base])
-    before, values, best = state.penalised(), shifts.values, None
+    uncorrected, values, best = state.penalised(), shifts.values, None
     for _ in range(ITERATIONS):
-        seen = scores(solver, [state])[0][CLOCK_OFFSET]
-        estimate = shifts.estimate(values, seen.driver_score, seen.driver_information)
+        score = scores(solver, [state])[0][CLOCK_OFFSET]
+        estimate = shifts.estimate(values, score.driver_score, score.driver_information)
         values, data = estimate.values, shifts.corrected(estimate.values)
         (state,) = recalibrated(solver, data, [base])
-        corrected = ShiftCorrection(
-            data, estimate, float(bounded_gains(state.penalised() - before, data).sum()) - estimate.cost
-        )
+        gain = float(bounded_gains(state.penalised() - uncorrected, data).sum()) - estimate.cost
+        corrected = ShiftCorrection(data, estimate, gain)
         best = corrected if best is None or corrected.gain > best.gain else best
     assert best is not None
     return best

@@ -1,7 +1,7 @@
 """Last test of added effects: they must not make simulations of the check drivers worse.
 
-Evidence comes from one-step predictions, in which noise that differs from the observer's assumptions can look like an
-effect. A simulation accumulates the influence of an effect over time.
+Their evidence comes from one-step predictions, in which noise that differs from the observer's assumptions can look
+like an effect. A simulation accumulates the influence of an effect over time.
 """
 
 from dataclasses import replace
@@ -15,11 +15,11 @@ from rearl_jax.discovery.thresholds import THRESHOLDS
 
 
 def confirmed(solver: Solver, outcome: Search, seed: int) -> Search:
-    """The search, without additions with which the closed-loop gap error of the check drivers is larger.
+    """The search without those additions that make the closed-loop gap error of the check drivers larger.
 
-    Additions are removed from the last one backwards. Free curves after the first addition may only fit the remainder
-    of earlier ones, so they are removed if they increase the error in more than half of the resamples of drivers. Then
-    any addition is removed as long as the error is significantly larger than without additions.
+    Additions are removed from the last one backwards. A free curve (effect without a name) after the first addition may
+    only fit the remainder of earlier additions, so it is removed if it increases the error in more than half of the
+    resamples of drivers. Then any addition is removed as long as the error is significantly larger than with none.
     """
     if not outcome.added:
         return outcome

@@ -1,4 +1,6 @@
-"""Decision between fitted candidates: gains on fitted and on other drivers, less a complexity penalty."""
+"""Decision between fitted candidates (possible missing effects), by their gains of log-likelihood on the drivers that
+they are fitted to and on other drivers, the check drivers, less a complexity penalty.
+"""
 
 from dataclasses import dataclass
 
@@ -27,21 +29,21 @@ class Trial:
         candidate: The candidate.
         fit: The model fitted with the candidate.
         fitted: Gain of each fitted driver [nats], bounded as in `bounded_gains`.
-        checked: Gain of each checked driver with its own parameters calibrated again [nats], bounded.
+        checked: Gain of each check driver, with its parameters calibrated again [nats], bounded.
         other: State of the check drivers with the candidate.
         penalty: Complexity penalty [nats].
         null_mean: Mean gain of all drivers together if no effect is missing [nats].
-        simulated: Gain of each checked driver's simulation [nats], bounded; None if not simulated.
+        simulated: Gain of each check driver's simulation [nats], bounded; None if not simulated.
     """
 
     candidate: Candidate
     fit: Fit
     fitted: Float[np.ndarray, " drivers"]
-    checked: Float[np.ndarray, " others"]
+    checked: Float[np.ndarray, " check_drivers"]
     other: FitState
     penalty: float
     null_mean: float = 0.0
-    simulated: Float[np.ndarray, " others"] | None = None
+    simulated: Float[np.ndarray, " check_drivers"] | None = None
 
     @property
     def gain(self) -> float:
@@ -68,10 +70,10 @@ class Trial:
     @property
     def overall(self) -> float:
         """Total gain of one-step predictions and simulations with equal weight [nats], see `is_of_follower`."""
-        of_simulations = 0.0 if self.simulated is None else float(self.simulated.sum())
+        by_simulation = 0.0 if self.simulated is None else float(self.simulated.sum())
         if self.is_of_follower:
-            of_simulations = min(of_simulations, 0.0)
-        return self.total + of_simulations
+            by_simulation = min(by_simulation, 0.0)
+        return self.total + by_simulation
 
     def beats(self, other: "Trial") -> bool:
         """True if the overall gain exceeds that of another trial by more than `indistinct_total`."""
@@ -89,14 +91,16 @@ class Trial:
 
 def bounded_gains(gains: Float[np.ndarray, " drivers"], data: Measured) -> Float[np.ndarray, " drivers"]:
     """Gain of each driver, bounded so that one driver cannot decide [nats]; the bound grows with the driver's time."""
-    most = THRESHOLDS.most_from_one_driver * np.maximum(data.driver_minutes, 1.0)
-    return np.clip(gains, -most, most)
+    bound = THRESHOLDS.most_from_one_driver * np.maximum(data.driver_minutes, 1.0)
+    return np.clip(gains, -bound, bound)
 
 
 def trial_of(
     solver: Solver, fit: Fit, base: FitState, other: FitState, other_base: FitState, null_mean: float
 ) -> Trial:
-    """Gains of a fitted candidate against the model without it (`base`), of the same drivers and of others."""
+    """Gains of a fitted candidate. `other` is the state of the check drivers with the candidate; `base` and
+    `other_base` are those of the fitted and of the check drivers without it; `null_mean` as in `Trial`.
+    """
     candidate = fit.candidate
     assert candidate is not None
     cost = complexity_penalty(solver, fit.state, candidate.free)
@@ -108,14 +112,14 @@ def trial_of(
 
 
 def lane_change_trials(solver: Solver, base: Base, checked: Measured) -> list[Trial]:
-    """Trials of the effects of lane changes, each against the model with those before it."""
+    """Trials of the effects of lane changes in the calibrated model, each against the model with those before it."""
     if not base.extended:
         return []
     fits = [base.bare, *base.extended]
-    others = recalibrated(solver, checked, fits)
+    of_check = recalibrated(solver, checked, fits)
     return [
         trial_of(solver, after, before.state, other, other_before, 0.0)
-        for before, after, other_before, other in zip(fits[:-1], fits[1:], others[:-1], others[1:], strict=True)
+        for before, after, other_before, other in zip(fits[:-1], fits[1:], of_check[:-1], of_check[1:], strict=True)
     ]
 
 
@@ -147,17 +151,17 @@ def copies_leader(trial: Trial) -> bool:
     """True if the trial is a response to the leader's acceleration by which drivers accelerate at once as hard as the
     leader, or harder.
 
-    No driver can do so. Measured positions seem to if both share an error, for example if a vehicle was measured from
-    its leader.
+    No driver can do so. Measured drivers seem to do so if both positions share an error, for example if a vehicle was
+    measured from its leader.
     """
     if trial.candidate.term != Term("leader_acceleration"):
         return False
-    gain = trial.fit.state.theta[trial.candidate.free[0]]
-    return bool(gain >= THRESHOLDS.whole_acceleration)
+    share = trial.fit.state.theta[trial.candidate.free[0]]
+    return bool(share >= THRESHOLDS.whole_acceleration)
 
 
 def ranked(trials: list[Trial]) -> list[Trial]:
-    """Supported candidates, the best first."""
+    """Supported candidates (see `Trial.holds`), the best first."""
     return sorted((trial for trial in trials if trial.holds), key=lambda trial: -trial.total)
 
 
@@ -172,5 +176,5 @@ def believed(trials: list[Trial]) -> list[Trial]:
 
 
 def indistinguishable(best: list[Trial]) -> list[Trial]:
-    """The best trial and the trials within `indistinct_total` of it."""
+    """The best trial, which is the first, and the trials within `indistinct_total` of it."""
     return [trial for trial in best if best[0].overall - trial.overall < THRESHOLDS.indistinct_total]

@@ -21,8 +21,9 @@ class Prediction:
     """Predictions of the final model of a search for the check drivers.
 
     Attributes:
-        log_likelihood: Log-likelihood of each driver's next time steps, its own parameters integrated out [nats].
-        gap_error: Gap error of each driver in simulation, its own parameters calibrated to the gap [m].
+        log_likelihood: Log-likelihood of each driver's positions, predicted one time step ahead, with the driver's
+            parameters integrated out [nats].
+        gap_error: Gap error of each driver in simulation, with the driver's parameters calibrated to the gap [m].
         data: The check drivers.
     """
 
@@ -39,7 +40,7 @@ def prediction_of(solver: Solver, outcome: Search) -> Prediction:
 
 
 def is_explained(outcome: Search, adequacy: Adequacy) -> bool:
-    """True if all effects found are named and not in doubt, and only noise is left; also if no effect was found."""
+    """True if only noise is left and every effect found has a name without doubt; no effect need be found."""
     if outcome.rejected or outcome.is_contradicted or outcome.leaves_shifts:
         return False
     if not outcome.added and outcome.leaves_more:
@@ -50,19 +51,19 @@ def is_explained(outcome: Search, adequacy: Adequacy) -> bool:
 
 
 def predicts_better(before: Prediction, after: Prediction, seed: int) -> bool:
-    """True if a search with another model predicts the check drivers significantly better, one-step predictions and
-    simulations taken together, and its simulations are not significantly worse.
+    """True if a search with another model (`after`) predicts the check drivers significantly better than the first
+    search (`before`), one-step predictions and simulations together, and its simulations are not significantly worse.
     """
     gains = bounded_gains(after.log_likelihood - before.log_likelihood, after.data)
-    of_simulations = simulated_gains(before.gap_error, after.gap_error, after.data)
+    simulated = simulated_gains(before.gap_error, after.gap_error, after.data)
     worse = share_worse(before.gap_error, after.gap_error, THRESHOLDS.borne_growth, seed)
-    better = (resampled_means(gains + of_simulations, seed) > 0).mean()
-    return bool(better >= THRESHOLDS.base_confidence and worse < THRESHOLDS.rejection_share)
+    share_better = (resampled_means(gains + simulated, seed) > 0).mean()
+    return bool(share_better >= THRESHOLDS.base_confidence and worse < THRESHOLDS.rejection_share)
 
 
 def names_more(before: Prediction, named: Search, adequacy: Adequacy, after: Prediction, seed: int) -> bool:
-    """True if a search with another model explains the drivers by at least one named effect of drivers or roads, by
-    nothing else, and predicts better. An artefact of the recording that appears with that model only is evidence
-    against the model.
+    """True if a search with another model (`named`, with its predictions `after`) explains the drivers by named effects
+    of drivers or roads alone, at least one, and predicts better than the first search (`before`). An artefact of the
+    recording that appears with the other model only is evidence against that model.
     """
     return named.is_named and is_explained(named, adequacy) and predicts_better(before, after, seed)

@@ -1,4 +1,4 @@
-"""Families of easily confused candidates: if one exceeds chance, all members are fitted and compete.
+"""Families of easily confused candidates: if the evidence for one exceeds chance, all members are fitted and compete.
 
 Members were chosen by the share of one candidate's detectable signal that another can imitate (projected Fisher
 information).
@@ -10,7 +10,7 @@ from rearl_jax.discovery.observe.candidates import Term
 
 
 def _family(*effects: str, on: Sequence[str] = (), time_gap_on: Sequence[str] = ()) -> tuple[Term, ...]:
-    """A family: effects, and curves of the acceleration and of the time gap over variables."""
+    """A family: effects, curves of the acceleration over the variables `on`, and of the time gap over `time_gap_on`."""
     return (
         *(Term(effect) for effect in effects),
         *(Term("dependence", variable) for variable in on),
@@ -33,7 +33,6 @@ FAMILIES = (
     _family("lane_desired_speed", on=("lane",)),
     _family("asymmetry", "approach_rate_gain", on=("approach_rate",)),
 )
-
 """Families whose members are fitted together."""
 
 CONFOUNDED = (
@@ -54,17 +53,17 @@ CONFOUNDED = (
 
 
 def with_families(terms: set[Term], known: set[Term]) -> set[Term]:
-    """The candidates together with all known members of their families."""
+    """The candidates together with those members of their families that are among the `known` candidates."""
     related = {member for family in FAMILIES if terms & set(family) for member in family}
     return terms | (related & known)
 
 
 def confounded(first: Term, other: Term) -> bool:
     """True if one of the two may only fit a remainder of the other."""
-    return any(first in group and other in group for group in CONFOUNDED)
+    return any(first in family and other in family for family in CONFOUNDED)
 
 
-APART = {
+DISTINGUISHING_DATA = {
     ("bend", "speed_limit"): "a map, or signs: both limit the speed of all vehicles on a section",
     (
         "grade",
@@ -80,13 +79,13 @@ APART = {
     ("leader_class", "leader_length"): "trucks of different lengths, and long cars",
     ("weather", "time"): "a longer record, or a second one in other weather",
 }
-"""Data that would distinguish candidates; a free curve is listed under the name of its variable."""
+"""Data that would distinguish two candidates; a free curve is listed under the name of its variable."""
 
 
 def told_apart_by(term: Term, chosen: Sequence[Term]) -> str:
     """Data that would distinguish a candidate from the chosen ones."""
     for other in chosen:
-        for pair, words in APART.items():
+        for pair, data in DISTINGUISHING_DATA.items():
             if {member.variable or member.effect for member in (term, other)} == set(pair):
-                return words
+                return data
     return "more drivers, or a wider range of the variables that both depend on"

@@ -1,9 +1,10 @@
-"""The open-ended finder: identifies the variables that the residual depends on, without a list of effects.
+"""The open-ended finder: variables that the acceleration residual depends on, found without a list of effects.
 
-Method: sparse regression on curves over every variable, as an acceleration and as a change of the time gap. All knots
-of a curve form one group. Groups are added one after the other while the evidence for the best exceeds what the best of
-as many groups reaches by chance. The selection is repeated on random halves of the drivers. The share of halves in
-which a variable is selected measures its stability; a variable that matters to a few drivers only has a small share.
+Method: sparse regression of the residual on two curves over every variable: one adds acceleration, the other changes
+the time gap. The columns of the design matrix that belong to the knots of one curve form a group. Groups are added one
+after the other while the evidence for the best one exceeds what the best of as many groups reaches by chance. The
+selection is repeated on random halves of the drivers. The share of halves in which a variable is selected measures its
+stability; a variable that matters to a few drivers only has a small share.
 
 Source: stability selection with complementary halves, Shah & Samworth, J. R. Stat. Soc. B 75 (2013) 55; forward
 selection of groups, Lozano, Swirszcz & Abe, NeurIPS (2009); Laplace evidence, MacKay, Neural Comput. 4 (1992) 415.
@@ -22,7 +23,7 @@ from rearl_jax.discovery.thresholds import THRESHOLDS
 PAIRS = 25
 """Random divisions of the drivers into two halves."""
 
-MOST = 4
+MOST_GROUPS = 4
 """Largest number of groups selected in one half."""
 
 
@@ -33,8 +34,9 @@ class Group:
     Attributes:
         variable: Name of the variable.
         acts_on: `acceleration` or `time_gap`.
-        columns: Column indices of its knots.
-        scale: Prior standard deviation of its values [m/s^2] or [-].
+        columns: Indices of the columns of its knots in the design matrix.
+        scale: Prior standard deviation of its values: acceleration [m/s^2], or change of the logarithm of the time gap
+            [-].
     """
 
     variable: str
@@ -50,8 +52,8 @@ class Selected:
     Attributes:
         variable: Name of the variable.
         acts_on: `acceleration` or `time_gap`, whichever was selected more often.
-        frequency: Share of the halves in which either was selected [-].
-        first: Share of the halves in which it was selected before all others [-].
+        frequency: Share of the halves in which the variable was selected, in either way [-].
+        first: Share of the halves in which it was the first variable selected [-].
     """
 
     variable: str
@@ -61,17 +63,20 @@ class Selected:
 
 
 def stability_selection(scores: DriverScores, groups: Sequence[Group], seed: int) -> list[Selected]:
-    """All variables, the most stable first, from scores on the columns of all groups."""
+    """All variables: the most often selected as the first variable come first, then those most often selected.
+
+    `scores` contain the columns of all groups.
+    """
     rng = np.random.default_rng(seed)
     n, chosen, first = len(scores.score), Counter(), Counter()
     ways: Counter[tuple[str, str]] = Counter()
     for _ in range(PAIRS):
         order = rng.permutation(n)
         for half in (order[: n // 2], order[n // 2 : 2 * (n // 2)]):
-            groups_selected = forward_selection(scores, half, groups)
-            chosen.update({group.variable for group in groups_selected})
-            first.update(group.variable for group in groups_selected[:1])
-            ways.update((group.variable, group.acts_on) for group in groups_selected)
+            in_half = forward_selection(scores, half, groups)
+            chosen.update({group.variable for group in in_half})
+            first.update(group.variable for group in in_half[:1])
+            ways.update((group.variable, group.acts_on) for group in in_half)
     n_halves = 2 * PAIRS
     names = dict.fromkeys(group.variable for group in groups)
     selected = [
@@ -81,6 +86,7 @@ def stability_selection(scores: DriverScores, groups: Sequence[Group], seed: int
 
 
 def _usual_way(ways: "Counter[tuple[str, str]]", name: str) -> str:
+    """`acceleration` or `time_gap`, whichever was selected more often for a variable."""
     return max(("acceleration", "time_gap"), key=lambda way: ways[name, way])
 
 
@@ -91,7 +97,7 @@ def forward_selection(scores: DriverScores, drivers: Int[np.ndarray, " some"], g
         gram[group.columns, group.columns] += scores.variance / group.scale**2
     unselected, selected = list(groups), []
     bound = np.log(len(groups)) + THRESHOLDS.finder_evidence
-    while unselected and len(selected) < MOST:
+    while unselected and len(selected) < MOST_GROUPS:
         evidence = [_evidence(gram, score, group, scores.variance) for group in unselected]
         best = int(np.argmax(evidence))
         if evidence[best] < bound:
@@ -108,7 +114,7 @@ def forward_selection(scores: DriverScores, drivers: Int[np.ndarray, " some"], g
 def _evidence(
     gram: Float[np.ndarray, "columns columns"], score: Float[np.ndarray, " columns"], group: Group, variance: float
 ) -> float:
-    """Laplace evidence for a group [nats]; its prior is in the diagonal of `gram`."""
+    """Laplace evidence for a group [nats], whose prior is in the diagonal of `gram`; the penalty is for its width."""
     block, group_score = gram[np.ix_(group.columns, group.columns)], score[group.columns]
-    width = np.linalg.slogdet(block * (group.scale**2 / variance))[1]
-    return float(0.5 * group_score @ np.linalg.solve(block, group_score) / variance - 0.5 * width)
+    penalty = np.linalg.slogdet(block * (group.scale**2 / variance))[1]
+    return float(0.5 * group_score @ np.linalg.solve(block, group_score) / variance - 0.5 * penalty)

@@ -1,10 +1,10 @@
-"""Division of the acceleration residual into acceleration noise and a time gap that varies in time.
+"""Division of the acceleration residual into acceleration noise and a driver's time gap T that varies in time.
 
 Most of the error of long predictions arises because models keep a constant time gap, while people keep a longer one for
 some time and then a shorter one. The times of these changes cannot be predicted, but a simulation can reproduce their
 size and duration. The division minimises the energy score of noisy simulations, which is lowest for the correct spread.
 The second half of each drive is simulated, with the driver's parameters from the first half: parameters of the whole
-drive follow its slow changes, so that a varying time gap would seem to be constant. The time gap at the start of
+drive follow slow changes of the time gap, which would then seem to be constant. The time gap at the start of
 a simulated drive determines where the variation begins.
 
 Source: estimation by the energy score, Gneiting & Raftery, J. Am. Stat. Assoc. 102 (2007) 359, section 9.1.
@@ -38,9 +38,9 @@ SIZES, TIMES = (0.0, 0.15, 0.3, 0.45, 0.65), (5.0, 15.0, 45.0)
 """Tested standard deviations of log T [-] and correlation times [s]."""
 
 START_SHARES = (0.0, 0.4, 0.7, 0.9)
-"""Tested shares of the difference of log T at the start that are variation [-]."""
+"""Tested values of `TimeGapVariation.start_share` [-]."""
 
-SMALLEST = 1e-3
+SMALLEST_SCORE = 1e-3
 """Lower bound of energy scores [m], so that their logarithms are finite."""
 
 
@@ -52,8 +52,8 @@ class TimeGapVariation:
         sd: Standard deviation [-]; 0 for a constant time gap.
         time: Correlation time [s].
         noise_share: Share of the acceleration noise that remains in addition [-].
-        start_share: Share of the difference of log T from the driver's own at the start of a drive that is variation
-            [-]; the rest is chance, because the driver is not in equilibrium at that moment.
+        start_share: Share [-] of the difference between log T at the start of a drive and the driver's mean log T that
+            is variation; the rest is chance, because the driver is not in equilibrium at that moment.
     """
 
     sd: float = 0.0
@@ -62,8 +62,8 @@ class TimeGapVariation:
     start_share: float = 0.0
 
     def expected(self, state: FitState, prior: Prior) -> Float[np.ndarray, "steps pieces"] | None:
-        """Expected logarithm of the ratio of the time gap to the driver's own [-], given the time gap at the start of
-        each piece; None for a constant time gap, or if the start contains no information about it.
+        """Expected logarithm of the ratio of the time gap to the driver's mean one [-], given the time gap at the start
+        of each piece; None for a constant time gap, or if the start contains no information about later time gaps.
         """
         if not self.sd * self.start_share:
             return None
@@ -71,22 +71,22 @@ class TimeGapVariation:
 
     def expected_of_unknown(self, state: FitState, prior: Prior) -> Float[np.ndarray, "steps pieces"] | None:
         """Expected logarithm as in `expected`, for drivers of whom only the population is known: the time gap at the
-        start is then also evidence of their own time gap.
+        start is then also evidence of their mean time gap.
 
-        Source: means of normal variables given their sum, here own time gap, variation and departure from equilibrium.
+        Source: means of normal variables given their sum, here mean time gap, variation and departure from equilibrium.
         """
         if not self.sd * self.start_share:
             return None
-        place = prior.names.index("time_gap")
-        between = (prior.spread[place] * state.spread[place]) ** 2
-        within = self.sd**2
+        index = prior.names.index("time_gap")
+        between = (prior.spread[index] * state.spread[index]) ** 2  # variance between drivers
+        within = self.sd**2  # variance in time
         share = (between + within * self._remaining(state.data)) / (between + within / self.start_share)
         return share * departures(state, prior)
 
     def drawn(
         self, state: FitState, prior: Prior, rng: np.random.Generator
     ) -> Float[np.ndarray, "steps pieces"] | None:
-        """A realisation of that logarithm [-], given the time gap at the start of each piece; None if constant."""
+        """A realisation of the logarithm of `expected` [-]; None for a constant time gap."""
         if not self.sd:
             return None
         path = lasting(self.sd, self.time, state.data.y.shape, state.data.dt, rng)
@@ -103,7 +103,7 @@ CONSTANT_TIME_GAP = TimeGapVariation()
 
 
 def departures(state: FitState, prior: Prior) -> Float[np.ndarray, " pieces"]:
-    """Logarithm of the ratio of the time gap at the start of each piece to the driver's own [-]."""
+    """Logarithm of the ratio of the time gap at the start of each piece to the driver's mean one [-]."""
     data, values = state.data, prior.values(state.z, state.truck)[state.data.driver]
     time_gap, jam_gap = (values[:, prior.names.index(name)] for name in ("time_gap", "jam_gap"))
     front, speed = state.pieces.start[0] + data.length / 2, state.pieces.start[1]
@@ -121,7 +121,7 @@ def energy_scores(
         state: State of the drivers under the model.
         fit: The model and its noise.
         seed: Seed of the noise, the same for all models.
-        variation: Variation of the time gap, and the remaining share of the noise.
+        variation: Variation of the time gap, and the remaining share of the acceleration noise.
     """
     data, rng, variations = state.data, np.random.default_rng(seed), np.random.default_rng([seed, 2])
     noise = replace(fit.noise, acceleration=variation.noise_share * fit.noise.acceleration)
@@ -135,7 +135,7 @@ def energy_scores(
 
 
 def later_halves(solver: Solver, data: Measured, fit: Fit) -> FitState | None:
-    """Second halves of drives, with own parameters from the first halves; None if no drive is long enough."""
+    """Second halves of drives, with drivers' parameters from the first halves; None if no drive is long enough."""
     is_long = has_enough_data([halves(data)])
     return known_drivers(solver, halves(data.of_drivers(is_long)), fit) if is_long.any() else None
 
@@ -161,11 +161,13 @@ def time_gap_variation(
     def best_of(tried: Iterable[TimeGapVariation]) -> TimeGapVariation:
         for candidate in tried:
             if candidate not in scores:
-                scores[candidate] = np.log(np.maximum(energy_scores(solver, state, fit, seed, candidate), SMALLEST))
+                score = energy_scores(solver, state, fit, seed, candidate)
+                scores[candidate] = np.log(np.maximum(score, SMALLEST_SCORE))
         return min(scores, key=lambda candidate: float(scores[candidate].mean()))
 
+    coarse_shares = SHARES[::2]
     best = best_of(
-        [CONSTANT_TIME_GAP, *(TimeGapVariation(sd, noise_share=share) for sd in SIZES for share in SHARES[::2])]
+        [CONSTANT_TIME_GAP, *(TimeGapVariation(sd, noise_share=share) for sd in SIZES for share in coarse_shares)]
     )
     best = best_of(replace(best, time=time) for time in TIMES)
     best = best_of(replace(best, noise_share=share) for share in SHARES)

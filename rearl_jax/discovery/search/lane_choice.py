@@ -1,4 +1,4 @@
-"""Lane choice in addition to car following: findings, and their entries in a verdict."""
+"""Findings on lane choice, in addition to those on car following, and their entries in a verdict."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -15,12 +15,12 @@ from rearl_jax.discovery.search.outcome import Search
 def lane_choice(
     solver: Solver, search: Search, parts: Parts, recordings: Sequence[Recording], options: DiscoverConfig
 ) -> LaneChangeFindings:
-    """Influences on lane choice, with the calibration and the split of the car-following drivers.
+    """Influences on lane choice, with the calibration and the parts of the car-following drivers.
 
-    The recordings are those given to `measure`, in the same order.
+    The recordings are those that the drivers were measured from by `read.reading.measure`, in the same order.
     """
     if (few := too_few_changes(recordings)) is not None:
-        return few  # before any driver is calibrated for it
+        return few  # so that no driver is calibrated in vain
     known = KnownDrivers.of(
         [search.first.state, *recalibrated(solver, search.checked, [search.first])], solver.layout.prior
     )

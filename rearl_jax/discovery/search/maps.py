@@ -1,13 +1,13 @@
-"""Maps: mean acceleration residual as a function of one variable or two, with confidence bands and gains on other
-drivers.
+"""Maps: mean acceleration residual (what the model leaves unexplained) as a function of one variable or of two.
 
-A map is a curve through knots at quantiles of its variable, fitted to the innovations of all drivers at once
-(`forcing`). Its band comes from resampling drivers; its share and gain come from curves fitted to half of the drivers
-and evaluated on the other half.
+A map over one variable is a curve through knots at quantiles of the variable, fitted to the innovations (one-step
+prediction errors of the position) of all drivers at once, see `observe.forcing`. Its confidence band comes from
+resampling drivers; its share and gain come from curves fitted to half of the drivers and evaluated on the other half.
+A map over two variables is a plane, divided into cells of constant residual.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from jaxtyping import Float
@@ -22,19 +22,19 @@ OUTER = 0.02
 """Share of the time steps beyond each of the outer knots [-]."""
 
 LEAST_SHARE = 0.005
-"""Share of the time steps that a value of a discrete variable, or a field of a plane, must have to be shown [-]."""
+"""Share of the time steps that a value of a discrete variable, or a cell of a plane, must have to be shown [-]."""
 
-USUAL = 1.0
+CURVE_DEVIATION = 1.0
 """Prior standard deviation of a curve's values [m/s^2]; it only matters for values that the data do not determine."""
 
-USUAL_IN_FIELDS = 0.2
-"""Prior standard deviation of the fields of a plane [m/s^2], each of which contains few time steps."""
+CELL_DEVIATION = 0.2
+"""Prior standard deviation of the cells of a plane [m/s^2]; smaller, because each contains few time steps."""
 
 HALVINGS = 10
 """Random divisions of the drivers into halves."""
 
-FIELDS = 7
-"""Fields (cells) of a plane in each direction."""
+CELLS = 7
+"""Cells of a plane in each direction."""
 
 
 @dataclass(frozen=True)
@@ -68,8 +68,8 @@ class Curve:
         basis: Basis of its variable.
         value, low, high: Mean acceleration residual at the knots, less its mean over all time steps [m/s^2].
         acts_on: `acceleration`, or `time_gap` if a curve of the time gap has the larger gain.
-        share: Share of the variance of the acceleration residual that it explains on held-out drivers [-].
-        gain: Gain of log-likelihood on held-out drivers [nats].
+        share: Share of the variance of the acceleration residual that the curve explains on held-out drivers [-].
+        gain: Gain of log-likelihood by the curve on held-out drivers [nats].
     """
 
     basis: Basis
@@ -94,23 +94,23 @@ def basis_of(variable: Variable, weight: Float[np.ndarray, "steps pieces"]) -> B
         knots = values[counts > LEAST_SHARE * len(used)]
     else:
         knots = np.unique(np.quantile(used, np.linspace(OUTER, 1 - OUTER, KNOTS)))
-        apart = np.diff(knots, prepend=-np.inf) > 0.02 * max(np.ptp(knots), 1e-9)
-        knots = knots[apart]
+        is_apart = np.diff(knots, prepend=-np.inf) > 0.02 * max(np.ptp(knots), 1e-9)
+        knots = knots[is_apart]
     if len(knots) < 2 or np.ptp(knots) < 1e-6:
         return None
-    empty = Basis(variable, knots, np.zeros(len(knots)))
-    return Basis(variable, knots, empty.columns(used[:, None]).mean(axis=(1, 2)))
+    without_share = Basis(variable, knots, np.zeros(len(knots)))
+    return replace(without_share, share=without_share.columns(used[:, None]).mean(axis=(1, 2)))
 
 
 def fitted(
-    scores: DriverScores, drivers: Float[np.ndarray, " drivers"] | None = None, prior_deviation: float = USUAL
+    scores: DriverScores, drivers: Float[np.ndarray, " drivers"] | None = None, prior_deviation: float = CURVE_DEVIATION
 ) -> Float[np.ndarray, " columns"]:
-    """Values of the columns that explain the innovations best (ridge regression).
+    """Coefficients of the columns that explain the innovations best (ridge regression).
 
     Args:
         scores: Scores of the columns.
         drivers: Weight of each driver [-]; None for equal weights.
-        prior_deviation: Prior standard deviation of each value.
+        prior_deviation: Prior standard deviation of each coefficient [m/s^2].
     """
     gram, score = (
         (scores.gram.sum(axis=0), scores.score.sum(axis=0))
@@ -123,7 +123,10 @@ def fitted(
 def curve_of(
     basis: Basis, scores: Mapping[str, tuple[DriverScores, DriverScores]], confidence: float, draws: int, seed: int
 ) -> Curve:
-    """The map of one variable, from scores of its columns on innovations and on the acceleration residual."""
+    """The map over one variable, from scores of its knots' columns on the innovations and on the acceleration residual,
+    for a curve that adds `acceleration` and for one that changes the `time_gap`. The band has the given confidence [-]
+    and comes from `draws` resamples of drivers.
+    """
     rng = np.random.default_rng(seed)
     on_innovations = scores["acceleration"][0]
     n = len(on_innovations.score)
@@ -140,22 +143,30 @@ def centred(values: Float[np.ndarray, "*draws knots"], basis: Basis) -> Float[np
     return values - (values @ basis.share)[..., None] / basis.share.sum()
 
 
-def on_other_halves(scores: DriverScores, seen: DriverScores, rng: np.random.Generator) -> tuple[float, float]:
+def on_other_halves(
+    on_innovations: DriverScores, on_acceleration: DriverScores, rng: np.random.Generator
+) -> tuple[float, float]:
     """Share of the acceleration residual's variance [-] and log-likelihood [nats] that a fit to half of the drivers
     explains in the other half, averaged over random divisions.
     """
-    n, shares, gains = len(scores.score), [], []
+    n, shares, gains = len(on_innovations.score), [], []
     for _ in range(HALVINGS):
         half = np.zeros(n)
         half[rng.permutation(n)[: n // 2]] = 1.0
-        parts = [(fitted(scores, fit), 1.0 - fit) for fit in (half, 1.0 - half)]
-        gains.append(sum(_less(scores, values, scored) for values, scored in parts) / (2 * scores.variance))
-        shares.append(sum(_less(seen, values, scored) for values, scored in parts) / max(seen.square.sum(), 1e-12))
+        fits = [(fitted(on_innovations, fit), 1.0 - fit) for fit in (half, 1.0 - half)]
+        explained, explained_acceleration = (
+            sum(_explained(scores, values, held_out) for values, held_out in fits)
+            for scores in (on_innovations, on_acceleration)
+        )
+        gains.append(explained / (2 * on_innovations.variance))
+        shares.append(explained_acceleration / max(on_acceleration.square.sum(), 1e-12))
     return float(np.mean(shares)), float(np.mean(gains))
 
 
-def _less(scores: DriverScores, values: np.ndarray, drivers: np.ndarray) -> float:
-    """Reduction of the sum of squares of the given drivers."""
+def _explained(
+    scores: DriverScores, values: Float[np.ndarray, " columns"], drivers: Float[np.ndarray, " drivers"]
+) -> float:
+    """Reduction of the sum of squares of the drivers (each with a weight of 0 or 1) by the coefficients `values`."""
     return float(drivers @ (2 * scores.score @ values - (scores.gram @ values) @ values))
 
 
@@ -164,9 +175,9 @@ class Plane:
     """A map over two variables.
 
     Attributes:
-        across, up: The variables.
-        across_edges, up_edges: Edges of the fields, in the units of the variables.
-        value: Mean acceleration residual [m/s^2]; NaN in fields with too few time steps.
+        across, up: The horizontal and the vertical variable.
+        across_edges, up_edges: Edges of the cells, in the units of the variables.
+        value: Mean acceleration residual [m/s^2]; NaN in cells with too few time steps.
     """
 
     across: Variable
@@ -177,32 +188,32 @@ class Plane:
 
 
 def edges_of(variable: Variable, weight: Float[np.ndarray, "steps pieces"]) -> Float[np.ndarray, " edges"]:
-    """Edges of fields with equally many time steps, outliers excluded."""
-    edges = np.quantile(variable.values[weight > 0], np.linspace(OUTER / 2, 1 - OUTER / 2, FIELDS + 1))
-    return edges + np.arange(FIELDS + 1) * 1e-9
+    """Edges of cells with equally many time steps, outliers excluded."""
+    edges = np.quantile(variable.values[weight > 0], np.linspace(OUTER / 2, 1 - OUTER / 2, CELLS + 1))
+    return edges + np.arange(CELLS + 1) * 1e-9  # so that equal quantiles do not give equal edges
 
 
-def fields(
+def cells(
     values: Sequence[Float[np.ndarray, "steps pieces"]], edges: Sequence[Float[np.ndarray, " edges"]]
-) -> Float[np.ndarray, "fields steps pieces"]:
-    """Indicator of the field that contains each time step; the index of the first variable varies fastest."""
-    across, up = (np.clip(np.searchsorted(e, v) - 1, 0, FIELDS - 1) for v, e in zip(values, edges, strict=True))
-    return ((up * FIELDS + across)[None] == np.arange(FIELDS**2)[:, None, None]).astype(float)
+) -> Float[np.ndarray, "cells steps pieces"]:
+    """1 in the cell of a time step, else 0; the index of the first (horizontal) variable varies fastest."""
+    across, up = (np.clip(np.searchsorted(e, v) - 1, 0, CELLS - 1) for v, e in zip(values, edges, strict=True))
+    return ((up * CELLS + across)[None] == np.arange(CELLS**2)[:, None, None]).astype(float)
 
 
 def plane_of(
     variables: Sequence[Variable],
     edges: Sequence[np.ndarray],
-    share: Float[np.ndarray, " fields"],
+    share: Float[np.ndarray, " cells"],
     scores: DriverScores,
 ) -> Plane:
-    """The map of two variables; `share` is the share of the time steps in each field [-]."""
-    values = fitted(scores, prior_deviation=USUAL_IN_FIELDS)
+    """The map over two variables, horizontal and vertical; `share` is that of the time steps in each cell [-]."""
+    values = fitted(scores, prior_deviation=CELL_DEVIATION)
     values = values - values @ share
-    value = np.where(share > LEAST_SHARE, values, np.nan).reshape(FIELDS, FIELDS)
+    value = np.where(share > LEAST_SHARE, values, np.nan).reshape(CELLS, CELLS)
     return Plane(variables[0], variables[1], edges[0], edges[1], value)
 
 
 def ranked(curves: Mapping[str, Curve]) -> list[Curve]:
-    """The maps, the largest gain on other drivers first."""
+    """The maps, that with the largest gain on held-out drivers first."""
     return sorted(curves.values(), key=lambda curve: -curve.gain)

@@ -23,16 +23,16 @@ class Search:
 
     Attributes:
         layout: The candidates and their parameters.
-        null: Distribution of the evidence under the calibrated model if no effect is missing.
+        null: Null distribution of the evidence: that of drives simulated by the calibrated model, with nothing missing.
         first_scores: Scores of all candidates under the calibrated model.
         checked: The check drivers, with corrected clocks if those of the fitted drivers were corrected.
         clocks: Clock offsets that the data were corrected for; None without a correction.
         rounds: One round per added effect, and usually a last one in which none was added.
         lane_changes: Trials of the effects of lane changes, each against the model without it.
-        rejected: Trials that were added and then removed, because they made the simulation of other drivers worse or,
-            if in `unpredictive`, because they did not predict other drivers significantly better.
+        rejected: Trials that were added and then removed, because they made the simulation of the check drivers worse
+            or, if in `unpredictive`, because they did not predict the check drivers significantly better.
         excluded: Candidates, clock offsets included, that are not searched for.
-        unpredictive: Rejected effects with which other drivers are not predicted significantly better.
+        unpredictive: Rejected effects with which the check drivers are not predicted significantly better.
         of_bounds: Added effects that do not hold if drivers' parameters may leave their bounds.
     """
 
@@ -71,9 +71,9 @@ class Search:
 
     def fitted_trials(
         self, deviations: Float[np.ndarray, " free"]
-    ) -> list[tuple[Trial, list[Trial], Float[np.ndarray, " own"]]]:
-        """Effects of the final model, those of lane changes first: the trial of each, the trials it competed with, and
-        the standard deviations of its parameters.
+    ) -> list[tuple[Trial, list[Trial], Float[np.ndarray, " of_effect"]]]:
+        """Effects of the final model, those of lane changes first: the trial of each, all trials that competed
+        (including it), and the standard deviations of its parameters.
 
         Args:
             deviations: Standard deviations of the parameters of all effects, concatenated.
@@ -101,8 +101,8 @@ class Search:
 
     @property
     def is_contradicted(self) -> bool:
-        """True if an effect or artefact that the innovations support makes the simulation of drivers worse, or does not
-        predict other drivers better where that was required.
+        """True if an effect or artefact that the innovations (one-step prediction errors) support makes simulations of
+        the check drivers worse, or does not predict them better where that was required.
         """
         denied = self.rounds[-1].contradicted if not self.added else []
         return any(not is_free(trial) for trial in (*self.rejected, *denied))
@@ -114,9 +114,7 @@ class Search:
 
     @property
     def leaves_more(self) -> bool:
-        """True if the evidence for some candidate still exceeds chance although no candidate is confirmed by the other
-        drivers.
-        """
+        """True if the evidence for some candidate still exceeds chance in the last round."""
         return any(z_score > THRESHOLDS.unexplained_z_score for z_score in self.rounds[-1].z_score.values())
 
     def is_doubtful(self, trial: Trial) -> bool:

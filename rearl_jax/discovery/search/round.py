@@ -11,19 +11,20 @@ from rearl_jax.discovery.thresholds import THRESHOLDS
 
 @dataclass(frozen=True)
 class Round:
-    """One round of the search: the candidates are screened, and the best one that is accepted is added to the model.
+    """One round of the search: all candidates are scored without a fit (screen), the most likely ones are fitted, and
+    the best one that is accepted is added to the model.
 
     Attributes:
         base: The model at the beginning of the round.
         evidence: Evidence for every candidate [nats].
-        excess: Evidence for every candidate above the null's mean [nats].
-        z_score: The excess in standard deviations of the null [-].
-        exceeding: Candidates whose evidence exceeds chance, with their families.
+        excess: Evidence for every candidate above the mean of the null distribution [nats].
+        z_score: The excess in standard deviations of the null distribution [-].
+        exceeding: Candidates whose evidence exceeds chance, and those that are easily confused with them.
         trials: All candidates that were fitted.
         accepted: Accepted trials that no later test rejected, the best first.
         clock_z_score: As `z_score`, for clock offsets.
-        contradicted: Trials that the innovations support and simulations contradict.
-        dropped: Trials that were accepted first, but rejected by a later test, or worse than a trial that was.
+        contradicted: Trials that the one-step predictions support and simulations contradict.
+        dropped: Accepted trials that a later test rejected; after the test of `confirmation`, also those ranked below.
     """
 
     base: Fit
@@ -63,7 +64,9 @@ class Round:
 
 
 def is_significant(trial: Trial, exceeding: Collection[Term]) -> bool:
-    """True if a candidate exceeds chance in the screen, or if its total gain after the fit is large enough."""
+    """True if the evidence for a candidate exceeds chance, or if its total gain after the fit is large enough; never
+    for a delay within the time resolution or a copy of the leader's acceleration.
+    """
     return not (is_of_numerics(trial) or copies_leader(trial)) and (
         trial.candidate.term in exceeding or trial.total > THRESHOLDS.total_below_z_score
     )

@@ -1,5 +1,5 @@
-"""Variables of the maps: properties of a driver's situation that its acceleration may depend on, also where no effect
-of the library describes such a dependence.
+"""Variables of the maps (acceleration residual as a function of one or two variables): properties of a driver's
+situation that its acceleration may depend on, also where no effect of the library describes such a dependence.
 """
 
 from dataclasses import dataclass
@@ -96,49 +96,51 @@ _TITLES = {
 def variables_of(residuals: Residuals) -> dict[str, Variable]:
     """The variables by name, halfway between each time step and the next, where the observer evaluates the model.
 
-    The own position and speed there are predicted from earlier measurements: later ones contain the driver's noise, so
-    a variable that used them would be correlated with the noise and look like a cause.
+    The driver's position and speed there are predicted from earlier measurements: later ones contain the driver's
+    noise, so a variable that used them would be correlated with the noise and look like a cause.
     """
     data = residuals.state.data
-    seen = residuals.stimulus()
+    stimulus = residuals.stimulus()
     delay = max(1, round(REACTION_DELAY / data.dt))
 
-    def before(values: np.ndarray) -> np.ndarray:
+    def earlier(values: np.ndarray) -> np.ndarray:
+        """Values REACTION_DELAY before; at the start of a piece, its first values."""
         return np.concatenate([np.repeat(values[:1], delay, axis=0), values[:-delay]])
 
-    values = {name: np.asarray(VARIABLES[name][1](seen), float) for name in VARIABLES if name in UNITS}
-    gap, speed = np.asarray(seen.gap), np.asarray(seen.speed)
-    has_second, has_follower = np.asarray(seen.has_second), np.asarray(seen.has_follower)
+    values = {name: np.asarray(VARIABLES[name][1](stimulus), float) for name in VARIABLES if name in UNITS}
+    gap, speed = np.asarray(stimulus.gap), np.asarray(stimulus.speed)
+    has_second, has_follower = np.asarray(stimulus.has_second), np.asarray(stimulus.has_follower)
     values |= {
         "time_gap": np.clip(gap / np.maximum(speed, 2.0), 0.0, LONGEST_TIME_GAP),
-        "approach_rate_before": before(values["approach_rate"]),
-        "leader_acceleration_before": before(values["leader_acceleration"]),
-        "second_approach_rate": has_second * _bounded(speed - np.asarray(seen.second_speed)),
-        "follower_approach_rate": has_follower * _bounded(np.asarray(seen.follower_speed) - speed),
-        "speeds_ahead": _variation_ahead(seen),
+        "approach_rate_before": earlier(values["approach_rate"]),
+        "leader_acceleration_before": earlier(values["leader_acceleration"]),
+        "second_approach_rate": has_second * _bounded(speed - np.asarray(stimulus.second_speed)),
+        "follower_approach_rate": has_follower * _bounded(np.asarray(stimulus.follower_speed) - speed),
+        "speeds_ahead": _variation_ahead(stimulus),
         "past_speed": _mean_of_past(speed, max(1, round(MEMORY / data.dt))),
-        "lateral_offset": np.asarray(seen.lateral_offset),  # signed, because a curve need not be symmetric
-        "leader_class": np.asarray(seen.leader_is_truck),
+        "lateral_offset": np.asarray(stimulus.lateral_offset),  # signed, because a curve need not be symmetric
+        "leader_class": np.asarray(stimulus.leader_is_truck),
     }
     return {name: Variable(name, np.broadcast_to(values[name], data.y.shape)) for name in UNITS}
 
 
-def _bounded(speed: np.ndarray) -> np.ndarray:
-    return np.clip(speed, -FASTEST_APPROACH, FASTEST_APPROACH)
+def _bounded(approach_rate: np.ndarray) -> np.ndarray:
+    """Approach rates within FASTEST_APPROACH [m/s]."""
+    return np.clip(approach_rate, -FASTEST_APPROACH, FASTEST_APPROACH)
 
 
-def _variation_ahead(seen: Stimulus) -> np.ndarray:
+def _variation_ahead(stimulus: Stimulus) -> np.ndarray:
     """Coefficient of variation of the speeds of the three vehicles ahead [-], at most 1; 0 where fewer than two are
-    seen. Without a third vehicle, the speed of the second counts twice.
+    in sight. Without a third vehicle, the speed of the second counts twice.
     """
-    speeds = np.stack([seen.leader_speed, seen.second_speed, seen.third_speed])
+    speeds = np.stack([stimulus.leader_speed, stimulus.second_speed, stimulus.third_speed])
     variation = speeds.std(axis=0) / np.maximum(speeds.mean(axis=0), 1.0)
-    return np.minimum(variation, 1.0) * np.asarray(seen.has_leader) * np.asarray(seen.has_second)
+    return np.minimum(variation, 1.0) * np.asarray(stimulus.has_leader) * np.asarray(stimulus.has_second)
 
 
 def _mean_of_past(values: np.ndarray, n: int) -> np.ndarray:
     """Mean over the last n time steps, or over as many as there are."""
     sums = np.concatenate([np.zeros_like(values[:1]), np.cumsum(values, axis=0)])
-    last = np.arange(1, len(values) + 1)
-    first = np.maximum(last - n, 0)
-    return (sums[last] - sums[first]) / (last - first)[:, None]
+    stop = np.arange(1, len(values) + 1)
+    first = np.maximum(stop - n, 0)
+    return (sums[stop] - sums[first]) / (stop - first)[:, None]

@@ -1,1 +1,1 @@
-"""Error budget of a scene set: what each component of a simulation contributes to the reduction of its errors."""
+"""Error budget of simulated scenes: what each component of a simulation contributes to the reduction of the errors."""

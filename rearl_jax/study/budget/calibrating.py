@@ -1,4 +1,4 @@
-"""Calibrated drivers of the budget: those of a given model, or calibrated outside the judged scenes."""
+"""Calibrated drivers of the budget: those of a given model, or calibrated outside the scenes that the budget judges."""
 
 import logging
 from collections.abc import Iterable, Iterator
@@ -60,7 +60,7 @@ def calibrated_drivers(config: StudyBudgetTask, study: Study, scenes: SceneSet, 
         except InvalidInputError as error:
             return Drivers(None, f"drivers cannot be calibrated: {error}")
         study.write_text(ORIGIN_FILE, origin)
-        model.save(study.own(MODEL_FILE))
+        model.save(study.recorded_path(MODEL_FILE))
     return Drivers(read_model(study.path / MODEL_FILE), (study.path / ORIGIN_FILE).read_text(encoding="utf-8"))
 
 

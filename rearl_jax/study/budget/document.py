@@ -47,7 +47,7 @@ def document_of(table: pd.DataFrame, steps: pd.DataFrame, remarks: Remarks, *, g
     verdict, *findings = remarks.notes
     sections = (
         Section("Rows in the stated order", tables=(_rows(steps),)),
-        Section("Shares in the reduction of each error", (_READING,), (_shares(table),)),
+        Section("Shares in the reduction of each error", (_MEANING_OF_SHARES,), (_shares(table),)),
         Section("The remaining error", notes=tuple(findings)),
         Section("Shares by error, and reductions in the stated order", tables=tuple(_by_error(table)), is_folded=True),
         Section("Definitions", notes=remarks.definitions, is_folded=True),
@@ -64,7 +64,7 @@ def document_of(table: pd.DataFrame, steps: pd.DataFrame, remarks: Remarks, *, g
     )
 
 
-_READING = (
+_MEANING_OF_SHARES = (
     "A share is the mean, over all admissible orders, of the reduction of the error when the component is added. "
     "Positive shares are towards the recording in every column. Shares sum to the total reduction."
 )
@@ -118,9 +118,9 @@ def _by_error(table: pd.DataFrame) -> Iterable[Table]:
     for error, rows_of_error in table.dropna(subset=["leads"]).groupby("error", sort=False):
         rows = []
         for record in rows_of_error.astype(object).to_dict("records"):
-            others = tuple(Cell(_text(record[name], str(error), "+")) for name in ("stated", "least", "most"))
+            reductions = tuple(Cell(_text(record[name], str(error), "+")) for name in ("stated", "least", "most"))
             leads = Cell(percent(record["leads"]), "of the orders")
-            rows.append(Row(record["title"], (_cell(record, str(error), "+"), *others, leads)))
+            rows.append(Row(record["title"], (_cell(record, str(error), "+"), *reductions, leads)))
         yield Table(f"{COLUMNS[str(error)].title}, {rows_of_error['n_orders'].iloc[0]} orders", headings, tuple(rows))
 
 
@@ -144,9 +144,9 @@ def findings_of(table: pd.DataFrame, mape: str, components: Sequence[str]) -> tu
         return ("No main error has a value in all rows of the budget, so nothing can be divided.",)
     paragraphs = [_verdict(*next(iter(parts.items())))]
     paragraphs += [_finding(error, _records(part)) for error, part in parts.items()]
-    known = set(table["error"])
+    divided = set(table["error"])
     missing = [
-        _name(error) for error, column in COLUMNS.items() if error not in known and column.reduced_by(components)
+        _name(error) for error, column in COLUMNS.items() if error not in divided and column.reduced_by(components)
     ]
     if missing:
         paragraphs.append(f"Not divided, because some rows have no value: {', '.join(missing)}.")
@@ -165,61 +165,61 @@ def _name(error: str) -> str:
 
 def _verdict(error: str, table: pd.DataFrame) -> str:
     """The result in one sentence."""
-    of = {part: record for (_, part), record in _records(table).items()}
-    leader = max((part for part in of if part in TITLES), key=lambda part: of[part]["value"])
-    beside = f"; recorded scenes are {_text(of[OF_REAL]['value'], error)} apart" if OF_REAL in of else ""
-    ends = " to ".join(_text(of[part]["value"], error) for part in (FIRST, LAST))
+    parts = {part: record for (_, part), record in _records(table).items()}
+    leader = max((part for part in parts if part in TITLES), key=lambda part: parts[part]["value"])
+    beside = f"; recorded scenes are {_text(parts[OF_REAL]['value'], error)} apart" if OF_REAL in parts else ""
+    ends = " to ".join(_text(parts[part]["value"], error) for part in (FIRST, LAST))
     return (
         f"{_name(error)} goes from {ends} with all components; the largest share of this reduction, "
-        f"{_inline(of[leader], error)}, is that of {TITLES[leader]}{beside}."
+        f"{_inline(parts[leader], error)}, is that of {TITLES[leader]}{beside}."
     )
 
 
 def _finding(error: str, records: Mapping[tuple[str, str], Mapping[str, Any]]) -> str:
     """Sentences on the shares of the components in an error, on their order, and on the remaining error."""
-    of = {part: record for (_, part), record in records.items()}
-    title, whole = _name(error), of[WHOLE]
+    parts = {part: record for (_, part), record in records.items()}
+    title, whole = _name(error), parts[WHOLE]
     sentences = [
-        f"{title} goes from {_text(of[FIRST]['value'], error)} ({of[FIRST]['title']}) to "
-        f"{_text(of[LAST]['value'], error)} with all components, a reduction of {_inline(whole, error)}"
+        f"{title} goes from {_text(parts[FIRST]['value'], error)} ({parts[FIRST]['title']}) to "
+        f"{_text(parts[LAST]['value'], error)} with all components, a reduction of {_inline(whole, error)}"
     ]
-    shares = sorted((part for part in of if part in TITLES), key=lambda part: -of[part]["value"])
-    sentences.append("shares: " + ", ".join(f"{TITLES[part]} {_inline(of[part], error)}" for part in shares))
+    shares = sorted((part for part in parts if part in TITLES), key=lambda part: -parts[part]["value"])
+    sentences.append("shares: " + ", ".join(f"{TITLES[part]} {_inline(parts[part], error)}" for part in shares))
     return (
         ". ".join(
-            sentence[:1].upper() + sentence[1:] for sentence in (*sentences, _order(of, shares), _rest(of, error))
+            sentence[:1].upper() + sentence[1:] for sentence in (*sentences, _order(parts, shares), _rest(parts, error))
         )
         + "."
     )
 
 
-def _order(of: Mapping[str, Mapping[str, Any]], shares: Sequence[str]) -> str:
+def _order(parts: Mapping[str, Mapping[str, Any]], shares: Sequence[str]) -> str:
     """Sentence on whether the order of the components decides which component has the largest reduction."""
     leader = shares[0]
-    leads, n_orders = float(of[leader]["leads"]), int(of[leader]["n_orders"])
+    leads, n_orders = float(parts[leader]["leads"]), int(parts[leader]["n_orders"])
     if n_orders == 1:
         return "these components can be added in one order only"
-    stated = max(shares, key=lambda part: of[part]["stated"])
+    stated = max(shares, key=lambda part: parts[part]["stated"])
     if leads >= CLEAR_LEAD and stated == leader:
         return (
             f"the order hardly matters: {TITLES[leader]} has the largest reduction in {percent(leads)} of {n_orders} "
             "orders"
         )
-    words = "" if stated == leader else f", in the stated one {TITLES[stated]}"
+    in_stated_order = "" if stated == leader else f", in the stated one {TITLES[stated]}"
     return (
         f"the order decides which component looks largest: {TITLES[leader]} has the largest share, but the largest "
-        f"reduction only in {percent(leads)} of {n_orders} orders{words}"
+        f"reduction only in {percent(leads)} of {n_orders} orders{in_stated_order}"
     )
 
 
-def _rest(of: Mapping[str, Mapping[str, Any]], error: str) -> str:
+def _rest(parts: Mapping[str, Mapping[str, Any]], error: str) -> str:
     """Sentence on the remaining error, compared with real against real where that has a value."""
-    if REST not in of:
-        left = f"no component explains the remaining {_inline(of[LAST], error, '')}"
+    if REST not in parts:
+        left = f"no component explains the remaining {_inline(parts[LAST], error, '')}"
         needs_other_scene = error in METRICS and METRICS[error].compares
         reason = "there is no other recorded scene to compare with" if needs_other_scene else "recordings have 0"
         return f"{left}; {reason}"
-    last, real, rest = of[LAST], of[OF_REAL], of[REST]
+    last, real, rest = parts[LAST], parts[OF_REAL], parts[REST]
     recorded = f"that of another recorded scene is {_text(real['value'], error)}"
     left = f"the remaining error, {_text(last['value'], error)},"
     if pd.isna(rest["low"]):
@@ -240,8 +240,9 @@ def _inline(record: Mapping[str, Any], error: str, sign: str = "+") -> str:
 
 def definitions_of(config: StudyBudgetTask, scenes: SceneSet, held_out: np.ndarray) -> tuple[str, ...]:
     """Definitions of rows, starts, intervals and the vehicles of short scenes."""
-    chosen = scenes.track_id[held_out]
-    stay = (chosen[:, :, :, None] == chosen[:, :1, None, :]).any(axis=2).sum(axis=1)
+    picked = scenes.track_id[held_out]  # [scenes, seconds, vehicles]
+    # For each vehicle of the first snapshot, the seconds in which it is picked.
+    stay = (picked[:, :, :, None] == picked[:, :1, None, :]).any(axis=2).sum(axis=1)
     return (
         f"Road: {config.core.n_vehicles} vehicles on {config.core.lanes} lanes in all rows.",
         "Base: highway-env's start, drawn by eval.seed, run and scene, and the drivers of the keys driver and mobil.",

@@ -84,17 +84,18 @@ def _effects(model: RepairedModel, row: Row) -> Iterable[EffectValues]:
 def switched_off(effect: EffectValues) -> EffectValues:
     """The effect with every strength at its value without influence."""
     parameters = dict(effect.parameters)
-    for known in EFFECTS[effect.name].parameters:
-        if known.is_strength and known.name in parameters:
-            old = parameters[known.name]
-            parameters[known.name] = known.off if isinstance(old, (int, float)) else [known.off] * len(old)
+    for parameter in EFFECTS[effect.name].parameters:
+        if parameter.is_strength and parameter.name in parameters:
+            old, off = parameters[parameter.name], parameter.off
+            parameters[parameter.name] = off if isinstance(old, (int, float)) else [off] * len(old)
     return EffectValues(effect.name, parameters, effect.variable)
 
 
 def _mobil(model: RepairedModel, row: Row) -> MobilConfig:
     """Parameters of lane changes: the model's or highway-env's; politeness 0 beside an effect on politeness."""
-    own = model.lane_changing
-    if own is None or LANE_CHANGES not in row:
+    calibrated = model.lane_changing
+    if calibrated is None or LANE_CHANGES not in row:
         return MobilConfig()
     is_replaced = FOUND in row and any(effect.name == Politeness.name for effect in model.effects)
-    return MobilConfig(0.0 if is_replaced else own.politeness, own.gain_threshold, own.safe_decel, own.delay)
+    politeness = 0.0 if is_replaced else calibrated.politeness
+    return MobilConfig(politeness, calibrated.gain_threshold, calibrated.safe_decel, calibrated.delay)

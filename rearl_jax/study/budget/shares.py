@@ -39,7 +39,7 @@ class Shares:
 def shares_of(errors: Errors, orders: Sequence[tuple[str, ...]], first: Row = frozenset()) -> Shares:
     """Shapley shares of the components, which sum to the whole in every scene.
 
-    phi_i = mean over orders of e(before i) - e(with i).
+    phi_i = mean over orders of e(before i) - e(with i), with e the error of the row before and after i is added.
 
     Args:
         errors: Error of every row of the orders.

@@ -13,8 +13,8 @@ from rearl_jax.study.budget.components import TITLES, row_name
 from rearl_jax.study.budget.figures import COLUMNS, ColumnBudget, errors_of, figures_of
 
 FIRST, LAST, OF_REAL, WHOLE, REST = "first", "last", "real", "whole", "rest"
-"""Parts of an error besides the components: its value in the first row, in the last one and in real against real; the
-reduction from the first to the last; the last less real against real.
+"""Parts of an error besides the components: its value in the first row, in the last one and in real against real (other
+recorded scenes in place of simulated ones); the reduction from the first to the last; the last less real against real.
 """
 
 REFERENCES = (REAL_VS_REAL, NOISE_FLOOR, REAL)

@@ -28,7 +28,7 @@ def draw_waterfall(table: pd.DataFrame, mape: str, *, generated: bool) -> bytes:
     figure, axes = panels(
         3.2 + 3.0 * max(len(drawn), 1), 1.4 + 0.4 * len(names), columns=max(len(drawn), 1), generated=generated
     )
-    for panel, error in zip(axes, drawn, strict=False):
+    for panel, error in zip(axes, drawn, strict=False):  # one empty panel if no error is drawn
         _draw_panel(panel, table[table["error"] == error].set_index("part"), parts)
         titles = ["Base", *(TITLES[name] for name in parts), "all components"]
         panel.set_yticks(range(len(names)), titles if panel is axes[0] else [""] * len(names))

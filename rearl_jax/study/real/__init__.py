@@ -1,1 +1,1 @@
-"""Discovery in real recordings: verdicts, errors under every protocol, and comparison with known facts."""
+"""Discovery in measured recordings: verdicts, errors under every calibration protocol, comparison with known facts."""

@@ -1,4 +1,7 @@
-"""Document of the study of real traffic: verdicts, errors by protocol, and time gaps with known values."""
+"""Document of the study of recorded traffic: verdicts, errors by calibration protocol, time gaps and known values.
+
+A protocol says which data the parameters of a driver come from, see `rearl_jax.discovery.report.protocols`.
+"""
 
 from collections import Counter
 from collections.abc import Mapping
@@ -37,10 +40,10 @@ def summary_of(table: pd.DataFrame, facts: pd.DataFrame, differences: pd.DataFra
         "n_within": sum(value is True for value in known["within"].astype(object).tolist()),
         "n_within_model_free": int((np.abs(difference) <= TOLERANCE).sum()),
     }
-    setting = _difference(differences, "L", "S")
+    long_less_short = _difference(differences, "L", "S")
     summary |= {"n_cars": None, "n_shorter": None}
-    if setting is not None:
-        summary |= {"n_cars": int(setting["cars"]), "n_shorter": int(setting["longer"])}
+    if long_less_short is not None:
+        summary |= {"n_cars": int(long_less_short["cars"]), "n_shorter": int(long_less_short["longer"])}
     leader = _difference(differences, "ACC", "person")
     names = ("leader_difference", "leader_difference_low", "leader_difference_high", "leader_cars", "is_leader_equal")
     summary |= dict.fromkeys(names)
@@ -73,10 +76,10 @@ def document_of(
         generated: Whether any of the data were generated.
     """
     summary = summary_of(table, facts, differences)
-    named = pd.DataFrame(table).assign(name=table["title"] + ", " + table["group"])
+    groups = pd.DataFrame(table).assign(name=table["title"] + ", " + table["group"])
     sections = (
-        _verdicts(named),
-        _errors(named),
+        _verdicts(groups),
+        _errors(groups),
         *(() if facts.empty else (_score(summary, facts), _time_gaps(facts), _differences(differences))),
     )
     return Document(
@@ -91,8 +94,8 @@ def document_of(
 
 
 def _verdict(summary: Mapping[str, Any]) -> str:
-    words = ", ".join(f"{summary[f'n_{word}']} {word}" for word in VERDICTS if summary[f"n_{word}"])
-    text = f"Groups of drivers: {words}"
+    counts = ", ".join(f"{summary[f'n_{word}']} {word}" for word in VERDICTS if summary[f"n_{word}"])
+    text = f"Groups of drivers: {counts}"
     if summary["n_known"]:
         text += (
             f"; {summary['n_within']} of {summary['n_known']} known time gaps are met within {TOLERANCE:g} s by "
@@ -101,25 +104,27 @@ def _verdict(summary: Mapping[str, Any]) -> str:
     return f"{text}."
 
 
-def _verdicts(named: pd.DataFrame) -> Section:
+def _verdicts(groups: pd.DataFrame) -> Section:
     columns = {"name": "", "drivers": "drivers", "base": "base model", "verdict": "verdict", "effects": "effects"}
     columns |= {f"time_gap_{speed}": f"time gap at {speed} m/s [s]" for speed in SPEEDS} | {"worse_in": "worse in"}
-    spoken_words = {"base": named["base"].map(spoken), "effects": named["effects"].replace("", None)}
-    worse = named["worse_in"].map(lambda names: ", ".join(map(spoken, names.split(","))) if names else None)
-    words = (
+    spoken_words = {"base": groups["base"].map(spoken), "effects": groups["effects"].replace("", None)}
+    worse = groups["worse_in"].map(lambda names: ", ".join(map(spoken, names.split(","))) if names else None)
+    explanation = (
         "Each group was calibrated and searched alone; its folder in sets/ has candidates, curves and the repaired "
         "model. Time gaps are those at equilibrium behind a leader of constant speed, medians of the calibrated "
         f"drivers. Worse in: protocols in which the repaired model's mean gap error is more than "
         f"{percent(WORSE_INCREASE)} above that of the base model.",
     )
-    return Section("Verdicts", words, (table_of("Verdicts", named.assign(**spoken_words, worse_in=worse), columns),))
+    return Section(
+        "Verdicts", explanation, (table_of("Verdicts", groups.assign(**spoken_words, worse_in=worse), columns),)
+    )
 
 
-def _errors(named: pd.DataFrame) -> Section:
+def _errors(groups: pd.DataFrame) -> Section:
     """Section with a table per protocol; protocols in which no group could be tested are left out."""
     tables = []
-    for protocol, words in PROTOCOLS.items():
-        tested = named[named[f"{protocol}_before"].notna()]
+    for protocol, meaning in PROTOCOLS.items():
+        tested = groups[groups[f"{protocol}_before"].notna()]
         if tested.empty:
             continue
         columns = {"name": "", f"{protocol}_drivers": "drivers", f"{protocol}_before": "before [m]"}
@@ -130,12 +135,12 @@ def _errors(named: pd.DataFrame) -> Section:
             for shown, name in (("share", "change_share"), ("idm_share", "idm_share"))
             for end in ("", "_low", "_high")
         }
-        tables.append(table_of(f"{spoken(protocol)}: {words}", tested.assign(**share), columns))
-    words = (
+        tables.append(table_of(f"{spoken(protocol)}: {meaning}", tested.assign(**share), columns))
+    explanation = (
         "Root mean square error of the gap, simulated behind the measured leader; mean over the report drivers, "
         "who were used neither in the fit nor in the search.",
     )
-    return Section("Gap error before and after, by protocol", words, tuple(tables))
+    return Section("Gap error before and after, by protocol", explanation, tuple(tables))
 
 
 def _score(summary: Mapping[str, Any], facts: pd.DataFrame) -> Section:
@@ -174,17 +179,17 @@ def _time_gaps(facts: pd.DataFrame) -> Section:
         for end, sign in (("_low", -1), ("_high", 1))
     }
     shown = facts.assign(name=facts["car"] + ", " + facts["setting"], **spread)
-    words = (
+    explanation = (
         "Measured without a model: median of gap over speed in intervals near equilibrium, and one standard "
         "error "
         "between runs on either side. Calibrated: the chosen car-following model at the median speed of these "
         "intervals, median over a car's tracks.",
     )
     tables = tuple(
-        table_of(str(title), own.dropna(axis=1, how="all"), columns)
-        for title, own in shown.groupby("title", sort=False)
+        table_of(str(title), rows.dropna(axis=1, how="all"), columns)
+        for title, rows in shown.groupby("title", sort=False)
     )
-    return Section("Time gaps by car and setting", words, tables, is_folded=True)
+    return Section("Time gaps by car and setting", explanation, tables, is_folded=True)
 
 
 def _differences(differences: pd.DataFrame) -> Section:
@@ -192,10 +197,7 @@ def _differences(differences: pd.DataFrame) -> Section:
     headings |= {"value": "difference [s]", "longer": "longer in the first"}
     title = differences["title"] + ": " + differences["first"] + " and " + differences["second"]
     shown = differences.assign(
-        name=title,
-        told=differences["told"].map(spoken),
-        value_low=differences["low"],
-        value_high=differences["high"],
+        name=title, told=differences["told"].map(spoken), value_low=differences["low"], value_high=differences["high"]
     )
-    words = ("Mean over the cars, or persons, that drove in both, with an interval over them.",)
-    return Section("Differences between settings", words, (table_of("Differences", shown, headings),))
+    explanation = ("Mean over the cars, or persons, that drove in both, with an interval over them.",)
+    return Section("Differences between settings", explanation, (table_of("Differences", shown, headings),))

@@ -2,7 +2,8 @@
 
 Measured time gaps need no model: they are the median of gap over speed in intervals near equilibrium. For calibrated
 time gaps, the car-following model chosen by discovery is calibrated to all tracks of a setting; the time gap of a car
-is the median over its tracks of the equilibrium gap over speed, at the median speed of these intervals.
+is the median over its tracks of the equilibrium gap over speed, at the median speed of these intervals. A piece is an
+uninterrupted stretch of one track.
 """
 
 from collections.abc import Mapping
@@ -60,7 +61,7 @@ def facts_of(
         models: Car-following model to calibrate in each setting; settings without one are measured only.
         known: Known time gaps by car and setting.
         tolerance: Difference from a known time gap up to which `within` is true [s].
-        lane_changes: As in `base_of`.
+        lane_changes: Whether the calibrated model responds to lane changes, as in `base_of`.
     """
     rows = []
     settings = data.labels[by]
@@ -68,14 +69,14 @@ def facts_of(
         of_setting = data.select(np.flatnonzero(settings == setting))
         is_steady = near_equilibrium(of_setting)
         speed = float(np.median(of_setting.smooth_speed[is_steady])) if is_steady.any() else np.nan
-        of_driver = np.full(of_setting.n_drivers, np.nan)
+        driver_time_gap = np.full(of_setting.n_drivers, np.nan)
         if setting in models and np.isfinite(speed):
-            of_driver = _calibrated(of_setting, models[setting], speed, lane_changes=lane_changes)
+            driver_time_gap = _calibrated(of_setting, models[setting], speed, lane_changes=lane_changes)
         cars = of_setting.label(car)
         for name in sorted({value for value in cars.tolist() if value is not None}):
             row = {"setting": setting, "car": name, "speed": speed}
             row |= _measured(of_setting, is_steady, of_setting.labels[car] == name)
-            row |= {"tracks": int((cars == name).sum()), "calibrated": _median(of_driver[cars == name])}
+            row |= {"tracks": int((cars == name).sum()), "calibrated": _median(driver_time_gap[cars == name])}
             row["difference"] = row["calibrated"] - row["model_free"]
             if (fact := known.get(name, {}).get(setting)) is not None:
                 row |= {"known": fact.value, "known_deviation": fact.deviation}
@@ -137,12 +138,12 @@ def differences_of(facts: pd.DataFrame, options: DiscoverConfig) -> pd.DataFrame
             for second in settings[number + 1 :]:
                 for told in ("calibrated", "model_free"):
                     wide = of_set.pivot(index="car", columns="setting", values=told)[[first, second]].dropna()
-                    ends = wide.to_numpy(float)
-                    if len(ends) < 2:
+                    pair = wide.to_numpy(float)  # [cars, two settings]
+                    if len(pair) < 2:
                         continue
-                    difference = ends[:, 0] - ends[:, 1]
+                    difference = pair[:, 0] - pair[:, 1]
                     row = {"set": name, "title": title, "first": first, "second": second, "told": told}
-                    row |= {"cars": len(difference), "first_mean": ends[:, 0].mean(), "second_mean": ends[:, 1].mean()}
+                    row |= {"cars": len(difference), "first_mean": pair[:, 0].mean(), "second_mean": pair[:, 1].mean()}
                     figure = resampling.figure(resampling.drawn(difference, np.mean))
                     rows.append(row | figure | {"longer": int((difference > 0).sum())})
     columns = ["set", "title", "first", "second", "told", "cars", "first_mean", "second_mean", "value", "low", "high"]

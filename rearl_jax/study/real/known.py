@@ -1,7 +1,7 @@
 """Known equilibrium time gaps of the cars of ZalaZone, measured without a model.
 
-Source: own measurement on the ZalaZone recordings of OpenACC (DOI 10.2905/JRC.KMH3D00): median of gap over speed in
-intervals near equilibrium, with its standard error between runs.
+Source: measured for this project in the ZalaZone recordings of OpenACC (DOI 10.2905/JRC.KMH3D00): median of gap over
+speed in intervals near equilibrium, with its standard error between runs.
 """
 
 from dataclasses import dataclass

@@ -1,4 +1,4 @@
-"""Verdicts on groups of drivers as rows of one table: effects, and errors before and after by protocol."""
+"""Rows of one table: verdicts on groups of drivers, and errors by calibration protocol before and after the repair."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -12,8 +12,8 @@ WORSE_INCREASE = 0.01
 """Relative increase of the mean gap error above which the repaired model counts as worse [-]."""
 
 FIGURES = ("before", "after", "change", "change_share", "idm", "idm_share")
-"""Mean gap error over drivers before and after [m], its change [m] and its relative change [-], the error of IDM
-calibrated to the same drivers [m], and the relative difference of the error after from that of IDM [-].
+"""Mean gap error over drivers before and after the repair [m], its change [m] and its relative change [-], the error of
+IDM calibrated to the same drivers [m], and the relative difference of the error after from that of IDM [-].
 """
 
 SPEEDS = ("10", "20")

@@ -1,4 +1,4 @@
-"""The task `rearl study real`: discovery in real recordings, and comparison with known time gaps.
+"""The task `rearl study real`: discovery in measured recordings, and comparison with known time gaps.
 
 Each set of recordings has its own discovery in `sets/NAME/` and its time gaps in `facts/NAME/`. Writes `real.parquet`
 (a row per set and group of drivers), `facts.parquet` (a row per car and setting), `differences.parquet` (between
@@ -78,19 +78,19 @@ def set_tasks_of(config: StudyRealTask) -> list[SetTask]:
 
 def _set_task(config: StudyRealTask, name: str) -> SetTask:
     if name == OWN:
-        own, data, options = RealSet("own recordings", config.data.format), config.data, config.discover
+        real_set, data, options = RealSet("own recordings", config.data.format), config.data, config.discover
     else:
-        own = SETS[name]
-        data = _shipped(config.data, own)
-        options = replace(config.discover, by=own.by, same=None)
+        real_set = SETS[name]
+        data = _shipped(config.data, real_set)
+        options = replace(config.discover, by=real_set.by, same=None)
     part = part_record(DiscoverTask, config, f"{config.study}/sets/{name}", data=data, discover=options)
-    return SetTask(name, own.title, own.group, part, data_id(data), is_generated(data))
+    return SetTask(name, real_set.title, real_set.group, part, data_id(data), is_generated(data))
 
 
-def _shipped(data: DataConfig, own: RealSet) -> DataConfig:
+def _shipped(data: DataConfig, real_set: RealSet) -> DataConfig:
     """Data configuration of a set's shipped recordings."""
-    recordings = own.recordings if data.recordings == "*" else data.recordings
-    return replace(data, format=own.format, root=None, recordings=recordings, on_bad=own.on_bad)
+    recordings = real_set.recordings if data.recordings == "*" else data.recordings
+    return replace(data, format=real_set.format, root=None, recordings=recordings, on_bad=real_set.on_bad)
 
 
 def run(config: StudyRealTask) -> dict:

@@ -37,8 +37,8 @@ def amplification_table(case: Case, options: StabilityConfig) -> pd.DataFrame:
     time = np.arange(round((TRANSIENT + duration) * STEPS_PER_SECOND) + 1)[:, None] / STEPS_PER_SECOND
     first = speed + options.amplitude * np.sin(2 * np.pi * frequency * time)
     motion = simulate(start_platoons(case.typical, first, N_FOLLOWERS, options.seed), first)
-    late = time[:, 0] >= TRANSIENT
-    amplitude = [amplitudes(motion.speed[late, vehicle], frequency, time[late]) for vehicle in (-2, -1)]
+    is_steady = time[:, 0] >= TRANSIENT
+    amplitude = [amplitudes(motion.speed[is_steady, vehicle], frequency, time[is_steady]) for vehicle in (-2, -1)]
     expected = [amplification(case.slopes(v), case.scheme, f) for v, f in zip(speed, frequency, strict=True)]
     simulated = amplitude[1] / amplitude[0]
     columns = (speed, frequency, expected, simulated, simulated - expected)

@@ -73,9 +73,9 @@ def amplification(slopes: Linearisation, scheme: Scheme, frequency: float) -> fl
     """
     z = np.exp(2j * np.pi * frequency * scheme.dt)
     p = (z - 1) / scheme.dt
-    delayed, own = (values(z) / z**scheme.memory for values in scheme.delays())
+    delayed, delayed_own = (values(z) / z**scheme.memory for values in scheme.delays())
     gap, speed, approach = (float(slope) for slope in slopes)
-    return float(abs(delayed * (gap - approach * p) / (p * p - (speed + approach) * own * p + gap * delayed)))
+    return float(abs(delayed * (gap - approach * p) / (p * p - (speed + approach) * delayed_own * p + gap * delayed)))
 
 
 def ring_growth(slopes: Linearisation, scheme: Scheme, n_vehicles: int) -> Float[np.ndarray, " waves"]:
@@ -92,10 +92,10 @@ def ring_growth(slopes: Linearisation, scheme: Scheme, n_vehicles: int) -> Float
 
 
 def _ring_roots(slopes: Linearisation, scheme: Scheme, turn: complex) -> Complex[np.ndarray, " roots"]:
-    """Factors z by which a wave grows in a time step; `turn` is a leader's phase before its follower's."""
+    """Factors z by which a wave grows per time step: turn G(z) = 1, `turn` a leader's phase before its follower."""
     gap, speed, approach = (float(slope) for slope in slopes)
-    delayed, own = scheme.delays()
+    delayed, delayed_own = scheme.delays()
     p = Polynomial([-1.0, 1.0]) / scheme.dt
     waves = p * p * Polynomial.basis(scheme.memory)
-    waves = waves - p * ((speed + approach) * own - approach * turn * delayed) + gap * (1 - turn) * delayed
+    waves = waves - p * ((speed + approach) * delayed_own - approach * turn * delayed) + gap * (1 - turn) * delayed
     return waves.roots()

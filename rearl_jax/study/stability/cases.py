@@ -110,8 +110,8 @@ def cases_of(config: StudyStabilityTask) -> list[Case]:
     if config.model is not None:
         repaired = config.variant is Variant.repaired
         model = read_model(config.model)
-        own = population_of_model(model, dtype, with_effects=repaired, ticks_per_second=STEPS_PER_SECOND)
-        return [Case(config.variant.name, own)]
+        population = population_of_model(model, dtype, with_effects=repaired, ticks_per_second=STEPS_PER_SECOND)
+        return [Case(config.variant.name, population)]
     drivers = [record_of(name)() for name in config.stability.models]
     if not config.driver.is_default:
         drivers = [config.driver]
@@ -119,6 +119,7 @@ def cases_of(config: StudyStabilityTask) -> list[Case]:
 
 
 def _population(driver: DriverConfig, dtype: np.dtype) -> Population:
+    """Drivers of keys, with the typical value of every parameter that highway-env would draw."""
     missing = {name: value for name, value in TYPICAL_DRAWN.items() if getattr(driver, name, value) is None}
     population = population_of_keys(replace(driver, **missing), MobilConfig(), dtype, STEPS_PER_SECOND)
     assert population is not None  # None only where desired speeds are drawn

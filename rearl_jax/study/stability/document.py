@@ -105,8 +105,10 @@ def _platoons(table: pd.DataFrame) -> Section:
     largest = shown.pivot_table(["analysis", "simulated", "difference"], ["model", "speed"], aggfunc="max", sort=False)
     columns = {"model": "", "speed": "speed [m/s]", "analysis": "analysis", "simulated": "simulated"}
     columns |= {"difference": "largest difference"}
-    words = ("Largest amplification over the frequencies, typical drivers behind a first vehicle that oscillates.",)
-    return Section("Platoons", words, (table_of("Amplification", largest.reset_index(), columns),))
+    explanation = (
+        "Largest amplification over the frequencies, typical drivers behind a first vehicle that oscillates.",
+    )
+    return Section("Platoons", explanation, (table_of("Amplification", largest.reset_index(), columns),))
 
 
 def _rings(table: pd.DataFrame) -> Section:
@@ -123,8 +125,10 @@ def _rings(table: pd.DataFrame) -> Section:
         "simulation": "simulated",
         "agree": "agree",
     }
-    words = ("Typical drivers from their equilibrium with a displacement of 1 cm; crests of the fastest-growing wave.",)
-    return Section("Rings", words, (table_of("Waves on rings", table, columns),))
+    explanation = (
+        "Typical drivers from their equilibrium with a displacement of 1 cm; crests of the fastest-growing wave.",
+    )
+    return Section("Rings", explanation, (table_of("Waves on rings", table, columns),))
 
 
 def _flow(flow: pd.DataFrame, queue: pd.DataFrame, traffic: pd.DataFrame) -> Section:
@@ -140,8 +144,10 @@ def _flow(flow: pd.DataFrame, queue: pd.DataFrame, traffic: pd.DataFrame) -> Sec
     tables = [table_of("Flow of one lane", figures, columns)]
     collided = {"model": "", "traffic": "traffic", "collided": "collided", "vehicle_hours": "vehicle h"}
     tables.append(table_of("Collisions", traffic, collided | {"per_vehicle_hour": "per vehicle h"}))
-    words = ("Drivers drawn from the population with their effects and noise; on one lane an overlap is a collision.",)
-    return Section("Flow and collisions", words, tuple(tables))
+    explanation = (
+        "Drivers drawn from the population with their effects and noise; on one lane an overlap is a collision.",
+    )
+    return Section("Flow and collisions", explanation, tuple(tables))
 
 
 def _measured(table: pd.DataFrame, margin: float) -> Section:
@@ -154,9 +160,9 @@ def _measured(table: pd.DataFrame, margin: float) -> Section:
         "ratio": "model over measured (90 %)",
         "equivalent": f"equivalent within {percent(margin)}",
     }
-    words = (
+    explanation = (
         "Amplification between a leader's and its follower's speed, mean over followers; drawn drivers follow the same "
         "measured leaders. Equivalent: both one-sided t-tests at 5 %.",
     )
     shown = table_of("Measured followers", table.assign(name=table["model"] + ", " + bands), columns)
-    return Section("Recordings", words, (shown,))
+    return Section("Recordings", explanation, (shown,))

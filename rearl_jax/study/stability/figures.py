@@ -38,10 +38,10 @@ def _amplification(table: pd.DataFrame, generated: bool) -> bytes | None:
         return None
     figure, axes = panels(3.2 * len(speeds) + 0.8, 3.4, columns=len(speeds), generated=generated)
     for panel, speed in zip(axes, speeds, strict=True):
-        for number, (name, own) in enumerate(table[table["speed"] == speed].groupby("model", sort=False)):
+        for number, (name, rows) in enumerate(table[table["speed"] == speed].groupby("model", sort=False)):
             colour = _COLOURS[number % len(_COLOURS)]
-            panel.plot(own["frequency"], own["analysis"], color=colour, linewidth=1.2, label=str(name))
-            panel.plot(own["frequency"], own["simulated"], "o", color=colour, markersize=3)
+            panel.plot(rows["frequency"], rows["analysis"], color=colour, linewidth=1.2, label=str(name))
+            panel.plot(rows["frequency"], rows["simulated"], "o", color=colour, markersize=3)
         panel.axhline(1.0, color="black", linewidth=0.6)
         panel.set_xscale("log")
         _finish(panel, f"at {speed:g} m/s", "frequency [Hz]", "amplification [-]")
@@ -53,10 +53,10 @@ def _fundamental_diagram(table: pd.DataFrame, generated: bool) -> bytes | None:
     if table.empty:
         return None
     figure, (panel,) = panels(6.4, 4.0, generated=generated)
-    for number, (name, own) in enumerate(table.groupby("model", sort=False)):
+    for number, (name, rows) in enumerate(table.groupby("model", sort=False)):
         colour = _COLOURS[number % len(_COLOURS)]
         for start, fill in (("even", colour), ("jam", "none")):
-            part = own[own["start"] == start]
+            part = rows[rows["start"] == start]
             label = str(name) if start == "even" else None
             panel.plot(part["density"], part["flow"], "o-", color=colour, mfc=fill, markersize=4, lw=0.8, label=label)
     panel.legend(frameon=False, fontsize=FONT_SIZE - 1)

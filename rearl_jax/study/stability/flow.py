@@ -1,4 +1,4 @@
-"""Flow of drawn drivers: the fundamental diagram on rings, a queue that discharges on an open road, and collisions.
+"""Flow of drivers drawn at random: the fundamental diagram on rings, a queue that discharges on a road, collisions.
 
 Densities of a ring are vehicles over its length, flows density times mean speed. The starting wave of a discharging
 queue moves against traffic; the outflow is the flow of the vehicles that have started, at a cross-section downstream.
@@ -68,9 +68,9 @@ def flow_table(case: Case, options: StabilityConfig) -> pd.DataFrame:
         seed=options.seed,
         circumference=circumference,
     )
-    late = motion.speed[-(options.flow_seconds // 3) :]
-    mean, deviation = late.mean(axis=(0, 1)), late.std(axis=1).mean(axis=0)
-    waves = wave_speeds(motion, circumference, len(late))
+    last_third = motion.speed[-(options.flow_seconds // 3) :]
+    mean, deviation = last_third.mean(axis=(0, 1)), last_third.std(axis=1).mean(axis=0)
+    waves = wave_speeds(motion, circumference, len(last_third))
     columns = (
         np.repeat(["even", "jam"], len(density)),
         np.tile(density, 2),

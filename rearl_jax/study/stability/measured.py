@@ -1,11 +1,12 @@
 """Amplification between measured vehicles and their leaders, and between simulated drivers and the same leaders.
 
-A piece is a stretch of a track behind one leader. The amplification of a piece in a band of frequencies is the
-root of the follower's spectral power over the leader's, of speeds without mean and trend, weighted by a Hann window. A
-follower's figure is the mean of the logarithms over its pieces; followers are taken as independent of each other.
+A piece is an uninterrupted stretch of a track behind one leader, of a fixed length. The amplification of a piece in a
+band of frequencies is the root of the follower's spectral power over the leader's, of speeds without mean and trend,
+weighted by a Hann window. A follower's figure is the mean of the logarithms over its pieces; followers are taken as
+independent of each other.
 
-Two one-sided t-tests hold the mean difference of the logarithms, model less recording follower by follower, against a
-margin: model and recording are equivalent if the 90 % interval lies within it.
+For each follower the logarithm of the recording is subtracted from that of the model. Two one-sided t-tests compare the
+mean difference with a margin: model and recording are equivalent if its 90 % interval lies within the margin.
 
 Source: Schuirmann, J. Pharmacokinet. Biopharm. 15 (1987) 657 (two one-sided tests).
 """

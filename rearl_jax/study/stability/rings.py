@@ -44,8 +44,8 @@ def ring_table(case: Case, options: StabilityConfig) -> pd.DataFrame:
     if not can_drive.any():
         return pd.DataFrame(columns=list(RING_COLUMNS))
     length, gap, speed = lengths[can_drive], gap[can_drive], speed[can_drive]
-    moved = np.random.default_rng(options.seed).normal(0.0, START_SD, (n, 1))
-    position = moved - np.arange(n)[:, None] * length / n
+    displacement = np.random.default_rng(options.seed).normal(0.0, START_SD, (n, 1))
+    position = displacement - np.arange(n)[:, None] * length / n
     seconds = options.ring_seconds
     motion = drive(
         case.typical, position, np.tile(speed, (n, 1)), seconds=seconds, seed=options.seed, circumference=length
@@ -54,10 +54,10 @@ def ring_table(case: Case, options: StabilityConfig) -> pd.DataFrame:
     rows = []
     for k in range(len(length)):
         growth = ring_growth(case.slopes(speed[k]), case.scheme, n)
-        late = motion.speed[-60:, :, k]
+        at_end = motion.speed[-60:, :, k]
         analysis, simulation = bool(growth.max() > 0), waves_grow(deviation[:, k])
         linear = (length[k], gap[k], speed[k], int(growth.argmax()) + 1, growth.max(), growth_rate(deviation[:, k]))
-        last = (deviation[-60:, k].mean(), late.min(), late.max(), analysis, simulation, analysis == simulation)
+        last = (deviation[-60:, k].mean(), at_end.min(), at_end.max(), analysis, simulation, analysis == simulation)
         rows.append(dict(zip(RING_COLUMNS, (*linear, *last), strict=True)))
     return pd.DataFrame(rows)
 

@@ -118,7 +118,7 @@ def one_lap_away(
     length: Float[Array, "vehicles scenarios"],
     circumference: Float[Array, " scenarios"],
 ) -> ReplayedVehicles:
-    """The last vehicles of each ring one lap ahead, and the first one lap behind."""
+    """Copies of the last two vehicles of each ring one lap ahead, and of the first vehicle one lap behind."""
     n_vehicles = state.x.shape[0]
     index = np.array([n_vehicles - 1, n_vehicles - 2, 0])
     laps = np.array([1.0, 1.0, -1.0])[:, None]

@@ -1,4 +1,4 @@
-"""Sentences on the use of decisions on improved traffic, computed from the figures alone."""
+"""Sentences on the use of decisions on improved traffic, of the kinds in `tables`, computed from the figures alone."""
 
 import numpy as np
 import pandas as pd
@@ -35,7 +35,7 @@ def findings_of(rows: pd.DataFrame, eval: EvaluationConfig, mape: str) -> list[s
 
 def _paragraph(of_rows: dict[str, np.ndarray], heading: str, eval: EvaluationConfig) -> str:
     """Paragraph on the change by REARL on every kind of traffic, and on the last kind."""
-    parts, last = [], None
+    parts, last_kind = [], None
     for kind, title in TITLES_OF_KINDS.items():
         alone = of_rows.get(name_of(kind, None))
         if alone is None:
@@ -47,12 +47,12 @@ def _paragraph(of_rows: dict[str, np.ndarray], heading: str, eval: EvaluationCon
         }
         text = "; ".join(f"{TITLES_OF_POLICIES[policy]} {change}" for policy, change in changes.items())
         parts.append(f"{title} {np.nanmean(alone):.3f}" + (f" ({text})" if text else ""))
-        last = kind, changes.get(PolicyName.matcher)
+        last_kind = kind, changes.get(PolicyName.matcher)
     text = f"{heading} without REARL, and how REARL changes it: {'; '.join(parts)}."
     real = of_rows.get(PREFIX + REAL_VS_REAL)
     if real is not None and np.isfinite(real).any():
         text += f" Between two recorded scenes it is {np.nanmean(real):.3f}."
-    kind, change = ("", None) if last is None else last
+    kind, change = ("", None) if last_kind is None else last_kind
     if change is None:
         return text
     choices = _difference(of_rows[name_of(kind, PolicyName.matcher)], of_rows[name_of(kind, PolicyName.idle)], eval)

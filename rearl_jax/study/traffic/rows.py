@@ -14,16 +14,7 @@ from rich.progress import Progress
 
 from rearl_jax.config import StudyTable1Task
 from rearl_jax.config._schema import finished
-from rearl_jax.config.budget import (
-    BOUNDARY,
-    CALIBRATED,
-    FOUND,
-    LANE_CHANGES,
-    REARL,
-    START,
-    VARIATION,
-    StudyBudgetTask,
-)
+from rearl_jax.config.budget import BOUNDARY, CALIBRATED, FOUND, LANE_CHANGES, REARL, START, VARIATION, StudyBudgetTask
 from rearl_jax.config.decision import PolicyName
 from rearl_jax.config.evaluation import Method
 from rearl_jax.config.scenes import BoundarySource, Direction, SpeedConfig, SpeedNorm
@@ -121,7 +112,11 @@ def rows_on_traffic(config: StudyTable1Task, study: Study, bar: Progress) -> Tra
     findings = findings_of(rows, setting.config.eval, setting.config.mape.column)
     return TrafficRows(
         long_rows_on_traffic(figures, len(setting.held_out), has_found=FOUND in setting.components),
-        {f"{row}_{metric}{ending}": value for (row, metric), own in figures.items() for ending, value in own.items()},
+        {
+            f"{row}_{metric}{ending}": value
+            for (row, metric), figure in figures.items()
+            for ending, value in figure.items()
+        },
         (*findings, *origin, *absent),
     )
 
@@ -130,17 +125,15 @@ def _scene_by_scene(config: StudyTable1Task, setting: Setting, study: Study, bar
     """One row per row of the table and scene: `row`, `scene_id`, every metric, `position_error` [m], `interventions`
     and `changes`, both per vehicle and minute.
     """
-    wanted = list(_rows(config, setting))
-    done, metadata = (
-        study.finished_parts(ROW_TABLE),
-        {"seeds": config.seeds, "scenes_id": setting.inputs.scenes.data_id},
-    )
-    line = bar.add_task("traffic", total=len(wanted) + 1)
+    rows = list(_rows(config, setting))
+    finished_parts = study.finished_parts(ROW_TABLE)
+    metadata = {"seeds": config.seeds, "scenes_id": setting.inputs.scenes.data_id}
+    line = bar.add_task("traffic", total=len(rows) + 1)
     scorer = make_scorer(setting.config, setting.inputs.scenes, setting.config.eval.n_runs * len(setting.held_out))
     reference_scores = None
-    for number, row in enumerate([None, *wanted]):
+    for number, row in enumerate([None, *rows]):
         bar.update(line, completed=number)
-        if number in done:
+        if number in finished_parts:
             continue
         if reference_scores is None:
             reference_scores = reference_rows(setting.config, setting.inputs.scenes, setting.held_out, scorer)
@@ -149,24 +142,24 @@ def _scene_by_scene(config: StudyTable1Task, setting: Setting, study: Study, bar
             table = table.assign(row="recorded_" + table["row"], interventions=np.nan, changes=np.nan)
         else:
             kind, policy = row
-            own, components = _with_policy(config, setting, policy), _components(setting, kind)
-            with ExitStack() as opened:
+            row_setting, components = _with_policy(config, setting, policy), _components(setting, kind)
+            with ExitStack() as contexts:
                 model = None
-                if own.config.decision.policy.is_outside:
+                if row_setting.config.decision.policy.is_outside:
                     from rearl_jax.evaluation.language_model import language_model  # slow to import: it brings a client
 
-                    model = opened.enter_context(language_model(own.config, bar))
+                    model = contexts.enter_context(language_model(row_setting.config, bar))
                 table, log = simulated_table(
-                    own,
+                    row_setting,
                     components if policy is None else components | {REARL},
                     scorer,
                     reference_scores,
                     None if model is None else model.make_policy,
                 )
-            table = table.assign(row=name_of(kind, policy), **_interventions(own, log))
+            table = table.assign(row=name_of(kind, policy), **_interventions(row_setting, log))
         missing = {name: table[name].astype("Float64") for name in ("interventions", "changes")}
         study.write_table(part_name(ROW_TABLE, number), table.assign(**missing), **metadata)
-    bar.update(line, completed=len(wanted) + 1)
+    bar.update(line, completed=len(rows) + 1)
     return pd.read_parquet(study.path / ROW_TABLE)
 
 
@@ -184,6 +177,7 @@ def _rows(config: StudyTable1Task, setting: Setting):
 
 
 def _components(setting: Setting, kind: str) -> frozenset[str]:
+    """Components of a kind of traffic that the recordings and the model have."""
     return frozenset(TRAFFIC[kind]) & frozenset(setting.components)
 
 
@@ -191,15 +185,15 @@ def _with_policy(config: StudyTable1Task, setting: Setting, policy: PolicyName |
     """The setting with a policy; a language model is asked less often and in fewer rollouts."""
     if policy is None:
         return setting
-    own = replace(setting.config, decision=replace(setting.config.decision, policy=policy))
+    task = replace(setting.config, decision=replace(setting.config.decision, policy=policy))
     if policy is PolicyName.llm:
-        own = replace(
-            own,
+        task = replace(
+            task,
             method=Method.rearl,
-            detection=replace(own.detection, interval=config.table1.llm_interval),
-            eval=replace(own.eval, n_runs=config.table1.llm_runs),
+            detection=replace(task.detection, interval=config.table1.llm_interval),
+            eval=replace(task.eval, n_runs=config.table1.llm_runs),
         )
-    return replace(setting, config=own)
+    return replace(setting, config=task)
 
 
 def _interventions(setting: Setting, log: DecisionLog | None) -> dict[str, np.ndarray | float]:
@@ -209,9 +203,9 @@ def _interventions(setting: Setting, log: DecisionLog | None) -> dict[str, np.nd
     accepted = np.asarray(log.decisions.n_accepted)  # [seconds, actions, rollouts]
     scene_index = np.searchsorted(setting.held_out, log.scene)
     per_vehicle_minute = _SECONDS_PER_MINUTE / (len(accepted) * setting.config.core.n_vehicles)
-    kept = accepted[:, MetaAction.IDLE].sum(axis=0)
+    keeping = accepted[:, MetaAction.IDLE].sum(axis=0)
     total = accepted.sum(axis=(0, 1))
     return {
         name: grouped_mean(values * per_vehicle_minute, scene_index, len(setting.held_out))
-        for name, values in (("interventions", total), ("changes", total - kept))
+        for name, values in (("interventions", total), ("changes", total - keeping))
     }

@@ -86,8 +86,7 @@ def figures_of_rows(rows: pd.DataFrame, eval: EvaluationConfig) -> Figures:
     keys, values = [], []
     for figure in HEADINGS_ON_TRAFFIC:
         of_rows = scene_figures(rows, figure)
-        named = named_rows(set(of_rows))
-        wanted = [(name, kind, policy) for name, kind, policy in named] + [(PREFIX + REAL_VS_REAL, "", None)]
+        wanted = [*named_rows(set(of_rows)), (PREFIX + REAL_VS_REAL, "", None)]
         for name, kind, policy in wanted:
             if np.isfinite(of_rows[name]).any():
                 keys.append((name, figure, ""))
@@ -113,12 +112,13 @@ def long_rows_on_traffic(figures: Figures, n_scenes: int, *, has_found: bool) ->
     for name, kind, policy in named_rows({name for name, _ in figures}):
         title = TITLES_OF_KINDS[kind].replace("calibrated", "repaired" if has_found else "calibrated")
         titles[name] = f"{title}: {TITLES_OF_POLICIES[policy]}"
+    # Real against real, the first of the titles, comes last.
     order = {name: number for number, name in enumerate([*list(titles)[1:], next(iter(titles))])}
     records: list[dict[str, Any]] = []
     for name, figure in sorted(figures, key=lambda key: order[key[0]]):
-        own = figures[name, figure]
+        by_ending = figures[name, figure]
         unit = METRICS[figure].unit if figure in METRICS else _UNITS[figure]
-        columns = {("ours" if not ending else ending.removeprefix("_")): value for ending, value in own.items()}
+        columns = {("ours" if not ending else ending.removeprefix("_")): value for ending, value in by_ending.items()}
         records.append(
             {"row": name, "title": titles[name], "metric": figure, "unit": unit, "n_scenes": n_scenes} | columns
         )

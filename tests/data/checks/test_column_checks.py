@@ -6,13 +6,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from rearl_jax.config.data import DataConfig, OnBad
+from rearl_jax.config.data import BadRows, DataConfig
 from rearl_jax.data.records import RecordingInfo
 from rearl_jax.data.schema import validate
 from tests.refusal import refused
 
 STOP = DataConfig()
-DROP_ROW = DataConfig(on_bad=OnBad.drop_row)
+DROP_ROW = DataConfig(on_bad=BadRows.drop_row)
 INFO = RecordingInfo("made", 25.0, {1: 2, 2: 2}, 300.0, "hand", "none", "nobody", file="made.csv")
 
 

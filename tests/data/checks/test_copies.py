@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from rearl_jax.config.data import DataConfig, DataFormat, OnBad
+from rearl_jax.config.data import BadRows, DataConfig, DataFormat
 from rearl_jax.data.checks.copies import Copies
 from rearl_jax.data.checks.speed_profiles import Profiles, SpeedProfiles
 from rearl_jax.data.recordings import iterate_recordings
@@ -83,7 +83,7 @@ def test_published_recordings_are_no_copies_of_each_other(kind):
 
 
 def test_a_platoon_that_is_published_twice_is_noted():
-    data = DataConfig(DataFormat.openacc, on_bad=OnBad.drop_row, recordings="*short_setting__dynamic_part2[23]")
+    data = DataConfig(DataFormat.openacc, on_bad=BadRows.drop_row, recordings="*short_setting__dynamic_part2[23]")
     first, second = iterate_recordings(data)
     assert not any("contains vehicles of" in note for note in first.info.notes)
     (note,) = (note for note in second.info.notes if "contains vehicles of" in note)

@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from rearl_jax.config.data import DataConfig, DataFormat, OnBad
+from rearl_jax.config.data import BadRows, DataConfig, DataFormat
 from rearl_jax.data.checks.labels import track_labels
 from rearl_jax.data.formats.openacc_index import FILE, labels_of_run
 from rearl_jax.data.recordings import data_id, iterate_recordings, label_of_same
@@ -142,7 +142,7 @@ def test_labels_are_written_and_read_back(table, tmp_path, ending):
 def test_labels_stay_with_the_pieces_of_a_track(table):
     table = table.copy()
     table.loc[(table["track_id"] == 8) & (table["frame"] == 50), "speed"] = -1.0
-    data = replace(in_memory(table, DataConfig()), on_bad=OnBad.drop_row)
+    data = replace(in_memory(table, DataConfig()), on_bad=BadRows.drop_row)
     (recording,) = iterate_recordings(data, ["kind"])
     assert len(recording.labels) == 5  # one of the four was cut in two
     assert recording.labels["kind"].dropna().sort_values().tolist() == ["a", "b", "b"]

@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from rearl_jax.config.data import DataConfig, OnBad
+from rearl_jax.config.data import BadRows, DataConfig
 from rearl_jax.core.order import NO_VEHICLE
 from rearl_jax.data.checks.leaders import next_in_lane, notes_on_leaders, wrong_leader
 from rearl_jax.data.records import RecordingInfo
@@ -14,7 +14,7 @@ from rearl_jax.discovery.read.surroundings import look_around
 from tests.refusal import refused
 
 STOP = DataConfig()
-DROP_ROW = DataConfig(on_bad=OnBad.drop_row)
+DROP_ROW = DataConfig(on_bad=BadRows.drop_row)
 INFO = RecordingInfo("made", 10.0, {1: 2, 2: 2}, 300.0, "hand", "none", "nobody", file="made.csv")
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pandas as pd
 
-from rearl_jax.config.data import DataConfig, OnBad
+from rearl_jax.config.data import BadRows, DataConfig
 from rearl_jax.data.checks.losses import split_tracks
 from rearl_jax.data.records import RecordingInfo
 from rearl_jax.data.schema import validate
@@ -52,12 +52,12 @@ def test_pieces_below_one_second_go_and_are_counted(vehicle_rows):
     info = RecordingInfo("made", 10.0, {1: 2}, 300.0, "", "", "")
     spoiled = vehicle_rows.copy()
     spoiled.loc[[40, 45], "speed"] = np.nan
-    table, dropped = validate(spoiled, info, DataConfig(on_bad=OnBad.drop_row))
+    table, dropped = validate(spoiled, info, DataConfig(on_bad=BadRows.drop_row))
     # Rows 41 to 44 stand between the two holes.
     assert dropped == {"not_finite": 2, "gap_cuts": 2, "fragment": 4, "tracks": 1}
     assert table.groupby("track_id").size().sort_values().tolist() == [40, 54, 100, 100]
     short_but_whole = vehicle_rows[(vehicle_rows["track_id"] != 2) | (vehicle_rows["frame"] < 12)]
-    table, dropped = validate(short_but_whole, info, DataConfig(on_bad=OnBad.drop_row))
+    table, dropped = validate(short_but_whole, info, DataConfig(on_bad=BadRows.drop_row))
     assert dropped == {}
     assert (table["track_id"] == 2).sum() == 5
 

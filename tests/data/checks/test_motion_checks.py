@@ -4,14 +4,14 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from rearl_jax.config.data import DataConfig, OnBad
+from rearl_jax.config.data import BadRows, DataConfig
 from rearl_jax.data.records import RecordingInfo
 from rearl_jax.data.schema import validate
 from tests.refusal import refused
 
 RATE = 10.0
 STOP = DataConfig()
-DROP_ROW = DataConfig(on_bad=OnBad.drop_row)
+DROP_ROW = DataConfig(on_bad=BadRows.drop_row)
 INFO = RecordingInfo("made", RATE, {1: 2}, 1200.0, "hand", "none", "nobody", file="made.csv")
 
 

@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 
 from benchmarks.sensor_layouts import LANE_WIDTH, exid_meta, exid_rows, traffic, write_exid
-from rearl_jax.config.data import DataConfig, DataFormat, OnBad
+from rearl_jax.config.data import BadRows, DataConfig, DataFormat
 from rearl_jax.data.recordings import data_id, iterate_recordings
 from rearl_jax.problems import MissingInputError
 from tests.data.changed_rows import with_values
@@ -32,7 +32,9 @@ def meta() -> pd.DataFrame:
 
 @pytest.fixture
 def read(meta, tmp_path: Path):
-    def read(tracks: pd.DataFrame, on_bad: OnBad = OnBad.stop, meta: pd.DataFrame = meta, info: pd.DataFrame = INFO):
+    def read(
+        tracks: pd.DataFrame, on_bad: BadRows = BadRows.stop, meta: pd.DataFrame = meta, info: pd.DataFrame = INFO
+    ):
         for table, name in ((tracks, "tracks"), (meta, "tracksMeta"), (info, "recordingMeta")):
             table.to_csv(tmp_path / f"00_{name}.csv", index=False)
         data = DataConfig(DataFormat.exid, str(tmp_path), on_bad=on_bad)
@@ -90,7 +92,7 @@ def test_a_track_that_leaves_the_map_and_comes_back_is_two(tracks, read):
 
 
 def test_small_negative_speeds_are_noted(tracks, read):
-    recording = read(with_values(tracks, 5, lonVelocity=-0.2), OnBad.drop_row)
+    recording = read(with_values(tracks, 5, lonVelocity=-0.2), BadRows.drop_row)
     assert any(note.startswith("1 speeds between") for note in recording.info.notes)
 
 

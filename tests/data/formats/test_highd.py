@@ -9,13 +9,13 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from rearl_jax.config.data import DataConfig, OnBad
+from rearl_jax.config.data import BadRows, DataConfig
 from rearl_jax.data.formats.highd import find_recordings, read_recording
 from rearl_jax.problems import MissingInputError
 from tests.refusal import refused
 
 STOP = DataConfig()
-DROP_ROW = DataConfig(on_bad=OnBad.drop_row)
+DROP_ROW = DataConfig(on_bad=BadRows.drop_row)
 
 
 @pytest.fixture
@@ -96,7 +96,7 @@ def test_a_single_wrong_lane_id_does_not_move_the_lanes_of_others(tracks):
     _edit(tracks, _set(7, laneId=99))
     with refused("lane-out-of-range", column="laneId", row=8):
         read_recording(tracks, STOP)
-    dropped = read_recording(tracks, DataConfig(on_bad=OnBad.drop_track))
+    dropped = read_recording(tracks, DataConfig(on_bad=BadRows.drop_track))
     assert dropped.dropped == {"lane_out_of_range": 150, "tracks": 1}
     assert dict(dropped.info.lane_count) == {1: 2, 2: 2}
     left = sound[sound["track_id"] != 1].reset_index(drop=True)
@@ -110,7 +110,7 @@ def test_a_vehicle_on_no_lane_of_its_carriageway_does_not_move_the_lanes_of_othe
     with refused("lane-out-of-range", column="laneId", row=1) as caught:
         read_recording(tracks, STOP)
     assert f"laneId {lane_id} of track 1" in caught.value.problem.fault
-    dropped = read_recording(tracks, DataConfig(on_bad=OnBad.drop_row))
+    dropped = read_recording(tracks, DataConfig(on_bad=BadRows.drop_row))
     assert dropped.dropped == {"lane_out_of_range": 150, "tracks": 1}
     assert dict(dropped.info.lane_count) == {1: 2, 2: 2}
 
@@ -213,7 +213,7 @@ def test_contradictions_stop_with_file_column_and_row(tracks, case):
 def test_contradictions_are_dropped_and_counted_on_request(tracks, case):
     part, spoil, *_ = CONTRADICTIONS[case]
     _edit(tracks.with_name(f"01_{part}.csv"), spoil)
-    recording = read_recording(tracks, DataConfig(on_bad=OnBad.drop_track))
+    recording = read_recording(tracks, DataConfig(on_bad=BadRows.drop_track))
     assert recording.dropped["tracks"] == 1
     assert sum(n for name, n in recording.dropped.items() if name != "tracks") == 150
     assert recording.table["track_id"].nunique() == 11
@@ -223,7 +223,7 @@ def test_contradictions_are_dropped_and_counted_on_request(tracks, case):
 def test_a_row_that_is_dropped_does_not_move_the_others(tracks, far):
     sound = read_recording(tracks, STOP)
     _edit(tracks, _set(170, x=far))
-    dropped = read_recording(tracks, DataConfig(on_bad=OnBad.drop_track))
+    dropped = read_recording(tracks, DataConfig(on_bad=BadRows.drop_track))
     assert dropped.dropped["tracks"] == 1
     assert dropped.info.road_length == sound.info.road_length
     left = sound.table[sound.table["track_id"] != 2].reset_index(drop=True)
@@ -325,4 +325,4 @@ def test_a_placeholder_is_named_and_can_be_left_out(tracks, column):
     )
     with refused("out-of-range", column=column):
         read_recording(tracks, STOP)
-    assert read_recording(tracks, DataConfig(on_bad=OnBad.drop_row)).dropped == {"out_of_range": 12, "gap_cuts": 1}
+    assert read_recording(tracks, DataConfig(on_bad=BadRows.drop_row)).dropped == {"out_of_range": 12, "gap_cuts": 1}

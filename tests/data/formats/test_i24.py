@@ -11,7 +11,7 @@ import pandas as pd
 import pytest
 
 from benchmarks.sensor_layouts import i24_document, traffic, write_i24
-from rearl_jax.config.data import DataConfig, DataFormat, OnBad
+from rearl_jax.config.data import BadRows, DataConfig, DataFormat
 from rearl_jax.data.files import json_documents
 from rearl_jax.data.formats import i24
 from rearl_jax.data.recordings import data_id, iterate_recordings
@@ -33,7 +33,7 @@ def found(vehicles) -> list[dict]:
 
 @pytest.fixture
 def read(tmp_path: Path):
-    def read(content: list[dict] | str | bytes, on_bad: OnBad = OnBad.stop, **keys):
+    def read(content: list[dict] | str | bytes, on_bad: BadRows = BadRows.stop, **keys):
         content = json.dumps(content) if isinstance(content, list) else content
         path = tmp_path / "day.json"
         path.write_bytes(content if isinstance(content, bytes) else content.encode())
@@ -162,7 +162,7 @@ def test_a_fault_is_named(found, read, change, code, fields):
 def test_dropped_documents_are_counted_with_the_first_recording(found, read):
     found[2]["x_position"] = found[2]["x_position"][:-1]
     text = json.dumps(found)[:-4000]
-    first, *others = read(text, OnBad.drop_row, window=7.0)
+    first, *others = read(text, BadRows.drop_row, window=7.0)
     assert {name: first.dropped[name] for name in ("lengths_differ", "broken_document")} == {
         "lengths_differ": 1,
         "broken_document": 1,
@@ -175,7 +175,7 @@ def test_a_single_wrong_sample_is_a_fault_of_its_row(found, read):
     found[2]["x_position"][100] += 400.0
     with refused("out-of-range", row=3):
         read(found)
-    (recording,) = read(found, OnBad.drop_row)
+    (recording,) = read(found, BadRows.drop_row)
     assert sum(recording.dropped.values())
 
 

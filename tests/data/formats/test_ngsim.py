@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from rearl_jax.config.data import DataConfig, DataFormat, OnBad
+from rearl_jax.config.data import BadRows, DataConfig, DataFormat
 from rearl_jax.data.formats.ngsim import debounced
 from rearl_jax.data.formats.ngsim_pairs import find_pairs, pairs_recordings, read_pairs
 from rearl_jax.data.formats.ngsim_published import PublishedFile, find_published
@@ -13,7 +13,7 @@ from rearl_jax.problems import MissingInputError
 from tests.refusal import refused
 
 STOP = DataConfig()
-DROP_ROW = DataConfig(on_bad=OnBad.drop_row)
+DROP_ROW = DataConfig(on_bad=BadRows.drop_row)
 
 
 # US-101, shipped
@@ -180,7 +180,7 @@ def test_exact_copies_stop_or_are_counted(tmp_path):
     path = find_published(tmp_path)[0]
     with refused("exact-duplicate", row=181):
         PublishedFile(path, STOP).read("us101_0750")
-    for on_bad in (OnBad.drop_row, OnBad.drop_track):
+    for on_bad in (BadRows.drop_row, BadRows.drop_track):
         recording = PublishedFile(path, DataConfig(on_bad=on_bad)).read("us101_0750")
         assert recording.dropped == {"exact_duplicate": 30}
         assert len(recording.table) == 180

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from rearl_jax.config.data import DataConfig, DataFormat, OnBad
+from rearl_jax.config.data import BadRows, DataConfig, DataFormat
 from rearl_jax.data.formats.ngsim_published import PublishedFile
 from rearl_jax.data.recordings import count_recordings, iterate_recordings
 from rearl_jax.problems import MissingInputError
@@ -190,5 +190,5 @@ def test_a_placeholder_is_named_and_can_be_left_out(tmp_path, column, value, cod
     data = DataConfig(DataFormat.ngsim, str(tmp_path))
     with refused(code, column=spelling, row=141):
         list(iterate_recordings(data))
-    (recording,) = iterate_recordings(replace(data, on_bad=OnBad.drop_row))
+    (recording,) = iterate_recordings(replace(data, on_bad=BadRows.drop_row))
     assert recording.dropped == {code.replace("-", "_"): 12, "gap_cuts": 1}

@@ -7,14 +7,14 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from rearl_jax.config.data import DataConfig, DataFormat, OnBad
+from rearl_jax.config.data import BadRows, DataConfig, DataFormat
 from rearl_jax.data.formats.openacc import fill_holes, find_platoons, platoon_recordings, read_platoon
 from rearl_jax.data.recordings import iterate_recordings
 from rearl_jax.problems import MissingInputError
 from tests.refusal import refused
 
 STOP = DataConfig()
-DROP_ROW = DataConfig(on_bad=OnBad.drop_row)
+DROP_ROW = DataConfig(on_bad=BadRows.drop_row)
 T = np.arange(200) / 10.0
 
 
@@ -85,7 +85,7 @@ def test_negative_gaps_stop_or_are_left_out_and_counted(tmp_path):
     assert recording.table.groupby("track_id").size().tolist() == [200, 200, 50, 50, 100, 100]
     later = recording.table[recording.table["track_id"] == 6]
     assert set(later["leader_id"]) == {5}
-    (recording,) = _read(tmp_path, rows, DataConfig(on_bad=OnBad.drop_track))
+    (recording,) = _read(tmp_path, rows, DataConfig(on_bad=BadRows.drop_track))
     assert set(recording.table["track_id"]) == {1, 2}
 
 

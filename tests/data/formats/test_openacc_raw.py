@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from rearl_jax.config.data import DataConfig, DataFormat, OnBad
+from rearl_jax.config.data import BadRows, DataConfig, DataFormat
 from rearl_jax.data.recordings import iterate_recordings
 from rearl_jax.problems import InvalidInputError, MissingInputError
 from tests.data.formats import openacc_files
@@ -15,7 +15,7 @@ TABLE = openacc_files.columns()
 TEXT = openacc_files.run_of(TABLE)
 
 
-def read(root, on_bad: OnBad = OnBad.stop):
+def read(root, on_bad: BadRows = BadRows.stop):
     return list(iterate_recordings(DataConfig(DataFormat.openacc, str(root), on_bad=on_bad)))
 
 
@@ -102,7 +102,7 @@ def test_unknown_words_for_drivers_stop_or_are_counted(tmp_path):
     openacc_files.write(tmp_path, openacc_files.run_of(openacc_files.columns(drivers={2: words})))
     with refused("driver-unknown", row=101):
         read(tmp_path)
-    (run,) = read(tmp_path, OnBad.drop_row)
+    (run,) = read(tmp_path, BadRows.drop_row)
     assert run.dropped["driver_unknown"] == 30
     assert len(run.labels) == 6  # unknown from 1 s after the last word on
 
@@ -139,7 +139,7 @@ def test_other_units_are_refused(tmp_path, name, factor):
     table = {c: values * factor if c.rstrip("1234") == name else values for c, values in TABLE.items()}
     openacc_files.write(tmp_path, openacc_files.run_of(table))
     with pytest.raises(InvalidInputError) as caught:
-        read(tmp_path, OnBad.drop_row)
+        read(tmp_path, BadRows.drop_row)
     assert caught.value.problem.code == "wrong-units"
 
 
@@ -151,7 +151,7 @@ def test_a_line_of_other_bytes_is_a_broken_one(tmp_path, place):
     path.write_bytes(b"".join([*lines[: 7 + place], b"\n", *lines[7 + place :]]))
     with refused("line-broken", row=place + 1):
         read(tmp_path)
-    (run,) = read(tmp_path, OnBad.drop_row)
+    (run,) = read(tmp_path, BadRows.drop_row)
     assert run.dropped["broken_line"] == 1
 
 

@@ -15,7 +15,7 @@ from benchmarks.sensor_layouts import (
     traffic,
     write_pneuma,
 )
-from rearl_jax.config.data import DataConfig, DataFormat, OnBad
+from rearl_jax.config.data import BadRows, DataConfig, DataFormat
 from rearl_jax.data.recordings import data_id, iterate_recordings
 from rearl_jax.data.roads.stretch import stretch_of
 from rearl_jax.problems import InvalidInputError, MissingInputError
@@ -38,7 +38,7 @@ def lines(vehicles) -> list[str]:
 def read(tmp_path: Path):
     def read(
         lines: list[str],
-        on_bad: OnBad = OnBad.stop,
+        on_bad: BadRows = BadRows.stop,
         stretch: tuple[float, ...] | None = STRETCH,
         header: str = PNEUMA_HEADER,
         end: str = "\n",
@@ -186,7 +186,7 @@ def test_a_cut_line_is_named_or_counted(lines, read):
     cut = [*lines[:-1], lines[-1].rstrip("; ")[:-3]]
     with refused("line-broken", row=len(lines)):
         read(cut, end="")
-    assert read(cut, OnBad.drop_row, end="").dropped["broken_line"] == 1
+    assert read(cut, BadRows.drop_row, end="").dropped["broken_line"] == 1
 
 
 @pytest.mark.parametrize(

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from rearl_jax.config.data import DataConfig, DataFormat, OnBad
+from rearl_jax.config.data import BadRows, DataConfig, DataFormat
 from rearl_jax.data.recordings import count_recordings, is_generated, iterate_recordings
 from rearl_jax.problems import InvalidInputError, MissingInputError
 from tests.data.formats import sumo_files
@@ -20,7 +20,7 @@ ROWS = sumo_files.rows()
 TEXT = sumo_files.xml_of(ROWS)
 
 
-def read(root: Path, on_bad: OnBad = OnBad.stop):
+def read(root: Path, on_bad: BadRows = BadRows.stop):
     (recording,) = iterate_recordings(DataConfig(DataFormat.sumo, str(root), on_bad=on_bad))
     return recording
 
@@ -138,7 +138,7 @@ def test_damaged_files_are_refused(tmp_path, text, code, fields):
 
 def test_a_file_that_was_cut_off_is_read_up_to_there(tmp_path):
     sumo_files.write(tmp_path, TEXT[: len(TEXT) * 9 // 10])
-    recording = read(tmp_path, OnBad.drop_row)
+    recording = read(tmp_path, BadRows.drop_row)
     assert recording.dropped["broken_line"] == 1
     assert len(recording.table) > 0.8 * len(ROWS)
     assert any("what came after is not known" in note for note in recording.info.notes)
@@ -148,7 +148,7 @@ def test_a_damaged_row_does_not_move_the_others(tmp_path):
     expected = read(sumo_files.write(tmp_path, TEXT)).table
     rows = [dict(row) for row in ROWS]
     next(row for row in rows if row["id"] == "flow.1" and row["time"] == 20.0)["pos"] = -3.0
-    table = read(sumo_files.write(tmp_path, sumo_files.xml_of(rows)), OnBad.drop_row).table
+    table = read(sumo_files.write(tmp_path, sumo_files.xml_of(rows)), BadRows.drop_row).table
     table, expected = (t[t["vehicle"] == "flow.2"].reset_index(drop=True) for t in (table, expected))
     pd.testing.assert_frame_equal(table, expected)
 
@@ -158,7 +158,7 @@ def test_other_units_are_refused(tmp_path, attribute, factor):
     rows = [row | {attribute: row[attribute] * factor} for row in ROWS]
     sumo_files.write(tmp_path, sumo_files.xml_of(rows))
     with pytest.raises(InvalidInputError) as caught:
-        read(tmp_path, OnBad.drop_row)
+        read(tmp_path, BadRows.drop_row)
     assert caught.value.problem.code in ("wrong-units", "bad-time")
 
 

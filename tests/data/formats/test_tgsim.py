@@ -8,7 +8,7 @@ import pandas as pd
 import pytest
 
 from benchmarks.sensor_layouts import LANE_WIDTH, tgsim_rows, traffic, write_tgsim
-from rearl_jax.config.data import DataConfig, DataFormat, OnBad
+from rearl_jax.config.data import BadRows, DataConfig, DataFormat
 from rearl_jax.data.recordings import iterate_recordings
 from rearl_jax.problems import MissingInputError
 from tests.data.changed_rows import with_values
@@ -22,7 +22,7 @@ def rows() -> pd.DataFrame:
 
 @pytest.fixture
 def read(tmp_path: Path):
-    def read(rows: pd.DataFrame, on_bad: OnBad = OnBad.stop, name: str = "I294_L1_final.csv"):
+    def read(rows: pd.DataFrame, on_bad: BadRows = BadRows.stop, name: str = "I294_L1_final.csv"):
         rows.to_csv(tmp_path / name, index=False)
         return list(iterate_recordings(DataConfig(DataFormat.tgsim, str(tmp_path), on_bad=on_bad)))
 
@@ -97,7 +97,7 @@ def test_a_ramp_that_leaves_is_counted(rows, read):
     ramp = rows.assign(
         **{"lane-kf": np.where(leaving & (rows["time"] > 8.0), 7, rows["lane-kf"]), "yloc-kf": rows["yloc-kf"] + shift}
     )
-    (recording,) = read(ramp, OnBad.drop_row)
+    (recording,) = read(ramp, BadRows.drop_row)
     assert recording.dropped["off_road"] == (ramp["lane-kf"] == 7).sum()
 
 
@@ -132,7 +132,7 @@ def test_a_vehicle_that_drives_backwards_in_its_lane_is_named(rows, read):
     turned.loc[own, ["xloc-kf", "yloc-kf"]] = rows.loc[own, ["xloc-kf", "yloc-kf"]].to_numpy()[::-1]
     with refused("wrong-direction", row=int(np.argmax(own)) + 1):
         read(turned)
-    (recording,) = read(turned, OnBad.drop_row)
+    (recording,) = read(turned, BadRows.drop_row)
     assert recording.dropped["wrong_direction"] == own.sum()
 
 
@@ -142,7 +142,7 @@ def test_a_cut_line_is_named_or_counted(rows, tmp_path, read):
     path.write_bytes(path.read_bytes()[:-30])
     with refused("line-broken", row=len(rows)):
         list(iterate_recordings(DataConfig(DataFormat.tgsim, str(tmp_path))))
-    (recording,) = iterate_recordings(DataConfig(DataFormat.tgsim, str(tmp_path), on_bad=OnBad.drop_row))
+    (recording,) = iterate_recordings(DataConfig(DataFormat.tgsim, str(tmp_path), on_bad=BadRows.drop_row))
     assert recording.dropped["broken_line"] == 1
 
 

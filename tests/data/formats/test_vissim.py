@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from rearl_jax.config.data import DataConfig, DataFormat, OnBad
+from rearl_jax.config.data import BadRows, DataConfig, DataFormat
 from rearl_jax.data.recordings import is_generated, iterate_recordings
 from rearl_jax.problems import InvalidInputError, MissingInputError
 from tests.data.formats import vissim_files
@@ -14,7 +14,7 @@ ROWS = vissim_files.rows()
 TEXT = vissim_files.record_of(ROWS)
 
 
-def read(root, on_bad: OnBad = OnBad.stop):
+def read(root, on_bad: BadRows = BadRows.stop):
     (recording,) = iterate_recordings(DataConfig(DataFormat.vissim, str(root), on_bad=on_bad))
     return recording
 
@@ -85,7 +85,7 @@ def test_units_that_are_not_stated_are_vissims_own_and_a_note_says_so(tmp_path):
     text = vissim_files.record_of(ROWS, speed="mph")
     vissim_files.write(tmp_path, "\n".join(line for line in text.splitlines() if not line.startswith("*")))
     with refused("wrong-units", column="SPEED"):
-        read(tmp_path, OnBad.drop_row)
+        read(tmp_path, BadRows.drop_row)
 
 
 def test_without_types_and_lengths_what_is_assumed_is_said(tmp_path):
@@ -138,7 +138,7 @@ def test_damaged_files_are_refused(tmp_path, text, code, fields):
 
 def test_broken_lines_are_counted(tmp_path):
     vissim_files.write(tmp_path, TEXT[:-20])
-    assert read(tmp_path, OnBad.drop_row).dropped["broken_line"] == 1
+    assert read(tmp_path, BadRows.drop_row).dropped["broken_line"] == 1
 
 
 def test_a_folder_without_records_names_what_is_wanted(tmp_path):

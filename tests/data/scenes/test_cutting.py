@@ -25,7 +25,7 @@ from rearl_jax.config.scenes import (
 )
 from rearl_jax.data.records import Recording, RecordingInfo
 from rearl_jax.data.scenes.cutting import build_scenes
-from rearl_jax.data.scenes.scene_set import real_lane_change_rate, scale_speed
+from rearl_jax.data.scenes.scene_set import recorded_lane_change_rate, scale_speed
 from rearl_jax.data.scenes.scene_windows import actions
 from tests.refusal import refused
 
@@ -199,7 +199,7 @@ def test_scenes_equal_a_slow_reading_of_the_definition(rate, scenes, d, metric):
     np.testing.assert_array_equal(built.action, values(action))
     changed = (built.next_lane != built.lane) & built.has_next
     assert set(np.unique(built.action)) == {0, 1, 2, 3, 4}, "every action must occur for the comparison to count"
-    np.testing.assert_allclose(real_lane_change_rate(built), changed.mean(axis=(1, 2)))
+    np.testing.assert_allclose(recorded_lane_change_rate(built), changed.mean(axis=(1, 2)))
     assert not built.has_next.all()
 
 
@@ -352,7 +352,7 @@ def test_unknown_lanes_are_refused_only_where_lanes_matter():
     assert (built.lane == -1).all()
     assert (built.action == 1).all()
     with refused("lane-missing"):
-        real_lane_change_rate(built)
+        recorded_lane_change_rate(built)
     with refused("lane-missing", key="features.d"):
         build([recording(*standing(4, lane=pd.NA))], d=FeatureDistance.dhw)
 

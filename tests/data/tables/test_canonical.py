@@ -4,7 +4,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from rearl_jax.config.data import DataConfig, DataFormat, OnBad
+from rearl_jax.config.data import BadRows, DataConfig, DataFormat
 from rearl_jax.data.problems import BadRecordingError
 from rearl_jax.data.recordings import is_generated, iterate_recordings
 from rearl_jax.data.records import Recording, RecordingInfo
@@ -14,7 +14,7 @@ from rearl_jax.problems import MissingInputError
 from tests.refusal import refused
 
 STOP = DataConfig()
-DROP_ROW = DataConfig(on_bad=OnBad.drop_row)
+DROP_ROW = DataConfig(on_bad=BadRows.drop_row)
 
 
 @pytest.fixture
@@ -198,7 +198,7 @@ def test_large_ids_are_read(vehicle_rows, tmp_path, ending):
 
 
 @pytest.mark.parametrize("ending", [".csv", ".parquet"])
-@pytest.mark.parametrize("policy", [OnBad.drop_row, OnBad.drop_track])
+@pytest.mark.parametrize("policy", [BadRows.drop_row, BadRows.drop_track])
 def test_what_is_read_can_be_written_and_read_again(vehicle_rows, tmp_path, ending, policy):
     rows = vehicle_rows.assign(time=(1.62e9 + vehicle_rows["frame"] / 10.0).round(0), recording="..\\cam 1")
     rows = rows.assign(position=rows["position"] - 5.7e6, vehicle_class=rows["vehicle_class"].str.upper())

@@ -27,7 +27,7 @@ def _known_again(tables, owner):
     """Drivers whose persons are those that `owner` makes of their tracks."""
     tracks = [table["track_id"].unique() for table, _ in tables]
     labels = [pd.Series([owner(k, track) for track in own], index=own, dtype=object) for k, own in enumerate(tracks)]
-    return reading.measure(tables, labels={"person": labels}, same="person")
+    return reading.measure(tables, labels={"person": labels}, identity_label="person")
 
 
 def test_no_person_is_in_two_parts(tables_of):
@@ -35,7 +35,7 @@ def test_no_person_is_in_two_parts(tables_of):
     data = _known_again(tables, lambda recording, track: f"p{track % 12}")
     parts = split_drivers(data)
     assert [len(set(part.recording.tolist())) for part in parts] == [3, 3, 3]  # without persons one each
-    persons = [set(part.same.tolist()) for part in parts]
+    persons = [set(part.identity_of_driver.tolist()) for part in parts]
     assert sum(map(len, persons)) == len(set.union(*persons)) == 12
     assert n_shared(parts[0], parts[2]) == 0
     few = split_drivers(_known_again(tables, lambda recording, track: f"p{track % 3}"))

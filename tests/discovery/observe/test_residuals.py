@@ -27,7 +27,7 @@ from rearl_jax.discovery.read.smoothing import thinned
 from rearl_jax.discovery.report.figures import stretches
 from rearl_jax.discovery.report.presentation import residual_table
 from rearl_jax.discovery.report.protocols import speed_deviation
-from rearl_jax.discovery.search.atlas import chart_of, part_scores
+from rearl_jax.discovery.search.atlas import grid_of, part_scores
 from rearl_jax.discovery.search.finder import Group, stability_selection
 from rearl_jax.discovery.search.maps import curve_of
 from rearl_jax.discovery.search.null import driver_noise
@@ -82,8 +82,8 @@ def test_felt_is_what_the_observer_makes_of_an_acceleration(solver_and_world):
 
 def test_map_shows_the_planted_dependence_with_its_size(planted):
     _, left = planted
-    chart = chart_of(left)
-    basis = next(one for one in chart.bases if one.variable.name == "lateral_offset")
+    grid = grid_of(left)
+    basis = next(one for one in grid.bases if one.variable.name == "lateral_offset")
     pair = innovation_and_acceleration_scores(
         basis.columns(basis.variable.values), left, acceleration_derivatives(left)
     )
@@ -98,8 +98,8 @@ def test_map_shows_the_planted_dependence_with_its_size(planted):
 
 def test_finder_selects_the_planted_variable_and_none_beside_it(planted):
     _, left = planted
-    chart = chart_of(left)
-    found = stability_selection(part_scores(left, chart).curves, chart.groups(), 0)
+    grid = grid_of(left)
+    found = stability_selection(part_scores(left, grid).curves, grid.groups(), 0)
     assert (found[0].variable, found[0].acts_on) == ("lateral_offset", "acceleration")
     assert found[0].frequency > 0.9
     assert all(one.frequency < 0.5 for one in found[1:])

@@ -26,7 +26,7 @@ def test_a_planted_delay_is_read(tables_of):
     assert figure["high"] - figure["low"] < 0.3
     assert figure["low"] > 0.5
     # Parameters that were found without a delay imitate a part of it.
-    assert found.found.delay(np.arange(len(found.found.measured))) < figure["value"]
+    assert found.undelayed.delay(np.arange(len(found.undelayed.measured))) < figure["value"]
 
 
 def test_drivers_who_respond_at_once_are_not_late(tables_of):

@@ -241,13 +241,13 @@ def test_labels_stay_with_their_drivers(recordings_of):
     assert data.n_drivers == 36 <= len(names)
     first = data.of_drivers(data.label("recording") == recordings[0].info.id)
     assert first.label("kind").tolist() == [f"odd_{vehicle % 2}" for vehicle in np.unique(first.vehicle)]
-    assert set(first.same) == {0}
-    assert sorted(set(data.same)) == [0, 1, 2]
+    assert set(first.identity_of_driver) == {0}
+    assert sorted(set(data.identity_of_driver)) == [0, 1, 2]
     shuffled = data.select(np.random.default_rng(1).permutation(len(data.driver)))
     both = first.with_drivers(shuffled)
     for part, expected in ((slice(0, 12), first), (slice(12, None), data)):
         assert both.label("kind")[part].tolist() == expected.label("kind").tolist()
-        assert both.same[part].tolist() == expected.same.tolist()
+        assert both.identity_of_driver[part].tolist() == expected.identity_of_driver.tolist()
     _, few = measured_drivers(recordings, DiscoverConfig(by="kind", max_drivers=9))
     assert [(few.label("kind") == kind).sum() for kind in ("odd_0", "odd_1")] == [9, 9]
-    assert set(few.same) == {-1}
+    assert set(few.identity_of_driver) == {-1}

@@ -153,7 +153,7 @@ def test_the_thresholds_of_a_verdict_have_their_meaning():
     assert "Thresholds of the decision" not in [section.title for section in document().sections]
     (row,) = folded("Thresholds of the decision", thresholds={"least_total": 16.25}).tables[0].rows
     assert (row.title, row.cells[0].value) == ("least total", "16.25")
-    assert re.match(r"Gain and check, .*\[nats\]", row.cells[1].value)
+    assert re.match(r"Total .*\[nats\]", row.cells[1].value)
 
 
 @pytest.mark.parametrize(

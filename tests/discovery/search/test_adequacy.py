@@ -13,7 +13,13 @@ from rearl_jax.discovery.observe.noise import calibrate
 from rearl_jax.discovery.observe.parts import measured_drivers
 from rearl_jax.discovery.observe.residuals import residuals_of
 from rearl_jax.discovery.observe.solver import solver_of
-from rearl_jax.discovery.search.adequacy import Adequacy, by_noise_alone, misjudgement, neighbours, staleness
+from rearl_jax.discovery.search.adequacy import (
+    Adequacy,
+    by_noise_alone,
+    misjudgement,
+    neighbour_autocorrelation,
+    staleness,
+)
 from rearl_jax.discovery.search.null import noise_alone
 from rearl_jax.discovery.thresholds import THRESHOLDS
 
@@ -74,8 +80,8 @@ def test_the_right_model_of_smoothed_drives_leaves_correlated_innovations(record
     solver = solver_of(data)
     state, noise = calibrate(solver, data)
     fit = Fit(None, state, noise)
-    measured = neighbours(residuals_of(solver, [state], [fit])[0])
-    by_noise = np.mean([neighbours(again) for (again,) in by_noise_alone(solver, [state], fit, 7)])
+    measured = neighbour_autocorrelation(residuals_of(solver, [state], [fit])[0])
+    by_noise = np.mean([neighbour_autocorrelation(again) for (again,) in by_noise_alone(solver, [state], fit, 7)])
     assert measured > THRESHOLDS.most_autocorrelation
     assert abs(measured - by_noise) < THRESHOLDS.most_autocorrelation
 
@@ -84,7 +90,7 @@ def test_innovations_of_sharp_drives_are_independent(solver, calibrated):
     state, noise = calibrated
     fit = Fit(None, state, noise)
     for again in (residuals_of(solver, [state], [fit]), *by_noise_alone(solver, [state], fit, 7)):
-        assert abs(neighbours(again[0])) < 0.5 * THRESHOLDS.most_autocorrelation
+        assert abs(neighbour_autocorrelation(again[0])) < 0.5 * THRESHOLDS.most_autocorrelation
 
 
 LEFT = {"kurtosis": 0.0, "kurtosis_deviation": 0.02, "kurtosis_before": 0.0, "autocorrelation": 0.01,

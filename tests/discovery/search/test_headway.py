@@ -11,7 +11,7 @@ from rearl_jax.discovery.observe.fit_state import new_state, replaced
 from rearl_jax.discovery.read.lasting import lasting
 from rearl_jax.discovery.read.training import halves
 from rearl_jax.discovery.report.error_block import Resampling
-from rearl_jax.discovery.report.variation import scored, variation_section
+from rearl_jax.discovery.report.variation import entry_of, variation_section
 from rearl_jax.discovery.search.headway import (
     CONSTANT_TIME_GAP,
     TimeGapVariation,
@@ -72,14 +72,14 @@ def test_a_time_gap_that_varies_is_found_and_scored_better(solver, varying):
         name: energy_scores(solver, halved, varying, 1, one)
         for name, one in (("before", CONSTANT_TIME_GAP), ("constant", CONSTANT_TIME_GAP), ("varying", found))
     }
-    block = scored(found, 1.3, scores, Resampling(0.95, 200, 0))
+    block = entry_of(found, 1.3, scores, Resampling(0.95, 200, 0))
     change = block["energy_score"]["change_share"]
     assert change["low"] < change["value"] < -0.03
     assert block["time_gap"] == pytest.approx(1.3 * found.sd, rel=0.5)
     section = variation_section({"time_gap_variation": block})
     assert len(section.tables[0].rows) == 5
     assert not variation_section({}).tables
-    nobody = scored(found, 1.3, dict.fromkeys(scores, np.empty(0)), Resampling(0.95, 200, 0))
+    nobody = entry_of(found, 1.3, dict.fromkeys(scores, np.empty(0)), Resampling(0.95, 200, 0))
     assert nobody["energy_score"] is None
     assert not variation_section({"time_gap_variation": nobody}).tables
 

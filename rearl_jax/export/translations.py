@@ -1,4 +1,4 @@
-"""Report on the export of each part of a model: its place in the other program, or why it has none."""
+"""Translation of each part of a model into another program: its place there, or why it has none."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -9,12 +9,12 @@ from rearl_jax.core.effects import EFFECTS
 
 
 @dataclass(frozen=True)
-class Said:
-    """One part of a model.
+class Translation:
+    """Translation of one part of a model, or of one attribute of a file that is imported.
 
     Attributes:
-        what: Parameter or effect of the model.
-        where: Attribute of the other program that holds it; None without a counterpart.
+        what: Parameter or effect of the model; for an import the attribute.
+        where: Its counterpart in the other program, for an import in the model; None for none.
         remark: Accuracy of the translation, or why there is none; empty if it is exact.
     """
 
@@ -29,20 +29,21 @@ class Exported:
 
     Attributes:
         text: Content of the file.
-        said: Report on each part of the model.
+        translations: That of each part of the model.
     """
 
     text: str
-    said: tuple[Said, ...]
+    translations: tuple[Translation, ...]
 
 
-def said_table(said: Sequence[Said]) -> pd.DataFrame:
+def translation_table(translations: Sequence[Translation]) -> pd.DataFrame:
     """One row per part of a model: `what`, `where` (null without a counterpart), `remark`."""
-    return pd.DataFrame([(part.what, part.where, part.remark) for part in said], columns=["what", "where", "remark"])
+    rows = [(part.what, part.where, part.remark) for part in translations]
+    return pd.DataFrame(rows, columns=["what", "where", "remark"])
 
 
-def unsaid_effects(names: Iterable[str], program: str) -> list[Said]:
-    """Report on effects without a counterpart in a program.
+def untranslated_effects(names: Iterable[str], program: str) -> list[Translation]:
+    """Translations of effects that have no counterpart in a program.
 
     Args:
         names: Names of the effects.
@@ -55,4 +56,4 @@ def unsaid_effects(names: Iterable[str], program: str) -> list[Said]:
         "road": "belongs to the road, not to its drivers: put it into the network",
         "lane_change": f"{program}'s lane changing has no such term",
     }
-    return [Said(name, None, reasons[EFFECTS[name].kind]) for name in names]
+    return [Translation(name, None, reasons[EFFECTS[name].kind]) for name in names]
