@@ -73,7 +73,7 @@ def apply_where(
         (columns,) = jnp.nonzero(remaining, size=size, fill_value=n_scenarios)
 
         def gathered(values: Array) -> Array:
-            return values if values.shape[-1] == 1 else jnp.take(values, columns, axis=-1, mode="clip")
+            return values if values.shape[-1] == 1 else take_scenarios(values, columns)
 
         treated = function(jax.tree.map(gathered, operands))
         result = jax.tree.map(
@@ -158,14 +158,31 @@ def process_in_blocks(members: SetBits, size: int, process: Callable[[Block, Wor
         work: Result before the first block.
     """
 
-    def is_unfinished(progress: tuple[Array, Work]) -> Array:
+    # The block is part of the progress, so that it is stored: XLA would otherwise find its members again for every value
+    # that is gathered.
+    def stored(block: Block) -> tuple[Array, Array, Array]:
+        return block.word, block.bit, block.is_filled
+
+    def is_unfinished(progress: tuple[Array, tuple, Work]) -> Array:
         return progress[0] < members.count
 
-    def process_next(progress: tuple[Array, Work]) -> tuple[Array, Work]:
-        first, work = progress
-        return first + size, process(members.block(first, size), work)
+    def process_next(progress: tuple[Array, tuple, Work]) -> tuple[Array, tuple, Work]:
+        first, block, work = progress
+        work = process(Block(*block, len(members.end)), work)
+        return first + size, stored(members.block(first + size, size)), work
 
-    return lax.while_loop(is_unfinished, process_next, (jnp.int32(0), work))[1]
+    return lax.while_loop(is_unfinished, process_next, (jnp.int32(0), stored(members.block(0, size)), work))[2]
+
+
+def take_scenarios(values: Array, columns: Int[Array, " some"]) -> Array:
+    """Values of some scenarios, the last axis; indices beyond the last scenario take the last one.
+
+    Taken by flat index, because XLA on a CPU needs twice the time along an axis.
+    """
+    *axes, n_scenarios = values.shape
+    rows = lax.iota(jnp.int32, math.prod(axes))[:, None] * n_scenarios
+    index = rows + jnp.minimum(columns.astype(jnp.int32), n_scenarios - 1)[None]
+    return values.ravel().at[index].get(mode="promise_in_bounds", wrap_negative_indices=False).reshape(*axes, len(columns))
 
 
 def gather(values: Array, index: Int[Array, "*block"], shape: tuple[int, ...]) -> Array:
@@ -178,7 +195,7 @@ def gather(values: Array, index: Int[Array, "*block"], shape: tuple[int, ...]) -
     """
     if values.size == 1:
         return values.reshape((1,) * index.ndim)
-    return jnp.broadcast_to(values, shape).ravel().at[index].get(mode="promise_in_bounds")
+    return jnp.broadcast_to(values, shape).ravel().at[index].get(mode="promise_in_bounds", wrap_negative_indices=False)
 
 
 def scatter(values: Array, index: Int[Array, " block"], is_filled: Bool[Array, " block"], otherwise: Array) -> Array:
