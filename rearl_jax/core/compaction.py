@@ -158,8 +158,8 @@ def process_in_blocks(members: SetBits, size: int, process: Callable[[Block, Wor
         work: Result before the first block.
     """
 
-    # The block is part of the progress, so that it is stored: XLA would otherwise find its members again for every value
-    # that is gathered.
+    # The block is part of the progress, so that it is stored: XLA would otherwise find its members again for every
+    # value that is gathered.
     def stored(block: Block) -> tuple[Array, Array, Array]:
         return block.word, block.bit, block.is_filled
 
@@ -182,7 +182,8 @@ def take_scenarios(values: Array, columns: Int[Array, " some"]) -> Array:
     *axes, n_scenarios = values.shape
     rows = lax.iota(jnp.int32, math.prod(axes))[:, None] * n_scenarios
     index = rows + jnp.minimum(columns.astype(jnp.int32), n_scenarios - 1)[None]
-    return values.ravel().at[index].get(mode="promise_in_bounds", wrap_negative_indices=False).reshape(*axes, len(columns))
+    taken = values.ravel().at[index].get(mode="promise_in_bounds", wrap_negative_indices=False)
+    return taken.reshape(*axes, len(columns))
 
 
 def gather(values: Array, index: Int[Array, "*block"], shape: tuple[int, ...]) -> Array:

@@ -44,19 +44,27 @@ per piece in its last axis.
 
 
 class Programs:
-    """Compiled programs of one data configuration: time step and elements of theta.
+    """Compiled programs of one data configuration: time step, elements of theta, pieces per batch.
 
     A program contains the active terms only, because with one effect it takes a twentieth of the time of all effects.
     Data sets of the same configuration share programs, so a process that analyses many data sets compiles once.
     """
 
-    def __init__(self, layout: Layout, dt: float) -> None:
+    def __init__(self, layout: Layout, dt: float, n_pieces: int) -> None:
+        """Prepares the programs; nothing is compiled before the first call.
+
+        Args:
+            layout: Layout of theta.
+            dt: Time step [s].
+            n_pieces: Typical number of pieces that a call evaluates, from which the size of a batch follows.
+        """
         if len(_SHAPES) > MOST_SHAPES:
             _MADE.clear()
             _SHAPES.clear()
             jax.clear_caches()
         self.layout, self.dt = layout, dt
-        self._configuration = (dt, tuple(layout.places.items()), layout.prior)
+        self._batch = batch_for(n_pieces)
+        self._configuration = (dt, tuple(layout.places.items()), layout.prior, self._batch)
         self._made = _MADE.setdefault(self._configuration, {})
 
     def free(self, active: tuple[Term, ...]) -> tuple[int, ...]:
@@ -69,7 +77,7 @@ class Programs:
         def run(a: dict) -> Array:
             return self._innovations(a["z"], a["theta"], a, active)
 
-        return self._program(("innovations", active), run, BATCH)
+        return self._program(("innovations", active), run, self._batch)
 
     def sums(self, active: tuple[Term, ...]) -> Program:
         """Sums with the derivatives by the drivers' own parameters and by those of the active candidates."""
@@ -85,7 +93,7 @@ class Programs:
 
             return _sums(innovation, jnp.concatenate([a["z"], a["theta"][places]]), a["pieces"])
 
-        return self._program(("sums", active), run, BATCH if len(places) < 8 else BATCH // 2)
+        return self._program(("sums", active), run, self._batch if len(places) < 8 else self._batch // 2)
 
     def _sums_from_one_pass(self, active: tuple[Term, ...]) -> Program:
         """Sums as in `sums` if no effect has memory: one reverse pass per time step serves all directions."""
@@ -99,7 +107,7 @@ class Programs:
             )
             return {name: sums[name] for name in ("square", "count", "gradient")} | {"gram": sums["nuisance"]}
 
-        return self._program(("sums", active), run, BATCH)
+        return self._program(("sums", active), run, self._batch)
 
     def sensitivities(self, places: tuple[int, ...], groups: tuple[tuple[int, ...], ...], n_kept: int) -> Program:
         """`sensitivity.sensitivity_sums` for these indices of theta."""
@@ -110,7 +118,7 @@ class Programs:
                 a["z"], a["theta"], a["pieces"], self.layout, knots, places, groups, n_kept, a["following"], self.dt
             )
 
-        return self._program(("sensitivities", places, groups, n_kept), run, BATCH // 2)
+        return self._program(("sensitivities", places, groups, n_kept), run, self._batch // 2)
 
     def _innovations(self, z: Array, theta: Array, a: dict, active: tuple[Term, ...]) -> Float[Array, "steps pieces"]:
         knots, pieces, numbers = _squeezed(a["knots"]), a["pieces"], self.layout.by_name(theta)
@@ -138,10 +146,20 @@ class Programs:
         return call
 
 
-BATCH = 32
-"""Pieces per batch on one core. There is one size for few and many pieces, because to compile a program takes one to
-seven seconds, longer than the runs that a smaller batch would save.
+BATCHES = 32, 64, 128
+"""Sizes of a batch: pieces that one core evaluates at a time. A time step of a batch calls about fifty compiled
+kernels, so a piece takes 0.7 of the time in a batch of 64, and 0.6 of it in one of 128.
 """
+
+
+def batch_for(n_pieces: int) -> int:
+    """Pieces per batch on one core for a data set: the smallest size that holds its pieces, at most the largest.
+
+    A data set has one size for all numbers of pieces, because to compile a program for another size takes one to seven
+    seconds, longer than the runs that it would save.
+    """
+    wanted = n_pieces / len(jax.local_devices())
+    return next((size for size in BATCHES if wanted <= size), BATCHES[-1])
 
 
 def _remembers(term: Term) -> bool:

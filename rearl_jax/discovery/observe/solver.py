@@ -85,7 +85,7 @@ class Solver:
 
 def solver_of(data: Measured, prior: Prior = IDM_PRIOR) -> Solver:
     """A solver with the layout and knots of the given data."""
-    return Solver(Programs(layout_of(data, prior), data.dt))
+    return Solver(Programs(layout_of(data, prior), data.dt, len(data.driver)))
 
 
 def _pieces(states: Sequence[FitState]) -> list[Pieces]:
