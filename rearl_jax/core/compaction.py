@@ -163,12 +163,14 @@ def process_in_blocks(members: SetBits, size: int, process: Callable[[Block, Wor
     def stored(block: Block) -> tuple[Array, Array, Array]:
         return block.word, block.bit, block.is_filled
 
-    def is_unfinished(progress: tuple[Array, tuple, Work]) -> Array:
+    def is_unfinished(progress: tuple[Array, tuple[Array, Array, Array], Work]) -> Array:
         return progress[0] < members.count
 
-    def process_next(progress: tuple[Array, tuple, Work]) -> tuple[Array, tuple, Work]:
-        first, block, work = progress
-        work = process(Block(*block, len(members.end)), work)
+    def process_next(
+        progress: tuple[Array, tuple[Array, Array, Array], Work],
+    ) -> tuple[Array, tuple[Array, Array, Array], Work]:
+        first, (word, bit, is_filled), work = progress
+        work = process(Block(word, bit, is_filled, len(members.end)), work)
         return first + size, stored(members.block(first + size, size)), work
 
     return lax.while_loop(is_unfinished, process_next, (jnp.int32(0), stored(members.block(0, size)), work))[2]
