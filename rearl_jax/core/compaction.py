@@ -184,7 +184,7 @@ def take_scenarios(values: Array, columns: Int[Array, " some"]) -> Array:
     *axes, n_scenarios = values.shape
     rows = lax.iota(jnp.int32, math.prod(axes))[:, None] * n_scenarios
     index = rows + jnp.minimum(columns.astype(jnp.int32), n_scenarios - 1)[None]
-    taken = values.ravel().at[index].get(mode="promise_in_bounds", wrap_negative_indices=False)
+    taken = jnp.ravel(values).at[index].get(mode="promise_in_bounds", wrap_negative_indices=False)
     return taken.reshape(*axes, len(columns))
 
 
