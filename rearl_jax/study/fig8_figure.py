@@ -1,4 +1,4 @@
-"""The figure of the content of scene clusters."""
+"""Figure of the scene clusters after Fig. 8 of REARL (Bi et al.): the track labels in the scenes of each cluster."""
 
 import numpy as np
 import pandas as pd
@@ -26,7 +26,7 @@ def draw_clusters(scenes: pd.DataFrame, k: int, *, generated: bool) -> bytes:
 
     Args:
         scenes: `scene_clusters.parquet` of a clustering.
-        k: Number of labels, the clusters of tracks.
+        k: Number of labels; a label is the cluster of a track, whereas the bars are clusters of scenes.
         generated: Whether the recordings were generated, not measured.
     """
     scene_cluster = scenes["cluster"].to_numpy(np.float64, na_value=np.nan)
@@ -44,5 +44,6 @@ def draw_clusters(scenes: pd.DataFrame, k: int, *, generated: bool) -> bytes:
     below.bar(positions, [int((scene_cluster == cluster).sum()) for cluster in clusters], color=GREY)
     below.set(xlabel="cluster", ylabel="scenes")
     below.set_xticks(positions, [str(cluster) for cluster in clusters])
-    set_title(above, f"{len(scenes)} scenes, all of them assigned; clusters: {len(clusters)}")
+    n_assigned = int(np.isfinite(scene_cluster).sum())
+    set_title(above, f"{n_assigned} of {len(scenes)} scenes in {len(clusters)} clusters")
     return png(figure)

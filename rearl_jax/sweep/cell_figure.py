@@ -1,4 +1,6 @@
-"""The cells (jobs) of a multirun as a figure: a line per cell, a panel per metric, with reference rows."""
+"""The cells (jobs) of a multirun as a figure: a line per cell, a panel per metric, with marks of the references
+(recorded scenes, Base).
+"""
 
 import pandas as pd
 from matplotlib.axes import Axes
@@ -10,7 +12,7 @@ from rearl_jax.evaluation.scores import COMPARING, REAL, REAL_VS_REAL, TITLES
 from rearl_jax.evaluation.tables import HEADINGS
 
 DRAWN_METRICS = ("h", "mape", "thw", "lcr", "collisions")
-"""Metrics with a panel; `mape` is the definition common to all cells."""
+"""Metrics with a panel; `mape` stands for the column of that metric that `mape` of the configuration selects."""
 
 _RECORDED = "recorded scenes (real against real for H and MAPE)"
 
@@ -28,9 +30,10 @@ def draw_cells(config: EvaluateTask, names: list[str], table: pd.DataFrame, *, g
     height = 1.4 + 0.28 * len(names)
     figure, axes = panels(11.0, max(height, 2.4), columns=len(metrics), generated=generated)
     for panel, metric in zip(axes, metrics, strict=True):
-        reference_row = REAL_VS_REAL if metric in COMPARING else REAL
-        _marks(panel, table, names, reference_row, metric, _RECORDED, "|", DARK_GREY)
+        reference = REAL_VS_REAL if metric in COMPARING else REAL
+        _marks(panel, table, names, reference, metric, _RECORDED, "|", DARK_GREY)
         _marks(panel, table, names, BASE, metric, BASE, "D", VERMILION)
+        # TITLES has the references, which are no methods.
         for method in (name for name in table["method"].unique() if name not in (BASE, *TITLES)):
             _intervals(panel, table, names, method, metric)
         panel.set_ylim(len(names) - 0.5, -0.5)
@@ -48,29 +51,36 @@ def draw_cells(config: EvaluateTask, names: list[str], table: pd.DataFrame, *, g
 
 
 def _marks(
-    panel: Axes, table: pd.DataFrame, names: list[str], row: str, metric: str, label: str, marker: str, colour: str
+    panel: Axes,
+    table: pd.DataFrame,
+    names: list[str],
+    reference: str,
+    metric: str,
+    label: str,
+    marker: str,
+    colour: str,
 ) -> None:
-    """Draws one mark per cell for a reference row."""
-    figures = _figures(table, row, metric)
-    if not figures.empty:
-        positions = [names.index(cell) for cell in figures.index]
+    """Draws one mark per cell for a reference, a value of the column `method`."""
+    estimates = _estimates_of(table, reference, metric)
+    if not estimates.empty:
+        positions = [names.index(cell) for cell in estimates.index]
         size = 10 if marker == "|" else 4
         panel.plot(
-            figures["value"], positions, marker, color=colour, markersize=size, mfc="none", linestyle="", label=label
+            estimates["value"], positions, marker, color=colour, markersize=size, mfc="none", linestyle="", label=label
         )
 
 
 def _intervals(panel: Axes, table: pd.DataFrame, names: list[str], method: str, metric: str) -> None:
     """One dot per cell for a method, with its interval."""
-    figures = _figures(table, method, metric)
-    positions = [names.index(cell) for cell in figures.index]
-    panel.plot(figures["value"], positions, "o", color=BLUE, markersize=4, label=method)
-    has_interval = figures["low"].notna().to_numpy()
+    estimates = _estimates_of(table, method, metric)
+    positions = [names.index(cell) for cell in estimates.index]
+    panel.plot(estimates["value"], positions, "o", color=BLUE, markersize=4, label=method)
+    has_interval = estimates["low"].notna().to_numpy()
     heights = [y for y, has in zip(positions, has_interval, strict=True) if has]
-    panel.hlines(heights, figures["low"][has_interval], figures["high"][has_interval], color=BLUE, linewidth=1.2)
+    panel.hlines(heights, estimates["low"][has_interval], estimates["high"][has_interval], color=BLUE, linewidth=1.2)
 
 
-def _figures(table: pd.DataFrame, row: str, metric: str) -> pd.DataFrame:
-    """Estimates of one row and metric, by cell."""
-    rows = table[(table["method"] == row) & (table["metric"] == metric)].set_index("cell")
+def _estimates_of(table: pd.DataFrame, method: str, metric: str) -> pd.DataFrame:
+    """Estimates of one method, or reference, and metric, by cell."""
+    rows = table[(table["method"] == method) & (table["metric"] == metric)].set_index("cell")
     return rows.astype({name: float for name in ("value", "low", "high")})

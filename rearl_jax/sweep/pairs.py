@@ -16,11 +16,11 @@ from rearl_jax.problems import InvalidInputError, Problem
 
 @dataclass(frozen=True)
 class Pair:
-    """Two thresholds of the detection.
+    """A pair of thresholds of the detector.
 
     Attributes:
-        h_pct: Percentile of the Hellinger distances of base [%].
-        m_pct: Percentile of the spacing errors of base [%].
+        h_pct: Percentile of the Hellinger distances of Base, the uncorrected simulation [%].
+        m_pct: Percentile of the spacing errors of Base [%].
         threshold_h: Threshold of the Hellinger distance [-].
         threshold_m: Threshold of the spacing error [-].
     """
@@ -86,7 +86,7 @@ def choose(
         eval: Resamples, confidence and seed of the bootstrap over scenes.
 
     Raises:
-        ValueError: No scene has figures of all pairs.
+        InvalidInputError: No scene has values of all pairs.
 
     Source: REARL (Bi et al.) does not state how its pair (30 %, 5 %) was chosen; in its Table 3 it has the smallest
     sum. Percentile bootstrap: Efron & Tibshirani, An Introduction to the Bootstrap (1993), chapter 13.
@@ -94,7 +94,7 @@ def choose(
     total = h + mape
     total = total[:, np.isfinite(total).all(axis=0)]
     if not total.size:
-        message = "in every tuning scene some pair of thresholds has no figure: raise eval.n_runs, or use more data"
+        message = "in every tuning scene some pair of thresholds has no value: raise eval.n_runs, or use more data"
         raise InvalidInputError(Problem("no-figure", message))
     score = total.mean(axis=1)
     order = np.argsort(score, kind="stable")
@@ -112,7 +112,7 @@ def choose(
 def pair_table(
     pairs: list[Pair], scene_values: dict[str, Float[np.ndarray, "pairs scenes"]], choice: Choice
 ) -> pd.DataFrame:
-    """One row per pair: percentiles, thresholds, the mean of every figure, score, `win_share`, `is_best`."""
+    """One row per pair: percentiles, thresholds, means of `scene_values` over scenes, score, `win_share`, `is_best`."""
     frame = pd.DataFrame([vars(pair) for pair in pairs])
     for name, values in scene_values.items():
         frame[name] = np.nanmean(values, axis=1)
@@ -128,7 +128,14 @@ def scene_means(
     scene: Int[np.ndarray, " rollouts"],
     subset: Int[np.ndarray, " scenes"],
 ) -> Float[np.ndarray, "pairs scenes"]:
-    """Mean over runs of every pair and scene; NaN where no run has a figure."""
+    """Mean over runs of every pair and scene; NaN where no run has a value.
+
+    Args:
+        values: One value per rollout.
+        pair: Index of each rollout's pair.
+        scene: Number of each rollout's scene.
+        subset: Numbers of the scenes, rising.
+    """
     n_pairs = int(pair.max()) + 1
     group = pair * len(subset) + np.searchsorted(subset, scene)
     return grouped_mean(values, group, n_pairs * len(subset)).reshape(n_pairs, len(subset))

@@ -17,7 +17,8 @@ def vectors(n=60, seed=0):
 
 
 def test_shares_by_hand():
-    # One scene: track 5 (label 0) in three slots, track 7 (label 2) in one, one slot without label; one empty scene.
+    # Scenes, times, slots. First scene: track 5 (label 0) three times, track 7 (label 2) once, track 9 (no label)
+    # twice; second scene: empty.
     track = np.array([[[5, 5, 5], [7, 9, 9]], [[-1] * 3, [-1] * 3]])
     labels = np.array([[[0, 0, 0], [2, -1, -1]], [[-1] * 3, [-1] * 3]])
     unique = label_shares(labels, track, 3, SceneVector.unique_tracks)
@@ -84,11 +85,18 @@ def test_references_are_the_recorded_scenes_or_their_means(traffic):
 
 
 @pytest.mark.parametrize("representative", list(Representative))
-def test_references_stand_for_the_fitted_scenes_of_their_clusters(traffic, representative):
+def test_share_of_a_reference_is_that_of_its_cluster_among_the_fitted_scenes(traffic, representative):
     scenes = traffic[0]
     labels, fitted = np.full(len(scenes), -1), np.zeros(len(scenes), bool)
     labels[:10] = [0, 0, 0, 0, 1, 1, 2, 2, 2, 2]
-    toy = SceneClusters(vectors(len(scenes)), fitted, labels, vectors(3), np.array([0, 4, 6]), len(scenes))
+    toy = SceneClusters(
+        vectors=vectors(len(scenes)),
+        fitted=fitted,
+        labels=labels,
+        centres=vectors(3),
+        representatives=np.array([0, 4, 6]),
+        n_distinct=len(scenes),
+    )
     some = replace(toy, fitted=np.isin(np.arange(len(scenes)), [0, 1, 2, 4, 6]))  # 3, 1 and 1
     config = ClusterConfig(representative=representative)
     np.testing.assert_allclose(references_of(scenes, some, config).share, [0.6, 0.2, 0.2], rtol=1e-6)

@@ -49,8 +49,8 @@ def _on_lanes(table: pd.DataFrame) -> list[str]:
 def _on_overlaps(table: pd.DataFrame) -> list[str]:
     """Note if more vehicles overlap with the one ahead than noise explains."""
     ahead = next_in_lane(table)
-    beside = _next_at_same_place(table)
-    ahead = np.where(ahead == ABSENT, beside, ahead)
+    without_lane = _next_overlapping_laterally(table)
+    ahead = np.where(ahead == ABSENT, without_lane, ahead)
     rows = np.flatnonzero(ahead != ABSENT)
     position, length = table["position"].to_numpy(), table["length"].to_numpy()
     other = ahead[rows]
@@ -116,10 +116,10 @@ def _states_lanes(table: pd.DataFrame) -> bool:
     return any(table[name].notna().any() for name in ("lane", "lateral", "leader_id"))
 
 
-def _next_at_same_place(table: pd.DataFrame) -> np.ndarray:
-    """Row of the next vehicle ahead whose lateral offset is less than a vehicle width, for rows without a lane.
+def _next_overlapping_laterally(table: pd.DataFrame) -> np.ndarray:
+    """Row of the next vehicle ahead if both overlap laterally, for rows without a lane; ABSENT otherwise.
 
-    ABSENT where there is none. In a table without lanes, lateral positions and leaders, all vehicles are assumed to be
+    In a table without lanes, lateral positions and leaders, all vehicles are assumed to be
     in one lane.
     """
     lane = table["lane"].to_numpy(dtype=np.float64, na_value=np.nan)
@@ -128,7 +128,7 @@ def _next_at_same_place(table: pd.DataFrame) -> np.ndarray:
     width = np.nan_to_num(table["width"].to_numpy(), nan=_WIDTH)
     order = np.lexsort((table["position"].to_numpy(), direction, frame))
     here, there = order[:-1], order[1:]
-    with np.errstate(invalid="ignore"):  # an unknown lateral position counts as not beside
+    with np.errstate(invalid="ignore"):  # a vehicle at an unknown lateral position overlaps with none
         same = np.abs(lateral[there] - lateral[here]) < 0.5 * (width[there] + width[here])
     same &= (frame[there] == frame[here]) & (direction[there] == direction[here]) & np.isnan(lane[here])
     ahead = np.full(len(table), ABSENT)

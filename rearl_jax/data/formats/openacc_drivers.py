@@ -17,19 +17,20 @@ def switched(table: pd.DataFrame, drivers: pd.Series, info: RecordingInfo) -> tu
     """The table, in which a car becomes a new track after every switch of its driver, and the recording with a note.
 
     Args:
-        table: Rows of cars, sorted by track_id, which is the place in the platoon, and frame.
+        table: Rows of cars, sorted by track_id (the place in the platoon) and frame.
         drivers: Values of the label ACC by place and frame.
         info: The recording.
     """
     places = pd.MultiIndex.from_arrays([table["track_id"], table["frame"]])
     values = drivers.reindex(places).to_numpy(object)
     label = np.array([value if isinstance(value, str) else "" for value in values], dtype=object)
-    starts = follows_row_before(table["track_id"].to_numpy())
-    starts[1:] &= label[1:] != label[:-1]
+    # Rows that continue the track of the row before with another driver.
+    switches = follows_row_before(table["track_id"].to_numpy())
+    switches[1:] &= label[1:] != label[:-1]
     table = table.assign(**{ACC: [value or None for value in label]})
-    if not starts.any():
+    if not switches.any():
         return table, info
     share = float(np.mean(label == "1"))
-    note = f"{int(starts.sum())} switches between cruise control and person: a car continues as another track"
+    note = f"{int(switches.sum())} switches between cruise control and person: a car continues as another track"
     note += f" ({100.0 * share:.0f} % of the rows with cruise control)"
-    return split_tracks(table, starts), replace(info, notes=(*info.notes, note))
+    return split_tracks(table, switches), replace(info, notes=(*info.notes, note))

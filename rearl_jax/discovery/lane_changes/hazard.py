@@ -14,9 +14,9 @@ from jaxtyping import Bool, Float, Int
 RIDGE = 1e-3
 """Precision of a weak prior of every coefficient [-], so that a fit stays finite if a column has no information."""
 
-OWN_SHARE = 1e-4
-"""Smallest share of a column's information that other columns do not contain [-]; below it, only the weak prior
-determines the coefficient.
+LEAST_UNEXPLAINED = 1e-4
+"""Smallest share of a column's information that the other columns do not explain [-]; below it the column counts as a
+combination of them.
 """
 
 NEWTON_STEPS = 40
@@ -117,12 +117,12 @@ def score_test(
     weight = chance * (1.0 - chance)
     weighted = columns * weight[:, None]
     # The part of the column that the model's columns explain is projected out.
-    shared = np.linalg.solve(columns.T @ weighted + RIDGE * np.eye(columns.shape[1]), weighted.T @ extra)
-    unexplained = extra - columns @ shared
+    projection = np.linalg.solve(columns.T @ weighted + RIDGE * np.eye(columns.shape[1]), weighted.T @ extra)
+    unexplained = extra - columns @ projection
     scores = _by_driver((unexplained * (taken - chance))[:, None], driver)[:, 0]
     spread = float(np.sqrt((scores**2).sum()))
     information = float((weight * unexplained * extra).sum())
-    if spread <= 0.0 or information <= OWN_SHARE * float((weight * extra**2).sum()):
+    if spread <= 0.0 or information <= LEAST_UNEXPLAINED * float((weight * extra**2).sum()):
         return 0.0  # the column is a combination of the model's columns, or there were no opportunities
     return float(scores.sum()) / spread
 

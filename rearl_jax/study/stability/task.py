@@ -41,34 +41,35 @@ def run(config: StudyStabilityTask) -> dict[str, Any]:
         FileNotFoundError, ValueError: There are no recordings, or they cannot be read.
     """
     cases, options = cases_of(config), config.stability
-    read = [] if config.model is None else [model_id(config.model)]
-    read += [data_id(config.data)] if options.measured else []
-    identity, generated = ", ".join(read) or None, options.measured and is_generated(config.data)
-    study = Study(config.results.root, config.study, config, TASK, identity, generated=generated)
+    inputs = [] if config.model is None else [model_id(config.model)]
+    inputs += [data_id(config.data)] if options.measured else []
+    input_ids = ", ".join(inputs) or None  # of the model file and the recordings that are read
+    generated = options.measured and is_generated(config.data)
+    study = Study(config.results.root, config.study, config, TASK, input_ids, generated=generated)
     if (stored := study.begin(resume=config.results.resume)) is not None:
         return stored
     recordings = list(iterate_recordings(config.data)) if options.measured else []
     pairs = read_pairs(recordings, options.seconds)
-    parts_by_table: dict[str, list[pd.DataFrame]] = {name: [] for name in TABLES}
+    tables_by_name: dict[str, list[pd.DataFrame]] = {name: [] for name in TABLES}
     with progress_bar() as bar:
         line = bar.add_task("", total=len(cases) * len(TABLES))
         for case in cases:
             folder = f"{config.study}/models/{case.name}"
-            part = Study(config.results.root, folder, config, TASK, identity, generated=generated)
+            of_model = Study(config.results.root, folder, config, TASK, input_ids, generated=generated)
             made: dict[str, pd.DataFrame] = {}
             for name in TABLES:
                 bar.update(line, description=f"{case.name}: {name}")
-                made[name] = _table(name, case, config, made, pairs, part)
-                parts_by_table[name].append(made[name])
+                made[name] = _table(name, case, config, made, pairs, of_model)
+                tables_by_name[name].append(made[name])
                 bar.advance(line)
-    tables = {name: pd.concat(parts, ignore_index=True) for name, parts in parts_by_table.items()}
+    tables = {name: pd.concat(of_models, ignore_index=True) for name, of_models in tables_by_name.items()}
     verdict = [verdict_of(case.name, tables, pairs) for case in cases]
     remarks = _remarks(cases, recordings)
-    return _publish(study, config, tables, verdict, remarks, identity)
+    return _publish(study, config, tables, verdict, remarks, input_ids)
 
 
 def _table(
-    name: str, case: Case, config: StudyStabilityTask, made: Mapping[str, pd.DataFrame], pairs: Pairs, part: Study
+    name: str, case: Case, config: StudyStabilityTask, made: Mapping[str, pd.DataFrame], pairs: Pairs, of_model: Study
 ) -> pd.DataFrame:
     """A table of one model, with its name in the first column; read from disk if made before.
 
@@ -77,10 +78,10 @@ def _table(
         case: The model.
         config: The study.
         made: The model's tables before this one.
-        pairs: Measured followers.
-        part: Folder of the model.
+        pairs: Measured leader-follower pairs.
+        of_model: Results of the model.
     """
-    if not part.owns(name):
+    if not of_model.owns(name):
         options = config.stability
         make: dict[str, Callable[[], pd.DataFrame]] = {
             "amplification": lambda: amplification_table(case, options),
@@ -92,19 +93,20 @@ def _table(
         }
         table = make[name]()
         table.insert(0, "model", case.name)
-        part.write_table(name, table, seeds=f"stability.seed={options.seed}")
-    return pd.read_parquet(part.path / f"{name}.parquet")
+        of_model.write_table(name, table, seeds=f"stability.seed={options.seed}")
+    return pd.read_parquet(of_model.path / f"{name}.parquet")
 
 
 def _remarks(cases: Sequence[Case], recordings: Sequence[Recording]) -> Remarks:
-    """The recordings, and effects that the analysis leaves out."""
+    """The recordings, and effects that the linear stability analysis of each model leaves out."""
     infos = tuple(recording.info for recording in recordings)
     notes = tuple(
-        f"{case.name}: the analysis leaves out {', '.join(case.beyond_analysis)}, the simulation does not"
+        f"{case.name}: the linear stability analysis leaves out {', '.join(case.beyond_analysis)},"
+        " the simulation does not"
         for case in cases
         if case.beyond_analysis
     )
-    data = f"{len(infos)} recordings, whose followers are compared." if infos else ""
+    data = f"{len(infos)} recordings, whose followers are compared with simulated ones." if infos else ""
     return Remarks(data, notes, sources=data_sources(infos))
 
 
@@ -114,7 +116,7 @@ def _publish(
     tables: Mapping[str, pd.DataFrame],
     verdict: list[dict[str, Any]],
     remarks: Remarks,
-    identity: str | None,
+    input_ids: str | None,
 ) -> dict[str, Any]:
     """The summary, with everything written."""
     generated, options = config.stability.measured and is_generated(config.data), config.stability
@@ -126,7 +128,7 @@ def _publish(
     figures = draw_figures(tables, generated=generated)
     for name, content in figures.items():
         study.write_bytes(f"{name}.png", content)
-    study.write_text("page.html", page_of(document, config, figures, data_id=identity))
+    study.write_text("page.html", page_of(document, config, figures, data_id=input_ids))
     summary = summary_of(tables, verdict)
     study.write_summary(summary)
     return summary
