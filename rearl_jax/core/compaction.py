@@ -19,6 +19,7 @@ from typing import NamedTuple, TypeVar
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import lax
 from jaxtyping import Array, Bool, Int, UInt32
 
@@ -72,7 +73,7 @@ def apply_where(
         remaining, result = progress
         (columns,) = jnp.nonzero(remaining, size=size, fill_value=n_scenarios)
 
-        def gathered(values: Array) -> Array:
+        def gathered(values: Array | np.ndarray) -> Array | np.ndarray:
             return values if values.shape[-1] == 1 else take_scenarios(values, columns)
 
         treated = function(jax.tree.map(gathered, operands))
@@ -88,7 +89,7 @@ class Block(NamedTuple):
     """A block of members of a list of set bits.
 
     Attributes:
-        word: Index of the word that contains each bit; in empty places that of the last member.
+        word: Index of the word that contains each bit; in empty places the last word.
         bit: Position of the bit within its word.
         is_filled: Whether a place contains a member.
         n_words: Number of words.
@@ -176,14 +177,14 @@ def process_in_blocks(members: SetBits, size: int, process: Callable[[Block, Wor
     return lax.while_loop(is_unfinished, process_next, (jnp.int32(0), stored(members.block(0, size)), work))[2]
 
 
-def take_scenarios(values: Array, columns: Int[Array, " some"]) -> Array:
-    """Values of some scenarios, the last axis; indices beyond the last scenario take the last one.
+def take_scenarios(values: Array | np.ndarray, columns: Int[Array, " some"]) -> Array:
+    """Values of some scenarios, the last axis; indices outside take the first or the last one.
 
     Taken by flat index, because XLA on a CPU needs twice the time along an axis.
     """
     *axes, n_scenarios = values.shape
     rows = lax.iota(jnp.int32, math.prod(axes))[:, None] * n_scenarios
-    index = rows + jnp.minimum(columns.astype(jnp.int32), n_scenarios - 1)[None]
+    index = rows + jnp.clip(columns.astype(jnp.int32), 0, n_scenarios - 1)[None]
     taken = jnp.ravel(values).at[index].get(mode="promise_in_bounds", wrap_negative_indices=False)
     return taken.reshape(*axes, len(columns))
 

@@ -14,6 +14,7 @@ from rearl_jax.core.compaction import (
     process_in_blocks,
     room_for,
     scatter,
+    take_scenarios,
 )
 
 N_VEHICLES, N_SCENARIOS, ONE_IN = 100, 5, 16
@@ -104,3 +105,11 @@ def test_position_of_the_nth_bit():
     expected = [[b for b in range(32) if n >> b & 1][r] for n, r in zip(words.tolist(), rank, strict=True)]
     found = bits.position(jnp.asarray(words), jnp.asarray(rank, jnp.int32))
     np.testing.assert_array_equal(found, expected)
+
+
+@pytest.mark.parametrize("shape", [(4,), (2, 4), (3, 2, 4)])
+@pytest.mark.parametrize("of", [np.asarray, jnp.asarray])
+def test_scenarios_are_taken_along_the_last_axis(shape, of):
+    values = np.arange(np.prod(shape)).reshape(shape)
+    taken = take_scenarios(of(values), jnp.asarray([2, 0, 2, 9, -1]))
+    np.testing.assert_array_equal(taken, values[..., [2, 0, 2, 3, 0]])
