@@ -13,7 +13,7 @@ import numpy as np
 from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
-from rearl_jax.core.compaction import take_scenarios
+from rearl_jax.core.compaction import take_columns
 from rearl_jax.core.drivers import Drivers
 from rearl_jax.core.gap_driving import begin_driving
 from rearl_jax.core.model import TrafficModel
@@ -109,7 +109,7 @@ class Boundary(eqx.Module):
 
     def _of_scenarios(self, values: tuple) -> tuple:
         """Values of the recorded scene around each scenario."""
-        return jax.tree.map(lambda leaf: take_scenarios(leaf, jnp.asarray(self.scene)), values)
+        return jax.tree.map(lambda leaf: take_columns(leaf, jnp.asarray(self.scene)), values)
 
 
 def replayed_vehicles(motion: Motion, identity: Identity) -> ReplayedVehicles:

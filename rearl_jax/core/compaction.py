@@ -24,7 +24,7 @@ from jax import lax
 from jaxtyping import Array, Bool, Int, UInt32
 
 from rearl_jax.core import bits
-from rearl_jax.core.order import flat_index, take_vehicles
+from rearl_jax.core.order import flat_index, take_flat, take_vehicles
 
 Operands = TypeVar("Operands")
 Result = TypeVar("Result")
@@ -74,7 +74,7 @@ def apply_where(
         (columns,) = jnp.nonzero(remaining, size=size, fill_value=n_scenarios)
 
         def gathered(values: Array | np.ndarray) -> Array | np.ndarray:
-            return values if values.shape[-1] == 1 else take_scenarios(values, columns)
+            return values if values.shape[-1] == 1 else take_columns(values, columns)
 
         treated = function(jax.tree.map(gathered, operands))
         result = jax.tree.map(
@@ -85,7 +85,7 @@ def apply_where(
     return lax.while_loop(has_remaining, treat_next, (is_affected, otherwise))[1]
 
 
-class Block(NamedTuple):
+class Block(eqx.Module):
     """A block of members of a list of set bits.
 
     Attributes:
@@ -98,7 +98,7 @@ class Block(NamedTuple):
     word: Int[Array, " block"]
     bit: Int[Array, " block"]
     is_filled: Bool[Array, " block"]
-    n_words: int
+    n_words: int = eqx.field(static=True)
 
     @property
     def index(self) -> Int[Array, " block"]:
@@ -159,34 +159,27 @@ def process_in_blocks(members: SetBits, size: int, process: Callable[[Block, Wor
         work: Result before the first block.
     """
 
-    # The block is part of the progress, so that it is stored: XLA would otherwise find its members again for every
-    # value that is gathered.
-    def stored(block: Block) -> tuple[Array, Array, Array]:
-        return block.word, block.bit, block.is_filled
-
-    def is_unfinished(progress: tuple[Array, tuple[Array, Array, Array], Work]) -> Array:
+    def is_unfinished(progress: tuple[Array, Block, Work]) -> Array:
         return progress[0] < members.count
 
-    def process_next(
-        progress: tuple[Array, tuple[Array, Array, Array], Work],
-    ) -> tuple[Array, tuple[Array, Array, Array], Work]:
-        first, (word, bit, is_filled), work = progress
-        work = process(Block(word, bit, is_filled, len(members.end)), work)
-        return first + size, stored(members.block(first + size, size)), work
+    def process_next(progress: tuple[Array, Block, Work]) -> tuple[Array, Block, Work]:
+        first, block, work = progress
+        return first + size, members.block(first + size, size), process(block, work)
 
-    return lax.while_loop(is_unfinished, process_next, (jnp.int32(0), stored(members.block(0, size)), work))[2]
+    # The block is part of the progress, so that it is stored: XLA would otherwise find its members again for every
+    # value that is gathered.
+    return lax.while_loop(is_unfinished, process_next, (jnp.int32(0), members.block(0, size), work))[2]
 
 
-def take_scenarios(values: Array | np.ndarray, columns: Int[Array, " some"]) -> Array:
-    """Values of some scenarios, the last axis; indices outside take the first or the last one.
+def take_columns(values: Array | np.ndarray, columns: Int[Array, " some"]) -> Array:
+    """Values at some indices of the last axis, such as scenarios; indices outside take the first or the last value.
 
     Taken by flat index, because XLA on a CPU needs twice the time along an axis.
     """
     *axes, n_scenarios = values.shape
     rows = lax.iota(jnp.int32, math.prod(axes))[:, None] * n_scenarios
     index = rows + jnp.clip(columns.astype(jnp.int32), 0, n_scenarios - 1)[None]
-    taken = jnp.ravel(values).at[index].get(mode="promise_in_bounds", wrap_negative_indices=False)
-    return taken.reshape(*axes, len(columns))
+    return take_flat(values, index).reshape(*axes, len(columns))
 
 
 def gather(values: Array, index: Int[Array, "*block"], shape: tuple[int, ...]) -> Array:
@@ -199,7 +192,7 @@ def gather(values: Array, index: Int[Array, "*block"], shape: tuple[int, ...]) -
     """
     if values.size == 1:
         return values.reshape((1,) * index.ndim)
-    return jnp.broadcast_to(values, shape).ravel().at[index].get(mode="promise_in_bounds", wrap_negative_indices=False)
+    return take_flat(jnp.broadcast_to(values, shape), index)
 
 
 def scatter(values: Array, index: Int[Array, " block"], is_filled: Bool[Array, " block"], otherwise: Array) -> Array:

@@ -10,7 +10,15 @@ from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
 from rearl_jax.core.car_following.highway_env_idm import HighwayEnvIDM
-from rearl_jax.core.compaction import Block, gather, if_any, list_vehicles, process_in_blocks, scatter
+from rearl_jax.core.compaction import (
+    Block,
+    gather,
+    if_any,
+    list_vehicles,
+    process_in_blocks,
+    scatter,
+    take_columns,
+)
 from rearl_jax.core.drivers import Drivers
 from rearl_jax.core.driving import Driving
 from rearl_jax.core.mobil import acceleration_behind, decide_lanes, evaluate_lanes, is_due, lane_gains
@@ -159,18 +167,13 @@ def _of_block_among_replayed(
     scenario = block.index % n_scenarios
 
     def of_scenarios(values: Values) -> Values:
-        return jax.tree.map(lambda leaf: gather(leaf, _flat_indices(leaf, scenario, n_scenarios), leaf.shape), values)
+        return jax.tree.map(lambda leaf: take_columns(leaf.reshape(-1, n_scenarios), scenario), values)
 
     candidates = Candidates(replace(state, memory=None), replace(derived, replayed=None))
     gathered = _gathered(block.index[None], candidates, state)
     among = of_scenarios(candidates)
     own_derived = replace(gathered.derived, replayed=of_scenarios(derived.replayed))
     return gathered.state, own_derived, Candidates(among.state, among.derived, block.index[None] // n_scenarios)
-
-
-def _flat_indices(leaf: Array, scenario: Int[Array, " block"], n_scenarios: int) -> Int[Array, "n block"]:
-    """Flat indices of all rows of an array in some scenarios."""
-    return lax.iota(jnp.int32, leaf.shape[0])[:, None] * n_scenarios + scenario[None]
 
 
 def _decided_lanes(

@@ -21,7 +21,7 @@ from jax import lax
 from jaxtyping import Array, Float, Int, UInt32
 
 from rearl_jax.core.compaction import Block, gather, if_any, list_vehicles, process_in_blocks, scatter
-from rearl_jax.core.order import NO_VEHICLE, flat_index, take_vehicles
+from rearl_jax.core.order import NO_VEHICLE, flat_index, take_flat, take_vehicles
 
 Words = tuple[UInt32[Array, "..."], ...]
 """Bit fields of all lanes, packed into as few words as possible."""
@@ -157,7 +157,7 @@ class NearestOnLanes(eqx.Module):
             index: The vehicles; values for NO_VEHICLE are undefined.
         """
         flat = jnp.maximum(index, 0) * self.n_scenarios + self.scenario
-        return values.ravel().at[flat].get(mode="promise_in_bounds")
+        return take_flat(values, flat)
 
     def of_block(self, index: Int[Array, " block"]) -> "NearestOnLanes":
         """The same for some vehicles of any scenarios, given by flat indices; only these vehicles can then search."""

@@ -8,6 +8,7 @@ import math
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import lax
 from jaxtyping import Array, Float, Int
 
@@ -82,6 +83,11 @@ def flat_index(index: Int[Array, "places *scenarios"]) -> Int[Array, "places *sc
     return index * n_scenarios + lax.iota(jnp.int32, n_scenarios).reshape(1, *index.shape[1:])
 
 
+def take_flat(values: Array | np.ndarray, index: Int[Array, "*places"]) -> Array:
+    """Values at flat indices of existing elements, none of which counts from the end."""
+    return jnp.ravel(values).at[index].get(mode="promise_in_bounds", wrap_negative_indices=False)
+
+
 def take_vehicles(values: Array, index: Int[Array, "places *scenarios"]) -> Array:
     """Each scenario's values at the given vehicle indices; the first vehicle's for NO_VEHICLE.
 
@@ -90,7 +96,7 @@ def take_vehicles(values: Array, index: Int[Array, "places *scenarios"]) -> Arra
     if values.shape[0] == 1:
         return values
     full = jnp.broadcast_to(values, (values.shape[0], *index.shape[1:]))
-    return full.ravel().at[flat_index(jnp.maximum(index, 0))].get(mode="promise_in_bounds")
+    return take_flat(full, flat_index(jnp.maximum(index, 0)))
 
 
 def inverse(order: Int[Array, "vehicles *scenarios"]) -> Int[Array, "vehicles *scenarios"]:

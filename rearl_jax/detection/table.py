@@ -12,6 +12,7 @@ import jax.numpy as jnp
 from jaxtyping import Array, Float, Int, Key
 
 from rearl_jax.config.metrics import HistConfig
+from rearl_jax.core.compaction import take_columns
 from rearl_jax.core.neighbours import for_each_vehicle, row
 from rearl_jax.detection.references import References
 from rearl_jax.metrics.histograms import cumulative_speed_counts
@@ -140,7 +141,7 @@ def at_second(values: Array, second: Int[Array, ""]) -> Array:
 
 def of_reference(values: Array, reference: Int[Array, " scenarios"]) -> Array:
     """Values of each scenario's reference: from `[..., n_references]` to `[..., n_scenarios]`."""
-    return jnp.take(values, reference, axis=-1, mode="clip")
+    return take_columns(values, reference)
 
 
 def snapshot(table: ReferenceTable, second: Int[Array, ""], reference: Int[Array, " scenarios"]) -> Snapshot:

@@ -14,7 +14,7 @@ from rearl_jax.core.compaction import (
     process_in_blocks,
     room_for,
     scatter,
-    take_scenarios,
+    take_columns,
 )
 
 N_VEHICLES, N_SCENARIOS, ONE_IN = 100, 5, 16
@@ -111,5 +111,5 @@ def test_position_of_the_nth_bit():
 @pytest.mark.parametrize("of", [np.asarray, jnp.asarray])
 def test_scenarios_are_taken_along_the_last_axis(shape, of):
     values = np.arange(np.prod(shape)).reshape(shape)
-    taken = take_scenarios(of(values), jnp.asarray([2, 0, 2, 9, -1]))
+    taken = take_columns(of(values), jnp.asarray([2, 0, 2, 9, -1]))
     np.testing.assert_array_equal(taken, values[..., [2, 0, 2, 3, 0]])
