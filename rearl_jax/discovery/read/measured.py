@@ -147,6 +147,11 @@ class Measured:
     labels: Mapping[str, np.ndarray] = field(default_factory=dict)
 
     @property
+    def gap(self) -> Float[np.ndarray, "steps pieces"]:
+        """Measured bumper-to-bumper gap to the leader, by smoothed positions [m]."""
+        return self.surroundings.leader_rear - (self.smooth + self.length / 2)
+
+    @property
     def n_drivers(self) -> int:
         """Number of drivers."""
         return int(self.driver.max()) + 1 if len(self.driver) else 0

@@ -141,7 +141,7 @@ def draw_example(residuals: Mapping[str, Residuals], errors: Mapping[str, ModelE
     data = residuals["before"].state.data
     rows, begins = stretches(data.weight[:, piece] > 0, data.stride)
     time, leader = data.surroundings.time[rows, piece], data.leader[rows, piece]
-    gap = (data.surroundings.leader_rear - data.smooth - data.length / 2)[rows, piece]
+    gap = data.gap[rows, piece]
     # NaN interrupts the line at changes of leader.
     measured = np.where(begins | np.r_[False, leader[1:] != leader[:-1]], np.nan, gap)
     above.plot(time, measured, color=DARK_GREY, linewidth=2.0, label="measured")

@@ -143,16 +143,11 @@ def measures_of(splits: Sequence[Split], deviations: Sequence[Deviation]) -> dic
     """The PROTOCOL_MEASURES of each driver, over the time steps of the test drives that count; `deviations` belong to
     the splits, in order.
     """
-    gaps = [gap_of(split.test) for split in splits]
+    gaps = [split.test.gap for split in splits]
     speeds = [speed_deviation(deviation, split.test) for deviation, split in zip(deviations, splits, strict=True)]
     gap_rmse, gap_rms, speed_rmse = (error_of_splits(splits, values) for values in (deviations, gaps, speeds))
     gap_nrmse = gap_rmse / np.maximum(gap_rms, SMALLEST_GAP)
     return {"gap_rmse": gap_rmse, "gap_nrmse": gap_nrmse, "speed_rmse": speed_rmse}
-
-
-def gap_of(data: Measured) -> Float[np.ndarray, "steps pieces"]:
-    """Measured gaps [m]."""
-    return data.surroundings.leader_rear - (data.smooth + data.length / 2)
 
 
 def speed_deviation(deviation: Deviation, data: Measured) -> Float[np.ndarray, "steps pieces"]:

@@ -186,12 +186,10 @@ def kurtosis(innovation: Float[np.ndarray, "steps pieces"], weight: Float[np.nda
 
 def unequal_noise(innovation: Float[np.ndarray, "steps pieces"], data: Measured) -> dict[str, float]:
     """Dependence of the size of innovations [m] on gap, speed and approach rate, in standard deviations [-]."""
-    surroundings = data.surroundings
-    gap = np.maximum(surroundings.leader_rear - (data.smooth + data.length / 2), 1.0)
     situations = {
-        "gap": np.log(gap),
+        "gap": np.log(np.maximum(data.gap, 1.0)),
         "speed": data.smooth_speed,
-        "approach_rate": np.abs(data.smooth_speed - surroundings.leader_speed),
+        "approach_rate": np.abs(data.smooth_speed - data.surroundings.leader_speed),
     }
     relative = innovation**2 / data.driver_mean(innovation**2)[data.driver]
     return {name: _in_deviations(_driver_scores(relative, values, data)) for name, values in situations.items()}

@@ -20,7 +20,6 @@ from rearl_jax.discovery.observe.solver import solver_of
 from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.report.equilibrium import time_gaps
 from rearl_jax.discovery.report.error_block import Resampling
-from rearl_jax.discovery.report.protocols import gap_of
 from rearl_jax.study.real.known import KnownTimeGap
 
 MAX_ACCELERATION, MAX_APPROACH_RATE, MIN_SPEED = 0.2, 0.3, 5.0
@@ -99,7 +98,7 @@ def _calibrated(
 
 def _measured(data: Measured, is_steady: np.ndarray, pieces: np.ndarray) -> dict[str, float | int]:
     """Measured time gap of the given pieces, its standard error between runs, and the amount of data."""
-    time_gap = gap_of(data) / np.maximum(data.smooth_speed, MIN_SPEED)
+    time_gap = data.gap / np.maximum(data.smooth_speed, MIN_SPEED)
     step = data.dt * data.stride
 
     def median(chosen: np.ndarray) -> float:

@@ -21,7 +21,7 @@ def calibrated(monkeypatch):
     def known(data, model, speed, *, lane_changes):
         assert speed == pytest.approx(SPEED)
         asked.append((model.model, lane_changes))
-        return data.driver_mean(facts.gap_of(data)) / SPEED
+        return data.driver_mean(data.gap) / SPEED
 
     asked = []
     monkeypatch.setattr(facts, "_calibrated", known)
