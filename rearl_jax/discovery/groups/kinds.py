@@ -122,7 +122,7 @@ def driver_likelihoods(solver: Solver, fit: Fit) -> DriverLikelihoods:
     state = fit.state
     assert state.sums is not None
     calibrated = slice(0, state.z.shape[1])
-    information = state.sums.gram[:, calibrated, calibrated] / state.variances[:, None, None]
+    information = state.own_information
     slope = state.sums.gradient[:, calibrated] / state.variances[:, None]
     away = state.away
     n, size = away.shape

@@ -86,6 +86,13 @@ class FitState:
             return np.full(self.data.n_drivers, self.variance)
         return (self.freedom * self.variance + self.sums.square) / (self.freedom + self.sums.count)
 
+    @property
+    def own_information(self) -> Float[np.ndarray, "drivers own own"]:
+        """Information on each driver's standardised parameters in its innovations, without that of the population."""
+        assert self.sums is not None
+        n_own = self.z.shape[1]
+        return self.sums.gram[:, :n_own, :n_own] / self.variances[:, None, None]
+
     def log_likelihood(self) -> Float[np.ndarray, " drivers"]:
         """Log-likelihood of each driver's innovations with its variance integrated out, less a constant [nats]."""
         assert self.sums is not None
@@ -100,10 +107,7 @@ class FitState:
 
     def log_width(self) -> Float[np.ndarray, " drivers"]:
         """Twice the logarithm of the ratio of prior to posterior width of each driver's own parameters [-]."""
-        assert self.sums is not None
-        n_own = self.z.shape[1]
-        own = self.sums.gram[:, :n_own, :n_own] / self.variances[:, None, None] + self.precision
-        return np.linalg.slogdet(own)[1] + 2 * np.log(self.spread).sum()
+        return np.linalg.slogdet(self.own_information + self.precision)[1] + 2 * np.log(self.spread).sum()
 
     def marginal(self) -> Float[np.ndarray, " drivers"]:
         """Log-likelihood of each driver with its own parameters integrated out over the population [nats]. It makes

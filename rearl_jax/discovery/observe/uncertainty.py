@@ -42,11 +42,10 @@ def standard_deviations(solver: Solver, state: FitState) -> StandardDeviations:
     """
     assert state.sums is not None
     free = solver.free(state)
-    gram = state.sums.gram / state.variances[:, None, None]
     gradient = state.sums.gradient / state.variances[:, None]
     n_own = state.z.shape[1]
     own, added = slice(0, n_own), slice(n_own, n_own + len(free))
-    inverse = np.linalg.inv(gram[:, own, own] + state.precision)
+    inverse = np.linalg.inv(state.own_information + state.precision)
     drivers = np.sqrt(np.einsum("dii->di", inverse))
     if not len(free):
         return StandardDeviations(np.empty(0), drivers)
@@ -77,7 +76,7 @@ def _projected(state: FitState, n_free: int) -> tuple[np.ndarray, np.ndarray]:
     own, added = slice(0, n_own), slice(n_own, n_own + n_free)
     gram = state.sums.gram / state.variances[:, None, None]
     coupling = gram[:, own, added]
-    response = np.linalg.solve(gram[:, own, own] + state.precision, coupling)
+    response = np.linalg.solve(state.own_information + state.precision, coupling)
     return response, (gram[:, added, added] - np.einsum("dij,dik->djk", coupling, response)).sum(axis=0)
 
 

@@ -110,10 +110,8 @@ def population(fit: Fit, data: Measured, prior: Prior) -> dict[str, DriverClass]
 
 def _unknown_share(fit: Fit, members: np.ndarray) -> np.ndarray:
     """Mean share, over the class members, of each parameter's prior variance that their data leave [-]."""
-    assert fit.state.sums is not None
-    n_own = fit.state.z.shape[1]
-    gram = fit.state.sums.gram[members][:, :n_own, :n_own] / fit.state.variances[members, None, None]
-    remaining = np.einsum("dii->di", np.linalg.inv(gram + fit.state.precision)) / fit.state.spread**2
+    own = fit.state.own_information[members] + fit.state.precision
+    remaining = np.einsum("dii->di", np.linalg.inv(own)) / fit.state.spread**2
     return np.clip(remaining.mean(axis=0), 0.0, 1.0)
 
 
