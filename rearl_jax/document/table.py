@@ -111,6 +111,13 @@ def table_of(
     return Table(title, tuple(headings[name] for name in others), rows)
 
 
+def cell_of(figure: Mapping[str, Any] | None, sign: str = "") -> Cell:
+    """A figure {value, low, high} with its interval, `-` if it is missing; `sign` as in `number`."""
+    if figure is None:
+        return Cell(NONE)
+    return Cell(number(figure["value"], sign), interval(figure["low"], figure["high"], sign))
+
+
 def _cell(record: Mapping[Any, Any], name: str) -> Cell:
     return Cell(number(record[name]), interval(record.get(f"{name}_low"), record.get(f"{name}_high")))
 

@@ -10,7 +10,7 @@ from typing import Any
 from rearl_jax.discovery.report.protocols import PROTOCOLS
 from rearl_jax.discovery.report.words import base_words, described
 from rearl_jax.document.document import Section
-from rearl_jax.document.table import NONE, Cell, Row, Table, interval, number, percent, sentence, spoken
+from rearl_jax.document.table import Cell, Row, Table, cell_of, percent, sentence, spoken
 
 
 def base_section(verdict: Mapping[str, Any]) -> Section:
@@ -22,7 +22,8 @@ def base_section(verdict: Mapping[str, Any]) -> Section:
     headings = ("gain [nats]", "most likely in", *(f"{spoken(name)} [m]" for name in shown), "result")
     rows = []
     for row in base["compared"]:
-        errors = (_error(row["protocols"][name]) for name in shown)
+        tested = (row["protocols"][name] for name in shown)
+        errors = (cell_of(errors and errors["gap_rmse"]["mean"]) for errors in tested)
         rows.append(Row(spoken(row["name"]), (*_evidence(row, base), *errors, _result(row, base))))
     drivers = base["drivers"]
     how = (
@@ -40,17 +41,8 @@ def base_section(verdict: Mapping[str, Any]) -> Section:
 
 
 def _evidence(row: Mapping[str, Any], base: Mapping[str, Any]) -> tuple[Cell, Cell]:
-    gain = row["gain"]
-    if row["name"] == base["driver"]:
-        return Cell(NONE), Cell(percent(row["best_share"]))
-    return Cell(number(gain["value"], "+"), interval(gain["low"], gain["high"], "+")), Cell(percent(row["best_share"]))
-
-
-def _error(errors: Mapping[str, Any] | None) -> Cell:
-    if errors is None:
-        return Cell(NONE)
-    mean = errors["gap_rmse"]["mean"]
-    return Cell(number(mean["value"]), interval(mean["low"], mean["high"]))
+    gain = None if row["name"] == base["driver"] else row["gain"]
+    return cell_of(gain, "+"), Cell(percent(row["best_share"]))
 
 
 def _result(row: Mapping[str, Any], base: Mapping[str, Any]) -> Cell:

@@ -34,7 +34,7 @@ from rearl_jax.discovery.report.words import (
 from rearl_jax.discovery.search.variables import title_of
 from rearl_jax.discovery.thresholds import THRESHOLDS, meanings
 from rearl_jax.document.document import DataSource, Document, Section
-from rearl_jax.document.table import NONE, Cell, Row, Table, interval, number, percent, sentence, spoken
+from rearl_jax.document.table import NONE, Cell, Row, Table, cell_of, number, percent, sentence, spoken
 
 MOST_CANDIDATES, MOST_VARIABLES = 12, 5
 """Largest number of rows of their tables; candidates.parquet and maps.parquet contain all."""
@@ -151,14 +151,14 @@ def _section(title: str, words: str, table: Table, *, is_folded: bool = False) -
 def _error_section(error: Mapping[str, Any]) -> Section:
     columns = ("before", "after", "change")
     rows = [
-        Row(title, tuple(_cell(error["all"][name][key], "+" if key == "change" else "") for key in columns))
+        Row(title, tuple(cell_of(error["all"][name][key], "+" if key == "change" else "") for key in columns))
         for name, title in _MEASURES.items()
     ]
     noise = error.get("noise_alone", error["floor"])
-    rows.append(Row("gap error by the drivers' own noise alone [m]", (Cell(""), _cell(noise), Cell(""))))
+    rows.append(Row("gap error by the drivers' own noise alone [m]", (Cell(""), cell_of(noise), Cell(""))))
     times = error.get("response_time", {})
     if any(times.values()):
-        cells = (Cell(NONE) if times[model] is None else _cell(times[model], "+") for model in ("before", "after"))
+        cells = (cell_of(times[model], "+") for model in ("before", "after"))
         rows.append(Row("response time beyond the model's [s]", (*cells, Cell(""))))
     words = sentence(error_words(error)) + share_words(error) + response_words(error)
     table = Table("Errors on drivers not used in the fit", _headings(error), tuple(rows))
@@ -176,10 +176,9 @@ def _protocol_tables(error: Mapping[str, Any]) -> tuple[Table, ...]:
     has_idm = any(mean.get(IDM, mean["before"]) != mean["before"] for mean in means.values())
     rows = []
     for name, mean in means.items():
-        cells = [Cell(str(tested[name]["n_drivers"])), *(_cell(mean[end]) for end in ("population", "before", "after"))]
-        cells.append(_share_cell(mean["change_share"]))
+        cells = [Cell(str(tested[name]["n_drivers"])), *_error_cells(mean)]
         if has_idm:
-            cells += [_cell(mean[IDM]), _share_cell(mean[f"{IDM}_share"])]
+            cells += [cell_of(mean[IDM]), _share_cell(mean[f"{IDM}_share"])]
         rows.append(Row(spoken(name), tuple(cells)))
     before, after, _ = _headings(error)
     headings = ["drivers", "population [m]", f"{before} [m]", f"{after} [m]", "change"]
@@ -192,7 +191,6 @@ def _protocol_tables(error: Mapping[str, Any]) -> tuple[Table, ...]:
 def _protocol_section(error: Mapping[str, Any]) -> Section:
     """Section of every measure under every protocol."""
     tables, notes, title = [], [], "Errors by source of a driver's parameters"
-    keys = ("population", "before", "after")
     for name, errors in error.get("protocols", {}).items():
         notes.append(f"{spoken(name)}: {PROTOCOLS[name]}")
         if errors is None:
@@ -201,7 +199,7 @@ def _protocol_section(error: Mapping[str, Any]) -> Section:
         if errors["left_out"]:
             notes[-1] += f"; {errors['left_out']} drivers were recorded too briefly and are left out"
         rows = [
-            Row(f"{statistic} {label}", (*(_cell(figures[key]) for key in keys), _share_cell(figures["change_share"])))
+            Row(f"{statistic} {label}", _error_cells(figures))
             for measure, label in _PROTOCOL_MEASURES.items()
             for statistic, figures in errors[measure].items()
         ]
@@ -215,13 +213,15 @@ def _protocol_section(error: Mapping[str, Any]) -> Section:
     return Section(title, (how,), tuple(tables), tuple(map(sentence, notes)), is_folded=True)
 
 
+def _error_cells(figures: Mapping[str, Any]) -> tuple[Cell, ...]:
+    """Errors with the population's parameters, before and after, and the change as a share."""
+    errors = (cell_of(figures[name]) for name in ("population", "before", "after"))
+    return (*errors, _share_cell(figures["change_share"]))
+
+
 def _share_cell(value: Mapping[str, Any]) -> Cell:
     share, low, high = (100 * value[name] for name in ("value", "low", "high"))
     return Cell(f"{share:+.1f} %", f"{low:+.1f} to {high:+.1f}")
-
-
-def _cell(value: Mapping[str, Any], sign: str = "") -> Cell:
-    return Cell(number(value["value"], sign), interval(value["low"], value["high"], sign))
 
 
 def _effect_section(verdict: Mapping[str, Any]) -> Section:
@@ -242,7 +242,7 @@ def _effect_section(verdict: Mapping[str, Any]) -> Section:
 
 
 def _effect_rows(effect: Mapping[str, Any]) -> list[Row]:
-    cells = [(Cell(_with_unit(name, value["unit"])), _cell(value)) for name, value in effect["parameters"].items()]
+    cells = [(Cell(_with_unit(name, value["unit"])), cell_of(value)) for name, value in effect["parameters"].items()]
     if not 0 < len(cells) <= MOST_PARAMETERS:
         cells = [(Cell(f"a curve through {len(cells)} values" if cells else NONE), Cell(NONE))]
     return [Row(described(effect), (*pair, Cell(f"{effect['confidence']:.2f}"))) for pair in cells]

@@ -5,7 +5,7 @@ from typing import Any
 
 from rearl_jax.discovery.report.words import described
 from rearl_jax.document.document import Section
-from rearl_jax.document.table import NONE, Cell, Row, Table, interval, number, percent, sentence, spoken
+from rearl_jax.document.table import NONE, Cell, Row, Table, cell_of, number, percent, sentence, spoken
 
 MOST_NUMBERS = 2
 """Largest number of parameters shown with an effect; the verdict of the group contains all."""
@@ -62,11 +62,7 @@ def _cells(row: Mapping[str, Any], speeds: list[str]) -> tuple[Cell, ...]:
     figures = [error["before"], error["after"], *(row["equilibrium_time_gap"][speed] for speed in speeds)]
     n_drivers = f"{sum(row['drivers'].values())}" + (f" of {row['cars']} persons or cars" if row["cars"] else "")
     model = spoken(row.get("car_following", "idm"))
-    return (Cell(n_drivers), Cell(model), Cell(row["verdict"]), Cell(effects), *map(_figure, figures))
-
-
-def _figure(value: Mapping[str, Any] | None) -> Cell:
-    return Cell(NONE) if value is None else Cell(number(value["value"]), interval(value["low"], value["high"]))
+    return (Cell(n_drivers), Cell(model), Cell(row["verdict"]), Cell(effects), *map(cell_of, figures))
 
 
 def with_numbers(effect: Mapping[str, Any]) -> str:

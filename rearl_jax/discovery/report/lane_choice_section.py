@@ -15,7 +15,7 @@ from rearl_jax.discovery.lane_changes.prediction import (
     PREDICTORS,
 )
 from rearl_jax.document.document import Section
-from rearl_jax.document.table import NONE, Cell, Row, Table, interval, number, percent, sentence, spoken
+from rearl_jax.document.table import Cell, Row, Table, cell_of, number, percent, sentence, spoken
 
 TITLE = "Lane changes of other drivers"
 
@@ -84,8 +84,8 @@ def _model_table(prediction: Mapping[str, Any]) -> Table:
     rows = []
     for name, title in PREDICTORS.items():
         scores = every["models"][name]
-        less = Cell(NONE) if name == BASE_RATE else _cell(scores["less_base_rate"], "+")
-        cells = (_cell(scores["log_loss"]), less, _cell(scores["balanced_accuracy"]))
+        less = cell_of(None if name == BASE_RATE else scores["less_base_rate"], "+")
+        cells = (cell_of(scores["log_loss"]), less, cell_of(scores["balanced_accuracy"]))
         rows.append(Row(title, (*cells, Cell(f"{scores['expected']:.0f}"))))
     headings = (
         "log loss [nats/s]",
@@ -100,7 +100,7 @@ def _strata_table(prediction: Mapping[str, Any], measure: str, title: str) -> Ta
     rows = []
     for name, scores in prediction["strata"].items():
         sign = "+" if measure == "less_base_rate" else ""
-        cells = (_cell(scores["models"][model][measure], sign) for model in _SHOWN)
+        cells = (cell_of(scores["models"][model][measure], sign) for model in _SHOWN)
         rows.append(Row(STRATA[name], (Cell(str(scores["changes"])), Cell(f"{scores['seconds'] / 60:.1f}"), *cells)))
     headings = ("changes", "driver-minutes", *(PREDICTORS[name] for name in _SHOWN))
     return Table(f"{title.capitalize()}, by side and urgency", headings, tuple(rows))
@@ -110,7 +110,7 @@ def _mobil_table(prediction: Mapping[str, Any]) -> Table:
     original, rows = MobilRule(), []
     for name, estimate in prediction["mobil"].items():
         unit = "" if estimate["unit"] == "-" else f" [{estimate['unit']}]"
-        rows.append(Row(f"{spoken(name)}{unit}", (Cell(number(getattr(original, name))), _cell(estimate))))
+        rows.append(Row(f"{spoken(name)}{unit}", (Cell(number(getattr(original, name))), cell_of(estimate))))
     return Table("Parameters of MOBIL", ("original", "calibrated"), tuple(rows))
 
 
@@ -132,9 +132,3 @@ def _notes(prediction: Mapping[str, Any]) -> tuple[str, ...]:
         "the driver reaches later; destinations beyond the recording are unknown",
     )
     return tuple(map(sentence, notes))
-
-
-def _cell(figure: Mapping[str, Any] | None, sign: str = "") -> Cell:
-    if figure is None:
-        return Cell(NONE)
-    return Cell(number(figure["value"], sign), interval(figure["low"], figure["high"], sign))
