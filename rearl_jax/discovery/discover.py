@@ -28,7 +28,7 @@ from rearl_jax.discovery.read.gate import Finding
 from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.report import tables
 from rearl_jax.discovery.report.equilibrium import equilibrium_time_gaps
-from rearl_jax.discovery.report.error_block import IDM, Resampling, error_block
+from rearl_jax.discovery.report.error_block import IDM, error_block
 from rearl_jax.discovery.report.errors import ModelErrors, model_errors
 from rearl_jax.discovery.report.lane_choice_scores import LANE_CHANGE_TABLE, prediction_block, prediction_table
 from rearl_jax.discovery.report.population import population_block
@@ -46,6 +46,7 @@ from rearl_jax.discovery.report.verdict import (
     unseen,
     verdict_of,
 )
+from rearl_jax.discovery.resampling import Resampling
 from rearl_jax.discovery.search.adequacy import Adequacy
 from rearl_jax.discovery.search.headway import CONSTANT_TIME_GAP
 from rearl_jax.discovery.search.lane_choice import lane_choice, with_lane_choice
@@ -157,7 +158,7 @@ def _discovery(config: DiscoverTask, parts: Parts, found: BestSearch, lanes: Lan
     effects = [
         replace(claim, depends_on_base=not_found_with.get((claim.name, claim.variables), ())) for claim in effects
     ]
-    error = error_block(errors, options.confidence, options.draws, options.seed)
+    error = error_block(errors, resampling)
     change = error["change"]
     time_gaps = equilibrium_time_gaps(solver, outcome.first.state, options)
     verdict_on_following = {
@@ -278,7 +279,7 @@ def _oracle(config: DiscoverTask, solver: Solver, parts: Parts) -> dict[str, Any
         "effects": [],
         "candidates": [],
         "unseen": [],
-        "error": error_block(errors, options.confidence, options.draws, options.seed),
+        "error": error_block(errors, Resampling(options.confidence, options.draws, options.seed)),
         "base": None,
         "adequacy": None,
         "lane_choice": None,

@@ -6,9 +6,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from jaxtyping import Float, Int
+from jaxtyping import Float
 
 from rearl_jax.discovery.report.protocols import PREDICTING
+from rearl_jax.discovery.resampling import resamples
 from rearl_jax.discovery.thresholds import THRESHOLDS
 
 DRAWS = 2000
@@ -42,11 +43,6 @@ class Choice:
         return other in self.vetoed and not (self.chosen in self.vetoed and is_smaller)
 
 
-def resamples(n: int, seed: int) -> Int[np.ndarray, "draws drivers"]:
-    """Indices of drivers drawn with replacement."""
-    return np.random.default_rng(seed).integers(0, n, (DRAWS, n))
-
-
 def choice_of(
     gains: Sequence[Float[np.ndarray, " drivers"]], errors: Sequence[Mapping[str, Float[np.ndarray, " _"]]], seed: int
 ) -> Choice:
@@ -59,7 +55,7 @@ def choice_of(
             was not simulated.
         seed: Seed of the resamples.
     """
-    drawn = np.stack([gain[resamples(len(gain), seed)].sum(axis=1) for gain in gains])
+    drawn = np.stack([gain[resamples(len(gain), DRAWS, seed)].sum(axis=1) for gain in gains])
     better = (drawn > drawn[0]).mean(axis=1).tolist()
     best = np.bincount(drawn.argmax(axis=0), minlength=len(gains)) / DRAWS
     vetoed = frozenset().union(
@@ -83,7 +79,7 @@ def is_beaten(
 ) -> bool:
     """True if a model with `own_gains` is significantly less likely than the most likely model."""
     gain = max(gains, key=lambda other: float(other.sum())) - own_gains
-    drawn = gain[resamples(len(gain), seed)].sum(axis=1)
+    drawn = gain[resamples(len(gain), DRAWS, seed)].sum(axis=1)
     return bool((drawn > 0).mean() >= THRESHOLDS.base_confidence and gain.sum() > THRESHOLDS.least_base_gain)
 
 
@@ -101,7 +97,7 @@ def _probably_worse(errors: Sequence[Float[np.ndarray, " tested"] | None], seed:
     if not tested:
         return frozenset()
     best = min(tested.values(), key=lambda error: float(error.mean()))
-    drawn = resamples(len(best), seed)
+    drawn = resamples(len(best), DRAWS, seed)
     tolerated = (1 + THRESHOLDS.base_error_share) * best[drawn].mean(axis=1)
     return frozenset(
         index

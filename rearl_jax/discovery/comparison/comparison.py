@@ -23,8 +23,9 @@ from rearl_jax.discovery.observe.base import Base
 from rearl_jax.discovery.observe.drivers import Prior
 from rearl_jax.discovery.observe.parts import Parts
 from rearl_jax.discovery.observe.solver import solver_of
-from rearl_jax.discovery.report.error_block import STATISTICS, Resampling
+from rearl_jax.discovery.report.error_block import STATISTICS
 from rearl_jax.discovery.report.protocols import PROTOCOL_MEASURES, PROTOCOLS
+from rearl_jax.discovery.resampling import Resampling
 from rearl_jax.results import Study
 
 BASE_TABLE = "base"

@@ -5,12 +5,13 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from jaxtyping import Float
 
-from rearl_jax.discovery.comparison.choice import resamples
+from rearl_jax.discovery.comparison.choice import DRAWS
 from rearl_jax.discovery.observe.fit import Fit, recalibrated
 from rearl_jax.discovery.observe.fit_state import FitState
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.report.protocols import PREDICTING, prediction_errors
+from rearl_jax.discovery.resampling import resamples
 from rearl_jax.discovery.search.decision import Trial
 from rearl_jax.discovery.search.headway import CONSTANT_TIME_GAP, TimeGapVariation, time_gap_variation
 from rearl_jax.discovery.search.outcome import Search
@@ -101,7 +102,7 @@ def predict_surely_better(before: GapErrors, after: GapErrors, seed: int) -> boo
     shares = []
     for name in PREDICTING:
         if name in before:
-            drawn = resamples(len(before[name]), seed)
+            drawn = resamples(len(before[name]), DRAWS, seed)
             smaller = after[name][drawn].mean(axis=1) < before[name][drawn].mean(axis=1)
             shares.append(float(smaller.mean()))
     return bool(shares) and min(shares) > 0.5 and max(shares) >= THRESHOLDS.prediction_share

@@ -23,6 +23,7 @@ from rearl_jax.discovery.lane_changes.opportunities import Opportunities, opport
 from rearl_jax.discovery.lane_changes.prediction import LEAST_CHANGES, prediction
 from rearl_jax.discovery.lane_changes.ramps import count_ramp_changes
 from rearl_jax.discovery.lane_changes.trials import CandidateColumns, Trial, trials_of
+from rearl_jax.discovery.resampling import bounds
 from rearl_jax.discovery.thresholds import THRESHOLDS
 
 N_PARTS = 3
@@ -237,6 +238,6 @@ def _loss(columns: CandidateColumns, added: Sequence[Trial], confidence: float) 
         losses.append(-columns.fitted(effects, 0, 1).log_likelihood(columns.data, effects))
     change = losses[1] - losses[0]
     drawn = columns.resampled(change, 2) / int(reported.sum())
-    low, high = np.quantile(drawn, [0.5 - confidence / 2, 0.5 + confidence / 2])
+    low, high = bounds(drawn, confidence).tolist()
     before, after = (float(loss[reported].mean()) for loss in losses)
-    return before, after, Estimate(float(change[reported].mean()), float(low), float(high), "nats")
+    return before, after, Estimate(float(change[reported].mean()), low, high, "nats")

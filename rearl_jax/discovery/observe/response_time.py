@@ -24,6 +24,7 @@ from rearl_jax.discovery.observe.candidates import LENS, Term, effects_at, lens_
 from rearl_jax.discovery.observe.fit_state import FitState, replaced
 from rearl_jax.discovery.observe.observer import stimulus, straightened, straightened_start
 from rearl_jax.discovery.observe.solver import Solver
+from rearl_jax.discovery.resampling import Resampling
 
 LONGEST_AFTER = 6.0
 """Longest lag of the follower's acceleration behind the leader's [s]."""
@@ -82,17 +83,15 @@ class Responses:
     delayed: Covariances | None = None
     added: float = 0.0
 
-    def figure(self, confidence: float, draws: int, seed: int) -> dict[str, float] | None:
-        """Response time {value, low, high} [s] with its interval over drivers, from `draws` resamples; None if it is
-        not identified, because its values in the resamples differ too much or lie at the ends of the tested range.
+    def figure(self, resampling: Resampling) -> dict[str, float] | None:
+        """Response time {value, low, high} [s] with its interval over drivers; None if it is not identified, because
+        its values in the resamples differ too much or lie at the ends of the tested range.
         """
-        n, rng = len(self.undelayed.measured), np.random.default_rng(seed)
-        drawn = [self.of(rng.integers(0, n, n)) for _ in range(draws)]
-        low, high = np.quantile(drawn, [(1 - confidence) / 2, (1 + confidence) / 2]).tolist()
+        samples = resampling.samples(len(self.undelayed.measured))
+        figure = resampling.figure(np.array([self.of(drivers) for drivers in samples]))
+        low, high = figure["low"], figure["high"]
         is_inside = low > EARLIEST + self.undelayed.dt and high < LATEST - self.undelayed.dt
-        if not is_inside or high - low > WIDEST_INTERVAL:
-            return None
-        return {"value": self.of(np.arange(n)), "low": low, "high": high}
+        return figure if is_inside and high - low <= WIDEST_INTERVAL else None
 
     def of(self, drivers: Int[np.ndarray, " some"]) -> float:
         """Response time of the given drivers [s]: the delay with which the model is no longer ahead of them.

@@ -9,6 +9,7 @@ from jaxtyping import Float
 from rearl_jax.config import DiscoverConfig
 from rearl_jax.discovery.observe.fit_state import FitState
 from rearl_jax.discovery.observe.solver import Solver
+from rearl_jax.discovery.resampling import bounds, resamples
 
 SPEEDS = (10.0, 20.0)
 """Speeds at which equilibrium time gaps are stated [m/s]."""
@@ -29,7 +30,6 @@ def equilibrium_time_gaps(solver: Solver, state: FitState, options: DiscoverConf
     than half of the drivers have a higher desired speed.
     """
     rng = np.random.default_rng(options.seed)
-    quantiles = [(1 - options.confidence) / 2, (1 + options.confidence) / 2]
     by_speed: dict[str, Any] = {}
     for speed in SPEEDS:
         values = time_gaps(solver, state, speed)
@@ -37,7 +37,7 @@ def equilibrium_time_gaps(solver: Solver, state: FitState, options: DiscoverConf
         if len(values) < len(state.z) / 2:
             by_speed[f"{speed:g}"] = None
             continue
-        resampled = np.median(rng.choice(values, (options.draws, len(values))), axis=1)
-        low, high = np.quantile(resampled, quantiles).tolist()
+        drawn = np.median(values[resamples(len(values), options.draws, rng)], axis=1)
+        low, high = bounds(drawn, options.confidence).tolist()
         by_speed[f"{speed:g}"] = {"value": float(np.median(values)), "low": low, "high": high}
     return by_speed

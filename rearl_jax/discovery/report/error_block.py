@@ -2,8 +2,7 @@
 effects, before and after effects were added, with intervals over drivers.
 """
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from collections.abc import Mapping
 from functools import partial
 from typing import Any
 
@@ -12,6 +11,7 @@ from jaxtyping import Float
 
 from rearl_jax.discovery.report.errors import MEASURES, ModelErrors
 from rearl_jax.discovery.report.protocols import IN_SAMPLE, PROTOCOL_MEASURES, PROTOCOLS, ProtocolErrors
+from rearl_jax.discovery.resampling import Pool, Resampling
 
 MAIN_MEASURE = "gap_rmse"
 """Measure that the verdict states first: the closed-loop gap error."""
@@ -23,9 +23,6 @@ LEAST_REMOVABLE = 0.02
 """Share of the squared error before [-] that must lie above that of the drivers' own noise for an explained share to be
 stated.
 """
-
-Pool = Callable[..., np.ndarray]
-"""Function from values of drivers, along an axis, to one figure."""
 
 
 def root_mean_square(values: np.ndarray, axis: int) -> np.ndarray:
@@ -41,48 +38,16 @@ POOLS: dict[str, Pool] = {"log_likelihood": np.sum, "energy_score": np.mean}
 """Statistic over drivers by measure; the root mean square for measures not listed."""
 
 
-@dataclass(frozen=True)
-class Resampling:
-    """Bootstrap over drivers, with the same draws for all compared figures.
-
-    Attributes:
-        confidence: Confidence of the intervals [-].
-        draws: Number of resamples.
-        seed: Seed of the draws.
-    """
-
-    confidence: float
-    draws: int
-    seed: int
-
-    def drawn(self, values: Float[np.ndarray, " drivers"], pool: Pool) -> Float[np.ndarray, " figures"]:
-        """The figure of all drivers, then that of each resample."""
-        n, rng = len(values), np.random.default_rng(self.seed)
-        samples = np.concatenate([[np.arange(n)], rng.integers(0, n, (self.draws, n))])
-        return pool(values[samples], axis=1)
-
-    def figure(self, drawn: Float[np.ndarray, " figures"]) -> dict[str, float]:
-        """A figure {value, low, high} of the verdict."""
-        low, high = np.quantile(drawn[1:], [(1 - self.confidence) / 2, (1 + self.confidence) / 2]).tolist()
-        return {"value": float(drawn[0]), "low": low, "high": high}
-
-    def change(self, before: np.ndarray, after: np.ndarray, pool: Pool) -> dict[str, dict[str, float]]:
-        """Figures of the drivers' values before and after, and of the change."""
-        first, second = self.drawn(before, pool), self.drawn(after, pool)
-        return {"before": self.figure(first), "after": self.figure(second), "change": self.figure(second - first)}
-
-
-def error_block(errors: Mapping[str, ModelErrors], confidence: float, draws: int, seed: int) -> dict[str, Any]:
+def error_block(errors: Mapping[str, ModelErrors], resampling: Resampling) -> dict[str, Any]:
     """Entry `error` of the verdict.
 
     Args:
         errors: Errors by model: `before`; `after` if effects were added, or `oracle` if the true effect was given; IDM
             for comparison.
-        confidence, draws, seed: As in `Resampling`.
+        resampling: Resampling of the report drivers.
     """
     final_name = "after" if "after" in errors else "oracle" if "oracle" in errors else "before"
     first, final, idm = errors["before"], errors[final_name], errors.get(IDM)
-    resampling = Resampling(confidence, draws, seed)
     figures = {
         name: resampling.change(first.by_driver[name], final.by_driver[name], POOLS.get(name, root_mean_square))
         for name in MEASURES
@@ -100,7 +65,7 @@ def error_block(errors: Mapping[str, ModelErrors], confidence: float, draws: int
         "floor": resampling.figure(np.minimum(noise, after)),
         "noise_alone": resampling.figure(noise),
         "oracle": main["after"] if final_name == "oracle" else None,
-        "explained_share": explained_share(before, after, noise, confidence),
+        "explained_share": explained_share(before, after, noise, resampling.confidence),
         "all": figures,
         "protocols": {
             name: _protocol(
@@ -109,7 +74,7 @@ def error_block(errors: Mapping[str, ModelErrors], confidence: float, draws: int
             for name in PROTOCOLS
         },
         "response_time": {
-            name: None if model.responses is None else model.responses.figure(confidence, draws, seed)
+            name: None if model.responses is None else model.responses.figure(resampling)
             for name, model in (("before", first), ("after", final))
         },
     }

@@ -31,6 +31,7 @@ from rearl_jax.discovery.report.error_block import IDM, error_block
 from rearl_jax.discovery.report.errors import ModelErrors
 from rearl_jax.discovery.report.protocols import ProtocolErrors
 from rearl_jax.discovery.report.tables import read_errors
+from rearl_jax.discovery.resampling import Resampling
 from rearl_jax.discovery.thresholds import THRESHOLDS
 
 STRONGEST_FIRST = ("named", "improved", "unexplained", "artefact", "nothing")
@@ -59,7 +60,7 @@ def verdict_of_groups(
         "candidates": [],
         "lane_changes": [],
         "unseen": [],
-        "error": error_block(errors, options.confidence, options.draws, options.seed),
+        "error": error_block(errors, Resampling(options.confidence, options.draws, options.seed)),
         "adequacy": None,
         "lane_choice": None,
         "base": None,

@@ -22,7 +22,7 @@ import pandas as pd
 from jaxtyping import Bool, Float
 
 from rearl_jax.discovery.lane_changes.prediction import BASE_RATE, PREDICTORS, Prediction, log_loss, seconds_at_risk
-from rearl_jax.discovery.report.error_block import Resampling
+from rearl_jax.discovery.resampling import Resampling
 
 LANE_CHANGE_TABLE = "lane_changes"
 """Name of the table."""

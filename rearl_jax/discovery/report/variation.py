@@ -25,7 +25,7 @@ from rearl_jax.discovery.observe.fit import Fit
 from rearl_jax.discovery.observe.fit_state import FitState
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.read.measured import Measured
-from rearl_jax.discovery.report.error_block import Resampling
+from rearl_jax.discovery.resampling import Resampling
 from rearl_jax.discovery.search.headway import (
     CONSTANT_TIME_GAP,
     SMALLEST_SCORE,

@@ -13,6 +13,7 @@ import numpy as np
 from jaxtyping import Float
 
 from rearl_jax.discovery.observe.forcing import DriverScores
+from rearl_jax.discovery.resampling import bounds
 from rearl_jax.discovery.search.variables import Variable
 
 KNOTS = 7
@@ -132,7 +133,7 @@ def curve_of(
     n = len(on_innovations.score)
     counts = rng.multinomial(n, np.full(n, 1 / n), draws)
     drawn = centred(np.stack([fitted(on_innovations, row) for row in counts.astype(float)]), basis)
-    low, high = np.quantile(drawn, [(1 - confidence) / 2, (1 + confidence) / 2], axis=0)
+    low, high = bounds(drawn, confidence)
     on_held_out = {acts_on: on_other_halves(*pair, np.random.default_rng(seed)) for acts_on, pair in scores.items()}
     acts_on = max(on_held_out, key=lambda key: on_held_out[key][1])
     return Curve(basis, centred(fitted(on_innovations), basis), low, high, acts_on, *on_held_out[acts_on])

@@ -16,6 +16,7 @@ from rearl_jax.discovery.observe.fit import Fit, recalibrated
 from rearl_jax.discovery.observe.fit_state import FitState
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.read.measured import Measured
+from rearl_jax.discovery.resampling import resamples
 from rearl_jax.discovery.search.decision import Trial, bounded_gains
 from rearl_jax.discovery.thresholds import THRESHOLDS
 
@@ -104,5 +105,4 @@ def share_worse(
 
 def resampled_means(values: Float[np.ndarray, " drivers"], seed: int) -> Float[np.ndarray, " draws"]:
     """Means over resamples of drivers."""
-    drawn = np.random.default_rng(seed).integers(0, len(values), (DRAWS, len(values)))
-    return values[drawn].mean(axis=1)
+    return values[resamples(len(values), DRAWS, seed)].mean(axis=1)

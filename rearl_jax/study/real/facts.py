@@ -19,7 +19,7 @@ from rearl_jax.discovery.observe.drivers import prior_of
 from rearl_jax.discovery.observe.solver import solver_of
 from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.report.equilibrium import time_gaps
-from rearl_jax.discovery.report.error_block import Resampling
+from rearl_jax.discovery.resampling import Resampling
 from rearl_jax.study.real.known import KnownTimeGap
 
 MAX_ACCELERATION, MAX_APPROACH_RATE, MIN_SPEED = 0.2, 0.3, 5.0

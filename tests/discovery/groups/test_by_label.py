@@ -16,6 +16,7 @@ from rearl_jax.discovery.report.error_block import error_block
 from rearl_jax.discovery.report.groups_section import groups_section
 from rearl_jax.discovery.report.tables import error_table
 from rearl_jax.discovery.report.words import verdict_words
+from rearl_jax.discovery.resampling import Resampling
 from rearl_jax.discovery.task import run
 from rearl_jax.problems import InvalidInputError
 from tests.discovery.made_verdict import VERDICT
@@ -99,7 +100,7 @@ def asked(monkeypatch):
         if len(names) == 2:
             raise KeyboardInterrupt
         errors = {"before": made(1.0 + len(words), 0.3)}
-        verdict = VERDICT | {"error": error_block(errors, 0.9, 20, 0), "base": None, "effects": []}
+        verdict = VERDICT | {"error": error_block(errors, Resampling(0.9, 20, 0)), "base": None, "effects": []}
         verdict |= {"data": VERDICT["data"] | {"car_following": "idm"}, "equilibrium_time_gap": {"10": None}}
         return Discovery(config, parts.id, verdict, {"errors": error_table(errors)})
 

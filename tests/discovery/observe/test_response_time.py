@@ -7,6 +7,7 @@ from rearl_jax.discovery.observe.noise import calibrate
 from rearl_jax.discovery.observe.response_time import Covariances, Responses, responses
 from rearl_jax.discovery.observe.solver import solver_of
 from rearl_jax.discovery.read.reading import measure
+from rearl_jax.discovery.resampling import Resampling
 
 PLANTED = 0.7
 """Reaction delay of the generator at its usual strength [s]."""
@@ -21,7 +22,7 @@ def response_of(tables):
 @pytest.mark.slow
 def test_a_planted_delay_is_read(tables_of):
     found = response_of(tables_of("reaction_delay"))
-    figure = found.figure(0.9, 200, 0)
+    figure = found.figure(Resampling(0.9, 200, 0))
     assert abs(figure["value"] - PLANTED) < 0.1
     assert figure["high"] - figure["low"] < 0.3
     assert figure["low"] > 0.5
@@ -30,7 +31,7 @@ def test_a_planted_delay_is_read(tables_of):
 
 
 def test_drivers_who_respond_at_once_are_not_late(tables_of):
-    figure = response_of(tables_of()).figure(0.9, 200, 0)
+    figure = response_of(tables_of()).figure(Resampling(0.9, 200, 0))
     assert abs(figure["value"]) < 0.15
     assert figure["low"] < 0.1
 
@@ -46,10 +47,10 @@ def covariances(shift, noise, n=40, dt=0.1):
 
 @pytest.mark.parametrize("shift", [-5, 0, 12])
 def test_the_shift_of_covariances_is_the_response_time(shift):
-    figure = Responses(covariances(shift, 0.05)).figure(0.9, 100, 0)
+    figure = Responses(covariances(shift, 0.05)).figure(Resampling(0.9, 100, 0))
     assert figure["value"] == pytest.approx(shift * 0.1, abs=0.02)
     assert figure["low"] <= figure["value"] <= figure["high"]
 
 
 def test_what_resamples_do_not_agree_on_is_not_identified():
-    assert Responses(covariances(0, 30.0)).figure(0.9, 100, 0) is None
+    assert Responses(covariances(0, 30.0)).figure(Resampling(0.9, 100, 0)) is None

@@ -12,6 +12,7 @@ from rearl_jax.discovery.report.error_block import STATISTICS, error_block, expl
 from rearl_jax.discovery.report.errors import MEASURES, ModelErrors, model_errors
 from rearl_jax.discovery.report.protocols import PROTOCOL_MEASURES, PROTOCOLS, ProtocolErrors
 from rearl_jax.discovery.report.tables import error_table, read_errors
+from rearl_jax.discovery.resampling import Resampling
 
 N = 30
 
@@ -41,9 +42,9 @@ def test_errors_survive_their_table(tmp_path):
     errors = {name: made(size, 0.3, seed) for name, size, seed in (("before", 1.0, 1), ("after", 0.8, 2))}
     for one in errors.values():
         one.protocols["first_half"] = ProtocolErrors(np.array([0, 3, 5, 9]), few, few, N - 4)
-    block = error_block(errors, 0.9, 50, 0)
+    block = error_block(errors, Resampling(0.9, 50, 0))
     error_table(errors).to_parquet(tmp_path / "errors.parquet")
-    again = error_block(read_errors(pd.read_parquet(tmp_path / "errors.parquet"), block), 0.9, 50, 0)
+    again = error_block(read_errors(pd.read_parquet(tmp_path / "errors.parquet"), block), Resampling(0.9, 50, 0))
     assert again["response_time"] == {"before": None, "after": None}
     assert again["protocols"]["first_half"]["left_out"] == N - 4
     assert again == block | {"response_time": again["response_time"]}
@@ -53,7 +54,9 @@ def test_errors_survive_their_table(tmp_path):
 @pytest.mark.parametrize("after", [0.6, 0.99, 1.3])
 def test_the_floor_is_at_most_the_error_and_shares_are_within_0_and_1(after, floor):
     for seed in range(5):
-        block = error_block({"before": made(1.0, 1.0, seed), "after": made(after, floor, seed + 9)}, 0.9, 200, seed)
+        block = error_block(
+            {"before": made(1.0, 1.0, seed), "after": made(after, floor, seed + 9)}, Resampling(0.9, 200, seed)
+        )
         for end in ("value", "low", "high"):
             assert block["floor"][end] <= block["after"][end] + 1e-12
             assert block["floor"][end] <= block["noise_alone"][end] + 1e-12
@@ -78,7 +81,7 @@ def test_share_of_what_could_be_removed():
 
 def test_statistics_of_drivers_before_and_after():
     before, after = made(1.0, 0.1), made(0.5, 0.1)
-    found = error_block({"before": before, "after": after}, 0.9, 200, 0)["protocols"]
+    found = error_block({"before": before, "after": after}, Resampling(0.9, 200, 0))["protocols"]
     assert found["other_runs"] is None
     values = before.by_driver["gap_rmse"]
     expected = {"mean": values.mean(), "median": np.median(values), "pooled": np.sqrt((values**2).mean())}
@@ -91,11 +94,11 @@ def test_statistics_of_drivers_before_and_after():
 
 def test_the_final_model_is_compared_with_calibrated_idm():
     errors = {"before": made(1.0, 0.1), "after": made(0.5, 0.1), "idm": made(2.0, 0.1)}
-    found = error_block(errors, 0.9, 200, 0)["protocols"]["first_half"]["gap_rmse"]["mean"]
+    found = error_block(errors, Resampling(0.9, 200, 0))["protocols"]["first_half"]["gap_rmse"]["mean"]
     assert found["idm"]["value"] == pytest.approx(2.0 * found["before"]["value"])
     assert found["idm_share"]["value"] == pytest.approx(-0.75)
     assert found["idm_share"]["high"] < 0
-    alone = error_block({name: errors[name] for name in ("before", "after")}, 0.9, 200, 0)
+    alone = error_block({name: errors[name] for name in ("before", "after")}, Resampling(0.9, 200, 0))
     assert "idm" not in alone["protocols"]["first_half"]["gap_rmse"]["mean"]
 
 

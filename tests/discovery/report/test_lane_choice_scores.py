@@ -9,10 +9,10 @@ import pytest
 from rearl_jax.discovery.claims import Estimate
 from rearl_jax.discovery.lane_changes.mobil import UNITS, CalibratedMobil, MobilRule
 from rearl_jax.discovery.lane_changes.prediction import PREDICTORS, Prediction
-from rearl_jax.discovery.report.error_block import Resampling
 from rearl_jax.discovery.report.lane_choice_scores import prediction_block, prediction_table
 from rearl_jax.discovery.report.lane_choice_section import lane_choice_section, significantly_worse
 from rearl_jax.discovery.report.repaired import lane_change_values
+from rearl_jax.discovery.resampling import Resampling
 from rearl_jax.models.file import read_model, write_model
 from rearl_jax.models.record import LaneChangeValues
 from tests.discovery.lane_changes.made import made

@@ -10,8 +10,8 @@ from rearl_jax.discovery.observe.fit import Fit
 from rearl_jax.discovery.observe.fit_state import new_state, replaced
 from rearl_jax.discovery.read.lasting import lasting
 from rearl_jax.discovery.read.training import halves
-from rearl_jax.discovery.report.error_block import Resampling
 from rearl_jax.discovery.report.variation import entry_of, variation_section
+from rearl_jax.discovery.resampling import Resampling
 from rearl_jax.discovery.search.headway import (
     CONSTANT_TIME_GAP,
     TimeGapVariation,
