@@ -12,7 +12,7 @@ import numpy as np
 
 from rearl_jax.code_version import __version__, code_hash
 from rearl_jax.runtime import cache_folder
-from rearl_jax.whole_files import replacing
+from rearl_jax.whole_files import remove_leftovers, replacing
 
 log = logging.getLogger(__name__)
 
@@ -50,6 +50,7 @@ def read_arrays(path: Path) -> dict[str, np.ndarray] | None:
 
 def write_arrays(path: Path, arrays: Mapping[str, np.ndarray]) -> None:
     """Stores the arrays whole or not at all; if the folder is not writable, the next run computes them again."""
+    remove_leftovers(path.parent, below=False)
     try:
         with replacing(path) as unfinished, unfinished.open("wb") as file:
             np.savez(file, allow_pickle=False, **arrays)

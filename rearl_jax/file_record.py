@@ -7,10 +7,11 @@ a user's own, are kept.
 
 import json
 from collections.abc import Collection, Iterator, Mapping
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import Any
 
 from rearl_jax.problems import InvalidInputError, Problem
+from rearl_jax.whole_files import naming, remove_leftovers, replacing
 
 _NOT_READ = ("study", "results")
 """Keys of a task that name the folder itself."""
@@ -38,21 +39,22 @@ class FileRecord:
         """
         header, names = self._read()
         wanted = json.dumps(identity, sort_keys=True)
-        if header == wanted:
-            self._names = set(names)
-            return
-        stale = [name for name in names if not name.startswith(tuple(reusable))]
+        stale = [] if header == wanted else [name for name in names if not name.startswith(tuple(reusable))]
         self._refuse_inputs(stale, config)
-        self._remove(stale)
+        # The summary first, because what is left of a study without it counts as unfinished.
+        self._remove(sorted(stale, key=lambda name: PurePath(name).name != "summary.json"))
         self._names = set(names) - set(stale)
-        self._file.write_text("".join(f"{line}\n" for line in (wanted, *sorted(self._names))), encoding="utf-8")
+        remove_leftovers(self._file.parent, below=False)
+        # Also for the same study, because a full disk can have cut the last line.
+        with replacing(self._file) as unfinished:
+            unfinished.write_text("".join(f"{line}\n" for line in (wanted, *sorted(self._names))), encoding="utf-8")
 
     def add(self, name: str) -> None:
         """Records a file, or with `/` at its end the folder of a study inside; nothing without `begin`."""
         if self._names is None or name in self._names:
             return
         self._names.add(name)
-        with self._file.open("a", encoding="utf-8") as file:
+        with naming(self._file), self._file.open("a", encoding="utf-8") as file:
             file.write(f"{name}\n")
 
     def _read(self) -> tuple[str, list[str]]:

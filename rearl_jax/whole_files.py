@@ -1,5 +1,6 @@
 """Atomic files and locked folders: a file appears complete or not at all, one process at a time writes to a folder."""
 
+import errno
 import logging
 import os
 import platform
@@ -61,32 +62,53 @@ def is_private(path: Path) -> bool:
 
 
 @contextmanager
+def naming(path: Path) -> Iterator[None]:
+    """Inside the block, errors of writing to an open file, as on a full disk, get the name of this file."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno is not None and error.filename is None:
+            error.filename = str(path)
+        raise
+
+
+@contextmanager
 def replacing(path: Path) -> Iterator[Path]:
     """Temporary path to write to; it replaces `path` if the block succeeds and is deleted if the block fails.
 
     The folder of `path` is created. The temporary path has another suffix, so a library that infers the format from the
-    suffix needs the format stated.
+    suffix needs the format stated. The content is on disk before it replaces `path`, so that a power failure leaves
+    the old content or the new one.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
     # In the same folder, since a rename is atomic only inside one file system.
     unfinished = path.with_name(f".{path.name}.{platform.node()}.{os.getpid()}.unfinished")
     try:
-        yield unfinished
-        os.replace(unfinished, path)
-    except OSError as error:
-        if error.errno is not None and error.filename is None:  # a write to an open file, as on a full disk
-            error.filename = str(path)
-        raise
+        with naming(path):
+            yield unfinished
+            _store(unfinished)
+            os.replace(unfinished, path)
     finally:
         unfinished.unlink(missing_ok=True)
 
 
-def remove_leftovers(folder: Path) -> None:
-    """Remove the unfinished files of processes of this machine that no longer run."""
-    for path in folder.rglob(f".*.{platform.node()}.*.unfinished"):
+def remove_leftovers(folder: Path, *, below: bool = True) -> None:
+    """Remove the unfinished files of processes of this machine that no longer run; `below` also in its folders."""
+    pattern = f".*.{platform.node()}.*.unfinished"
+    for path in folder.rglob(pattern) if below else folder.glob(pattern):
         pid = path.name.split(".")[-2]
         if pid.isdecimal() and not _is_alive(int(pid)):
             path.unlink(missing_ok=True)
+
+
+def _store(path: Path) -> None:
+    """Have the system write a file from memory to disk, where the file system can."""
+    with path.open("r+b") as file:
+        try:
+            os.fsync(file.fileno())
+        except OSError as error:
+            if error.errno not in (errno.EINVAL, errno.ENOTSUP):
+                raise
 
 
 def _is_alive(pid: int) -> bool:

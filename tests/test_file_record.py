@@ -1,5 +1,7 @@
 """A study that begins anew in a folder removes the files of another one, and nothing else."""
 
+from pathlib import Path
+
 import pandas as pd
 import pytest
 
@@ -76,3 +78,44 @@ def test_a_damaged_record_removes_nothing(tmp_path):
     begun(tmp_path, {"key": 1}).write_table("rows", FRAME)
     (tmp_path / ".study.files").write_bytes(b"\xff\xfe")
     assert "rows.parquet" in names(begun(tmp_path, {"key": 2}))
+
+
+def test_the_summary_is_the_first_file_that_is_removed(tmp_path, monkeypatch):
+    first = begun(tmp_path, {"key": 1})
+    first.write_table("rows", FRAME)
+    first.write_summary({"figure": 1})
+    del first
+    unlink = Path.unlink
+
+    def fail_at_rows(path, missing_ok=False):
+        if path.name == "rows.parquet":
+            raise KeyboardInterrupt
+        unlink(path, missing_ok)
+
+    monkeypatch.setattr(Path, "unlink", fail_at_rows)
+    with pytest.raises(KeyboardInterrupt):
+        begun(tmp_path, {"key": 2})
+    monkeypatch.undo()
+    assert Study(tmp_path, "study", {"key": 1}, "a task").finished_summary() is None
+    assert names(begun(tmp_path, {"key": 2})) == ["config.json"]
+
+
+def test_a_record_whose_last_line_was_cut_is_continued_in_whole_lines(tmp_path):
+    begun(tmp_path, {"key": 1}).write_table("rows", FRAME)
+    record = tmp_path / ".study.files"
+    record.write_text(record.read_text().rstrip("\n") + "\nmor")
+    begun(tmp_path, {"key": 1}).write_table("more", FRAME)
+    assert names(begun(tmp_path, {"key": 2})) == ["config.json"]
+
+
+def test_the_record_is_replaced_as_a_whole(tmp_path, monkeypatch):
+    begun(tmp_path, {"key": 1}).write_table("rows", FRAME)
+    before = (tmp_path / ".study.files").read_text()
+
+    def stop(old, new):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("rearl_jax.whole_files.os.replace", stop)
+    with pytest.raises(KeyboardInterrupt):
+        begun(tmp_path, {"key": 2})
+    assert (tmp_path / ".study.files").read_text() == before
