@@ -47,15 +47,18 @@ def folder_of(config: Any) -> Path | None:
 def _start_jax(task: Task) -> None:
     import_jax()
     from rearl_jax import runtime
+    from rearl_jax.cli.compiled_programs import explain_warnings
 
     # A multirun shows the log of every library, in which JAX would report that it found no TPU.
     logging.getLogger("jax").setLevel(logging.WARNING)
     is_safe = _is_private_cache(runtime.cache_folder())
     runtime.start(x64=task.x64)
-    if not is_safe:
-        import jax
+    import jax
 
+    if not is_safe:
         jax.config.update("jax_enable_compilation_cache", False)
+    elif folder := getattr(jax.config, "jax_compilation_cache_dir", None):
+        explain_warnings(Path(folder))
 
 
 def _is_private_cache(cache: Path) -> bool:
