@@ -19,9 +19,9 @@ from rearl_jax.core.order import NO_VEHICLE
 from rearl_jax.data.records import Recording
 from rearl_jax.discovery.lane_changes.incentives import KnownDrivers, acceleration, likely_parameters
 from rearl_jax.discovery.lane_changes.motion import with_motion
-from rearl_jax.discovery.lane_changes.neighbours import Pair, next_on_lanes
 from rearl_jax.discovery.lane_changes.ramps import side_of_ramp, whole_lanes
 from rearl_jax.discovery.read.smoothing import thinned
+from rearl_jax.discovery.read.sorted_lanes import SortedLanes
 
 PERIOD = 0.5
 """Time from one opportunity to the next, within which a change counts as taken [s]."""
@@ -138,9 +138,8 @@ def _of_recording(
     lanes = np.stack([rows["direction"].to_numpy(np.int64), rows["lane"].to_numpy(np.int64)])
     if np.bincount(np.unique(lanes, axis=1)[0]).max(initial=0) < 2:
         return _empty(), "there is one lane per direction"
-    neighbours = next_on_lanes(rows)
-    scene = _Scene(rows, drivers, first_vehicle, recording, neighbours[0])
-    joined = _joined([scene.side(side, neighbours[0], neighbours[side]) for side in (-1, 1)])
+    scene = _Scene(rows, drivers, first_vehicle, recording)
+    joined = _joined([scene.side(side) for side in (-1, 1)])
     reason = "" if len(joined.side) else "no driver has leaders on the own and on an adjacent lane, and room to change"
     return joined, reason
 
@@ -148,9 +147,7 @@ def _of_recording(
 class _Scene:
     """The rows of one recording in the frames of opportunities."""
 
-    def __init__(
-        self, rows: pd.DataFrame, drivers: KnownDrivers, first_vehicle: int, recording: int, on_own_lane: Pair
-    ) -> None:
+    def __init__(self, rows: pd.DataFrame, drivers: KnownDrivers, first_vehicle: int, recording: int) -> None:
         self.vehicle, self.recording = rows["track_id"].to_numpy().astype(np.int64) + first_vehicle, recording
         self.is_truck = (rows["vehicle_class"] == "truck").to_numpy()
         motion = (rows[name].to_numpy() for name in ("position", "speed", "acceleration", "length"))
@@ -165,32 +162,36 @@ class _Scene:
         self.ramp_side = side_of_ramp(self.vehicle, self.direction, self.lane, self.through_lanes)
         self.continues = _continues(rows)
         self.model = drivers.prior.name
-        self.own = self._parameters(drivers, on_own_lane.leader)
-        self.braking = self._earlier_braking(on_own_lane.leader)
+        self.lanes = SortedLanes(rows)
+        self.leader, self.follower = self.lanes.ahead(0), self.lanes.behind(0)
+        self.own = self._parameters(drivers)
+        self.braking = self._earlier_braking()
 
-    def _parameters(self, drivers: KnownDrivers, leader: np.ndarray) -> np.ndarray:
+    def _parameters(self, drivers: KnownDrivers) -> np.ndarray:
         """Parameters of every row's driver: calibrated ones, else those of `likely_parameters`."""
         own = drivers.of_vehicles(self.vehicle, self.is_truck)
-        driver, gap = np.unique(self.vehicle, return_inverse=True)[1], self._gap(np.arange(len(leader)), leader)
-        motion = (self.v, gap, self.v[leader], self.a, leader != NO_VEHICLE)
+        driver = np.unique(self.vehicle, return_inverse=True)[1]
+        gap = self._gap(np.arange(len(driver)), self.leader)
+        motion = (self.v, gap, self.v[self.leader], self.a, self.leader != NO_VEHICLE)
         likely = likely_parameters(own, driver, *motion, PERIOD, drivers.prior)
         return np.where(drivers.is_known(self.vehicle), own, likely)
 
-    def _earlier_braking(self, leader: np.ndarray) -> np.ndarray:
+    def _earlier_braking(self) -> np.ndarray:
         """Acceleration of each vehicle's model behind its leader, minus its measured acceleration, both EARLIER seconds
         before [m/s^2]; 0 if unknown.
         """
-        row = np.arange(len(leader))
-        braking = np.where(leader == NO_VEHICLE, 0.0, self._behind(row, leader) - self.a)
+        row = np.arange(len(self.leader))
+        braking = np.where(self.leader == NO_VEHICLE, 0.0, self._behind(row, self.leader) - self.a)
         n_before = round(EARLIER / PERIOD)
         earlier = np.maximum(row - n_before, 0)
         n_breaks = np.cumsum(~self.continues)  # equal in two rows if the record is uninterrupted between them
         is_known = (row >= n_before) & (n_breaks[row] == n_breaks[earlier])
         return np.where(is_known, braking[earlier], 0.0)
 
-    def side(self, side: int, own_lane: Pair, target_lane: Pair) -> Opportunities:
+    def side(self, side: int) -> Opportunities:
         """Opportunities to change to one side, from the neighbours on the own lane and on the target lane."""
-        leader, follower, side_leader, rear = own_lane.leader, own_lane.rear, target_lane.leader, target_lane.rear
+        leader, follower = self.leader, self.follower
+        side_leader, rear = self.lanes.ahead(side), self.lanes.behind(side)
         chosen = np.flatnonzero(self._may_change(side) & (leader != NO_VEHICLE) & (side_leader != NO_VEHICLE))
         near_edge = self.x[chosen] - self.upstream[chosen] < SEEN_BEHIND
         chosen = chosen[~near_edge | ((rear[chosen] != NO_VEHICLE) & (follower[chosen] != NO_VEHICLE))]
