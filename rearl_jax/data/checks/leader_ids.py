@@ -5,6 +5,11 @@ import numpy as np
 from rearl_jax.data.checks.placeholders import is_placeholder
 
 
+def is_absent(leader: np.ndarray, track: np.ndarray) -> np.ndarray:
+    """Mask of the ids of leaders that are 0, -1 or another placeholder, and the id of no vehicle."""
+    return ((leader == 0.0) | is_placeholder(leader)) & ~np.isin(leader, track)
+
+
 def without_absent(
     leader: np.ndarray, *, track: np.ndarray, frame: np.ndarray, lane: np.ndarray, position: np.ndarray
 ) -> np.ndarray:
@@ -21,7 +26,7 @@ def without_absent(
         position: Positions along the road, rising in driving direction.
     """
     leader = leader.astype(np.float64)
-    is_none = ((leader == 0.0) | is_placeholder(leader)) & ~np.isin(leader, track)
+    is_none = is_absent(leader, track)
     rows, zero = np.flatnonzero(leader == 0.0), np.flatnonzero(track == 0)
     if rows.size and zero.size:
         zero = zero[np.argsort(frame[zero], kind="stable")]

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 import numpy as np
 import pandas as pd
 
-from rearl_jax.data.checks.placeholders import is_placeholder
+from rearl_jax.data.checks.leader_ids import is_absent
 from rearl_jax.data.numbers import numbers_of
 from rearl_jax.data.problems import bad_recording
 
@@ -82,9 +82,10 @@ def _with_numeric_leaders(rows: pd.DataFrame, file: str, spelling: Mapping[str, 
     """
     if "leader_id" not in rows:
         return rows
+    tracks = rows["track_id"].to_numpy(np.float64, na_value=np.nan)
     if pd.api.types.is_numeric_dtype(rows["leader_id"]):
         leaders = pd.Series(rows["leader_id"])
-        is_none = _stands_for_none(leaders, rows)
+        is_none = is_absent(leaders.to_numpy(np.float64, na_value=np.nan), tracks)
         return rows.assign(leader_id=leaders.mask(is_none)) if is_none.any() else rows
     texts = _as_texts(pd.Series(rows["leader_id"]))
     numbers = pd.Series(pd.to_numeric(texts, errors="coerce"), index=rows.index).astype(np.float64)
@@ -99,13 +100,7 @@ def _with_numeric_leaders(rows: pd.DataFrame, file: str, spelling: Mapping[str, 
             column=spelling.get("leader_id", "leader_id"),
             row=int(rows.index[row]) + 1,
         )
-    return rows.assign(leader_id=numbers.mask(_stands_for_none(numbers, rows)))
-
-
-def _stands_for_none(leaders: pd.Series, rows: pd.DataFrame) -> np.ndarray:
-    """Mask of leaders that are 0, -1 or a placeholder, and the id of no vehicle."""
-    numbers = leaders.to_numpy(np.float64, na_value=np.nan)
-    return ((numbers == 0.0) | is_placeholder(numbers)) & ~leaders.isin(rows["track_id"]).to_numpy()
+    return rows.assign(leader_id=numbers.mask(is_absent(numbers.to_numpy(), tracks)))
 
 
 def _require_all_digits(texts: pd.Series, rows: pd.DataFrame, file: str, column: str) -> None:
