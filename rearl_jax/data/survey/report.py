@@ -20,7 +20,7 @@ def print_sample(sample: Sample, proposal: Proposal) -> None:
     """Prints the layout of a table and the proposed meaning of each column."""
     console = standard_output(_WIDTH)
     broken = f", {sample.n_broken} broken lines among them" if sample.n_broken else ""
-    console.print(f"{escape(shown(str(sample.path)))}: {escape(sample.form)}", highlight=False, soft_wrap=True)
+    console.print(f"{escape(shown(str(sample.path)))}: {escape(sample.layout)}", highlight=False, soft_wrap=True)
     n_columns = len(sample.columns) + len(sample.twice)
     console.print(f"{n_columns} columns, {sample.n_rows} rows looked at{broken}", highlight=False)
     table = titled_table("Columns")

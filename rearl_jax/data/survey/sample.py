@@ -56,7 +56,7 @@ class Sample:
 
     Attributes:
         path: The file.
-        form: Description of its layout.
+        layout: Description of its layout.
         columns: Its columns, without those whose name occurs twice.
         twice: Names that occur twice.
         n_rows: Number of rows that were read.
@@ -64,7 +64,7 @@ class Sample:
     """
 
     path: Path
-    form: str
+    layout: str
     columns: tuple[FoundColumn, ...]
     twice: tuple[str, ...]
     n_rows: int
@@ -78,20 +78,20 @@ def sample_of(path: Path) -> Sample:
         BadRecordingError: The file is neither text nor Parquet, or holds no rows.
     """
     if is_parquet(path):
-        names, n_broken, form = column_names(path), 0, "Parquet"
+        names, n_broken, layout = column_names(path), 0, "Parquet"
         tables = _first_of_parquet(path)
     else:
         table, n_broken = first_rows(path, ROWS)
-        names, form = [str(name) for name in table.columns], _form(path)
+        names, layout = [str(name) for name in table.columns], _layout_in_words(path)
         tables = [table.iloc[:, place] for place in range(len(names))]
     if not tables or not len(tables[0]):
         raise bad_recording("no-rows", "the table has no whole rows", "name a file with rows", path)
     twice = tuple(dict.fromkeys(name for name in names if names.count(name) > 1))
     columns = [_column(name, values) for name, values in zip(names, tables, strict=True) if name not in twice]
-    return Sample(path, form, tuple(columns), twice, len(tables[0]), n_broken)
+    return Sample(path, layout, tuple(columns), twice, len(tables[0]), n_broken)
 
 
-def _form(path: Path) -> str:
+def _layout_in_words(path: Path) -> str:
     """Layout of a text table in words."""
     layout = layout_of(path)
     parts = [f"text in {layout.encoding_name}{'' if layout.is_sure else ' (not certain)'}"]

@@ -55,7 +55,7 @@ def run(place: str) -> dict[str, Any]:
         "file": place,
         "format": "table",
         "command": command,
-        "form": sample.form,
+        "form": sample.layout,
         "rows_looked_at": sample.n_rows,
         "columns": {
             taken.source: {"canonical": name, "unit": taken.unit, "why": taken.why}

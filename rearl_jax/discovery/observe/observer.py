@@ -28,7 +28,7 @@ from rearl_jax.discovery.observe.kalman import Gain, Noise, State, correct, half
 from rearl_jax.discovery.observe.lens import Lens
 from rearl_jax.discovery.read.measured import Measured, Surroundings
 
-MOST_UNREST = 4.0
+MOST_SQUARED_ACCELERATION = 4.0
 """Bound of the squared acceleration of the leader in the growth of the follower's noise [m^2/s^4]."""
 
 
@@ -192,7 +192,7 @@ def weights(data: Measured, noise: Noise) -> Float[np.ndarray, "steps pieces"]:
 
 def squared_leader_acceleration(data: Measured) -> Float[np.ndarray, "steps pieces"]:
     """Squared acceleration of the leader [m^2/s^4], bounded; the driver's own acceleration would contain its noise."""
-    return np.minimum(data.surroundings.leader_acceleration**2, MOST_UNREST)
+    return np.minimum(data.surroundings.leader_acceleration**2, MOST_SQUARED_ACCELERATION)
 
 
 def repeated(gain: Gain, n: int) -> Gain:

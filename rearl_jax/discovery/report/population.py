@@ -22,9 +22,9 @@ def population_block(solver: Solver, state: FitState) -> dict[str, dict[str, Any
     """Entry `population` of the verdict, for the fitted drivers of a calibrated model."""
     prior, truck = solver.layout.prior, state.truck
     values = np.exp(np.median(np.log(prior.values(state.z, truck)), axis=0))
-    told = 1 - np.mean((standard_deviations(solver, state).drivers / state.spread) ** 2, axis=0)
+    determined = 1 - np.mean((standard_deviations(solver, state).drivers / state.spread) ** 2, axis=0)
     at_bound = shares_at_bound(solver, state)
-    rows = zip(prior.names, prior.units, values, prior.spread * state.spread, told, at_bound, strict=True)
+    rows = zip(prior.names, prior.units, values, prior.spread * state.spread, determined, at_bound, strict=True)
     return {
         name: {
             "value": float(value),

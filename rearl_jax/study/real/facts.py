@@ -135,13 +135,13 @@ def differences_of(facts: pd.DataFrame, options: DiscoverConfig) -> pd.DataFrame
         title, settings = of_set["title"].iloc[0], sorted(set(of_set["setting"].tolist()))
         for number, first in enumerate(settings):
             for second in settings[number + 1 :]:
-                for told in ("calibrated", "model_free"):
-                    wide = of_set.pivot(index="car", columns="setting", values=told)[[first, second]].dropna()
+                for method in ("calibrated", "model_free"):
+                    wide = of_set.pivot(index="car", columns="setting", values=method)[[first, second]].dropna()
                     pair = wide.to_numpy(float)  # [cars, two settings]
                     if len(pair) < 2:
                         continue
                     difference = pair[:, 0] - pair[:, 1]
-                    row = {"set": name, "title": title, "first": first, "second": second, "told": told}
+                    row = {"set": name, "title": title, "first": first, "second": second, "told": method}
                     row |= {"cars": len(difference), "first_mean": pair[:, 0].mean(), "second_mean": pair[:, 1].mean()}
                     figure = resampling.figure(resampling.drawn(difference, np.mean))
                     rows.append(row | figure | {"longer": int((difference > 0).sum())})
