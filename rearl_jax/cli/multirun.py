@@ -16,6 +16,7 @@ from typing import Any
 
 from rearl_jax import tasks
 from rearl_jax.cli.composition import (
+    UsageError,
     check_overrides,
     choices,
     compose_task,
@@ -30,8 +31,10 @@ from rearl_jax.cli.running import JobError, complain, is_for_user, run_task
 from rearl_jax.cli.streams import make_writable
 from rearl_jax.cli.values import readable, with_original_keys
 from rearl_jax.config._schema import finished, keys_of
+from rearl_jax.problems import Problem
 from rearl_jax.results import cell_folder, config_hash, first_part
 from rearl_jax.tasks import Task
+from rearl_jax.whole_files import claim
 
 log = logging.getLogger(__name__)
 
@@ -44,6 +47,7 @@ def run_many(task: Task, overrides: list[str], config_dir: str | None) -> tuple[
 
     Raises:
         JobError: A job failed; the others have run.
+        FolderInUseError: Another multirun writes to the folder.
     """
     from hydra.core.override_parser.overrides_parser import OverridesParser
 
@@ -53,7 +57,13 @@ def run_many(task: Task, overrides: list[str], config_dir: str | None) -> tuple[
     parsed = OverridesParser.create().parse_overrides(overrides)
     with hydra_errors(task, overrides):
         swept = swept_values(parsed, choices(task, config_dir))
+    _require_own_folders(swept)
     fixed = [text for text, item in zip(overrides, parsed, strict=True) if item.key_or_group not in swept]
+    task_overrides = [text for text in fixed if not text.lstrip("+~").startswith("hydra")]
+    common = compose_task(task, task_overrides, config_dir)
+    folder = Path(common.results.root) / common.study
+    # Without swept keys the folder is that of the only job, which may run in another process and locks it itself.
+    lock = claim(folder) if swept else None
     failed = None
     cells = cells_of(swept)
     given = {item.key_or_group: item.value() for item in parsed if item.key_or_group not in swept}
@@ -61,15 +71,13 @@ def run_many(task: Task, overrides: list[str], config_dir: str | None) -> tuple[
         _launch(task, with_mappings_opened(task, overrides), given, len(cells), config_dir)
     except JobError as error:
         failed = error
-    task_overrides = [text for text in fixed if not text.lstrip("+~").startswith("hydra")]
-    common = compose_task(task, task_overrides, config_dir)
-    folder = Path(common.results.root) / common.study
     if failed is not None:
         # If a job failed before it wrote anything, its folder may still contain the results of an earlier multirun.
         cells = [cell for cell in cells if not _is_outdated(task, task_overrides, folder, cell, config_dir)]
-    if task.collect is not None:
+    if task.collect is not None and swept:
         task.load_collect()(common, cells)
         print(f"all cells: {folder}")
+    del lock
     if failed is not None:
         raise failed
     return folder, cells
@@ -103,6 +111,19 @@ def swept_values(overrides: Sequence[Any], groups: Mapping[str, Iterable[str]]) 
     """
     swept = {item.key_or_group for item in overrides if item.is_sweep_override()}
     return {item.key_or_group: _values(item, groups) for item in overrides if item.key_or_group in swept}
+
+
+def _require_own_folders(swept: Mapping[str, Sequence[str]]) -> None:
+    """Raise UsageError if two jobs would write to the same folder, or to folders that do not lie in a common one."""
+    for key, values in swept.items():
+        if key in _NOT_IN_FOLDER_NAME:
+            message = "is common to all jobs and cannot have several values"
+            remedy = "give it one value; the folder of every job is named after the values of the other keys"
+            raise UsageError(Problem("key-not-swept", message, remedy, key=key, value=",".join(values)))
+        if repeated := [value for value in values if values.count(value) > 1]:
+            raise UsageError(
+                Problem("value-repeated", "has a value twice", "leave one out", key=key, value=repeated[0])
+            )
 
 
 def _values(override: Any, groups: Mapping[str, Iterable[str]]) -> list[str]:
