@@ -3,9 +3,8 @@ them on other drivers, add the best one.
 """
 
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 
 from rearl_jax.discovery.observe.base import Base, base_of
 from rearl_jax.discovery.observe.candidates import EARLY_LEADER, LENS, NAMED_KINDS, Term
@@ -196,48 +195,81 @@ def _screen(solver: Solver, base: Fit, outcome: Search, null_for: NullFor) -> _S
 
 def _round(solver: Solver, base: Fit, screen: _Screen, outcome: Search, report: Report) -> Round:
     """The next round, from a model and the scores of candidates under it."""
-    layout, added, seen, null = solver.layout, outcome.added, screen.seen, screen.null
-    report(f"searching for effects, round {len(added) + 1}", 0, 1)
-    excluded = {EARLY_LEADER, *base.state.active, *outcome.excluded - {CLOCK_OFFSET}}
-    remaining = {CLOCK_OFFSET, *layout.candidates} - excluded
-    evidence = {
-        term: value for term, value in evidences(screen.all_drivers.state, seen, layout).items() if term in remaining
-    }
-    exceeds = {term for term, z_score in null.z_scores(evidence).items() if z_score > THRESHOLDS.candidate_z_score}
-    clock_z_score = null.z_scores({CLOCK_OFFSET: evidence.pop(CLOCK_OFFSET)})[CLOCK_OFFSET]
-    excess, z_score, known = null.excess(evidence), null.z_scores(evidence), set(evidence)
-    screened = partial(Round, evidence=evidence, excess=excess, z_score=z_score, clock_z_score=clock_z_score)
-    if len(added) == THRESHOLDS.most_effects or not exceeds:
-        return screened(base=base, exceeding=frozenset(exceeds & known), trials=[], accepted=[])
-    order = sorted(evidence, key=lambda term: -excess[term])
-    exceeding = frozenset(with_families(exceeds, known) & known)
-    tried = {term for term in order[: THRESHOLDS.leading_fitted] if excess[term] > THRESHOLDS.fitting_excess}
-    tried |= with_families({term for term in order[:2] if term in tried} | exceeds & {CLOCK_OFFSET}, known) & known
-    tried |= exceeds & UNDERSTATED & known
-    fits: dict[Term, Fit] = {}
+    report(f"searching for effects, round {len(outcome.added) + 1}", 0, 1)
+    screened, exceeds = _screened(solver, base, screen, outcome)
+    if len(outcome.added) == THRESHOLDS.most_effects or not exceeds:
+        return screened
+    known = set(screened.evidence)
+    screened = replace(screened, exceeding=frozenset(with_families(exceeds, known) & known))
+    order = sorted(screened.evidence, key=lambda term: -screened.excess[term])
+    tried, fits = _tried_first(screened, order, exceeds), {}
     while True:
-        new = [layout.candidates[term] for term in order if term in tried - fits.keys()]
-        fits |= refit(solver, base, new, seen, lambda k, n: report("fitting candidates", k, n))
+        new = [solver.layout.candidates[term] for term in order if term in tried - fits.keys()]
+        fits |= refit(solver, base, new, screen.seen, lambda k, n: report("fitting candidates", k, n))
         base = rebased(solver, base, fits)
         fits = nested(solver, base, fits)
         report("checking on other drivers", 0, 1)
-        other_base, *others = recalibrated(solver, outcome.checked, [base, *fits.values()])
-        trials = [
-            trial_of(solver, fit, base.state, other, other_base, null.null_mean(term))
-            for (term, fit), other in zip(fits.items(), others, strict=True)
-        ]
-        imitating = imitating_delay(trials)
-        significant = [trial for trial in trials if is_significant(trial, exceeding) and _is_additional(trial, added)]
-        accepted = believed([trial for trial in significant if trial.candidate.term not in imitating])
+        checked = _checked(solver, replace(screened, base=base), fits, screen.null, outcome)
         # A candidate is added only after all candidates that it is easily confused with have been tried.
-        accepted, contradicted = simulated(solver, other_base, accepted)
-        simulated_trials = {trial.candidate.term: trial for trial in (*accepted, *contradicted)}
-        trials = [simulated_trials.get(trial.candidate.term, trial) for trial in trials]
-        tried = with_families({trial.candidate.term for trial in accepted[:1]}, known)
+        tried = with_families({trial.candidate.term for trial in checked.accepted[:1]}, known)
         if tried <= fits.keys():
-            z_score |= {trial.candidate.term: 0.0 for trial in trials if is_of_numerics(trial)}
-            z_score |= dict.fromkeys(imitating, 0.0)
-            return screened(base=base, exceeding=exceeding, trials=trials, accepted=accepted, contradicted=contradicted)
+            return checked
+
+
+def _screened(solver: Solver, base: Fit, screen: _Screen, outcome: Search) -> tuple[Round, set[Term]]:
+    """A round without trials, and all terms whose evidence exceeds chance, clock offsets included."""
+    layout, null = solver.layout, screen.null
+    excluded = {EARLY_LEADER, *base.state.active, *outcome.excluded - {CLOCK_OFFSET}}
+    remaining = {CLOCK_OFFSET, *layout.candidates} - excluded
+    evidence = {
+        term: value
+        for term, value in evidences(screen.all_drivers.state, screen.seen, layout).items()
+        if term in remaining
+    }
+    exceeds = {term for term, z_score in null.z_scores(evidence).items() if z_score > THRESHOLDS.candidate_z_score}
+    clock_z_score = null.z_scores({CLOCK_OFFSET: evidence.pop(CLOCK_OFFSET)})[CLOCK_OFFSET]
+    screened = Round(
+        base=base,
+        evidence=evidence,
+        excess=null.excess(evidence),
+        z_score=null.z_scores(evidence),
+        exceeding=frozenset(exceeds & evidence.keys()),
+        trials=[],
+        accepted=[],
+        clock_z_score=clock_z_score,
+    )
+    return screened, exceeds
+
+
+def _tried_first(screened: Round, order: Sequence[Term], exceeds: set[Term]) -> set[Term]:
+    """Candidates that are fitted first, of all in the order of their excess: the leading ones, those that are easily
+    confused with the best two or with clock offsets, and understated ones.
+    """
+    known = set(screened.evidence)
+    tried = {term for term in order[: THRESHOLDS.leading_fitted] if screened.excess[term] > THRESHOLDS.fitting_excess}
+    tried |= with_families({term for term in order[:2] if term in tried} | exceeds & {CLOCK_OFFSET}, known) & known
+    return tried | exceeds & UNDERSTATED & known
+
+
+def _checked(solver: Solver, screened: Round, fits: Mapping[Term, Fit], null: Null, outcome: Search) -> Round:
+    """The round with a trial of every fit on the check drivers, and with the accepted trials."""
+    base = screened.base
+    other_base, *others = recalibrated(solver, outcome.checked, [base, *fits.values()])
+    trials = [
+        trial_of(solver, fit, base.state, other, other_base, null.null_mean(term))
+        for (term, fit), other in zip(fits.items(), others, strict=True)
+    ]
+    imitating = imitating_delay(trials)
+    significant = [
+        trial for trial in trials if is_significant(trial, screened.exceeding) and _is_additional(trial, outcome.added)
+    ]
+    accepted = believed([trial for trial in significant if trial.candidate.term not in imitating])
+    accepted, contradicted = simulated(solver, other_base, accepted)
+    simulated_trials = {trial.candidate.term: trial for trial in (*accepted, *contradicted)}
+    trials = [simulated_trials.get(trial.candidate.term, trial) for trial in trials]
+    otherwise_explained = [*(trial.candidate.term for trial in trials if is_of_numerics(trial)), *imitating]
+    z_score = screened.z_score | dict.fromkeys(otherwise_explained, 0.0)
+    return replace(screened, z_score=z_score, trials=trials, accepted=accepted, contradicted=contradicted)
 
 
 def _is_additional(trial: Trial, added: list[Trial]) -> bool:
