@@ -24,6 +24,7 @@ from rearl_jax.core.effects.stimulus import Stimulus
 from rearl_jax.core.following import begin_effects, follow
 from rearl_jax.discovery.observe.candidates import effects_at
 from rearl_jax.discovery.observe.closed_loop import FARTHEST
+from rearl_jax.discovery.observe.fit_state import FitState
 from rearl_jax.discovery.observe.kalman import Gain, State, correct, halfway, predict
 from rearl_jax.discovery.observe.residuals import Residuals, smoothed_acceleration
 from rearl_jax.discovery.observe.solver import Solver
@@ -197,21 +198,25 @@ def plain_scores(
     return _scores(np.concatenate([own, accelerations]).astype(np.float32), target, len(own), residuals)
 
 
-def added_acceleration(solver: Solver, residuals: Residuals) -> Float[np.ndarray, "steps pieces"]:
-    """Change of the model's acceleration by the added candidates in every time step [m/s^2]."""
-    data, layout = residuals.state.data, solver.layout
-    driver = residuals.prior.drivers(jnp.asarray(residuals.state.z[data.driver].T), data.is_truck.astype(float))
-    theta = jnp.repeat(jnp.asarray(residuals.state.theta)[:, None], len(data.driver), axis=1)
-    effects = effects_at(layout.by_name(theta), jax.tree.map(jnp.asarray, layout.knots), residuals.state.active)
+def model_acceleration(
+    solver: Solver, state: FitState, stimuli: Stimulus, *, of_effects: bool = False
+) -> Float[np.ndarray, "steps pieces"]:
+    """Acceleration of each driver's model at given stimuli, or the part of it `of_effects`, that is of the added
+    candidates [m/s^2].
+    """
+    data, layout = state.data, solver.layout
+    driver = layout.prior.drivers(jnp.asarray(state.z[data.driver].T), data.is_truck.astype(float))
+    theta = jnp.repeat(jnp.asarray(state.theta)[:, None], len(data.driver), axis=1)
+    effects = effects_at(layout.by_name(theta), jax.tree.map(jnp.asarray, layout.knots), state.active)
 
     def step(carry: tuple, now: Stimulus) -> tuple[tuple, Array]:
         memory, last = carry
-        acceleration, memory = follow(now, driver, effects, memory, last, data.dt)
-        return (memory, acceleration), acceleration - follow(now, driver, (), (), last, data.dt)[0]
+        wanted, memory = follow(now, driver, effects, memory, last, data.dt)
+        without = follow(now, driver, (), (), last, data.dt)[0] if of_effects else 0.0
+        return (memory, wanted), wanted - without
 
-    stimuli = residuals.stimulus()
     memory = begin_effects(effects, jax.tree.map(lambda values: values[0], stimuli), driver, data.dt)
-    first = memory, jnp.zeros(residuals.x.shape[1:])
+    first = memory, jnp.zeros(len(data.driver))
     return np.asarray(jax.jit(lambda carry, rows: lax.scan(step, carry, rows)[1])(first, stimuli), float)
 
 

@@ -15,13 +15,12 @@ from dataclasses import dataclass
 import jax
 import jax.numpy as jnp
 import numpy as np
-from jax import Array, lax
 from jaxtyping import Bool, Float, Int
 
 from rearl_jax.core.effects.stimulus import Stimulus
-from rearl_jax.core.following import begin_effects, follow
-from rearl_jax.discovery.observe.candidates import LENS, Term, effects_at, lens_at
+from rearl_jax.discovery.observe.candidates import LENS, Term, lens_at
 from rearl_jax.discovery.observe.fit_state import FitState, replaced
+from rearl_jax.discovery.observe.forcing import model_acceleration
 from rearl_jax.discovery.observe.observer import stimulus, straightened, straightened_start
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.resampling import Resampling
@@ -124,11 +123,12 @@ def responses(solver: Solver, state: FitState) -> Responses:
 def covariances(solver: Solver, state: FitState) -> Covariances:
     """Covariances of a state; the mean of each piece is subtracted from accelerations."""
     data = state.data
+    modelled = model_acceleration(solver, state, _measured_stimuli(solver, state))
     counts = _between_measurements(data.weight > 0, data.stride)
     leader = data.surroundings.leader_acceleration
     measured, modelled, of_leader = (
         (values - (values * counts).sum(axis=0) / np.maximum(counts.sum(axis=0), 1)) * counts
-        for values in (np.gradient(data.smooth_speed, data.dt, axis=0), model_acceleration(solver, state), leader)
+        for values in (np.gradient(data.smooth_speed, data.dt, axis=0), modelled, leader)
     )
 
     def lagged(values: np.ndarray, first: float, last: float) -> np.ndarray:
@@ -164,25 +164,13 @@ def _lagged(
     return (values[late] * of_leader[early] * (leader[late] == leader[early])).sum(axis=0)
 
 
-def model_acceleration(solver: Solver, state: FitState) -> Float[np.ndarray, "steps pieces"]:
-    """Model acceleration [m/s^2] of each driver at the measured position and speed."""
-    data, layout = state.data, solver.layout
-    is_truck = data.is_truck.astype(float)
-    driver = layout.prior.drivers(jnp.asarray(state.z[data.driver].T), is_truck)
-    numbers = layout.by_name(jnp.repeat(jnp.asarray(state.theta)[:, None], len(data.driver), axis=1))
-    knots = jax.tree.map(jnp.asarray, layout.knots)
-    effects = effects_at(numbers, knots, state.active)
+def _measured_stimuli(solver: Solver, state: FitState) -> Stimulus:
+    """Stimuli of the drivers at their measured positions and speeds, without camera distortion if that was added."""
+    data = state.data
     x, v, surroundings = jax.tree.map(jnp.asarray, (data.smooth, data.smooth_speed, data.surroundings))
     if LENS in state.active:
-        lens = lens_at(layout.by_name(jnp.asarray(state.theta)[:, None, None]), knots)
+        knots = jax.tree.map(jnp.asarray, solver.layout.knots)
+        lens = lens_at(solver.layout.by_name(jnp.asarray(state.theta)[:, None, None]), knots)
         surroundings, (x, v) = straightened(surroundings, lens), straightened_start(jnp.stack([x, v]), lens)
-    stimuli = jax.vmap(stimulus, in_axes=(0, 0, None, None, 0))(x, v, jnp.asarray(data.length), is_truck, surroundings)
-
-    def step(carry: tuple, now: Stimulus) -> tuple[tuple, Array]:
-        memory, last = carry
-        wanted, memory = follow(now, driver, effects, memory, last, data.dt)
-        return (memory, wanted), wanted
-
-    memory = begin_effects(effects, jax.tree.map(lambda values: values[0], stimuli), driver, data.dt)
-    first = memory, jnp.zeros(x.shape[1:])
-    return np.asarray(jax.jit(lambda carry, rows: lax.scan(step, carry, rows)[1])(first, stimuli), float)
+    own = x, v, jnp.asarray(data.length), data.is_truck.astype(float)
+    return jax.vmap(stimulus, in_axes=(0, 0, None, None, 0))(*own, surroundings)

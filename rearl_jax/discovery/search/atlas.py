@@ -11,9 +11,9 @@ from jaxtyping import Float
 from rearl_jax.discovery.observe.forcing import (
     DriverScores,
     acceleration_derivatives,
-    added_acceleration,
     driver_scores,
     innovation_and_acceleration_scores,
+    model_acceleration,
     plain_scores,
 )
 from rearl_jax.discovery.observe.residuals import Residuals
@@ -167,7 +167,7 @@ def added_curves(solver: Solver, residuals: Residuals, grid: Grid) -> dict[str, 
     """Acceleration by the added effects [m/s^2] as a curve over every variable, at its knots, for comparison with the
     maps of the model without these effects. Empty if no added effect changes the acceleration.
     """
-    added = added_acceleration(solver, residuals)
+    added = model_acceleration(solver, residuals.state, residuals.stimulus(), of_effects=True)
     if np.abs(added).max(initial=0.0) < 1e-6:
         return {}
     columns = grid.knot_columns(variables_of(residuals))
