@@ -149,7 +149,7 @@ def _discovery(config: DiscoverTask, parts: Parts, found: BestSearch, lanes: Lan
         errors |= model_errors(solver, reported, {"after": outcome.last}, options.seed, variation)
     errors[IDM] = _errors_of_idm(config, found, parts, errors["before"])
     resampling = Resampling(options.confidence, options.draws, options.seed)
-    deviations = standard_deviations(solver, outcome.last.state).theta
+    deviations = standard_deviations(solver, outcome.last.state)
     effects = _effects(deviations, outcome, adequacy, parts.findings, options.confidence)
     not_found_with = {
         (term.effect, outcome.layout.candidates[term].variables): names

@@ -93,6 +93,11 @@ class FitState:
         n_own = self.z.shape[1]
         return self.sums.gram[:, :n_own, :n_own] / self.variances[:, None, None]
 
+    @property
+    def own_variance(self) -> Float[np.ndarray, "drivers own"]:
+        """Variance of the estimates of each driver's standardised parameters, all else fixed [-]."""
+        return np.einsum("dii->di", np.linalg.inv(self.own_information + self.precision))
+
     def log_likelihood(self) -> Float[np.ndarray, " drivers"]:
         """Log-likelihood of each driver's innovations with its variance integrated out, less a constant [nats]."""
         assert self.sums is not None

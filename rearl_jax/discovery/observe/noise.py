@@ -261,8 +261,7 @@ def spread_of(state: FitState) -> Float[np.ndarray, " own"]:
 
     Source: expectation maximisation, Dempster, Laird & Rubin, J. R. Stat. Soc. B 39 (1977) 1.
     """
-    estimation_variance = np.einsum("dii->di", np.linalg.inv(state.own_information + state.precision))
-    square = (USUAL_DRIVERS + (state.away**2 + estimation_variance).sum(axis=0)) / (USUAL_DRIVERS + len(state.z))
+    square = (USUAL_DRIVERS + (state.away**2 + state.own_variance).sum(axis=0)) / (USUAL_DRIVERS + len(state.z))
     return np.clip(np.sqrt(square), *SPREADS)
 
 

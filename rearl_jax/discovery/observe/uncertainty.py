@@ -1,7 +1,6 @@
 """Standard deviations of fitted parameters, and complexity penalties. theta are the parameters of all candidates."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from jaxtyping import Float
@@ -19,36 +18,21 @@ LOG_OBSERVATIONS = np.log(THRESHOLDS.independent_observations)
 """Logarithm of a typical number of independent observations of one parameter [-]."""
 
 
-@dataclass(frozen=True)
-class StandardDeviations:
-    """Standard deviations of fitted parameters.
+def standard_deviations(solver: Solver, state: FitState) -> Float[np.ndarray, " free"]:
+    """Standard deviations of the searched elements of theta in a solved state, in order.
 
-    Attributes:
-        theta: Standard deviations of the searched elements of theta, in order.
-        drivers: Standard deviations of the drivers' standardised parameters, all else fixed [-].
-    """
-
-    theta: Float[np.ndarray, " free"]
-    drivers: Float[np.ndarray, "drivers own"]
-
-
-def standard_deviations(solver: Solver, state: FitState) -> StandardDeviations:
-    """Standard deviations in a solved state.
-
-    For each element of theta the larger of two estimates: from the curvature, which relies on the noise model, and from
-    the sandwich formula, which uses the scatter of the drivers' scores.
+    For each the larger of two estimates: from the curvature, which relies on the noise model, and from the sandwich
+    formula, which uses the scatter of the drivers' scores.
 
     Source: White, Econometrica 50 (1982) 1 (sandwich); Kauermann & Carroll, JASA 96 (2001) 1387.
     """
     assert state.sums is not None
     free = solver.free(state)
+    if not len(free):
+        return np.empty(0)
     gradient = state.sums.gradient / state.variances[:, None]
     n_own = state.z.shape[1]
     own, added = slice(0, n_own), slice(n_own, n_own + len(free))
-    inverse = np.linalg.inv(state.own_information + state.precision)
-    drivers = np.sqrt(np.einsum("dii->di", inverse))
-    if not len(free):
-        return StandardDeviations(np.empty(0), drivers)
     response, information = _projected(state, len(free))
     information = information + np.diag(solver.layout.scale[free] ** -2.0)
     away = state.away @ state.precision
@@ -58,7 +42,7 @@ def standard_deviations(solver: Solver, state: FitState) -> StandardDeviations:
     n = len(scores)
     scatter = scores.T @ scores * n / max(n - len(free), 1)
     sandwich = covariance @ scatter @ covariance
-    return StandardDeviations(np.sqrt(np.maximum(np.diag(covariance), np.diag(sandwich))), drivers)
+    return np.sqrt(np.maximum(np.diag(covariance), np.diag(sandwich)))
 
 
 def shares_at_bound(solver: Solver, state: FitState) -> Float[np.ndarray, " own"]:

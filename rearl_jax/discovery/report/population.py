@@ -12,7 +12,7 @@ import numpy as np
 
 from rearl_jax.discovery.observe.fit_state import FitState
 from rearl_jax.discovery.observe.solver import Solver
-from rearl_jax.discovery.observe.uncertainty import shares_at_bound, standard_deviations
+from rearl_jax.discovery.observe.uncertainty import shares_at_bound
 from rearl_jax.discovery.thresholds import THRESHOLDS
 from rearl_jax.document.document import Section
 from rearl_jax.document.table import Cell, Row, Table, number, percent, sentence, spoken
@@ -22,7 +22,7 @@ def population_block(solver: Solver, state: FitState) -> dict[str, dict[str, Any
     """Entry `population` of the verdict, for the fitted drivers of a calibrated model."""
     prior, truck = solver.layout.prior, state.truck
     values = np.exp(np.median(np.log(prior.values(state.z, truck)), axis=0))
-    determined = 1 - np.mean((standard_deviations(solver, state).drivers / state.spread) ** 2, axis=0)
+    determined = 1 - np.mean((np.sqrt(state.own_variance) / state.spread) ** 2, axis=0)
     at_bound = shares_at_bound(solver, state)
     rows = zip(prior.names, prior.units, values, prior.spread * state.spread, determined, at_bound, strict=True)
     return {

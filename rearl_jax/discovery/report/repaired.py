@@ -110,8 +110,7 @@ def population(fit: Fit, data: Measured, prior: Prior) -> dict[str, DriverClass]
 
 def _unknown_share(fit: Fit, members: np.ndarray) -> np.ndarray:
     """Mean share, over the class members, of each parameter's prior variance that their data leave [-]."""
-    own = fit.state.own_information[members] + fit.state.precision
-    remaining = np.einsum("dii->di", np.linalg.inv(own)) / fit.state.spread**2
+    remaining = fit.state.own_variance[members] / fit.state.spread**2
     return np.clip(remaining.mean(axis=0), 0.0, 1.0)
 
 

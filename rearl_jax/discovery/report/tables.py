@@ -10,7 +10,6 @@ import pandas as pd
 from rearl_jax.discovery.observe.candidates import Term
 from rearl_jax.discovery.observe.fit import Fit
 from rearl_jax.discovery.observe.solver import Solver
-from rearl_jax.discovery.observe.uncertainty import standard_deviations
 from rearl_jax.discovery.report.errors import MEASURES, ModelErrors
 from rearl_jax.discovery.report.protocols import IN_SAMPLE, PROTOCOL_MEASURES, PROTOCOLS, ProtocolErrors
 from rearl_jax.discovery.search.null import Null
@@ -96,7 +95,7 @@ def fit_table(solver: Solver, fit: Fit) -> pd.DataFrame:
     state = fit.state
     prior = solver.layout.prior
     values = prior.values(state.z, state.truck)
-    deviations = standard_deviations(solver, state).drivers * prior.spread
+    deviations = np.sqrt(state.own_variance) * prior.spread
     table = pd.DataFrame({"driver": np.arange(len(state.z)), "truck": state.truck.astype(bool)})
     for k, name in enumerate(prior.names):
         table[name], table[f"{name}_log_sd"] = values[:, k], deviations[:, k]
