@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from rearl_jax.discovery.report.protocols import PROTOCOLS
-from rearl_jax.discovery.report.words import base_words, described
+from rearl_jax.discovery.report.words import base_words, described, with_interval
 from rearl_jax.document.document import Section
 from rearl_jax.document.table import Cell, Row, Table, cell_of, percent, sentence, spoken
 
@@ -64,7 +64,7 @@ def _earlier_model(base: Mapping[str, Any]) -> str:
 def _time_gaps(base: Mapping[str, Any]) -> str:
     """Sentence on the equilibrium time gaps of the chosen model."""
     time_gaps = [
-        f"{figure['value']:.2f} s ({figure['low']:.2f} to {figure['high']:.2f}) at {speed} m/s"
+        f"{with_interval(figure, '.2f', ' s')} at {speed} m/s"
         for speed, figure in base["equilibrium_time_gap"].items()
         if figure is not None
     ]

@@ -51,8 +51,7 @@ def base_words(base: Mapping[str, Any]) -> str:
     (gain,) = (row["gain"] for row in base["compared"] if row["name"] == base["chosen"])
     return (
         f"the car-following model {spoken(base['chosen'])} predicts better than {spoken(base['driver'])}, "
-        f"{gain['value']:+.0f} ({gain['low']:+.0f} to {gain['high']:+.0f}) nats on {base['drivers']['checked']} other "
-        "drivers"
+        f"{with_interval(gain, '+.0f')} nats on {base['drivers']['checked']} other drivers"
     )
 
 
@@ -79,10 +78,9 @@ def lane_choice_words(lanes: Mapping[str, Any]) -> str:
     text, loss = f"{lanes['changes']} changes by choice in {lanes['opportunities']} opportunities", lanes["loss"]
     if loss is None or loss["after"] == loss["before"]:
         return text
-    change = loss["change"]
     return (
         f"{text}; log-loss of other drivers' choices {loss['before']:.4f} before, {loss['after']:.4f} after, "
-        f"change {change['value']:+.4f} ({change['low']:+.4f} to {change['high']:+.4f}) nats"
+        f"change {with_interval(loss['change'], '+.4f')} nats"
     )
 
 
@@ -102,18 +100,15 @@ def described(effect: Mapping[str, Any]) -> str:
 
 def error_words(error: Mapping[str, Any]) -> str:
     """Sentence on the closed-loop gap error before and after, with intervals, and on the error from noise alone."""
-
-    def text(value: Mapping[str, float], sign: str = "") -> str:
-        return f"{value['value']:{sign}.2f} ({value['low']:{sign}.2f} to {value['high']:{sign}.2f}) m"
-
     words = f"closed-loop gap error of {error['n_drivers']} other drivers, {PROTOCOLS[IN_SAMPLE]}: "
-    words += text(error["before"])
+    words += f"{with_interval(error['before'], '.2f')} m"
     if _is_changed(error):
-        words += f" before, {text(error['after'])} after, change {text(error['change'], '+')}"
+        after, change = with_interval(error["after"], ".2f"), with_interval(error["change"], "+.2f")
+        words += f" before, {after} m after, change {change} m"
     if error["oracle"] is not None:
-        words += f", {text(error['oracle'])} for the oracle"
+        words += f", {with_interval(error['oracle'], '.2f')} m for the oracle"
     noise = error.get("noise_alone", error["floor"])
-    return f"{words}; drivers' own noise alone gives {text(noise)}"
+    return f"{words}; drivers' own noise alone gives {with_interval(noise, '.2f')} m"
 
 
 def share_words(error: Mapping[str, Any]) -> str:
@@ -129,11 +124,15 @@ def response_words(error: Mapping[str, Any]) -> str:
     times = error.get("response_time", {})
     models = ("before", "after") if _is_changed(error) else ("before",)
     figures = [
-        f"{times[model]['value']:+.2f} s ({times[model]['low']:+.2f} to {times[model]['high']:+.2f}) {model}"
-        for model in models
-        if times.get(model) is not None
+        f"{with_interval(times[model], '+.2f', ' s')} {model}" for model in models if times.get(model) is not None
     ]
     return f" Response time beyond the model's: {', '.join(figures)}." if figures else ""
+
+
+def with_interval(figure: Mapping[str, Any], form: str, unit: str = "") -> str:
+    """A figure of the verdict with its interval, such as 1.2 (1.0 to 1.4); `form` is that of every number."""
+    value, low, high = (format(figure[name], form) for name in ("value", "low", "high"))
+    return f"{value}{unit} ({low} to {high})"
 
 
 def _is_changed(error: Mapping[str, Any]) -> bool:
