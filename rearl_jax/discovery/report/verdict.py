@@ -85,7 +85,7 @@ from rearl_jax.discovery.report.candidate_results import result_of
 from rearl_jax.discovery.search.adequacy import Adequacy
 from rearl_jax.discovery.search.clock_check import ClockCheck
 from rearl_jax.discovery.search.decision import Trial
-from rearl_jax.discovery.search.families import told_apart_by
+from rearl_jax.discovery.search.families import distinguishing_data
 from rearl_jax.discovery.search.outcome import Search, is_free
 from rearl_jax.discovery.thresholds import THRESHOLDS
 
@@ -237,14 +237,14 @@ def candidate_rows(search: Search) -> list[dict[str, Any]]:
                 "gain": None if trial is None else trial.gain,
                 "check": None if trial is None else trial.check,
                 "ambiguous": term in ambiguous,
-                "told_apart_by": told_apart_by(term, chosen) if term in ambiguous else None,
+                "told_apart_by": distinguishing_data(term, chosen) if term in ambiguous else None,
                 "result": result_of(search, term),
             }
         )
     for term in chosen:
         for twin in TWINS.get(term.effect, ()):
             place = next(place for place, row in enumerate(rows) if row["name"] == term.effect)
-            of_twin = {"name": twin, "ambiguous": True, "told_apart_by": told_apart_by(Term(twin), chosen)}
+            of_twin = {"name": twin, "ambiguous": True, "told_apart_by": distinguishing_data(Term(twin), chosen)}
             rows.insert(place + 1, rows[place] | of_twin | {"result": "not_distinguished"})
     return rows
 

@@ -82,7 +82,7 @@ DISTINGUISHING_DATA = {
 """Data that would distinguish two candidates; a free curve is listed under the name of its variable."""
 
 
-def told_apart_by(term: Term, chosen: Sequence[Term]) -> str:
+def distinguishing_data(term: Term, chosen: Sequence[Term]) -> str:
     """Data that would distinguish a candidate from the chosen ones."""
     for other in chosen:
         for pair, data in DISTINGUISHING_DATA.items():

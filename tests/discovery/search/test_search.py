@@ -327,10 +327,10 @@ def test_confusable_candidates_compete_together():
     assert families.with_families({grade}, {grade, limit, Term("asymmetry")}) == {grade, limit}
     assert families.confounded(Term("reaction_delay"), Term("leader_acceleration"))
     assert not families.confounded(leader_class, grade)
-    assert "map" in families.told_apart_by(Term("bend"), [limit])
+    assert "map" in families.distinguishing_data(Term("bend"), [limit])
     by_length = Term("time_gap_dependence", "leader_length")
-    assert families.told_apart_by(by_length, [leader_class]).startswith("trucks")
-    assert families.told_apart_by(Term("dependence", "follower_gap"), [leader_class]).startswith("more drivers")
+    assert families.distinguishing_data(by_length, [leader_class]).startswith("trucks")
+    assert families.distinguishing_data(Term("dependence", "follower_gap"), [leader_class]).startswith("more drivers")
 
 
 def test_every_member_of_a_family_is_something_that_is_looked_for(solver):
