@@ -5,6 +5,8 @@ import gc
 import logging
 import os
 import sys
+import warnings
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +14,8 @@ from rearl_jax.jax_import import import_jax
 from rearl_jax.problems import ProblemError
 from rearl_jax.tasks import Task
 from rearl_jax.whole_files import is_private, private_folder
+
+log = logging.getLogger(__name__)
 
 _PACKAGE = str(Path(__file__).resolve().parents[1])
 
@@ -52,13 +56,32 @@ def _start_jax(task: Task) -> None:
     # A multirun shows the log of every library, in which JAX would report that it found no TPU.
     logging.getLogger("jax").setLevel(logging.WARNING)
     is_safe = _is_private_cache(runtime.cache_folder())
-    runtime.start(x64=task.x64)
+    with warnings.catch_warnings(record=True) as given:
+        runtime.start(x64=task.x64)
+    for warning in given:
+        log.warning("%s", warning.message)
+    if limit := address_space():
+        log.warning(
+            "the address space of this process is limited to %.1f GiB, and the process aborts if it needs more: raise "
+            "the limit (ulimit -v unlimited), or ask for fewer scenes, runs, vehicles or seconds at a time",
+            limit / 2**30,
+        )
     import jax
 
     if not is_safe:
         jax.config.update("jax_enable_compilation_cache", False)
     elif folder := getattr(jax.config, "jax_compilation_cache_dir", None):
         explain_warnings(Path(folder))
+
+
+def address_space() -> int | None:
+    """Largest address space of this process [bytes], as set by `ulimit -v`; None without a limit."""
+    try:
+        import resource
+    except ImportError:  # Windows
+        return None
+    limit = resource.getrlimit(resource.RLIMIT_AS)[0]
+    return None if limit == resource.RLIM_INFINITY else limit
 
 
 def _is_private_cache(cache: Path) -> bool:
@@ -104,7 +127,8 @@ def is_of_output(error: BaseException) -> bool:
 def explained(error: BaseException) -> str:
     """Message to the user about an error, with a remedy for lack of memory and errors of the file system."""
     if isinstance(error, MemoryError):
-        return f"not enough memory ({error}): ask for fewer scenes, runs, vehicles or seconds at a time"
+        detail = f" ({error})" if str(error) else ""
+        return f"not enough memory{detail}: ask for fewer scenes, runs, vehicles or seconds at a time"
     if not isinstance(error, OSError) or error.errno is None:
         return str(error)
     if is_of_output(error):
@@ -127,7 +151,8 @@ def explained(error: BaseException) -> str:
 
 
 def complain(message: str) -> None:
-    """Prints one sentence on standard error, in red if that is a terminal."""
+    """Prints one sentence on standard error, in red if that is a terminal; nothing if it cannot be written."""
     colour = sys.stderr.isatty() and "NO_COLOR" not in os.environ
     start, stop = ("\033[31m", "\033[0m") if colour else ("", "")
-    print(f"{start}rearl: {message}{stop}", file=sys.stderr)
+    with suppress(OSError):
+        print(f"{start}rearl: {message}{stop}", file=sys.stderr, flush=True)
