@@ -4,6 +4,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 from rearl_jax.data.records import RecordingInfo
+from rearl_jax.document.recording_notes import merged_notes
 from rearl_jax.document.table import Table
 
 
@@ -63,10 +64,10 @@ class Document:
 
 def data_sources(infos: Iterable[RecordingInfo]) -> tuple[DataSource, ...]:
     """Data sets of some recordings, each once with the notes of all its recordings."""
-    notes: dict[tuple[str, str, str], dict[str, None]] = {}
+    notes: dict[tuple[str, str, str], list[tuple[str, ...]]] = {}
     for info in infos:
-        notes.setdefault((info.source, info.attribution, info.licence), {}).update(dict.fromkeys(info.notes))
+        notes.setdefault((info.source, info.attribution, info.licence), []).append(info.notes)
     return tuple(
-        DataSource(name, attribution.rstrip("."), licence.rstrip("."), tuple(source_notes))
-        for (name, attribution, licence), source_notes in notes.items()
+        DataSource(name, attribution.rstrip("."), licence.rstrip("."), merged_notes(of_recordings))
+        for (name, attribution, licence), of_recordings in notes.items()
     )

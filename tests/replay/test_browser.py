@@ -196,9 +196,10 @@ def wide_page(tmp_path):
     section = Section(
         "Methods", tables=(Table("Errors of every method on the recordings of a motorway", headings, (row,)),)
     )
+    folded = Section("Definitions", paragraphs=("H is a distance.",), is_folded=True)
     path = tmp_path / "wide.html"
     path.write_text(
-        page_of(Document("Wide", "Wide.", (section,), "evaluate", False), EvaluateTask(), {}), encoding="utf-8"
+        page_of(Document("Wide", "Wide.", (section, folded), "evaluate", False), EvaluateTask(), {}), encoding="utf-8"
     )
     return path.as_uri()
 
@@ -216,6 +217,24 @@ def test_paper_gets_whole_tables_in_dark_letters_from_a_dark_screen(wide_page, t
     assert [tab.ask(CUT), tab.ask(is_dark)] == [1, False]
     tab.call("Emulation.setEmulatedMedia", media="print", features=dark)
     assert [tab.ask(CUT), tab.ask(is_dark)] == [0, True]
+
+
+def test_paper_gets_no_controls(page, tab):
+    is_shown = "[...document.querySelectorAll('.controls')].map(one => one.getBoundingClientRect().height > 0)"
+    tab.call("Page.navigate", url=page)
+    tab.until("document.querySelector('.player')?.dataset.ready === 'true'")
+    assert tab.ask(is_shown) == [True, True]
+    tab.call("Emulation.setEmulatedMedia", media="print")
+    assert tab.ask(is_shown) == [False, False]
+
+
+def test_paper_gets_the_folded_sections_but_not_the_configuration(wide_page, tab):
+    is_shown = "['details p', 'details pre'].map(one => document.querySelector(one).checkVisibility())"
+    tab.call("Page.navigate", url=wide_page)
+    tab.until("document.readyState === 'complete'")
+    assert tab.ask(is_shown) == [False, False]
+    tab.call("Emulation.setEmulatedMedia", media="print")
+    assert tab.ask(is_shown) == [True, False]
 
 
 def test_a_desk_shows_nine_metrics_at_once_and_a_phone_the_whole_caption(wide_page, tab):

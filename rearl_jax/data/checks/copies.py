@@ -49,12 +49,11 @@ class Copies:
         profiles = Profiles(recording.table)
         if (copy := self._profiles.copy_of(profiles)) is not None:
             earlier, _ = self._infos[copy.recording]
-            message = f"{info.id} contains vehicles of {earlier.id} ({earlier.file or 'the same source'}): "
-            message += f"{copy.share:.0%} of the compared vehicles have the same speeds"
-            message += (
-                f", {abs(copy.offset):.1f} s apart" if abs(copy.offset) > copy.TOLERANCE else " at the same times"
-            )
+            fault = f"{copy.share:.0%} of the compared vehicles have the same speeds"
+            fault += f", {abs(copy.offset):.1f} s apart" if abs(copy.offset) > copy.TOLERANCE else " at the same times"
+            message = f"{info.id} contains vehicles of {earlier.id}: {fault}"
             if file != self._files[copy.recording]:
+                message = f"{info.id} contains vehicles of {earlier.id} ({earlier.file or 'the same source'}): {fault}"
                 remedy = "keep one of the two, or cut off what is in both"
                 raise InvalidInputError(Problem("rows-twice", message, remedy, file=info.file or info.id))
             recording = replace(recording, info=replace(info, notes=(*info.notes, message)))

@@ -88,6 +88,8 @@ def test_a_platoon_that_is_published_twice_is_noted():
     assert not any("contains vehicles of" in note for note in first.info.notes)
     (note,) = (note for note in second.info.notes if "contains vehicles of" in note)
     assert first.info.id in note
+    assert second.info.file is not None
+    assert str(Path(second.info.file).parent) not in note  # a page is given to others
 
 
 def test_the_trees_of_many_recordings_are_few_and_find_each():
