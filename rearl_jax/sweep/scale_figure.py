@@ -1,5 +1,6 @@
 """Figure of `rearl sweep scale`: cost of a rollout by the number simulated at a time, memory by the rollouts done."""
 
+import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator, StrMethodFormatter
 
@@ -11,7 +12,7 @@ def draw_scale(results: ScaleResults) -> bytes:
     """PNG with two panels: time per rollout against batch size, both logarithmic, and memory over the rollouts."""
     figure, (cost, memory) = panels(9.0, 3.6, columns=2, generated=results.generated)
     _costs(cost, results)
-    _memory(memory, results)
+    _memory(memory, results.stream.table(), results.n_rollouts)
     for panel in (cost, memory):
         panel.grid(color=LIGHT_GREY, linewidth=0.6)
         panel.set_axisbelow(True)
@@ -31,14 +32,16 @@ def _costs(panel: Axes, results: ScaleResults) -> None:
     set_title(panel, f"{results.config.method.name}, rollouts of {results.seconds} s")
 
 
-def _memory(panel: Axes, results: ScaleResults) -> None:
-    table = results.stream.table()
+def _memory(panel: Axes, table: pd.DataFrame, n_rollouts: int) -> None:
+    """Draws the progress of a stream of `n_rollouts`, a row per part."""
     series = (("peak_mib", "largest so far", GREY), ("resident_mib", "at the end of a part", BLUE))
     for number, (_, session) in enumerate(table.groupby("session")):
         for name, label, colour in series:
             shown_label = label if number == 0 else None
-            panel.plot(session["rollouts"], session[name], ".-", color=colour, linewidth=1.4, label=shown_label)
-    panel.set_xlim(0, results.n_rollouts)
+            style = {"color": colour, "linewidth": 1.4, "label": shown_label}
+            # The last point is on the right edge and would be cut there.
+            panel.plot(session["rollouts"], session[name], ".-", clip_on=False, zorder=3, **style)
+    panel.set_xlim(0, n_rollouts)
     panel.xaxis.set_major_locator(MaxNLocator(4))
     panel.xaxis.set_major_formatter(StrMethodFormatter("{x:,.0f}"))
     # The axis starts at zero, so that slopes are not exaggerated, and leaves room for the legend.

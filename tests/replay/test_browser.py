@@ -192,7 +192,9 @@ def wide_page(tmp_path):
     from rearl_jax.document.table import Cell, Row, Table
 
     headings = tuple(f"metric {number}" for number in range(9))
-    row = Row("real against real", tuple(Cell("0.453 ± 0.077", "0.412 to 0.484") for _ in headings))
+    row = Row(
+        "+ start and desired speeds as recorded", tuple(Cell("0.453 ± 0.077", "0.412 to 0.484") for _ in headings)
+    )
     section = Section(
         "Methods", tables=(Table("Errors of every method on the recordings of a motorway", headings, (row,)),)
     )

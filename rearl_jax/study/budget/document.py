@@ -29,8 +29,8 @@ CLEAR_LEAD = 0.95
 
 CAPTIONS = {
     "waterfall": "From Base to the row with all components: bars are shares (means over all possible orders) with "
-    "their intervals, crosses the errors of the rows in the stated order. The grey line is real against real. Position "
-    "errors begin with the row that starts as recorded."
+    "their intervals, blue where the error falls and red where it rises, crosses the errors of the rows in the stated "
+    "order. The grey line is real against real. Position errors begin with the row that starts as recorded."
 }
 """Text below the figure."""
 
@@ -66,7 +66,8 @@ def document_of(table: pd.DataFrame, steps: pd.DataFrame, remarks: Remarks, *, g
 
 _MEANING_OF_SHARES = (
     "A share is the mean, over all admissible orders, of the reduction of the error when the component is added. "
-    "Positive shares are towards the recording in every column. Shares sum to the total reduction."
+    "Positive shares are towards the recording in every column. Shares sum to the total reduction. Where more is "
+    "better, as for realism and likelihoods, all differences have the opposite sign."
 )
 
 
