@@ -113,6 +113,29 @@ def idm_slopes(v, p, exponent=4.0, length=0.0):
     )
 
 
+# Improved IDM: Treiber & Kesting, Traffic Flow Dynamics (2013), section 11.3.7.
+
+
+def improved_free(v, p):
+    a, b, ratio = p.max_accel, p.comfort_decel, max(v, 0.0) / p.desired_speed
+    return a * (1 - ratio**4) if ratio <= 1 else -b * (1 - ratio ** (-4 * a / b))
+
+
+def improved_acceleration(s, v, dv, p):
+    z, a, free = idm_desired_gap(v, dv, p) / max(s, SMALLEST_GAP), p.max_accel, improved_free(v, p)
+    if v > p.desired_speed:
+        return free + a * (1 - z * z) if z >= 1 else free
+    return a * (1 - z * z) if z >= 1 else free * (1 - z ** (2 * a / free))
+
+
+def improved_slopes(v, p):
+    """Of a (1 - z^2) at z = 1; those of f (1 - z^(2 a / f)) are the same there."""
+    a, gap = p.max_accel, linear_equilibrium_gap(v, p)
+    return Slopes(
+        gap=2 * a / gap, speed=-2 * a * p.time_gap / gap, approach_rate=-v * math.sqrt(a / p.comfort_decel) / gap
+    )
+
+
 # highway-env 1.12.1, IDMVehicle.acceleration: the same between centres, any exponent, s* not cut at zero.
 
 
@@ -244,6 +267,7 @@ def krauss_slopes(v, p):
 
 ORACLES: dict[str, Oracle] = {
     "idm": Oracle(idm_free, idm_acceleration, idm_equilibrium_gap, idm_slopes),
+    "improved_idm": Oracle(improved_free, improved_acceleration, linear_equilibrium_gap, improved_slopes),
     "highway_env_idm": Oracle(
         highway_env_free, highway_env_acceleration, highway_env_equilibrium_gap, highway_env_slopes
     ),
@@ -257,5 +281,5 @@ ORACLES: dict[str, Oracle] = {
 }
 """Every model by its name."""
 
-DESIRED_GAPS = {"idm": idm_desired_gap, "highway_env_idm": highway_env_desired_gap}
+DESIRED_GAPS = {"idm": idm_desired_gap, "improved_idm": idm_desired_gap, "highway_env_idm": highway_env_desired_gap}
 """Desired gaps [m] of the models whose drivers want another than that at equilibrium, of v, dv and the parameters."""

@@ -37,6 +37,7 @@ UNSTABLE, STABLE = "unstable", "stable"
 
 CASES = {
     "idm": {UNSTABLE: {"max_accel": 0.6, "time_gap": 1.0}, STABLE: {"max_accel": 2.5, "time_gap": 1.6}},
+    "improved_idm": {UNSTABLE: {"max_accel": 0.6, "time_gap": 1.0}, STABLE: {"max_accel": 2.5, "time_gap": 1.6}},
     "highway_env_idm": {
         UNSTABLE: {"max_accel": 1.2, "time_gap": 1.0},
         STABLE: {"comfort_decel": 2.0, "time_gap": 2.0},
