@@ -8,7 +8,7 @@ import numpy as np
 from rearl_jax.config.driver import MODELS as DECLARED
 from rearl_jax.config.driver import record_of
 from rearl_jax.config.driver.declaration import DriverParameter
-from rearl_jax.export.sumo import MODELS
+from rearl_jax.export.sumo import ADDED_GAP, MODELS, UNUSED_TERMS
 from rearl_jax.export.translations import Translation
 from rearl_jax.export.vehicle_types import VehicleType
 from rearl_jax.models.record import CAR, TRUCK, DriverClass
@@ -30,6 +30,7 @@ _UNREAD = {
 """Why attributes have no counterpart, if their values differ from `NEUTRAL_VALUES`."""
 
 NEUTRAL_VALUES = {"delta": 4.0, "sigma": 0.0, "emergencyDecel": 9.0, "speedFactor": 1.0, "speedDev": 0.0}
+NEUTRAL_VALUES |= {attribute: float(value) for attribute, value in UNUSED_TERMS.items()}
 """Values of attributes that have no influence, so that leaving them out loses nothing."""
 
 
@@ -90,6 +91,8 @@ def _driver(vehicle_type: VehicleType, name: str, speed_limit: float | None) -> 
         value, sd = read[0]
         if parameter.name == "speed_gain":
             value = -value  # SUMO's gain acts on the speed's excess
+        elif parameter.name == "jam_gap" and MODELS[name].is_extended:
+            value += ADDED_GAP
         elif parameter.name == "desired_speed":
             value, sd = _desired_speed(vehicle_type, value, sd, speed_limit)
         values[parameter.name] = _in_bounds(vehicle_type, name, parameter, value), sd
@@ -168,14 +171,19 @@ def _translations(types: Sequence[VehicleType], name: str, speed_limit: float | 
     others = dict.fromkeys(
         attribute for vehicle_type in types for attribute in vehicle_type.attributes if attribute not in targets
     )
+    if MODELS[name].is_extended:
+        others |= dict.fromkeys(UNUSED_TERMS)  # also where the file leaves them to SUMO, which does not leave them out
     return found + [_unread(attribute, types) for attribute in others]
 
 
 def _unread(attribute: str, types: Sequence[VehicleType]) -> Translation:
-    """An attribute without counterpart; nothing is lost where all types have its neutral value."""
+    """An attribute without counterpart; nothing is lost where all types that state it have its neutral value, and all
+    types state it if it is one of UNUSED_TERMS.
+    """
     stated = [vehicle_type.attributes[attribute] for vehicle_type in types if attribute in vehicle_type.attributes]
     neutral = NEUTRAL_VALUES.get(attribute)
-    if neutral is not None and all(_is_number(text, neutral) for text in stated):
+    is_open = attribute in UNUSED_TERMS and len(stated) < len(types)
+    if neutral is not None and not is_open and all(_is_number(text, neutral) for text in stated):
         return Translation(attribute, f"is {neutral:g} here")
     return Translation(attribute, None, _UNREAD.get(attribute, "has no counterpart in a population of drivers"))
 

@@ -9,7 +9,7 @@ Sources: SUMO 1.28, "Definition of Vehicles, Vehicle Types, and Routes" (attribu
 
 import xml.etree.ElementTree as ET
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -50,8 +50,21 @@ class SumoModel:
     is_extended: bool = False
 
 
+UNUSED_TERMS = {"ccoolness": "0", "sigmagap": "0", "sigmaleader": "0", "sigmaerror": "0", "treaction": "0"}
+"""Attributes of EIDM's further terms, with the values at which these do nothing."""
+
 MODELS = {
     "idm": SumoModel("IDM", COMMON_ATTRIBUTES | _ACCELERATION_ATTRIBUTES, {"delta": "4"}, {}),
+    "improved_idm": SumoModel(
+        "EIDM",
+        COMMON_ATTRIBUTES | _ACCELERATION_ATTRIBUTES,
+        {"delta": "4", **UNUSED_TERMS},
+        {
+            "equation": "from rest, SUMO's drivers start in their own way; terms that are not used are 0",
+            "jam_gap": "less .3 m, which SUMO adds; at least .25 m",
+        },
+        is_extended=True,
+    ),
     "krauss": SumoModel(
         "Krauss",
         COMMON_ATTRIBUTES | _ACCELERATION_ATTRIBUTES,
@@ -79,19 +92,15 @@ MODELS = {
 }
 """SUMO's model with the same equation, by this package's name."""
 
-_UNUSED_TERMS = {"ccoolness": "0", "sigmagap": "0", "sigmaleader": "0", "sigmaerror": "0", "treaction": "0"}
-
 EXTENDED = {
-    "idm": SumoModel(
-        "EIDM",
-        COMMON_ATTRIBUTES | _ACCELERATION_ATTRIBUTES,
-        {"delta": "4", **_UNUSED_TERMS},
-        {
+    "idm": replace(
+        MODELS["improved_idm"],
+        remarks={
+            **MODELS["improved_idm"].remarks,
             "equation": "the improved IDM, which keeps s0 + T v up to the desired speed; terms that are not used are 0",
-            "jam_gap": "less .3 m, which SUMO adds; at least .25 m",
         },
-        is_extended=True,
-    )
+    ),
+    "improved_idm": MODELS["improved_idm"],
 }
 """SUMO's model with the equation and further terms, by this package's name.
 

@@ -27,7 +27,8 @@ from tests.refusal import refused
 F64 = np.dtype("float64")
 DATA = DataConfig(DataFormat.openacc, recordings="*handling_part22_2to8", on_bad=BadRows.drop_row)
 N_LEADERS, N_FOLLOWERS, SECONDS = 2, 3, 60
-KEYS = record_of("idm")(time_gap_sd=0.3, max_accel_sd=0.2, length_sd=0.3)
+SPREADS = {"time_gap_sd": 0.3, "max_accel_sd": 0.2, "length_sd": 0.3}
+KEYS = record_of("idm")(**SPREADS)
 
 
 @pytest.fixture(scope="module")
@@ -75,6 +76,19 @@ def test_idm_in_sumo_keeps_the_gaps_of_idm_here(people, leaders):
     # Other drivers would be seen.
     others = simulate(start_platoons(people, leaders, N_FOLLOWERS, 1), leaders)
     assert np.abs(theirs.gap - others.gap).mean() > 1.0
+
+
+def test_eidm_in_sumo_keeps_the_gaps_of_the_improved_idm_here(leaders):
+    pytest.importorskip("libsumo", reason="the extra `sumo` is not installed")
+    people = population_of_keys(record_of("improved_idm")(**SPREADS), MobilConfig(), F64, 10)
+    start = start_platoons(people, leaders, N_FOLLOWERS, 0)
+    ours, theirs = simulate(start, leaders), in_sumo(people, start, leaders)
+    assert np.ptp(ours.gap, axis=0).min() > 5  # something happened
+    difference = np.abs(theirs.gap - ours.gap)
+    flowing = difference[:360, :, 1]  # the second leader brakes after that, the first one starts from rest
+    assert (leaders[:360, 1] > 10.0).all()
+    assert flowing.mean() < 0.03
+    assert difference.max() < 1.0  # EIDM starts from rest in its own way
 
 
 def test_eidm_in_sumo_keeps_gaps_that_are_nearer_than_those_of_others(people, leaders):

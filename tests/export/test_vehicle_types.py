@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pandas as pd
@@ -41,12 +42,13 @@ def population(path, pattern="*", speed_limit=None):
     return population_of_types(read_types(path, pattern), speed_limit)
 
 
-def test_an_exported_population_comes_back(tmp_path):
+@pytest.mark.parametrize("name", ["idm", "improved_idm"])
+def test_an_exported_population_comes_back(tmp_path, name):
     path = tmp_path / "types.add.xml"
-    people = population_of_model(model(), np.dtype("float64"), with_effects=True)
+    people = population_of_model(replace(model(), car_following=name), np.dtype("float64"), with_effects=True)
     path.write_text(to_sumo(people, 3000, 0).text, encoding="utf-8")
-    name, classes, said = population(path)
-    assert name == "idm"
+    read, classes, said = population(path)
+    assert read == name
     assert all(one.where for one in said)
     for kind, share in (("car", 0.8), ("truck", 0.2)):
         own, back = model().population[kind], classes[kind]
@@ -95,6 +97,14 @@ def test_attributes_without_counterpart_are_listed(write):
     name, _, said = population(path)
     assert name == "krauss"
     assert {one.what for one in said if one.where is None} == {"sigma", "color", "actionStepLength"}
+
+
+def test_terms_of_eidm_that_act_are_listed_even_if_the_file_leaves_them_to_sumo(write):
+    path = write('carFollowModel="EIDM" maxSpeed="30" minGap="2" sigmagap="0" treaction="0" ccoolness="0.9"')
+    name, classes, said = population(path)
+    assert name == "improved_idm"
+    assert math.exp(classes["car"].log_mean["jam_gap"]) == pytest.approx(2.3), "SUMO keeps .3 m more"
+    assert {one.what for one in said if one.where is None} == {"ccoolness", "sigmaleader", "sigmaerror"}
 
 
 def test_cruise_control_is_read_where_its_modes_are_one(write):
