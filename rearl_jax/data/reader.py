@@ -42,6 +42,8 @@ class Reader:
         generated: Whether any of the recordings was generated or simulated; None for a format of measurements only.
         recognises: Value of data.root for a file or folder in this format, None for another format. It decides by
             names and first lines alone, and raises errors of reading only. None for a format without such features.
+        has_one_clock: Whether one system, such as cameras or a simulation, gives the times of all vehicles; False if
+            vehicles may have loggers with clocks of their own.
     """
 
     expected: str
@@ -50,6 +52,7 @@ class Reader:
     same: str | None = None
     generated: Callable[[DataConfig, Path], bool] | None = None
     recognises: Callable[[Path], Path | None] | None = None
+    has_one_clock: bool = False
 
 
 def one_per_file(

@@ -56,6 +56,11 @@ def label_of_same(data: DataConfig) -> str | None:
     return None if isinstance(data, TableInMemory) else reader_of(data.format).same
 
 
+def has_one_clock(data: DataConfig) -> bool:
+    """True if the times of all vehicles in a recording of the format come from one clock."""
+    return not isinstance(data, TableInMemory) and reader_of(data.format).has_one_clock
+
+
 def count_recordings(data: DataConfig) -> int:
     """Number of recordings `iterate_recordings` yields; reads names and one column, not the rows."""
     return len(_selected(data))

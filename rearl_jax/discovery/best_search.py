@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from rich.progress import Progress
 
 from rearl_jax.config import DiscoverTask
+from rearl_jax.data.recordings import has_one_clock
 from rearl_jax.discovery.comparison.comparison import Comparison, comparison_of
 from rearl_jax.discovery.comparison.dependence import (
     MOST_OTHERS,
@@ -199,12 +200,15 @@ def _search(
     excluded: frozenset[Term] = frozenset(),
     names_only: bool = False,
 ) -> Search:
-    """Search for effects of car following with one car-following model, without additions that simulations contradict.
+    """Search for effects of car following with one car-following model, without additions that simulations contradict;
+    without clock offsets between vehicles if a recording has one clock.
 
     Lines of the bar begin with `label`; keyword arguments are those of `search`.
     """
     options = config.discover
     report = _reported(bar, label)
+    if has_one_clock(config.data):
+        excluded = excluded | {CLOCK_OFFSET}
     outcome = search(
         solver,
         parts.fitted,

@@ -9,7 +9,14 @@ import pytest
 from rearl_jax.config.data import BadRows, DataConfig, DataFormat
 from rearl_jax.data import recordings
 from rearl_jax.data.readers import reader_of
-from rearl_jax.data.recordings import count_recordings, data_id, file_stamps, is_generated, iterate_recordings
+from rearl_jax.data.recordings import (
+    count_recordings,
+    data_id,
+    file_stamps,
+    has_one_clock,
+    is_generated,
+    iterate_recordings,
+)
 from rearl_jax.data.schema import COLUMNS, Recording, RecordingInfo, validate
 from rearl_jax.data.tables.canonical import write_recording
 from rearl_jax.problems import MissingInputError
@@ -155,3 +162,11 @@ def test_a_format_is_a_module_that_holds_a_reader(monkeypatch):
     monkeypatch.delattr(import_module("rearl_jax.data.readers.table"), "READER")
     with pytest.raises(TypeError, match=r"table\.py must hold a Reader called READER"):
         reader_of(DataFormat.table)
+
+
+def test_cameras_and_simulations_have_one_clock_and_loggers_may_not():
+    clocks = {kind: has_one_clock(DataConfig(format=kind)) for kind in DataFormat}
+    assert clocks[DataFormat.i80]
+    assert clocks[DataFormat.sumo]
+    assert not clocks[DataFormat.openacc]
+    assert not clocks[DataFormat.table]

@@ -10,4 +10,5 @@ READER = Reader(
     entries=one_per_file(find_recordings, exid.recording_id, exid.read_recording),
     files=files,
     recognises=by_tracks(exid.COLUMNS),
+    has_one_clock=True,
 )

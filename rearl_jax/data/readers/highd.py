@@ -59,4 +59,5 @@ READER = Reader(
     files=files,
     generated=is_generated,
     recognises=by_tracks(highd.COLUMNS),
+    has_one_clock=True,
 )

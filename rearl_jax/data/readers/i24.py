@@ -8,4 +8,5 @@ READER = Reader(
     entries=parts_of_files(i24.find_files, i24.cells, i24.read_cell),
     files=i24.find_files,
     recognises=by_first_file(i24.find_files, i24.is_one),
+    has_one_clock=True,
 )

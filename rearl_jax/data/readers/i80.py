@@ -8,4 +8,5 @@ READER = Reader(
     entries=parts_of(ngsim_pairs.find_pairs, ngsim_pairs.pairs_recordings, ngsim_pairs.read_pairs),
     files=lambda root: [ngsim_pairs.find_pairs(root)],
     recognises=by_columns(ngsim_pairs.COLUMNS),
+    has_one_clock=True,
 )

@@ -9,4 +9,5 @@ READER = Reader(
     entries=parts_of(ngsim_lateral.find_lateral, ngsim_lateral.lateral_recordings, ngsim_lateral.read_lateral),
     files=lambda root: [ngsim_lateral.find_lateral(root)],
     recognises=by_columns(ngsim_lateral.COLUMNS),
+    has_one_clock=True,
 )

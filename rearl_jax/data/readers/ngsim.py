@@ -36,4 +36,5 @@ READER = Reader(
     entries=entries,
     files=ngsim_published.find_published,
     recognises=ngsim_published.recognises,
+    has_one_clock=True,
 )

@@ -8,4 +8,5 @@ READER = Reader(
     entries=one_per_file(pneuma.find_files, pneuma.recording_id, pneuma.read_recording),
     files=pneuma.find_files,
     recognises=by_first_file(pneuma.find_files, pneuma.is_one),
+    has_one_clock=True,
 )

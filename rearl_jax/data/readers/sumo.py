@@ -29,4 +29,5 @@ READER = Reader(
     files=files,
     generated=is_generated,
     recognises=by_first_file(sumo.find_fcd, is_fcd),
+    has_one_clock=True,
 )

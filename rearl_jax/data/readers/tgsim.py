@@ -8,4 +8,5 @@ READER = Reader(
     entries=parts_of_files(tgsim.find_files, tgsim.runs, tgsim.read_run),
     files=tgsim.find_files,
     recognises=by_first_file(tgsim.find_files, tgsim.is_one),
+    has_one_clock=True,
 )

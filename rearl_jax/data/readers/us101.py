@@ -36,4 +36,5 @@ READER = Reader(
     entries=parts_of(find_file, ngsim.us101_recordings, ngsim.read_us101),
     files=lambda root: [find_file(root)],
     recognises=recognises,
+    has_one_clock=True,
 )

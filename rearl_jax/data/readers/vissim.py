@@ -10,4 +10,5 @@ READER = Reader(
     files=vissim.find_records,
     generated=is_generated,
     recognises=by_first_file(vissim.find_records, vissim.is_record),
+    has_one_clock=True,
 )
