@@ -94,3 +94,18 @@ def calibrated(solver, measured_of):
     from rearl_jax.discovery.observe.noise import calibrate
 
     return calibrate(solver, measured_of())
+
+
+@pytest.fixture(scope="session")
+def many(solver, calibrated):
+    """Eight times the calibrated drivers, and their noise."""
+    import numpy as np
+
+    from rearl_jax.discovery.observe.fit_state import new_state, replaced
+
+    state, noise = calibrated
+    data, z = state.data, state.z
+    for _ in range(3):
+        data, z = data.with_drivers(data), np.concatenate([z, z])
+    more = new_state(data, solver.layout, noise)
+    return replaced(more, z=z, mean=state.mean, spread=state.spread, theta=state.theta, active=state.active), noise

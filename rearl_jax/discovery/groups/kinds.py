@@ -15,7 +15,7 @@ from jaxtyping import Float
 from rearl_jax.discovery.groups.mixture import DriverLikelihoods, Mixture, drawn_from, one_group, split_further
 from rearl_jax.discovery.observe.fit import Fit
 from rearl_jax.discovery.observe.kalman import Noise
-from rearl_jax.discovery.observe.observer import squared_leader_acceleration
+from rearl_jax.discovery.observe.observer import relative_variance
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.thresholds import THRESHOLDS
 
@@ -186,12 +186,12 @@ def _noise_of_drivers(solver: Solver, fit: Fit) -> tuple[np.ndarray, np.ndarray]
     noise, data = fit.noise, fit.state.data
     measured = slice(None, None, data.stride)  # time steps with an independent measurement
     weight = (data.weight[measured] > 0) * noise.independent
-    relative_variance = 1 + noise.growth * squared_leader_acceleration(data)[measured]
+    variance = relative_variance(data, noise)[measured]
 
     def log_likelihoods(tested: Noise) -> np.ndarray:
         gain = tested.gain(data.dt, data.stride)
         (innovation,) = solver.innovations([fit.state], gain)
-        square = np.minimum(innovation[measured] ** 2 / relative_variance / gain.variance, INNOVATION_BOUND**2)
+        square = np.minimum(innovation[measured] ** 2 / variance / gain.variance, INNOVATION_BOUND**2)
         by_piece = -0.5 * ((square + np.log(gain.variance)) * weight).sum(axis=0)
         return np.bincount(data.driver, by_piece, data.n_drivers)
 

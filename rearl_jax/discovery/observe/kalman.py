@@ -98,6 +98,8 @@ class Noise:
             true noise differs from this model.
         growth: Relative growth of the innovations' variance with the squared acceleration of the leader [s^4/m^2],
             because drivers are less steady while they have to accelerate or brake.
+        near_changes: Relative growth of the innovations' variance near changes of leader [-], because no model predicts
+            drivers around lane changes as well as elsewhere.
     """
 
     acceleration: float
@@ -108,6 +110,7 @@ class Noise:
     is_smooth: bool = False
     independent: float = 1.0
     growth: float = 0.0
+    near_changes: float = 0.0
 
     def gain(self, dt: float, stride: int = 1) -> Gain:
         """Gain in the steady state.

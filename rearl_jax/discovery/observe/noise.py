@@ -11,7 +11,7 @@ from jaxtyping import Float
 from rearl_jax.discovery.observe.autocorrelation import autocorrelation
 from rearl_jax.discovery.observe.fit_state import FitState, new_state, replaced, with_noise
 from rearl_jax.discovery.observe.kalman import Noise
-from rearl_jax.discovery.observe.observer import squared_leader_acceleration
+from rearl_jax.discovery.observe.observer import relative_variance, squared_leader_acceleration
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.read.smoothing import lasting_noise
@@ -217,7 +217,7 @@ def calibrate(solver: Solver, data: Measured) -> tuple[FitState, Noise]:
     for _ in range(SPREAD_ITERATIONS):
         state = replaced(state, spread=spread_of(state))
         solver.solve([state], iterations=5, tolerance=0.3)
-    noise = _with_growth_and_independence(solver, state, noise)
+    noise = with_growth_and_independence(solver, state, noise)
     state = with_noise(state, noise)
     solver.solve([state], iterations=10)
     return state, noise
@@ -265,7 +265,7 @@ def spread_of(state: FitState) -> Float[np.ndarray, " own"]:
     return np.clip(np.sqrt(square), *SPREADS)
 
 
-def _with_growth_and_independence(solver: Solver, state: FitState, noise: Noise) -> Noise:
+def with_growth_and_independence(solver: Solver, state: FitState, noise: Noise) -> Noise:
     """The noise with its growth and its share of independent innovations, estimated from the innovations of a fitted
     state.
 
@@ -277,7 +277,8 @@ def _with_growth_and_independence(solver: Solver, state: FitState, noise: Noise)
     """
     data = state.data
     (innovation,) = solver.innovations([state])
-    relative = innovation**2 / state.variances[data.driver]
+    variance = state.variances[data.driver]
+    relative = innovation**2 / (variance * relative_variance(data, replace(noise, growth=0.0)))
     counts, squared = data.weight, squared_leader_acceleration(data)
     squared_mean, mean = (float((values * counts).sum() / counts.sum()) for values in (squared, relative))
     # Regression of the squared relative innovations on the squared acceleration of the leader.
@@ -285,7 +286,7 @@ def _with_growth_and_independence(solver: Solver, state: FitState, noise: Noise)
     slope = float((relative * centred * counts).sum() / max(float((centred**2 * counts).sum()), 1e-9))
     level = mean - slope * squared_mean
     growth = min(max(slope, 0.0) / max(level, 0.1 * mean), MOST_GROWTH)
-    scaled = innovation / np.sqrt(state.variances[data.driver] * (1 + growth * squared))
+    scaled = innovation / np.sqrt(variance * relative_variance(data, replace(noise, growth=growth)))
     correlations = autocorrelation(scaled, counts, data.stride, round(INDEPENDENT_AFTER / data.dt))
     correlations[np.abs(correlations) < SIGNIFICANT / np.sqrt(counts.sum())] = 0.0
     phase = BEHAVIOUR_FREQUENCIES[:, None] * data.dt * data.stride * np.arange(1, len(correlations) + 1)

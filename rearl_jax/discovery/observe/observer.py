@@ -17,7 +17,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
-from jaxtyping import Array, Float
+from jaxtyping import Array, Bool, Float
 
 from rearl_jax.core.car_following.model import CarFollowing
 from rearl_jax.core.effects.effect import Effect
@@ -30,6 +30,13 @@ from rearl_jax.discovery.read.measured import Measured, Surroundings
 
 MOST_SQUARED_ACCELERATION = 4.0
 """Bound of the squared acceleration of the leader in the growth of the follower's noise [m^2/s^4]."""
+
+BEFORE_CHANGE, AFTER_CHANGE = 4.0, 10.0
+"""Times before and after a change of leader in which the innovations may vary more [s]: the duration of a lane change,
+and that of the relaxation of short gaps.
+
+Sources: Toledo & Zohar, Transp. Res. Rec. 1999 (2007) 71; Keane & Gao, Transp. Res. C 125 (2021) 102990.
+"""
 
 
 class Pieces(eqx.Module):
@@ -132,6 +139,7 @@ def stimulus(
         follower_gap=rear - now.follower_front,
         left_gap=now.left_rear - front,
         next_gap=now.next_rear - front,
+        former_gap=now.former_rear - front,
         **{name: getattr(now, name) for name in _AS_MEASURED},
     )
 
@@ -187,7 +195,19 @@ def pieces_of(data: Measured, noise: Noise) -> Pieces:
 
 def weights(data: Measured, noise: Noise) -> Float[np.ndarray, "steps pieces"]:
     """Weight of each innovation: effective share of independent information over its relative variance [-]."""
-    return data.weight * noise.independent / (1 + noise.growth * squared_leader_acceleration(data))
+    return data.weight * noise.independent / relative_variance(data, noise)
+
+
+def relative_variance(data: Measured, noise: Noise) -> Float[np.ndarray, "steps pieces"]:
+    """Variance of innovations over that behind a leader of constant speed, far from changes of leader [-]."""
+    by_leader = 1 + noise.growth * squared_leader_acceleration(data)
+    return by_leader * (1 + noise.near_changes * is_near_change(data)) if noise.near_changes else by_leader
+
+
+def is_near_change(data: Measured) -> Bool[np.ndarray, "steps pieces"]:
+    """Whether a time step is within BEFORE_CHANGE and AFTER_CHANGE of a change of leader."""
+    seen = data.surroundings
+    return (seen.time_to_next < BEFORE_CHANGE) | (seen.time_since_change < AFTER_CHANGE)
 
 
 def squared_leader_acceleration(data: Measured) -> Float[np.ndarray, "steps pieces"]:

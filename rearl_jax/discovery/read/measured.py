@@ -21,7 +21,7 @@ _OF_LEADER = ("leader_rear", "leader_centre", "leader_speed", "leader_accelerati
 _OF_SECOND = ("second_rear", "second_speed", "third_speed")
 _OF_FOLLOWER = ("follower_front", "follower_speed")
 _OF_LEFT = ("left_rear", "left_speed")
-_OF_NEXT = ("next_rear", "next_speed")
+_OF_NEXT = ("next_rear", "next_speed", "former_rear", "former_speed")
 
 _SPEED_OF = {  # the speed with which a position changes
     "leader_rear": "leader_speed",
@@ -30,6 +30,7 @@ _SPEED_OF = {  # the speed with which a position changes
     "follower_front": "follower_speed",
     "left_rear": "left_speed",
     "next_rear": "next_speed",
+    "former_rear": "former_speed",
 }
 
 _LEAST_JUMP = 6.0
@@ -58,6 +59,7 @@ class Surroundings(eqx.Module):
         beside_speed, n_beside: As in `Stimulus`.
         time_since_change, gap_lost, time_gap_at_change: As in `Stimulus`.
         time_to_next, next_rear, next_speed, next_by_own, next_is_nearer: The next leader, as in `RecordedStimulus`.
+        former_rear, former_speed: The leader before the last change.
     """
 
     time: Float[Any, "*steps pieces"]
@@ -93,6 +95,8 @@ class Surroundings(eqx.Module):
     next_speed: Float[Any, "*steps pieces"]
     next_by_own: Float[Any, "*steps pieces"]
     next_is_nearer: Float[Any, "*steps pieces"]
+    former_rear: Float[Any, "*steps pieces"]
+    former_speed: Float[Any, "*steps pieces"]
 
 
 def is_new(steps: int, stride: int) -> Bool[np.ndarray, " steps"]:

@@ -296,6 +296,8 @@ class _Rows:
             "next_speed": values_of(near.following, v, leader_speed),
             "next_by_own": near.by_own,
             "next_is_nearer": (next_rear < leader_rear).astype(float),
+            "former_rear": values_of(near.preceding, rear, front + OUT_OF_SIGHT),
+            "former_speed": values_of(near.preceding, v, v),
         }
         return columns, leader, first
 

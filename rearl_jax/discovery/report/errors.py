@@ -20,7 +20,7 @@ from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.read.training import Split, every_run
 from rearl_jax.discovery.report.protocols import IN_SAMPLE, ProtocolErrors, protocol_errors
 from rearl_jax.discovery.search.headway import CONSTANT_TIME_GAP, TimeGapVariation, energy_scores
-from rearl_jax.discovery.search.null import behind_noisy_drive, position_errors
+from rearl_jax.discovery.search.simulated_drives import behind_noisy_drive, position_errors
 
 FLOOR_RUNS = 4
 """Realisations of the drivers' noise for the floor, the error that remains if the model is correct."""

@@ -23,8 +23,8 @@ from rearl_jax.discovery.observe.forcing import acceleration_derivatives, driver
 from rearl_jax.discovery.observe.residuals import Residuals, residuals_of
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.read.measured import Measured
-from rearl_jax.discovery.search.null import noise_alone
 from rearl_jax.discovery.search.outcome import Search
+from rearl_jax.discovery.search.simulated_drives import noise_alone
 from rearl_jax.discovery.thresholds import THRESHOLDS
 
 MOST_ENERGY = 9.0

@@ -25,7 +25,7 @@ from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.read.lasting import lasting
 from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.read.training import halves, has_enough_data
-from rearl_jax.discovery.search.null import behind_noisy_drive
+from rearl_jax.discovery.search.simulated_drives import behind_noisy_drive
 from rearl_jax.metrics.energy import energy_score
 
 REALISATIONS = 12

@@ -24,9 +24,10 @@ from rearl_jax.discovery.observe.solver import solver_of
 from rearl_jax.discovery.read.reading import measure
 from rearl_jax.discovery.read.split import split_drivers
 from rearl_jax.discovery.search.decision import Trial
-from rearl_jax.discovery.search.null import Null, simulate_again
+from rearl_jax.discovery.search.null import Null
 from rearl_jax.discovery.search.outcome import Search
 from rearl_jax.discovery.search.round import Round
+from rearl_jax.discovery.search.simulated_drives import simulate_again
 from rearl_jax.results import Study
 
 NAMES = ("idm", "constant_time_headway")

@@ -9,7 +9,7 @@ from rearl_jax.discovery.groups import kinds
 from rearl_jax.discovery.observe.base import base_of
 from rearl_jax.discovery.observe.fit_state import replaced
 from rearl_jax.discovery.observe.solver import solver_of
-from rearl_jax.discovery.search.null import simulate_again
+from rearl_jax.discovery.search.simulated_drives import simulate_again
 
 pytestmark = pytest.mark.slow
 

@@ -9,7 +9,7 @@ from scipy.linalg import solve_discrete_are
 from rearl_jax.discovery.observe.kalman import MEASURED, Noise, steady_state
 from rearl_jax.discovery.observe.noise import calibrate
 from rearl_jax.discovery.read.lasting import lasting, smooth_lasting
-from rearl_jax.discovery.search.null import measured_again
+from rearl_jax.discovery.search.simulated_drives import measured_again
 
 DT = 0.1
 SMOOTH = Noise(0.15, 1.5, 0.05, lasting=0.2, lasting_time=0.6, is_smooth=True)

@@ -11,7 +11,7 @@ from rearl_jax.discovery.observe.kalman import CLOSED_LOOP, DAMPING, STIFFNESS, 
 from rearl_jax.discovery.observe.noise import ACCELERATIONS, TIMES, best_noise, noise_levels, under_best_noise
 from rearl_jax.discovery.observe.solver import solver_of
 from rearl_jax.discovery.read.fused_errors import FusedErrors
-from rearl_jax.discovery.search.null import driver_noise, simulate_again
+from rearl_jax.discovery.search.simulated_drives import driver_noise, simulate_again
 
 
 def test_gain_is_that_of_the_steady_state_filter():

@@ -30,8 +30,8 @@ from rearl_jax.discovery.report.protocols import speed_deviation
 from rearl_jax.discovery.search.atlas import grid_of, part_scores
 from rearl_jax.discovery.search.finder import Group, stability_selection
 from rearl_jax.discovery.search.maps import curve_of
-from rearl_jax.discovery.search.null import driver_noise
 from rearl_jax.discovery.search.shapes import shape_of, shape_words
+from rearl_jax.discovery.search.simulated_drives import driver_noise
 from rearl_jax.discovery.search.variables import variables_of
 
 NOISE = Noise(0.1, 1.5, 0.05)

@@ -50,17 +50,37 @@ def test_a_smoothed_driver_has_answered_to_a_smoothed_step(cut_in):
     assert np.ptp(smooth[45:55]) > 10.0
 
 
+def driver_at(**seen):
+    """One driver of usual parameters, its effects with all weights 1, and its stimulus."""
+    driver = prior_of(record_of("idm")()).model(*(jnp.full(1, value) for value in (30.0, 1.2, 2.0, 1.4, 2.0)))
+    far = {"next_gap": 500.0, "former_gap": 500.0, "time_to_next": 1e9, "time_since_change": 1e9}
+    values = dict.fromkeys(RecordedStimulus.__dataclass_fields__, 0.0) | {"speed": 20.0} | far | seen
+    return driver, RecordedStimulus(**{name: jnp.full(1, value) for name, value in values.items()})
+
+
+def changed(share, before, **seen):
+    """Change of the deceleration because of leaders [m/s^2], with all weights equal to a share."""
+    driver, stimulus = driver_at(**seen)
+    weights = dict.fromkeys(("of_changer", "of_follower", "of_left", "of_former"), jnp.full(1, share))
+    effect = EarlyLeader(**weights, lead_time=jnp.full(1, 2.0), release_time=jnp.ones(1))
+    value = jnp.full(1, before)
+    return float((effect.leaders(value, stimulus, None, driver) - value)[0])
+
+
 @pytest.mark.parametrize(("time_to", "answers"), [(0.1, True), (1.0, True), (4.0, False), (1e9, False)])
 def test_drivers_answer_early_and_not_long_before(time_to, answers):
-    driver = prior_of(record_of("idm")()).model(*(jnp.full(1, value) for value in (30.0, 1.2, 2.0, 1.4, 2.0)))
-    seen = {name: jnp.zeros(1) for name in RecordedStimulus.__dataclass_fields__}
-    moving = {"speed": 20.0, "next_gap": 15.0, "next_speed": 20.0, "time_to_next": time_to, "next_is_nearer": 1.0}
-    stimulus = RecordedStimulus(**(seen | {name: jnp.full(1, value) for name, value in moving.items()}))
-    one = jnp.ones(1)
-    early = EarlyLeader(of_changer=one, of_follower=one, of_left=one, lead_time=2.0 * one)
-    before = jnp.full(1, 0.1)
-    change = float((early.leaders(before, stimulus, None, driver) - before)[0])
+    seen = {"next_gap": 15.0, "next_speed": 20.0, "time_to_next": time_to, "next_is_nearer": 1.0}
+    change = changed(1.0, 0.1, **seen)
     assert (change > 0.3) == answers
     assert abs(change) < 0.05 or answers
-    off = EarlyLeader(of_changer=0 * one, of_follower=0 * one, of_left=0 * one, lead_time=2.0 * one)
-    assert float((off.leaders(before, stimulus, None, driver) - before)[0]) == 0.0
+    assert changed(0.0, 0.1, **seen) == 0.0
+
+
+@pytest.mark.parametrize(("since", "answers"), [(0.1, True), (0.5, True), (3.0, False), (1e9, False)])
+def test_drivers_avoid_the_leader_that_they_had_until_it_has_left(since, answers):
+    seen = {"former_gap": 15.0, "former_speed": 20.0, "time_since_change": since}
+    change = changed(1.0, 0.1, **seen)
+    assert (change > 0.3) == answers
+    assert 0.0 <= change < 0.05 or answers
+    assert changed(0.0, 0.1, **seen) == 0.0
+    assert changed(1.0, 3.0, **(seen | {"former_gap": 200.0})) == 0.0, "nobody follows more loosely because of it"

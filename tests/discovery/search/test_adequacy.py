@@ -20,7 +20,7 @@ from rearl_jax.discovery.search.adequacy import (
     neighbour_autocorrelation,
     staleness,
 )
-from rearl_jax.discovery.search.null import noise_alone
+from rearl_jax.discovery.search.simulated_drives import noise_alone
 from rearl_jax.discovery.thresholds import THRESHOLDS
 
 

@@ -7,7 +7,7 @@ import pytest
 
 from rearl_jax.discovery.observe.closed_loop import simulated_error
 from rearl_jax.discovery.observe.fit import Fit
-from rearl_jax.discovery.observe.fit_state import new_state, replaced
+from rearl_jax.discovery.observe.fit_state import replaced
 from rearl_jax.discovery.read.lasting import lasting
 from rearl_jax.discovery.read.training import halves
 from rearl_jax.discovery.report.variation import entry_of, variation_section
@@ -20,7 +20,7 @@ from rearl_jax.discovery.search.headway import (
     later_halves,
     time_gap_variation,
 )
-from rearl_jax.discovery.search.null import behind_noisy_drive
+from rearl_jax.discovery.search.simulated_drives import behind_noisy_drive
 
 QUIET = 0.05
 """Noise of the acceleration of drivers whose time gap varies [m/s^2]."""
@@ -40,17 +40,6 @@ def driven(solver, drivers, noise, varied):
     y = state.data.y - behind_noisy_drive(solver, drives, noise, np.random.default_rng(5))
     data = replace(state.data, y=y, smooth=y, smooth_speed=np.gradient(y, state.data.dt, axis=0))
     return replaced(state, data=data, pieces=replace(state.pieces, y=y))
-
-
-@pytest.fixture(scope="module")
-def many(solver, calibrated):
-    """Eight times the calibrated drivers, and their noise."""
-    state, noise = calibrated
-    data, z = state.data, state.z
-    for _ in range(3):
-        data, z = data.with_drivers(data), np.concatenate([z, z])
-    more = new_state(data, solver.layout, noise)
-    return replaced(more, z=z, mean=state.mean, spread=state.spread, theta=state.theta, active=state.active), noise
 
 
 @pytest.fixture

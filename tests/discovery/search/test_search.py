@@ -18,11 +18,12 @@ from rearl_jax.discovery.report.verdict import candidate_rows, verdict_of
 from rearl_jax.discovery.search import decision, families
 from rearl_jax.discovery.search.adequacy import Adequacy
 from rearl_jax.discovery.search.clock_check import ClockCheck
-from rearl_jax.discovery.search.null import Null, simulate_again, summarise
+from rearl_jax.discovery.search.null import Null, summarise
 from rearl_jax.discovery.search.outcome import Search
 from rearl_jax.discovery.search.refit import nested
 from rearl_jax.discovery.search.round import Round
 from rearl_jax.discovery.search.screen import evidences, scores
+from rearl_jax.discovery.search.simulated_drives import simulate_again
 from rearl_jax.discovery.search.simulation import is_contradicted, simulated_gains
 from rearl_jax.discovery.thresholds import THRESHOLDS
 

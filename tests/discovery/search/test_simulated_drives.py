@@ -1,4 +1,4 @@
-"""The null distribution: drives without missing effects, measured again."""
+"""Simulated drives without missing effects, measured again."""
 
 from dataclasses import replace
 
@@ -8,7 +8,7 @@ import pytest
 from rearl_jax.discovery.observe.fit_state import new_state
 from rearl_jax.discovery.read.fused_errors import FusedErrors
 from rearl_jax.discovery.read.lasting import lasting
-from rearl_jax.discovery.search.null import (
+from rearl_jax.discovery.search.simulated_drives import (
     FOLLOWER_GAINS,
     follower_gains,
     matched_noise,
