@@ -77,18 +77,19 @@ class Study:
         self.path.mkdir(parents=True, exist_ok=True)
         remove_leftovers(self.path)
 
-    def begin(self, *, resume: bool, reusable: Collection[str] = ()) -> Any:
+    def begin(self, *, resume: bool, reusable: Collection[str] = (), needed: Collection[str] = ()) -> Any:
         """The summary of a study that is finished and not to be repeated; else None, and config.json is written.
 
         Args:
             resume: Whether a finished study of the same task, configuration, data and code is skipped.
             reusable: As in `write_config`.
+            needed: As in `finished_summary`.
 
         Raises:
             FolderInUseError: Another process writes to the folder.
             InvalidInputError: As `write_config`.
         """
-        if resume and (stored := self.finished_summary()) is not None:
+        if resume and (stored := self.finished_summary(needed)) is not None:
             log.info("finished before: %s", self.path)
             return stored
         self.write_config(reusable)
@@ -144,8 +145,12 @@ class Study:
                 path.unlink(missing_ok=True)
         return kept
 
-    def finished_summary(self) -> Any:
-        """The summary, which is written last, if it is of the same task, configuration, data and code; else None."""
+    def finished_summary(self, needed: Collection[str] = ()) -> Any:
+        """The summary, which is written last, if it is of the same task, configuration, data and code and if the files
+        `needed` are there too; else None.
+        """
+        if not all((self.path / name).is_file() for name in needed):
+            return None
         try:
             summary = json.loads((self.path / "summary.json").read_text(encoding="utf-8"))
         except (FileNotFoundError, ValueError):

@@ -221,6 +221,17 @@ def test_a_study_that_is_begun_anew_is_not_finished_any_more(tmp_path):
     assert not (study.path / "summary.json").exists()
 
 
+def test_a_study_without_a_file_that_is_needed_is_not_finished(tmp_path):
+    study = Study(tmp_path, "study", {"key": 1}, "a task")
+    study.write_text("verdict.json", "{}")
+    study.write_summary({"figure": 3})
+    assert study.begin(resume=True, needed=["verdict.json"])["figure"] == 3
+    (study.path / "verdict.json").unlink()
+    assert study.finished_summary(["verdict.json"]) is None
+    assert study.begin(resume=True, needed=["verdict.json"]) is None
+    assert not (study.path / "summary.json").exists()
+
+
 def test_parts_of_another_study_are_removed(tmp_path):
     frame = pd.DataFrame({"a": [1, 2]})
     Study(tmp_path, "study", {"key": 1}, "a task").write_table(part_name("runs", 0), frame)

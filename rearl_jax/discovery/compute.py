@@ -186,7 +186,7 @@ def _of_groups(
 
 def _finished(config: DiscoverTask, identity: str, study: Study) -> Discovery | None:
     """Verdict and errors of a group that an interrupted run has written; None if it has not."""
-    if study.finished_summary() is None:
+    if study.finished_summary(["verdict.json", "errors.parquet"]) is None:
         return None
     verdict = json.loads((study.path / "verdict.json").read_text(encoding="utf-8"))
     return Discovery(config, identity, verdict, {"errors": pd.read_parquet(study.path / "errors.parquet")})

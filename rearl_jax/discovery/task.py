@@ -46,7 +46,7 @@ def run(config: DiscoverTask, *, show: bool = True, bar: Progress | None = None)
     identity, generated = data_id(config.data), is_generated(config.data)
     study = Study(config.results.root, config.study, config, "discover", identity, generated=generated)
     is_repeated = study.finished_summary() is not None  # a finished study is computed anew without reusing its groups
-    if study.begin(resume=config.results.resume) is not None:
+    if study.begin(resume=config.results.resume, needed=["verdict.json"]) is not None:
         return json.loads((study.path / "verdict.json").read_text(encoding="utf-8"))
     with progress_bar() if bar is None else nullcontext(bar) as lines:
         keep = None if is_repeated else partial(_write_group, study)
