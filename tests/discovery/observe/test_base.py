@@ -24,10 +24,8 @@ def test_innovations_near_changes_vary_more_and_weigh_less(many):
     state, noise = changing(many)
     near = is_near_change(state.data)
     assert 0.1 < near.mean() < 0.5
-    wide = replace(noise, near_changes=3.0)
-    np.testing.assert_allclose(
-        relative_variance(state.data, wide), relative_variance(state.data, noise) * (1 + 3 * near)
-    )
+    wide, growth = replace(noise, near_changes=3.0), 1 + 3 * near
+    np.testing.assert_allclose(relative_variance(state.data, wide), relative_variance(state.data, noise) * growth)
     np.testing.assert_allclose(weights(state.data, wide) * growth, weights(state.data, noise))
 
 
