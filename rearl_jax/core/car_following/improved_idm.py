@@ -18,24 +18,18 @@ from jaxtyping import Array, Float
 from rearl_jax.config.driver import improved_idm
 from rearl_jax.config.driver.declaration import DriverModel
 from rearl_jax.core.car_following.idm import IDM
-from rearl_jax.core.car_following.model import SMALLEST_GAP
+from rearl_jax.core.car_following.model import SMALLEST_GAP, CarFollowing
 
 LEAST_FREE = 1e-3
 """Free-road acceleration [m/s^2] below which the exponent 2 a / f is that of this acceleration; f may be 0."""
 
 
 class ImprovedIDM(IDM):
-    """The improved Intelligent Driver Model.
-
-    Attributes:
-        max_accel: Maximum acceleration a [m/s^2].
-        comfort_decel: Comfortable deceleration b, positive [m/s^2].
-    """
+    """The improved Intelligent Driver Model, with the parameters of IDM."""
 
     declaration: ClassVar[DriverModel] = improved_idm.MODEL
 
-    max_accel: Float[Array, "*#n"]
-    comfort_decel: Float[Array, "*#n"]
+    interaction = CarFollowing.interaction
 
     def free_acceleration(self, speed: Float[Array, "*#n"]) -> Float[Array, "*n"]:
         """Free-road acceleration f [m/s^2]."""
@@ -52,12 +46,6 @@ class ImprovedIDM(IDM):
         wide = free * (1 - jnp.minimum(ratio, 1.0) ** (2 * self.max_accel / jnp.maximum(free, LEAST_FREE)))
         close = self.max_accel * (1 - ratio * ratio)
         return jnp.where(free > 0, jnp.where(ratio < 1, wide, close), free + jnp.minimum(close, 0.0))
-
-    def interaction(
-        self, gap: Float[Array, "*#n"], speed: Float[Array, "*#n"], approach_rate: Float[Array, "*#n"]
-    ) -> Float[Array, "*n"]:
-        """Deceleration because of a leader [m/s^2]: free-road acceleration minus acceleration."""
-        return self.free_acceleration(speed) - self.acceleration(gap, speed, approach_rate)
 
     def equilibrium_gap(self, speed: Float[Array, "*#n"]) -> Float[Array, "*n"]:
         """Equilibrium gap [m]: s0 + v T."""

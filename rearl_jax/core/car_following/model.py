@@ -51,8 +51,9 @@ class CarFollowing(eqx.Module):
 
     def __init_subclass__(cls, **arguments: object) -> None:
         super().__init_subclass__(**arguments)
-        names, declared = [*CarFollowing.__annotations__][1:], cls.declaration.names
-        names += [name for name in cls.__annotations__ if name not in ("declaration", *names)]
+        models = [base for base in reversed(cls.__mro__) if issubclass(base, CarFollowing)]
+        names = dict.fromkeys(name for model in models for name in vars(model).get("__annotations__", {}))
+        names, declared = [name for name in names if name != "declaration"], cls.declaration.names
         if tuple(names) != declared:
             raise TypeError(f"{cls.__name__} has the fields {names}, but its declaration says {list(declared)}")
 

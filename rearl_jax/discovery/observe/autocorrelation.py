@@ -1,4 +1,6 @@
-"""Autocorrelation of innovations, the prediction errors of the observer."""
+"""Autocorrelation of innovations, the prediction errors of the observer, and autocovariances of residuals."""
+
+from collections.abc import Iterable
 
 import numpy as np
 from jaxtyping import Float
@@ -18,10 +20,18 @@ def autocorrelation(
         stride: Time steps from one independent measurement to the next.
         furthest: Largest lag [time steps].
     """
-    counted = innovation * weight
-    variance = max(float((counted**2).sum() / max(weight.sum(), 1.0)), 1e-12)
-    correlations = []
-    for lag in range(stride, min(furthest, len(weight) - 1) + 1, stride):
+    variance = max(float(((innovation * weight) ** 2).sum() / max(weight.sum(), 1.0)), 1e-12)
+    return autocovariances(innovation, weight, range(stride, min(furthest, len(weight) - 1) + 1, stride)) / variance
+
+
+def autocovariances(
+    values: Float[np.ndarray, "steps pieces"], weight: Float[np.ndarray, "steps pieces"], lags: Iterable[int]
+) -> Float[np.ndarray, " lags"]:
+    """Mean products of values of mean 0 at given lags [time steps], over the pairs of time steps that both count; 0 at
+    lags without such pairs.
+    """
+    counted, covariances = values * weight, []
+    for lag in lags:
         pairs = max((weight[lag:] * weight[:-lag]).sum(), 1.0)
-        correlations.append((counted[lag:] * counted[:-lag]).sum() / pairs)
-    return np.array(correlations) / variance
+        covariances.append((counted[lag:] * counted[:-lag]).sum() / pairs)
+    return np.array(covariances)

@@ -201,7 +201,7 @@ def weights(data: Measured, noise: Noise) -> Float[np.ndarray, "steps pieces"]:
 def relative_variance(data: Measured, noise: Noise) -> Float[np.ndarray, "steps pieces"]:
     """Variance of innovations over that behind a leader of constant speed, far from changes of leader [-]."""
     by_leader = 1 + noise.growth * squared_leader_acceleration(data)
-    return by_leader * (1 + noise.near_changes * is_near_change(data)) if noise.near_changes else by_leader
+    return by_leader * (1 + noise.near_changes * is_near_change(data))
 
 
 def is_near_change(data: Measured) -> Bool[np.ndarray, "steps pieces"]:

@@ -16,6 +16,7 @@ from functools import partial
 import numpy as np
 from jaxtyping import Float
 
+from rearl_jax.discovery.observe.autocorrelation import autocovariances
 from rearl_jax.discovery.observe.fit_state import FitState
 from rearl_jax.discovery.observe.kalman import Noise
 from rearl_jax.discovery.observe.residuals import smoothed_acceleration
@@ -70,11 +71,7 @@ def _autocovariances(solver: Solver, state: FitState, noise: Noise) -> Float[np.
     """Autocovariances of the acceleration residual [m^2/s^4]; 0 at lags longer than the drives."""
     data = state.data
     (innovation,) = solver.innovations([state])
-    counts = data.weight > 0
-    residual = counts * smoothed_acceleration(innovation, data.weight, noise, data.dt, data.stride)
-    covariances = []
-    for lag in LAGS:
-        steps = data.stride * max(1, round(lag / data.dt / data.stride))
-        pairs = (counts[steps:] & counts[:-steps]).sum()
-        covariances.append((residual[steps:] * residual[:-steps]).sum() / max(pairs, 1))
-    return np.array(covariances)
+    residual = smoothed_acceleration(innovation, data.weight, noise, data.dt, data.stride)
+    return autocovariances(
+        residual, data.weight, [data.stride * max(1, round(lag / data.dt / data.stride)) for lag in LAGS]
+    )
