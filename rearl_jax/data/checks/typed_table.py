@@ -29,6 +29,8 @@ MAX_LANES = 12
 """Number of lanes that no carriageway exceeds; a larger lane number is a fault, not a property of the road."""
 POSITION_NOISE = 0.5
 """Deviation of a step from speed x time [m] that noise and rounding of positions may cause at any frame rate."""
+NOISE_DEVIATIONS = 6.0
+"""Standard deviations of the recording's own noise within which a step is no jump."""
 
 
 def not_finite(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -> Finding | None:
@@ -165,7 +167,8 @@ def jump(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -> Findin
     """Rows that a vehicle cannot have reached from the row before.
 
     With the bound b = max(max_jump * time, POSITION_NOISE): |step of position - mean speed * time| > b, or a step on
-    the ground longer than mean speed * time + b, or a step of the lateral position > b.
+    the ground longer than mean speed * time + b, or a step of the lateral position > b. The bound of each is at least
+    NOISE_DEVIATIONS of its robust standard deviation, because noise of unsmoothed positions is no jump.
     """
     track = table["track_id"].to_numpy()
     follows = follows_row_before(track)[1:]
@@ -174,14 +177,13 @@ def jump(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -> Findin
     expected = 0.5 * (speed[1:] + speed[:-1]) * time
     step = np.diff(position)
     ground = np.hypot(np.diff(table["x"].to_numpy()), np.diff(table["y"].to_numpy()))
-    bound = np.maximum(policy.max_jump * time, POSITION_NOISE)
-    causes = {
-        "position": np.abs(step - expected) > bound,
-        "lateral": np.abs(np.diff(lateral)) > bound,
-        "x": ground > expected + bound,
-    }
-    for name, far in causes.items():
-        bad = np.concatenate([[False], follows & far])
+    usual_bound = np.maximum(policy.max_jump * time, POSITION_NOISE)
+    deviations = {"position": np.abs(step - expected), "lateral": np.abs(np.diff(lateral)), "x": ground - expected}
+    for name, deviation in deviations.items():
+        known = np.abs(deviation[follows & np.isfinite(deviation)])
+        noise = float(np.median(known)) / 0.6745 if known.size else 0.0
+        bound = np.maximum(usual_bound, NOISE_DEVIATIONS * noise)
+        bad = np.concatenate([[False], follows & (deviation > bound)])
         if bad.any():
             row = int(np.argmax(bad))
             moved = {"position": step, "x": ground, "lateral": np.diff(lateral)}[name][row - 1]

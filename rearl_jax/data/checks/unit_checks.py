@@ -160,7 +160,10 @@ def wrong_size(table: pd.DataFrame, info: RecordingInfo) -> Finding | None:
 
 
 def wrong_acceleration(table: pd.DataFrame, info: RecordingInfo) -> Finding | None:
-    """Accelerations that contradict the changes of speed, or exceed tyre friction."""
+    """Accelerations that contradict the changes of speed, or exceed tyre friction without agreeing with them.
+
+    Where they agree, the same noise is in both, such as that of differentiated positions.
+    """
     track, speed, values = (table[name].to_numpy() for name in ("track_id", "speed", "acceleration"))
     n = max(round(AVERAGING_TIME * info.frame_rate), 1)
     if len(table) > n:
@@ -171,6 +174,8 @@ def wrong_acceleration(table: pd.DataFrame, info: RecordingInfo) -> Finding | No
         if scale is not None and is_other_unit(scale):
             text = f"acceleration is {scale[0]:.2f} to {scale[1]:.2f} times the change of speed per second"
             return unit_finding("acceleration", np.isfinite(values), text, "convert acceleration to m/s^2")
+        if scale is not None:
+            return None
     known = np.abs(values[np.isfinite(values)])
     if known.size >= MIN_STEPS and np.percentile(known, 99) > ACCELERATION_P99:
         text = f"1 % of |acceleration| is above {np.percentile(known, 99):.1f} m/s^2, beyond tyre friction"

@@ -14,6 +14,7 @@ from jaxtyping import Float
 
 from rearl_jax.discovery.groups.mixture import DriverLikelihoods, Mixture, drawn_from, one_group, split_further
 from rearl_jax.discovery.observe.fit import Fit
+from rearl_jax.discovery.observe.fit_state import with_prior
 from rearl_jax.discovery.observe.kalman import Noise
 from rearl_jax.discovery.observe.observer import relative_variance
 from rearl_jax.discovery.observe.solver import Solver
@@ -127,7 +128,7 @@ def driver_likelihoods(solver: Solver, fit: Fit) -> DriverLikelihoods:
     away = state.away
     n, size = away.shape
     # Equal weight for each driver: the share of the spread between drivers that its data determine.
-    determined = np.linalg.solve(information + state.precision, information).mean(axis=0)
+    determined = np.linalg.solve(with_prior(information, state.precision), information).mean(axis=0)
     _, directions = np.linalg.eigh((determined + determined.T) / 2)
     estimate = away - np.linalg.solve(information + MEAN_INFORMATION * np.eye(size), slope[:, :, None])[:, :, 0]
     estimate = np.clip(estimate @ directions, -PARAMETER_BOUND, PARAMETER_BOUND)

@@ -24,6 +24,9 @@ VARIANCE_FREEDOM = 40.0
 variance common to the drivers.
 """
 
+ROUNDING = float(np.finfo(np.float32).eps)
+"""Relative rounding error of sums over time, which are computed in single precision [-]."""
+
 
 @dataclass
 class FitState:
@@ -96,7 +99,7 @@ class FitState:
     @property
     def own_variance(self) -> Float[np.ndarray, "drivers own"]:
         """Variance of the estimates of each driver's standardised parameters, all else fixed [-]."""
-        return np.einsum("dii->di", np.linalg.inv(self.own_information + self.precision))
+        return np.einsum("dii->di", np.linalg.inv(with_prior(self.own_information, self.precision)))
 
     def log_likelihood(self) -> Float[np.ndarray, " drivers"]:
         """Log-likelihood of each driver's innovations with its variance integrated out, less a constant [nats]."""
@@ -112,7 +115,7 @@ class FitState:
 
     def log_width(self) -> Float[np.ndarray, " drivers"]:
         """Twice the logarithm of the ratio of prior to posterior width of each driver's own parameters [-]."""
-        return np.linalg.slogdet(self.own_information + self.precision)[1] + 2 * np.log(self.spread).sum()
+        return np.linalg.slogdet(with_prior(self.own_information, self.precision))[1] + 2 * np.log(self.spread).sum()
 
     def marginal(self) -> Float[np.ndarray, " drivers"]:
         """Log-likelihood of each driver with its own parameters integrated out over the population [nats]. It makes
@@ -122,6 +125,19 @@ class FitState:
         Source: Laplace approximation of the evidence, MacKay, Neural Comput. 4 (1992) 415.
         """
         return self.penalised() - 0.5 * self.log_width()
+
+
+def with_prior(
+    information: Float[np.ndarray, "drivers own own"], precision: Float[np.ndarray, "own own"]
+) -> Float[np.ndarray, "drivers own own"]:
+    """Information on each driver's parameters with that of the population; it can be inverted even if the observer of a
+    driver is unstable.
+
+    The derivatives of an unstable observer grow along one direction until rounding errors exceed the prior. These
+    errors are therefore added to the diagonal.
+    """
+    rounding = ROUNDING * np.einsum("dii,ij->dij", information, np.eye(len(precision)))
+    return information + rounding + precision
 
 
 @dataclass(frozen=True)

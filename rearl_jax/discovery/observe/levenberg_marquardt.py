@@ -14,7 +14,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from rearl_jax.discovery.observe.candidates import Layout
-from rearl_jax.discovery.observe.fit_state import CLASSES, DriverSums, FitState
+from rearl_jax.discovery.observe.fit_state import CLASSES, DriverSums, FitState, with_prior
 
 VARIANCE_ITERATIONS = 5
 """Iterations for S_usual, the drivers' common variance, after each step of the other parameters."""
@@ -69,7 +69,7 @@ class LevenbergMarquardt:
         precision, away = state.precision, state.away @ state.precision
         n_mean = 0 if state.holds_population else CLASSES * n_own
         n, n_shared = len(state.z), n_mean + len(free)
-        own_block = gram[:, own, own] + precision
+        own_block = with_prior(gram[:, own, own], precision)
         own_gradient = gradient[:, own] + away
         coupling = np.zeros((n, n_own, n_shared))
         # Shared block and gradient: population means first.

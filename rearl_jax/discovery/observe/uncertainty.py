@@ -7,7 +7,7 @@ from jaxtyping import Float
 from scipy.stats import norm
 
 from rearl_jax.discovery.observe.candidates import FLAT
-from rearl_jax.discovery.observe.fit_state import FitState
+from rearl_jax.discovery.observe.fit_state import FitState, with_prior
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.thresholds import THRESHOLDS
 
@@ -60,7 +60,7 @@ def _projected(state: FitState, n_free: int) -> tuple[np.ndarray, np.ndarray]:
     own, added = slice(0, n_own), slice(n_own, n_own + n_free)
     gram = state.sums.gram / state.variances[:, None, None]
     coupling = gram[:, own, added]
-    response = np.linalg.solve(state.own_information + state.precision, coupling)
+    response = np.linalg.solve(with_prior(state.own_information, state.precision), coupling)
     return response, (gram[:, added, added] - np.einsum("dij,dik->djk", coupling, response)).sum(axis=0)
 
 

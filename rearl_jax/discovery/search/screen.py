@@ -17,7 +17,7 @@ from jaxtyping import Float
 
 from rearl_jax.discovery.observe import clocks
 from rearl_jax.discovery.observe.candidates import Layout, Term
-from rearl_jax.discovery.observe.fit_state import CLASSES, FitState
+from rearl_jax.discovery.observe.fit_state import CLASSES, FitState, with_prior
 from rearl_jax.discovery.observe.solver import Solver
 
 PRIOR_WIDTHS = (0.35, 1.0, 2.0)
@@ -85,7 +85,7 @@ def _scores(
     gradient, nuisance = sums["gradient"] / variances[:, None], sums["nuisance"] / variances[:, None, None]
     precision, away = state.precision, state.away @ state.precision
     located = layout.prior.location_precision
-    block = nuisance[:, :n_own, :n_own] + precision
+    block = with_prior(nuisance[:, :n_own, :n_own], precision)
     coupling = nuisance[:, :n_own, n_own:]
     slope = gradient[:, :n_own] + away
     solved = np.linalg.solve(block, np.concatenate([slope[:, :, None], coupling], axis=2))

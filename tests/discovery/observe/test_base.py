@@ -7,6 +7,7 @@ import pytest
 
 from rearl_jax.discovery.observe.base import weighted_near_changes
 from rearl_jax.discovery.observe.fit import Fit
+from rearl_jax.discovery.observe.noise import under_best_noise
 from rearl_jax.discovery.observe.observer import is_near_change, relative_variance, weights
 from rearl_jax.discovery.search.simulated_drives import simulate_again
 
@@ -40,3 +41,16 @@ def test_the_growth_of_noise_near_changes_is_found(solver, many, growth):
     if growth and found is not None:
         assert 0.3 * growth < found.noise.near_changes < 2 * growth
         assert found.noise.acceleration <= noise.acceleration * 1.5
+
+
+@pytest.mark.parametrize("is_changing", [True, False])
+def test_episodes_near_changes_do_not_enlarge_the_noise(solver, many, is_changing):
+    state, noise = changing(many)
+    drives = simulate_again(solver, state, replace(noise, near_changes=30.0), np.random.default_rng(5))
+    solver.solve([drives], iterations=12, tolerance=0.1)
+    # Without changes in the data, the same episodes cannot be told from the drivers' usual noise.
+    drives = (
+        drives if is_changing else replace(drives, data=replace(drives.data, surroundings=many[0].data.surroundings))
+    )
+    _, found = under_best_noise(solver, drives, noise)
+    assert (found.acceleration <= 1.5 * noise.acceleration) == is_changing
