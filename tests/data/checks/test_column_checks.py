@@ -225,17 +225,26 @@ def test_a_change_of_lane_is_no_angle(braking):
     assert validate(rows, replace(INFO, lane_count={1: 3, 2: 3}), STOP)[1] == {}
 
 
-def test_noise_of_unsmoothed_positions_is_neither_a_unit_nor_a_jump(braking):
-    """Positions of a camera with 0.2 m of noise; speeds and accelerations are their differences."""
-    noisy = braking.assign(position=braking["position"] + np.random.default_rng(0).normal(0.0, 0.2, len(braking)))
+def differentiated(rows: pd.DataFrame, noise: float) -> pd.DataFrame:
+    """The rows with noisy positions [m], and with speeds and accelerations that are differences of them."""
+    noisy = rows.assign(position=rows["position"] + np.random.default_rng(0).normal(0.0, noise, len(rows)))
     for name, source in (("speed", "position"), ("acceleration", "speed")):
         noisy[name] = noisy.groupby("track_id")[source].transform(lambda values: np.gradient(values, 1 / 25.0))
-    noisy["speed"] = noisy["speed"].clip(lower=0.0)
-    noisy["x"] = noisy["position"]
-    assert np.percentile(noisy["acceleration"].abs(), 99) > 100.0
-    assert noisy.groupby("track_id")["position"].diff().sub(15.0 / 25.0).abs().max() > 20.0 / 25.0
+    return noisy.assign(x=noisy["position"], speed=noisy["speed"].clip(lower=0.0))
+
+
+def test_noise_of_differentiated_positions_is_no_other_unit(braking):
+    noisy = differentiated(braking, 0.03)
+    assert np.percentile(noisy["acceleration"].abs(), 99) > 20.0
     assert validate(noisy, INFO, STOP)[1] == {}
     with refused("wrong-units", column="acceleration"):
-        validate(noisy.assign(acceleration=noisy["acceleration"] * 3.28084), INFO, STOP)
+        validate(_scaled(noisy, noisy["track_id"] > 0, acceleration=0.3048), INFO, STOP)
+
+
+def test_noise_of_unsmoothed_positions_is_no_jump(braking):
+    noisy = differentiated(braking, 0.2).drop(columns="acceleration")
+    step = noisy.groupby("track_id")["position"].diff()
+    assert (step - noisy["speed"] / 25.0).abs().max() > 20.0 / 25.0, "beyond data.max_jump"
+    assert validate(noisy, INFO, STOP)[1] == {}
     jumped = noisy.assign(**{name: noisy[name] + 10.0 * (noisy["frame"] > 50) for name in ("position", "x")})
-    assert validate(jumped, INFO, DROP_ROW)[1] == {"jump_cuts": 6}
+    assert validate(jumped, INFO, DROP_ROW)[1]["jump_cuts"] == 6
