@@ -1,17 +1,21 @@
 """Additions to a model that are kept only if they predict other drivers significantly better."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Float
 
 from rearl_jax.discovery.comparison.choice import DRAWS
+from rearl_jax.discovery.observe.clocks import Clocks
 from rearl_jax.discovery.observe.fit import Fit, recalibrated
 from rearl_jax.discovery.observe.fit_state import FitState
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.read.measured import Measured
-from rearl_jax.discovery.report.protocols import PREDICTING, prediction_errors
+from rearl_jax.discovery.read.training import halves
+from rearl_jax.discovery.report.protocols import FIRST_HALF, PREDICTING, prediction_errors
 from rearl_jax.discovery.resampling import resamples
+from rearl_jax.discovery.search.clock_check import correct_shifts
 from rearl_jax.discovery.search.decision import Trial
 from rearl_jax.discovery.search.headway import CONSTANT_TIME_GAP, TimeGapVariation, time_gap_variation
 from rearl_jax.discovery.search.outcome import Search
@@ -54,11 +58,17 @@ def predicting_effects(solver: Solver, outcome: Search, seed: int, null_for: Nul
 def clocks_predict_better(solver: Solver, outcome: Search, checked: Measured, seed: int) -> bool:
     """True if no clocks were corrected, or if corrected clocks predict the check drivers significantly better;
     `checked` are these drivers with clocks as measured.
+
+    The second half of each drive is predicted, with clock offsets from the first halves: offsets from whole drives also
+    fit what each driver happened to do.
     """
     if outcome.clocks is None:
         return True
-    before = _gap_errors_of(solver, checked, outcome.before)
-    return predict_surely_better(before, _gap_errors_of(solver, outcome.checked, outcome.first), seed)
+    earlier = correct_shifts(solver, Clocks(halves(checked).training), outcome.before).data
+    corrected = replace(earlier, weight=checked.weight)
+    errors = _gap_errors_of(solver, checked, outcome.before), _gap_errors_of(solver, corrected, outcome.first)
+    before, after = ({name: found[name] for name in found.keys() & {FIRST_HALF}} for found in errors)
+    return predict_surely_better(before, after, seed)
 
 
 def predicting_variation(solver: Solver, outcome: Search, seed: int) -> TimeGapVariation:

@@ -19,12 +19,12 @@ from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.read.training import Split, error_of_splits, halves, has_enough_data
 from rearl_jax.discovery.search.headway import CONSTANT_TIME_GAP, TimeGapVariation
 
-IN_SAMPLE = "in_sample"
-"""Name of the protocol with parameters from the drive itself."""
+FIRST_HALF, IN_SAMPLE = "first_half", "in_sample"
+"""Names of the protocols with parameters from the first half of a drive, and from the drive itself."""
 
 PROTOCOLS = {
     "population": "parameters of the population of other drivers",
-    "first_half": "own parameters from the first half of a drive, simulation of the second half",
+    FIRST_HALF: "own parameters from the first half of a drive, simulation of the second half",
     "other_runs": "own parameters from the driver's other runs, simulation of the run left out",
     IN_SAMPLE: "own parameters calibrated to the drive itself",
 }
@@ -109,7 +109,7 @@ def prediction_errors(
     predicted = population if varied is average else measures_of(whole, [simulated_error(solver, varied)])
     return {
         "population": ProtocolErrors(all_drivers, predicted, population, 0),
-        "first_half": _predicted(solver, [halves(data)], fit, variation),
+        FIRST_HALF: _predicted(solver, [halves(data)], fit, variation),
         "other_runs": _predicted(solver, runs, fit, variation),
     }
 

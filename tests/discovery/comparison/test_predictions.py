@@ -13,10 +13,13 @@ from rearl_jax.discovery.comparison.predictions import (
     predicting_variation,
 )
 from rearl_jax.discovery.observe.candidates import Term
+from rearl_jax.discovery.observe.clocks import Clocks
+from rearl_jax.discovery.read.training import halves
 from rearl_jax.discovery.report.protocols import ProtocolErrors
 from rearl_jax.discovery.search import procedure
 from rearl_jax.discovery.search.clock_check import ClockCheck
 from rearl_jax.discovery.search.headway import TimeGapVariation
+from rearl_jax.discovery.search.simulated_drives import simulate_again
 from tests.discovery.search.searches import search_that_added
 
 ADDED = (("reaction_delay", [0.7, 0.0]), ("approach_rate_gain", [0.5]), ("grade", [1.0]))
@@ -96,21 +99,21 @@ def test_a_response_to_the_vehicle_behind_cannot_show_that_it_predicts(solver, c
     assert left.unpredictive == {Term("rear_pressure")}
 
 
-def test_clocks_stay_corrected_only_if_that_predicts_better(solver, calibrated, monkeypatch):
-    found = search_that_added(solver, calibrated)
-    fit, checked = found.first, found.checked
-    assert clocks_predict_better(solver, found, checked, 0)
-    corrected = replace(found, clocks=ClockCheck(fit, 1.0, 1.0, 0.3, checked, checked))
-    monkeypatch.setattr(predictions, "recalibrated", lambda solver, data, fits: [fit.state for fit in fits])
-    for after, expected in ((1.8, True), (2.01, False)):
-        mean_errors = iter((2.0, after))
-
-        def predicted(*_, mean_errors=mean_errors, **__):
-            error, drivers = {"gap_rmse": next(mean_errors) * DRIVERS}, np.arange(len(DRIVERS))
-            return {"population": ProtocolErrors(drivers, error, error, 0), "first_half": None, "other_runs": None}
-
-        monkeypatch.setattr(predictions, "prediction_errors", predicted)
-        assert clocks_predict_better(solver, corrected, checked, 0) is expected
+@pytest.mark.parametrize("lasts", [True, False])
+def test_clocks_stay_corrected_only_if_the_first_half_tells_the_second(solver, calibrated, many, lasts):
+    found, (state, noise) = search_that_added(solver, calibrated), many
+    measured = simulate_again(solver, state, noise, np.random.default_rng(3)).data
+    assert clocks_predict_better(solver, found, measured, 0), "nothing was corrected"
+    clocks = Clocks(measured)
+    late = clocks.corrected(0.5 * np.random.default_rng(4).standard_normal(clocks.values.shape))
+    is_late = lasts | (halves(measured).training.weight > 0)
+    of_leaders = {
+        name: np.where(is_late, getattr(late.surroundings, name), getattr(measured.surroundings, name))
+        for name in ("leader_rear", "leader_speed")
+    }
+    late = replace(measured, surroundings=replace(measured.surroundings, **of_leaders))
+    corrected = replace(found, clocks=ClockCheck(found.first, 1.0, 1.0, 0.3, late, late))
+    assert clocks_predict_better(solver, corrected, late, 0) is lasts
 
 
 def test_of_use_is_what_surely_predicts_better_and_nowhere_worse():
