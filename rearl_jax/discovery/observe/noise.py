@@ -108,7 +108,7 @@ def _far_from_changes(state: FitState) -> FitState:
     """The state with data far from changes of leader only; unchanged if these are few.
 
     Near changes no model predicts drivers well. Such episodes would make the drivers' noise seem larger than it is, and
-    parameters calibrated under too large noise are biased: the maximum acceleration was 2.7 instead of 1.5 m/s^2.
+    parameters calibrated under too large noise are biased.
     """
     weight = state.pieces.weight
     far = weight * ~is_near_change(state.data)
