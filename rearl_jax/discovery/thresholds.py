@@ -95,9 +95,10 @@ class Thresholds:
     """Relative amount by which the mean gap error of a replacing model, with parameters of the population or of the
     first half of a drive, may exceed that of the best model [-].
     """
-    base_veto_share: float = 0.5
+
+    base_veto_share: float = 0.95
     """Share of resamples of drivers in which the error exceeds `base_error_share`, above which the model is not chosen
-    [-].
+    [-]: few drivers with large errors must not outweigh a significantly higher likelihood.
     """
 
     candidate_z_score: float = 4.5
