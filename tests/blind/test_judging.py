@@ -49,7 +49,9 @@ def hidden(
 
 
 NAMELESS = hidden("distraction", kind="unlisted", truths=[])
+FORCED = hidden(group="control") | {"scenario": {"free_changes": False}}
 GRADE, DELAY = effect("grade", "road"), effect("reaction_delay")
+REAR_GAP = effect("lane_choice_dependence", "generic", variables=["rear_gap"])
 
 CASES = {
     "named": (hidden("grade"), said(GRADE), "right"),
@@ -83,6 +85,8 @@ CASES = {
     "one of two": (hidden("grade", "reaction_delay"), said(GRADE), "part"),
     "both": (hidden("grade", "reaction_delay"), said(DELAY, GRADE), "right"),
     "same artefact": (hidden("speed_scale", kind="artefact"), said(effect("position_scale", "artefact")), "right"),
+    "gaps of forced changes": (FORCED, said(REAR_GAP), "unexplained"),
+    "gaps of free changes": (FORCED | {"scenario": {"free_changes": True}}, said(REAR_GAP), "wrong"),
     "failed": (hidden("grade"), failed_verdict("ValueError: no", 1.0), "failed"),
 }  # fmt: skip
 
