@@ -8,7 +8,7 @@ import numpy as np
 from rearl_jax.config.driver import MODELS as DECLARED
 from rearl_jax.config.driver import record_of
 from rearl_jax.config.driver.declaration import DriverParameter
-from rearl_jax.export.sumo import ADDED_GAP, MODELS, UNUSED_TERMS
+from rearl_jax.export.sumo import MODELS, UNUSED_TERMS, from_sumo
 from rearl_jax.export.translations import Translation
 from rearl_jax.export.vehicle_types import VehicleType
 from rearl_jax.models.record import CAR, TRUCK, DriverClass
@@ -80,20 +80,14 @@ def _driver(vehicle_type: VehicleType, name: str, speed_limit: float | None) -> 
     defaults = vehicle_type.vehicle_class
     values = {"length": vehicle_type.number("length", defaults.length)}
     for parameter in DECLARED[name].parameters:
-        read = [
-            vehicle_type.number(attribute, getattr(defaults, attribute, None))
-            for attribute in MODELS[name].attributes[parameter.name]
-        ]
+        attributes = MODELS[name].attributes[parameter.name]
+        read = [vehicle_type.number(attribute, getattr(defaults, attribute, None)) for attribute in attributes]
         if any(not math.isclose(value, read[0][0], rel_tol=ROUNDING_TOLERANCE) for value, _ in read):
-            attributes = MODELS[name].attributes[parameter.name]
             fault = f"differs from {' and '.join(attributes[1:])}: here one gain serves all modes of following"
             raise vehicle_type.refuse("gains-differ", fault, "give them one value, or use another model", attributes[0])
         value, sd = read[0]
-        if parameter.name == "speed_gain":
-            value = -value  # SUMO's gain acts on the speed's excess
-        elif parameter.name == "jam_gap" and MODELS[name].is_extended:
-            value += ADDED_GAP
-        elif parameter.name == "desired_speed":
+        value = from_sumo(value, attributes[0], MODELS[name])
+        if parameter.name == "desired_speed":
             value, sd = _desired_speed(vehicle_type, value, sd, speed_limit)
         values[parameter.name] = _in_bounds(vehicle_type, name, parameter, value), sd
     return values

@@ -210,7 +210,7 @@ def type_attributes(
             "vClass": "truck" if drivers.is_truck[k] else "passenger",
             "length": _number(drivers.length[k]),
             **{
-                attribute: _number(_sumo_value(values[k], attribute, model))
+                attribute: _number(in_sumo(values[k], attribute, model))
                 for name, values in drivers.values.items()
                 for attribute in model.attributes[name]
             },
@@ -247,13 +247,20 @@ _EFFECT_REMARKS = {
 }
 
 
-def _sumo_value(value: float, attribute: str, model: SumoModel) -> float:
+def in_sumo(value: float, attribute: str, model: SumoModel) -> float:
     """A parameter in SUMO's definition."""
     if attribute == "speedControlGain":
-        return -value
+        return -value  # SUMO's gain acts on the speed's excess
     if attribute == "minGap" and model.is_extended:
         return max(value - ADDED_GAP, MIN_GAP)
     return value
+
+
+def from_sumo(value: float, attribute: str, model: SumoModel) -> float:
+    """A parameter from its value in SUMO's definition, the inverse of `in_sumo`."""
+    if attribute == "speedControlGain":
+        return -value
+    return value + ADDED_GAP if attribute == "minGap" and model.is_extended else value
 
 
 def _translations(population: Population, model: SumoModel) -> list[Translation]:
