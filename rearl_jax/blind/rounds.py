@@ -186,7 +186,7 @@ def _ask(discover: Discover, data: Path, study: str, oracle: str | None) -> dict
     try:
         return discover(data, study, oracle)
     except FAILURES as error:
-        log.error("discovery stopped on %s: %s: %s", data.name, type(error).__name__, error)
+        log.exception("discovery stopped on %s: %s: %s", data.name, type(error).__name__, error)
         return failed_verdict(f"{type(error).__name__}: {error}", time.perf_counter() - begin)
 
 

@@ -24,6 +24,11 @@ from rearl_jax.discovery.observe.observer import Pieces, stimulus, straightened,
 from rearl_jax.discovery.observe.robust import kept_share, robust_square
 from rearl_jax.discovery.read.measured import Surroundings
 
+LARGEST = 1e4
+"""Bound of the derivatives of position [m] and speed [m/s] by one unit of a direction, far above those of drivers who
+follow stably.
+"""
+
 
 def sensitivity_sums(
     z: Float[Array, "own pieces"],
@@ -117,6 +122,8 @@ def sensitivity_sums(
         free = state.v + acceleration * dt
         speed, d_speed = jnp.maximum(free, 0.0), jnp.where((free > 0)[None], d.v + d_acceleration * dt, 0.0)
         state, d = predict(state, speed, gain, dt), predict(d, d_speed, along, dt)
+        # Bounded, because the derivatives of an unstable driver grow without end while the driver does not.
+        d = d._replace(x=jnp.clip(d.x, -LARGEST, LARGEST), v=jnp.clip(d.v, -LARGEST, LARGEST))
         return ((state, acceleration, memory), (d, d_acceleration), sums), None
 
     groups = [*groups, range(len(places), len(places) + n_clocks)]
