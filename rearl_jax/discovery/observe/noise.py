@@ -255,14 +255,16 @@ def _with_smooth_errors(solver: Solver, state: FitState, noise: Noise, least: fl
         steadier = replace(noise, acceleration=share * noise.acceleration, is_smooth=True)
         starts = [replace(steadier, lasting=size, lasting_time=time) for size in sizes for time in times]
         found = _under_smooth_errors(solver, state, best_noise(solver, state, starts)[0], least)
+        if found is None:
+            continue
         (log_likelihood,) = noise_likelihoods(solver, found[0], [found[1]])
         if log_likelihood > most:
             best, most = found, log_likelihood
     return best
 
 
-def _under_smooth_errors(solver: Solver, state: FitState, noise: Noise, least: float) -> tuple[FitState, Noise]:
-    """The state and the noise at the maximum of the likelihood near a noise with smooth errors; without a search if the
+def _under_smooth_errors(solver: Solver, state: FitState, noise: Noise, least: float) -> tuple[FitState, Noise] | None:
+    """The state and the noise at the maximum of the likelihood near a noise with smooth errors; None if the
     log-likelihood under that noise is below `least` [nats].
 
     Parameters that were estimated without such errors make them seem unlikely, so noise and parameters are estimated
@@ -271,7 +273,7 @@ def _under_smooth_errors(solver: Solver, state: FitState, noise: Noise, least: f
     state = with_noise(state, noise)
     solver.solve([state], iterations=8, tolerance=1.0)
     if noise_likelihoods(solver, state, [noise])[0] < least:
-        return state, noise
+        return None
     for _ in range(MOST_CLIMBS):
         before = noise
         noise = _climbed(solver, state, noise, {"lasting": SMOOTH_ERRORS, "lasting_time": SMOOTH_TIMES})
