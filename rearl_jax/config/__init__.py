@@ -16,7 +16,7 @@ from rearl_jax.config.data import DataConfig, DataFormat
 from rearl_jax.config.decision import AdmissibleConfig, DecisionConfig, ExecConfig, MatcherConfig, PolicyName
 from rearl_jax.config.detection import DetectionConfig, ReferenceConfig
 from rearl_jax.config.discover import DiscoverConfig
-from rearl_jax.config.driver import CALIBRATED, DEFAULT, DriverConfig, record_of
+from rearl_jax.config.driver import DEFAULT, MODELS, DriverConfig, record_of
 from rearl_jax.config.evaluation import EvaluationConfig, Method, Variant
 from rearl_jax.config.generator import GeneratorConfig
 from rearl_jax.config.llm import LlmConfig, PromptConfig
@@ -96,7 +96,7 @@ class DiscoverTask:
     discover: DiscoverConfig = _group(DiscoverConfig)
 
     def check(self) -> None:
-        """Raise InvalidInputError for a model that cannot be calibrated, or a given key that calibration estimates."""
+        """Raise InvalidInputError for a given key that calibration estimates."""
         self.driver.check_prior()
 
     @property
@@ -104,7 +104,7 @@ class DiscoverTask:
         """Car-following models to compare: `driver`, then `discover.base`, by default all if `driver` is left out."""
         others = self.discover.base
         if others is None:
-            others = CALIBRATED if self.driver == record_of("idm")() else ()
+            others = tuple(MODELS) if self.driver == record_of("idm")() else ()
         if self.discover.oracle is not None:
             others = ()  # no effects are searched
         return self.driver, *(record_of(name)() for name in dict.fromkeys(others) if name != self.driver.model)

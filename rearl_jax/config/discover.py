@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 from rearl_jax.config._key import key
 from rearl_jax.config._ranges import check_least
-from rearl_jax.config.driver import CALIBRATED
+from rearl_jax.config.driver import MODELS
 from rearl_jax.problems import out_of_range
 
 
@@ -41,7 +41,7 @@ class DiscoverConfig:
     base: tuple[str, ...] | None = key(
         None,
         "car-following models compared with that of driver, which is kept unless another one predicts drivers outside "
-        f"the fit significantly better: some of {', '.join(CALIBRATED)}; null: all of them if driver is left out, "
+        f"the fit significantly better: some of {', '.join(MODELS)}; null: all of them if driver is left out, "
         "else none; []: none. Nothing is compared with discover.oracle",
     )
     lane_changes: bool = key(
@@ -67,9 +67,8 @@ class DiscoverConfig:
             raise out_of_range("confidence", "must be within 0.5 and 1", self.confidence)
         check_least(self, 100, "draws")
         for name in self.base or ():
-            if name not in CALIBRATED:
-                message = f"must be some of {', '.join(CALIBRATED)}, which have usual values to calibrate from"
-                raise out_of_range("base", message, name)
+            if name not in MODELS:
+                raise out_of_range("base", f"must be some of {', '.join(MODELS)}", name)
         if self.base is not None and len(set(self.base)) < len(self.base):
             raise out_of_range("base", "must name each model once", list(self.base))
         if self.by is not None and self.oracle is not None:

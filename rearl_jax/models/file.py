@@ -20,7 +20,7 @@ import numpy as np
 import yaml
 
 from rearl_jax.config._schema import nearest
-from rearl_jax.config.driver import CALIBRATED, MODELS
+from rearl_jax.config.driver import MODELS
 from rearl_jax.config.driver.declaration import DriverModel
 from rearl_jax.core.effects import EFFECTS, VARIABLES
 from rearl_jax.models.record import (
@@ -170,12 +170,12 @@ def _checked(path: Path, content: Any) -> RepairedModel:
             f"is {whole['schema']!r}, but this version reads {SCHEMA}: write the model again with it",
         )
     car_following = whole.get("car_following", "idm")  # the model of files without this key
-    if car_following not in CALIBRATED:
-        close = nearest(str(car_following), CALIBRATED)
+    if car_following not in MODELS:
+        close = nearest(str(car_following), MODELS)
         raise reader.refuse(
             "choice-unknown",
             "car_following",
-            f"is {car_following!r}; nearest: {close}; models: {', '.join(CALIBRATED)}",
+            f"is {car_following!r}; nearest: {close}; models: {', '.join(MODELS)}",
         )
     drivers_of = MODELS[car_following]
     names = [item.name for item in fields(Source)]

@@ -106,7 +106,7 @@ class RepairedModel:
         population: Drivers by class, `car` and perhaps `truck`, calibrated together with the effects.
         effects: Effects in addition to car following.
         baseline: The same drivers calibrated without effects; classes, shares and lengths as in `population`.
-        car_following: Name of the car-following model, one of `config.driver.CALIBRATED`.
+        car_following: Name of the car-following model, one of `config.driver.MODELS`.
         lane_changing: Parameters of MOBIL, with and without effects; None for highway-env's.
     """
 

@@ -4,7 +4,7 @@ import pytest
 
 from rearl_jax.cli.composition import UsageError, compose_task
 from rearl_jax.cli.help import task_help
-from rearl_jax.config.driver import CALIBRATED, MODELS, record_of
+from rearl_jax.config.driver import MODELS, record_of
 from rearl_jax.problems import InvalidInputError
 from rearl_jax.tasks import TASKS
 
@@ -63,8 +63,7 @@ def test_the_model_that_is_chosen_stays_unless_others_are_asked_for():
     def names(*overrides):
         return [driver.model for driver in composed("discover", *overrides).compared]
 
-    assert names() == ["idm", *sorted(set(CALIBRATED) - {"idm"})]
-    assert "highway_env_idm" not in names()  # it has no usual values to calibrate from
+    assert names() == ["idm", *sorted(set(MODELS) - {"idm"})]
     assert names("driver=idm") == ["idm"]
     assert names("driver.time_gap=1.0") == ["idm"]
     assert names("driver=gipps") == ["gipps"]
@@ -73,10 +72,10 @@ def test_the_model_that_is_chosen_stays_unless_others_are_asked_for():
     assert names("discover.oracle=grade") == ["idm"]
 
 
-def test_a_model_without_usual_values_cannot_be_compared():
+def test_an_unknown_model_cannot_be_compared():
     with pytest.raises(InvalidInputError) as caught:
-        composed("discover", "discover.base=[highway_env_idm]")
-    assert (caught.value.problem.key, caught.value.problem.value) == ("discover.base", "highway_env_idm")
+        composed("discover", "discover.base=[wiedemann]")
+    assert (caught.value.problem.key, caught.value.problem.value) == ("discover.base", "wiedemann")
 
 
 def test_help_lists_all_models_and_the_keys_of_the_chosen_one():

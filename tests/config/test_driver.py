@@ -6,7 +6,7 @@ import pytest
 
 from rearl_jax.config import DiscoverTask, EvaluateTask
 from rearl_jax.config._schema import as_plain, finished, from_plain, keys_of
-from rearl_jax.config.driver import CALIBRATED, DEFAULT, MODELS, DriverConfig, record_of
+from rearl_jax.config.driver import DEFAULT, MODELS, DriverConfig, record_of
 from rearl_jax.problems import InvalidInputError
 
 TRUCKS = {"truck": {"share": 0.1, "time_gap": 1.8, "length": 12.0}}
@@ -31,7 +31,6 @@ def test_the_default_is_highway_envs_and_can_be_told_from_others():
     assert not record_of("idm")().is_default
     assert not record_of(DEFAULT)(time_gap=1.2).is_default
     assert not record_of(DEFAULT)(classes=TRUCKS).is_default
-    assert set(CALIBRATED) == set(MODELS) - {DEFAULT}
 
 
 def test_a_class_has_what_it_says_and_else_what_all_have():

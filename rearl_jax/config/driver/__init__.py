@@ -25,9 +25,6 @@ MODELS: dict[str, DriverModel] = {
 }
 """Every car-following model by its name."""
 
-CALIBRATED: tuple[str, ...] = tuple(name for name, model in MODELS.items() if model.calibrated)
-"""Names of the models that can be calibrated."""
-
 
 @dataclass(unsafe_hash=True)
 class DriverConfig:
@@ -80,9 +77,6 @@ class DriverConfig:
         """Raise InvalidInputError if these keys cannot be the prior of a calibration, which itself estimates spreads,
         sizes and noise.
         """
-        if self.model not in CALIBRATED:
-            message = f"must be one of {', '.join(CALIBRATED)}, which have usual values to calibrate from"
-            raise InvalidInputError(Problem("driver-not-calibrated", message, key="driver", value=self.model))
         usual = record_of(self.model)()
         changed = (item.name for item in fields(self) if getattr(self, item.name) != getattr(usual, item.name))
         for name in changed:

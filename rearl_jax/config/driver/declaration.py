@@ -23,6 +23,7 @@ class DriverParameter:
         truck: Typical value for trucks; None for that of cars.
         location: Standard deviation of the logarithm of a population's median around the typical value [-]; None for
             `spread`.
+        median: Median of cars in the prior of a calibration; None for `usual`.
     """
 
     name: str
@@ -35,6 +36,18 @@ class DriverParameter:
     spread: float = 0.3
     truck: float | None = None
     location: float | None = None
+    median: float | None = None
+
+    @property
+    def prior_median(self) -> float:
+        """Median of cars in the prior of a calibration.
+
+        Raises:
+            ValueError: Neither `median` nor `usual` is declared.
+        """
+        if self.usual is None and self.median is None:
+            raise ValueError(f"{self.name}: declare `usual`, or `median` if the value is drawn with the initial state")
+        return float(self.usual if self.median is None else self.median)
 
 
 @dataclass(frozen=True)
@@ -47,18 +60,12 @@ class DriverModel:
         source: Source of its equation.
         parameters: Parameters, in the order of the rows of covariance matrices; desired speed, time gap and jam gap,
             which every model has, come first.
-        calibrated: Whether the model can be calibrated.
     """
 
     name: str
     title: str
     source: str
     parameters: tuple[DriverParameter, ...]
-
-    @property
-    def calibrated(self) -> bool:
-        """True if every parameter has a typical value, the centre of the prior in a calibration."""
-        return all(parameter.usual is not None for parameter in self.parameters)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -74,7 +81,7 @@ def desired_speed(usual: float | None = 32.0, source: str = _TABLE) -> DriverPar
     # Congested traffic contains little information about it, so with a wide spread the estimate would diverge. The
     # median differs far more between roads, from 30 km/h on a test track to motorways without limit.
     return DriverParameter(
-        "desired_speed", "m/s", "desired speed v0", usual, 1.0, 100.0, source, 0.12, truck=25.0, location=0.5
+        "desired_speed", "m/s", "desired speed v0", usual, 1.0, 100.0, source, 0.12, 25.0, location=0.5, median=32.0
     )
 
 

@@ -23,6 +23,8 @@ MODEL = declaration.DriverModel(
             high=20.0,
             source=f"{_SOURCE}.randomize_behavior: null = drawn from 3.5 to 4.5",
             spread=0.1,
+            location=0.3,  # published values reach from 1 to 10
+            median=4.0,
         ),
     ),
 )

@@ -96,9 +96,11 @@ class Prior:
 def prior_of(driver: DriverConfig) -> Prior:
     """The prior of a `driver` configuration; trucks differ from cars as in the published defaults."""
     parameters = driver.declaration.parameters
-    car = tuple(float(getattr(driver, parameter.name)) for parameter in parameters)
+    given = [getattr(driver, parameter.name) for parameter in parameters]  # None if drawn with the initial state
+    medians = [parameter.prior_median for parameter in parameters]
+    car = tuple(m if value is None else float(value) for m, value in zip(medians, given, strict=True))
     # A parameter that was given another value for cars is changed for trucks by the same factor.
-    ratios = [each.truck / each.usual if each.truck and each.usual else 1.0 for each in parameters]
+    ratios = [each.truck / m if each.truck else 1.0 for each, m in zip(parameters, medians, strict=True)]
     truck = tuple(value * ratio for value, ratio in zip(car, ratios, strict=True))
     return Prior(driver.model, car, truck)
 

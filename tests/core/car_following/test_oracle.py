@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from rearl_jax.config.driver import CALIBRATED, DEFAULT, MODELS
+from rearl_jax.config.driver import MODELS
 from rearl_jax.core.car_following import CAR_FOLLOWING, CarFollowing
 from rearl_jax.core.car_following.model import SpacingStimulus, linearise
 from tests.core.car_following.oracle import DESIRED_GAPS, ORACLES
@@ -254,18 +254,12 @@ def test_declared_values_are_within_their_bounds(name):
     for parameter in model.parameters:
         assert 0 < parameter.low < parameter.high
         assert parameter.spread > 0
-        for value in (parameter.usual, parameter.truck):
+        for value in (parameter.usual, parameter.truck, parameter.prior_median):
             assert value is None or parameter.low <= value <= parameter.high
         assert parameter.low <= RANGES[parameter.name][0]
         assert RANGES[parameter.name][1] <= parameter.high
         assert parameter.meaning
         assert parameter.source
-    assert model.calibrated == all(parameter.usual is not None for parameter in model.parameters)
-    assert model.calibrated == (name in CALIBRATED)
-
-
-def test_all_models_but_that_of_highway_env_are_calibrated():
-    assert set(CALIBRATED) == set(MODELS) - {DEFAULT}
 
 
 @pytest.mark.parametrize("fields", [(), ("comfort_decel", "max_accel"), ("max_accel",), ("max_accel", "decel")])
@@ -275,9 +269,9 @@ def test_fields_that_are_not_those_of_the_declaration_are_refused(fields):
         type("Wrong", (CarFollowing,), {"declaration": MODELS["idm"], "__annotations__": annotations})
 
 
-@pytest.mark.parametrize("name", CALIBRATED)
+@pytest.mark.parametrize("name", NAMES)
 def test_usual_drivers_follow_each_other_steadily_or_nearly_so(name):
     """The usual parameters are those of measured traffic: waves grow slowly if at all at 15 m/s."""
-    usual = SimpleNamespace(**{p.name: p.usual for p in MODELS[name].parameters})
+    usual = SimpleNamespace(**{p.name: p.prior_median for p in MODELS[name].parameters})
     slopes = ORACLES[name].slopes(15.0, usual)
     assert max(slopes.gain(frequency) for frequency in np.linspace(0.05, 2.0, 60)) < 1.05

@@ -7,7 +7,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from rearl_jax.config.driver import CALIBRATED, MODELS, record_of
+from rearl_jax.config.driver import MODELS, record_of
 from rearl_jax.core.car_following import CAR_FOLLOWING
 from rearl_jax.core.model import TrafficModel
 from rearl_jax.core.rollout import rollout
@@ -32,7 +32,7 @@ NOISE = 0.02
     scope="module",
     params=[
         "constant_time_headway",
-        *(pytest.param(name, marks=pytest.mark.thorough) for name in CALIBRATED if name != "constant_time_headway"),
+        *(pytest.param(name, marks=pytest.mark.thorough) for name in MODELS if name != "constant_time_headway"),
     ],
 )
 def calibrated_by(request, measured_of):
