@@ -45,9 +45,10 @@ class DriverParameter:
         Raises:
             ValueError: Neither `median` nor `usual` is declared.
         """
-        if self.usual is None and self.median is None:
+        median = self.usual if self.median is None else self.median
+        if median is None:
             raise ValueError(f"{self.name}: declare `usual`, or `median` if the value is drawn with the initial state")
-        return float(self.usual if self.median is None else self.median)
+        return median
 
 
 @dataclass(frozen=True)

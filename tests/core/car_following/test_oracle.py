@@ -9,7 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from rearl_jax.config.driver import MODELS
+from rearl_jax.config.driver import DEFAULT, MODELS
 from rearl_jax.core.car_following import CAR_FOLLOWING, CarFollowing
 from rearl_jax.core.car_following.model import SpacingStimulus, linearise
 from tests.core.car_following.oracle import DESIRED_GAPS, ORACLES
