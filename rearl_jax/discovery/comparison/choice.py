@@ -1,5 +1,5 @@
 """The choice of a car-following model: that of the key `driver`, unless another one predicts other drivers
-significantly better.
+significantly better, or simulations reject it and not another model that is as likely.
 """
 
 from collections.abc import Mapping, Sequence
@@ -46,7 +46,9 @@ class Choice:
 def choice_of(
     gains: Sequence[Float[np.ndarray, " drivers"]], errors: Sequence[Mapping[str, Float[np.ndarray, " _"]]], seed: int
 ) -> Choice:
-    """The first model, or the most likely of those that are significantly more likely and not rejected by simulations.
+    """The most likely of the first model and those that are significantly more likely; if simulations reject the first
+    model, also of those that are not significantly less likely. Models that simulations reject are chosen only if they
+    reject all of these.
 
     Args:
         gains: Log-likelihood of each driver under each model minus that under the first model, which is that of the
@@ -62,16 +64,18 @@ def choice_of(
         *(_probably_worse([by_protocol.get(name) for by_protocol in errors], seed) for name in PREDICTING)
     )
     first = Choice(0, better, best.tolist(), vetoed, [mean_prediction_error(by_protocol) for by_protocol in errors])
-    eligible = [
+    possible = [
         index
         for index, share in enumerate(better)
-        if share >= THRESHOLDS.base_confidence
-        and gains[index].sum() > THRESHOLDS.least_base_gain
-        and not first.denies(index)
-        and (errors[index] or not any(errors))  # a model without simulations is not chosen if others have some
+        if index == 0
+        or (share >= THRESHOLDS.base_confidence and gains[index].sum() > THRESHOLDS.least_base_gain)
+        or (0 in vetoed and not is_beaten(gains[index], gains, seed))
     ]
-    chosen = max(eligible, key=lambda index: float(gains[index].sum()), default=0)
-    return replace(first, chosen=chosen)
+    # A model without simulations is not chosen if others have some.
+    possible = [index for index in possible if errors[index] or not any(errors)]
+    sound = [index for index in possible if index not in vetoed]
+    undenied = [index for index in possible if index == 0 or not first.denies(index)]
+    return replace(first, chosen=max(sound or undenied, key=lambda index: float(gains[index].sum())))
 
 
 def is_beaten(

@@ -18,8 +18,9 @@ from rearl_jax.discovery.observe.base import Base, base_of
 from rearl_jax.discovery.observe.closed_loop import calibrated_to_gap, simulated_error
 from rearl_jax.discovery.observe.fit import Fit, recalibrated
 from rearl_jax.discovery.observe.fit_state import FitState, new_state
-from rearl_jax.discovery.observe.noise import ACCELERATIONS, noise_levels, under_best_time
+from rearl_jax.discovery.observe.noise import ACCELERATIONS, noise_levels, under_best_time, with_spread
 from rearl_jax.discovery.observe.solver import Solver
+from rearl_jax.discovery.observe.starts import from_best_start
 from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.read.training import every_run
 from rearl_jax.discovery.report.protocols import PROTOCOL_MEASURES, protocol_errors
@@ -114,9 +115,9 @@ def calibrated_alike(solver: Solver, data: Measured, fit: Fit) -> Fit:
     """
     state = new_state(data, solver.layout, fit.noise)
     state.theta, state.active = fit.state.theta.copy(), fit.state.active
-    solver.solve([state], iterations=10, tolerance=1.0)
+    state = from_best_start(solver, state, iterations=10, tolerance=1.0)
     state, noise = under_best_time(solver, state, noise_levels(fit.noise, ACCELERATIONS))
-    return Fit(candidate=None, state=state, noise=noise)
+    return Fit(candidate=None, state=with_spread(solver, state), noise=noise)
 
 
 def _errors_by_protocol(solver: Solver, fit: Fit, state: FitState) -> dict[str, dict[str, Float[np.ndarray, " _"]]]:

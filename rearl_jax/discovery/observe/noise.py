@@ -13,6 +13,7 @@ from rearl_jax.discovery.observe.fit_state import FitState, new_state, replaced,
 from rearl_jax.discovery.observe.kalman import Noise
 from rearl_jax.discovery.observe.observer import is_near_change, relative_variance, squared_leader_acceleration
 from rearl_jax.discovery.observe.solver import Solver
+from rearl_jax.discovery.observe.starts import from_best_start
 from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.read.smoothing import lasting_noise
 from rearl_jax.discovery.thresholds import THRESHOLDS
@@ -213,8 +214,7 @@ def levels_up_to(noise: Noise) -> list[float]:
 def calibrate(solver: Solver, data: Measured) -> tuple[FitState, Noise]:
     """Joint calibration of drivers, population and noise, without candidates."""
     start = replace(USUAL, position=data.noise)
-    state = new_state(data, solver.layout, start)
-    solver.solve([state], iterations=8, tolerance=1.0)
+    state = from_best_start(solver, new_state(data, solver.layout, start), iterations=8, tolerance=1.0)
     noise, log_likelihood = best_noise(solver, state, noise_levels(start, ACCELERATIONS))
     with_correlated_errors = [
         replace(noise, acceleration=sd, position=WHITE_SHARE * size, lasting=size, lasting_time=time)
@@ -233,9 +233,7 @@ def calibrate(solver: Solver, data: Measured) -> tuple[FitState, Noise]:
     if smooth is not None:
         state, noise = smooth
     state, noise = under_best_time(solver, state, noise_levels(noise, ACCELERATIONS))
-    for _ in range(SPREAD_ITERATIONS):
-        state = replaced(state, spread=spread_of(state))
-        solver.solve([state], iterations=5, tolerance=0.3)
+    state = with_spread(solver, state)
     noise = with_growth_and_independence(solver, state, noise)
     state = with_noise(state, noise)
     solver.solve([state], iterations=10)
@@ -283,6 +281,14 @@ def _under_smooth_errors(solver: Solver, state: FitState, noise: Noise, least: f
         if noise == before:
             break
     return state, noise
+
+
+def with_spread(solver: Solver, state: FitState) -> FitState:
+    """The state solved with the spread between its drivers."""
+    for _ in range(SPREAD_ITERATIONS):
+        state = replaced(state, spread=spread_of(state))
+        solver.solve([state], iterations=5, tolerance=0.3)
+    return state
 
 
 def spread_of(state: FitState) -> Float[np.ndarray, " own"]:

@@ -1,5 +1,7 @@
 """The choice of a car-following model from what every model predicts of the same drivers."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -74,11 +76,17 @@ def test_a_model_is_beaten_only_where_another_surely_is_more_likely():
     assert [is_beaten(one, gains, seed=0) for one in gains] == [True, False, False]
 
 
+@pytest.mark.parametrize(("mean", "expected"), [(0.0, 1), (-0.2, 1), (-2.0, 0)])
+def test_a_model_that_simulations_reject_gives_way_to_one_as_likely_that_they_do_not_reject(mean, expected):
+    found = chosen([scattered(mean)], [{"population": 1.3 * ERROR}, {"population": ERROR}])
+    assert found.vetoed == {0}
+    assert found.chosen == expected
+
+
 @pytest.mark.parametrize(
     ("factors", "denied"),
     [((1.0, 1.3, 1.0), {1}), ((1.3, 1.2, 1.0), set()), ((1.2, 1.3, 1.0), {1}), ((1.0, 1.0, 1.0), set())],
 )
 def test_a_vetoed_model_replaces_only_one_that_is_vetoed_and_predicts_worse(factors, denied):
-    found = chosen([np.zeros(N)] * 2, [{"population": factor * ERROR} for factor in factors])
-    assert found.chosen == 0
+    found = replace(chosen([np.zeros(N)] * 2, [{"population": factor * ERROR} for factor in factors]), chosen=0)
     assert {other for other in (1, 2) if found.denies(other)} == denied
