@@ -81,7 +81,8 @@ def judge(truth: Mapping[str, Any], verdict: Verdict) -> Judgement:
     on them, but no effect on lane choice was hidden.
     """
     hidden = truth["planted"]
-    if not truth.get("scenario", {}).get("free_changes", True):
+    scenario = truth.get("scenario", {})
+    if scenario.get("lane_changes", 0) > 0 and not scenario.get("free_changes", False):
         verdict = replace(verdict, effects=tuple(each for each in verdict.effects if each.name not in ON_LANE_CHOICE))
     recognised = [any(is_it(item, effect) for effect in verdict.effects) for item in hidden]
     in_set = [

@@ -49,7 +49,7 @@ def hidden(
 
 
 NAMELESS = hidden("distraction", kind="unlisted", truths=[])
-FORCED = hidden(group="control") | {"scenario": {"free_changes": False}}
+FORCED = hidden(group="control") | {"scenario": {"lane_changes": 12}}
 GRADE, DELAY = effect("grade", "road"), effect("reaction_delay")
 REAR_GAP = effect("lane_choice_dependence", "generic", variables=["rear_gap"])
 
@@ -86,7 +86,7 @@ CASES = {
     "both": (hidden("grade", "reaction_delay"), said(DELAY, GRADE), "right"),
     "same artefact": (hidden("speed_scale", kind="artefact"), said(effect("position_scale", "artefact")), "right"),
     "gaps of forced changes": (FORCED, said(REAR_GAP), "unexplained"),
-    "gaps of free changes": (FORCED | {"scenario": {"free_changes": True}}, said(REAR_GAP), "wrong"),
+    "gaps of free changes": (FORCED | {"scenario": {"lane_changes": 0}}, said(REAR_GAP), "wrong"),
     "failed": (hidden("grade"), failed_verdict("ValueError: no", 1.0), "failed"),
 }  # fmt: skip
 
