@@ -18,13 +18,13 @@ from scipy.optimize import nnls, root_scalar
 from rearl_jax.discovery.read.lasting import lasting
 from rearl_jax.discovery.read.smoothing import low_pass, robust_deviation
 
-LAGS = (1.0, 1.5, 2.0, 3.0, 5.0, 7.0, 10.0, 15.0, 20.0, 30.0, 40.0, 60.0)
+LAGS = (0.5, 1.0, 1.5, 2.0, 3.0, 5.0, 7.0, 10.0, 15.0, 20.0, 30.0, 40.0, 60.0)
 """Lags of the differences of position minus integrated speed [s]."""
 
 LEAST_LAGS = 7
 """Smallest number of lags at which white, correlated and growing errors can be distinguished."""
 
-TIMES = (5.0, 10.0, 20.0, 40.0, 80.0)
+TIMES = (1.0, 2.0, 5.0, 10.0, 20.0, 40.0, 80.0)
 """Tested correlation times of the correlated errors of positions [s]."""
 
 LONGEST_SPEED_TIME = 2.0
