@@ -8,8 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from rearl_jax.data.checks.speed_profiles import Profiles, SpeedProfiles
-from rearl_jax.data.checks.typed_table import follows_row_before
 from rearl_jax.data.records import Recording, RecordingInfo
+from rearl_jax.data.vehicle_rows import first_and_last_rows
 from rearl_jax.problems import InvalidInputError, Problem
 
 
@@ -67,9 +67,9 @@ class Copies:
 def _tracks(recording: Recording) -> set[bytes]:
     """Hash of each track, of its times, positions, speeds and frames since its first one."""
     table = recording.table
-    starts = np.flatnonzero(~follows_row_before(table["track_id"].to_numpy()))
+    starts, ends = first_and_last_rows(table["track_id"].to_numpy())
     frame = table["frame"].to_numpy(np.int64)
-    frame = frame - np.repeat(frame[starts], np.diff(np.append(starts, len(frame))))
+    frame = frame - np.repeat(frame[starts], ends - starts + 1)
     # Rounded to 1 ms, 1 mm and 1 mm/s, because formats differ by less; as integers, -0.0 and 0.0 are equal.
     columns = [np.rint(1000.0 * table[name].to_numpy()).astype(np.int64) for name in ("time", "x", "y", "speed")]
     rows = np.stack([frame, *columns], axis=1)

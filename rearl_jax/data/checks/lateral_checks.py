@@ -3,7 +3,6 @@
 import numpy as np
 import pandas as pd
 
-from rearl_jax.data.checks.typed_table import follows_row_before
 from rearl_jax.data.checks.unit_checks import (
     LANE_WIDTH,
     MIN_STEPS,
@@ -15,6 +14,7 @@ from rearl_jax.data.checks.unit_checks import (
 )
 from rearl_jax.data.problems import Finding
 from rearl_jax.data.records import RecordingInfo
+from rearl_jax.data.vehicle_rows import first_and_last_rows
 
 EDGE_TOLERANCE = 0.5
 """Largest distance [m] of a vehicle's centre to the left of the carriageway; beyond, half of the vehicle is off it."""
@@ -95,8 +95,7 @@ def lanes_off(table: pd.DataFrame) -> int | None:
 
 def wrong_axis(table: pd.DataFrame, info: RecordingInfo) -> Finding | None:
     """Finding of a drift of all vehicles to the same side: positions are not measured along the road."""
-    starts = np.flatnonzero(~follows_row_before(table["track_id"].to_numpy()))
-    ends = np.append(starts[1:], len(table)) - 1
+    starts, ends = first_and_last_rows(table["track_id"].to_numpy())
     position, lateral = table["position"].to_numpy(), table["lateral"].to_numpy()
     ahead, aside = position[ends] - position[starts], lateral[ends] - lateral[starts]
     judged = np.isfinite(aside) & (ahead > MIN_DRIFT_DISTANCE)

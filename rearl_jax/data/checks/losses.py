@@ -9,6 +9,7 @@ import pandas as pd
 from rearl_jax.config.data import BadRows, DataConfig
 from rearl_jax.data.problems import Finding, bad_recording
 from rearl_jax.data.records import RecordingInfo
+from rearl_jax.data.vehicle_rows import first_and_last_rows
 
 
 @dataclass
@@ -102,8 +103,8 @@ def split_tracks(table: pd.DataFrame, starts: np.ndarray) -> pd.DataFrame:
         return table
     old = table["track_id"].to_numpy()
     n_cuts = np.cumsum(starts)
-    first = np.concatenate([[0], np.flatnonzero(old[1:] != old[:-1]) + 1])
-    n_cuts_of_track = n_cuts - np.repeat(n_cuts[first] - starts[first], np.diff(np.append(first, len(old))))
+    first, last = first_and_last_rows(old)
+    n_cuts_of_track = n_cuts - np.repeat(n_cuts[first] - starts[first], last - first + 1)
     is_renamed = n_cuts_of_track > 0
     new = np.where(is_renamed, np.nanmax(old) + n_cuts, old)  # the schema check finds unknown ids (NaN)
     table = table.assign(track_id=new)

@@ -10,10 +10,10 @@ import numpy as np
 import pandas as pd
 
 from rearl_jax.config.data import DataConfig
-from rearl_jax.data.checks.typed_table import follows_row_before
 from rearl_jax.data.checks.unit_checks import AVERAGING_TIME, MIN_CORRELATION, MIN_STEPS
 from rearl_jax.data.problems import Finding
 from rearl_jax.data.records import RecordingInfo
+from rearl_jax.data.vehicle_rows import follows_row_before
 
 MIN_MOVING_STEPS = 5
 """Number of moving steps that a vehicle must have to be checked."""

@@ -9,11 +9,12 @@ import numpy as np
 import pandas as pd
 
 from rearl_jax.data.checks import clock
-from rearl_jax.data.checks.typed_table import follows_row_before, times_off_frames
+from rearl_jax.data.checks.typed_table import times_off_frames
 from rearl_jax.data.problems import Finding, bad_recording
 from rearl_jax.data.records import RecordingInfo
 from rearl_jax.data.units import SI_FACTOR
 from rearl_jax.data.vehicle_classes import CLASSES
+from rearl_jax.data.vehicle_rows import first_and_last_rows, follows_row_before
 
 MIN_SPEED = 3.0  # m/s; below it rounding of positions hides the ratio of step and speed
 MIN_STEPS = 20  # fewer moving steps do not determine a unit
@@ -190,12 +191,10 @@ def moving_steps(table: pd.DataFrame, info: RecordingInfo) -> tuple[np.ndarray, 
     another unit all vehicles may seem to stand still.
     """
     track, frame, speed, position = (table[name].to_numpy() for name in ("track_id", "frame", "speed", "position"))
-    follows = follows_row_before(track)
-    starts = np.flatnonzero(~follows)
-    ends = np.append(starts[1:], len(track)) - 1
+    starts, ends = first_and_last_rows(track)
     time = np.maximum(frame[ends] - frame[starts], 1) / info.frame_rate
     moved = np.repeat(np.abs(position[ends] - position[starts]) / time > MIN_SPEED, ends - starts + 1)
-    rows = np.flatnonzero(follows)
+    rows = np.flatnonzero(follows_row_before(track))
     step = position[rows] - position[rows - 1]
     dt = (frame[rows] - frame[rows - 1]) / info.frame_rate
     slower, mean = np.minimum(speed[rows], speed[rows - 1]), 0.5 * np.abs(speed[rows] + speed[rows - 1])

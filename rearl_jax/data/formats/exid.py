@@ -24,6 +24,7 @@ from rearl_jax.data.formats.highd_meta import read_tracks_meta, sound_frame_rate
 from rearl_jax.data.problems import Finding, bad_recording, without_value
 from rearl_jax.data.roads.straightened import Straightened, leave_out, straightened
 from rearl_jax.data.schema import Recording, RecordingInfo, validate
+from rearl_jax.data.vehicle_rows import follows_row_before
 
 LICENCE = "exiD licence: non-commercial research on request, no redistribution"
 ATTRIBUTION = "Moers, Vater, Krajewski, Bock, Zlocki and Eckstein, The exiD Dataset, IEEE IV 2022; levelxdata.com"
@@ -146,8 +147,7 @@ def _rows(path: Path, policy: DataConfig, losses: Losses) -> pd.DataFrame:
 def _straight(rows: pd.DataFrame, info: RecordingInfo) -> Straightened:
     """The road on which the vehicles drive; BadRecordingError if their paths do not show it."""
     track = rows["track_id"].to_numpy()
-    begins = np.ones(len(track), dtype=bool)
-    begins[1:] = (track[1:] != track[:-1]) | (rows["laneChange"].to_numpy()[1:] == 1.0)
+    begins = ~follows_row_before(track) | (rows["laneChange"].to_numpy() == 1.0)
     x, y, lanelet = (rows[name].to_numpy(np.float64) for name in ("xCenter", "yCenter", "lanelet"))
     # shared=1.0, because all vehicles on a lanelet drive the same way.
     road = straightened(track, np.cumsum(begins), x, y, lanelet, y_down=False, shared=1.0)

@@ -20,6 +20,7 @@ from rearl_jax.data.files.folder import only_parquet
 from rearl_jax.data.formats.ngsim import ATTRIBUTION, FRAME_RATE, LICENCE
 from rearl_jax.data.problems import Finding, bad_recording, require_columns
 from rearl_jax.data.schema import Recording, RecordingInfo, validate
+from rearl_jax.data.vehicle_rows import follows_row_before
 
 TRUCK_LENGTH = 7.0  # m; the lengths of I-80 leaders have a gap between 6.8 m (cars) and 7.7 m
 LANES = 7  # six lanes and the on-ramp, NGSIM I-80 data description
@@ -103,9 +104,8 @@ def joined_pairs(pairs: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -
     members = members.sort_values(["track_id", "frame", "leader_id"], na_position="last", kind="stable")
     members = members.drop_duplicates(["track_id", "frame"])
     members = members.assign(y=_across(members))
-    track, frame = members["track_id"].to_numpy(), members["frame"].to_numpy()
-    returns = np.zeros(len(members), dtype=bool)
-    returns[1:] = (track[1:] == track[:-1]) & (np.diff(frame) > 1)
+    returns = follows_row_before(members["track_id"].to_numpy())
+    returns[1:] &= np.diff(members["frame"].to_numpy()) > 1
     if returns.any():
         note = f"{int(returns.sum())} vehicles left the pairs and came back under a new id"
         info = replace(info, notes=(*info.notes, note))

@@ -19,7 +19,7 @@ import pyarrow.compute as pc
 from rearl_jax.config.data import DataConfig
 from rearl_jax.data.checks.frame_rates import frame_rate_of
 from rearl_jax.data.checks.losses import Losses, reject
-from rearl_jax.data.checks.typed_table import MAX_MAGNITUDE, follows_row_before
+from rearl_jax.data.checks.typed_table import MAX_MAGNITUDE
 from rearl_jax.data.files.delimited import read_csv, read_header, stem_of, text_endings
 from rearl_jax.data.files.folder import named_files
 from rearl_jax.data.files.text_layout import first_names
@@ -27,6 +27,7 @@ from rearl_jax.data.formats.ngsim_clock import plain
 from rearl_jax.data.problems import Finding, bad_recording, require_columns, without_value
 from rearl_jax.data.roads.straightened import Straightened, leave_out, straightened
 from rearl_jax.data.schema import Recording, RecordingInfo, validate
+from rearl_jax.data.vehicle_rows import follows_row_before
 
 LICENCE = "public domain (U.S. Government work)"
 ATTRIBUTION = (

@@ -6,9 +6,9 @@ import numpy as np
 import pandas as pd
 
 from rearl_jax.data.checks.losses import Losses, split_tracks
-from rearl_jax.data.checks.typed_table import follows_row_before
 from rearl_jax.data.roads.lane_order import LaneOrder, lane_order
 from rearl_jax.data.roads.road_axis import SPACING, RoadAxis, road_axis
+from rearl_jax.data.vehicle_rows import first_and_last_rows, follows_row_before
 
 _MIN_MOVED = 5.0  # m; the direction of a vehicle that moves less is unknown
 _SHARED_SHARE = 0.3  # of the rows of a lane number in either direction, if both carriageways use the number
@@ -119,8 +119,7 @@ def _ways(
     track: np.ndarray, along: np.ndarray, number: np.ndarray, shared: float
 ) -> tuple[np.ndarray, dict[float, float]]:
     """Sense of driving along the axis, 1 or -1, of each row (0 if unknown) and of each lane number (0 if both)."""
-    starts = np.flatnonzero(~follows_row_before(track))
-    ends = np.append(starts[1:], len(track)) - 1
+    starts, ends = first_and_last_rows(track)
     moved = np.nan_to_num(along[ends] - along[starts])
     way = np.where(np.abs(moved) > _MIN_MOVED, np.sign(moved), 0.0)
     ways = np.repeat(way, ends - starts + 1)
