@@ -20,7 +20,7 @@ from rearl_jax.config.data import BadRows, DataConfig
 from rearl_jax.data.checks.losses import Losses
 from rearl_jax.data.files.delimited import read_below, stem_of, text_endings
 from rearl_jax.data.files.folder import is_visible, recordings_missing, visible_files
-from rearl_jax.data.files.text_layout import DAMAGED, damaged, first_lines, opened
+from rearl_jax.data.files.text_layout import first_lines, opened, readable
 from rearl_jax.data.formats import openacc, openacc_index
 from rearl_jax.data.formats.openacc import FRAME_RATE, MAX_HOLE, MODEL, Platoon
 from rearl_jax.data.formats.openacc_drivers import ACC
@@ -173,18 +173,15 @@ def read_header_of(path: Path) -> Header:
     about: dict[str, tuple[str, ...]] = {}
     columns: list[str] = []
     number = 0
-    try:
-        with opened(path) as file:
-            for number, content in enumerate(file, 1):
-                cells = [cell.strip() for cell in content.decode("utf-8-sig", errors="replace").strip().split(",")]
-                if cells[0] == "Time":
-                    columns = cells
-                    break
-                if number > _MAX_HEADER_LINES:
-                    break
-                about[cells[0]] = tuple(cell for cell in cells[1:] if cell)
-    except DAMAGED as error:
-        raise damaged(path, error) from None
+    with readable(path), opened(path) as file:
+        for number, content in enumerate(file, 1):
+            cells = [cell.strip() for cell in content.decode("utf-8-sig", errors="replace").strip().split(",")]
+            if cells[0] == "Time":
+                columns = cells
+                break
+            if number > _MAX_HEADER_LINES:
+                break
+            about[cells[0]] = tuple(cell for cell in cells[1:] if cell)
     if not number:
         raise bad_recording("file-empty", "the file is empty", "remove the file or complete it", path)
     if not columns:

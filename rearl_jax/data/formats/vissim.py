@@ -20,7 +20,7 @@ from rearl_jax.config.data import DataConfig
 from rearl_jax.data.checks.losses import Losses
 from rearl_jax.data.files.delimited import read_below, stem_of, text_endings
 from rearl_jax.data.files.folder import named_files
-from rearl_jax.data.files.text_layout import DAMAGED, damaged, first_lines, opened
+from rearl_jax.data.files.text_layout import first_lines, opened, readable
 from rearl_jax.data.formats.simulated import Simulation, info_of, recording_of
 from rearl_jax.data.problems import bad_recording, require_columns
 from rearl_jax.data.records import Recording
@@ -129,21 +129,18 @@ def _header_of(path: Path) -> _Header:
     """
     units: dict[str, str] = {}
     number = 0
-    try:
-        with opened(path) as file:
-            for number, content in enumerate(file, 1):
-                line = _decoded(content).strip()
-                layout = next((place for place, begin in enumerate(_HEADERS) if line.startswith(begin)), -1)
-                if layout >= 0 or _names_old_columns(line):
-                    named = line.removeprefix(_HEADERS[layout]) if layout >= 0 else line
-                    return _Header(number, layout, [name.strip() for name in named.split(";")], units)
-                explained = re.match(r"[*\s]*([\w\\]+)\s*:.*\[([^\[\]]+)\]", line)
-                if explained:
-                    units[explained[1].upper()] = explained[2].strip()
-                if number > _MAX_HEADER_LINES:
-                    break
-    except DAMAGED as error:
-        raise damaged(path, error) from None
+    with readable(path), opened(path) as file:
+        for number, content in enumerate(file, 1):
+            line = _decoded(content).strip()
+            layout = next((place for place, begin in enumerate(_HEADERS) if line.startswith(begin)), -1)
+            if layout >= 0 or _names_old_columns(line):
+                named = line.removeprefix(_HEADERS[layout]) if layout >= 0 else line
+                return _Header(number, layout, [name.strip() for name in named.split(";")], units)
+            explained = re.match(r"[*\s]*([\w\\]+)\s*:.*\[([^\[\]]+)\]", line)
+            if explained:
+                units[explained[1].upper()] = explained[2].strip()
+            if number > _MAX_HEADER_LINES:
+                break
     if not number:
         raise bad_recording("file-empty", "the file is empty", "remove the file or complete it", path)
     text = f"no line begins with {' or '.join(_HEADERS)} or has the column VehNr"
