@@ -39,18 +39,29 @@ def wrong_lateral(table: pd.DataFrame, info: RecordingInfo) -> Finding | None:
     """Finding of lateral positions that do not grow by the width of a lane from lane to lane."""
     lateral = table["lateral"].to_numpy()
     lane = table["lane"].to_numpy(dtype=np.float64, na_value=np.nan)
-    known = np.isfinite(lateral) & np.isfinite(lane)
-    lanes, counts = np.unique(lane[known], return_counts=True)
-    lanes = lanes[counts >= MIN_STEPS]
+    lanes, middle = lane_middles(lane, lateral, MIN_STEPS)
     if lanes.size < 2:
         return None
-    left, right = (float(np.median(lateral[known & (lane == number)])) for number in (lanes[0], lanes[-1]))
-    width = (right - left) / (lanes[-1] - lanes[0])
+    width = (middle[-1] - middle[0]) / (lanes[-1] - lanes[0])
     if LANE_WIDTH[0] <= width <= LANE_WIDTH[1]:
         return None
     text = f"lateral grows by {width:.2f} m per lane to the right, outside {LANE_WIDTH[0]} to {LANE_WIDTH[1]} m"
     remedy = "give lateral in m, positive to the right, and count lanes from the left"
-    return unit_finding("lateral", known & (lane == lanes[-1]), text, remedy)
+    return unit_finding("lateral", np.isfinite(lateral) & (lane == lanes[-1]), text, remedy)
+
+
+def lane_middles(lane: np.ndarray, lateral: np.ndarray, min_rows: int = 1) -> tuple[np.ndarray, np.ndarray]:
+    """Numbers of the lanes, rising, and the median lateral position of the rows in each.
+
+    Args:
+        lane: Lane of each row; NaN where it is unknown.
+        lateral: Lateral position of each row; NaN where it is unknown.
+        min_rows: Smallest number of rows with both for a lane to count.
+    """
+    known = np.isfinite(lateral) & np.isfinite(lane)
+    lanes, counts = np.unique(lane[known], return_counts=True)
+    lanes = lanes[counts >= min_rows]
+    return lanes, np.array([np.median(lateral[known & (lane == number)]) for number in lanes])
 
 
 def wrong_origin(table: pd.DataFrame, info: RecordingInfo) -> Finding | None:
@@ -78,18 +89,14 @@ def wrong_origin(table: pd.DataFrame, info: RecordingInfo) -> Finding | None:
 
 def lanes_off(table: pd.DataFrame) -> int | None:
     """Number of lanes by which most vehicles are to the right of the lane that their rows state; None if unknown."""
-    lateral = table["lateral"].to_numpy()
     lane = table["lane"].to_numpy(dtype=np.float64, na_value=np.nan)
-    known = np.isfinite(lateral) & np.isfinite(lane)
-    lanes, counts = np.unique(lane[known], return_counts=True)
-    lanes = lanes[counts >= MIN_STEPS]
+    lanes, middle = lane_middles(lane, table["lateral"].to_numpy(), MIN_STEPS)
     if not lanes.size:
         return None
-    middle = [float(np.median(lateral[known & (lane == number)])) for number in lanes]
     width = (middle[-1] - middle[0]) / (lanes[-1] - lanes[0]) if lanes.size > 1 else USUAL_WIDTH
     if not LANE_WIDTH[0] <= width <= LANE_WIDTH[1]:
         return None
-    off = float(np.median([centre / width - number - 0.5 for centre, number in zip(middle, lanes, strict=True)]))
+    off = float(np.median(middle / width - lanes - 0.5))
     return int(np.sign(off)) * int(abs(off) + 0.25)
 
 

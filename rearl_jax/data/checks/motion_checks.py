@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from rearl_jax.config.data import DataConfig
-from rearl_jax.data.checks.unit_checks import AVERAGING_TIME, MIN_CORRELATION, MIN_STEPS
+from rearl_jax.data.checks.unit_checks import MIN_CORRELATION, MIN_STEPS, mean_accelerations
 from rearl_jax.data.problems import Finding
 from rearl_jax.data.records import RecordingInfo
 from rearl_jax.data.vehicle_rows import follows_row_before
@@ -177,14 +177,11 @@ def _of_whole_tracks(
 def _wrongly_accelerating(table: pd.DataFrame, vehicle: np.ndarray, info: RecordingInfo) -> np.ndarray:
     """Mask of rows whose accelerations correlate with the changes of speed, but with a wrong sign or unit.
 
-    Compares means of the acceleration over AVERAGING_TIME (n steps) with the change of speed in that time.
+    Compares means of the acceleration with the changes of speed in the same time.
     """
-    speed, values = table["speed"].to_numpy(), table["acceleration"].to_numpy()
-    n = max(round(AVERAGING_TIME * info.frame_rate), 1)
-    if len(table) <= n:
+    n, mean, change = mean_accelerations(table, info)
+    if not len(mean):
         return np.zeros(len(table), dtype=bool)
-    mean = np.convolve(0.5 * (values[1:] + values[:-1]), np.full(n, 1.0 / n), mode="valid")
-    change = (speed[n:] - speed[:-n]) * info.frame_rate / n
     used = np.flatnonzero((vehicle[n:] == vehicle[:-n]) & np.isfinite(mean))
     number, mean, change = vehicle[n:][used], mean[used], change[used]
     parts = (np.ones(len(used)), mean * change, mean**2, change**2)

@@ -165,12 +165,10 @@ def wrong_acceleration(table: pd.DataFrame, info: RecordingInfo) -> Finding | No
 
     Where they agree, the same noise is in both, such as that of differentiated positions.
     """
-    track, speed, values = (table[name].to_numpy() for name in ("track_id", "speed", "acceleration"))
-    n = max(round(AVERAGING_TIME * info.frame_rate), 1)
-    if len(table) > n:
-        mean = np.convolve(0.5 * (values[1:] + values[:-1]), np.full(n, 1.0 / n), mode="valid")
+    track, values = table["track_id"].to_numpy(), table["acceleration"].to_numpy()
+    n, mean, change = mean_accelerations(table, info)
+    if len(mean):
         within = track[n:] == track[:-n]
-        change = (speed[n:] - speed[:-n]) * info.frame_rate / n
         scale = scale_of(mean[within], change[within])
         if scale is not None and is_other_unit(scale):
             text = f"acceleration is {scale[0]:.2f} to {scale[1]:.2f} times the change of speed per second"
@@ -182,6 +180,19 @@ def wrong_acceleration(table: pd.DataFrame, info: RecordingInfo) -> Finding | No
         text = f"1 % of |acceleration| is above {np.percentile(known, 99):.1f} m/s^2, beyond tyre friction"
         return unit_finding("acceleration", np.abs(values) > ACCELERATION_P99, text, "convert acceleration to m/s^2")
     return None
+
+
+def mean_accelerations(table: pd.DataFrame, info: RecordingInfo) -> tuple[int, np.ndarray, np.ndarray]:
+    """Steps n in AVERAGING_TIME, and over each n steps the mean acceleration and change of speed per second [m/s^2].
+
+    They are of consecutive rows, whether of one vehicle or of two.
+    """
+    speed, values = table["speed"].to_numpy(), table["acceleration"].to_numpy()
+    n = max(round(AVERAGING_TIME * info.frame_rate), 1)
+    if len(table) <= n:
+        return n, np.empty(0), np.empty(0)
+    mean = np.convolve(0.5 * (values[1:] + values[:-1]), np.full(n, 1.0 / n), mode="valid")
+    return n, mean, (speed[n:] - speed[:-n]) * info.frame_rate / n
 
 
 def moving_steps(table: pd.DataFrame, info: RecordingInfo) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -83,7 +83,7 @@ def read_columns(
     """
     names = (*numbers, *texts, *either)
     found = column_names(path)
-    require_columns(found, names, str(path))
+    require_columns(found, names, path)
     for name in names:
         if found.count(name) > 1:
             raise bad_recording("column-twice", "the column occurs twice", "remove one of them", path, column=name)

@@ -85,7 +85,7 @@ def read_csv(
             is not text, or a line is broken and on_bad is stop.
     """
     present = read_header(path)
-    require_columns(present, tuple(columns), str(path))
+    require_columns(present, columns, path)
     _require_once(present, columns, path)
     lines = _lines_of(path, present)
     return (lines if quoted else replace(lines, quote=None)).table(columns, on_bad)

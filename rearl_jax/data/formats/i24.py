@@ -20,6 +20,7 @@ from rearl_jax.config.data import DataConfig
 from rearl_jax.data.checks.losses import Losses
 from rearl_jax.data.files.folder import named_files
 from rearl_jax.data.files.json_documents import parsed, read_documents
+from rearl_jax.data.formats.backward_speeds import standing
 from rearl_jax.data.formats.i24_index import FEET, LANE, NEEDED, Cell, Index, Tracks, index_of
 from rearl_jax.data.problems import bad_recording
 from rearl_jax.data.schema import Recording, RecordingInfo, validate
@@ -36,7 +37,6 @@ _USED = 0.01  # smallest share of the rows of a direction that makes a further l
 _BATCH_BYTES = 32 * 2**20  # bytes of documents that are parsed at a time
 _FIRST_DOCUMENT_BYTES = 2**23  # more than the document of a vehicle that is recorded for an hour
 _MAX_FRAME_OFFSET = 0.1  # frames; a larger offset of a document's times from those of the others is noted
-_BACKWARD = 1.0  # m/s; tracking errors give standing vehicles negative speeds down to this
 _WINTER = timedelta(hours=-6)  # Central Standard Time; all published days are in it
 _LIST = pa.list_(pa.float64())
 _FIELDS = {
@@ -175,7 +175,7 @@ def _recording(
     start = float(centre.min()) if policy.section is None else cell[1] * policy.section
     length = float(centre.max()) - start if policy.section is None else policy.section
     along = centre - start
-    backward = (speed < 0.0) & (speed >= -_BACKWARD)
+    speed, of_speeds = standing(speed)
     lane, lane_count, unknown = _lanes(lateral, side)
     table = pd.DataFrame(
         {
@@ -187,7 +187,7 @@ def _recording(
             "position": np.where(side > 0.0, along, length - along),
             "lateral": lateral,
             "lane": lane,
-            "speed": np.where(backward, 0.0, speed),
+            "speed": speed,
             "length": rows["length"].to_numpy(),
             "width": rows["width"].to_numpy(),
             "vehicle_class": _classes(rows["class"].to_numpy()),
@@ -195,8 +195,7 @@ def _recording(
         index=rows.index,
     )
     notes = ["speeds are changes of position, accelerations are unknown; the road is straightened by the source"]
-    if backward.any():
-        notes.append(f"{int(backward.sum())} speeds between -{_BACKWARD:g} and 0 m/s set to 0")
+    notes += of_speeds
     if unknown:
         notes.append(f"{unknown} rows beside the lanes (12 ft each, from 12 ft off the median) have no lane")
     is_between = rows["is_between_frames"].to_numpy(bool)
@@ -215,8 +214,7 @@ def _recording(
         file=str(path),
         columns=_SPELLING,
     )
-    table, dropped = validate(table, info, policy, losses)
-    return Recording(info, table, dropped)
+    return Recording(info, *validate(table, info, policy, losses))
 
 
 def _slope(values: np.ndarray, time: np.ndarray, tracks: Tracks) -> np.ndarray:
@@ -258,6 +256,5 @@ def _lanes(lateral: np.ndarray, side: np.ndarray) -> tuple[np.ndarray, dict[int,
 
 def _classes(numbers: np.ndarray) -> np.ndarray:
     """Classes of the schema; an unknown number stays, and the schema check reports it."""
-    return np.array([_CLASSES.get(number, str(number)) for number in np.unique(numbers)], object)[
-        np.unique(numbers, return_inverse=True)[1]
-    ]
+    found, which = np.unique(numbers, return_inverse=True)
+    return np.array([_CLASSES.get(number, str(number)) for number in found], object)[which]

@@ -6,6 +6,7 @@ frame; a vehicle that leaves the pairs and returns later gets a new id.
 Source: NGSIM I-80, DOI 10.21949/1504477, reconstructed trajectories, arXiv 2201.04755.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,13 +18,12 @@ from rearl_jax.data.checks.losses import Losses, reject, split_tracks
 from rearl_jax.data.checks.unit_checks import MEDIAN_SIZE, require_period
 from rearl_jax.data.files.columnar import column_names, read_columns
 from rearl_jax.data.files.folder import only_parquet
-from rearl_jax.data.formats.ngsim import ATTRIBUTION, FRAME_RATE, LICENCE
+from rearl_jax.data.formats.ngsim import ATTRIBUTION, FRAME_RATE, LANES, LICENCE
 from rearl_jax.data.problems import Finding, bad_recording, require_columns
 from rearl_jax.data.schema import Recording, RecordingInfo, validate
 from rearl_jax.data.vehicle_rows import follows_row_before
 
 TRUCK_LENGTH = 7.0  # m; the lengths of I-80 leaders have a gap between 6.8 m (cars) and 7.7 m
-LANES = 7  # six lanes and the on-ramp, NGSIM I-80 data description
 _NUMBERS = "follower leader t_s y_f_m v_f_mps a_f_mps2 y_l_m v_l_mps a_l_mps2 leader_length_m lane".split()
 COLUMNS = ("run", *_NUMBERS)
 """Columns by which a file is recognised."""
@@ -34,26 +34,38 @@ _SHARED_TOLERANCE = 0.01  # m; largest difference of a vehicle's position or len
 
 def find_pairs(root: Path) -> Path:
     """The Parquet file of pairs in the folder; MissingInputError if there is none, or more than one."""
-    return only_parquet(
-        root, f"the folder with the one file of leader-follower pairs, columns run, {', '.join(_NUMBERS)}"
-    )
+    return only_parquet(root, f"the folder with the one file of leader-follower pairs, columns {', '.join(COLUMNS)}")
 
 
 def pairs_recordings(path: Path) -> dict[str, str]:
     """Recording id -> run of the table, such as i80_0400 -> 0400pm-0415pm."""
-    require_columns(column_names(path), ("run", *_NUMBERS), str(path))
-    runs = read_columns(path, (), ("run",))["run"].unique().tolist()
-    if not runs or None in runs:
-        text = "a row has no run" if runs else "the table has no rows"
-        raise bad_recording("run-unnamed", text, "complete the file", path, column="run")
     recordings: dict[str, str] = {}
-    for run in sorted(runs):
+    for run in runs_of(path, "run", COLUMNS):
         name = f"i80_{run[:4]}"
         if name in recordings:
             text = f"the runs {recordings[name]} and {run} would both be {name}"
             raise bad_recording("run-twice", text, "give each run another start time", path, column="run")
         recordings[name] = run
     return recordings
+
+
+def runs_of(path: Path, column: str, columns: Sequence[str]) -> list[str]:
+    """Runs of a table of pairs, by name.
+
+    Args:
+        path: The file.
+        column: Column of the runs.
+        columns: All columns that the table must have.
+
+    Raises:
+        BadRecordingError: A column is missing, a row has no run, or there are no rows.
+    """
+    require_columns(column_names(path), columns, path)
+    runs = read_columns(path, (), (column,))[column].unique().tolist()
+    if not runs or None in runs:
+        text = "a row has no run" if runs else "the table has no rows"
+        raise bad_recording("run-unnamed", text, "complete the file", path, column=column)
+    return sorted(runs)
 
 
 def read_pairs(path: Path, recording: str, run: str, policy: DataConfig) -> Recording:
@@ -66,7 +78,7 @@ def read_pairs(path: Path, recording: str, run: str, policy: DataConfig) -> Reco
     info = RecordingInfo(
         id=recording,
         frame_rate=FRAME_RATE,
-        lane_count={1: LANES},
+        lane_count={1: LANES["i80"]},
         road_length=0.0,
         source="NGSIM I-80, leader-follower pairs, reconstructed",
         licence=LICENCE,

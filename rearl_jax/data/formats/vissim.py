@@ -107,11 +107,10 @@ def read_record(path: Path, policy: DataConfig) -> Recording:
     names = header.spelling()
     for name in _REQUIRED:
         if name not in names:
-            require_columns(header.columns, (_NAMES[name][header.layout],), str(path))
+            require_columns(header.columns, (_NAMES[name][header.layout],), path)
     kinds = {spelt: pa.string() if canonical == "type" else pa.float64() for canonical, spelt in names.items()}
     table, n_broken = read_below(path, header.columns, header.n_above, kinds, ";", policy.on_bad)
-    if n_broken:
-        losses.counts["broken_line"] = n_broken
+    losses.count("broken_line", n_broken)
     canonical = {spelt: name for name, spelt in names.items()}
     raw = table.rename_columns([canonical[spelt] for spelt in table.column_names])
     rows, notes = _rows_of(raw.to_pandas(split_blocks=True, self_destruct=True), header, names, path, policy)
