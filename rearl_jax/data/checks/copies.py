@@ -17,8 +17,7 @@ class Copies:
     """Tracks of the recordings read so far, as hashes that do not depend on the format and the ids."""
 
     def __init__(self) -> None:
-        self._infos: list[tuple[RecordingInfo, int]] = []  # of each recording, with its number of tracks
-        self._files: list[Path | None] = []
+        self._earlier: list[tuple[RecordingInfo, int, Path | None]] = []  # each with its number of tracks and its file
         self._where: dict[bytes, int] = {}  # hash of a track -> place of its recording in that list
         self._profiles = SpeedProfiles()
 
@@ -38,7 +37,7 @@ class Copies:
         info, tracks = recording.info, _tracks(recording)
         shared = Counter(self._where[track] for track in tracks if track in self._where)
         for number, n_shared in shared.items():
-            earlier, n_earlier = self._infos[number]
+            earlier, n_earlier, _ = self._earlier[number]
             if n_shared < min(len(tracks), n_earlier):
                 continue
             message = f"the rows of {info.id} are those of {earlier.id} ({earlier.file or 'the same source'})"
@@ -48,19 +47,18 @@ class Copies:
             raise InvalidInputError(Problem("rows-twice", message, "keep one of the two", file=info.file or info.id))
         profiles = Profiles(recording.table)
         if (copy := self._profiles.copy_of(profiles)) is not None:
-            earlier, _ = self._infos[copy.recording]
+            earlier, _, earlier_file = self._earlier[copy.recording]
             fault = f"{copy.share:.0%} of the compared vehicles have the same speeds"
             fault += f", {abs(copy.offset):.1f} s apart" if abs(copy.offset) > copy.TOLERANCE else " at the same times"
             message = f"{info.id} contains vehicles of {earlier.id}: {fault}"
-            if file != self._files[copy.recording]:
+            if file != earlier_file:
                 message = f"{info.id} contains vehicles of {earlier.id} ({earlier.file or 'the same source'}): {fault}"
                 remedy = "keep one of the two, or cut off what is in both"
                 raise InvalidInputError(Problem("rows-twice", message, remedy, file=info.file or info.id))
             recording = replace(recording, info=replace(info, notes=(*info.notes, message)))
         self._profiles.add(profiles)
-        self._where |= dict.fromkeys(tracks, len(self._infos))
-        self._infos.append((info, len(tracks)))
-        self._files.append(file)
+        self._where |= dict.fromkeys(tracks, len(self._earlier))
+        self._earlier.append((info, len(tracks), file))
         return recording
 
 

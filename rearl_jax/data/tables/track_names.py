@@ -87,10 +87,8 @@ def _with_numeric_leaders(rows: pd.DataFrame, file: str, spelling: Mapping[str, 
     bad = (numbers.isna() & texts.notna() & ~texts.str.lower().isin(NO_LEADER)).to_numpy()
     if bad.any():
         text = f"{texts.iloc[int(np.argmax(bad))]!r} is not the id of a vehicle"
-        remedy, column = (
-            "write the number of the leader there, or leave it empty",
-            spelling.get("leader_id", "leader_id"),
-        )
+        remedy = "write the number of the leader there, or leave it empty"
+        column = spelling.get("leader_id", "leader_id")
         raise bad_recording("value-unreadable", text, remedy, file, column=column, row=source_row(rows, bad))
     return rows.assign(leader_id=numbers.mask(is_absent(numbers.to_numpy(), tracks)))
 
