@@ -87,7 +87,7 @@ def cells(path: Path, policy: DataConfig) -> dict[str, Cell]:
     Raises:
         BadRecordingError: The file holds no documents of I-24 MOTION, or one is broken and data.on_bad is stop.
     """
-    index = _index(path, policy)
+    index = index_of(path, policy)
     if not index.cells:
         raise bad_recording("no-rows", "the file has no sound document", "remove the file or copy it again", path)
     return {_name(cell, path, policy): cell for cell in sorted(index.cells)}
@@ -101,7 +101,7 @@ def read_cell(path: Path, recording: str, cell: Cell, policy: DataConfig) -> Rec
     Raises:
         BadRecordingError: A row breaks the schema.
     """
-    index = _index(path, policy)
+    index = index_of(path, policy)
     losses = Losses()
     if cell == min(index.cells):
         losses.counts.update(index.dropped)
@@ -110,16 +110,12 @@ def read_cell(path: Path, recording: str, cell: Cell, policy: DataConfig) -> Rec
     return _recording(rows, index, recording, cell, path, policy, losses)
 
 
-def _index(path: Path, policy: DataConfig) -> Index:
-    return index_of(path, policy.window, policy.section, policy.on_bad)
-
-
 def _name(cell: Cell, path: Path, policy: DataConfig) -> str:
     """Id of the recording of a cell: local start of its window and mile marker of its section."""
-    name = "i24" if policy.window is not None else f"i24_{path.stem}"
+    name = f"i24_{path.stem}"
     if policy.window is not None:
         start = datetime.fromtimestamp(cell[0] * policy.window, UTC) + _WINTER
-        name += start.strftime("_%Y%m%d_%H%M%S")
+        name = start.strftime("i24_%Y%m%d_%H%M%S")
     if policy.section is not None:
         name += f"_mm{cell[1] * policy.section / (5280.0 * FEET):.2f}"
     return name
