@@ -40,10 +40,9 @@ def test_recordings_come_in_order_and_can_be_selected(highd):
         count_recordings(dataclasses.replace(highd, recordings="us101_*"))
 
 
-def test_the_name_of_a_recording_selects_it_even_with_brackets(vehicle_rows, tmp_path):
-    rows = vehicle_rows.assign(time=vehicle_rows["frame"] / 10.0)
+def test_the_name_of_a_recording_selects_it_even_with_brackets(timed_rows, tmp_path):
     for name in ("run[1]", "run2"):
-        rows.to_csv(tmp_path / f"{name}.csv", index=False)
+        timed_rows.to_csv(tmp_path / f"{name}.csv", index=False)
     data = DataConfig(DataFormat.table, str(tmp_path), recordings="run[1]")
     assert [r.info.id for r in iterate_recordings(data)] == ["run[1]"]
     assert [r.info.id for r in iterate_recordings(dataclasses.replace(data, recordings="run[2]"))] == ["run2"]
@@ -118,14 +117,6 @@ def test_generated_recordings_stay_generated_when_read_as_highd(highd, tmp_path)
     first = next(iterate_recordings(highd))
     assert (first.info.id, first.info.generated) == ("generated_01", True)
     assert not is_generated(DataConfig())
-
-
-def test_two_recordings_of_one_name_stop(vehicle_rows, tmp_path):
-    rows = vehicle_rows.assign(recording="same", time=vehicle_rows["frame"] / 10.0)
-    for name in ("a", "b"):
-        rows.to_parquet(tmp_path / f"{name}.parquet")
-    with refused("recording-twice"):
-        count_recordings(DataConfig(DataFormat.table, str(tmp_path)))
 
 
 def test_all_readers_deliver_the_same_schema(highd):

@@ -181,23 +181,24 @@ def _recording_meta(plan: RecordingPlan, meta: Table) -> Table:
         "id": plan.id,
         "frameRate": round(1.0 / FRAME),
         "locationId": plan.section.location,
-        "speedLimit": _rounded(NO_VALUE if limit is None else limit),
+        "speedLimit": NO_VALUE if limit is None else limit,
         "month": plan.month,
         "weekDay": plan.week_day,
         "startTime": plan.start_time,
-        "duration": _rounded(plan.duration),
-        "totalDrivenDistance": _rounded(meta["traveledDistance"].sum()),
-        "totalDrivenTime": _rounded(FRAME * meta["numFrames"].sum()),
+        "duration": plan.duration,
+        "totalDrivenDistance": meta["traveledDistance"].sum(),
+        "totalDrivenTime": FRAME * meta["numFrames"].sum(),
         "numVehicles": n_vehicles,
         "numCars": n_vehicles - n_trucks,
         "numTrucks": n_trucks,
         "upperLaneMarkings": _joined(plan.section.markings(UPPER)),
         "lowerLaneMarkings": _joined(plan.section.markings(LOWER)),
     }
-    return {name: np.array([value]) for name, value in values.items()}
+    columns = {name: np.array([value]) for name, value in values.items()}
+    return {name: _rounded(column) if column.dtype.kind == "f" else column for name, column in columns.items()}
 
 
-def _rounded(values: np.ndarray | float) -> np.ndarray:
+def _rounded(values: np.ndarray) -> np.ndarray:
     """Rounded to two decimals, the resolution of the file."""
     return np.rint(100.0 * values) / 100.0
 

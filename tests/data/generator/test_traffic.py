@@ -72,12 +72,8 @@ def test_a_speed_restriction_holds_only_there_and_then():
     bottleneck = SpeedRestriction(1, 100.0, 200.0, (10.0, 20.0), (5.0, np.inf))
     drivers = _drivers(3)
     fleet = Fleet.empty(drivers)
-    fleet.enter(
-        drivers,
-        vehicle=np.arange(3),
-        direction=np.array([1, 1, 2]),
-        position=np.array([50.0, 150.0, 150.0]),
-    )
+    place = {"direction": np.array([1, 1, 2]), "position": np.array([50.0, 150.0, 150.0])}
+    fleet.enter(drivers, vehicle=np.arange(3), **place)
     wanted = np.full(3, 30.0)
     for time, expected in ((0.0, 30.0), (10.0, 5.0), (25.0, 30.0)):
         situation = Situation(time, fleet, np.full(3, np.inf), fleet.speed, np.zeros(3))

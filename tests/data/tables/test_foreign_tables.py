@@ -11,6 +11,7 @@ from rearl_jax.data.recordings import data_id, iterate_recordings
 from rearl_jax.data.tables.canonical import TableFile, write_recording
 from rearl_jax.data.tables.in_memory import in_memory
 from rearl_jax.data.units import factor_of
+from tests.data.table_files import write_table
 from tests.refusal import refused
 
 COLUMNS = {"track_id": "Vehicle ID", "time": "t", "position": "dist", "speed": "v", "lane": "lane no"}
@@ -45,8 +46,7 @@ def _in_file(path, **keys):
 
 @pytest.mark.parametrize("ending", [".csv", ".parquet", ".dat"])
 def test_names_and_units_make_a_table_canonical(foreign, vehicle_rows, tmp_path, ending):
-    path = tmp_path / f"cam{ending}"
-    foreign.to_parquet(path) if ending == ".parquet" else foreign.to_csv(path, index=False)
+    path = write_table(foreign, tmp_path / f"cam{ending}")
     found = _in_file(path, columns=COLUMNS, units=UNITS)
     in_frame = _read(foreign)
     assert found.info.frame_rate == in_frame.info.frame_rate == 10.0
@@ -185,11 +185,7 @@ def test_ids_of_any_kind_are_numbered_and_kept(foreign, tmp_path, kind, ending):
     ids = foreign["Vehicle ID"].map(dict(zip((1, 2, 3), IDS[kind], strict=True)))
     leader = pd.Series(np.where(foreign["Vehicle ID"] == 3, IDS[kind][0], None), index=ids.index)
     rows = foreign.assign(**{"Vehicle ID": ids, "ahead": leader})
-    path = tmp_path / f"a{ending}"
-    if ending == ".csv":
-        rows.to_csv(path, index=False)
-    else:
-        rows.to_parquet(path)
+    path = write_table(rows, tmp_path / f"a{ending}")
     found = _in_file(path, columns=COLUMNS | {"leader_id": "ahead"}, units=UNITS)
     assert found.info.labels == ("track_name",)
     assert found.labels["track_name"].astype(str).to_dict() == dict(zip((1, 2, 3), names, strict=True))

@@ -15,6 +15,7 @@ from rearl_jax.config.data import DataConfig, DataFormat
 from rearl_jax.data.recordings import data_id, iterate_recordings
 from rearl_jax.data.tables.in_memory import in_memory
 from rearl_jax.tasks import TASKS
+from tests.data.table_files import write_table
 from tests.refusal import refused
 
 
@@ -29,9 +30,8 @@ def _in_file(path, **keys):
 
 
 @pytest.fixture
-def rows(vehicle_rows) -> pd.DataFrame:
-    """Canonical rows with times [s]."""
-    return vehicle_rows.assign(time=vehicle_rows["frame"] / 10.0)
+def rows(timed_rows) -> pd.DataFrame:
+    return timed_rows
 
 
 @pytest.mark.parametrize("nobody", [-1, 0, 9999, 65535])
@@ -71,7 +71,7 @@ def test_a_word_among_numbers_is_named(rows, tmp_path):
 
 @pytest.mark.parametrize("name", ["position", "lateral"])
 def test_a_placeholder_is_named_in_the_column_that_holds_it(rows, name):
-    rows = rows.drop(columns=["x", "y"]).assign(time=rows["frame"] / 10.0)
+    rows = rows.drop(columns=["x", "y"])
     rows.loc[120:122, name] = -9999.0
     with refused("out-of-range", column=name, row=121):
         _read(rows)
@@ -193,9 +193,7 @@ def test_an_apostrophe_in_a_word_encloses_nothing(rows, tmp_path):
 @pytest.mark.parametrize("codes", [{1: "car", 2: "lkw"}, {"1": "car", "2": "truck"}])
 def test_codes_of_classes_are_what_is_stated(rows, tmp_path, ending, codes):
     code = np.where(rows["track_id"] == 1, 1, 2)
-    path = tmp_path / f"a.{ending}"
-    table = rows.assign(vehicle_class=code)
-    table.to_csv(path, index=False) if ending == "csv" else table.to_parquet(path)
+    path = write_table(rows.assign(vehicle_class=code), tmp_path / f"a.{ending}")
     with refused("unknown-class", column="vehicle_class") as stopped:
         _in_file(path)
     assert "data.classes={" in stopped.value.problem.remedy
@@ -236,16 +234,12 @@ def test_the_advice_for_an_odd_class_can_be_typed(rows, word):
 @pytest.mark.parametrize("ending", ["csv", "parquet"])
 def test_the_least_integer_stands_for_an_unknown_value(rows, tmp_path, ending):
     path, least = tmp_path / f"a.{ending}", -(2**63)
-
-    def written(table: pd.DataFrame):
-        table.to_csv(path, index=False) if ending == "csv" else table.to_parquet(path)
-        return path
-
-    found = _in_file(written(rows.assign(leader_id=rows["leader_id"].fillna(least).astype(np.int64))))
+    stated = rows.assign(leader_id=rows["leader_id"].fillna(least).astype(np.int64))
+    found = _in_file(write_table(stated, path))
     np.testing.assert_array_equal(found.table["leader_id"], _read(rows).table["leader_id"])
     lane = rows["lane"].where(rows.index != 120, least).astype(np.int64)
     with refused("lane-out-of-range", column="lane", row=121):
-        _in_file(written(rows.assign(lane=lane)))
+        _in_file(write_table(rows.assign(lane=lane), path))
     assert _in_file(path, on_bad="drop_row").dropped["lane_out_of_range"] == 1
 
 
