@@ -77,9 +77,8 @@ def without_value(table: pd.DataFrame, name: str) -> Finding | None:
 
 def recording_unnamed(file: str, row: int | None = None) -> BadRecordingError:
     """The error for a row that belongs to no recording; the row, from 1, if it is known."""
-    return bad_recording(
-        "recording-unnamed", "a row has no recording", "complete it", file, column="recording", row=row
-    )
+    text = "a row has no recording"
+    return bad_recording("recording-unnamed", text, "complete it", file, column="recording", row=row)
 
 
 def require_columns(found: Collection[str], required: Iterable[str], file: Path | str) -> None:

@@ -11,8 +11,6 @@ STANDARD_RATES = (1.0, 2.0, 5.0, 10.0, 12.5, 15.0, 20.0, 24.0, 25.0, 30.0, 50.0,
 """Frame rates of usual cameras and receivers [1/s]; preferred where rounded times allow several rates."""
 NTSC_RATES = (24000 / 1001, 30000 / 1001, 60000 / 1001)
 """Frame rates of NTSC video [1/s]: 23.976, 29.97 and 59.94."""
-SECONDS = {unit: factor for unit, factor in UNITS["s"].items() if unit != "s"}
-"""Units of time that are not the second [s]."""
 PLAUSIBLE_RATES = (0.5, 300.0)
 """Lowest and highest frame rate of traffic recordings [1/s]; outside of this range the times are in another unit."""
 FRAME_TOLERANCE = 0.3

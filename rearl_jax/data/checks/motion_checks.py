@@ -70,25 +70,21 @@ def wrong_motion(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -
                 moved = np.hypot(stretch.change(x), stretch.change(y))
             rows = stretch.rows(_apart(moved, low, high) & _mostly(*(stretch.sums(mask) for mask in masks)))
         if rows.any():
-            first = rows & (vehicle == vehicle[np.argmax(rows)])  # those of the first vehicle
+            row = int(np.argmax(rows))
+            first = rows & (vehicle == vehicle[row])  # those of the first vehicle
             total, predicted_total = float(measured[first & follows].sum()), float(predicted[first & follows].sum())
-            text = f"vehicle {track[np.argmax(rows)]} moves {total:.1f} m "
-            text += (
-                f"where speed x time is {predicted_total:.1f} m"
-                if column == "speed"
-                else f"in x, y and {predicted_total:.1f} m in position"
-            )
-            text += f", in the {dt[first].sum():.1f} s from frame {table['frame'].iloc[int(np.argmax(rows))]}"
+            other = f"in x, y and {predicted_total:.1f} m in position"
+            other = f"where speed x time is {predicted_total:.1f} m" if column == "speed" else other
+            text = f"vehicle {track[row]} moves {total:.1f} m {other}"
+            text += f", in the {dt[first].sum():.1f} s from frame {table['frame'].iloc[row]}"
             remedy = "position must grow while driving, and all columns must be of the same vehicle and unit"
             return Finding("wrong_motion", column, rows, text, remedy)
     rows = _wrongly_accelerating(table, vehicle, info)
     if rows.any():
         row = int(np.argmax(rows))
-        text = (
-            f"from frame {table['frame'].iloc[row]} the acceleration of vehicle {track[row]} is not the change of its "
-        )
+        text = f"from frame {table['frame'].iloc[row]} the acceleration of vehicle {track[row]} is not the change of "
         remedy = "give it in m/s^2 along the driving direction, negative for braking"
-        return Finding("wrong_motion", "acceleration", rows, f"{text}speed per second", remedy)
+        return Finding("wrong_motion", "acceleration", rows, f"{text}its speed per second", remedy)
     return None
 
 

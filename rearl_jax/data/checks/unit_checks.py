@@ -12,7 +12,7 @@ from rearl_jax.data.checks import clock
 from rearl_jax.data.checks.typed_table import times_off_frames
 from rearl_jax.data.problems import Finding, bad_recording
 from rearl_jax.data.records import RecordingInfo
-from rearl_jax.data.units import SI_FACTOR
+from rearl_jax.data.units import SI_FACTOR, UNITS
 from rearl_jax.data.vehicle_classes import CLASSES
 from rearl_jax.data.vehicle_rows import first_and_last_rows, follows_row_before
 
@@ -75,9 +75,8 @@ def require_period(time: np.ndarray, track: np.ndarray, period: float, file: str
     median = float(np.median(steps)) if steps.size else period
     if not 0.5 * period < median < 1.5 * period:
         text = f"rows are {median:.3g} s apart, not {period:g} s"
-        raise bad_recording(
-            "wrong-units", text, "give the time in s, sorted, with every frame of a vehicle", file, column=column
-        )
+        remedy = "give the time in s, sorted, with every frame of a vehicle"
+        raise bad_recording("wrong-units", text, remedy, file, column=column)
 
 
 def is_other_unit(scale: tuple[float, float] | None) -> bool:
@@ -94,8 +93,8 @@ def wrong_time(table: pd.DataFrame, info: RecordingInfo) -> Finding | None:
     whose = "" if np.isin(track, track[~bad]).sum() == 0 else f" of vehicle {track[np.argmax(bad)]}"
     text = f"time{whose} does not follow frame / frame rate at {info.frame_rate:g} frames per second"
     found = clock.period_of(*(table[name].to_numpy(np.float64)[bad] for name in ("track_id", "frame", "time")))
-    units = {unit: found[0] * seconds * info.frame_rate for unit, seconds in clock.SECONDS.items()} if found else {}
-    unit = next((unit for unit, ratio in units.items() if abs(ratio - 1.0) <= RATIO_TOLERANCE), None)
+    frames = {unit: found[0] * seconds * info.frame_rate for unit, seconds in UNITS["s"].items()} if found else {}
+    unit = next((unit for unit, n in frames.items() if unit != "s" and abs(n - 1.0) <= RATIO_TOLERANCE), None)
     if unit is not None:
         return unit_finding("time", bad, f"{text}: it looks like {unit}", "give time in s")
     return unit_finding("time", bad, text, "give time in s and the frame rate of the recording")
@@ -151,12 +150,10 @@ def wrong_size(table: pd.DataFrame, info: RecordingInfo) -> Finding | None:
             continue
         median = float(np.median(values[chosen]))
         if not low <= median <= high:
-            foot = SI_FACTOR["ft"]
-            hint = " (feet?)" if low <= median * foot <= high else ""
+            hint = " (feet?)" if low <= median * SI_FACTOR["ft"] <= high else ""
             text = f"the median {name} of class {which} is {median:.2f} m, outside {low:g} to {high:g} m{hint}"
-            return unit_finding(
-                name, chosen & ((values < low) | (values > high)), text, f"convert {name} to m, or leave the column out"
-            )
+            outside = chosen & ((values < low) | (values > high))
+            return unit_finding(name, outside, text, f"convert {name} to m, or leave the column out")
     return None
 
 

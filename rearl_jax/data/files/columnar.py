@@ -139,9 +139,8 @@ def _cast(column: pa.ChunkedArray, name: str, path: Path, *, is_text: bool) -> p
         try:
             return column.cast(kind).cast(pa.float64())
         except pa.ArrowInvalid as error:
-            raise bad_recording(
-                "wrong-type", str(error).partition("\n")[0], "write numbers there", path, column=name
-            ) from None
+            text = str(error).partition("\n")[0]
+            raise bad_recording("wrong-type", text, "write numbers there", path, column=name) from None
     wanted = "text" if is_text else "numbers"
     raise bad_recording("wrong-type", f"the column holds {kind}", f"write {wanted} there", path, column=name)
 

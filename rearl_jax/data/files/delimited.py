@@ -247,9 +247,8 @@ class _Lines:
             if unfit.any():
                 row = int(np.argmax(unfit))
                 text = f"{numbers[row]:g} is not a whole number"
-                raise bad_recording(
-                    "value-unreadable", text, "write a whole number there", self.path, column=name, row=row + 1
-                )
+                remedy = "write a whole number there"
+                raise bad_recording("value-unreadable", text, remedy, self.path, column=name, row=row + 1)
             table = table.set_column(place, name, values.cast(columns[name]))
         return table
 

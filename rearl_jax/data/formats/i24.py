@@ -21,7 +21,7 @@ from rearl_jax.data.checks.losses import Losses
 from rearl_jax.data.files.folder import named_files
 from rearl_jax.data.files.json_documents import parsed, read_documents
 from rearl_jax.data.formats.backward_speeds import standing
-from rearl_jax.data.formats.i24_index import FEET, LANE, NEEDED, Cell, Index, Tracks, index_of
+from rearl_jax.data.formats.i24_index import FEET, FIELDS, LANE, Cell, Index, Tracks, index_of
 from rearl_jax.data.problems import bad_recording
 from rearl_jax.data.schema import Recording, RecordingInfo, validate
 
@@ -38,16 +38,6 @@ _BATCH_BYTES = 32 * 2**20  # bytes of documents that are parsed at a time
 _FIRST_DOCUMENT_BYTES = 2**23  # more than the document of a vehicle that is recorded for an hour
 _MAX_FRAME_OFFSET = 0.1  # frames; a larger offset of a document's times from those of the others is noted
 _WINTER = timedelta(hours=-6)  # Central Standard Time; all published days are in it
-_LIST = pa.list_(pa.float64())
-_FIELDS = {
-    "timestamp": _LIST,
-    "x_position": _LIST,
-    "y_position": _LIST,
-    "direction": pa.float64(),
-    "length": pa.float64(),
-    "width": pa.float64(),
-    "coarse_vehicle_class": pa.float64(),
-}
 # 0 sedan, 1 midsize, 2 van, 3 pickup, 4 semi, 5 truck, 6 motorcycle
 _CLASSES = {0.0: "car", 1.0: "car", 2.0: "car", 3.0: "car", 4.0: "truck", 5.0: "truck", 6.0: "motorcycle"}
 # Columns of the file by canonical name, for messages.
@@ -77,7 +67,7 @@ def is_one(path: Path) -> bool:
     with path.open("rb") as file:
         head = file.read(_FIRST_DOCUMENT_BYTES)
     return re.match(rb"(\xef\xbb\xbf)?\s*(\[\s*)?\{", head) is not None and all(
-        re.search(rb'"%s"\s*:' % name.encode(), head) for name in NEEDED
+        re.search(rb'"%s"\s*:' % name.encode(), head) for name in FIELDS
     )
 
 
@@ -130,7 +120,7 @@ def _parts(numbers: np.ndarray, index: Index) -> list[np.ndarray]:
 def _rows(path: Path, numbers: np.ndarray, index: Index, cell: Cell, policy: DataConfig) -> pd.DataFrame:
     """Rows of documents in a window and section, in SI units; the index holds the numbers of the documents."""
     texts = read_documents(path, [index.starts[n] for n in numbers], [index.sizes[n] for n in numbers])
-    documents, broken = parsed(texts, _FIELDS)
+    documents, broken = parsed(texts, FIELDS | {"width": pa.float64(), "coarse_vehicle_class": pa.float64()})
     if broken.any():
         text, row = "width or coarse_vehicle_class is not a number", int(numbers[np.argmax(broken)]) + 1
         raise bad_recording("not-a-number", text, "write a number", path, column="width", row=row)

@@ -29,16 +29,14 @@ _MIN_DOCUMENTS = 8  # documents needed to check the unit of y_position
 _SINCE, _UNTIL = 1.5e9, 4.0e9  # s since 1970: the years 2017 and 2096
 _BACKWARD = 5.0 / FEET  # ft that a vehicle may end upstream of its start, because of tracking errors
 _LIST = pa.list_(pa.float64())
-_FIELDS = {
-    "_id": pa.struct({"$oid": pa.string()}),
+FIELDS: dict[str, pa.DataType] = {
     "timestamp": _LIST,
     "x_position": _LIST,
     "y_position": _LIST,
     "direction": pa.float64(),
     "length": pa.float64(),
 }
-_POSITIONS = ("x_position", "y_position")
-NEEDED = ("timestamp", *_POSITIONS, "direction", "length")
+"""Fields that every trajectory has, with their types."""
 
 Cell = tuple[int, int]
 """Number of a window since 1970, and of a section since the mile marker 0."""
@@ -117,7 +115,7 @@ def _index(path: Path, window: float | None, section: float | None, on_bad: BadR
             index.leave_out("broken_document", block.n_broken, len(index.starts), "the file is cut off")
         if not block.texts:
             continue
-        table, broken = parsed(block.texts, _FIELDS)
+        table, broken = parsed(block.texts, {"_id": pa.struct({"$oid": pa.string()}), **FIELDS})
         if broken.any():
             text = "the document is not JSON, or a field of it is of another type"
             index.leave_out("broken_document", int(broken.sum()), first + int(np.argmax(broken)), text)
@@ -235,7 +233,7 @@ def _sound(index: Index, table: pa.Table, numbers: np.ndarray, known_ids: set[st
             known_ids.add(text or "")
         return found
 
-    def differ_in_length(name: str) -> np.ndarray:
+    def other_length(name: str) -> np.ndarray:
         return lengths(name) != lengths("timestamp")
 
     def impossible(name: str) -> np.ndarray:
@@ -246,9 +244,9 @@ def _sound(index: Index, table: pa.Table, numbers: np.ndarray, known_ids: set[st
 
     # One after the other, because each needs documents that have passed those before.
     checks: tuple[tuple[str, Sequence[str], Callable[[str], np.ndarray], str], ...] = (
-        ("value_missing", NEEDED, missing, "the value is missing"),
+        ("value_missing", tuple(FIELDS), missing, "the value is missing"),
         ("no_rows", ("timestamp",), lambda name: lengths(name) == 0, "the array is empty"),
-        ("lengths_differ", _POSITIONS, differ_in_length, "the array has another length than timestamp"),
+        ("lengths_differ", ("x_position", "y_position"), other_length, "the array has another length than timestamp"),
         ("not_finite", ("timestamp", "x_position"), unknown, "a value of the array is missing or impossible"),
         ("not_finite", ("length",), impossible, "the value is impossible"),
         ("wrong_direction", ("direction",), no_direction, "the direction is neither 1 nor -1"),
@@ -264,7 +262,7 @@ def _sound(index: Index, table: pa.Table, numbers: np.ndarray, known_ids: set[st
 
 
 def _require_fields(table: pa.Table, path: Path) -> None:
-    for name in NEEDED:
+    for name in FIELDS:
         if table.num_rows and table[name].null_count == table.num_rows:
             text = "no document of the block has the field"
             raise bad_recording("column-missing", text, "give trajectories of I-24 MOTION INCEPTION", path, column=name)

@@ -58,9 +58,8 @@ def us101_recordings(path: Path) -> dict[str, int]:
     unknown = [period for period in periods if period not in _US101_PERIODS]
     if unknown or not periods:
         text = f"the period is {unknown[0]}" if unknown else "the table has no rows"
-        raise bad_recording(
-            "period-unknown", text, f"write one of {', '.join(map(str, _US101_PERIODS))}", path, column="period"
-        )
+        remedy = f"write one of {', '.join(map(str, _US101_PERIODS))}"
+        raise bad_recording("period-unknown", text, remedy, path, column="period")
     return {_US101_PERIODS[period]: period for period in sorted(periods)}
 
 

@@ -143,9 +143,8 @@ def _require_units(pairs: pd.DataFrame, info: RecordingInfo) -> None:
     order = np.argsort(pair, kind="stable")
     time = pairs["t_s"].to_numpy(np.float64)[order]
     if (np.abs(time) > _MAX_TIME).any():
-        raise bad_recording(
-            "wrong-units", f"a time is beyond {_MAX_TIME:g} s", "give the time in s", info.file, column="t_s"
-        )
+        text = f"a time is beyond {_MAX_TIME:g} s"
+        raise bad_recording("wrong-units", text, "give the time in s", info.file, column="t_s")
     require_period(time, pair[order], 1.0 / FRAME_RATE, info.file, "t_s")
     lengths = pairs["leader_length_m"].to_numpy(np.float64)
     lengths = lengths[~np.isnan(lengths)]
@@ -169,10 +168,8 @@ def _require_one_length(pairs: pd.DataFrame, info: RecordingInfo) -> None:
             span = np.asarray(lengths.transform("max")) - np.asarray(lengths.transform("min"))
         if (span > _SHARED_TOLERANCE).any():
             row = int(np.argmax(span > _SHARED_TOLERANCE))
-            text = f"vehicle {pairs[who].iloc[row]} has several lengths"
-            raise bad_recording(
-                "lengths-contradict", text, "correct the lengths", info.file, column=column, row=row + 1
-            )
+            text, remedy = f"vehicle {pairs[who].iloc[row]} has several lengths", "correct the lengths"
+            raise bad_recording("lengths-contradict", text, remedy, info.file, column=column, row=row + 1)
 
 
 def _members(pairs: pd.DataFrame, default_length: float) -> pd.DataFrame:

@@ -163,20 +163,16 @@ def rebuilt(
     _leave_out(~placed, table, "no_gap", "position", text, info, policy, losses)
     table = table.iloc[np.flatnonzero(placed)]
     if table.empty:
-        raise bad_recording(
-            "place-unknown",
-            "no vehicle has a known place",
-            "complete speeds and gaps",
-            info.file,
-            column=columns["track_id"],
-        )
+        text, remedy = "no vehicle has a known place", "complete speeds and gaps"
+        raise bad_recording("place-unknown", text, remedy, info.file, column=columns["track_id"])
     if switches is not None:
         table, info = switched(table, switches, info)
     backward = table["speed"].to_numpy() < 0.0
     note = f"{n_filled} speeds and gaps in holes of 1 s or less interpolated, "
     note += f"{int(backward.sum())} negative speeds set to 0"
     table = table.assign(speed=np.where(backward, 0.0, table["speed"]))
-    info = replace(info, notes=(*info.notes, note), road_length=_road_length(table))
+    road_length = float(np.max(table["position"].to_numpy() + 0.5 * table["length"].to_numpy()))
+    info = replace(info, notes=(*info.notes, note), road_length=road_length)
     return Recording(info, *validate(table, info, policy, losses))
 
 
@@ -213,9 +209,8 @@ def _plausible(
     _leave_out(lost, rows, "bad_time", "frame", "the time is unknown or a day off", info, policy, losses)
     rows = rows.iloc[np.flatnonzero(inside & ~lost)]
     if rows.empty:
-        raise bad_recording(
-            "time-unknown", "no row states its time", "complete the times", info.file, column=info.columns["frame"]
-        )
+        text, column = "no row states its time", info.columns["frame"]
+        raise bad_recording("time-unknown", text, "complete the times", info.file, column=column)
     frame = np.rint(rows["t_s"].to_numpy(dtype=np.float64) * FRAME_RATE).astype(np.int64)
     rows = rows.assign(frame=frame)
     twice = rows.duplicated(["pos", "frame"]).to_numpy()
@@ -324,7 +319,3 @@ def _models(rows: pd.DataFrame, file: str) -> dict[int, str | None]:
         row = source_row(models, twice)
         raise bad_recording("models-contradict", text, "correct the models", file, column=MODEL, row=row)
     return {int(place): model for place, model in zip(models["pos"], models[MODEL], strict=True)}
-
-
-def _road_length(table: pd.DataFrame) -> float:
-    return float(np.max(table["position"].to_numpy() + 0.5 * table["length"].to_numpy()))

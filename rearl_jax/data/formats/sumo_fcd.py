@@ -153,9 +153,8 @@ def _numbers(values: pa.Array, name: str, path: Path, n_before: int) -> pa.Array
     except pa.ArrowInvalid:
         row = next(row for row, value in enumerate(values.to_pylist()) if not _is_number(value))
         text = f"{values[row].as_py()!r} is not a number"
-        raise bad_recording(
-            "value-unreadable", text, "write a number there", path, column=name, row=n_before + row + 1
-        ) from None
+        row += n_before + 1
+        raise bad_recording("value-unreadable", text, "write a number there", path, column=name, row=row) from None
 
 
 def _is_number(value: str | None) -> bool:

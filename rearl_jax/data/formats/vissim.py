@@ -52,7 +52,6 @@ _REQUIRED = ("time", "vehicle", "link", "lane", "front", "speed")
 # Units of columns whose unit the file does not state.
 _UNSTATED = {"front": "m", "speed": "km/h", "length": "m", "acceleration": "m/s^2", "width": "m"}
 _SPELT = {"m/s2": "m/s^2", "m/s²": "m/s^2", "ft/s2": "ft/s^2", "ft/s²": "ft/s^2", "kmh": "km/h", "mi/h": "mph"}
-_SI = ("m", "m/s", "m/s^2")
 # Types of a new network; users define the meaning of others. Source: PTV Vissim manual, Vehicle types.
 _CLASS = {100: "car", 200: "truck", 300: "truck", 400: "other"}
 
@@ -171,8 +170,7 @@ def _rows_of(
             unit, is_stated = _unit_of(name, header, names, path)
             if not is_stated and name in ("front", "speed"):
                 unstated.append(unit)
-            if unit not in _SI:
-                raw[name] = to_si(raw[name].to_numpy(), unit)
+            raw[name] = to_si(raw[name].to_numpy(), unit)
     if unstated:
         notes.append(f"the file states no units of places and speeds: {' and '.join(unstated)} assumed")
     rows = raw.assign(
@@ -208,9 +206,9 @@ def _unit_of(name: str, header: _Header, names: dict[str, str], path: Path) -> t
     if stated is None:
         return _UNSTATED[name], False
     unit = _SPELT.get(stated.lower(), stated.lower())
-    if unit not in (*_SI, *SI_FACTOR):
+    if unit not in SI_FACTOR:
         text = f"the unit {stated} of the column is not known"
-        remedy = f"let Vissim write one of {', '.join((*_SI, *SI_FACTOR))}"
+        remedy = f"let Vissim write one of {', '.join(SI_FACTOR)}"
         raise bad_recording("unit-unknown", text, remedy, path, column=names[name])
     return unit, True
 

@@ -244,9 +244,8 @@ class TableFile:
             infos = [RecordingInfo.from_json(info, file=str(self.path)) for info in objects]
         except (ValueError, TypeError, KeyError, AttributeError, RecursionError, OverflowError) as error:
             text = f"its statements about the recordings cannot be used: {type(error).__name__}: {error}"
-            raise bad_recording(
-                "metadata-unusable", text, "correct it, or remove it to have it derived from the rows", file
-            ) from None
+            remedy = "correct it, or remove it to have it derived from the rows"
+            raise bad_recording("metadata-unusable", text, remedy, file) from None
         return {info.id: info for info in infos}
 
 
