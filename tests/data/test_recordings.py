@@ -7,7 +7,6 @@ import pandas as pd
 import pytest
 
 from rearl_jax.config.data import BadRows, DataConfig, DataFormat
-from rearl_jax.data import recordings
 from rearl_jax.data.readers import reader_of
 from rearl_jax.data.recordings import (
     count_recordings,
@@ -67,17 +66,6 @@ def test_every_kind_has_a_reader_and_names_what_it_wants(tmp_path):
             count_recordings(DataConfig(kind, str(tmp_path / "nowhere")))
         with refused("recordings-missing", MissingInputError):
             count_recordings(DataConfig(kind, str(tmp_path)))
-
-
-def test_the_shipped_set_can_be_copied_and_read_elsewhere(tmp_path):
-    (shipped,) = recordings._files(DataConfig())
-    assert shipped.parent.name == "us101"
-    assert {"LICENSE", "ATTRIBUTION"} <= {file.name for file in shipped.parent.iterdir()}
-    assert shipped.stat().st_size < 4_000_000
-    (tmp_path / shipped.name).write_bytes(shipped.read_bytes())
-    copy = DataConfig(root=str(tmp_path))
-    assert data_id(copy) == data_id(DataConfig())
-    assert count_recordings(copy) == 3
 
 
 def test_the_identity_follows_the_rows_and_the_policy(highd, tmp_path):

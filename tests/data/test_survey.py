@@ -201,11 +201,6 @@ def test_known_formats_are_recognised(highd_files, tmp_path, capsys):
         name, root = recognised(folder) or ("", folder)
         assert name == kind
         assert recognised(next(folder.glob("*.parquet"))) == (name, root)
-    header = "Vehicle_ID,Frame_ID,Total_Frames,Global_Time,Local_X,Local_Y,v_Length,v_Width,v_Class,v_Vel,v_Acc,Lane_ID"
-    (tmp_path / "trajectories.csv").write_text(header + "\n")
-    (tmp_path / "trajectories.txt").write_text("  ".join(map(str, range(18))) + "\n")
-    for name in ("trajectories.csv", "trajectories.txt"):
-        assert recognised(tmp_path / name) == ("ngsim", tmp_path / name)
 
 
 def test_what_does_not_fit_is_left_out_and_said(tmp_path):

@@ -79,9 +79,9 @@ def require_period(time: np.ndarray, track: np.ndarray, period: float, file: str
         raise bad_recording("wrong-units", text, remedy, file, column=column)
 
 
-def is_other_unit(scale: tuple[float, float] | None) -> bool:
+def is_other_unit(scale: tuple[float, float]) -> bool:
     """True for a scale as from `scale_of` that can only be that of another unit."""
-    return scale is not None and (scale[0] > MAX_SAME_UNIT_FACTOR or scale[1] < 1.0 / MAX_SAME_UNIT_FACTOR)
+    return scale[0] > MAX_SAME_UNIT_FACTOR or scale[1] < 1.0 / MAX_SAME_UNIT_FACTOR
 
 
 def wrong_time(table: pd.DataFrame, info: RecordingInfo) -> Finding | None:
