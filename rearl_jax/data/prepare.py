@@ -27,6 +27,7 @@ from rearl_jax.data.records import Recording
 from rearl_jax.data.scenes.cutting import build_scenes
 from rearl_jax.data.scenes.scene_files import save_scenes
 from rearl_jax.data.tables.canonical import METADATA, describe
+from rearl_jax.data.vehicle_rows import follows_row_before
 from rearl_jax.problems import InvalidInputError, Problem
 from rearl_jax.progress import progress_bar
 from rearl_jax.results import Study
@@ -114,12 +115,11 @@ def counts_of(recording: Recording) -> dict:
     info, table = recording.info, recording.table
     track, frame = table["track_id"].to_numpy(), table["frame"].to_numpy()
     lane = table["lane"].to_numpy(dtype=np.float64, na_value=np.nan)
-    is_first = np.concatenate([[True], track[1:] != track[:-1]])
-    classes = table["vehicle_class"].to_numpy()[is_first]
+    follows = follows_row_before(track)
+    classes = table["vehicle_class"].to_numpy()[~follows]
     n_frames = int(frame.max() - frame.min()) + 1
-    n_vehicles = int(is_first.sum())
     # NaN differs from everything, so unknown lanes must be excluded.
-    changes = ~is_first[1:] & (lane[1:] != lane[:-1]) & np.isfinite(lane[1:]) & np.isfinite(lane[:-1])
+    changes = follows[1:] & (lane[1:] != lane[:-1]) & np.isfinite(lane[1:]) & np.isfinite(lane[:-1])
     dropped = recording.dropped
     return {
         "recording": info.id,
@@ -131,7 +131,7 @@ def counts_of(recording: Recording) -> dict:
         "lanes_1": info.lane_count.get(1, 0),
         "lanes_2": info.lane_count.get(2, 0),
         "rows": len(table),
-        "vehicles": n_vehicles,
+        "vehicles": len(classes),
         "trucks": int((classes == "truck").sum()),
         "truck_share": float((classes == "truck").mean()),
         "in_view": len(table) / n_frames,

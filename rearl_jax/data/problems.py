@@ -4,6 +4,7 @@ A finding marks rows. `data.on_bad` decides whether it becomes an error, or the 
 the table as a whole (a missing column, a wrong unit) is always an error.
 """
 
+from collections.abc import Collection, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -58,9 +59,14 @@ class Finding:
         """The error for this finding; the index of the table holds the row numbers of the source, from 0."""
         n_rows = int(self.rows.sum())
         message = self.message if n_rows == 1 else f"{self.message} (and {n_rows - 1} more rows)"
-        row = int(table.index[int(np.argmax(self.rows))]) + 1
-        code, column = self.name.replace("_", "-"), info.columns.get(self.column, self.column)
-        return bad_recording(code, message, f"{self.remedy}{hint}", info.file or info.id, column=column, row=row)
+        row, column = source_row(table, self.rows), info.columns.get(self.column, self.column)
+        code, file = self.name.replace("_", "-"), info.file or info.id
+        return bad_recording(code, message, f"{self.remedy}{hint}", file, column=column, row=row)
+
+
+def source_row(rows: pd.DataFrame | pd.Series, marked: np.ndarray) -> int:
+    """Number in the source, from 1, of the first marked row; the index holds the row numbers of the source, from 0."""
+    return int(rows.index[int(np.argmax(marked))]) + 1
 
 
 def without_value(table: pd.DataFrame, name: str) -> Finding | None:
@@ -71,12 +77,11 @@ def without_value(table: pd.DataFrame, name: str) -> Finding | None:
 
 def recording_unnamed(file: str, row: int | None = None) -> BadRecordingError:
     """The error for a row that belongs to no recording; the row, from 1, if it is known."""
-    return bad_recording(
-        "recording-unnamed", "a row has no recording", "complete it", file, column="recording", row=row
-    )
+    text = "a row has no recording"
+    return bad_recording("recording-unnamed", text, "complete it", file, column="recording", row=row)
 
 
-def require_columns(found: list[str], required: tuple[str, ...], file: str) -> None:
+def require_columns(found: Collection[str], required: Iterable[str], file: Path | str) -> None:
     """Raise BadRecordingError if one of the required columns is missing."""
     for name in required:
         if name not in found:

@@ -16,7 +16,7 @@ from rearl_jax.data.checks.labels import labelled
 from rearl_jax.data.checks.leaders import wrong_leader
 from rearl_jax.data.checks.losses import Losses, reject, remove_fragments
 from rearl_jax.data.checks.motion_checks import wrong_motion
-from rearl_jax.data.problems import BadRecordingError, bad_recording, require_columns
+from rearl_jax.data.problems import BadRecordingError, bad_recording, require_columns, source_row
 from rearl_jax.data.records import Recording, RecordingInfo
 from rearl_jax.data.vehicle_classes import CLASSES, classes_of
 
@@ -115,9 +115,8 @@ def validate(
     losses = Losses() if losses is None else losses
     require_columns(list(table.columns), REQUIRED, info.file or info.id)
     if table.empty:
-        raise bad_recording(
-            "no-rows", "the recording has no rows", "remove the file or complete it", info.file or info.id
-        )
+        text, remedy = "the recording has no rows", "remove the file or complete it"
+        raise bad_recording("no-rows", text, remedy, info.file or info.id)
 
     def checked(table: pd.DataFrame, checks: tuple[Callable, ...]) -> pd.DataFrame:
         for check in checks:
@@ -190,14 +189,11 @@ def _number(values: pd.Series, column: Column, info: RecordingInfo) -> pd.Series
 def _stop_at(bad: np.ndarray, values: pd.Series, expected: str, info: RecordingInfo) -> None:
     """Raise BadRecordingError for the first marked value, which is not what is expected."""
     if bad.any():
-        row = int(np.argmax(bad))
-        value = values.iloc[row]
+        value = values.iloc[int(np.argmax(bad))]
         text = f"{value!r} is not {expected}" if isinstance(value, str) else f"{value:g} is not {expected}"
         column = info.columns.get(str(values.name), str(values.name))
-        source_row = int(values.index[row]) + 1
-        raise bad_recording(
-            "not-a-number", text, f"write {expected}", info.file or info.id, column=column, row=source_row
-        )
+        remedy, file = f"write {expected}", info.file or info.id
+        raise bad_recording("not-a-number", text, remedy, file, column=column, row=source_row(values, bad))
 
 
 def _typed(table: pd.DataFrame) -> pd.DataFrame:

@@ -7,6 +7,19 @@ ABSENT = -1
 """Row number of a vehicle that has no row at a frame."""
 
 
+def follows_row_before(track: np.ndarray) -> np.ndarray:
+    """Mask of the rows that continue the track of the row before."""
+    follows = np.zeros(len(track), dtype=bool)
+    follows[1:] = track[1:] == track[:-1]
+    return follows
+
+
+def first_and_last_rows(track: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """First and last row of each track; the rows of a track are together."""
+    first = np.flatnonzero(~follows_row_before(track))
+    return first, np.append(first[1:], len(track))[: len(first)] - 1
+
+
 class VehicleRows:
     """Rows of each vehicle in a canonical table, which is sorted by track and frame."""
 

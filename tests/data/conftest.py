@@ -7,6 +7,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from tests.data.made_rows import car_rows
+
 UPPER, LOWER = "8.00;11.75;15.50", "20.00;23.75;27.50"  # two lanes of 3.75 m per direction
 ROAD = 420.0
 
@@ -49,14 +51,8 @@ def make_highd_files(
                 }
             )
         )
-        meta.append(
-            {
-                "id": i,
-                "numFrames": n_frames,
-                "class": "Truck" if truck else "Car",
-                "drivingDirection": direction,
-            }
-        )
+        kind = "Truck" if truck else "Car"
+        meta.append({"id": i, "numFrames": n_frames, "class": kind, "drivingDirection": direction})
     _with_preceding(pd.concat(tracks, ignore_index=True)).to_csv(folder / f"{number}_tracks.csv", index=False)
     pd.DataFrame(meta).to_csv(folder / f"{number}_tracksMeta.csv", index=False)
     recording = {
@@ -90,28 +86,17 @@ def highd_files() -> Callable[..., Path]:
 @pytest.fixture
 def vehicle_rows() -> pd.DataFrame:
     """Three vehicles, 100 frames at 10 per second: 1 and 2 in lanes 0 and 1, the truck 3 follows 1."""
-    frame = np.arange(100)
-    rows = []
-    for track, lane, start, speed in ((1, 0, 60.0, 20.0), (2, 1, 40.0, 22.0), (3, 0, 20.0, 18.0)):
-        position = start + speed * frame / 10.0
-        rows.append(
-            pd.DataFrame(
-                {
-                    "track_id": track,
-                    "frame": frame + 7,
-                    "direction": 1,
-                    "x": position,
-                    "y": 3.5 * (lane + 0.5),
-                    "position": position,
-                    "lateral": 3.5 * (lane + 0.5),
-                    "lane": lane,
-                    "speed": speed,
-                    "acceleration": 0.0,
-                    "length": 12.0 if track == 3 else 4.5,
-                    "width": 2.5 if track == 3 else 1.8,
-                    "vehicle_class": "truck" if track == 3 else "car",
-                    "leader_id": 1.0 if track == 3 else np.nan,
-                }
-            )
-        )
-    return pd.concat(rows, ignore_index=True)
+    time = np.arange(100) / 10.0
+    vehicles = ((1, 0, 60.0, 20.0), (2, 1, 40.0, 22.0), (3, 0, 20.0, 18.0))
+    first, second, last = (
+        car_rows(track, start + speed * time, speed, 0.0, lane=lane) for track, lane, start, speed in vehicles
+    )
+    truck = last.assign(length=12.0, width=2.5, vehicle_class="truck", leader_id=1.0)
+    rows = pd.concat([first, second, truck], ignore_index=True)
+    return rows.assign(frame=rows["frame"] + 7)
+
+
+@pytest.fixture
+def timed_rows(vehicle_rows) -> pd.DataFrame:
+    """The same rows with their times [s]."""
+    return vehicle_rows.assign(time=vehicle_rows["frame"] / 10.0)

@@ -95,12 +95,9 @@ def test_unknown_lanes_are_no_lane_changes(highd_files, tmp_path):
     assert counts_of(recording)["lane_changes"] == 0
 
 
-def test_recordings_whose_names_differ_by_case_only_have_tables_of_their_own_on_every_system(vehicle_rows, tmp_path):
-    rows = vehicle_rows.assign(time=vehicle_rows["frame"] / 10.0)
-    both = [
-        rows.assign(recording="Cam"),
-        rows.assign(recording="cam", x=rows["x"] + 5.0, position=rows["position"] + 5.0),
-    ]
+def test_recordings_whose_names_differ_by_case_only_have_tables_of_their_own_on_every_system(timed_rows, tmp_path):
+    ahead = {name: timed_rows[name] + 5.0 for name in ("x", "position")}
+    both = [timed_rows.assign(recording="Cam"), timed_rows.assign(recording="cam", **ahead)]
     pd.concat(both).to_csv(tmp_path / "a.csv", index=False)
     config = PrepareTask(
         study="p",

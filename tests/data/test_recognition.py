@@ -84,6 +84,11 @@ def _ngsim(folder: Path) -> Path:
     return folder / "a.csv"
 
 
+def _ngsim_text(folder: Path) -> Path:
+    (folder / "a.txt").write_text("  ".join(map(str, range(18))) + "\n")
+    return folder / "a.txt"
+
+
 WRITERS: list[tuple[str, Callable[[Path], Path]]] = [
     ("sumo", _sumo_xml),
     ("sumo", _sumo_packed),
@@ -98,6 +103,7 @@ WRITERS: list[tuple[str, Callable[[Path], Path]]] = [
     ("exid", _exid),
     ("openacc", _openacc),
     ("ngsim", _ngsim),
+    ("ngsim", _ngsim_text),
 ]
 
 

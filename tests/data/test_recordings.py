@@ -7,7 +7,6 @@ import pandas as pd
 import pytest
 
 from rearl_jax.config.data import BadRows, DataConfig, DataFormat
-from rearl_jax.data import recordings
 from rearl_jax.data.readers import reader_of
 from rearl_jax.data.recordings import (
     count_recordings,
@@ -40,10 +39,9 @@ def test_recordings_come_in_order_and_can_be_selected(highd):
         count_recordings(dataclasses.replace(highd, recordings="us101_*"))
 
 
-def test_the_name_of_a_recording_selects_it_even_with_brackets(vehicle_rows, tmp_path):
-    rows = vehicle_rows.assign(time=vehicle_rows["frame"] / 10.0)
+def test_the_name_of_a_recording_selects_it_even_with_brackets(timed_rows, tmp_path):
     for name in ("run[1]", "run2"):
-        rows.to_csv(tmp_path / f"{name}.csv", index=False)
+        timed_rows.to_csv(tmp_path / f"{name}.csv", index=False)
     data = DataConfig(DataFormat.table, str(tmp_path), recordings="run[1]")
     assert [r.info.id for r in iterate_recordings(data)] == ["run[1]"]
     assert [r.info.id for r in iterate_recordings(dataclasses.replace(data, recordings="run[2]"))] == ["run2"]
@@ -68,17 +66,6 @@ def test_every_kind_has_a_reader_and_names_what_it_wants(tmp_path):
             count_recordings(DataConfig(kind, str(tmp_path / "nowhere")))
         with refused("recordings-missing", MissingInputError):
             count_recordings(DataConfig(kind, str(tmp_path)))
-
-
-def test_the_shipped_set_can_be_copied_and_read_elsewhere(tmp_path):
-    (shipped,) = recordings._files(DataConfig())
-    assert shipped.parent.name == "us101"
-    assert {"LICENSE", "ATTRIBUTION"} <= {file.name for file in shipped.parent.iterdir()}
-    assert shipped.stat().st_size < 4_000_000
-    (tmp_path / shipped.name).write_bytes(shipped.read_bytes())
-    copy = DataConfig(root=str(tmp_path))
-    assert data_id(copy) == data_id(DataConfig())
-    assert count_recordings(copy) == 3
 
 
 def test_the_identity_follows_the_rows_and_the_policy(highd, tmp_path):
@@ -118,14 +105,6 @@ def test_generated_recordings_stay_generated_when_read_as_highd(highd, tmp_path)
     first = next(iterate_recordings(highd))
     assert (first.info.id, first.info.generated) == ("generated_01", True)
     assert not is_generated(DataConfig())
-
-
-def test_two_recordings_of_one_name_stop(vehicle_rows, tmp_path):
-    rows = vehicle_rows.assign(recording="same", time=vehicle_rows["frame"] / 10.0)
-    for name in ("a", "b"):
-        rows.to_parquet(tmp_path / f"{name}.parquet")
-    with refused("recording-twice"):
-        count_recordings(DataConfig(DataFormat.table, str(tmp_path)))
 
 
 def test_all_readers_deliver_the_same_schema(highd):

@@ -8,6 +8,7 @@ from rearl_jax.config.data import BadRows, DataConfig
 from rearl_jax.data.records import RecordingInfo
 from rearl_jax.data.schema import COLUMNS, validate
 from rearl_jax.data.units import SI_FACTOR, to_si
+from tests.data.changed_rows import with_values
 from tests.refusal import refused
 
 INFO = RecordingInfo(
@@ -47,10 +48,7 @@ def test_unknown_nullable_columns_may_be_missing(vehicle_rows):
 
 
 def _at(table: pd.DataFrame, row: int, **values: object) -> pd.DataFrame:
-    table = table.astype(dict.fromkeys(values, object))
-    for name, value in values.items():
-        table.loc[row, name] = value
-    return table.infer_objects()
+    return with_values(table, row, **values).infer_objects()
 
 
 def _moved(table: pd.DataFrame, columns: tuple[str, ...], by: float) -> pd.DataFrame:

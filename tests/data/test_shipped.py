@@ -82,7 +82,12 @@ def test_leaders_and_followers_take_six_megabytes_at_most():
     assert sum(sizes) <= 6_000_000
 
 
-@pytest.mark.parametrize("name", PAIRS)
+def test_lane_changers_take_four_megabytes_at_most():
+    (file,) = DataFormat["us101"].shipped.glob("*.parquet")
+    assert file.stat().st_size < 4_000_000
+
+
+@pytest.mark.parametrize("name", SHIPPED)
 def test_a_copy_elsewhere_is_read_as_data_root(name, tmp_path):
     for file in DataFormat[name].shipped.iterdir():
         shutil.copy(file, tmp_path)

@@ -5,13 +5,12 @@ from collections.abc import Collection
 import numpy as np
 
 from rearl_jax.data.units import UNITS
+from rearl_jax.data.vehicle_rows import first_and_last_rows
 
 STANDARD_RATES = (1.0, 2.0, 5.0, 10.0, 12.5, 15.0, 20.0, 24.0, 25.0, 30.0, 50.0, 60.0, 100.0, 120.0, 200.0)
 """Frame rates of usual cameras and receivers [1/s]; preferred where rounded times allow several rates."""
 NTSC_RATES = (24000 / 1001, 30000 / 1001, 60000 / 1001)
 """Frame rates of NTSC video [1/s]: 23.976, 29.97 and 59.94."""
-SECONDS = {unit: factor for unit, factor in UNITS["s"].items() if unit != "s"}
-"""Units of time that are not the second [s]."""
 PLAUSIBLE_RATES = (0.5, 300.0)
 """Lowest and highest frame rate of traffic recordings [1/s]; outside of this range the times are in another unit."""
 FRAME_TOLERANCE = 0.3
@@ -52,12 +51,11 @@ def period_of(track: np.ndarray, frame: np.ndarray, time: np.ndarray) -> tuple[f
     track, frame, time = track[order], frame[order], time[order]
     if not len(track):
         return None
-    starts = np.flatnonzero(np.r_[True, track[1:] != track[:-1]])
     frames_between, periods = [], []
-    for start, stop in zip(starts, np.r_[starts[1:], len(track)], strict=True):
+    for first, last in zip(*first_and_last_rows(track), strict=True):
         # Medians over the first and the last third, so that a single wrong time does not change the period.
-        part = max((stop - start) // 3, 1)
-        ends = slice(start, start + part), slice(stop - part, stop)
+        part = max((last + 1 - first) // 3, 1)
+        ends = slice(first, first + part), slice(last + 1 - part, last + 1)
         n_frames, duration = (np.median(values[ends[1]]) - np.median(values[ends[0]]) for values in (frame, time))
         if n_frames > 0 and duration > 0:
             frames_between.append(n_frames)

@@ -10,9 +10,9 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
-from rearl_jax.data.checks.typed_table import follows_row_before
 from rearl_jax.data.problems import bad_recording
 from rearl_jax.data.records import Recording, RecordingInfo
+from rearl_jax.data.vehicle_rows import follows_row_before
 from rearl_jax.problems import InvalidInputError, Problem
 
 CANONICAL = ("recording", "vehicle_class", "direction", "lane")

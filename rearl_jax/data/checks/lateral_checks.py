@@ -3,7 +3,6 @@
 import numpy as np
 import pandas as pd
 
-from rearl_jax.data.checks.typed_table import follows_row_before
 from rearl_jax.data.checks.unit_checks import (
     LANE_WIDTH,
     MIN_STEPS,
@@ -15,6 +14,7 @@ from rearl_jax.data.checks.unit_checks import (
 )
 from rearl_jax.data.problems import Finding
 from rearl_jax.data.records import RecordingInfo
+from rearl_jax.data.vehicle_rows import first_and_last_rows
 
 EDGE_TOLERANCE = 0.5
 """Largest distance [m] of a vehicle's centre to the left of the carriageway; beyond, half of the vehicle is off it."""
@@ -39,18 +39,29 @@ def wrong_lateral(table: pd.DataFrame, info: RecordingInfo) -> Finding | None:
     """Finding of lateral positions that do not grow by the width of a lane from lane to lane."""
     lateral = table["lateral"].to_numpy()
     lane = table["lane"].to_numpy(dtype=np.float64, na_value=np.nan)
-    known = np.isfinite(lateral) & np.isfinite(lane)
-    lanes, counts = np.unique(lane[known], return_counts=True)
-    lanes = lanes[counts >= MIN_STEPS]
+    lanes, middle = lane_middles(lane, lateral, MIN_STEPS)
     if lanes.size < 2:
         return None
-    left, right = (float(np.median(lateral[known & (lane == number)])) for number in (lanes[0], lanes[-1]))
-    width = (right - left) / (lanes[-1] - lanes[0])
+    width = (middle[-1] - middle[0]) / (lanes[-1] - lanes[0])
     if LANE_WIDTH[0] <= width <= LANE_WIDTH[1]:
         return None
     text = f"lateral grows by {width:.2f} m per lane to the right, outside {LANE_WIDTH[0]} to {LANE_WIDTH[1]} m"
     remedy = "give lateral in m, positive to the right, and count lanes from the left"
-    return unit_finding("lateral", known & (lane == lanes[-1]), text, remedy)
+    return unit_finding("lateral", np.isfinite(lateral) & (lane == lanes[-1]), text, remedy)
+
+
+def lane_middles(lane: np.ndarray, lateral: np.ndarray, min_rows: int = 1) -> tuple[np.ndarray, np.ndarray]:
+    """Numbers of the lanes, rising, and the median lateral position of the rows in each.
+
+    Args:
+        lane: Lane of each row; NaN where it is unknown.
+        lateral: Lateral position of each row; NaN where it is unknown.
+        min_rows: Smallest number of rows with both for a lane to count.
+    """
+    known = np.isfinite(lateral) & np.isfinite(lane)
+    lanes, counts = np.unique(lane[known], return_counts=True)
+    lanes = lanes[counts >= min_rows]
+    return lanes, np.array([np.median(lateral[known & (lane == number)]) for number in lanes])
 
 
 def wrong_origin(table: pd.DataFrame, info: RecordingInfo) -> Finding | None:
@@ -78,25 +89,20 @@ def wrong_origin(table: pd.DataFrame, info: RecordingInfo) -> Finding | None:
 
 def lanes_off(table: pd.DataFrame) -> int | None:
     """Number of lanes by which most vehicles are to the right of the lane that their rows state; None if unknown."""
-    lateral = table["lateral"].to_numpy()
     lane = table["lane"].to_numpy(dtype=np.float64, na_value=np.nan)
-    known = np.isfinite(lateral) & np.isfinite(lane)
-    lanes, counts = np.unique(lane[known], return_counts=True)
-    lanes = lanes[counts >= MIN_STEPS]
+    lanes, middle = lane_middles(lane, table["lateral"].to_numpy(), MIN_STEPS)
     if not lanes.size:
         return None
-    middle = [float(np.median(lateral[known & (lane == number)])) for number in lanes]
     width = (middle[-1] - middle[0]) / (lanes[-1] - lanes[0]) if lanes.size > 1 else USUAL_WIDTH
     if not LANE_WIDTH[0] <= width <= LANE_WIDTH[1]:
         return None
-    off = float(np.median([centre / width - number - 0.5 for centre, number in zip(middle, lanes, strict=True)]))
+    off = float(np.median(middle / width - lanes - 0.5))
     return int(np.sign(off)) * int(abs(off) + 0.25)
 
 
 def wrong_axis(table: pd.DataFrame, info: RecordingInfo) -> Finding | None:
     """Finding of a drift of all vehicles to the same side: positions are not measured along the road."""
-    starts = np.flatnonzero(~follows_row_before(table["track_id"].to_numpy()))
-    ends = np.append(starts[1:], len(table)) - 1
+    starts, ends = first_and_last_rows(table["track_id"].to_numpy())
     position, lateral = table["position"].to_numpy(), table["lateral"].to_numpy()
     ahead, aside = position[ends] - position[starts], lateral[ends] - lateral[starts]
     judged = np.isfinite(aside) & (ahead > MIN_DRIFT_DISTANCE)

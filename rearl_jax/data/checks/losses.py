@@ -9,6 +9,7 @@ import pandas as pd
 from rearl_jax.config.data import BadRows, DataConfig
 from rearl_jax.data.problems import Finding, bad_recording
 from rearl_jax.data.records import RecordingInfo
+from rearl_jax.data.vehicle_rows import first_and_last_rows
 
 
 @dataclass
@@ -24,25 +25,41 @@ class Losses:
     counts: Counter[str] = field(default_factory=Counter)
     cut: set[int] = field(default_factory=set)
 
+    def count(self, cause: str, number: int) -> None:
+        """Counts rows left out for a cause, if there are any."""
+        if number:
+            self.counts[cause] += number
+
     def remove(self, table: pd.DataFrame, rows: np.ndarray, cause: str) -> pd.DataFrame:
         """The table without the marked rows, which are counted under the cause."""
         track = table["track_id"].to_numpy()
         self.counts[cause] += int(rows.sum())
         known = track == track  # an unknown id (NaN) is not a track
-        n_tracks = np.unique(track[known]).size - np.unique(track[known & ~rows]).size
-        if n_tracks:
-            self.counts["tracks"] += n_tracks
+        self.count("tracks", np.unique(track[known]).size - np.unique(track[known & ~rows]).size)
         return table.iloc[np.flatnonzero(~rows)]
 
 
-def reject(
+def stop_or_count(
     table: pd.DataFrame, finding: Finding, info: RecordingInfo, policy: DataConfig, losses: Losses
+) -> None:
+    """Counts the marked rows of a finding, which the caller treats itself.
+
+    Raises:
+        BadRecordingError: data.on_bad is stop.
+    """
+    if policy.on_bad is BadRows.stop:
+        raise finding.error(table, info)
+    losses.counts[finding.name] += int(finding.rows.sum())
+
+
+def reject(
+    table: pd.DataFrame, finding: Finding | None, info: RecordingInfo, policy: DataConfig, losses: Losses
 ) -> pd.DataFrame:
     """The table without what the finding marks; the loss is counted.
 
     Args:
         table: Rows, with the row numbers of the source (from 0) as index.
-        finding: The fault.
+        finding: The fault; None for none.
         info: Recording, for its file.
         policy: `on_bad` decides what happens.
         losses: Counts of the recording, changed in place.
@@ -50,9 +67,11 @@ def reject(
     Raises:
         BadRecordingError: data.on_bad is stop, or nothing is left.
     """
-    track = table["track_id"].to_numpy()
+    if finding is None:
+        return table
     if policy.on_bad is BadRows.stop:
         raise finding.error(table, info)
+    track = table["track_id"].to_numpy()
     if policy.on_bad is BadRows.drop_row and finding.is_step:
         losses.counts[f"{finding.name}_cuts"] += int(finding.rows.sum())
         losses.cut.update(track[finding.rows].tolist())
@@ -102,8 +121,8 @@ def split_tracks(table: pd.DataFrame, starts: np.ndarray) -> pd.DataFrame:
         return table
     old = table["track_id"].to_numpy()
     n_cuts = np.cumsum(starts)
-    first = np.concatenate([[0], np.flatnonzero(old[1:] != old[:-1]) + 1])
-    n_cuts_of_track = n_cuts - np.repeat(n_cuts[first] - starts[first], np.diff(np.append(first, len(old))))
+    first, last = first_and_last_rows(old)
+    n_cuts_of_track = n_cuts - np.repeat(n_cuts[first] - starts[first], last - first + 1)
     is_renamed = n_cuts_of_track > 0
     new = np.where(is_renamed, np.nanmax(old) + n_cuts, old)  # the schema check finds unknown ids (NaN)
     table = table.assign(track_id=new)

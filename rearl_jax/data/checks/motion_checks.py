@@ -10,10 +10,10 @@ import numpy as np
 import pandas as pd
 
 from rearl_jax.config.data import DataConfig
-from rearl_jax.data.checks.typed_table import follows_row_before
-from rearl_jax.data.checks.unit_checks import AVERAGING_TIME, MIN_CORRELATION, MIN_STEPS
+from rearl_jax.data.checks.unit_checks import MIN_CORRELATION, MIN_STEPS, mean_accelerations
 from rearl_jax.data.problems import Finding
 from rearl_jax.data.records import RecordingInfo
+from rearl_jax.data.vehicle_rows import follows_row_before
 
 MIN_MOVING_STEPS = 5
 """Number of moving steps that a vehicle must have to be checked."""
@@ -70,25 +70,21 @@ def wrong_motion(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -
                 moved = np.hypot(stretch.change(x), stretch.change(y))
             rows = stretch.rows(_apart(moved, low, high) & _mostly(*(stretch.sums(mask) for mask in masks)))
         if rows.any():
-            first = rows & (vehicle == vehicle[np.argmax(rows)])  # those of the first vehicle
+            row = int(np.argmax(rows))
+            first = rows & (vehicle == vehicle[row])  # those of the first vehicle
             total, predicted_total = float(measured[first & follows].sum()), float(predicted[first & follows].sum())
-            text = f"vehicle {track[np.argmax(rows)]} moves {total:.1f} m "
-            text += (
-                f"where speed x time is {predicted_total:.1f} m"
-                if column == "speed"
-                else f"in x, y and {predicted_total:.1f} m in position"
-            )
-            text += f", in the {dt[first].sum():.1f} s from frame {table['frame'].iloc[int(np.argmax(rows))]}"
+            other = f"in x, y and {predicted_total:.1f} m in position"
+            other = f"where speed x time is {predicted_total:.1f} m" if column == "speed" else other
+            text = f"vehicle {track[row]} moves {total:.1f} m {other}"
+            text += f", in the {dt[first].sum():.1f} s from frame {table['frame'].iloc[row]}"
             remedy = "position must grow while driving, and all columns must be of the same vehicle and unit"
             return Finding("wrong_motion", column, rows, text, remedy)
     rows = _wrongly_accelerating(table, vehicle, info)
     if rows.any():
         row = int(np.argmax(rows))
-        text = (
-            f"from frame {table['frame'].iloc[row]} the acceleration of vehicle {track[row]} is not the change of its "
-        )
+        text = f"from frame {table['frame'].iloc[row]} the acceleration of vehicle {track[row]} is not the change of "
         remedy = "give it in m/s^2 along the driving direction, negative for braking"
-        return Finding("wrong_motion", "acceleration", rows, f"{text}speed per second", remedy)
+        return Finding("wrong_motion", "acceleration", rows, f"{text}its speed per second", remedy)
     return None
 
 
@@ -177,14 +173,11 @@ def _of_whole_tracks(
 def _wrongly_accelerating(table: pd.DataFrame, vehicle: np.ndarray, info: RecordingInfo) -> np.ndarray:
     """Mask of rows whose accelerations correlate with the changes of speed, but with a wrong sign or unit.
 
-    Compares means of the acceleration over AVERAGING_TIME (n steps) with the change of speed in that time.
+    Compares means of the acceleration with the changes of speed in the same time.
     """
-    speed, values = table["speed"].to_numpy(), table["acceleration"].to_numpy()
-    n = max(round(AVERAGING_TIME * info.frame_rate), 1)
-    if len(table) <= n:
+    n, mean, change = mean_accelerations(table, info)
+    if not len(mean):
         return np.zeros(len(table), dtype=bool)
-    mean = np.convolve(0.5 * (values[1:] + values[:-1]), np.full(n, 1.0 / n), mode="valid")
-    change = (speed[n:] - speed[:-n]) * info.frame_rate / n
     used = np.flatnonzero((vehicle[n:] == vehicle[:-n]) & np.isfinite(mean))
     number, mean, change = vehicle[n:][used], mean[used], change[used]
     parts = (np.ones(len(used)), mean * change, mean**2, change**2)

@@ -6,6 +6,7 @@ import numpy as np
 import pandas as pd
 
 from rearl_jax.data.checks.stray_rows import are_few, are_shared
+from rearl_jax.data.numbers import numbers_of
 from rearl_jax.data.problems import bad_recording
 
 
@@ -76,7 +77,7 @@ def _frames(rows: pd.DataFrame) -> np.ndarray | None:
     name = next((name for name in ("frame", "time") if name in rows), None)
     if name is None:
         return None
-    values = pd.Series(pd.to_numeric(rows[name], errors="coerce")).to_numpy(np.float64, na_value=np.nan)
+    values = numbers_of(pd.Series(rows[name]))
     if not np.isfinite(values).all():
         return 2 * pd.factorize(rows[name])[0]  # even numbers, so that none counts as the frame after another
     steps = np.diff(np.unique(values))

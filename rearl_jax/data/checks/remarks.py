@@ -7,9 +7,9 @@ import pandas as pd
 
 from rearl_jax.data.checks.lateral_checks import EDGE_TOLERANCE, lanes_off
 from rearl_jax.data.checks.leaders import next_in_lane, notes_on_leaders
-from rearl_jax.data.checks.typed_table import MAX_LANES, follows_row_before
+from rearl_jax.data.checks.typed_table import MAX_LANES
 from rearl_jax.data.records import Recording
-from rearl_jax.data.vehicle_rows import ABSENT
+from rearl_jax.data.vehicle_rows import ABSENT, first_and_last_rows
 
 OVERLAPS = 0.005
 """Share of overlaps [-], among rows with a vehicle ahead in the lane, above which noise does not explain them.
@@ -66,7 +66,7 @@ def _on_overlaps(table: pd.DataFrame) -> list[str]:
 
 def _on_starts(table: pd.DataFrame) -> list[str]:
     """Note if more vehicles begin abreast than there can be lanes: times may count from the start of each track."""
-    starts = np.flatnonzero(~follows_row_before(table["track_id"].to_numpy()))
+    starts, _ = first_and_last_rows(table["track_id"].to_numpy())
     frame, position, length = (table[name].to_numpy()[starts] for name in ("frame", "position", "length"))
     apart = float(np.ptp(position)) if starts.size else 0.0
     if len(starts) <= MAX_LANES or np.ptp(frame) > 0 or apart > float(np.median(length)):
@@ -107,7 +107,7 @@ def _on_long_cars(table: pd.DataFrame) -> list[str]:
 
 def _ranges(values: np.ndarray, track: np.ndarray) -> np.ndarray:
     """Largest less smallest value of each track; the rows of a track are together."""
-    starts = np.flatnonzero(~follows_row_before(track))
+    starts, _ = first_and_last_rows(track)
     return np.maximum.reduceat(values, starts) - np.minimum.reduceat(values, starts)
 
 

@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 from scipy.spatial import KDTree
 
-from rearl_jax.data.checks.typed_table import follows_row_before
+from rearl_jax.data.vehicle_rows import first_and_last_rows
 
 _LENGTH = 6.0  # s, of a profile
 _SPACING = 0.5  # s, between the speeds of a profile
@@ -56,10 +56,8 @@ class Profiles:
     """
 
     def __init__(self, table: pd.DataFrame) -> None:
-        first = ~follows_row_before(table["track_id"].to_numpy())
-        starts = np.flatnonzero(first)
+        starts, last = first_and_last_rows(table["track_id"].to_numpy())
         time, self._speed = table["time"].to_numpy(np.float64), table["speed"].to_numpy(np.float64)
-        last = np.append(starts[1:], len(time)) - 1
         self._begin, self._end = time[starts], time[last]
         # Tracks one after the other on a common time axis, so that one interpolation serves all.
         self._shift = np.concatenate([[0.0], np.cumsum(self._end - self._begin + 1.0)[:-1]]) - self._begin

@@ -7,6 +7,8 @@ Below, `track` and `frame` are columns of a table, `part` and `other` row number
 import numpy as np
 import pandas as pd
 
+from rearl_jax.data.vehicle_rows import first_and_last_rows
+
 _MIN_SHARE = 0.05
 """Largest number of vehicles that count as few, as a share of the vehicles of the other recording [-]."""
 _MAX_CHANCE = 0.05
@@ -29,8 +31,7 @@ def continue_in(track: np.ndarray, frame: np.ndarray, part: np.ndarray, other: n
     if _keys(track[part], frame[part]).isin(there).any():
         return False
     order = part[np.lexsort((frame[part], track[part]))]
-    begins = np.append(True, track[order][1:] != track[order][:-1])
-    first, last = order[begins], order[np.append(begins[1:], True)]
+    first, last = (order[rows] for rows in first_and_last_rows(track[order]))
     before, after = _keys(track[first], frame[first] - 1), _keys(track[last], frame[last] + 1)
     return bool((before.isin(there) | after.isin(there)).all())
 

@@ -12,6 +12,7 @@ from rearl_jax.data.checks.clock import resolution
 from rearl_jax.data.problems import Finding
 from rearl_jax.data.records import RecordingInfo
 from rearl_jax.data.vehicle_classes import CLASSES, NO_CLASS, code_of
+from rearl_jax.data.vehicle_rows import follows_row_before
 
 NULLABLE = frozenset({"lateral", "lane", "acceleration", "width", "leader_id"})
 """Columns whose values may be unknown."""
@@ -66,31 +67,21 @@ def unknown_class(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) 
 def out_of_order(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -> Finding | None:
     """Rows whose frame does not come after all earlier frames of the track; the table is grouped by track."""
     track, frame = table["track_id"].to_numpy(), table["frame"].to_numpy()
-    bad = follows_row_before(track)
-    bad[1:] &= np.diff(frame) <= 0
-    if not bad.any():
+    follows = follows_row_before(track)
+    if not (follows[1:] & (np.diff(frame) <= 0)).any():
         return None
     # After a frame number that is too large, all rows with smaller numbers are out of order, not only the next one.
     latest = table.groupby("track_id", sort=False)["frame"].cummax().to_numpy()
-    bad = follows_row_before(track)
+    bad = follows
     bad[1:] &= frame[1:] <= latest[:-1]
     row = int(np.argmax(bad))
-    if table.duplicated(["track_id", "frame"]).iloc[row]:
-        bad &= table.duplicated(["track_id", "frame"]).to_numpy()
-        return Finding(
-            "duplicate",
-            "frame",
-            bad,
-            f"track {track[row]} has frame {frame[row]} twice",
-            "keep one of the two rows",
-        )
-    return Finding(
-        "unsorted",
-        "frame",
-        bad & ~table.duplicated(["track_id", "frame"]).to_numpy(),
-        f"track {track[row]} goes back from frame {frame[row - 1]} to frame {frame[row]}",
-        "sort the rows by track_id and frame if their order is the only fault",
-    )
+    is_copy = table.duplicated(["track_id", "frame"]).to_numpy()
+    if is_copy[row]:
+        text = f"track {track[row]} has frame {frame[row]} twice"
+        return Finding("duplicate", "frame", bad & is_copy, text, "keep one of the two rows")
+    text = f"track {track[row]} goes back from frame {frame[row - 1]} to frame {frame[row]}"
+    remedy = "sort the rows by track_id and frame if their order is the only fault"
+    return Finding("unsorted", "frame", bad & ~is_copy, text, remedy)
 
 
 def out_of_range(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -> Finding | None:
@@ -208,10 +199,3 @@ def times_off_frames(table: pd.DataFrame, info: RecordingInfo) -> np.ndarray:
     sound = off[np.abs(off - median) <= 2.0 * allowed]  # without vehicles that have another clock
     middle = 0.5 * (np.quantile(sound, 0.1) + np.quantile(sound, 0.9))
     return np.abs(off - middle) > allowed
-
-
-def follows_row_before(track: np.ndarray) -> np.ndarray:
-    """Mask of rows that continue the track of the row before."""
-    follows = np.zeros(len(track), dtype=bool)
-    follows[1:] = track[1:] == track[:-1]
-    return follows

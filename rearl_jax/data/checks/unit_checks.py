@@ -9,11 +9,12 @@ import numpy as np
 import pandas as pd
 
 from rearl_jax.data.checks import clock
-from rearl_jax.data.checks.typed_table import follows_row_before, times_off_frames
+from rearl_jax.data.checks.typed_table import times_off_frames
 from rearl_jax.data.problems import Finding, bad_recording
 from rearl_jax.data.records import RecordingInfo
-from rearl_jax.data.units import SI_FACTOR
+from rearl_jax.data.units import SI_FACTOR, UNITS
 from rearl_jax.data.vehicle_classes import CLASSES
+from rearl_jax.data.vehicle_rows import first_and_last_rows, follows_row_before
 
 MIN_SPEED = 3.0  # m/s; below it rounding of positions hides the ratio of step and speed
 MIN_STEPS = 20  # fewer moving steps do not determine a unit
@@ -74,14 +75,13 @@ def require_period(time: np.ndarray, track: np.ndarray, period: float, file: str
     median = float(np.median(steps)) if steps.size else period
     if not 0.5 * period < median < 1.5 * period:
         text = f"rows are {median:.3g} s apart, not {period:g} s"
-        raise bad_recording(
-            "wrong-units", text, "give the time in s, sorted, with every frame of a vehicle", file, column=column
-        )
+        remedy = "give the time in s, sorted, with every frame of a vehicle"
+        raise bad_recording("wrong-units", text, remedy, file, column=column)
 
 
-def is_other_unit(scale: tuple[float, float] | None) -> bool:
+def is_other_unit(scale: tuple[float, float]) -> bool:
     """True for a scale as from `scale_of` that can only be that of another unit."""
-    return scale is not None and (scale[0] > MAX_SAME_UNIT_FACTOR or scale[1] < 1.0 / MAX_SAME_UNIT_FACTOR)
+    return scale[0] > MAX_SAME_UNIT_FACTOR or scale[1] < 1.0 / MAX_SAME_UNIT_FACTOR
 
 
 def wrong_time(table: pd.DataFrame, info: RecordingInfo) -> Finding | None:
@@ -93,8 +93,8 @@ def wrong_time(table: pd.DataFrame, info: RecordingInfo) -> Finding | None:
     whose = "" if np.isin(track, track[~bad]).sum() == 0 else f" of vehicle {track[np.argmax(bad)]}"
     text = f"time{whose} does not follow frame / frame rate at {info.frame_rate:g} frames per second"
     found = clock.period_of(*(table[name].to_numpy(np.float64)[bad] for name in ("track_id", "frame", "time")))
-    units = {unit: found[0] * seconds * info.frame_rate for unit, seconds in clock.SECONDS.items()} if found else {}
-    unit = next((unit for unit, ratio in units.items() if abs(ratio - 1.0) <= RATIO_TOLERANCE), None)
+    frames = {unit: found[0] * seconds * info.frame_rate for unit, seconds in UNITS["s"].items()} if found else {}
+    unit = next((unit for unit, n in frames.items() if unit != "s" and abs(n - 1.0) <= RATIO_TOLERANCE), None)
     if unit is not None:
         return unit_finding("time", bad, f"{text}: it looks like {unit}", "give time in s")
     return unit_finding("time", bad, text, "give time in s and the frame rate of the recording")
@@ -150,12 +150,10 @@ def wrong_size(table: pd.DataFrame, info: RecordingInfo) -> Finding | None:
             continue
         median = float(np.median(values[chosen]))
         if not low <= median <= high:
-            foot = SI_FACTOR["ft"]
-            hint = " (feet?)" if low <= median * foot <= high else ""
+            hint = " (feet?)" if low <= median * SI_FACTOR["ft"] <= high else ""
             text = f"the median {name} of class {which} is {median:.2f} m, outside {low:g} to {high:g} m{hint}"
-            return unit_finding(
-                name, chosen & ((values < low) | (values > high)), text, f"convert {name} to m, or leave the column out"
-            )
+            outside = chosen & ((values < low) | (values > high))
+            return unit_finding(name, outside, text, f"convert {name} to m, or leave the column out")
     return None
 
 
@@ -164,12 +162,10 @@ def wrong_acceleration(table: pd.DataFrame, info: RecordingInfo) -> Finding | No
 
     Where they agree, the same noise is in both, such as that of differentiated positions.
     """
-    track, speed, values = (table[name].to_numpy() for name in ("track_id", "speed", "acceleration"))
-    n = max(round(AVERAGING_TIME * info.frame_rate), 1)
-    if len(table) > n:
-        mean = np.convolve(0.5 * (values[1:] + values[:-1]), np.full(n, 1.0 / n), mode="valid")
+    track, values = table["track_id"].to_numpy(), table["acceleration"].to_numpy()
+    n, mean, change = mean_accelerations(table, info)
+    if len(mean):
         within = track[n:] == track[:-n]
-        change = (speed[n:] - speed[:-n]) * info.frame_rate / n
         scale = scale_of(mean[within], change[within])
         if scale is not None and is_other_unit(scale):
             text = f"acceleration is {scale[0]:.2f} to {scale[1]:.2f} times the change of speed per second"
@@ -183,6 +179,19 @@ def wrong_acceleration(table: pd.DataFrame, info: RecordingInfo) -> Finding | No
     return None
 
 
+def mean_accelerations(table: pd.DataFrame, info: RecordingInfo) -> tuple[int, np.ndarray, np.ndarray]:
+    """Steps n in AVERAGING_TIME, and over each n steps the mean acceleration and change of speed per second [m/s^2].
+
+    They are of consecutive rows, whether of one vehicle or of two.
+    """
+    speed, values = table["speed"].to_numpy(), table["acceleration"].to_numpy()
+    n = max(round(AVERAGING_TIME * info.frame_rate), 1)
+    if len(table) <= n:
+        return n, np.empty(0), np.empty(0)
+    mean = np.convolve(0.5 * (values[1:] + values[:-1]), np.full(n, 1.0 / n), mode="valid")
+    return n, mean, (speed[n:] - speed[:-n]) * info.frame_rate / n
+
+
 def moving_steps(table: pd.DataFrame, info: RecordingInfo) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Rows after a step of a moving vehicle, the step of position [m], and speed x time [m].
 
@@ -190,12 +199,10 @@ def moving_steps(table: pd.DataFrame, info: RecordingInfo) -> tuple[np.ndarray, 
     another unit all vehicles may seem to stand still.
     """
     track, frame, speed, position = (table[name].to_numpy() for name in ("track_id", "frame", "speed", "position"))
-    follows = follows_row_before(track)
-    starts = np.flatnonzero(~follows)
-    ends = np.append(starts[1:], len(track)) - 1
+    starts, ends = first_and_last_rows(track)
     time = np.maximum(frame[ends] - frame[starts], 1) / info.frame_rate
     moved = np.repeat(np.abs(position[ends] - position[starts]) / time > MIN_SPEED, ends - starts + 1)
-    rows = np.flatnonzero(follows)
+    rows = np.flatnonzero(follows_row_before(track))
     step = position[rows] - position[rows - 1]
     dt = (frame[rows] - frame[rows - 1]) / info.frame_rate
     slower, mean = np.minimum(speed[rows], speed[rows - 1]), 0.5 * np.abs(speed[rows] + speed[rows - 1])

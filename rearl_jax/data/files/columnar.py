@@ -18,7 +18,7 @@ def column_names(path: Path) -> list[str]:
     Raises:
         BadRecordingError: The file is not Parquet.
     """
-    with _readable(path):
+    with readable_parquet(path):
         return list(pq.read_schema(path).names)
 
 
@@ -36,9 +36,17 @@ def is_text(path: Path, column: str) -> bool:
     Raises:
         BadRecordingError: The file is not Parquet.
     """
-    with _readable(path):
-        kind = pq.read_schema(path).field(column).type
-    kind = kind.value_type if pa.types.is_dictionary(kind) else kind
+    with readable_parquet(path):
+        return is_string(value_type(pq.read_schema(path).field(column).type))
+
+
+def value_type(kind: pa.DataType) -> pa.DataType:
+    """The type of the values of a column; of a dictionary, that of its entries."""
+    return kind.value_type if pa.types.is_dictionary(kind) else kind
+
+
+def is_string(kind: pa.DataType) -> bool:
+    """True for texts."""
     return pa.types.is_string(kind) or pa.types.is_large_string(kind)
 
 
@@ -48,7 +56,7 @@ def stored_text(path: Path, key: str) -> str | None:
     Raises:
         BadRecordingError: The file is not Parquet.
     """
-    with _readable(path):
+    with readable_parquet(path):
         stored = (pq.read_schema(path).metadata or {}).get(key.encode())
         return None if stored is None else stored.decode()
 
@@ -75,11 +83,11 @@ def read_columns(
     """
     names = (*numbers, *texts, *either)
     found = column_names(path)
-    require_columns(found, names, str(path))
+    require_columns(found, names, path)
     for name in names:
         if found.count(name) > 1:
             raise bad_recording("column-twice", "the column occurs twice", "remove one of them", path, column=name)
-    with _readable(path):
+    with readable_parquet(path):
         table = _table(path, names, only)
         columns = {name: _cast(table[name], name, path, is_text=name in texts) for name in (*numbers, *texts)}
         columns |= {name: _as_it_is(table[name]) for name in either}
@@ -108,7 +116,7 @@ def _table(path: Path, names: Sequence[str], only: tuple[str, str | int] | None)
 def _has(batch: pa.RecordBatch, name: str, value: str | int) -> pa.Array:
     """Mask of the rows with a value in a column; a text also matches with blanks around it, or as a number."""
     values = batch.column(name)
-    kind = values.type.value_type if pa.types.is_dictionary(values.type) else values.type
+    kind = value_type(values.type)
     if isinstance(value, str) and _is_scalar(kind):
         values = _as_text(pa.chunked_array([values.cast(kind)])).combine_chunks()
     elif isinstance(value, str):
@@ -118,9 +126,8 @@ def _has(batch: pa.RecordBatch, name: str, value: str | int) -> pa.Array:
 
 def _cast(column: pa.ChunkedArray, name: str, path: Path, *, is_text: bool) -> pa.ChunkedArray:
     """The column as text, whole numbers or float64."""
-    kind = column.type.value_type if pa.types.is_dictionary(column.type) else column.type
-    is_string = pa.types.is_string(kind) or pa.types.is_large_string(kind)
-    if pa.types.is_null(kind) or (is_string and is_text):
+    kind = value_type(column.type)
+    if pa.types.is_null(kind) or (is_string(kind) and is_text):
         return column.cast(pa.string() if is_text else pa.float64())
     if is_text and _is_scalar(kind):
         return _as_text(column.cast(kind))
@@ -128,13 +135,12 @@ def _cast(column: pa.ChunkedArray, name: str, path: Path, *, is_text: bool) -> p
         return _seconds(column.cast(kind))
     if not is_text and pa.types.is_integer(kind):
         return column.cast(kind)
-    if not is_text and (is_string or pa.types.is_floating(kind) or pa.types.is_decimal(kind)):
+    if not is_text and (is_string(kind) or pa.types.is_floating(kind) or pa.types.is_decimal(kind)):
         try:
             return column.cast(kind).cast(pa.float64())
         except pa.ArrowInvalid as error:
-            raise bad_recording(
-                "wrong-type", str(error).partition("\n")[0], "write numbers there", path, column=name
-            ) from None
+            text = str(error).partition("\n")[0]
+            raise bad_recording("wrong-type", text, "write numbers there", path, column=name) from None
     wanted = "text" if is_text else "numbers"
     raise bad_recording("wrong-type", f"the column holds {kind}", f"write {wanted} there", path, column=name)
 
@@ -164,7 +170,7 @@ def _seconds(column: pa.ChunkedArray) -> pa.ChunkedArray:
 
 def _as_it_is(column: pa.ChunkedArray) -> pa.ChunkedArray:
     """The column as numbers if float64 (needed for gaps) represents them exactly, else as text."""
-    kind = column.type.value_type if pa.types.is_dictionary(column.type) else column.type
+    kind = value_type(column.type)
     is_number = pa.types.is_integer(kind) or pa.types.is_floating(kind)
     if pa.types.is_integer(kind) and column.null_count:
         is_number = column.cast(kind).cast(pa.float64(), safe=False).cast(kind, safe=False).equals(column.cast(kind))
@@ -172,7 +178,8 @@ def _as_it_is(column: pa.ChunkedArray) -> pa.ChunkedArray:
 
 
 @contextmanager
-def _readable(path: Path) -> Iterator[None]:
+def readable_parquet(path: Path) -> Iterator[None]:
+    """Turns errors of a missing or damaged file into MissingInputError or BadRecordingError."""
     try:
         yield
     except FileNotFoundError:

@@ -17,15 +17,14 @@ from pyarrow import csv
 from rearl_jax.config.data import BadRows
 from rearl_jax.data.files.text_layout import (
     BLANKS,
-    DAMAGED,
     OPENERS,
     SAMPLE_LINES,
     compression_of,
-    damaged,
     decimal_point_of,
     fields_of,
     layout_of,
     opened,
+    readable,
     text_of,
 )
 from rearl_jax.data.problems import DROP_HINT, BadRecordingError, bad_recording, require_columns
@@ -86,7 +85,7 @@ def read_csv(
             is not text, or a line is broken and on_bad is stop.
     """
     present = read_header(path)
-    require_columns(present, tuple(columns), str(path))
+    require_columns(present, columns, path)
     _require_once(present, columns, path)
     lines = _lines_of(path, present)
     return (lines if quoted else replace(lines, quote=None)).table(columns, on_bad)
@@ -114,12 +113,9 @@ def read_below(
         delimiter: Separator of fields.
         on_bad: stop makes a broken line an error.
     """
-    try:
-        with opened(path) as file:
-            sample = list(islice(file, n_above, n_above + SAMPLE_LINES))
-            content = b"".join([*sample, file.read()]) if compression_of(path) else None
-    except DAMAGED as error:
-        raise damaged(path, error) from None
+    with readable(path), opened(path) as file:
+        sample = list(islice(file, n_above, n_above + SAMPLE_LINES))
+        content = b"".join([*sample, file.read()]) if compression_of(path) else None
     lines = [line.decode(errors="replace").rstrip("\r\n") for line in sample]
     if not lines or not lines[0]:
         raise bad_recording("no-rows", "the table has no rows", "remove the file or complete it", path)
@@ -148,11 +144,8 @@ def first_rows(path: Path, number: int) -> tuple[pd.DataFrame, int]:
     """
     names = read_header(path)
     layout = layout_of(path)
-    try:
-        with text_of(path) as file:
-            lines = list(islice(file, layout.header_lines, layout.header_lines + number))
-    except (*DAMAGED, UnicodeDecodeError) as error:
-        raise damaged(path, error) from None
+    with readable(path), text_of(path) as file:
+        lines = list(islice(file, layout.header_lines, layout.header_lines + number))
     rows = [fields_of(line, layout.delimiter) for line in lines if line.strip()]
     whole = [row for row in rows if len(row) == len(names)]
     table = pd.DataFrame(whole, columns=[str(place) for place in range(len(names))], dtype=object)
@@ -167,14 +160,10 @@ def _lines_of(path: Path, names: list[str]) -> "_Lines":
     of_file = layout.delimiter, layout.decimal_point, layout.header_lines, layout.quote
     if not layout.compression and layout.encoding in _UTF8 and layout.delimiter != BLANKS:
         return _Lines(path, names, None, *of_file)
-    try:
-        with text_of(path) as file:
-            if layout.delimiter != BLANKS:
-                content = file.read().encode()
-                return _Lines(path, names, content, *of_file)
-            content = "\n".join("\t".join(line.split()) for line in islice(file, layout.header_lines, None)).encode()
-    except (*DAMAGED, UnicodeDecodeError) as error:
-        raise damaged(path, error) from None
+    with readable(path), text_of(path) as file:
+        if layout.delimiter != BLANKS:
+            return _Lines(path, names, file.read().encode(), *of_file)
+        content = "\n".join("\t".join(line.split()) for line in islice(file, layout.header_lines, None)).encode()
     return _Lines(path, names, content, "\t", layout.decimal_point)
 
 
@@ -189,11 +178,8 @@ def read_blank_separated(
         columns: Name and type of every column to read.
         on_bad: stop makes a broken line an error.
     """
-    try:
-        with text_of(path) as file:
-            content = "\n".join(",".join(line.split()) for line in file).encode()
-    except (*DAMAGED, UnicodeDecodeError) as error:
-        raise damaged(path, error) from None
+    with readable(path), text_of(path) as file:
+        content = "\n".join(",".join(line.split()) for line in file).encode()
     return _Lines(path, list(names), content).table(columns, on_bad)
 
 
@@ -261,9 +247,8 @@ class _Lines:
             if unfit.any():
                 row = int(np.argmax(unfit))
                 text = f"{numbers[row]:g} is not a whole number"
-                raise bad_recording(
-                    "value-unreadable", text, "write a whole number there", self.path, column=name, row=row + 1
-                )
+                remedy = "write a whole number there"
+                raise bad_recording("value-unreadable", text, remedy, self.path, column=name, row=row + 1)
             table = table.set_column(place, name, values.cast(columns[name]))
         return table
 

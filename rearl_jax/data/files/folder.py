@@ -31,7 +31,9 @@ def visible_files(root: Path, endings: Sequence[str]) -> list[Path]:
         InvalidInputError: The name of one is not text.
     """
     files = sorted(root.glob("*")) if root.is_dir() else []
-    return [_with_text_name(file) for file in files if is_visible(file) and _ends(file, endings) and file.is_file()]
+    ends = tuple(ending.lower() for ending in endings)
+    named = [file for file in files if is_visible(file) and file.name.lower().endswith(ends)]
+    return [_with_text_name(file) for file in named if file.is_file()]
 
 
 def named_files(root: Path, endings: Sequence[str], wanted: str, usual: str) -> list[Path]:
@@ -158,7 +160,3 @@ def tables_of_study(folder: Path) -> Path | None:
     tables = folder / "tables"
     is_study = (folder / "config.json").is_file() and (folder / "recordings.parquet").is_file()
     return tables if is_study and tables.is_dir() else None
-
-
-def _ends(file: Path, endings: Sequence[str]) -> bool:
-    return file.name.lower().endswith(tuple(ending.lower() for ending in endings))

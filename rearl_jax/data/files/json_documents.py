@@ -65,9 +65,9 @@ def documents(path: Path) -> Iterator[Documents]:
             if len(rest) > MAX_DOCUMENT_BYTES:
                 fault = f"the object at byte {offset} does not end within {MAX_DOCUMENT_BYTES // 2**20} MB"
                 raise bad_recording("document-broken", fault, "the file is damaged: copy it again", path)
-    if not n_found and not rest.strip(_SEPARATORS + b"[]"):
-        raise bad_recording("file-empty", "the file holds no documents", "remove the file or complete it", path)
     tail = rest.strip(_SEPARATORS + b"[]")
+    if not n_found and not tail:
+        raise bad_recording("file-empty", "the file holds no documents", "remove the file or complete it", path)
     if tail or (is_array and not closed):
         yield Documents([], [], max(tail.count(b'"_id"'), 1))
 
@@ -80,11 +80,7 @@ def _spans(text: bytes) -> tuple[np.ndarray, np.ndarray]:
     escaped = np.zeros(len(marks), dtype=bool)
     if b"\\" in text:
         for number in np.flatnonzero(quote & (marks > 0) & (codes[np.maximum(marks - 1, 0)] == ord("\\"))):
-            before = (
-                text[: marks[number]]
-                if marks[number] < _MAX_BACKSLASHES
-                else text[marks[number] - _MAX_BACKSLASHES : marks[number]]
-            )
+            before = text[max(marks[number] - _MAX_BACKSLASHES, 0) : marks[number]]
             # A backslash that is itself escaped does not escape the next character.
             escaped[number] = (len(before) - len(before.rstrip(b"\\"))) % 2 == 1
     within = np.cumsum(quote & ~escaped) % 2 == 1

@@ -9,14 +9,15 @@ import lzma
 import re
 import zipfile
 import zlib
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import lru_cache, partial
 from itertools import islice
 from pathlib import Path
 from typing import BinaryIO, cast
 
-from rearl_jax.data.problems import BadRecordingError, bad_recording, file_missing
+from rearl_jax.data.problems import bad_recording, file_missing
 from rearl_jax.data.units import UNITS, unit_named
 
 OPENERS = {".gz": gzip.GzipFile, ".bz2": bz2.BZ2File, ".xz": lzma.LZMAFile}
@@ -27,7 +28,8 @@ BLANKS = " "
 SAMPLE_LINES = 20
 """Lines from which delimiter and decimal mark are determined."""
 _MAGIC = {b"\x1f\x8b": ".gz", b"BZh": ".bz2", b"\xfd7zXZ\x00": ".xz", b"PK\x03\x04": ".zip"}
-_DELIMITERS = (",", ";", "\t", "|")
+_MARKS = (",", ";", "\t", "|")
+_DELIMITERS = (*_MARKS, BLANKS)
 _BYTE_ORDER_MARKS = {codecs.BOM_UTF8: "utf-8-sig", codecs.BOM_UTF16_LE: "utf-16", codecs.BOM_UTF16_BE: "utf-16"}
 _SINGLE_BYTE = "cp1252"
 _NAMES = {
@@ -148,26 +150,27 @@ def text_of(path: Path) -> io.TextIOWrapper:
 
 def first_lines(path: Path, number: int) -> list[str]:
     """The first lines that are not empty; bytes that are not text are replaced, and a very long line is split."""
-    try:
-        with opened(path) as file:
-            parts = iter(partial(file.readline, _SAMPLE_BYTES), b"")
-            lines = (line.decode("utf-8-sig", errors="replace").strip() for line in parts)
-            return list(islice((line for line in lines if line), number))
-    except DAMAGED as error:
-        raise damaged(path, error) from None
+    with readable(path), opened(path) as file:
+        parts = iter(partial(file.readline, _SAMPLE_BYTES), b"")
+        lines = (line.decode("utf-8-sig", errors="replace").strip() for line in parts)
+        return list(islice((line for line in lines if line), number))
 
 
 def first_names(path: Path) -> list[str]:
     """Fields of the first line that is not empty, whatever separates them."""
     line = next(iter(first_lines(path, 1)), "")
-    return max((fields_of(line, delimiter) for delimiter in _DELIMITERS), key=len)
+    return max((fields_of(line, delimiter) for delimiter in _MARKS), key=len)
 
 
-def damaged(path: Path, error: Exception) -> BadRecordingError:
-    """The error for a file that cannot be decompressed."""
-    text = f"the file cannot be read ({str(error) or type(error).__name__})"
-    remedy = "unpack it with its password" if "password" in str(error) else "the file is damaged: copy it again"
-    return bad_recording("not-text", text, remedy, path)
+@contextmanager
+def readable(path: Path) -> Iterator[None]:
+    """Turns errors of decompression and decoding into BadRecordingError."""
+    try:
+        yield
+    except (*DAMAGED, UnicodeDecodeError) as error:
+        text = f"the file cannot be read ({str(error) or type(error).__name__})"
+        remedy = "unpack it with its password" if "password" in str(error) else "the file is damaged: copy it again"
+        raise bad_recording("not-text", text, remedy, path) from None
 
 
 def fields_of(line: str, delimiter: str) -> list[str]:
@@ -201,15 +204,14 @@ def _quote(header: str, rows: Sequence[str], delimiter: str) -> str:
 @lru_cache(maxsize=256)
 def _layout(path: Path, size: int, changed: int) -> Layout:
     """The layout; size and time of the last change show whether the file is unchanged."""
-    try:
+    with readable(path):
         encoding, is_sure = _encoding(path)
-        with text_of(path) as file:
-            lines = [line.rstrip("\r\n") for line in islice(file, 10 * SAMPLE_LINES)]
-    except DAMAGED as error:
-        raise damaged(path, error) from None
-    except UnicodeDecodeError as error:
-        text = f"the file is not {_NAMES[encoding]} text ({error.reason})"
-        raise bad_recording("not-text", text, "the file is damaged: copy it again", path) from None
+        try:
+            with text_of(path) as file:
+                lines = [line.rstrip("\r\n") for line in islice(file, 10 * SAMPLE_LINES)]
+        except UnicodeDecodeError as error:
+            text = f"the file is not {_NAMES[encoding]} text ({error.reason})"
+            raise bad_recording("not-text", text, "the file is damaged: copy it again", path) from None
     filled = [number for number, line in enumerate(lines) if line.strip()]
     if not filled:
         raise bad_recording("file-empty", "the file is empty", "remove the file or complete it", path)
@@ -225,9 +227,8 @@ def _layout(path: Path, size: int, changed: int) -> Layout:
     if rows and (units := _units(fields_of(rows[0], delimiter))):
         n_above = lines.index(rows[0], header + 1) + 1
         quote = "" if delimiter == BLANKS else '"'
-        pairs = zip(
-            fields_of(names, delimiter), units, strict=False
-        )  # columns with a name and an entry in the line of units
+        # Columns with a name and an entry in the line of units.
+        pairs = zip(fields_of(names, delimiter), units, strict=False)
         names = delimiter.join(f"{quote}{name}[{unit}]{quote}" if unit else name for name, unit in pairs)
         rows = rows[1:]
     names += delimiter * _unnamed(fields_of(names, delimiter), [fields_of(row, delimiter) for row in rows])
@@ -268,7 +269,7 @@ def _header(lines: Sequence[str], filled: Sequence[int]) -> tuple[int, list[str]
 def _has_rows_below(lines: Sequence[str], filled: Sequence[int], place: int) -> bool:
     """True if at least half of the lines below line `filled[place]` have as many fields as it, with any delimiter."""
     below = [lines[number] for number in filled[place + 1 : place + 1 + SAMPLE_LINES]]
-    for delimiter in (*_DELIMITERS, BLANKS):
+    for delimiter in _DELIMITERS:
         wanted = len(fields_of(lines[filled[place]].strip(" "), delimiter))
         if wanted > 1 and 2 * sum(len(fields_of(row.strip(" "), delimiter)) == wanted for row in below) >= len(below):
             return True
@@ -277,7 +278,7 @@ def _has_rows_below(lines: Sequence[str], filled: Sequence[int], place: int) -> 
 
 def _begins_table(lines: Sequence[str], filled: Sequence[int], place: int) -> bool:
     """True if line `filled[place]` holds names only, and the next one as many fields, with numbers among them."""
-    for delimiter in (*_DELIMITERS, BLANKS):
+    for delimiter in _DELIMITERS:
         names, row = (fields_of(lines[filled[number]].strip(" "), delimiter) for number in (place, place + 1))
         if len(names) > 2 and len(names) == len(row) and all(names[1:]) and not any(map(_NUMBER.fullmatch, names)):
             return any(map(_NUMBER.fullmatch, row)) and _has_rows_below(lines, filled, place)
@@ -286,7 +287,7 @@ def _begins_table(lines: Sequence[str], filled: Sequence[int], place: int) -> bo
 
 def _names_what_is_below(comment: str, line: str) -> bool:
     """True if a comment has as many fields as the line below, which holds numbers."""
-    for delimiter in (*_DELIMITERS, BLANKS):
+    for delimiter in _DELIMITERS:
         fields = fields_of(line, delimiter)
         if len(fields) > 1 and len(fields) == len(fields_of(comment.lstrip("# "), delimiter)):
             return any(_NUMBER.fullmatch(field) for field in fields)
@@ -296,7 +297,7 @@ def _names_what_is_below(comment: str, line: str) -> bool:
 def _delimiter(header: str, rows: Sequence[str]) -> str:
     """The delimiter that gives the lines as many fields as the header; a comma if there is only one column."""
     scores = {}
-    for delimiter in (*_DELIMITERS, BLANKS):
+    for delimiter in _DELIMITERS:
         wanted = len(fields_of(header, delimiter))
         if wanted > 1:
             same = sum(len(fields_of(row, delimiter)) == wanted for row in rows)

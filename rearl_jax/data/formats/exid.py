@@ -17,17 +17,18 @@ import pyarrow.compute as pc
 
 from rearl_jax.config.data import BadRows, DataConfig
 from rearl_jax.data.checks.losses import Losses, reject
-from rearl_jax.data.checks.recorded_tracks import not_in_meta, require_rows, truncated
+from rearl_jax.data.checks.recorded_tracks import whole_tracks
 from rearl_jax.data.files.delimited import read_csv, read_header
+from rearl_jax.data.formats.backward_speeds import standing
 from rearl_jax.data.formats.highd import number_of, recording_files
 from rearl_jax.data.formats.highd_meta import read_tracks_meta, sound_frame_rate, sound_speed_limit
-from rearl_jax.data.problems import Finding, bad_recording, without_value
+from rearl_jax.data.problems import Finding, bad_recording
 from rearl_jax.data.roads.straightened import Straightened, leave_out, straightened
 from rearl_jax.data.schema import Recording, RecordingInfo, validate
+from rearl_jax.data.vehicle_rows import follows_row_before
 
 LICENCE = "exiD licence: non-commercial research on request, no redistribution"
 ATTRIBUTION = "Moers, Vater, Krajewski, Bock, Zlocki and Eckstein, The exiD Dataset, IEEE IV 2022; levelxdata.com"
-_BACKWARD = 1.0  # m/s; tracking errors give standing vehicles negative speeds down to this
 _TRACKS = {
     "trackId": pa.int64(),
     "frame": pa.int64(),
@@ -93,14 +94,7 @@ def read_recording(tracks_file: Path, policy: DataConfig) -> Recording:
         file=str(tracks_file),
         columns=_SPELLING,
     )
-
-    def without(rows: pd.DataFrame, finding: Finding | None) -> pd.DataFrame:
-        return rows if finding is None else reject(rows, finding, info, policy, losses)
-
-    rows = without(rows, without_value(rows, "track_id")).astype({"track_id": np.int64})
-    require_rows(rows, meta, policy, losses, file=info.file, column="trackId")
-    rows = without(rows, not_in_meta(rows, meta))
-    rows = without(rows, truncated(rows, meta))
+    rows = whole_tracks(rows, meta, info, policy, losses)
     rows = rows.iloc[np.argsort(rows["track_id"].to_numpy(), kind="stable")]
     road = _straight(rows, info)
     table, notes = _driver_frame(rows, meta, road)
@@ -108,10 +102,10 @@ def read_recording(tracks_file: Path, policy: DataConfig) -> Recording:
     info = replace(info, lane_count=lane_count, road_length=road.road_length, notes=tuple(notes))
     if road.wrong_way.any():
         text = "the vehicle drives against all others of its lane"
-        table = without(table, Finding("wrong_direction", "x", road.wrong_way, text, "correct its positions"))
+        finding = Finding("wrong_direction", "x", road.wrong_way, text, "correct its positions")
+        table = reject(table, finding, info, policy, losses)
     table = leave_out(table, pd.Series(road.off_road | road.no_lane, index=rows.index), losses)
-    table, dropped = validate(table, info, policy, losses)
-    return Recording(info, table, dropped)
+    return Recording(info, *validate(table, info, policy, losses))
 
 
 def _recording_meta(path: Path) -> tuple[float, float | None]:
@@ -120,16 +114,14 @@ def _recording_meta(path: Path) -> tuple[float, float | None]:
     if not rows.num_rows or rows["frameRate"][0].as_py() is None:
         raise bad_recording("no-rows", "the recording has no frame rate", "complete the file", path, column="frameRate")
     limit = rows["speedLimit"][0].as_py()
-    return sound_frame_rate(rows["frameRate"][0].as_py(), path), sound_speed_limit(
-        -1.0 if limit is None else limit, path
-    )
+    frame_rate = sound_frame_rate(rows["frameRate"][0].as_py(), path)
+    return frame_rate, sound_speed_limit(-1.0 if limit is None else limit, path)
 
 
 def _rows(path: Path, policy: DataConfig, losses: Losses) -> pd.DataFrame:
     """Rows with the first of their lanelets, NaN outside of the map."""
     table, n_broken = read_csv(path, _TRACKS, policy.on_bad)
-    if n_broken:
-        losses.counts["broken_line"] += n_broken
+    losses.count("broken_line", n_broken)
     if not table.num_rows:
         raise bad_recording("no-rows", "the recording has no rows", "remove the file or complete it", path)
     lanelets = pc.call_function("replace_substring_regex", [table["laneletId"]], pc.ReplaceSubstringOptions(";.*", ""))
@@ -146,14 +138,10 @@ def _rows(path: Path, policy: DataConfig, losses: Losses) -> pd.DataFrame:
 def _straight(rows: pd.DataFrame, info: RecordingInfo) -> Straightened:
     """The road on which the vehicles drive; BadRecordingError if their paths do not show it."""
     track = rows["track_id"].to_numpy()
-    begins = np.ones(len(track), dtype=bool)
-    begins[1:] = (track[1:] != track[:-1]) | (rows["laneChange"].to_numpy()[1:] == 1.0)
+    begins = ~follows_row_before(track) | (rows["laneChange"].to_numpy() == 1.0)
     x, y, lanelet = (rows[name].to_numpy(np.float64) for name in ("xCenter", "yCenter", "lanelet"))
     # shared=1.0, because all vehicles on a lanelet drive the same way.
-    road = straightened(track, np.cumsum(begins), x, y, lanelet, y_down=False, shared=1.0)
-    if road is None:
-        text = "no vehicle moves, so that the road cannot be found"
-        raise bad_recording("no-motion", text, "complete the positions", info.file, column="xCenter")
+    road = straightened(track, np.cumsum(begins), x, y, lanelet, info, y_down=False, shared=1.0)
     if road.is_mirrored:
         text = "the traffic keeps to the left of the oncoming one"
         raise bad_recording("wrong-orientation", text, "let yCenter grow to the north", info.file, column="yCenter")
@@ -162,14 +150,13 @@ def _straight(rows: pd.DataFrame, info: RecordingInfo) -> Straightened:
 
 def _driver_frame(rows: pd.DataFrame, meta: pd.DataFrame, road: Straightened) -> tuple[pd.DataFrame, list[str]]:
     """Columns of the schema, and notes on what was changed."""
-    speed = rows["lonVelocity"].to_numpy(np.float64)
-    backward = (speed < 0.0) & (speed >= -_BACKWARD)
+    speed, notes = standing(rows["lonVelocity"].to_numpy(np.float64))
     table = pd.DataFrame(
         {
             "track_id": rows["track_id"].to_numpy(),
             "frame": rows["frame"].to_numpy(),
             **{name: road.columns[name].to_numpy() for name in road.columns},
-            "speed": np.where(backward, 0.0, speed),
+            "speed": speed,
             "acceleration": rows["lonAcceleration"].to_numpy(np.float64),
             "length": rows["length"].to_numpy(np.float64),
             "width": rows["width"].to_numpy(np.float64),
@@ -177,7 +164,4 @@ def _driver_frame(rows: pd.DataFrame, meta: pd.DataFrame, road: Straightened) ->
         },
         index=rows.index,
     )
-    notes = ["the road is straightened by the paths of its vehicles, lanes are lanelets side by side"]
-    if backward.any():
-        notes.append(f"{int(backward.sum())} speeds between -{_BACKWARD:g} and 0 m/s set to 0")
-    return table, notes
+    return table, ["the road is straightened by the paths of its vehicles, lanes are lanelets side by side", *notes]

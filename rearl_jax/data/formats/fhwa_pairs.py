@@ -15,9 +15,10 @@ import pandas as pd
 from rearl_jax.config.data import DataConfig
 from rearl_jax.data.checks.losses import Losses
 from rearl_jax.data.checks.unit_checks import require_period
-from rearl_jax.data.files.columnar import column_names, read_columns
+from rearl_jax.data.files.columnar import read_columns
 from rearl_jax.data.files.folder import only_parquet
-from rearl_jax.data.problems import bad_recording, require_columns
+from rearl_jax.data.formats.ngsim_pairs import runs_of
+from rearl_jax.data.problems import bad_recording, source_row
 from rearl_jax.data.schema import Recording, RecordingInfo, validate
 
 FRAME_RATE = 10.0
@@ -39,18 +40,12 @@ _MAX_ID = 1e9
 
 def find_pairs(root: Path) -> Path:
     """The Parquet file of pairs in the folder; MissingInputError if there is none, or more than one."""
-    wanted = f"the folder with the one file of FHWA's pairs, columns {', '.join((*_TEXTS, *_NUMBERS))}"
-    return only_parquet(root, wanted)
+    return only_parquet(root, f"the folder with the one file of FHWA's pairs, columns {', '.join(COLUMNS)}")
 
 
 def pairs_recordings(path: Path) -> dict[str, str]:
     """Recording id -> run of the table, such as fhwa_run1 -> run1."""
-    require_columns(column_names(path), (*_TEXTS, *_NUMBERS), str(path))
-    runs = read_columns(path, (), ("recording",))["recording"].unique().tolist()
-    if not runs or None in runs:
-        text = "a row has no run" if runs else "the table has no rows"
-        raise bad_recording("run-unnamed", text, "complete the file", path, column="recording")
-    return {f"fhwa_{run}": run for run in sorted(runs)}
+    return {f"fhwa_{run}": run for run in runs_of(path, "recording", COLUMNS)}
 
 
 def read_pairs(path: Path, recording: str, run: str, policy: DataConfig) -> Recording:
@@ -79,8 +74,7 @@ def read_pairs(path: Path, recording: str, run: str, policy: DataConfig) -> Reco
     )
     _require_pairs(pairs, info)
     require_period(pairs["t_s"].to_numpy(np.float64), pairs["pair"].to_numpy(), 1.0 / FRAME_RATE, info.file, "t_s")
-    table, dropped = validate(_members(pairs, run), info, policy, Losses())
-    return Recording(info, table, dropped)
+    return Recording(info, *validate(_members(pairs, run), info, policy, Losses()))
 
 
 def _require_pairs(pairs: pd.DataFrame, info: RecordingInfo) -> None:
@@ -103,8 +97,7 @@ def _stop_at(
 ) -> None:
     """Raise BadRecordingError for the first marked row, if there is one."""
     if bad.any():
-        row = int(pairs.index[int(np.argmax(bad))]) + 1
-        raise bad_recording(code, text, remedy, info.file, column=column, row=row)
+        raise bad_recording(code, text, remedy, info.file, column=column, row=source_row(pairs, bad))
 
 
 def _members(pairs: pd.DataFrame, run: str) -> pd.DataFrame:

@@ -16,7 +16,7 @@ import pyarrow as pa
 from rearl_jax.config.data import DataConfig
 from rearl_jax.data.checks.leader_ids import without_absent
 from rearl_jax.data.checks.losses import Losses, reject
-from rearl_jax.data.checks.recorded_tracks import not_in_meta, require_rows, truncated
+from rearl_jax.data.checks.recorded_tracks import whole_tracks
 from rearl_jax.data.checks.typed_table import RANGES
 from rearl_jax.data.files.delimited import read_csv, read_header
 from rearl_jax.data.files.folder import recordings_missing, tell_of_others_below, visible_files
@@ -161,18 +161,11 @@ def read_recording(tracks_file: Path, policy: DataConfig, *, generated: bool = F
         file=str(tracks_file),
         columns=_SOURCE_COLUMNS,
     )
-
-    def without(source: pd.DataFrame, finding: Finding | None) -> pd.DataFrame:
-        return source if finding is None else reject(source, finding, info, policy, losses)
-
-    source = without(source, without_value(source, "track_id")).astype({"track_id": np.int64})
     # Completeness before any other loss of single rows, which would make a track look cut off.
-    require_rows(source, meta, policy, losses, file=info.file, column="id")
-    source = without(source, not_in_meta(source, meta))
-    source = without(source, truncated(source, meta))
-    source = without(source, without_value(source, "laneId")).astype({"laneId": np.int64})
-    source = without(source, _wrong_sign(source, meta))
-    source = without(source, _no_lane(source, meta, recording.markings))
+    source = whole_tracks(source, meta, info, policy, losses)
+    source = reject(source, without_value(source, "laneId"), info, policy, losses).astype({"laneId": np.int64})
+    source = reject(source, _wrong_sign(source, meta), info, policy, losses)
+    source = reject(source, _no_lane(source, meta, recording.markings), info, policy, losses)
     lanes, notes = _lane_ids(source, meta, recording.markings)
     lane_count = {side: high - low + 1 for side, (low, high) in lanes.items()}
     info = replace(info, lane_count=lane_count, notes=notes)
@@ -190,8 +183,7 @@ def read_recording(tracks_file: Path, policy: DataConfig, *, generated: bool = F
 def _read_tracks(path: Path, policy: DataConfig, losses: Losses) -> pd.DataFrame:
     """Columns _TRACKS of the tracks file, the id as track_id; broken lines are counted."""
     rows, n_broken = read_csv(path, _TRACKS, policy.on_bad)
-    if n_broken:
-        losses.counts["broken_line"] += n_broken
+    losses.count("broken_line", n_broken)
     if not rows.num_rows:
         raise bad_recording("no-rows", "the recording has no rows", "remove the file or complete it", path)
     # Converted column by column, so that Arrow's and NumPy's copies of the table are not in memory together.

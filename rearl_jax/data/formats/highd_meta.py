@@ -48,7 +48,7 @@ def read_recording_meta(path: Path) -> RecordingMeta:
         BadRecordingError: A column is missing, or a value is not a number.
     """
     present = read_header(path)
-    require_columns(present, _REQUIRED, str(path))
+    require_columns(present, _REQUIRED, path)
     columns = {name: pa.string() for name in (*_REQUIRED, *({"speedLimit"} & set(present)))}
     rows, _ = read_csv(path, columns, BadRows.stop)
     if not rows.num_rows:
@@ -101,9 +101,8 @@ def sound_speed_limit(value: float, path: Path) -> float | None:
 def read_tracks_meta(path: Path, policy: DataConfig, losses: Losses) -> pd.DataFrame:
     """Columns numFrames, class (in words of the schema) and drivingDirection of every track, by its id.
 
-    Files of exiD call the id trackId and have no direction.
-
-    A class the schema does not know is left to `schema.validate` unless data.on_bad is stop.
+    Files of exiD call the id trackId and have no direction. A class that the schema does not know is left to
+    `schema.validate` unless data.on_bad is stop.
 
     Raises:
         BadRecordingError: A column or value is missing, an id occurs twice, a direction is neither 1 nor 2;
@@ -114,22 +113,16 @@ def read_tracks_meta(path: Path, policy: DataConfig, losses: Losses) -> pd.DataF
     if track == "trackId":
         del columns["drivingDirection"]
     rows, n_broken = read_csv(path, columns, policy.on_bad)
-    if n_broken:
-        losses.counts["broken_meta_line"] += n_broken
+    losses.count("broken_meta_line", n_broken)
     meta = rows.to_pandas().rename(columns={track: "id"})
     meta["class"] = classes_of(meta["class"])
     direction = meta["drivingDirection"] if "drivingDirection" in meta else pd.Series(1, index=meta.index)
+    neither = "has a direction that is neither 1 nor 2"
     stops = (
         ("id-missing", "id", meta["id"].isna(), "has no id", "complete it"),
         ("duplicate", "id", meta["id"].duplicated(), "is listed twice", "keep one of the two rows"),
         ("value-missing", "numFrames", meta["numFrames"].isna(), "has no number of frames", "complete it"),
-        (
-            "wrong-direction",
-            "drivingDirection",
-            ~direction.isin([1, 2]),
-            "has a direction that is neither 1 nor 2",
-            "correct it",
-        ),
+        ("wrong-direction", "drivingDirection", ~direction.isin([1, 2]), neither, "correct it"),
     )
     if policy.on_bad is BadRows.stop:
         remedy = f"use one of {', '.join(CLASSES)}{DROP_HINT}"

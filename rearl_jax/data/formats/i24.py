@@ -20,7 +20,8 @@ from rearl_jax.config.data import DataConfig
 from rearl_jax.data.checks.losses import Losses
 from rearl_jax.data.files.folder import named_files
 from rearl_jax.data.files.json_documents import parsed, read_documents
-from rearl_jax.data.formats.i24_index import FEET, LANE, NEEDED, Cell, Index, Tracks, index_of
+from rearl_jax.data.formats.backward_speeds import standing
+from rearl_jax.data.formats.i24_index import FEET, FIELDS, LANE, Cell, Index, Tracks, index_of
 from rearl_jax.data.problems import bad_recording
 from rearl_jax.data.schema import Recording, RecordingInfo, validate
 
@@ -36,18 +37,7 @@ _USED = 0.01  # smallest share of the rows of a direction that makes a further l
 _BATCH_BYTES = 32 * 2**20  # bytes of documents that are parsed at a time
 _FIRST_DOCUMENT_BYTES = 2**23  # more than the document of a vehicle that is recorded for an hour
 _MAX_FRAME_OFFSET = 0.1  # frames; a larger offset of a document's times from those of the others is noted
-_BACKWARD = 1.0  # m/s; tracking errors give standing vehicles negative speeds down to this
 _WINTER = timedelta(hours=-6)  # Central Standard Time; all published days are in it
-_LIST = pa.list_(pa.float64())
-_FIELDS = {
-    "timestamp": _LIST,
-    "x_position": _LIST,
-    "y_position": _LIST,
-    "direction": pa.float64(),
-    "length": pa.float64(),
-    "width": pa.float64(),
-    "coarse_vehicle_class": pa.float64(),
-}
 # 0 sedan, 1 midsize, 2 van, 3 pickup, 4 semi, 5 truck, 6 motorcycle
 _CLASSES = {0.0: "car", 1.0: "car", 2.0: "car", 3.0: "car", 4.0: "truck", 5.0: "truck", 6.0: "motorcycle"}
 # Columns of the file by canonical name, for messages.
@@ -77,7 +67,7 @@ def is_one(path: Path) -> bool:
     with path.open("rb") as file:
         head = file.read(_FIRST_DOCUMENT_BYTES)
     return re.match(rb"(\xef\xbb\xbf)?\s*(\[\s*)?\{", head) is not None and all(
-        re.search(rb'"%s"\s*:' % name.encode(), head) for name in NEEDED
+        re.search(rb'"%s"\s*:' % name.encode(), head) for name in FIELDS
     )
 
 
@@ -87,7 +77,7 @@ def cells(path: Path, policy: DataConfig) -> dict[str, Cell]:
     Raises:
         BadRecordingError: The file holds no documents of I-24 MOTION, or one is broken and data.on_bad is stop.
     """
-    index = _index(path, policy)
+    index = index_of(path, policy)
     if not index.cells:
         raise bad_recording("no-rows", "the file has no sound document", "remove the file or copy it again", path)
     return {_name(cell, path, policy): cell for cell in sorted(index.cells)}
@@ -101,7 +91,7 @@ def read_cell(path: Path, recording: str, cell: Cell, policy: DataConfig) -> Rec
     Raises:
         BadRecordingError: A row breaks the schema.
     """
-    index = _index(path, policy)
+    index = index_of(path, policy)
     losses = Losses()
     if cell == min(index.cells):
         losses.counts.update(index.dropped)
@@ -110,16 +100,12 @@ def read_cell(path: Path, recording: str, cell: Cell, policy: DataConfig) -> Rec
     return _recording(rows, index, recording, cell, path, policy, losses)
 
 
-def _index(path: Path, policy: DataConfig) -> Index:
-    return index_of(path, policy.window, policy.section, policy.on_bad)
-
-
 def _name(cell: Cell, path: Path, policy: DataConfig) -> str:
     """Id of the recording of a cell: local start of its window and mile marker of its section."""
-    name = "i24" if policy.window is not None else f"i24_{path.stem}"
+    name = f"i24_{path.stem}"
     if policy.window is not None:
         start = datetime.fromtimestamp(cell[0] * policy.window, UTC) + _WINTER
-        name += start.strftime("_%Y%m%d_%H%M%S")
+        name = start.strftime("i24_%Y%m%d_%H%M%S")
     if policy.section is not None:
         name += f"_mm{cell[1] * policy.section / (5280.0 * FEET):.2f}"
     return name
@@ -134,7 +120,7 @@ def _parts(numbers: np.ndarray, index: Index) -> list[np.ndarray]:
 def _rows(path: Path, numbers: np.ndarray, index: Index, cell: Cell, policy: DataConfig) -> pd.DataFrame:
     """Rows of documents in a window and section, in SI units; the index holds the numbers of the documents."""
     texts = read_documents(path, [index.starts[n] for n in numbers], [index.sizes[n] for n in numbers])
-    documents, broken = parsed(texts, _FIELDS)
+    documents, broken = parsed(texts, FIELDS | {"width": pa.float64(), "coarse_vehicle_class": pa.float64()})
     if broken.any():
         text, row = "width or coarse_vehicle_class is not a number", int(numbers[np.argmax(broken)]) + 1
         raise bad_recording("not-a-number", text, "write a number", path, column="width", row=row)
@@ -175,7 +161,7 @@ def _recording(
     start = float(centre.min()) if policy.section is None else cell[1] * policy.section
     length = float(centre.max()) - start if policy.section is None else policy.section
     along = centre - start
-    backward = (speed < 0.0) & (speed >= -_BACKWARD)
+    speed, of_speeds = standing(speed)
     lane, lane_count, unknown = _lanes(lateral, side)
     table = pd.DataFrame(
         {
@@ -187,7 +173,7 @@ def _recording(
             "position": np.where(side > 0.0, along, length - along),
             "lateral": lateral,
             "lane": lane,
-            "speed": np.where(backward, 0.0, speed),
+            "speed": speed,
             "length": rows["length"].to_numpy(),
             "width": rows["width"].to_numpy(),
             "vehicle_class": _classes(rows["class"].to_numpy()),
@@ -195,8 +181,7 @@ def _recording(
         index=rows.index,
     )
     notes = ["speeds are changes of position, accelerations are unknown; the road is straightened by the source"]
-    if backward.any():
-        notes.append(f"{int(backward.sum())} speeds between -{_BACKWARD:g} and 0 m/s set to 0")
+    notes += of_speeds
     if unknown:
         notes.append(f"{unknown} rows beside the lanes (12 ft each, from 12 ft off the median) have no lane")
     is_between = rows["is_between_frames"].to_numpy(bool)
@@ -215,8 +200,7 @@ def _recording(
         file=str(path),
         columns=_SPELLING,
     )
-    table, dropped = validate(table, info, policy, losses)
-    return Recording(info, table, dropped)
+    return Recording(info, *validate(table, info, policy, losses))
 
 
 def _slope(values: np.ndarray, time: np.ndarray, tracks: Tracks) -> np.ndarray:
@@ -258,6 +242,5 @@ def _lanes(lateral: np.ndarray, side: np.ndarray) -> tuple[np.ndarray, dict[int,
 
 def _classes(numbers: np.ndarray) -> np.ndarray:
     """Classes of the schema; an unknown number stays, and the schema check reports it."""
-    return np.array([_CLASSES.get(number, str(number)) for number in np.unique(numbers)], object)[
-        np.unique(numbers, return_inverse=True)[1]
-    ]
+    found, which = np.unique(numbers, return_inverse=True)
+    return np.array([_CLASSES.get(number, str(number)) for number in found], object)[which]

@@ -4,7 +4,7 @@ One pass over the file builds the index, with which a recording of hours is read
 """
 
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from pathlib import Path
@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pyarrow as pa
 
-from rearl_jax.config.data import BadRows
+from rearl_jax.config.data import BadRows, DataConfig
 from rearl_jax.data.checks.frame_rates import frame_rate_of
 from rearl_jax.data.files.json_documents import documents, parsed
 from rearl_jax.data.problems import DROP_HINT, bad_recording
@@ -29,15 +29,14 @@ _MIN_DOCUMENTS = 8  # documents needed to check the unit of y_position
 _SINCE, _UNTIL = 1.5e9, 4.0e9  # s since 1970: the years 2017 and 2096
 _BACKWARD = 5.0 / FEET  # ft that a vehicle may end upstream of its start, because of tracking errors
 _LIST = pa.list_(pa.float64())
-_FIELDS = {
-    "_id": pa.struct({"$oid": pa.string()}),
+FIELDS: dict[str, pa.DataType] = {
     "timestamp": _LIST,
     "x_position": _LIST,
     "y_position": _LIST,
     "direction": pa.float64(),
     "length": pa.float64(),
 }
-NEEDED = ("timestamp", "x_position", "y_position", "direction", "length")
+"""Fields that every trajectory has, with their types."""
 
 Cell = tuple[int, int]
 """Number of a window since 1970, and of a section since the mile marker 0."""
@@ -48,6 +47,8 @@ class Index:
     """Documents of a file.
 
     Attributes:
+        path: The file.
+        on_bad: stop makes a broken document an error.
         starts: Byte offset of each document in the file.
         sizes: Length of each document [bytes].
         cells: Numbers of the documents with a row in each window and section, from 0.
@@ -56,6 +57,8 @@ class Index:
         dropped: Documents that were left out, by cause.
     """
 
+    path: Path
+    on_bad: BadRows
     starts: list[int] = field(default_factory=list)
     sizes: list[int] = field(default_factory=list)
     cells: dict[Cell, list[int]] = field(default_factory=dict)
@@ -63,27 +66,45 @@ class Index:
     phase: float = 0.0
     dropped: Counter[str] = field(default_factory=Counter)
 
+    def leave_out(self, cause: str, number: int, document: int, text: str, column: str | None = None) -> None:
+        """Counts documents that are left out.
 
-def index_of(path: Path, window: float | None, section: float | None, on_bad: BadRows) -> Index:
+        Args:
+            cause: Key of the count; with hyphens for underscores also the code of the problem.
+            number: How many.
+            document: Number of the first of them in the file, from 0.
+            text: The fault.
+            column: Field at fault.
+
+        Raises:
+            BadRecordingError: on_bad is stop.
+        """
+        if self.on_bad is BadRows.stop:
+            text = text if number == 1 else f"{text} (and {number - 1} more documents)"
+            remedy = f"the file is damaged: copy it again{DROP_HINT}"
+            code = cause.replace("_", "-")
+            raise bad_recording(code, text, remedy, self.path, column=column, row=document + 1)
+        self.dropped[cause] += number
+
+
+def index_of(path: Path, policy: DataConfig) -> Index:
     """The index of a file, built again only if the file has changed.
 
     Args:
         path: The file.
-        window: Length of the windows of time [s]; None for one window.
-        section: Length of the sections of road [m]; None for the whole road.
-        on_bad: stop makes a broken document an error.
+        policy: `window` and `section`, the lengths of time [s] and road [m] of a recording, and `on_bad`.
 
     Raises:
         BadRecordingError: The file holds no documents of I-24 MOTION, a unit is wrong, or a document is broken and
             on_bad is stop.
     """
     stat = path.stat()
-    return _index(path, window, section, on_bad, (stat.st_size, stat.st_mtime_ns))
+    return _index(path, policy.window, policy.section, policy.on_bad, (stat.st_size, stat.st_mtime_ns))
 
 
 @lru_cache(maxsize=2)
 def _index(path: Path, window: float | None, section: float | None, on_bad: BadRows, stamp: tuple[int, int]) -> Index:
-    index, known_ids = Index(), set[str]()
+    index, known_ids = Index(path, on_bad), set[str]()
     steps, begins, miles, offsets_from_middle = [], [], [], []
     backward = Counter[tuple[float, bool]]()  # vehicles by direction, and by whether they moved against it
     for block in documents(path):
@@ -91,16 +112,16 @@ def _index(path: Path, window: float | None, section: float | None, on_bad: BadR
         index.starts += block.starts
         index.sizes += [len(text) for text in block.texts]
         if block.n_broken:
-            _leave_out(index, "broken_document", block.n_broken, None, "the file is cut off", path, on_bad)
+            index.leave_out("broken_document", block.n_broken, len(index.starts), "the file is cut off")
         if not block.texts:
             continue
-        table, broken = parsed(block.texts, _FIELDS)
+        table, broken = parsed(block.texts, {"_id": pa.struct({"$oid": pa.string()}), **FIELDS})
         if broken.any():
             text = "the document is not JSON, or a field of it is of another type"
-            _leave_out(index, "broken_document", int(broken.sum()), first + int(np.argmax(broken)), text, path, on_bad)
+            index.leave_out("broken_document", int(broken.sum()), first + int(np.argmax(broken)), text)
         numbers = first + np.flatnonzero(~broken)
         _require_fields(table, path)
-        table, numbers = _sound(index, table, numbers, known_ids, path, on_bad)
+        table, numbers = _sound(index, table, numbers, known_ids)
         if not len(numbers):
             continue
         tracks = Tracks(table)
@@ -120,7 +141,7 @@ def _index(path: Path, window: float | None, section: float | None, on_bad: BadR
             _require_forward(backward, path)
             text = "x_position does not go the way of direction (1 = rising, -1 = falling)"
             document = int(numbers[np.argmax(wrong)])
-            _leave_out(index, "wrong_direction", int(wrong.sum()), document, text, path, on_bad, "direction")
+            index.leave_out("wrong_direction", int(wrong.sum()), document, text, "direction")
         centre = FEET * (x + 0.5 * np.repeat(direction * tracks.of_document("length"), tracks.counts))
         keys = np.stack([_cell(times, window), _cell(centre, section)], axis=1)
         _add_to_index(index, keys, np.repeat(numbers, tracks.counts), np.repeat(~wrong, tracks.counts))
@@ -183,9 +204,7 @@ def _add_to_index(index: Index, keys: np.ndarray, number: np.ndarray, sound: np.
             of_cell.append(document)
 
 
-def _sound(
-    index: Index, table: pa.Table, numbers: np.ndarray, known_ids: set[str], path: Path, on_bad: BadRows
-) -> tuple[pa.Table, np.ndarray]:
+def _sound(index: Index, table: pa.Table, numbers: np.ndarray, known_ids: set[str]) -> tuple[pa.Table, np.ndarray]:
     """The documents that can be placed in time and on the road, and their numbers in the file.
 
     Args:
@@ -193,8 +212,6 @@ def _sound(
         table: Documents of one block.
         numbers: Their numbers in the file.
         known_ids: Ids of the documents read so far; those of the block are added.
-        path: The file.
-        on_bad: stop makes a fault an error.
     """
 
     def missing(name: str) -> np.ndarray:
@@ -209,72 +226,43 @@ def _sound(
         ends = np.cumsum(lengths(name))
         return sums[ends] > sums[ends - lengths(name)]
 
-    def twice() -> np.ndarray:
+    def twice(name: str) -> np.ndarray:
         found = np.zeros(table.num_rows, dtype=bool)
-        for number, name in enumerate(table["_id"].combine_chunks().field("$oid").to_pylist()):
-            found[number] = name in known_ids if name is not None else False
-            known_ids.add(name or "")
+        for number, text in enumerate(table[name].combine_chunks().field("$oid").to_pylist()):
+            found[number] = text is not None and text in known_ids
+            known_ids.add(text or "")
         return found
 
-    checks: tuple[tuple[str, str, Callable[[], np.ndarray], str], ...] = (
-        *(("value_missing", name, lambda name=name: missing(name), "the value is missing") for name in NEEDED),
-        ("no_rows", "timestamp", lambda: lengths("timestamp") == 0, "the array is empty"),
-        *(
-            (
-                "lengths_differ",
-                name,
-                lambda name=name: lengths(name) != lengths("timestamp"),
-                "the array has another length than timestamp",
-            )
-            for name in ("x_position", "y_position")
-        ),
-        *(
-            ("not_finite", name, lambda name=name: unknown(name), "a value of the array is missing or impossible")
-            for name in ("timestamp", "x_position")
-        ),
-        (
-            "not_finite",
-            "length",
-            lambda: ~(np.abs(table["length"].to_numpy()) <= _MAX_NUMBER),
-            "the value is impossible",
-        ),
-        (
-            "wrong_direction",
-            "direction",
-            lambda: ~np.isin(table["direction"].to_numpy(), (1.0, -1.0)),
-            "the direction is neither 1 nor -1",
-        ),
-        ("duplicate", "_id", twice, "the document occurs twice"),
+    def other_length(name: str) -> np.ndarray:
+        return lengths(name) != lengths("timestamp")
+
+    def impossible(name: str) -> np.ndarray:
+        return ~(np.abs(table[name].to_numpy()) <= _MAX_NUMBER)
+
+    def no_direction(name: str) -> np.ndarray:
+        return ~np.isin(table[name].to_numpy(), (1.0, -1.0))
+
+    # One after the other, because each needs documents that have passed those before.
+    checks: tuple[tuple[str, Sequence[str], Callable[[str], np.ndarray], str], ...] = (
+        ("value_missing", tuple(FIELDS), missing, "the value is missing"),
+        ("no_rows", ("timestamp",), lambda name: lengths(name) == 0, "the array is empty"),
+        ("lengths_differ", ("x_position", "y_position"), other_length, "the array has another length than timestamp"),
+        ("not_finite", ("timestamp", "x_position"), unknown, "a value of the array is missing or impossible"),
+        ("not_finite", ("length",), impossible, "the value is impossible"),
+        ("wrong_direction", ("direction",), no_direction, "the direction is neither 1 nor -1"),
+        ("duplicate", ("_id",), twice, "the document occurs twice"),
     )
-    for name, column, find_bad, text in checks:
-        bad = find_bad()
-        if bad.any():
-            _leave_out(index, name, int(bad.sum()), int(numbers[np.argmax(bad)]), text, path, on_bad, column)
-            table, numbers = table.filter(pa.array(~bad)), numbers[~bad]
+    for cause, names, find_bad, text in checks:
+        for name in names:
+            bad = find_bad(name)
+            if bad.any():
+                index.leave_out(cause, int(bad.sum()), int(numbers[np.argmax(bad)]), text, name)
+                table, numbers = table.filter(pa.array(~bad)), numbers[~bad]
     return table, numbers
 
 
-def _leave_out(
-    index: Index,
-    name: str,
-    n: int,
-    number: int | None,
-    text: str,
-    path: Path,
-    on_bad: BadRows,
-    column: str | None = None,
-) -> None:
-    """Counts n documents that are left out for the cause `name`, or stops at the first of them, `number`."""
-    if on_bad is BadRows.stop:
-        text = text if n == 1 else f"{text} (and {n - 1} more documents)"
-        row = len(index.starts) + 1 if number is None else number + 1
-        remedy = f"the file is damaged: copy it again{DROP_HINT}"
-        raise bad_recording(name.replace("_", "-"), text, remedy, path, column=column, row=row)
-    index.dropped[name] += n
-
-
 def _require_fields(table: pa.Table, path: Path) -> None:
-    for name in NEEDED:
+    for name in FIELDS:
         if table.num_rows and table[name].null_count == table.num_rows:
             text = "no document of the block has the field"
             raise bad_recording("column-missing", text, "give trajectories of I-24 MOTION INCEPTION", path, column=name)

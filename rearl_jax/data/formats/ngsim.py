@@ -24,6 +24,12 @@ ATTRIBUTION = (
     "U.S. Department of Transportation Federal Highway Administration (2016), Next Generation Simulation "
     "(NGSIM) Vehicle Trajectories and Supporting Data, https://doi.org/10.21949/1504477"
 )
+# With the ramps, NGSIM data descriptions: US-101 has five lanes, the auxiliary lane 6, on-ramp 7 and off-ramp 8; I-80
+# has six lanes and the on-ramp 7. Lane 1 is the leftmost.
+LANES = {"us101": 8, "i80": 7}
+"""Lanes of each highway."""
+CLASSES = {1: "motorcycle", 2: "car", 3: "truck"}
+"""Vehicle classes by NGSIM's number, I-80 data description."""
 US101_LENGTH = 640.0  # m, 2100 ft; NGSIM US-101 data description
 DEBOUNCE = 21  # frames, 2 s
 _MAX_LANE = 100  # larger values are not lane numbers
@@ -47,14 +53,13 @@ _US101_SPELLING = {
 
 def us101_recordings(path: Path) -> dict[str, int]:
     """Recording id -> period of the shipped table."""
-    require_columns(column_names(path), _US101_COLUMNS, str(path))
+    require_columns(column_names(path), _US101_COLUMNS, path)
     periods = read_columns(path, ("period",))["period"].unique().tolist()
     unknown = [period for period in periods if period not in _US101_PERIODS]
     if unknown or not periods:
         text = f"the period is {unknown[0]}" if unknown else "the table has no rows"
-        raise bad_recording(
-            "period-unknown", text, f"write one of {', '.join(map(str, _US101_PERIODS))}", path, column="period"
-        )
+        remedy = f"write one of {', '.join(map(str, _US101_PERIODS))}"
+        raise bad_recording("period-unknown", text, remedy, path, column="period")
     return {_US101_PERIODS[period]: period for period in sorted(periods)}
 
 
@@ -107,8 +112,7 @@ def read_us101(path: Path, recording: str, period: int, policy: DataConfig) -> R
         finding = Finding("not_finite", "lane", unknown, "the lane is unknown", "complete the row")
         table = reject(table, finding, info, policy, losses)
     table = table.assign(lane=debounced(table["lane"].to_numpy(), table["track_id"].to_numpy()))
-    table, dropped = validate(table, info, policy, losses)
-    return Recording(info, table, dropped)
+    return Recording(info, *validate(table, info, policy, losses))
 
 
 def debounced(lane: np.ndarray, track: np.ndarray) -> np.ndarray:

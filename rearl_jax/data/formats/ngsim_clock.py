@@ -7,12 +7,9 @@ import numpy as np
 import pandas as pd
 
 from rearl_jax.data.checks.stray_rows import are_few, are_shared, continue_in, fill_gaps_of
-from rearl_jax.data.problems import bad_recording
+from rearl_jax.data.formats.ngsim import LANES
+from rearl_jax.data.problems import bad_recording, source_row
 
-# Lanes with the ramps, NGSIM data descriptions: US-101 has five lanes, the auxiliary lane 6, on-ramp 7 and
-# off-ramp 8; I-80 has six lanes and the on-ramp 7. Lane 1 is the leftmost.
-LANES = {"us101": 8, "i80": 7}
-"""Lanes of each highway."""
 ARTERIALS = ("lankershim", "peachtree")
 """Sites that are not highways, in the export of all sites."""
 # Both campaigns were in daylight saving time of the Pacific coast (13 April and 15 June 2005).
@@ -37,10 +34,9 @@ def recordings_of(rows: pd.DataFrame, path: Path) -> dict[str, np.ndarray]:
     """
     impossible = impossible_times(rows, path)
     if impossible.any():
-        row = int(np.argmax(impossible))
         text = "the time is before 1970 or after 2100"
-        remedy = "give milliseconds since 1970, and 10 frames per second"
-        raise bad_recording("time-impossible", text, remedy, path, column="Global_Time", row=int(rows.index[row]) + 1)
+        remedy, row = "give milliseconds since 1970, and 10 frames per second", source_row(rows, impossible)
+        raise bad_recording("time-impossible", text, remedy, path, column="Global_Time", row=row)
     start = _start(rows)
     recordings: dict[str, np.ndarray] = {}
     places = places_of(rows, path)

@@ -13,31 +13,28 @@ import numpy as np
 from rearl_jax.config.data import DataConfig
 from rearl_jax.data.files.columnar import column_names, read_columns
 from rearl_jax.data.files.folder import only_parquet
-from rearl_jax.data.formats.ngsim import ATTRIBUTION, FRAME_RATE, LICENCE
-from rearl_jax.data.formats.ngsim_pairs import LANES, joined_pairs
+from rearl_jax.data.formats.ngsim import ATTRIBUTION, CLASSES, FRAME_RATE, LANES, LICENCE
+from rearl_jax.data.formats.ngsim_pairs import joined_pairs
 from rearl_jax.data.problems import bad_recording, require_columns
 from rearl_jax.data.schema import Recording, RecordingInfo
 
 RECORDING = "i80_0400"
-CLASSES = {1: "motorcycle", 2: "car", 3: "truck"}
-"""NGSIM vehicle classes, I-80 data description."""
 
 _OF_BOTH = "follower leader frame lane".split()
 _OF_FOLLOWER = "x_f_m y_f_m v_f_mps a_f_mps2 length_f_m width_f_m class_f".split()
 _OF_LEADER = "y_l_m v_l_mps a_l_mps2 leader_length_m leader_width_m class_l".split()
-_NUMBERS = (*_OF_BOTH, *_OF_FOLLOWER, *_OF_LEADER)
-COLUMNS = _NUMBERS
-"""Columns by which a file is recognised."""
+COLUMNS = (*_OF_BOTH, *_OF_FOLLOWER, *_OF_LEADER)
+"""Columns by which a file is recognised, all of numbers."""
 
 
 def find_lateral(root: Path) -> Path:
     """The Parquet file of pairs in the folder; MissingInputError if there is none, or more than one."""
-    return only_parquet(root, f"the folder with the one file of leader-follower pairs, columns {', '.join(_NUMBERS)}")
+    return only_parquet(root, f"the folder with the one file of leader-follower pairs, columns {', '.join(COLUMNS)}")
 
 
 def lateral_recordings(path: Path) -> dict[str, None]:
     """The one recording of the table."""
-    require_columns(column_names(path), _NUMBERS, str(path))
+    require_columns(column_names(path), COLUMNS, path)
     return {RECORDING: None}
 
 
@@ -46,11 +43,11 @@ def read_lateral(path: Path, recording: str, part: None, policy: DataConfig) -> 
 
     The source states the position y of the front, so the centre is at y - length / 2.
     """
-    rows = read_columns(path, _NUMBERS)
+    rows = read_columns(path, COLUMNS)
     info = RecordingInfo(
         id=recording,
         frame_rate=FRAME_RATE,
-        lane_count={1: LANES},
+        lane_count={1: LANES["i80"]},
         road_length=0.0,
         source="NGSIM I-80, leader-follower pairs with lateral positions",
         licence=LICENCE,

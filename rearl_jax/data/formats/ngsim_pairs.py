@@ -6,6 +6,7 @@ frame; a vehicle that leaves the pairs and returns later gets a new id.
 Source: NGSIM I-80, DOI 10.21949/1504477, reconstructed trajectories, arXiv 2201.04755.
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -17,12 +18,12 @@ from rearl_jax.data.checks.losses import Losses, reject, split_tracks
 from rearl_jax.data.checks.unit_checks import MEDIAN_SIZE, require_period
 from rearl_jax.data.files.columnar import column_names, read_columns
 from rearl_jax.data.files.folder import only_parquet
-from rearl_jax.data.formats.ngsim import ATTRIBUTION, FRAME_RATE, LICENCE
+from rearl_jax.data.formats.ngsim import ATTRIBUTION, FRAME_RATE, LANES, LICENCE
 from rearl_jax.data.problems import Finding, bad_recording, require_columns
 from rearl_jax.data.schema import Recording, RecordingInfo, validate
+from rearl_jax.data.vehicle_rows import follows_row_before
 
 TRUCK_LENGTH = 7.0  # m; the lengths of I-80 leaders have a gap between 6.8 m (cars) and 7.7 m
-LANES = 7  # six lanes and the on-ramp, NGSIM I-80 data description
 _NUMBERS = "follower leader t_s y_f_m v_f_mps a_f_mps2 y_l_m v_l_mps a_l_mps2 leader_length_m lane".split()
 COLUMNS = ("run", *_NUMBERS)
 """Columns by which a file is recognised."""
@@ -33,26 +34,38 @@ _SHARED_TOLERANCE = 0.01  # m; largest difference of a vehicle's position or len
 
 def find_pairs(root: Path) -> Path:
     """The Parquet file of pairs in the folder; MissingInputError if there is none, or more than one."""
-    return only_parquet(
-        root, f"the folder with the one file of leader-follower pairs, columns run, {', '.join(_NUMBERS)}"
-    )
+    return only_parquet(root, f"the folder with the one file of leader-follower pairs, columns {', '.join(COLUMNS)}")
 
 
 def pairs_recordings(path: Path) -> dict[str, str]:
     """Recording id -> run of the table, such as i80_0400 -> 0400pm-0415pm."""
-    require_columns(column_names(path), ("run", *_NUMBERS), str(path))
-    runs = read_columns(path, (), ("run",))["run"].unique().tolist()
-    if not runs or None in runs:
-        text = "a row has no run" if runs else "the table has no rows"
-        raise bad_recording("run-unnamed", text, "complete the file", path, column="run")
     recordings: dict[str, str] = {}
-    for run in sorted(runs):
+    for run in runs_of(path, "run", COLUMNS):
         name = f"i80_{run[:4]}"
         if name in recordings:
             text = f"the runs {recordings[name]} and {run} would both be {name}"
             raise bad_recording("run-twice", text, "give each run another start time", path, column="run")
         recordings[name] = run
     return recordings
+
+
+def runs_of(path: Path, column: str, columns: Sequence[str]) -> list[str]:
+    """Runs of a table of pairs, by name.
+
+    Args:
+        path: The file.
+        column: Column of the runs.
+        columns: All columns that the table must have.
+
+    Raises:
+        BadRecordingError: A column is missing, a row has no run, or there are no rows.
+    """
+    require_columns(column_names(path), columns, path)
+    runs = read_columns(path, (), (column,))[column].unique().tolist()
+    if not runs or None in runs:
+        text = "a row has no run" if runs else "the table has no rows"
+        raise bad_recording("run-unnamed", text, "complete the file", path, column=column)
+    return sorted(runs)
 
 
 def read_pairs(path: Path, recording: str, run: str, policy: DataConfig) -> Recording:
@@ -65,7 +78,7 @@ def read_pairs(path: Path, recording: str, run: str, policy: DataConfig) -> Reco
     info = RecordingInfo(
         id=recording,
         frame_rate=FRAME_RATE,
-        lane_count={1: LANES},
+        lane_count={1: LANES["i80"]},
         road_length=0.0,
         source="NGSIM I-80, leader-follower pairs, reconstructed",
         licence=LICENCE,
@@ -103,9 +116,8 @@ def joined_pairs(pairs: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -
     members = members.sort_values(["track_id", "frame", "leader_id"], na_position="last", kind="stable")
     members = members.drop_duplicates(["track_id", "frame"])
     members = members.assign(y=_across(members))
-    track, frame = members["track_id"].to_numpy(), members["frame"].to_numpy()
-    returns = np.zeros(len(members), dtype=bool)
-    returns[1:] = (track[1:] == track[:-1]) & (np.diff(frame) > 1)
+    returns = follows_row_before(members["track_id"].to_numpy())
+    returns[1:] &= np.diff(members["frame"].to_numpy()) > 1
     if returns.any():
         note = f"{int(returns.sum())} vehicles left the pairs and came back under a new id"
         info = replace(info, notes=(*info.notes, note))
@@ -131,9 +143,8 @@ def _require_units(pairs: pd.DataFrame, info: RecordingInfo) -> None:
     order = np.argsort(pair, kind="stable")
     time = pairs["t_s"].to_numpy(np.float64)[order]
     if (np.abs(time) > _MAX_TIME).any():
-        raise bad_recording(
-            "wrong-units", f"a time is beyond {_MAX_TIME:g} s", "give the time in s", info.file, column="t_s"
-        )
+        text = f"a time is beyond {_MAX_TIME:g} s"
+        raise bad_recording("wrong-units", text, "give the time in s", info.file, column="t_s")
     require_period(time, pair[order], 1.0 / FRAME_RATE, info.file, "t_s")
     lengths = pairs["leader_length_m"].to_numpy(np.float64)
     lengths = lengths[~np.isnan(lengths)]
@@ -157,10 +168,8 @@ def _require_one_length(pairs: pd.DataFrame, info: RecordingInfo) -> None:
             span = np.asarray(lengths.transform("max")) - np.asarray(lengths.transform("min"))
         if (span > _SHARED_TOLERANCE).any():
             row = int(np.argmax(span > _SHARED_TOLERANCE))
-            text = f"vehicle {pairs[who].iloc[row]} has several lengths"
-            raise bad_recording(
-                "lengths-contradict", text, "correct the lengths", info.file, column=column, row=row + 1
-            )
+            text, remedy = f"vehicle {pairs[who].iloc[row]} has several lengths", "correct the lengths"
+            raise bad_recording("lengths-contradict", text, remedy, info.file, column=column, row=row + 1)
 
 
 def _members(pairs: pd.DataFrame, default_length: float) -> pd.DataFrame:

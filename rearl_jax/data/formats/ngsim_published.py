@@ -18,19 +18,18 @@ import pyarrow as pa
 
 from rearl_jax.config.data import BadRows, DataConfig
 from rearl_jax.data.checks.leader_ids import without_absent
-from rearl_jax.data.checks.losses import Losses, reject
+from rearl_jax.data.checks.losses import Losses, reject, stop_or_count
 from rearl_jax.data.checks.typed_table import MAX_LANES
 from rearl_jax.data.files.columnar import is_parquet
 from rearl_jax.data.files.delimited import read_blank_separated, read_csv, read_header, text_endings
 from rearl_jax.data.files.folder import named_files, visible_files
 from rearl_jax.data.files.text_layout import first_lines, first_names
-from rearl_jax.data.formats.ngsim import ATTRIBUTION, FRAME_RATE, LICENCE, US101_LENGTH
-from rearl_jax.data.formats.ngsim_clock import ARTERIALS, LANES, impossible_times, places_of, plain, recordings_of
+from rearl_jax.data.formats.ngsim import ATTRIBUTION, CLASSES, FRAME_RATE, LANES, LICENCE, US101_LENGTH
+from rearl_jax.data.formats.ngsim_clock import ARTERIALS, impossible_times, places_of, plain, recordings_of
 from rearl_jax.data.problems import DROP_HINT, Finding, bad_recording, require_columns
 from rearl_jax.data.schema import Recording, RecordingInfo, validate
 from rearl_jax.data.units import to_si
 
-_CLASS = {1: "motorcycle", 2: "car", 3: "truck"}
 # Canonical name: name in the published tables without case and punctuation, unit, required.
 _PUBLISHED = {
     "track_id": ("vehicleid", None, True),
@@ -110,20 +109,16 @@ class PublishedFile:
         table, info = _converted(recording, chosen.drop(columns="location", errors="ignore"), self.path)
         twice = chosen.duplicated().to_numpy()
         if twice.any():
-            remedy = "remove the copies"
-            finding = Finding("exact_duplicate", "track_id", twice, "the row occurs twice", remedy)
-            if self._policy.on_bad is BadRows.stop:
-                raise finding.error(chosen, info)
+            finding = Finding("exact_duplicate", "track_id", twice, "the row occurs twice", "remove the copies")
             # A repeated row is not a fault of the vehicle, so drop_track, too, keeps the first of the two rows.
-            losses.counts["exact_duplicate"] += int(twice.sum())
+            stop_or_count(chosen, finding, info, self._policy, losses)
             table = table.iloc[np.flatnonzero(~twice)]
         no_lane = (table["lane"] < 0).to_numpy()
         if no_lane.any():
             text = f"Lane_ID {table['lane'].iloc[int(np.argmax(no_lane))] + 1:g} is not a lane, they count from 1"
             finding = Finding("lane_out_of_range", "lane", no_lane, text, "correct the Lane_ID")
             table = reject(table, finding, info, self._policy, losses)
-        table, dropped = validate(table, info, self._policy, losses)
-        return Recording(info, table, dropped)
+        return Recording(info, *validate(table, info, self._policy, losses))
 
     @cached_property
     def _rows(self) -> tuple[pd.DataFrame, dict[str, int]]:
@@ -151,7 +146,7 @@ class PublishedFile:
         if "preceeding" in names:
             names["preceding"] = names.pop("preceeding")
         required = tuple(name for name, _, needed in _PUBLISHED.values() if needed)
-        require_columns(list(names), required, str(self.path))
+        require_columns(names, required, self.path)
         types = {
             names[name]: _TYPES.get(column, pa.float64() if unit else pa.int64())
             for column, (name, unit, _) in ((column, _PUBLISHED[column]) for column in wanted)
@@ -161,8 +156,7 @@ class PublishedFile:
             table, n_broken = read_blank_separated(self.path, _TXT_COLUMNS, types, self._policy.on_bad)
         else:
             table, n_broken = read_csv(self.path, types, self._policy.on_bad)
-        if n_broken:
-            losses.counts["broken_line"] = n_broken
+        losses.count("broken_line", n_broken)
         rows = table.to_pandas(split_blocks=True, self_destruct=True)
         if rows.empty:
             raise bad_recording("no-rows", "the table has no rows", "remove the file or complete it", self.path)
@@ -247,7 +241,7 @@ def _converted(recording: str, rows: pd.DataFrame, path: Path) -> tuple[pd.DataF
         "acceleration": source["acceleration"],
         "length": source["length"],
         "width": source["width"],
-        "vehicle_class": pd.Categorical(rows["vehicle_class"].replace(_CLASS)),
+        "vehicle_class": pd.Categorical(rows["vehicle_class"].replace(CLASSES)),
     }
     if "leader_id" in rows:
         others = {name: columns[name] for name in ("frame", "lane", "position")}

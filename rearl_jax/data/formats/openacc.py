@@ -15,15 +15,16 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from rearl_jax.config.data import BadRows, DataConfig
+from rearl_jax.config.data import DataConfig
 from rearl_jax.data.checks import typed_table
-from rearl_jax.data.checks.losses import Losses
+from rearl_jax.data.checks.losses import Losses, stop_or_count
 from rearl_jax.data.checks.unit_checks import is_other_unit, require_period, scale_of
 from rearl_jax.data.files.columnar import column_names, read_columns
 from rearl_jax.data.files.folder import only_parquet
 from rearl_jax.data.formats import openacc_index
+from rearl_jax.data.formats.backward_speeds import MAX_BACKWARD
 from rearl_jax.data.formats.openacc_drivers import switched
-from rearl_jax.data.problems import Finding, bad_recording
+from rearl_jax.data.problems import Finding, bad_recording, source_row
 from rearl_jax.data.schema import Recording, RecordingInfo, validate
 
 FRAME_RATE = 10.0
@@ -31,7 +32,6 @@ LICENCE = "CC BY 4.0"
 ATTRIBUTION = "European Commission, Joint Research Centre, Open ACC Database, https://doi.org/10.2905/JRC.KMH3D00"
 MAX_HOLE = 10  # frames, 1 s; a gap or speed that is missing for at most this time is interpolated
 MAX_GAP = 1000.0  # m; the widest gap of the data set is 230 m
-MAX_BACKWARD = 1.0  # m/s; noise of satellite receivers gives standing vehicles speeds of -0.07 m/s
 MAX_TIME = 86_400.0  # s; largest difference of a time from the median time of a run
 _NUMBERS = ("t_s", "pos", "speed_mps", "gap_to_follower_m")
 COLUMNS = ("file", *_NUMBERS)
@@ -60,7 +60,7 @@ class Platoon:
 
 def find_platoons(root: Path) -> Path:
     """The Parquet file of platoons in the folder; MissingInputError if there is none, or more than one."""
-    return only_parquet(root, f"the folder with the one file of OpenACC platoons, columns file, {', '.join(_NUMBERS)}")
+    return only_parquet(root, f"the folder with the one file of OpenACC platoons, columns {', '.join(COLUMNS)}")
 
 
 def platoon_recordings(path: Path) -> dict[str, Platoon]:
@@ -163,22 +163,17 @@ def rebuilt(
     _leave_out(~placed, table, "no_gap", "position", text, info, policy, losses)
     table = table.iloc[np.flatnonzero(placed)]
     if table.empty:
-        raise bad_recording(
-            "place-unknown",
-            "no vehicle has a known place",
-            "complete speeds and gaps",
-            info.file,
-            column=columns["track_id"],
-        )
+        text, remedy = "no vehicle has a known place", "complete speeds and gaps"
+        raise bad_recording("place-unknown", text, remedy, info.file, column=columns["track_id"])
     if switches is not None:
         table, info = switched(table, switches, info)
     backward = table["speed"].to_numpy() < 0.0
     note = f"{n_filled} speeds and gaps in holes of 1 s or less interpolated, "
     note += f"{int(backward.sum())} negative speeds set to 0"
     table = table.assign(speed=np.where(backward, 0.0, table["speed"]))
-    info = replace(info, notes=(*info.notes, note), road_length=_road_length(table))
-    table, dropped = validate(table, info, policy, losses)
-    return Recording(info, table, dropped)
+    road_length = float(np.max(table["position"].to_numpy() + 0.5 * table["length"].to_numpy()))
+    info = replace(info, notes=(*info.notes, note), road_length=road_length)
+    return Recording(info, *validate(table, info, policy, losses))
 
 
 def fill_holes(values: np.ndarray) -> np.ndarray:
@@ -214,9 +209,8 @@ def _plausible(
     _leave_out(lost, rows, "bad_time", "frame", "the time is unknown or a day off", info, policy, losses)
     rows = rows.iloc[np.flatnonzero(inside & ~lost)]
     if rows.empty:
-        raise bad_recording(
-            "time-unknown", "no row states its time", "complete the times", info.file, column=info.columns["frame"]
-        )
+        text, column = "no row states its time", info.columns["frame"]
+        raise bad_recording("time-unknown", text, "complete the times", info.file, column=column)
     frame = np.rint(rows["t_s"].to_numpy(dtype=np.float64) * FRAME_RATE).astype(np.int64)
     rows = rows.assign(frame=frame)
     twice = rows.duplicated(["pos", "frame"]).to_numpy()
@@ -312,11 +306,8 @@ def _leave_out(
     losses: Losses,
 ) -> None:
     """Count the marked rows, or stop at the first."""
-    if not bad.any():
-        return
-    if policy.on_bad is BadRows.stop:
-        raise Finding(name, column, bad, message, "complete the source").error(rows, info)
-    losses.counts[name] += int(bad.sum())
+    if bad.any():
+        stop_or_count(rows, Finding(name, column, bad, message, "complete the source"), info, policy, losses)
 
 
 def _models(rows: pd.DataFrame, file: str) -> dict[int, str | None]:
@@ -324,11 +315,7 @@ def _models(rows: pd.DataFrame, file: str) -> dict[int, str | None]:
     models = rows.drop_duplicates(["pos", MODEL])
     twice = models.duplicated("pos").to_numpy()
     if twice.any():
-        place, row = models["pos"].iloc[int(np.argmax(twice))], int(models.index[int(np.argmax(twice))]) + 1
-        text = f"vehicle {place:g} has several car models"
+        text = f"vehicle {models['pos'].iloc[int(np.argmax(twice))]:g} has several car models"
+        row = source_row(models, twice)
         raise bad_recording("models-contradict", text, "correct the models", file, column=MODEL, row=row)
     return {int(place): model for place, model in zip(models["pos"], models[MODEL], strict=True)}
-
-
-def _road_length(table: pd.DataFrame) -> float:
-    return float(np.max(table["position"].to_numpy() + 0.5 * table["length"].to_numpy()))

@@ -6,8 +6,8 @@ import numpy as np
 import pandas as pd
 
 from rearl_jax.data.checks.losses import split_tracks
-from rearl_jax.data.checks.typed_table import follows_row_before
 from rearl_jax.data.records import RecordingInfo
+from rearl_jax.data.vehicle_rows import follows_row_before
 
 ACC = "acc"
 """Label of tracks: 1 with adaptive cruise control, 0 with people at the wheel; None if the file does not state it."""

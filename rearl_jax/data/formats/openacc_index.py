@@ -29,9 +29,8 @@ def labels_of_run(index: Path, run: str) -> dict[str, str | None]:
     lines, _ = read_csv(index, dict.fromkeys(("file", "acc", "setting"), pa.string()), BadRows.stop)
     rows = [row for row in lines.to_pylist() if (row["file"] or "").removesuffix(".csv") == run]
     if len(rows) > 1:
-        raise bad_recording(
-            "run-twice", f"the run {run} is listed twice", "remove one of the rows", index, column="file"
-        )
+        text = f"the run {run} is listed twice"
+        raise bad_recording("run-twice", text, "remove one of the rows", index, column="file")
     if not rows:
         return {"acc": None, "setting": None}
     # Lists in text, such as ['1'] and ['S'], or ['SL'] for a run with both settings.
@@ -45,6 +44,5 @@ def labels_of_run(index: Path, run: str) -> dict[str, str | None]:
 
 
 def _unusable(index: Path, run: str, column: str, value: str, wanted: str) -> Exception:
-    return bad_recording(
-        "label-unusable", f"{value} of the run {run} is not {wanted}", f"write {wanted}", index, column=column
-    )
+    text = f"{value} of the run {run} is not {wanted}"
+    return bad_recording("label-unusable", text, f"write {wanted}", index, column=column)

@@ -16,11 +16,11 @@ import numpy as np
 import pandas as pd
 import pyarrow as pa
 
-from rearl_jax.config.data import BadRows, DataConfig
-from rearl_jax.data.checks.losses import Losses
+from rearl_jax.config.data import DataConfig
+from rearl_jax.data.checks.losses import Losses, stop_or_count
 from rearl_jax.data.files.delimited import read_below, stem_of, text_endings
 from rearl_jax.data.files.folder import is_visible, recordings_missing, visible_files
-from rearl_jax.data.files.text_layout import DAMAGED, damaged, first_lines, opened
+from rearl_jax.data.files.text_layout import first_lines, opened, readable
 from rearl_jax.data.formats import openacc, openacc_index
 from rearl_jax.data.formats.openacc import FRAME_RATE, MAX_HOLE, MODEL, Platoon
 from rearl_jax.data.formats.openacc_drivers import ACC
@@ -146,8 +146,7 @@ def read_run(path: Path, recording: str, platoon: Platoon, policy: DataConfig) -
         columns={"track_id": "Speed", "frame": "Time", "speed": "Speed", "position": "IVS", "x": "IVS", ACC: "Driver"},
     )
     losses = Losses()
-    if n_broken:
-        losses.counts["broken_line"] = n_broken
+    losses.count("broken_line", n_broken)
     labels = {MODEL: {k: models[k - 1] for k in places}, SETTING: _setting(header), ACC: _acc_of_run(header, path)}
     drivers = _drivers(wide, header, platoon, info, policy, losses)
     of_vehicles = [
@@ -173,24 +172,21 @@ def read_header_of(path: Path) -> Header:
     about: dict[str, tuple[str, ...]] = {}
     columns: list[str] = []
     number = 0
-    try:
-        with opened(path) as file:
-            for number, content in enumerate(file, 1):
-                cells = [cell.strip() for cell in content.decode("utf-8-sig", errors="replace").strip().split(",")]
-                if cells[0] == "Time":
-                    columns = cells
-                    break
-                if number > _MAX_HEADER_LINES:
-                    break
-                about[cells[0]] = tuple(cell for cell in cells[1:] if cell)
-    except DAMAGED as error:
-        raise damaged(path, error) from None
+    with readable(path), opened(path) as file:
+        for number, content in enumerate(file, 1):
+            cells = [cell.strip() for cell in content.decode("utf-8-sig", errors="replace").strip().split(",")]
+            if cells[0] == "Time":
+                columns = cells
+                break
+            if number > _MAX_HEADER_LINES:
+                break
+            about[cells[0]] = tuple(cell for cell in cells[1:] if cell)
     if not number:
         raise bad_recording("file-empty", "the file is empty", "remove the file or complete it", path)
     if not columns:
         text = "no line begins with Time, as the header of a run of OpenACC does"
         raise bad_recording("not-a-table", text, "move the file out of the folder", path)
-    require_columns(list(about), _HEADER_KEYS, str(path))
+    require_columns(about, _HEADER_KEYS, path)
     header = Header(about, columns, number)
     most = max(header.numbered("Speed"), default=0)
     if most > len(about["Vehicle_order"]):
@@ -251,9 +247,7 @@ def _drivers(
         if wrong.any():
             text = f"the driver is {words.iloc[int(np.argmax(wrong))]}, not ACC or Human"
             finding = Finding("driver_unknown", ACC, wrong, text, "write ACC or Human")
-            if policy.on_bad is BadRows.stop:
-                raise finding.error(wide, info)
-            losses.counts["driver_unknown"] += int(wrong.sum())
+            stop_or_count(wide, finding, info, policy, losses)
         index = pd.MultiIndex.from_arrays([np.full(len(wide), k), frame])
         found.append(pd.Series(driver.ffill(limit=MAX_HOLE).to_numpy(object), index=index)[known])
     if not found:

@@ -132,8 +132,7 @@ def read_recording(path: Path, policy: DataConfig) -> Recording:
         columns=_SPELLING,
     )
     table = _table(parts, stretch, frame_rate, policy.default_length)
-    table, dropped = validate(table, info, policy, losses)
-    return Recording(info, table, dropped)
+    return Recording(info, *validate(table, info, policy, losses))
 
 
 def _vehicles(path: Path, on_bad: BadRows, losses: Losses) -> Iterator[tuple[int, _Vehicle]]:
@@ -142,7 +141,7 @@ def _vehicles(path: Path, on_bad: BadRows, losses: Losses) -> Iterator[tuple[int
     if not {*VEHICLE_COLUMNS, *REPEATED_COLUMNS} & set(header):
         text = f"{path.name} is not a file of pNEUMA: its columns are {', '.join(header[:8])}"
         raise bad_recording("not-a-table", text, "move it out of the folder", path)
-    require_columns(header, (*VEHICLE_COLUMNS, *REPEATED_COLUMNS), str(path))
+    require_columns(header, (*VEHICLE_COLUMNS, *REPEATED_COLUMNS), path)
     if tuple(name for name in header if name) != (*VEHICLE_COLUMNS, *REPEATED_COLUMNS):
         text = f"the columns are {', '.join(header[:12])}"
         remedy = f"give {', '.join((*VEHICLE_COLUMNS, *REPEATED_COLUMNS))}, the last six repeated"

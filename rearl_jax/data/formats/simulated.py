@@ -177,16 +177,16 @@ def _on_clock(
     track = rows["track_id"].to_numpy()
     order = np.lexsort((time, track))
     steps = np.diff(time[order])[np.diff(track[order]) == 0]
-    steps = steps[steps > 0.0]
+    steps, column = steps[steps > 0.0], info.columns.get("time", "time")
     if not steps.size:
         text, remedy = "no vehicle has rows at two times", "write the positions of every time step"
-        raise bad_recording("frame-rate-unknown", text, remedy, info.file, column=info.columns.get("time", "time"))
+        raise bad_recording("frame-rate-unknown", text, remedy, info.file, column=column)
     rate = clock.rate_of(float(np.median(steps)), 0.0)
     least, most = clock.PLAUSIBLE_RATES
     if not least <= rate <= most:
         text = f"vehicles have a row every {1.0 / rate:.4g} s"
         remedy = f"give times in s, and write every {1.0 / most:.2g} to {1.0 / least:g} s"
-        raise bad_recording("wrong-units", text, remedy, info.file, column=info.columns.get("time", "time"))
+        raise bad_recording("wrong-units", text, remedy, info.file, column=column)
     steps_since_zero = time * rate
     # Relative to the time of a row near the median; the mean of two middle times might be between two steps.
     since = steps_since_zero - np.sort(steps_since_zero)[len(steps_since_zero) // 2]

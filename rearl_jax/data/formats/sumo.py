@@ -77,8 +77,7 @@ def read_recording(path: Path, beside: list[Path], policy: DataConfig) -> Record
     around = surroundings_of(beside)
     names = spelling(path)
     raw, n_broken = read_fcd(path, policy.on_bad)
-    if n_broken:
-        losses.counts["broken_line"] = n_broken
+    losses.count("broken_line", n_broken)
     link, lane = _edges_and_lanes(pd.Series(raw["lane"]))
     angle = raw["angle"].to_numpy()
     heading = np.deg2rad(np.where(np.isfinite(angle), angle, np.nan))  # clockwise from north

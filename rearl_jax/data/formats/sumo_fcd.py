@@ -39,9 +39,7 @@ def read_fcd(path: Path, on_bad: BadRows) -> tuple[pd.DataFrame, int]:
         BadRecordingError: A column is missing, a value is not a number, or the file is damaged. A file that only ends
             too early is read up to there unless on_bad is stop.
     """
-    is_xml = path.name.lower().endswith(XML)
-    table, n_broken = _of_xml(path, on_bad) if is_xml else _of_table(path, on_bad)
-    return table, n_broken
+    return _of_xml(path, on_bad) if path.name.lower().endswith(XML) else _of_table(path, on_bad)
 
 
 def is_fcd(path: Path) -> bool:
@@ -57,7 +55,7 @@ def spelling(path: Path) -> dict[str, str]:
         return {name: name for name in _KINDS}
     found = column_names(path) if path.suffix.lower() == ".parquet" else read_header(path)
     plain = _plain(found)
-    require_columns(list(plain), (*NUMBERS, *TEXTS), str(path))
+    require_columns(plain, (*NUMBERS, *TEXTS), path)
     return {name: plain[name] for name in _KINDS if name in plain}
 
 
@@ -75,7 +73,10 @@ def _of_table(path: Path, on_bad: BadRows) -> tuple[pd.DataFrame, int]:
         rows = read_columns(path, numbers, [spelt for spelt in names.values() if spelt not in numbers])
     else:
         table, n_broken = read_csv(path, {spelt: _KINDS[name] for name, spelt in names.items()}, on_bad, quoted=False)
-        rows = _encoded(table, list(names.values())).to_pandas(split_blocks=True, self_destruct=True)
+        # Texts as dictionaries, which take less memory.
+        columns = {name: table[name] for name in names.values()}
+        encoded = {n: c.dictionary_encode() if c.type == pa.string() else c for n, c in columns.items()}
+        rows = pa.table(encoded).to_pandas(split_blocks=True, self_destruct=True)
     rows = rows.rename(columns={spelt: name for name, spelt in names.items()})
     # Time steps without vehicles, and persons, leave the columns of vehicles empty.
     is_vehicle = np.logical_or.reduce([rows[name].notna().to_numpy() for name in ("id", "x", "speed", "lane")])
@@ -140,7 +141,7 @@ def _batch(chunk: Sequence[dict[str, str]], path: Path, n_before: int) -> pa.Rec
     for name, kind in _KINDS.items():
         values = pa.array([attributes.get(name) for attributes in chunk], pa.string())
         if n_before == 0 and name not in OPTIONAL and values.null_count == len(chunk):
-            require_columns(list(chunk[0]), (name,), str(path))
+            require_columns(chunk[0], (name,), path)
         columns[name] = _numbers(values, name, path, n_before) if kind == pa.float64() else values.dictionary_encode()
     return pa.RecordBatch.from_pydict(columns)
 
@@ -152,9 +153,8 @@ def _numbers(values: pa.Array, name: str, path: Path, n_before: int) -> pa.Array
     except pa.ArrowInvalid:
         row = next(row for row, value in enumerate(values.to_pylist()) if not _is_number(value))
         text = f"{values[row].as_py()!r} is not a number"
-        raise bad_recording(
-            "value-unreadable", text, "write a number there", path, column=name, row=n_before + row + 1
-        ) from None
+        row += n_before + 1
+        raise bad_recording("value-unreadable", text, "write a number there", path, column=name, row=row) from None
 
 
 def _is_number(value: str | None) -> bool:
@@ -163,9 +163,3 @@ def _is_number(value: str | None) -> bool:
     except pa.ArrowInvalid:
         return False
     return True
-
-
-def _encoded(table: pa.Table, names: Sequence[str]) -> pa.Table:
-    """The table with its texts as dictionaries, which take less memory."""
-    columns = {name: table[name] for name in names}
-    return pa.table({n: c.dictionary_encode() if c.type == pa.string() else c for n, c in columns.items()})

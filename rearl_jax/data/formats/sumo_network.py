@@ -17,8 +17,9 @@ _PASSED_OVER = frozenset(
 )
 """First elements of SUMO's other files, which are often in the same folder and are ignored."""
 
+_CARS = ("passenger", "private", "taxi", "evehicle", "hov", "vip", "army", "authority")
 SIZES = {
-    **dict.fromkeys(("passenger", "private", "taxi", "evehicle", "hov", "vip", "army", "authority"), (5.0, 1.8)),
+    **dict.fromkeys(_CARS, (5.0, 1.8)),
     **dict.fromkeys(("custom1", "custom2"), (5.0, 1.8)),
     **dict.fromkeys(("delivery", "emergency"), (6.5, 2.16)),
     "truck": (7.1, 2.4),
@@ -37,8 +38,7 @@ Source: libsumo 1.28, `vehicletype.getLength` and `getWidth` of a type of each c
 LANE_WIDTH = 3.2
 """Width [m] of lanes that state none. Source: SUMO documentation, Networks/PlainXML, default lane width."""
 CLASS = {
-    **dict.fromkeys(("passenger", "private", "taxi", "evehicle", "hov", "vip", "army", "authority"), "car"),
-    **dict.fromkeys(("delivery", "emergency"), "car"),
+    **dict.fromkeys((*_CARS, "delivery", "emergency"), "car"),
     **dict.fromkeys(("truck", "trailer", "bus", "coach"), "truck"),
     **dict.fromkeys(("motorcycle", "moped", "scooter"), "motorcycle"),
 }
@@ -96,8 +96,7 @@ def surroundings_of(files: list[Path]) -> Surroundings:
         BadRecordingError: A file is damaged, or a length, width or speed is not a number.
     """
     found = Surroundings()
-    default = VehicleType("passenger", *SIZES["passenger"])
-    found.types["DEFAULT_VEHTYPE"] = default
+    found.types["DEFAULT_VEHTYPE"] = VehicleType("passenger", *SIZES["passenger"])
     for path in files:
         edge = ""
         try:

@@ -4,8 +4,8 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from xml.parsers import expat
 
-from rearl_jax.data.files.text_layout import DAMAGED, damaged, opened
-from rearl_jax.data.problems import BadRecordingError, bad_recording
+from rearl_jax.data.files.text_layout import DAMAGED, opened, readable
+from rearl_jax.data.problems import bad_recording
 
 XML = (".xml", ".xml.gz")
 """Endings of SUMO's XML files."""
@@ -37,10 +37,8 @@ def elements(path: Path) -> Iterator[tuple[str, dict[str, str]]]:
     is_last = False
     with opened(path) as file:
         while not is_last:
-            try:
+            with readable(path):
                 block = file.read(_BLOCK)
-            except DAMAGED as error:
-                raise damaged(path, error) from None
             is_last = not block
             fault = _fault_of(parser.Parse, block, is_last)
             yield from found
@@ -48,7 +46,9 @@ def elements(path: Path) -> Iterator[tuple[str, dict[str, str]]]:
             if fault is not None and is_last and fault.code in _UNCLOSED:
                 raise CutOff(fault.lineno)
             if fault is not None:
-                raise not_xml(path, expat.ErrorString(fault.code), fault.lineno)
+                text = f"the line is not XML ({expat.ErrorString(fault.code)})"
+                remedy = "the file is damaged: write or copy it again"
+                raise bad_recording("not-xml", text, remedy, path, line=fault.lineno)
 
 
 def root_of(path: Path) -> str | None:
@@ -62,12 +62,6 @@ def root_of(path: Path) -> str | None:
     except DAMAGED:
         return None
     return names[0] if names else None
-
-
-def not_xml(path: Path, reason: str, line: int) -> BadRecordingError:
-    """The error for a file that breaks the rules of XML at a line."""
-    remedy = "the file is damaged: write or copy it again"
-    return bad_recording("not-xml", f"the line is not XML ({reason})", remedy, path, line=line)
 
 
 def _fault_of(parse: Callable, block: bytes, is_last: bool) -> expat.ExpatError | None:

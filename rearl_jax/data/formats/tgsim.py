@@ -19,7 +19,7 @@ import pyarrow.compute as pc
 from rearl_jax.config.data import DataConfig
 from rearl_jax.data.checks.frame_rates import frame_rate_of
 from rearl_jax.data.checks.losses import Losses, reject
-from rearl_jax.data.checks.typed_table import MAX_MAGNITUDE, follows_row_before
+from rearl_jax.data.checks.typed_table import MAX_MAGNITUDE
 from rearl_jax.data.files.delimited import read_csv, read_header, stem_of, text_endings
 from rearl_jax.data.files.folder import named_files
 from rearl_jax.data.files.text_layout import first_names
@@ -27,6 +27,7 @@ from rearl_jax.data.formats.ngsim_clock import plain
 from rearl_jax.data.problems import Finding, bad_recording, require_columns, without_value
 from rearl_jax.data.roads.straightened import Straightened, leave_out, straightened
 from rearl_jax.data.schema import Recording, RecordingInfo, validate
+from rearl_jax.data.vehicle_rows import follows_row_before
 
 LICENCE = "public domain (U.S. Government work)"
 ATTRIBUTION = (
@@ -124,8 +125,7 @@ def read_run(path: Path, recording: str, run: int | None, policy: DataConfig) ->
     )
     rows["time"] = rows["time"].where(rows["time"].abs() <= MAX_MAGNITUDE)
     for name in ("track_id", "time"):
-        finding = without_value(rows, name)
-        rows = rows if finding is None else reject(rows, finding, info, policy, losses)
+        rows = reject(rows, without_value(rows, name), info, policy, losses)
     rows = rows.astype({"track_id": np.int64}).sort_values(["track_id", "time"], kind="stable")
     steps = np.diff(rows["time"].to_numpy(np.float64))[follows_row_before(rows["track_id"].to_numpy())[1:]]
     rate = frame_rate_of(steps, path, names["time"])
@@ -158,8 +158,7 @@ def read_run(path: Path, recording: str, run: int | None, policy: DataConfig) ->
         if here.any():
             table = reject(table, Finding(name, column, here, text, "correct it"), info, policy, losses)
     table = leave_out(table, pd.Series(road.off_road, index=rows.index), losses)
-    table, dropped = validate(table, info, policy, losses)
-    return Recording(info, table, dropped)
+    return Recording(info, *validate(table, info, policy, losses))
 
 
 def _names(path: Path) -> dict[str, str]:
@@ -172,7 +171,7 @@ def _names(path: Path) -> dict[str, str]:
     if not set(_COLUMNS.values()) & set(present) - {"id", "time"}:
         text = f"{path.name} is not a trajectory table of TGSIM"
         raise bad_recording("not-a-table", text, "move it out of the folder", path)
-    require_columns(list(present), tuple(_COLUMNS.values()), str(path))
+    require_columns(present, _COLUMNS.values(), path)
     return {canonical: present[source] for canonical, source in (_COLUMNS | _OPTIONAL).items() if source in present}
 
 
@@ -185,8 +184,7 @@ def _rows(path: Path, names: dict[str, str], run: int | None, policy: DataConfig
     """The rows of a run under canonical names; the index holds the row numbers of the file."""
     types = {names[canonical]: _TYPES.get(canonical, pa.float64()) for canonical in names}
     table, n_broken = read_csv(path, types, policy.on_bad)
-    if n_broken:
-        losses.counts["broken_line"] = n_broken
+    losses.count("broken_line", n_broken)
     index = np.arange(table.num_rows)
     if run is not None:
         of_run = pc.call_function("equal", [table[names["run"]], pa.scalar(run)]).fill_null(False)
@@ -199,19 +197,14 @@ def _rows(path: Path, names: dict[str, str], run: int | None, policy: DataConfig
 
 
 def _straight(rows: pd.DataFrame, info: RecordingInfo) -> Straightened:
-    """The road on which the vehicles drive; BadRecordingError if none of them moves."""
+    """The road on which the vehicles drive; y points down unless the traffic then kept to the left."""
     track, lane = rows["track_id"].to_numpy(), rows["lane"].to_numpy(np.float64)
     same = follows_row_before(track)
     same[1:] &= lane[1:] == lane[:-1]
     x, y = (rows[name].to_numpy(np.float64) for name in ("x", "y"))
-    paths = (track, np.cumsum(~same), x, y, lane)
+    paths = (track, np.cumsum(~same), x, y, lane, info)
     road = straightened(*paths, y_down=True)
-    if road is not None and road.is_mirrored:
-        road = straightened(*paths, y_down=False)
-    if road is None:
-        text = "no vehicle moves, so that the road cannot be found"
-        raise bad_recording("no-motion", text, "complete the positions", info.file, column=info.columns["x"])
-    return road
+    return straightened(*paths, y_down=False) if road.is_mirrored else road
 
 
 def _lane_notes(road: Straightened) -> list[str]:

@@ -20,7 +20,7 @@ from rearl_jax.config.data import DataConfig
 from rearl_jax.data.checks.losses import Losses
 from rearl_jax.data.files.delimited import read_below, stem_of, text_endings
 from rearl_jax.data.files.folder import named_files
-from rearl_jax.data.files.text_layout import DAMAGED, damaged, first_lines, opened
+from rearl_jax.data.files.text_layout import first_lines, opened, readable
 from rearl_jax.data.formats.simulated import Simulation, info_of, recording_of
 from rearl_jax.data.problems import bad_recording, require_columns
 from rearl_jax.data.records import Recording
@@ -52,7 +52,6 @@ _REQUIRED = ("time", "vehicle", "link", "lane", "front", "speed")
 # Units of columns whose unit the file does not state.
 _UNSTATED = {"front": "m", "speed": "km/h", "length": "m", "acceleration": "m/s^2", "width": "m"}
 _SPELT = {"m/s2": "m/s^2", "m/s²": "m/s^2", "ft/s2": "ft/s^2", "ft/s²": "ft/s^2", "kmh": "km/h", "mi/h": "mph"}
-_SI = ("m", "m/s", "m/s^2")
 # Types of a new network; users define the meaning of others. Source: PTV Vissim manual, Vehicle types.
 _CLASS = {100: "car", 200: "truck", 300: "truck", 400: "other"}
 
@@ -107,11 +106,10 @@ def read_record(path: Path, policy: DataConfig) -> Recording:
     names = header.spelling()
     for name in _REQUIRED:
         if name not in names:
-            require_columns(header.columns, (_NAMES[name][header.layout],), str(path))
+            require_columns(header.columns, (_NAMES[name][header.layout],), path)
     kinds = {spelt: pa.string() if canonical == "type" else pa.float64() for canonical, spelt in names.items()}
     table, n_broken = read_below(path, header.columns, header.n_above, kinds, ";", policy.on_bad)
-    if n_broken:
-        losses.counts["broken_line"] = n_broken
+    losses.count("broken_line", n_broken)
     canonical = {spelt: name for name, spelt in names.items()}
     raw = table.rename_columns([canonical[spelt] for spelt in table.column_names])
     rows, notes = _rows_of(raw.to_pandas(split_blocks=True, self_destruct=True), header, names, path, policy)
@@ -129,21 +127,18 @@ def _header_of(path: Path) -> _Header:
     """
     units: dict[str, str] = {}
     number = 0
-    try:
-        with opened(path) as file:
-            for number, content in enumerate(file, 1):
-                line = _decoded(content).strip()
-                layout = next((place for place, begin in enumerate(_HEADERS) if line.startswith(begin)), -1)
-                if layout >= 0 or _names_old_columns(line):
-                    named = line.removeprefix(_HEADERS[layout]) if layout >= 0 else line
-                    return _Header(number, layout, [name.strip() for name in named.split(";")], units)
-                explained = re.match(r"[*\s]*([\w\\]+)\s*:.*\[([^\[\]]+)\]", line)
-                if explained:
-                    units[explained[1].upper()] = explained[2].strip()
-                if number > _MAX_HEADER_LINES:
-                    break
-    except DAMAGED as error:
-        raise damaged(path, error) from None
+    with readable(path), opened(path) as file:
+        for number, content in enumerate(file, 1):
+            line = _decoded(content).strip()
+            layout = next((place for place, begin in enumerate(_HEADERS) if line.startswith(begin)), -1)
+            if layout >= 0 or _names_old_columns(line):
+                named = line.removeprefix(_HEADERS[layout]) if layout >= 0 else line
+                return _Header(number, layout, [name.strip() for name in named.split(";")], units)
+            explained = re.match(r"[*\s]*([\w\\]+)\s*:.*\[([^\[\]]+)\]", line)
+            if explained:
+                units[explained[1].upper()] = explained[2].strip()
+            if number > _MAX_HEADER_LINES:
+                break
     if not number:
         raise bad_recording("file-empty", "the file is empty", "remove the file or complete it", path)
     text = f"no line begins with {' or '.join(_HEADERS)} or has the column VehNr"
@@ -175,8 +170,7 @@ def _rows_of(
             unit, is_stated = _unit_of(name, header, names, path)
             if not is_stated and name in ("front", "speed"):
                 unstated.append(unit)
-            if unit not in _SI:
-                raw[name] = to_si(raw[name].to_numpy(), unit)
+            raw[name] = to_si(raw[name].to_numpy(), unit)
     if unstated:
         notes.append(f"the file states no units of places and speeds: {' and '.join(unstated)} assumed")
     rows = raw.assign(
@@ -212,9 +206,9 @@ def _unit_of(name: str, header: _Header, names: dict[str, str], path: Path) -> t
     if stated is None:
         return _UNSTATED[name], False
     unit = _SPELT.get(stated.lower(), stated.lower())
-    if unit not in (*_SI, *SI_FACTOR):
+    if unit not in SI_FACTOR:
         text = f"the unit {stated} of the column is not known"
-        remedy = f"let Vissim write one of {', '.join((*_SI, *SI_FACTOR))}"
+        remedy = f"let Vissim write one of {', '.join(SI_FACTOR)}"
         raise bad_recording("unit-unknown", text, remedy, path, column=names[name])
     return unit, True
 

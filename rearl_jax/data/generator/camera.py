@@ -51,16 +51,7 @@ def observe(
     in_view = (frame >= 1) & (frame <= n_frames)
     in_view &= (smooth[:, 0] - half_length >= 0.0) & (smooth[:, 0] + half_length <= config.camera_length)
     rows = _without_holes(in_view, begin)
-    return Tracks(
-        vehicle[rows],
-        frame[rows],
-        smooth[rows, 0],
-        smooth[rows, 1],
-        velocity[rows, 0],
-        velocity[rows, 1],
-        acceleration[rows, 0],
-        acceleration[rows, 1],
-    )
+    return Tracks(vehicle[rows], frame[rows], *smooth[rows].T, *velocity[rows].T, *acceleration[rows].T)
 
 
 def interpolate(samples: Samples, frames_per_step: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:

@@ -25,9 +25,7 @@ def free_speed(speed: np.ndarray, desired_speed: np.ndarray, drivers: Drivers) -
     return speed + 2.5 * a * tau * (1.0 - ratio) * np.sqrt(0.025 + ratio)
 
 
-def safe_speed(
-    speed: np.ndarray, gap: np.ndarray, leader_speed: np.ndarray, time_gap: np.ndarray, drivers: Drivers
-) -> np.ndarray:
+def safe_speed(speed: np.ndarray, gap: np.ndarray, leader_speed: np.ndarray, drivers: Drivers) -> np.ndarray:
     """Speed one reaction time ahead from which the driver can stop behind a braking leader [m/s].
 
     -b (tau/2 + theta) + sqrt(b^2 (tau/2 + theta)^2 + 2 b (s - s0) - b tau v + vl^2), theta = T - tau
@@ -37,7 +35,7 @@ def safe_speed(
     Source: Gipps (1981), eq. 3, with the driver's own braking taken as the leader's.
     """
     b, tau = drivers.braking, drivers.reaction_time
-    reserve = b * (time_gap - 0.5 * tau)
+    reserve = b * (drivers.time_gap - 0.5 * tau)
     inside = reserve**2 + 2.0 * b * (gap - drivers.jam_gap) - b * tau * speed + leader_speed**2
     return np.maximum(np.sqrt(np.maximum(inside, 0.0)) - reserve, 0.0)
 
@@ -48,7 +46,6 @@ def chosen_acceleration(
     gap: np.ndarray,
     leader_speed: np.ndarray,
     leader_acceleration: np.ndarray,
-    time_gap: np.ndarray,
     drivers: Drivers,
 ) -> np.ndarray:
     """Acceleration towards the lower of free and safe speed [m/s^2].
@@ -57,9 +54,7 @@ def chosen_acceleration(
     plus 1.3 (v - vl)^2 / (2 (s - s0/2)), which is 1.3 times the deceleration that just avoids contact. So a driver
     waits until a short but safe gap grows instead of braking hard.
     """
-    target = np.minimum(
-        free_speed(speed, desired_speed, drivers), safe_speed(speed, gap, leader_speed, time_gap, drivers)
-    )
+    target = np.minimum(free_speed(speed, desired_speed, drivers), safe_speed(speed, gap, leader_speed, drivers))
     acceleration = (target - speed) / drivers.reaction_time
     room = np.maximum(gap - 0.5 * drivers.jam_gap, 0.2)
     closing = np.maximum(speed - leader_speed, 0.0)

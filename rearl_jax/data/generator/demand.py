@@ -51,10 +51,7 @@ def draw_arrivals(plan: RecordingPlan, end: float, rng: np.random.Generator) -> 
     for direction in (UPPER, LOWER):
         cars = np.asarray(CAR_LANE_SHARES[n_lanes]) * (1.0 - plan.truck_share)
         trucks = np.zeros(n_lanes)
-        trucks[-1], trucks[-2] = (
-            plan.truck_share * TRUCK_RIGHT_SHARE,
-            plan.truck_share * (1.0 - TRUCK_RIGHT_SHARE),
-        )
+        trucks[-2:] = plan.truck_share * (1.0 - TRUCK_RIGHT_SHARE), plan.truck_share * TRUCK_RIGHT_SHARE
         for lane in range(n_lanes):
             flow = plan.flow(direction) * (cars[lane] + trucks[lane])
             constant = min(MIN_HEADWAY, 0.6 / flow)

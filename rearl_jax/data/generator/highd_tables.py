@@ -177,23 +177,25 @@ def _recording_meta(plan: RecordingPlan, meta: Table) -> Table:
     n_vehicles = len(meta["id"])
     n_trucks = int(np.sum(meta["class"] == "Truck"))
     limit = plan.section.speed_limit
-    return {
-        "id": np.array([plan.id]),
-        "frameRate": np.array([round(1.0 / FRAME)]),
-        "locationId": np.array([plan.section.location]),
-        "speedLimit": _rounded(np.array([NO_VALUE if limit is None else limit])),
-        "month": np.array([plan.month]),
-        "weekDay": np.array([plan.week_day]),
-        "startTime": np.array([plan.start_time]),
-        "duration": _rounded(np.array([plan.duration])),
-        "totalDrivenDistance": _rounded(np.array([meta["traveledDistance"].sum()])),
-        "totalDrivenTime": _rounded(np.array([FRAME * meta["numFrames"].sum()])),
-        "numVehicles": np.array([n_vehicles]),
-        "numCars": np.array([n_vehicles - n_trucks]),
-        "numTrucks": np.array([n_trucks]),
+    values = {
+        "id": plan.id,
+        "frameRate": round(1.0 / FRAME),
+        "locationId": plan.section.location,
+        "speedLimit": NO_VALUE if limit is None else limit,
+        "month": plan.month,
+        "weekDay": plan.week_day,
+        "startTime": plan.start_time,
+        "duration": plan.duration,
+        "totalDrivenDistance": meta["traveledDistance"].sum(),
+        "totalDrivenTime": FRAME * meta["numFrames"].sum(),
+        "numVehicles": n_vehicles,
+        "numCars": n_vehicles - n_trucks,
+        "numTrucks": n_trucks,
         "upperLaneMarkings": _joined(plan.section.markings(UPPER)),
         "lowerLaneMarkings": _joined(plan.section.markings(LOWER)),
     }
+    columns = {name: np.array([value]) for name, value in values.items()}
+    return {name: _rounded(column) if column.dtype.kind == "f" else column for name, column in columns.items()}
 
 
 def _rounded(values: np.ndarray) -> np.ndarray:
@@ -201,5 +203,5 @@ def _rounded(values: np.ndarray) -> np.ndarray:
     return np.rint(100.0 * values) / 100.0
 
 
-def _joined(markings: np.ndarray) -> np.ndarray:
-    return np.array([";".join(f"{y:.2f}" for y in markings)])
+def _joined(markings: np.ndarray) -> str:
+    return ";".join(f"{y:.2f}" for y in markings)

@@ -14,7 +14,6 @@ class Situation:
     Attributes:
         time: Time since the start of the simulation [s].
         fleet: Drivers and their own state.
-        leader: Index in the fleet of the vehicle followed, -1 = none.
         gap: Bumper to bumper distance to the leader [m], inf without one.
         leader_speed: Speed of the leader [m/s]; the driver's own speed without one.
         leader_acceleration: Acceleration of the leader [m/s^2]; 0 without one.
@@ -22,7 +21,6 @@ class Situation:
 
     time: float
     fleet: Fleet
-    leader: np.ndarray
     gap: np.ndarray
     leader_speed: np.ndarray
     leader_acceleration: np.ndarray

@@ -190,13 +190,12 @@ class Traffic:
             other = self.leader_in_origin
             other_gap, other_speed = self._gap_and_speed(other, self.changing)
             speed, drivers = fleet.speed[self.changing], fleet.drivers.take(self.changing)
-            safe = safe_speed(speed, gap[self.changing], leader_speed[self.changing], drivers.time_gap, drivers)
-            other_safe = safe_speed(speed, other_gap, other_speed, drivers.time_gap, drivers)
-            lower = other_safe < safe
+            safe = safe_speed(speed, gap[self.changing], leader_speed[self.changing], drivers)
+            lower = safe_speed(speed, other_gap, other_speed, drivers) < safe
             vehicle = self.changing[lower]
             leader[vehicle], gap[vehicle], leader_speed[vehicle] = other[lower], other_gap[lower], other_speed[lower]
         leader_acceleration = np.where(leader >= 0, fleet.acceleration[leader], 0.0)
-        situation = Situation(self.time, fleet, leader, gap, leader_speed, leader_acceleration)
+        situation = Situation(self.time, fleet, gap, leader_speed, leader_acceleration)
         desired_speed = fleet.drivers.desired_speed
         if self.plan.congestion is not None:
             desired_speed = self.plan.congestion.limited(desired_speed, situation)
@@ -241,7 +240,6 @@ class Traffic:
             situation.gap,
             situation.leader_speed,
             situation.leader_acceleration,
-            fleet.drivers.time_gap,
             fleet.drivers,
         )
         kept = np.exp(-self.dt / NOISE_TIME)
@@ -274,16 +272,9 @@ class Traffic:
         """Columns of `Samples` for the vehicles in the view and near it."""
         fleet = self.fleet
         position = fleet.position - 0.5 * fleet.drivers.length - self.config.approach_length
-        margin = CAMERA_MARGIN
-        index = np.flatnonzero((position > -margin) & (position < self.config.camera_length + margin))
+        index = np.flatnonzero((position > -CAMERA_MARGIN) & (position < self.config.camera_length + CAMERA_MARGIN))
         lateral = lateral_position(fleet, self.time, self.plan.section.lane_width)
-        return (
-            fleet.vehicle[index],
-            np.full(len(index), step),
-            position[index],
-            fleet.speed[index],
-            lateral[index],
-        )
+        return fleet.vehicle[index], np.full(len(index), step), position[index], fleet.speed[index], lateral[index]
 
     def _gap_and_speed(self, leader: np.ndarray, follower: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Gap to each leader [m] and its speed [m/s]; for -1, no leader, inf and the follower's own speed."""

@@ -18,9 +18,8 @@ def find_file(root: Path) -> Path:
     """
     path = root / FILE if root.is_dir() else root
     if not path.is_file():
-        raise MissingInputError(
-            Problem("file-missing", "there is no such file: leave data.root empty for the shipped one", file=str(path))
-        )
+        message = "there is no such file: leave data.root empty for the shipped one"
+        raise MissingInputError(Problem("file-missing", message, file=str(path)))
     return path
 
 

@@ -8,9 +8,9 @@ import numpy as np
 import pandas as pd
 from jaxtyping import Float, Int
 
-from rearl_jax.data.checks.typed_table import follows_row_before
 from rearl_jax.data.numbers import numbers_of
 from rearl_jax.data.problems import bad_recording
+from rearl_jax.data.vehicle_rows import first_and_last_rows
 
 
 def unrolled(rows: pd.DataFrame, circumference: float, file: str) -> tuple[pd.DataFrame, list[str]]:
@@ -50,8 +50,8 @@ def _along(
     track: Int[np.ndarray, " rows"], frame: Int[np.ndarray, " rows"], stated: Float[np.ndarray, " rows"], lap: float
 ) -> Float[np.ndarray, " rows"]:
     """Positions that grow from lap to lap [m]; every vehicle begins less than a lap behind the longest track."""
-    starts = np.flatnonzero(~follows_row_before(track))
-    counts = np.diff(np.r_[starts, len(track)])
+    starts, ends = first_and_last_rows(track)
+    counts = ends - starts + 1
     # 1 where the stated position restarts at 0, -1 where noise takes it back.
     seams = -np.rint(np.diff(stated, prepend=0.0) / lap)
     seams[starts] = 0.0
@@ -70,9 +70,7 @@ def _rearmost(
 ) -> Int[np.ndarray, " frames"]:
     """Row of the rearmost vehicle of every frame."""
     order = np.lexsort((along, frame))
-    is_first = ~follows_row_before(frame[order])
-    rearmost = order[is_first]
-    foremost = order[np.r_[np.flatnonzero(is_first)[1:] - 1, len(order) - 1]]
+    rearmost, foremost = (order[rows] for rows in first_and_last_rows(frame[order]))
     reach = along[foremost] - along[rearmost]
     if (reach >= lap).any():
         worst = int(np.argmax(reach))

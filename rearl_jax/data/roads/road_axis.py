@@ -9,6 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 import pandas as pd
 
+from rearl_jax.data.vehicle_rows import first_and_last_rows
+
 SPACING = 20.0
 """Distance between the points of an axis [m], short compared with the radii of highway bends, which exceed 300 m."""
 _MAX_STEP = 0.5 * SPACING  # m between two frames; at 10 frames per second no vehicle moves further
@@ -65,8 +67,7 @@ def road_axis(track: np.ndarray, piece: np.ndarray, x: np.ndarray, y: np.ndarray
     if not known.size:
         return None
     track, piece, x, y = (values[known] for values in (track, piece, x, y))
-    first = np.flatnonzero(np.concatenate([[True], track[1:] != track[:-1]]))
-    last = np.append(first[1:], len(track)) - 1
+    first, last = first_and_last_rows(track)
     moved = np.stack([x[last] - x[first], y[last] - y[first]], axis=1)
     values, vectors = np.linalg.eigh(moved.T @ moved)
     if not values[-1] > 1.0:

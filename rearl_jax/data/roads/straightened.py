@@ -6,9 +6,11 @@ import numpy as np
 import pandas as pd
 
 from rearl_jax.data.checks.losses import Losses, split_tracks
-from rearl_jax.data.checks.typed_table import follows_row_before
+from rearl_jax.data.problems import bad_recording
+from rearl_jax.data.records import RecordingInfo
 from rearl_jax.data.roads.lane_order import LaneOrder, lane_order
 from rearl_jax.data.roads.road_axis import SPACING, RoadAxis, road_axis
+from rearl_jax.data.vehicle_rows import first_and_last_rows, follows_row_before
 
 _MIN_MOVED = 5.0  # m; the direction of a vehicle that moves less is unknown
 _SHARED_SHARE = 0.3  # of the rows of a lane number in either direction, if both carriageways use the number
@@ -53,11 +55,12 @@ def straightened(
     x: np.ndarray,
     y: np.ndarray,
     number: np.ndarray,
+    info: RecordingInfo,
     *,
     y_down: bool,
     shared: float = _SHARED_SHARE,
-) -> Straightened | None:
-    """The tracks on a straight road; None if nothing moves.
+) -> Straightened:
+    """The tracks on a straight road.
 
     As in the highD format, direction 2 drives along x and y grows to its right; direction 1 drives against x. If all
     drive one way, that is direction 1 and drives along x.
@@ -68,13 +71,18 @@ def straightened(
         x: Position on the map [m].
         y: Position on the map [m].
         number: Lane in the source, NaN where it is unknown.
+        info: The recording, for messages.
         y_down: Whether y points down, as in images.
         shared: Smallest share of rows in each direction for a lane number to belong to both carriageways [-]; above
             0.5 every number belongs to one carriageway.
+
+    Raises:
+        BadRecordingError: No vehicle moves.
     """
     axis = road_axis(track, piece, x, y, y_down=y_down)
     if axis is None:
-        return None
+        text = "no vehicle moves, so that the road cannot be found"
+        raise bad_recording("no-motion", text, "complete the positions", info.file, column=info.columns["x"])
     along, across = axis.places(x, y)
     ways, sides = _ways(track, along, number, shared)
     of_lane = pd.Series(number).map(sides).to_numpy(np.float64, na_value=np.nan)
@@ -119,8 +127,7 @@ def _ways(
     track: np.ndarray, along: np.ndarray, number: np.ndarray, shared: float
 ) -> tuple[np.ndarray, dict[float, float]]:
     """Sense of driving along the axis, 1 or -1, of each row (0 if unknown) and of each lane number (0 if both)."""
-    starts = np.flatnonzero(~follows_row_before(track))
-    ends = np.append(starts[1:], len(track)) - 1
+    starts, ends = first_and_last_rows(track)
     moved = np.nan_to_num(along[ends] - along[starts])
     way = np.where(np.abs(moved) > _MIN_MOVED, np.sign(moved), 0.0)
     ways = np.repeat(way, ends - starts + 1)

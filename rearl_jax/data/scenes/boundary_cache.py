@@ -28,7 +28,7 @@ def kept_boundary(data: DataConfig, scenes: SceneSet, subset: np.ndarray, option
     """
     keys = {
         "data": data_id(data),
-        "files": [list(stamp) for stamp in file_stamps(data)],
+        "files": file_stamps(data),
         "scenes": scenes.data_id,
         "subset": np.asarray(subset).tolist(),
         **asdict(options),

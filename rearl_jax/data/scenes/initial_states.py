@@ -60,18 +60,9 @@ def measured_state(scenes: SceneSet, core: CoreConfig) -> TrafficState:
     Raises:
         ValueError: The simulated road has too few lanes or another number of vehicles, or a lane is unknown.
     """
-    lane = first_lanes(scenes)
-    _require_road(core, scenes.n_slots, int(lane.max()) + 1)
-    position = scenes.position[:, 0]
-    model = traffic_model(core)
-    return make_state(
-        (position - position.min(axis=1, keepdims=True)).T,
-        lane.T * model.lane_width,
-        scenes.scaled_speed[:, 0].T,
-        model,
-        desired_speed=highest_speeds(scenes).T,
-        dtype=np.dtype(core.dtype.name).type,
-    )
+    lane, position = first_lanes(scenes), scenes.position[:, 0]
+    x = position - position.min(axis=1, keepdims=True)
+    return _state(core, x, lane, scenes.scaled_speed[:, 0], highest_speeds(scenes), int(lane.max()) + 1)
 
 
 def highest_speeds(scenes: SceneSet) -> Float[np.ndarray, "scenes slots"]:
@@ -88,16 +79,8 @@ def bounded_state(boundary: SceneBoundary, core: CoreConfig) -> TrafficState:
     Raises:
         ValueError: The simulated road has too few lanes or another number of vehicles.
     """
-    _require_road(core, boundary.x.shape[2], boundary.n_lanes)
-    model = traffic_model(core)
-    return make_state(
-        boundary.x[:, 0].T,
-        boundary.lane[:, 0].T * model.lane_width,
-        boundary.speed[:, 0].T,
-        model,
-        desired_speed=boundary.highest_speed[:, 0].T,
-        dtype=np.dtype(core.dtype.name).type,
-    )
+    x, lane, speed, highest = (getattr(boundary, name)[:, 0] for name in ("x", "lane", "speed", "highest_speed"))
+    return _state(core, x, lane, speed, highest, boundary.n_lanes)
 
 
 def recorded_surroundings(boundary: SceneBoundary, core: CoreConfig) -> Boundary:
@@ -133,11 +116,25 @@ def recorded_surroundings(boundary: SceneBoundary, core: CoreConfig) -> Boundary
     )
 
 
-def _require_road(core: CoreConfig, n_vehicles: int, n_lanes: int) -> None:
-    """Raise ValueError if the simulated road has too few lanes or another number of vehicles than the scenes."""
-    if core.n_vehicles != n_vehicles:
-        message = f"must be the {n_vehicles} vehicles of a snapshot, scenes.slots, for init.source=scene"
+def _state(
+    core: CoreConfig,
+    x: Float[np.ndarray, "scenes vehicles"],
+    lane: Int[np.ndarray, "scenes vehicles"],
+    speed: Float[np.ndarray, "scenes vehicles"],
+    highest_speed: Float[np.ndarray, "scenes vehicles"],
+    n_lanes: int,
+) -> TrafficState:
+    """States with these positions [m], lanes and speeds [m/s] on a road that has `n_lanes` lanes or more.
+
+    Raises:
+        ValueError: The simulated road has too few lanes or another number of vehicles.
+    """
+    if core.n_vehicles != x.shape[1]:
+        message = f"must be the {x.shape[1]} vehicles of a snapshot, scenes.slots, for init.source=scene"
         raise out_of_range("core.n_vehicles", message, core.n_vehicles)
     if n_lanes > core.lanes:
         message = f"must be at least {n_lanes}, the lanes of these recordings, for init.source=scene: leave it out"
         raise out_of_range("core.n_lanes", message, core.lanes)
+    model = traffic_model(core)
+    y, dtype = lane.T * model.lane_width, np.dtype(core.dtype.name).type
+    return make_state(x.T, y, speed.T, model, desired_speed=highest_speed.T, dtype=dtype)

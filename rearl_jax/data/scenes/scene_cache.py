@@ -23,8 +23,7 @@ class SceneCache:
         """Determines the path, which differs for modified recordings and for other code."""
         self._data_id, self._generated = data_id(data), is_generated(data)
         self._keys = cutting_keys(keys)
-        stamps = [list(stamp) for stamp in file_stamps(data)]
-        decisive = {**self._keys, "data": self._data_id, "files": stamps}
+        decisive = {**self._keys, "data": self._data_id, "files": file_stamps(data)}
         self.path = kept_path("scenes", decisive, _SOURCES, ".parquet")
 
     def read(self) -> SceneSet | None:
@@ -40,14 +39,8 @@ class SceneCache:
     def write(self, scenes: SceneSet) -> None:
         """Stores the scenes; if the folder is not writable, the next run cuts them again."""
         try:
-            study = Study(
-                self.path.parent.parent,
-                self.path.parent.name,
-                self._keys,
-                "prepare",
-                self._data_id,
-                generated=self._generated,
-            )
+            root, name = self.path.parent.parent, self.path.parent.name
+            study = Study(root, name, self._keys, "prepare", self._data_id, generated=self._generated)
             save_scenes(scenes, study, self.path.stem)
         except OSError as error:
             log.warning("the scenes are not stored for the next run: %s; set XDG_CACHE_HOME to another folder", error)

@@ -16,6 +16,7 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from rearl_jax.data.files.columnar import is_string, value_type
 from rearl_jax.data.files.folder import only_parquet
 
 TIME_DECIMALS = 1
@@ -131,10 +132,10 @@ def pack(name: str, source: Path, target: Path) -> Path:
 
 def _as_stored(column: pa.ChunkedArray, name: str, decimals: int) -> pa.ChunkedArray:
     """A column as it is stored: texts, whole numbers in four bytes, other numbers rounded to decimal numbers."""
-    column_type = column.type.value_type if pa.types.is_dictionary(column.type) else column.type
-    if pa.types.is_string(column_type) or pa.types.is_large_string(column_type):
+    kind = value_type(column.type)
+    if is_string(kind):
         return column.cast(pa.string())
-    if pa.types.is_integer(column_type) or name == "lane":
+    if pa.types.is_integer(kind) or name == "lane":
         return column.cast(pa.int32())
     n_decimals = TIME_DECIMALS if name == "t_s" else decimals
     rounded = np.round(column.cast(pa.float64()).to_numpy(), n_decimals)

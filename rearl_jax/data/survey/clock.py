@@ -93,7 +93,9 @@ def _by_name(
     rising = [column for column in columns if column is not track and is_rising(vehicles, column, share)]
     times, frames = named(rising, "time"), [column for column in named(rising, "frame") if column.is_whole]
     times = times or [column for column in rising if column.kind == "moments"]
-    return Clock(track, _first(times), _first(frames), recording, by_name=True) if times or frames else None
+    if not times and not frames:
+        return None
+    return Clock(track, next(iter(times), None), next(iter(frames), None), recording, by_name=True)
 
 
 def named(columns: Sequence[FoundColumn], canonical: str) -> list[FoundColumn]:
@@ -158,7 +160,3 @@ def _is_named_otherwise(column: FoundColumn, canonical: Sequence[str]) -> bool:
     """True if a column has a name of other canonical columns, and none of these."""
     ranks = {name for name in ALIASES if rank_of(column.name, name) is not None}
     return bool(ranks) and not ranks & set(canonical)
-
-
-def _first(columns: list[FoundColumn]) -> FoundColumn | None:
-    return columns[0] if columns else None

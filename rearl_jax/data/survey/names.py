@@ -2,6 +2,7 @@
 
 import re
 import unicodedata
+from collections import Counter
 from collections.abc import Sequence
 
 from rearl_jax.data.units import UNITS, unit_named
@@ -85,15 +86,11 @@ def unit_in(name: str, kind: str) -> str | None:
         name: Name of a column.
         kind: SI unit of the kind, a key of UNITS.
     """
-    for text in (
-        *_BRACKETS.findall(name),
-        *_words(name)[1:][-1:],
-        *(["/".join(_words(name)[-2:])] if "_" in name else []),
-    ):
-        unit = unit_named(text.strip(), kind)
-        if unit is not None:
-            return unit
-    return None
+    words = _words(name)
+    candidates = [*_BRACKETS.findall(name), *words[1:][-1:]]
+    if "_" in name:
+        candidates.append("/".join(words[-2:]))
+    return next((unit for text in candidates if (unit := unit_named(text.strip(), kind)) is not None), None)
 
 
 def end_in(name: str) -> str | None:
@@ -111,11 +108,9 @@ def per_vehicle(names: Sequence[str]) -> list[str]:
     """Names that differ in a number only, as in tables with separate columns for every vehicle: x1, x2."""
     stems = [re.sub(r"[\W_]*\d+$", "", _BRACKETS.sub("", name).strip()).casefold() for name in names]
     numbered = [bool(re.search(r"\d$", _BRACKETS.sub("", name).strip())) for name in names]
-    return [
-        name
-        for name, stem, is_numbered in zip(names, stems, numbered, strict=True)
-        if is_numbered and list(zip(stems, numbered, strict=True)).count((stem, True)) > 1
-    ]
+    counts = Counter(stem for stem, is_numbered in zip(stems, numbered, strict=True) if is_numbered)
+    columns = zip(names, stems, numbered, strict=True)
+    return [name for name, stem, is_numbered in columns if is_numbered and counts[stem] > 1]
 
 
 def is_in_pixels(name: str) -> bool:

@@ -18,6 +18,7 @@ from rearl_jax.data.units import SI_FACTOR
 from rearl_jax.data.vehicle_classes import CLASSES, class_of, code_of
 
 _CANONICAL = tuple(column.name for column in COLUMNS)
+_SI = ("m", "m/s", "m/s^2")
 _MIN_LEADERS_PRESENT = 0.5  # share of the stated leaders that must be vehicles of the table
 
 
@@ -54,11 +55,20 @@ class Proposal:
     doubts: list[str] = field(default_factory=list)
     ring: float | None = None
 
+    def take(self, canonical: str, column: FoundColumn, why: str, unit: str | None = None) -> None:
+        """Takes a column for a canonical one; the SI unit of a length, speed or acceleration needs no entry."""
+        self.taken[canonical] = Taken(column.name, None if unit in _SI else unit, why)
+
+    @property
+    def sources(self) -> set[str]:
+        """Names in the file of the columns that are taken."""
+        return {taken.source for taken in self.taken.values()}
+
     def columns(self, present: Sequence[str]) -> dict[str, str | None]:
         """The value of `data.columns`: names that differ, and null for canonical names with another meaning."""
-        used = {taken.source for taken in self.taken.values()}
         foreign = {name: taken.source for name, taken in self.taken.items() if taken.source != name}
-        others = [name for name in _CANONICAL if name in present and name not in self.taken and name not in used]
+        free = set(present) - self.sources
+        others = [name for name in _CANONICAL if name in free and name not in self.taken]
         return foreign | dict.fromkeys(others)
 
     @property
@@ -95,7 +105,7 @@ def proposal_of(sample: Sample) -> Proposal:
         _take_motion(proposal, clock, motion)
     _take_sizes(proposal, sizes)
     for canonical, check in _OTHERS.items():
-        used = {taken.source for taken in proposal.taken.values()}
+        used = proposal.sources
         for column in named([column for column in sample.columns if column.name not in used], canonical):
             fault = check(proposal, column, clock, motion)
             if fault is None:
@@ -110,42 +120,33 @@ def _take_clock(proposal: Proposal, clock: Clock) -> None:
     per_track = len(clock.vehicles) / n_vehicles
     reason = "name" if clock.by_name else "values alone: along its rows a clock rises"
     kind = "words" if clock.track.kind == "words" else "numbers"
-    proposal.taken["track_id"] = Taken(
-        clock.track.name, None, f"{reason}; {n_vehicles} {kind}, {per_track:.0f} rows each"
-    )
+    proposal.take("track_id", clock.track, f"{reason}; {n_vehicles} {kind}, {per_track:.0f} rows each")
     if clock.recording is not None:
-        proposal.taken["recording"] = Taken(clock.recording.name, None, "name; ids restart in each")
+        proposal.take("recording", clock.recording, "name; ids restart in each")
     if clock.time is not None:
-        what = (
-            "dates and times of day" if clock.time.kind == "moments" else f"rises by {_short(clock.step)} along tracks"
-        )
-        proposal.taken["time"] = Taken(clock.time.name, None, f"{reason}; {what}")
+        is_moment = clock.time.kind == "moments"
+        what = "dates and times of day" if is_moment else f"rises by {clock.step:.4g} along tracks"
+        proposal.take("time", clock.time, f"{reason}; {what}")
     if clock.frame is not None:
-        what = "whole numbers that rise along tracks"
-        proposal.taken["frame"] = Taken(clock.frame.name, None, f"{reason}; {what}")
+        proposal.take("frame", clock.frame, f"{reason}; whole numbers that rise along tracks")
 
 
 def _take_motion(proposal: Proposal, clock: Clock, motion: Motion) -> None:
     """Position and speed with their units, and the unit of the clock."""
     of_position, of_speed = motion.units
-    ratio = f"steps of {motion.position.name} are {_short(motion.ratio)} times "
+    ratio = f"steps of {motion.position.name} are {motion.ratio:.4g} times "
     ratio += f"{motion.speed.name} x {clock.time_or_frame.name}"
     named_units = unit_in(motion.position.name, "m") or unit_in(motion.speed.name, "m/s")
     source = "names" if named_units else "sizes of vehicles or speeds" if of_position == "ft" else "steps"
     explained = f"{ratio}: {of_position}, {of_speed}" + (" (not certain)" if motion.doubt else "")
-    sign = "-" if motion.is_reversed else ""
-    speed_sign = "-" if motion.is_negative else ""
     why = f"{explained}; units by {source}"
-    position = f"{sign}{of_position}"
     end = end_in(motion.position.name)
     of_vehicle = f"; of the {end}, as the name says" if end else "; taken for that of the centre"
     if proposal.ring is not None:
         of_vehicle += f"; begins anew every {proposal.ring:g} m, as on a ring"
-    proposal.taken[end or "position"] = Taken(
-        motion.position.name, None if position == "m" else position, why + of_vehicle
-    )
-    speed = f"{speed_sign}{of_speed}"
-    proposal.taken["speed"] = Taken(motion.speed.name, None if speed == "m/s" else speed, why)
+    sign = "-" if motion.is_reversed else ""
+    proposal.take(end or "position", motion.position, why + of_vehicle, f"{sign}{of_position}")
+    proposal.take("speed", motion.speed, why, f"{'-' if motion.is_negative else ''}{of_speed}")
     if motion.doubt:
         proposal.doubts.append(motion.doubt)
     if motion.goes_both_ways and proposal.ring is None:
@@ -155,18 +156,18 @@ def _take_motion(proposal: Proposal, clock: Clock, motion: Motion) -> None:
         )
     by_frame = clock.time is None
     unit = None if motion.clock_unit == "s" or clock.time_or_frame.kind == "moments" else motion.clock_unit
-    name = "frame" if by_frame else "time"
-    taken = proposal.taken[name]
+    # A step of 1 may also be that of frames, so seconds are stated.
+    unit = "s" if unit is None and not by_frame and clock.step == 1.0 else unit
     if unit is not None:
-        proposal.taken[name] = Taken(taken.source, unit, f"{taken.why}; {unit} makes steps agree with speeds")
-    elif not by_frame and clock.step == 1.0:
-        proposal.taken[name] = Taken(taken.source, "s", f"{taken.why}; s makes steps agree with speeds")
+        name = "frame" if by_frame else "time"
+        why = f"{proposal.taken[name].why}; {unit} makes steps agree with speeds"
+        proposal.take(name, clock.time_or_frame, why, unit)
 
 
 def _take_by_name(proposal: Proposal, columns: Sequence[FoundColumn]) -> None:
     """Position and speed by their names, where no two columns agree."""
-    used = {taken.source for taken in proposal.taken.values()}
     for canonical, kind in (("position", "m"), ("speed", "m/s")):
+        used = proposal.sources
         free = [column for column in columns if column.name not in used and not is_in_pixels(column.name)]
         numbers = [column for column in free if column.kind == "numbers"]
         candidates = named(numbers, canonical)
@@ -180,10 +181,8 @@ def _take_by_name(proposal: Proposal, columns: Sequence[FoundColumn]) -> None:
             if globe := [column.name for column in columns if is_on_globe(column.name)]:
                 proposal.missing[canonical] += f"; project {', '.join(globe)} onto the road, in m along and across it"
             continue
-        unit = unit_in(candidates[0].name, kind)
-        used.add(candidates[0].name)
         why = "name only: no column of positions changes by speed x time"
-        proposal.taken[canonical] = Taken(candidates[0].name, None if unit == kind else unit, why)
+        proposal.take(canonical, candidates[0], why, unit_in(candidates[0].name, kind))
     if not proposal.missing:
         names = [proposal.taken[canonical].source for canonical in ("position", "speed")]
         proposal.doubts.append(f"{names[0]} does not change by {names[1]} x time: units, axis or columns may be wrong")
@@ -193,11 +192,11 @@ def _take_by_name(proposal: Proposal, columns: Sequence[FoundColumn]) -> None:
 
 def _take_sizes(proposal: Proposal, sizes: Sizes) -> None:
     """Takes the columns of lengths and widths that have no other meaning yet."""
-    used = {taken.source for taken in proposal.taken.values()}
+    used = proposal.sources
     proposal.refused.update(sizes.refused)
     for canonical, size in sizes.taken.items():
         if size.column.name not in used:
-            proposal.taken[canonical] = Taken(size.column.name, None if size.unit == "m" else size.unit, size.why)
+            proposal.take(canonical, size.column, size.why, size.unit)
             if canonical == "length" and size.column.name.casefold() == "width" and "position" in proposal.taken:
                 position = proposal.taken["position"].source
                 otherwise = f"if it is the corner, as in highD, 'data.columns={{rear: {position}}}'"
@@ -213,11 +212,8 @@ def _acceleration(proposal: Proposal, column: FoundColumn, clock: Clock, motion:
     unit = unit or "m/s^2"
     if float(np.nanquantile(np.abs(column.values), 0.99)) * SI_FACTOR[unit] > 9.0:
         return f"1 % of the values are above 9 m/s^2 if it is in {unit}"
-    sign = "-" if motion is not None and motion.is_negative else ""
-    unit = f"{sign}{unit}"
-    proposal.taken["acceleration"] = Taken(
-        column.name, None if unit == "m/s^2" else unit, f"name; taken to be in {unit}"
-    )
+    unit = f"-{unit}" if motion is not None and motion.is_negative else unit
+    proposal.take("acceleration", column, f"name; taken to be in {unit}", unit)
     return None
 
 
@@ -229,7 +225,7 @@ def _lateral(proposal: Proposal, column: FoundColumn, clock: Clock, motion: Moti
     stated = unit_in(column.name, "m")
     unit = stated or (motion.units[0] if motion is not None else "m")
     why = "name" if stated else "name; in the unit of the position"
-    proposal.taken["lateral"] = Taken(column.name, None if unit == "m" else unit, why)
+    proposal.take("lateral", column, why, unit)
     return None
 
 
@@ -241,7 +237,7 @@ def _lane(proposal: Proposal, column: FoundColumn, clock: Clock, motion: Motion 
     if low < 0 or high - low >= MAX_LANES or high >= 100:
         return f"the numbers {low} to {high} are not lanes of one carriageway"
     unit = f"from {low}" if low else None
-    proposal.taken["lane"] = Taken(column.name, unit, f"name; numbers {low} to {high}, taken to count from the left")
+    proposal.take("lane", column, f"name; numbers {low} to {high}, taken to count from the left", unit)
     return None
 
 
@@ -253,7 +249,7 @@ def _vehicle_class(proposal: Proposal, column: FoundColumn, clock: Clock, motion
         examples, known = ", ".join(map(str, unknown[:3])), ", ".join(CLASSES)
         remedy = f"'data.columns={{vehicle_class: {column.name}}}' 'data.classes={{{stated}}}'"
         return f"{examples} is no class that is known ({known}): say what it is with {remedy}"
-    proposal.taken["vehicle_class"] = Taken(column.name, None, f"name; {', '.join(map(str, words[:4]))}")
+    proposal.take("vehicle_class", column, f"name; {', '.join(map(str, words[:4]))}")
     return None
 
 
@@ -266,7 +262,7 @@ def _leader_id(proposal: Proposal, column: FoundColumn, clock: Clock, motion: Mo
     share = float(stated.isin(known).mean())
     if share < _MIN_LEADERS_PRESENT:
         return f"{share:.0%} of its numbers are vehicles of the table"
-    proposal.taken["leader_id"] = Taken(column.name, None, f"name; {share:.0%} are vehicles of the table")
+    proposal.take("leader_id", column, f"name; {share:.0%} are vehicles of the table")
     return None
 
 
@@ -280,14 +276,14 @@ def _direction(proposal: Proposal, column: FoundColumn, clock: Clock, motion: Mo
                 f"{fault}: write 1 and 2 there, or read each direction as a table of its own"
             )
         return fault
-    proposal.taken["direction"] = Taken(column.name, None, f"name; {', '.join(f'{number:g}' for number in numbers)}")
+    proposal.take("direction", column, f"name; {', '.join(f'{number:g}' for number in numbers)}")
     return None
 
 
 def _recording(proposal: Proposal, column: FoundColumn, clock: Clock, motion: Motion | None) -> str | None:
     if "recording" in proposal.taken or column.name != "recording":
         return "ids and times show one recording only"
-    proposal.taken["recording"] = Taken(column.name, None, "name")
+    proposal.take("recording", column, "name")
     return None
 
 
@@ -301,7 +297,3 @@ _OTHERS: dict[str, Callable[[Proposal, FoundColumn, Clock, Motion | None], str |
     "recording": _recording,
 }
 """Checks of columns with the name of a canonical one; each adds the column to the proposal, or returns a fault."""
-
-
-def _short(value: float) -> str:
-    return f"{value:.4g}"

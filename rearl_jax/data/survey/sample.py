@@ -8,7 +8,7 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from rearl_jax.data.files.columnar import column_names, is_parquet, read_columns
+from rearl_jax.data.files.columnar import column_names, is_parquet, read_columns, readable_parquet, value_type
 from rearl_jax.data.files.delimited import first_rows
 from rearl_jax.data.files.text_layout import BLANKS, layout_of
 from rearl_jax.data.numbers import numbers_of
@@ -107,17 +107,13 @@ def _layout_in_words(path: Path) -> str:
 def _first_of_parquet(path: Path) -> list[pd.Series]:
     """The columns of the first rows."""
     read_columns(path, ())  # raises the error of a damaged file
-    try:
-        with pq.ParquetFile(path) as file:
-            batch = next(file.iter_batches(ROWS), None)
-    except (pa.ArrowException, OSError) as error:
-        text = f"not a readable Parquet file ({str(error).partition(chr(10))[0]})"
-        raise bad_recording("not-parquet", text, "copy or write it again", path) from None
+    with readable_parquet(path), pq.ParquetFile(path) as file:
+        batch = next(file.iter_batches(ROWS), None)
     return [] if batch is None else [_plain(column) for column in batch.columns]
 
 
 def _plain(column: pa.Array) -> pd.Series:
-    kind = column.type.value_type if pa.types.is_dictionary(column.type) else column.type
+    kind = value_type(column.type)
     try:
         column = column.cast(kind)
         whole = pa.types.is_integer(kind)

@@ -2,8 +2,9 @@
 
 import numpy as np
 
+from rearl_jax.data.checks.lateral_checks import lane_middles
 from rearl_jax.data.checks.unit_checks import LANE_WIDTH
-from rearl_jax.data.survey.proposal import Proposal, Taken
+from rearl_jax.data.survey.proposal import Proposal
 from rearl_jax.data.survey.sample import Sample
 from rearl_jax.data.units import SI_FACTOR
 
@@ -22,8 +23,9 @@ def judge_sides(proposal: Proposal, sample: Sample) -> None:
     values = {column.name: column.values for column in sample.columns}
     last = None if lane is None else f"{np.nanmax(values[lane.source]):.0f}"
     if lane is not None and lateral is not None:
-        width = _width(values[lane.source], values[lateral.source] * SI_FACTOR[lateral.unit or "m"])
-        if width is not None and LANE_WIDTH[0] <= -width <= LANE_WIDTH[1]:
+        lanes, middle = lane_middles(values[lane.source], values[lateral.source] * SI_FACTOR[lateral.unit or "m"])
+        width = (middle[-1] - middle[0]) / (lanes[-1] - lanes[0]) if lanes.size > 1 else 0.0
+        if LANE_WIDTH[0] <= -width <= LANE_WIDTH[1]:
             why = f"{lateral.source} falls by {-width:.1f} m per lane, so one of the two counts from the right"
             proposal.leave_out("lane", why)
             proposal.leave_out("lateral", why)
@@ -35,23 +37,10 @@ def judge_sides(proposal: Proposal, sample: Sample) -> None:
     sides = []
     if lateral is not None and lateral.source != "lateral":
         sides.append((lateral.source, f"lateral: -{lateral.unit or 'm'}"))
-    if lane is not None and not _is_canonical(lane) and np.unique(values[lane.source]).size > 1:
+    is_canonical = lane is not None and lane.source == "lane" and lane.unit is None
+    if lane is not None and not is_canonical and np.unique(values[lane.source]).size > 1:
         sides.append((lane.source, f"lane: -from {last}"))
     if sides:
         names, units = (", ".join(part) for part in zip(*sides, strict=True))
         otherwise = f"if from the right, 'data.units={{{units}}}'"
         proposal.doubts.append(f"{names}: taken to count from the left of the drivers; {otherwise}")
-
-
-def _is_canonical(lane: Taken) -> bool:
-    return lane.source == "lane" and lane.unit is None
-
-
-def _width(numbers: np.ndarray, lateral: np.ndarray) -> float | None:
-    """Growth of lateral positions from one lane to the next [m]; None with a single lane."""
-    known = np.isfinite(numbers) & np.isfinite(lateral)
-    lanes = np.unique(numbers[known])
-    if lanes.size < 2:
-        return None
-    first, last = (float(np.median(lateral[known & (numbers == number)])) for number in (lanes[0], lanes[-1]))
-    return (last - first) / float(lanes[-1] - lanes[0])

@@ -75,10 +75,11 @@ def sizes_of(columns: Sequence[FoundColumn]) -> Sizes:
         unit = stated or unit_of_median(name, median)
         if not stated and unit is not None and low < _LEAST_QUARTILE * RANGES[name][unit][0]:
             unit = unit_of_median(name, low)
+        has_feet = "length" in found.taken and found.taken["length"].unit == "ft"
         box = "" if boxes is None else "; of a box in a picture, as in highD"
         if unit is None:
             found.refused[column.name] = f"the median is {median:.4g}, which is no {name} of vehicles in m, ft or cm"
-        elif name == "width" and not stated and unit == "ft" and not _are_in_feet(found):
+        elif name == "width" and not stated and unit == "ft" and not has_feet:
             found.refused[column.name] = f"the median {median:.4g} may be a width in ft or a length in m"
         else:
             why = f"name; median {median:.4g}" + ("" if stated else f", that of vehicles in {unit}") + box
@@ -88,10 +89,6 @@ def sizes_of(columns: Sequence[FoundColumn]) -> Sizes:
         found.refused.update({size.column.name: why for size in found.taken.values()})
         found.taken.clear()
     return found
-
-
-def _are_in_feet(found: Sizes) -> bool:
-    return "length" in found.taken and found.taken["length"].unit == "ft"
 
 
 def unit_of_median(canonical: str, median: float) -> str | None:

@@ -104,8 +104,7 @@ class TableFile:
         texts = tuple(name for name in dict.fromkeys([*of_file, *labels]) if name in further)
         if self._is_csv:
             rows, n_broken = self._csv(texts)
-            if n_broken:
-                losses.counts["broken_line"] = n_broken
+            losses.count("broken_line", n_broken)
         else:
             rows = self._parquet_rows(recording, texts)
         rows = spelling.renamed(rows)
@@ -125,8 +124,7 @@ class TableFile:
         info = replace(info, notes=tuple(dict.fromkeys([*info.notes, *done.notes, *self._remarks])))
         info = replace(info, columns=spelling.foreign)
         info = with_labels(info, (*labels, *done.labels), [*further, *done.labels])
-        table, dropped = validate(rows, info, self._policy, losses)
-        return Recording(info, table, dropped)
+        return Recording(info, *validate(rows, info, self._policy, losses))
 
     def _require_known(self, stated: dict[str, RecordingInfo]) -> None:
         """Raises BadRecordingError if metadata are stated, but for none of the recordings of the file."""
@@ -246,9 +244,8 @@ class TableFile:
             infos = [RecordingInfo.from_json(info, file=str(self.path)) for info in objects]
         except (ValueError, TypeError, KeyError, AttributeError, RecursionError, OverflowError) as error:
             text = f"its statements about the recordings cannot be used: {type(error).__name__}: {error}"
-            raise bad_recording(
-                "metadata-unusable", text, "correct it, or remove it to have it derived from the rows", file
-            ) from None
+            remedy = "correct it, or remove it to have it derived from the rows"
+            raise bad_recording("metadata-unusable", text, remedy, file) from None
         return {info.id: info for info in infos}
 
 

@@ -11,10 +11,10 @@ import pandas as pd
 
 from rearl_jax.config.data import DataConfig
 from rearl_jax.data.checks import clock
-from rearl_jax.data.checks.lateral_checks import EDGE_TOLERANCE, USUAL_WIDTH
+from rearl_jax.data.checks.lateral_checks import EDGE_TOLERANCE, USUAL_WIDTH, lane_middles
 from rearl_jax.data.checks.placeholders import is_placeholder
 from rearl_jax.data.numbers import numbers_of
-from rearl_jax.data.problems import bad_recording
+from rearl_jax.data.problems import bad_recording, source_row
 from rearl_jax.data.roads.ring import unrolled
 from rearl_jax.data.tables.moments import seconds_of
 from rearl_jax.data.tables.row_info import DISTANT_ORIGIN
@@ -22,6 +22,7 @@ from rearl_jax.data.tables.spelling import ENDS, Spelling, require_needed_column
 from rearl_jax.data.tables.track_names import LABEL, numbered
 
 _MAX_STEP = 1e6  # frames; beyond it the number is not a frame
+_NAME_FRAMES = "name the column of frames: 'data.columns={frame: NAME}'"
 
 
 @dataclass(frozen=True)
@@ -81,10 +82,9 @@ def _in_si(rows: pd.DataFrame, spelling: Spelling, file: str) -> pd.DataFrame:
         values = pd.Series(pd.to_numeric(rows[name], errors="coerce"), index=rows.index)
         bad = (values.isna() & rows[name].notna()).to_numpy()
         if bad.any():
-            row = int(np.argmax(bad))
-            text, column = f"{rows[name].iloc[row]!r} is not a number", spelling.columns[name]
-            number = int(rows.index[row]) + 1
-            raise bad_recording("not-a-number", text, "write a number", file, column=column, row=number)
+            text, column = f"{rows[name].iloc[int(np.argmax(bad))]!r} is not a number", spelling.columns[name]
+            row = source_row(rows, bad)
+            raise bad_recording("not-a-number", text, "write a number", file, column=column, row=row)
         if name == "frame":
             rows = rows.assign(time=values.astype(np.float64) / factor)
         elif name == "lane":
@@ -107,16 +107,12 @@ def _with_frames(rows: pd.DataFrame, spelling: Spelling, file: str) -> tuple[pd.
             text = (
                 "rows of one vehicle at different positions have the same time: times are too coarse, or ids are shared"
             )
-            remedy = (
-                "write times to the hundredth of a second, or name the column of frames: 'data.columns={frame: NAME}'"
-            )
+            remedy = f"write times to the hundredth of a second, or {_NAME_FRAMES}"
             raise bad_recording("times-too-coarse", text, remedy, file, column=column)
         found = clock.frames_of(track, time)
         if found is None:
             text = "the times of a vehicle do not rise by multiples of one step, so frames cannot be derived from them"
-            remedy = (
-                "resample the recording to a fixed rate, or name the column of frames: 'data.columns={frame: NAME}'"
-            )
+            remedy = f"resample the recording to a fixed rate, or {_NAME_FRAMES}"
             raise bad_recording("frames-unknown", text, remedy, file, column=column)
         return rows.assign(frame=found[0]), ["frames counted from the times"]
     frame = numbers_of(pd.Series(rows["frame"]))
@@ -163,9 +159,7 @@ def _from_left_edge(rows: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
     """The rows, with lateral positions moved so that they count from the left edge, which lanes determine."""
     lateral = numbers_of(pd.Series(rows["lateral"]))
     lane = numbers_of(pd.Series(rows["lane"])) if "lane" in rows else np.full(len(rows), np.nan)
-    known = np.isfinite(lateral) & np.isfinite(lane)
-    lanes = np.unique(lane[known])
-    middle = np.array([np.median(lateral[known & (lane == number)]) for number in lanes])
+    lanes, middle = lane_middles(lane, lateral)
     width = float(np.median(np.diff(middle) / np.diff(lanes))) if lanes.size > 1 else USUAL_WIDTH
     if lanes.size:
         edge = float(np.median(middle - width * (lanes + 0.5)))

@@ -87,5 +87,4 @@ def _read(data: TableInMemory, name: str, labels: Sequence[str] = ()) -> Recordi
     rows, info = info_of_rows(name, done.rows, NAME, "a table in memory", is_in_seconds=spelling.has_clock)
     info = replace(info, notes=(*info.notes, *done.notes), columns=spelling.foreign)
     info = with_labels(info, (*labels, *done.labels), [*further, *done.labels])
-    table, dropped = validate(rows, info, data)
-    return Recording(info, table, dropped)
+    return Recording(info, *validate(rows, info, data))

@@ -5,7 +5,7 @@ from datetime import UTC, datetime
 import numpy as np
 import pandas as pd
 
-from rearl_jax.data.problems import bad_recording
+from rearl_jax.data.problems import bad_recording, source_row
 
 _DAYS = ("%d.%m.%Y", "%d/%m/%Y", "%m/%d/%Y", "%d-%m-%Y", "%Y/%m/%d", "%Y.%m.%d", "%Y%m%d")
 _CLOCKS = ("%H:%M:%S.%f", "%I:%M:%S.%f %p")
@@ -96,6 +96,5 @@ def _require_all(texts: pd.Series, is_read: pd.Series, expected: str, file: str,
     """Raise BadRecordingError for the first text that is known and was not read as what is expected."""
     bad = (texts.notna() & ~is_read).to_numpy()
     if bad.any():
-        row = int(np.argmax(bad))
-        text, remedy = f"{texts.iloc[row]!r} is not {expected}", "correct the time"
-        raise bad_recording("value-unreadable", text, remedy, file, column=column, row=int(texts.index[row]) + 1)
+        text, remedy = f"{texts.iloc[int(np.argmax(bad))]!r} is not {expected}", "correct the time"
+        raise bad_recording("value-unreadable", text, remedy, file, column=column, row=source_row(texts, bad))

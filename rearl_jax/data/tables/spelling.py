@@ -141,12 +141,7 @@ def require_needed_columns(present: Sequence[str], file: str) -> None:
 
     Other columns may be missing, or follow from these and the times or frames.
     """
-    require_known_columns(present, ("track_id", *(() if set(ENDS) & set(present) else ("position",)), "speed"), file)
-
-
-def require_known_columns(present: Sequence[str], wanted: Sequence[str], file: str) -> None:
-    """Raise BadRecordingError if a canonical column is missing, saying how `data.columns` names it."""
-    for name in wanted:
+    for name in ("track_id", *(() if set(ENDS) & set(present) else ("position",)), "speed"):
         if name not in present:
             message = "the column is missing"
             remedy = (

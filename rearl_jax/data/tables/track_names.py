@@ -7,7 +7,7 @@ import pandas as pd
 
 from rearl_jax.data.checks.leader_ids import is_absent
 from rearl_jax.data.numbers import numbers_of
-from rearl_jax.data.problems import bad_recording
+from rearl_jax.data.problems import bad_recording, source_row
 
 LABEL = "track_name"
 """Label that holds the id in the source, if this is not a number that the canonical table can hold."""
@@ -39,22 +39,17 @@ def numbered(rows: pd.DataFrame, file: str, spelling: Mapping[str, str]) -> tupl
     if texts is None:
         return _with_numeric_leaders(rows, file, spelling), ()
     known = texts.notna().to_numpy()
-    _require_all_digits(texts, rows, file, spelling.get("track_id", "track_id"))
+    column = spelling.get("track_id", "track_id")
+    _require_all_digits(texts, rows, file, column)
     numbers = _whole_numbers(texts)
     is_number = np.isfinite(numbers)
     if is_number[known].all() and _are_distinct(pd.Series(texts[known]), numbers[known]):
         return _with_numeric_leaders(rows.assign(track_id=numbers), file, spelling), ()
     rare = known & ~is_number
     if rare.any() and rare.sum() <= _MAX_DAMAGED_SHARE * known.sum() and not pd.Series(texts[rare]).duplicated().any():
-        row = int(np.argmax(rare))
-        raise bad_recording(
-            "value-unreadable",
-            f"{texts.iloc[row]!r} is not a number, as the other ids are",
-            "write the number of the vehicle there",
-            file,
-            column=spelling.get("track_id", "track_id"),
-            row=int(rows.index[row]) + 1,
-        )
+        text = f"{texts.iloc[int(np.argmax(rare))]!r} is not a number, as the other ids are"
+        row, remedy = source_row(rows, rare), "write the number of the vehicle there"
+        raise bad_recording("value-unreadable", text, remedy, file, column=column, row=row)
     codes, names = pd.factorize(texts)
     rows = rows.assign(track_id=np.where(codes < 0, np.nan, codes + 1.0), **{LABEL: texts})
     kind = _kind(pd.Series(texts[known]), is_number[known])
@@ -91,15 +86,10 @@ def _with_numeric_leaders(rows: pd.DataFrame, file: str, spelling: Mapping[str, 
     numbers = pd.Series(pd.to_numeric(texts, errors="coerce"), index=rows.index).astype(np.float64)
     bad = (numbers.isna() & texts.notna() & ~texts.str.lower().isin(NO_LEADER)).to_numpy()
     if bad.any():
-        row = int(np.argmax(bad))
-        raise bad_recording(
-            "value-unreadable",
-            f"{texts.iloc[row]!r} is not the id of a vehicle",
-            "write the number of the leader there, or leave it empty",
-            file,
-            column=spelling.get("leader_id", "leader_id"),
-            row=int(rows.index[row]) + 1,
-        )
+        text = f"{texts.iloc[int(np.argmax(bad))]!r} is not the id of a vehicle"
+        remedy = "write the number of the leader there, or leave it empty"
+        column = spelling.get("leader_id", "leader_id")
+        raise bad_recording("value-unreadable", text, remedy, file, column=column, row=source_row(rows, bad))
     return rows.assign(leader_id=numbers.mask(is_absent(numbers.to_numpy(), tracks)))
 
 
@@ -113,10 +103,10 @@ def _require_all_digits(texts: pd.Series, rows: pd.DataFrame, file: str, column:
         return
     twice = rounded & pd.concat([texts, *clocks], axis=1).duplicated().to_numpy()
     if twice.any():
-        row = int(np.argmax(twice))
-        text = f"ids have lost digits: {texts.iloc[row]} is written for several vehicles at the same time"
+        example = texts.iloc[int(np.argmax(twice))]
+        text = f"ids have lost digits: {example} is written for several vehicles at the same time"
         remedy = "write the ids in full, as whole numbers or texts"
-        raise bad_recording("ids-rounded", text, remedy, file, column=column, row=int(rows.index[row]) + 1)
+        raise bad_recording("ids-rounded", text, remedy, file, column=column, row=source_row(rows, twice))
 
 
 def _texts(ids: pd.Series) -> pd.Series | None:
@@ -152,8 +142,5 @@ def _kind(texts: pd.Series, is_number: np.ndarray) -> str:
     """Description of ids that have to be numbered."""
     if is_number.all():
         return "numbers with leading zeros"
-    return "numbers beyond 2^53" if is_number.any() or _are_digits(texts) else "names"
-
-
-def _are_digits(texts: pd.Series) -> bool:
-    return bool(texts.str.fullmatch(r"[+-]?\d+(\.0*)?").all())
+    is_beyond = is_number.any() or texts.str.fullmatch(r"[+-]?\d+(\.0*)?").all()
+    return "numbers beyond 2^53" if is_beyond else "names"

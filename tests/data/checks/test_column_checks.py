@@ -9,6 +9,7 @@ import pytest
 from rearl_jax.config.data import BadRows, DataConfig
 from rearl_jax.data.records import RecordingInfo
 from rearl_jax.data.schema import validate
+from tests.data.made_rows import car_rows
 from tests.refusal import refused
 
 STOP = DataConfig()
@@ -25,23 +26,7 @@ def braking() -> pd.DataFrame:
         acceleration = np.cos(1.5 * time + track)
         speed = 15.0 + np.sin(1.5 * time + track) / 1.5
         position = 30.0 * (track % 3) + 15.0 * time - np.cos(1.5 * time + track) / 1.5**2
-        lane = track % 2
-        columns = {
-            "track_id": track,
-            "frame": np.arange(100),
-            "direction": 1 + (track > 3),
-            "x": position,
-            "y": 3.5 * (lane + 0.5),
-            "position": position,
-            "lateral": 3.5 * (lane + 0.5),
-            "lane": lane,
-            "speed": speed,
-            "acceleration": acceleration,
-            "length": 4.5,
-            "width": 1.8,
-            "vehicle_class": "car",
-        }
-        parts.append(pd.DataFrame(columns))
+        parts.append(car_rows(track, position, speed, acceleration, lane=track % 2, direction=1 + (track > 3)))
     rows = pd.concat(parts, ignore_index=True)
     assert validate(rows, INFO, STOP)[1] == {}
     return rows

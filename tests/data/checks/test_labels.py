@@ -15,6 +15,7 @@ from rearl_jax.data.records import Recording
 from rearl_jax.data.tables.canonical import TableFile, write_recording
 from rearl_jax.data.tables.in_memory import in_memory
 from tests.data.formats.test_openacc import _platoon
+from tests.data.table_files import write_table
 from tests.refusal import refused
 
 T = np.arange(100) / 10.0
@@ -110,11 +111,8 @@ def table(tmp_path) -> pd.DataFrame:
 
 @pytest.mark.parametrize("ending", [".csv", ".parquet", ""])
 def test_any_column_of_a_table_that_is_asked_for_is_a_label(table, tmp_path, ending):
-    data = DataConfig(DataFormat.table, str(tmp_path / f"tracks{ending}"))
-    if ending == ".csv":
-        table.to_csv(data.root, index=False)
-    elif ending == ".parquet":
-        table.to_parquet(data.root)
+    if ending:
+        data = DataConfig(DataFormat.table, str(write_table(table, tmp_path / f"tracks{ending}")))
     else:
         data = in_memory(table, DataConfig())
     (plain,) = iterate_recordings(data)

@@ -7,6 +7,7 @@ import pytest
 from rearl_jax.config.data import BadRows, DataConfig
 from rearl_jax.data.records import RecordingInfo
 from rearl_jax.data.schema import validate
+from tests.data.made_rows import car_rows
 from tests.refusal import refused
 
 RATE = 10.0
@@ -23,22 +24,7 @@ def waves() -> pd.DataFrame:
     for track in range(1, 4):
         phase = 0.5 * time + track
         position = 40.0 * track + 13.0 * time - 8.0 * np.cos(phase)
-        columns = {
-            "track_id": track,
-            "frame": np.arange(600),
-            "direction": 1,
-            "x": position,
-            "y": 1.8,
-            "position": position,
-            "lateral": 1.8,
-            "lane": 0,
-            "speed": 13.0 + 4.0 * np.sin(phase),
-            "acceleration": 2.0 * np.cos(phase),
-            "length": 4.5,
-            "width": 1.8,
-            "vehicle_class": "car",
-        }
-        parts.append(pd.DataFrame(columns))
+        parts.append(car_rows(track, position, 13.0 + 4.0 * np.sin(phase), 2.0 * np.cos(phase), lane_width=3.6))
     rows = pd.concat(parts, ignore_index=True)
     assert validate(rows, INFO, STOP)[1] == {}
     return rows

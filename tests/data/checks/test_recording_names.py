@@ -6,18 +6,18 @@ import pytest
 
 from rearl_jax.config.data import DataConfig, DataFormat
 from rearl_jax.data.recordings import iterate_recordings
+from tests.data.table_files import write_table
 from tests.refusal import refused
 
 
 @pytest.fixture
-def rows(vehicle_rows) -> pd.DataFrame:
+def rows(timed_rows) -> pd.DataFrame:
     """Three vehicles of the recording cam1."""
-    return vehicle_rows.assign(time=vehicle_rows["frame"] / 10.0, recording="cam1")
+    return timed_rows.assign(recording="cam1")
 
 
 def _read(rows: pd.DataFrame, path) -> dict[str, int]:
-    rows.to_parquet(path) if path.suffix == ".parquet" else rows.to_csv(path, index=False)
-    data = DataConfig(DataFormat.table, str(path))
+    data = DataConfig(DataFormat.table, str(write_table(rows, path)))
     return {recording.info.id: len(recording.table) for recording in iterate_recordings(data)}
 
 

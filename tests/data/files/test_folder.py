@@ -17,14 +17,13 @@ from rearl_jax.data.formats.highd import find_recordings
 from rearl_jax.data.recordings import count_recordings, iterate_recordings
 from rearl_jax.data.tables.canonical import TableFile, find_tables
 from rearl_jax.problems import MissingInputError
+from tests.data.table_files import write_table
 from tests.refusal import refused
 
 
 @pytest.fixture
-def table(vehicle_rows, tmp_path):
-    path = tmp_path / "a.csv"
-    vehicle_rows.assign(time=vehicle_rows["frame"] / 10.0).to_csv(path, index=False)
-    return path
+def table(timed_rows, tmp_path):
+    return write_table(timed_rows, tmp_path / "a.csv")
 
 
 def _names(folder):

@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from benchmarks.sensor_layouts import LANE_WIDTH, exid_meta, exid_rows, traffic, write_exid
+from benchmarks.sensor_layouts import LANE_WIDTH, exid_meta, exid_rows, traffic
 from rearl_jax.config.data import BadRows, DataConfig, DataFormat
 from rearl_jax.data.recordings import data_id, iterate_recordings
 from rearl_jax.problems import MissingInputError
@@ -163,12 +163,3 @@ def test_a_missing_file_is_named(tracks, read, tmp_path):
     (tmp_path / "00_tracksMeta.csv").unlink()
     with refused("file-missing", MissingInputError):
         list(iterate_recordings(DataConfig(DataFormat.exid, str(tmp_path))))
-
-
-def test_the_writer_writes_three_files(tmp_path):
-    write_exid(tmp_path / "07_tracks.csv", 50_000)
-    assert sorted(path.name for path in tmp_path.iterdir()) == [
-        "07_recordingMeta.csv",
-        "07_tracks.csv",
-        "07_tracksMeta.csv",
-    ]

@@ -12,6 +12,7 @@ import pytest
 from rearl_jax.config.data import BadRows, DataConfig
 from rearl_jax.data.formats.highd import find_recordings, read_recording
 from rearl_jax.problems import MissingInputError
+from tests.data.changed_rows import with_values
 from tests.refusal import refused
 
 STOP = DataConfig()
@@ -29,13 +30,7 @@ def _edit(path: Path, change) -> None:
 
 
 def _set(row: int, **values):
-    def change(table: pd.DataFrame) -> pd.DataFrame:
-        for name, value in values.items():
-            table[name] = table[name].astype(object)
-            table.loc[row, name] = value
-        return table
-
-    return change
+    return lambda table: with_values(table, row, **values)
 
 
 def test_both_directions_are_in_their_drivers_frame(tracks):

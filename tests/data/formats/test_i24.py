@@ -10,12 +10,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from benchmarks.sensor_layouts import i24_document, traffic, write_i24
+from benchmarks.sensor_layouts import i24_document, traffic
 from rearl_jax.config.data import BadRows, DataConfig, DataFormat
 from rearl_jax.data.files import json_documents
 from rearl_jax.data.formats import i24
 from rearl_jax.data.recordings import data_id, iterate_recordings
-from rearl_jax.problems import InvalidInputError, MissingInputError
+from rearl_jax.problems import InvalidInputError
 from tests.refusal import refused
 
 WHOLE: dict[str, Any] = {"window": None, "section": None}
@@ -183,13 +183,3 @@ def test_windows_must_be_positive(tmp_path):
     for name in ("window", "section"):
         with refused("out-of-range", InvalidInputError, key=name):
             replace(DataConfig(DataFormat.i24, str(tmp_path)), **{name: 0.0}).check()
-
-
-def test_an_empty_folder_is_named(tmp_path):
-    with refused("recordings-missing", MissingInputError):
-        list(iterate_recordings(DataConfig(DataFormat.i24, str(tmp_path))))
-
-
-def test_the_writer_writes_documents(tmp_path):
-    write_i24(tmp_path / "a.json", 100_000)
-    assert len(json.loads((tmp_path / "a.json").read_text())) > 1

@@ -2,9 +2,8 @@
 
 import numpy as np
 import pandas as pd
-import pytest
 
-from rearl_jax.config.data import BadRows, DataConfig, DataFormat
+from rearl_jax.config.data import BadRows, DataConfig
 from rearl_jax.data.formats.ngsim import debounced
 from rearl_jax.data.formats.ngsim_pairs import find_pairs, pairs_recordings, read_pairs
 from rearl_jax.data.formats.ngsim_published import PublishedFile, find_published
@@ -207,9 +206,7 @@ def test_a_table_in_metres_and_an_unknown_class_are_found(tmp_path):
         PublishedFile(find_published(tmp_path)[0], STOP).read("us101_0750")
 
 
-def test_missing_columns_values_and_files_stop(tmp_path):
-    with refused("recordings-missing", MissingInputError):
-        find_published(tmp_path)
+def test_missing_columns_and_values_stop(tmp_path):
     _write(tmp_path, _published().drop(columns="v_Vel"))
     with refused("column-missing", column="vvel"):
         PublishedFile(find_published(tmp_path)[0], STOP).recordings()
@@ -323,18 +320,6 @@ def test_huge_lengths_stop_as_lengths(tmp_path):
 def test_a_folder_without_the_one_file_stops(tmp_path):
     with refused("recordings-missing", MissingInputError):
         find_pairs(tmp_path)
-    _pairs().drop(columns="gap_m", errors="ignore").drop(columns="y_l_m").to_parquet(tmp_path / "a.parquet")
+    _pairs().drop(columns="y_l_m").to_parquet(tmp_path / "a.parquet")
     with refused("column-missing", column="y_l_m"):
         pairs_recordings(find_pairs(tmp_path))
-
-
-@pytest.mark.parametrize("kind", [DataFormat.ngsim, DataFormat.i80])
-def test_both_are_reached_as_recordings(tmp_path, kind):
-    if kind is DataFormat.ngsim:
-        _write(tmp_path, pd.concat([_published(), _published("i-80")]))
-    else:
-        _pairs().to_parquet(tmp_path / "pairs.parquet")
-    data = DataConfig(kind, str(tmp_path), recordings="i80_0400")
-    (recording,) = iterate_recordings(data)
-    assert count_recordings(data) == 1
-    assert recording.info.id == "i80_0400"

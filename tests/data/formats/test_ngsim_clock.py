@@ -72,9 +72,7 @@ def test_rows_with_another_place_are_no_recording(tmp_path, place, vehicles, fra
         file.recordings()
 
 
-def test_recordings_of_two_places_and_of_an_unknown_one_are_read(tmp_path):
-    both = pd.concat([_published(), _published("i-80")])
-    assert _file(tmp_path, both).recordings() == ["i80_0400", "us101_0750"]
+def test_recordings_of_an_unknown_place_and_of_that_of_the_file_name_are_read(tmp_path):
     assert _file(tmp_path, _published().assign(Location="Autobahn 8")).recordings() == ["autobahn8_0750"]
     blank = _published().assign(Location=lambda rows: rows["Location"].where(rows["Vehicle_ID"] < 3, " "))
     assert _file(tmp_path, blank, "US-101.csv").recordings() == ["us101_0750"]

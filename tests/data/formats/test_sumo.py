@@ -181,7 +181,7 @@ def test_other_outputs_of_sumo_are_passed_over_and_foreign_files_are_not(tmp_pat
 
 def test_a_folder_without_floating_car_data_names_what_is_wanted(tmp_path):
     (tmp_path / "road.net.xml").write_text(sumo_files.NET)
-    with pytest.raises(MissingInputError):
+    with refused("recordings-missing", MissingInputError):
         read(tmp_path)
 
 

@@ -6,7 +6,7 @@ import pytest
 
 from rearl_jax.config.data import BadRows, DataConfig, DataFormat
 from rearl_jax.data.recordings import is_generated, iterate_recordings
-from rearl_jax.problems import InvalidInputError, MissingInputError
+from rearl_jax.problems import InvalidInputError
 from tests.data.formats import vissim_files
 from tests.refusal import refused
 
@@ -139,8 +139,3 @@ def test_damaged_files_are_refused(tmp_path, text, code, fields):
 def test_broken_lines_are_counted(tmp_path):
     vissim_files.write(tmp_path, TEXT[:-20])
     assert read(tmp_path, BadRows.drop_row).dropped["broken_line"] == 1
-
-
-def test_a_folder_without_records_names_what_is_wanted(tmp_path):
-    with pytest.raises(MissingInputError):
-        read(tmp_path)

@@ -26,9 +26,9 @@ def test_gipps_speeds_are_stationary_where_they_should_be():
     drivers = _drivers(500)
     speed = np.linspace(1.0, 35.0, 500)
     gap = drivers.jam_gap + drivers.time_gap * speed
-    assert np.allclose(safe_speed(speed, gap, speed, drivers.time_gap, drivers), speed)
-    assert np.all(safe_speed(speed, gap + 1.0, speed, drivers.time_gap, drivers) > speed)
-    assert np.all(safe_speed(speed, gap, speed - 1.0, drivers.time_gap, drivers) < speed)
+    assert np.allclose(safe_speed(speed, gap, speed, drivers), speed)
+    assert np.all(safe_speed(speed, gap + 1.0, speed, drivers) > speed)
+    assert np.all(safe_speed(speed, gap, speed - 1.0, drivers) < speed)
     assert np.allclose(free_speed(drivers.desired_speed, drivers.desired_speed, drivers), drivers.desired_speed)
 
 
@@ -42,9 +42,7 @@ def test_nobody_runs_into_a_braking_leader(braking, share):
     closest = np.inf
     for _ in range(600):
         leader_acceleration = np.where(leader_speed > 0.0, -braking, 0.0)
-        own = chosen_acceleration(
-            speed, drivers.desired_speed, gap, leader_speed, leader_acceleration, drivers.time_gap, drivers
-        )
+        own = chosen_acceleration(speed, drivers.desired_speed, gap, leader_speed, leader_acceleration, drivers)
         next_speed = np.maximum(speed + dt * own, 0.0)
         next_leader = np.maximum(leader_speed + dt * leader_acceleration, 0.0)
         gap = gap + 0.5 * dt * (leader_speed + next_leader - speed - next_speed)
@@ -74,15 +72,11 @@ def test_a_speed_restriction_holds_only_there_and_then():
     bottleneck = SpeedRestriction(1, 100.0, 200.0, (10.0, 20.0), (5.0, np.inf))
     drivers = _drivers(3)
     fleet = Fleet.empty(drivers)
-    fleet.enter(
-        drivers,
-        vehicle=np.arange(3),
-        direction=np.array([1, 1, 2]),
-        position=np.array([50.0, 150.0, 150.0]),
-    )
-    nobody, wanted = np.full(3, -1), np.full(3, 30.0)
+    place = {"direction": np.array([1, 1, 2]), "position": np.array([50.0, 150.0, 150.0])}
+    fleet.enter(drivers, vehicle=np.arange(3), **place)
+    wanted = np.full(3, 30.0)
     for time, expected in ((0.0, 30.0), (10.0, 5.0), (25.0, 30.0)):
-        situation = Situation(time, fleet, nobody, np.full(3, np.inf), fleet.speed, np.zeros(3))
+        situation = Situation(time, fleet, np.full(3, np.inf), fleet.speed, np.zeros(3))
         assert bottleneck.limited(wanted, situation).tolist() == [30.0, expected, 30.0]
 
 

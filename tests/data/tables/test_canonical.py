@@ -5,12 +5,11 @@ import pandas as pd
 import pytest
 
 from rearl_jax.config.data import BadRows, DataConfig, DataFormat
-from rearl_jax.data.problems import BadRecordingError
 from rearl_jax.data.recordings import is_generated, iterate_recordings
 from rearl_jax.data.records import Recording, RecordingInfo
 from rearl_jax.data.schema import validate
-from rearl_jax.data.tables.canonical import TableFile, find_tables, write_recording
-from rearl_jax.problems import MissingInputError
+from rearl_jax.data.tables.canonical import TableFile, write_recording
+from tests.data.table_files import write_table
 from tests.refusal import refused
 
 STOP = DataConfig()
@@ -57,11 +56,7 @@ def test_a_foreign_table_of_several_recordings_is_worked_out(recording, tmp_path
     other = recording.table.assign(recording="other", lane=0, position=recording.table["position"] + 5.0)
     both = pd.concat([recording.table.astype({"recording": str}), other], ignore_index=True)
     both["comment"] = "not in the schema"
-    path = tmp_path / f"tables{ending}"
-    if ending == ".csv":
-        both.to_csv(path, index=False)
-    else:
-        both.to_parquet(path)
+    path = write_table(both, tmp_path / f"tables{ending}")
     file = TableFile(path, STOP)
     assert file.recordings() == ["made_07", "other"]
     first, second = (file.read(name) for name in file.recordings())
@@ -72,25 +67,16 @@ def test_a_foreign_table_of_several_recordings_is_worked_out(recording, tmp_path
     pd.testing.assert_frame_equal(first.table, recording.table)
     spoiled = both.copy()
     spoiled.loc[310, "speed"] = np.nan
-    if ending == ".csv":
-        spoiled.to_csv(path, index=False)
-    else:
-        spoiled.to_parquet(path)
-    with pytest.raises(BadRecordingError) as caught:
+    write_table(spoiled, path)
+    with refused("not-finite", file=str(path), column="speed", row=311):
         TableFile(path, STOP).read("other")
-    assert (caught.value.problem.file, caught.value.problem.column, caught.value.problem.row) == (
-        str(path),
-        "speed",
-        311,
-    )
 
 
 @pytest.mark.parametrize("ending", [".parquet", ".CSV"])
 def test_rows_may_come_frame_by_frame(recording, tmp_path, ending):
-    path = tmp_path / f"made_07{ending}"
     by_frame = recording.table.sort_values(["frame", "track_id"])
     assert not (by_frame["track_id"].diff() == 0).any()
-    by_frame.to_parquet(path) if ending == ".parquet" else by_frame.to_csv(path, index=False)
+    write_table(by_frame, tmp_path / f"made_07{ending}")
     (found,) = iterate_recordings(DataConfig(DataFormat.table, str(tmp_path)))
     assert found.info.frame_rate == 10.0
     pd.testing.assert_frame_equal(found.table, recording.table)
@@ -130,9 +116,6 @@ def test_what_cannot_be_worked_out_is_asked_for(recording, tmp_path):
     recording.table.assign(recording=None).to_parquet(path)
     with refused("recording-unnamed", column="recording"):
         TableFile(path, STOP).recordings()
-    path.unlink()
-    with refused("recordings-missing", MissingInputError):
-        find_tables(tmp_path)
 
 
 def test_a_failed_write_leaves_the_old_file(recording, tmp_path, monkeypatch):
@@ -166,8 +149,8 @@ def test_a_failed_write_leaves_the_old_file(recording, tmp_path, monkeypatch):
         ("vehicle_class", "category", None),
     ],
 )
-def test_a_parquet_column_may_have_any_type_that_says_the_same(vehicle_rows, tmp_path, name, kind, text):
-    rows = vehicle_rows.assign(time=vehicle_rows["frame"] / 10.0, recording=7)
+def test_a_parquet_column_may_have_any_type_that_says_the_same(timed_rows, tmp_path, name, kind, text):
+    rows = timed_rows.assign(recording=7)
     path = tmp_path / "a.parquet"
     rows.astype({name: kind}).to_parquet(path)
     (recording,) = iterate_recordings(DataConfig(DataFormat.table, str(path)))
@@ -187,11 +170,10 @@ def test_moments_in_parquet_are_seconds(vehicle_rows, tmp_path, kind):
 
 
 @pytest.mark.parametrize("ending", [".csv", ".parquet"])
-def test_large_ids_are_read(vehicle_rows, tmp_path, ending):
-    rows = vehicle_rows.assign(time=vehicle_rows["frame"] / 10.0, track_id=vehicle_rows["track_id"] + 10**15)
+def test_large_ids_are_read(timed_rows, tmp_path, ending):
+    rows = timed_rows.assign(track_id=timed_rows["track_id"] + 10**15)
     rows["leader_id"] += 10**15
-    path = tmp_path / f"a{ending}"
-    rows.to_csv(path, index=False) if ending == ".csv" else rows.to_parquet(path)
+    path = write_table(rows, tmp_path / f"a{ending}")
     (recording,) = iterate_recordings(DataConfig(DataFormat.table, str(path)))
     assert recording.table["track_id"].unique().tolist() == [10**15 + 1, 10**15 + 2, 10**15 + 3]
     assert recording.table["leader_id"].dropna().unique().tolist() == [10**15 + 1]
@@ -215,7 +197,7 @@ def test_what_is_read_can_be_written_and_read_again(vehicle_rows, tmp_path, endi
 
 
 @pytest.mark.parametrize("name", ["", "  "])
-def test_a_recording_without_a_name_stops(name, vehicle_rows, tmp_path):
-    vehicle_rows.assign(time=vehicle_rows["frame"] / 10.0, recording=name).to_parquet(tmp_path / "a.parquet")
+def test_a_recording_without_a_name_stops(name, timed_rows, tmp_path):
+    timed_rows.assign(recording=name).to_parquet(tmp_path / "a.parquet")
     with refused("recording-unnamed", column="recording"):
         list(iterate_recordings(DataConfig(DataFormat.table, str(tmp_path))))

@@ -11,6 +11,7 @@ from rearl_jax.data.recordings import data_id, iterate_recordings
 from rearl_jax.data.tables.canonical import TableFile, write_recording
 from rearl_jax.data.tables.in_memory import in_memory
 from rearl_jax.data.units import factor_of
+from tests.data.table_files import read_table, write_table
 from tests.refusal import refused
 
 COLUMNS = {"track_id": "Vehicle ID", "time": "t", "position": "dist", "speed": "v", "lane": "lane no"}
@@ -38,16 +39,10 @@ def _read(rows: pd.DataFrame, columns=COLUMNS, units=UNITS):
     return recording
 
 
-def _in_file(path, **keys):
-    (recording,) = read_recordings(format="table", root=str(path), **keys)
-    return recording
-
-
 @pytest.mark.parametrize("ending", [".csv", ".parquet", ".dat"])
 def test_names_and_units_make_a_table_canonical(foreign, vehicle_rows, tmp_path, ending):
-    path = tmp_path / f"cam{ending}"
-    foreign.to_parquet(path) if ending == ".parquet" else foreign.to_csv(path, index=False)
-    found = _in_file(path, columns=COLUMNS, units=UNITS)
+    path = write_table(foreign, tmp_path / f"cam{ending}")
+    found = read_table(path, columns=COLUMNS, units=UNITS)
     in_frame = _read(foreign)
     assert found.info.frame_rate == in_frame.info.frame_rate == 10.0
     for name in ("track_id", "position", "x", "speed", "lane"):
@@ -57,7 +52,7 @@ def test_names_and_units_make_a_table_canonical(foreign, vehicle_rows, tmp_path,
     assert set(found.table["length"]) == {4.5}
     assert any("every vehicle is 4.5 m long" in note for note in found.info.notes)
     with refused("wrong-units", column="v"):
-        _in_file(path, columns=COLUMNS, units=UNITS | {"speed": "mph"})
+        read_table(path, columns=COLUMNS, units=UNITS | {"speed": "mph"})
 
 
 def test_names_and_units_belong_to_the_identity_of_the_data(foreign, tmp_path):
@@ -145,14 +140,14 @@ def test_dates_and_times_are_seconds(foreign, tmp_path, form):
     moments = pd.Timestamp("2024-05-31 11:59:55") + pd.to_timedelta(foreign["t"], unit="ms")
     texts = moments.astype(str) if form == "mixed" else moments.dt.strftime(form)
     foreign.assign(t=texts).to_csv(tmp_path / "a.csv", sep=";", index=False)
-    found = _in_file(tmp_path / "a.csv", columns=COLUMNS, units=_without(UNITS))
+    found = read_table(tmp_path / "a.csv", columns=COLUMNS, units=_without(UNITS))
     assert found.info.frame_rate == 10.0
     assert any("dates and times of day" in note for note in found.info.notes)
     spoiled = foreign.assign(t=texts)
     spoiled.loc[41, "t"] = "yesterday"
     spoiled.to_csv(tmp_path / "a.csv", index=False)
     with refused("value-unreadable", column="t", row=42):
-        _in_file(tmp_path / "a.csv", columns=COLUMNS, units=_without(UNITS))
+        read_table(tmp_path / "a.csv", columns=COLUMNS, units=_without(UNITS))
 
 
 @pytest.mark.parametrize("rate", [30.0, 25.0, 12.5])
@@ -185,12 +180,8 @@ def test_ids_of_any_kind_are_numbered_and_kept(foreign, tmp_path, kind, ending):
     ids = foreign["Vehicle ID"].map(dict(zip((1, 2, 3), IDS[kind], strict=True)))
     leader = pd.Series(np.where(foreign["Vehicle ID"] == 3, IDS[kind][0], None), index=ids.index)
     rows = foreign.assign(**{"Vehicle ID": ids, "ahead": leader})
-    path = tmp_path / f"a{ending}"
-    if ending == ".csv":
-        rows.to_csv(path, index=False)
-    else:
-        rows.to_parquet(path)
-    found = _in_file(path, columns=COLUMNS | {"leader_id": "ahead"}, units=UNITS)
+    path = write_table(rows, tmp_path / f"a{ending}")
+    found = read_table(path, columns=COLUMNS | {"leader_id": "ahead"}, units=UNITS)
     assert found.info.labels == ("track_name",)
     assert found.labels["track_name"].astype(str).to_dict() == dict(zip((1, 2, 3), names, strict=True))
     assert found.table.loc[found.table["track_id"] == 3, "leader_id"].unique().tolist() == [1]
@@ -211,7 +202,7 @@ def test_a_damaged_id_is_no_name(foreign, tmp_path):
     text[50] = "!" + text[50]
     (tmp_path / "a.csv").write_text("\n".join(text))
     with refused("value-unreadable", column="Vehicle ID", row=50):
-        _in_file(tmp_path / "a.csv", columns=COLUMNS, units=UNITS)
+        read_table(tmp_path / "a.csv", columns=COLUMNS, units=UNITS)
 
 
 @pytest.mark.parametrize(
@@ -224,7 +215,7 @@ def test_encodings_and_delimiters_are_recognised(foreign, tmp_path, encoding, de
     decimal = "," if delimiter == ";" else "."
     rows.to_csv(tmp_path / "a.csv", index=False, sep=delimiter, encoding=encoding, decimal=decimal)
     columns = {"track_id": "id", "time": "t", "position": "dist", "speed": name}
-    found = _in_file(tmp_path / "a.csv", columns=columns, units=UNITS)
+    found = read_table(tmp_path / "a.csv", columns=columns, units=UNITS)
     assert len(found.table) == 300
     said = {"utf-16": "UTF-16", "utf-16-le": "UTF-16, which", "latin-1": "Windows-1252, which"}.get(encoding)
     assert any(said is not None and f"the file is {said}" in note for note in found.info.notes) == (said is not None)
@@ -234,12 +225,12 @@ def test_lines_before_the_names_are_passed_over(foreign, tmp_path):
     text = foreign.to_csv(index=False)
     for before in ("\n\n", "# made by a camera\n# on Monday, late\n", "sep=,\n"):
         (tmp_path / "a.csv").write_text(before + text)
-        assert len(_in_file(tmp_path / "a.csv", columns=COLUMNS, units=UNITS).table) == 300
+        assert len(read_table(tmp_path / "a.csv", columns=COLUMNS, units=UNITS).table) == 300
     (tmp_path / "a.csv").write_text(f"# {text}")
-    assert len(_in_file(tmp_path / "a.csv", columns=COLUMNS, units=UNITS).table) == 300
+    assert len(read_table(tmp_path / "a.csv", columns=COLUMNS, units=UNITS).table) == 300
     (tmp_path / "a.csv").write_text(text.partition("\n")[2].replace("fast", "1"))
     with refused("header-missing"):
-        _in_file(tmp_path / "a.csv")
+        read_table(tmp_path / "a.csv")
 
 
 @pytest.mark.parametrize(

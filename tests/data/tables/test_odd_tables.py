@@ -9,12 +9,12 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from rearl_jax import read_recordings
 from rearl_jax.cli.composition import compose_task
 from rearl_jax.config.data import DataConfig, DataFormat
 from rearl_jax.data.recordings import data_id, iterate_recordings
 from rearl_jax.data.tables.in_memory import in_memory
 from rearl_jax.tasks import TASKS
+from tests.data.table_files import read_table, write_table
 from tests.refusal import refused
 
 
@@ -23,15 +23,9 @@ def _read(rows: pd.DataFrame):
     return recording
 
 
-def _in_file(path, **keys):
-    (recording,) = read_recordings(format="table", root=str(path), **keys)
-    return recording
-
-
 @pytest.fixture
-def rows(vehicle_rows) -> pd.DataFrame:
-    """Canonical rows with times [s]."""
-    return vehicle_rows.assign(time=vehicle_rows["frame"] / 10.0)
+def rows(timed_rows) -> pd.DataFrame:
+    return timed_rows
 
 
 @pytest.mark.parametrize("nobody", [-1, 0, 9999, 65535])
@@ -57,8 +51,8 @@ def test_marks_of_unknown_values_are_no_numbers_and_can_be_dropped(rows, tmp_pat
     rows.loc[130, "width"] = mark  # may be unknown
     rows.to_csv(tmp_path / "a.csv", index=False)
     with refused("not-finite", column="speed", row=121):
-        _in_file(tmp_path / "a.csv")
-    assert _in_file(tmp_path / "a.csv", on_bad="drop_row").dropped["not_finite"] == 1
+        read_table(tmp_path / "a.csv")
+    assert read_table(tmp_path / "a.csv", on_bad="drop_row").dropped["not_finite"] == 1
 
 
 def test_a_word_among_numbers_is_named(rows, tmp_path):
@@ -66,12 +60,12 @@ def test_a_word_among_numbers_is_named(rows, tmp_path):
     rows.loc[120, "speed"] = "fast"
     rows.to_csv(tmp_path / "a.csv", index=False)
     with refused("value-unreadable", column="speed", row=121, fault="'fast' is not a number"):
-        _in_file(tmp_path / "a.csv")
+        read_table(tmp_path / "a.csv")
 
 
 @pytest.mark.parametrize("name", ["position", "lateral"])
 def test_a_placeholder_is_named_in_the_column_that_holds_it(rows, name):
-    rows = rows.drop(columns=["x", "y"]).assign(time=rows["frame"] / 10.0)
+    rows = rows.drop(columns=["x", "y"])
     rows.loc[120:122, name] = -9999.0
     with refused("out-of-range", column=name, row=121):
         _read(rows)
@@ -98,11 +92,11 @@ def test_lateral_positions_of_a_map_count_from_the_left_edge(rows):
 def test_rows_with_further_empty_fields_are_whole(rows, tmp_path):
     head, *lines = rows.to_csv(index=False).splitlines()
     (tmp_path / "a.csv").write_text("\n".join([head, *(f"{line},," for line in lines)]), encoding="utf-8")
-    found, expected = _in_file(tmp_path / "a.csv").table, _read(rows).table
+    found, expected = read_table(tmp_path / "a.csv").table, _read(rows).table
     pd.testing.assert_frame_equal(found.drop(columns="recording"), expected.drop(columns="recording"))
     (tmp_path / "a.csv").write_text("\n".join([head, *(f"{line},7" for line in lines)]), encoding="utf-8")
     with refused("line-broken", row=1):
-        _in_file(tmp_path / "a.csv")
+        read_table(tmp_path / "a.csv")
 
 
 def test_what_is_no_table_of_numbers_is_said_with_its_remedy(rows, tmp_path):
@@ -110,19 +104,19 @@ def test_what_is_no_table_of_numbers_is_said_with_its_remedy(rows, tmp_path):
     head, *lines = rows.to_csv(index=False).splitlines()
     path.write_text(head + "\n", encoding="utf-8")
     with refused("no-rows", file=str(path)):
-        _in_file(path)
+        read_table(path)
     path.write_text("\n".join([head, *lines[:50], head, *lines[50:]]), encoding="utf-8")
     with refused("value-unreadable", row=51) as caught:
-        _in_file(path)
+        read_table(path)
     assert "repeats the names" in caught.value.problem.remedy
     marked = rows.assign(position=rows["position"].map(lambda x: f"1'{x:06.2f}"))
     marked.to_csv(path, index=False)
     with refused("value-unreadable", column="position", row=1) as caught:
-        _in_file(path)
+        read_table(path)
     assert "thousands" in caught.value.problem.remedy
     (tmp_path / "b.csv.gz").write_bytes(gzip.compress(gzip.compress(b"a,b\n1,2\n")))
     with refused("not-text", fault="the file is compressed twice"):
-        _in_file(tmp_path / "b.csv.gz")
+        read_table(tmp_path / "b.csv.gz")
 
 
 def test_statements_about_other_recordings_are_not_passed_over(rows, tmp_path):
@@ -131,10 +125,10 @@ def test_statements_about_other_recordings_are_not_passed_over(rows, tmp_path):
     stated = {"id": "a", "frame_rate": 10.0, "lane_count": {"1": 3}, "road_length": 900.0}
     stated |= {"source": "hand", "licence": "none", "attribution": "nobody"}
     beside.write_text(json.dumps(stated), encoding="utf-8")  # one object, not a list of one
-    assert _in_file(path).info.road_length == 900.0
+    assert read_table(path).info.road_length == 900.0
     beside.write_text(json.dumps([stated | {"id": "b"}]), encoding="utf-8")
     with refused("metadata-unusable", file=str(beside)):
-        _in_file(path)
+        read_table(path)
 
 
 def test_an_archive_with_a_password_is_not_damaged(tmp_path):
@@ -146,7 +140,7 @@ def test_an_archive_with_a_password_is_not_damaged(tmp_path):
     content[content.find(b"PK\x01\x02") + 8] |= 1
     path.write_bytes(content)
     with refused("not-text", file=str(path)) as caught:
-        _in_file(path)
+        read_table(path)
     assert "password" in caught.value.problem.remedy
 
 
@@ -178,7 +172,7 @@ def test_a_quoted_word_inside_a_text_encloses_nothing(rows, tmp_path):
 def test_a_row_that_is_there_twice_makes_no_words_of_ids(rows, tmp_path):
     stated = rows.assign(leader_id=rows["leader_id"].fillna(0).astype(np.int64))
     pd.concat([stated, stated.iloc[[50]]]).to_csv(tmp_path / "a.csv", index=False)
-    found = _in_file(tmp_path / "a.csv", on_bad="drop_row").table
+    found = read_table(tmp_path / "a.csv", on_bad="drop_row").table
     np.testing.assert_array_equal(found["leader_id"].isna(), _read(rows).table["leader_id"].isna())
 
 
@@ -193,32 +187,30 @@ def test_an_apostrophe_in_a_word_encloses_nothing(rows, tmp_path):
 @pytest.mark.parametrize("codes", [{1: "car", 2: "lkw"}, {"1": "car", "2": "truck"}])
 def test_codes_of_classes_are_what_is_stated(rows, tmp_path, ending, codes):
     code = np.where(rows["track_id"] == 1, 1, 2)
-    path = tmp_path / f"a.{ending}"
-    table = rows.assign(vehicle_class=code)
-    table.to_csv(path, index=False) if ending == "csv" else table.to_parquet(path)
+    path = write_table(rows.assign(vehicle_class=code), tmp_path / f"a.{ending}")
     with refused("unknown-class", column="vehicle_class") as stopped:
-        _in_file(path)
+        read_table(path)
     assert "data.classes={" in stopped.value.problem.remedy
-    found = _in_file(path, classes=codes).table
+    found = read_table(path, classes=codes).table
     assert set(found.loc[found["track_id"] == 1, "vehicle_class"]) == {"car"}
     assert set(found.loc[found["track_id"] != 1, "vehicle_class"]) == {"truck"}
     assert data_id(DataConfig(DataFormat.table, str(path), classes=codes)) != data_id(
         DataConfig(DataFormat.table, str(path), classes={1: "truck", 2: "truck"})
     )
     with refused("column-missing", key="data.classes"):
-        _in_file(path, classes=codes, columns={"vehicle_class": None})
+        read_table(path, classes=codes, columns={"vehicle_class": None})
     with refused("class-unknown", key="data.classes.2"):
-        _in_file(path, classes={1: "car", 2: "tank"})
+        read_table(path, classes={1: "car", 2: "tank"})
 
 
 def test_an_empty_class_is_what_is_stated_and_the_advice_helps(rows, tmp_path):
     path = tmp_path / "a.csv"
     rows.assign(vehicle_class=rows["vehicle_class"].mask(rows["track_id"] == 2)).to_csv(path, index=False)
     with refused("unknown-class", column="vehicle_class", row=101) as stopped:
-        _in_file(path)
+        read_table(path)
     assert "'data.classes={nan: car}'" in stopped.value.problem.remedy
     for key in ("nan", float("nan")):
-        found = _in_file(path, classes={key: "truck"}).table
+        found = read_table(path, classes={key: "truck"}).table
         assert set(found.loc[found["track_id"] == 2, "vehicle_class"]) == {"truck"}
         assert set(found.loc[found["track_id"] == 1, "vehicle_class"]) == {"car"}
 
@@ -236,17 +228,13 @@ def test_the_advice_for_an_odd_class_can_be_typed(rows, word):
 @pytest.mark.parametrize("ending", ["csv", "parquet"])
 def test_the_least_integer_stands_for_an_unknown_value(rows, tmp_path, ending):
     path, least = tmp_path / f"a.{ending}", -(2**63)
-
-    def written(table: pd.DataFrame):
-        table.to_csv(path, index=False) if ending == "csv" else table.to_parquet(path)
-        return path
-
-    found = _in_file(written(rows.assign(leader_id=rows["leader_id"].fillna(least).astype(np.int64))))
+    stated = rows.assign(leader_id=rows["leader_id"].fillna(least).astype(np.int64))
+    found = read_table(write_table(stated, path))
     np.testing.assert_array_equal(found.table["leader_id"], _read(rows).table["leader_id"])
     lane = rows["lane"].where(rows.index != 120, least).astype(np.int64)
     with refused("lane-out-of-range", column="lane", row=121):
-        _in_file(written(rows.assign(lane=lane)))
-    assert _in_file(path, on_bad="drop_row").dropped["lane_out_of_range"] == 1
+        read_table(write_table(rows.assign(lane=lane), path))
+    assert read_table(path, on_bad="drop_row").dropped["lane_out_of_range"] == 1
 
 
 @pytest.mark.parametrize("rounded", [np.floor, np.rint])
@@ -262,10 +250,10 @@ def test_ids_that_lost_digits_are_named(rows, tmp_path):
     ids = rows["track_id"].map(lambda track: f"{1e17 + 16.0 * track:.6e}")
     rows.assign(track_id=ids).drop(columns="leader_id").to_csv(path, index=False)
     with refused("ids-rounded", column="track_id", row=101):
-        _in_file(path)
+        read_table(path)
     own = rows["track_id"].map(lambda track: f"{track:d}.000e+17")
     rows.assign(track_id=own).drop(columns="leader_id").to_csv(path, index=False)
-    assert _in_file(path).table["track_id"].nunique() == 3
+    assert read_table(path).table["track_id"].nunique() == 3
 
 
 def test_the_vehicle_with_another_clock_is_named(rows):
