@@ -12,8 +12,8 @@ import pandas as pd
 from rearl_jax.config import ClusterTask, EvaluateTask
 from rearl_jax.data.scenes.scene_set import SceneSet
 from rearl_jax.document.document import Document, Section, data_sources
+from rearl_jax.document.publishing import publish_document
 from rearl_jax.document.table import NONE, Cell, Emphasis, Row, Table, interval, number, percent, spoken
-from rearl_jax.document.terminal import print_document
 from rearl_jax.evaluation.remarks import Remarks, data_summary
 from rearl_jax.metrics import METRICS
 from rearl_jax.results import PROVENANCE, Study
@@ -84,7 +84,7 @@ def publish(
     draw: Callable[[], Mapping[str, bytes]],
     **metadata: str,
 ) -> None:
-    """Prints the document and writes `NAME.parquet`, the figures, `page.html` and, last of all, `summary.json`.
+    """Writes `NAME.parquet` and publishes the document, see `publish_document`.
 
     Args:
         study: Folder of the study.
@@ -94,22 +94,13 @@ def publish(
         table: The long table.
         summary: Flat figures.
         remarks: Remarks on the table.
-        draw: Function that returns the figures, PNG by name; called after the tables are printed.
+        draw: Function that returns the figures, PNG by name, as in `publish_document`.
         **metadata: Metadata of the table besides its provenance.
     """
     study.write_table(form.name, table, **metadata, remarks=remarks.to_json())
     generated = scenes is not None and scenes.generated
     document = document_of(form, config, table, summary, remarks, generated=generated)
-    print_document(document)
-
-    # Imported after the table is printed, because matplotlib and jinja2 are slow to import.
-    from rearl_jax.document.html import page_of
-
-    figures = draw()
-    for name, png in figures.items():
-        study.write_bytes(f"{name}.png", png)
-    study.write_text("page.html", page_of(document, config, figures, data_id=scenes.data_id if scenes else None))
-    study.write_summary(summary)
+    publish_document(study, document, config, summary, draw, data_id=scenes.data_id if scenes else None)
 
 
 def document_of(

@@ -22,8 +22,7 @@ from rearl_jax.discovery import task as discovery
 from rearl_jax.discovery.compute import read_drivers
 from rearl_jax.discovery.observe.parts import AUTO
 from rearl_jax.document.document import data_sources
-from rearl_jax.document.html import page_of
-from rearl_jax.document.terminal import print_document
+from rearl_jax.document.publishing import publish_document
 from rearl_jax.evaluation.remarks import Remarks
 from rearl_jax.progress import progress_bar
 from rearl_jax.results import Study
@@ -179,8 +178,6 @@ def _publish(
     study.write_table("differences", differences, **seeds)
     generated = any(set_task.generated for set_task in set_tasks)
     document = document_of(table, facts, differences, remarks, generated=generated)
-    print_document(document)
-    study.write_text("page.html", page_of(document, config, {}, data_id=identity))
     summary = summary_of(table, facts, differences)
-    study.write_summary(summary)
+    publish_document(study, document, config, summary, data_id=identity)
     return summary

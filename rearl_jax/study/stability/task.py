@@ -7,6 +7,7 @@ The tables of each model are in `models/NAME/` and are kept if an interrupted st
 
 import json
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import pandas as pd
@@ -15,8 +16,7 @@ from rearl_jax.config.stability import StudyStabilityTask
 from rearl_jax.data.recordings import data_id, is_generated, iterate_recordings
 from rearl_jax.data.records import Recording
 from rearl_jax.document.document import data_sources
-from rearl_jax.document.html import page_of
-from rearl_jax.document.terminal import print_document
+from rearl_jax.document.publishing import publish_document
 from rearl_jax.evaluation.remarks import Remarks
 from rearl_jax.models.file import model_id
 from rearl_jax.progress import progress_bar
@@ -124,11 +124,7 @@ def _publish(
         study.write_table(name, table, seeds=f"stability.seed={options.seed}", remarks=remarks.to_json())
     study.write_text("verdict.json", json.dumps(verdict, indent=2, allow_nan=False) + "\n")
     document = document_of(tables, verdict, remarks, margin=options.margin, generated=generated)
-    print_document(document)
-    figures = draw_figures(tables, generated=generated)
-    for name, content in figures.items():
-        study.write_bytes(f"{name}.png", content)
-    study.write_text("page.html", page_of(document, config, figures, data_id=input_ids))
     summary = summary_of(tables, verdict)
-    study.write_summary(summary)
+    draw = partial(draw_figures, tables, generated=generated)
+    publish_document(study, document, config, summary, draw, data_id=input_ids)
     return summary
