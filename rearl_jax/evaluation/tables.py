@@ -122,7 +122,7 @@ def summary_table(
                 "metric": name,
                 "unit": metric.unit,
                 "better": metric.direction.name,
-                **{key: value for key, value in vars(estimate).items()},
+                **vars(estimate),
                 "confidence": confidence,
                 "n_rollouts": row.n_rollouts,
                 "definition": metric.definition,
@@ -164,11 +164,6 @@ def summary_rows(
         figures |= absent | dict(evaluation.figures.get(row.row, {}))
         objects.append(figures)
     return objects
-
-
-def written(value: float, name: str) -> str:
-    """A figure with the number of digits of its metric."""
-    return f"{value:.{METRICS[name].digits}f}"
 
 
 def metadata(config: EvaluateTask, evaluation: Evaluation) -> dict[str, str]:

@@ -13,7 +13,18 @@ from rearl_jax.config import ClusterTask, EvaluateTask
 from rearl_jax.data.scenes.scene_set import SceneSet
 from rearl_jax.document.document import Document, Section, data_sources
 from rearl_jax.document.publishing import publish_document
-from rearl_jax.document.table import NONE, Cell, Emphasis, Row, Table, interval, number, percent, spoken
+from rearl_jax.document.table import (
+    NONE,
+    Cell,
+    Emphasis,
+    Row,
+    Table,
+    cell_with_interval,
+    interval,
+    number,
+    percent,
+    spoken,
+)
 from rearl_jax.evaluation.remarks import Remarks, data_summary
 from rearl_jax.metrics import METRICS
 from rearl_jax.results import PROVENANCE, Study
@@ -168,11 +179,11 @@ def _paper_row(figures: Mapping[str, Mapping[str, Any]]) -> str | None:
     return next((name for name in names if isinstance(name, str)), None)
 
 
-def records_of(table: pd.DataFrame) -> dict[str, dict[str, dict[str, Any]]]:
-    """Rows of a long table by their name and metric."""
+def records_of(table: pd.DataFrame, row: str = "row", column: str = "metric") -> dict[str, dict[str, dict[str, Any]]]:
+    """Records of a long table by the values of two of its columns."""
     rows: dict[str, dict[str, dict[str, Any]]] = {}
     for record in table.astype(object).to_dict("records"):
-        rows.setdefault(record["row"], {})[record["metric"]] = {str(name): value for name, value in record.items()}
+        rows.setdefault(record[row], {})[record[column]] = {str(name): value for name, value in record.items()}
     return rows
 
 
@@ -190,8 +201,8 @@ def cell(
     """
     ends = ("low", "high") if column == "ours" else (f"{column}_low", f"{column}_high")
     value, low, high = ((record or {}).get(name) for name in (column, *ends))
-    texts = [_text(end, metric, digits, sign) for end in (value, low, high)]
-    return Cell(texts[0], "" if NONE in texts[1:] else f"{texts[1]} to {texts[2]}")
+    texts = (_text(end, metric, digits, sign) for end in (value, low, high))
+    return cell_with_interval(*texts)
 
 
 def _text(value: Any, metric: str, digits: int | None, sign: str) -> str:
