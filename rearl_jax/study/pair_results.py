@@ -1,7 +1,6 @@
 """Results of a threshold sweep: every pair with intervals, and the Pareto-optimal pairs."""
 
 import json
-import math
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -9,7 +8,7 @@ import numpy as np
 import pandas as pd
 
 from rearl_jax.config import StudyTable3Task
-from rearl_jax.evaluation.estimates import BASE, grouped_mean, intervals
+from rearl_jax.evaluation.estimates import BASE, grouped_mean, means_with_intervals
 from rearl_jax.sweep.parts import RUNS
 from rearl_jax.sweep.task import FIGURES
 
@@ -67,9 +66,7 @@ def _figures(runs: pd.DataFrame, is_row: np.ndarray, config: StudyTable3Task) ->
         name: grouped_mean(runs[column].to_numpy(np.float64, na_value=np.nan)[is_row], group, len(subset))
         for name, column in columns.items()
     }
-    ends = intervals(np.stack(list(means.values()), axis=1), config.eval)
     figures = {}
-    for (name, values), (low, high) in zip(means.items(), ends, strict=True):
-        mean = float(np.nanmean(values)) if np.isfinite(values).any() else math.nan
+    for name, (mean, low, high) in zip(means, means_with_intervals(list(means.values()), config.eval), strict=True):
         figures |= {name: mean, f"{name}_low": low, f"{name}_high": high}
     return figures

@@ -12,17 +12,13 @@ import pandas as pd
 from rearl_jax.config import StudyTable1Task
 from rearl_jax.config.evaluation import EvaluationConfig, Method
 from rearl_jax.evaluation import task
-from rearl_jax.evaluation.estimates import Estimate, grouped_mean, intervals
-from rearl_jax.evaluation.scores import NOISE_FLOOR, REAL, REAL_VS_REAL
+from rearl_jax.evaluation.estimates import Estimate, grouped_mean, means_with_intervals
 from rearl_jax.evaluation.tables import HEADINGS
 from rearl_jax.study.findings import Difference, RowDifferences
 from rearl_jax.study.parts import carry_out
 from rearl_jax.study.rows import CONTROL, Role, Row, chosen_rows, row_record
 
 log = logging.getLogger(__name__)
-
-REFERENCES = (REAL_VS_REAL, NOISE_FLOOR, REAL)
-"""Reference rows of every evaluation, besides its method."""
 
 _ESTIMATE = tuple(item.name for item in fields(Estimate))
 
@@ -114,10 +110,7 @@ def paired_difference(row: Evaluated, other: Evaluated, metric: str, eval: Evalu
     """Difference of a metric between two rows with the same initial states; None if no scene has both."""
     means, other_means = row.scene_means(metric), other.scene_means(metric)
     difference = np.array([means[scene] - other_means[scene] for scene in means if scene in other_means])
-    if not len(difference):
-        return None
-    ((low, high),) = intervals(difference[:, None], eval)
-    return Difference(float(difference.mean()), low, high)
+    return Difference(*means_with_intervals([difference], eval)[0]) if len(difference) else None
 
 
 def evaluate_rows(config: StudyTable1Task) -> Results:

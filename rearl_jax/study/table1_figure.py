@@ -4,7 +4,7 @@ from matplotlib.axes import Axes
 
 from rearl_jax.config import StudyTable1Task
 from rearl_jax.drawing import BLUE, DARK_GREY, FONT_SIZE, GREY, LIGHT_GREY, ORANGE, VERMILION, panels, png, set_title
-from rearl_jax.evaluation.scores import COMPARING, REAL, REAL_VS_REAL
+from rearl_jax.evaluation.scores import reference_of
 from rearl_jax.study.published import TABLE1
 from rearl_jax.study.row_results import Results
 from rearl_jax.study.rows import Role
@@ -48,8 +48,7 @@ def draw_rows(config: StudyTable1Task, results: Results, *, generated: bool) -> 
 
 
 def _draw_panel(panel: Axes, results: Results, metric: str) -> None:
-    reference_row = REAL_VS_REAL if metric in COMPARING else REAL
-    real = results.reference.estimates.get((reference_row, metric))
+    real = results.reference.estimates.get((reference_of(metric), metric))
     if real is not None:
         panel.axvline(real.value, color=GREY, linewidth=1.2, label="recorded (real against real for H and MAPE)")
     for role, colour in _COLOURS.items():

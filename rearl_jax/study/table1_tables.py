@@ -14,7 +14,7 @@ from rearl_jax.evaluation.tables import HEADINGS
 from rearl_jax.metrics import METRICS
 from rearl_jax.study.document import beside_paper, cell, long_table, records_of
 from rearl_jax.study.published import TABLE1, PublishedRow
-from rearl_jax.study.row_results import REFERENCES, Evaluated, Results
+from rearl_jax.study.row_results import Evaluated, Results
 from rearl_jax.study.traffic.tables import sections_on_traffic, split_rows
 
 TITLES_OF_METRICS = {
@@ -99,8 +99,8 @@ def long_rows(results: Results) -> pd.DataFrame:
             for name in EXTRA_FIGURES
             if item.figures.get(name) is not None
         ]
-    for name in REFERENCES:
-        records += _records(results.reference, name, name, TITLES[name], None)
+    for name, title in TITLES.items():
+        records += _records(results.reference, name, name, title, None)
     shown_rows = {item.row.paper for item in results.rows}
     records += [
         {"row": f"paper_{name}", "title": row.title, "metric": metric, "unit": METRICS[metric].unit, "paper_row": name}
@@ -148,7 +148,7 @@ def summary_of(config: StudyTable1Task, results: Results, findings: list[str]) -
         "findings": " ".join(findings),
     }
     lines = [(item.row.name, item, item.method, item.row.paper) for item in results.rows]
-    lines += [(name, results.reference, name, None) for name in REFERENCES]
+    lines += [(name, results.reference, name, None) for name in TITLES]
     for row, item, method, paper in lines:
         for metric in TITLES_OF_METRICS:
             estimate, key = item.estimates.get((method, metric)), f"{row}_{metric}"

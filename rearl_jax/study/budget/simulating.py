@@ -20,7 +20,7 @@ from rearl_jax.evaluation.positions import Positions
 from rearl_jax.evaluation.rollouts import Rollouts
 from rearl_jax.evaluation.rows import Row as SimulatedRow
 from rearl_jax.evaluation.runner import example_scene, make_scorer, reference_rows, simulated_row
-from rearl_jax.evaluation.scores import REAL, Scores, with_realism
+from rearl_jax.evaluation.scores import REAL, Scores, row_named, with_realism
 from rearl_jax.evaluation.scoring import Scorer
 from rearl_jax.evaluation.simulators import NEVER_EXCEEDED
 from rearl_jax.metrics import METRICS
@@ -96,7 +96,7 @@ def _title(row: Row | None) -> str:
 
 def reference_table(setting: Setting, reference_scores: Sequence[Scores]) -> pd.DataFrame:
     """Figures of the reference rows, scene by scene."""
-    real = next(row for row in reference_scores if row.row == REAL)
+    real = row_named(reference_scores, REAL)
     complete = with_realism(list(reference_scores), real, setting.config.realism)
     return pd.concat([_table(setting, row) for row in complete], ignore_index=True)
 
@@ -123,8 +123,7 @@ def simulated_table(
     scores, _, log, positions = simulated_row(
         name, rollouts, scorer, scenes, held_out, example, lambda done, total: None
     )
-    real = next(reference for reference in reference_scores if reference.row == REAL)
-    (complete,) = with_realism([scores], real, setting.config.realism)
+    (complete,) = with_realism([scores], row_named(reference_scores, REAL), setting.config.realism)
     return _table(setting, complete, positions), log
 
 
