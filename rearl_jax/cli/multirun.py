@@ -5,7 +5,6 @@ results of all jobs. A cell holds the swept keys and their values in one job.
 """
 
 import itertools
-import json
 import logging
 import os
 import sys
@@ -32,7 +31,7 @@ from rearl_jax.cli.streams import make_writable
 from rearl_jax.cli.values import readable, with_original_keys
 from rearl_jax.config._schema import finished, keys_of
 from rearl_jax.problems import Problem
-from rearl_jax.results import cell_folder, config_hash, first_part
+from rearl_jax.results import cell_folder, config_hash, first_part, read_summary
 from rearl_jax.tasks import Task
 from rearl_jax.whole_files import claim
 
@@ -89,7 +88,7 @@ def _is_outdated(
     """True if the results in the folder of a job belong to another configuration."""
     job_folder = cell_folder(folder, cell)
     try:
-        summary = json.loads((job_folder / "summary.json").read_text(encoding="utf-8"))
+        summary = read_summary(job_folder)
     except FileNotFoundError:
         return False
     overrides = [*fixed, *(f"{key}={value}" for key, value in cell.items())]

@@ -177,7 +177,7 @@ def simulated_row(
     scenes: SceneSet,
     held_out: np.ndarray,
     example: int,
-    progress: Callable[[int, int], None],
+    progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> tuple[Scores, Sample, DecisionLog | None, Positions | None]:
     """Scores of a row on the held-out scenes, data of its figures, its decisions, and positions of its vehicles.
 

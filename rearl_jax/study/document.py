@@ -27,11 +27,13 @@ from rearl_jax.document.table import (
 )
 from rearl_jax.evaluation.remarks import Remarks, data_summary
 from rearl_jax.metrics import METRICS
-from rearl_jax.results import PROVENANCE, Study
+from rearl_jax.results import Study, without_provenance
 from rearl_jax.study.published import TABLE1
 
 _LONGEST_FIGURE = 100
 """Longest text in summary.json that is a figure, not a paragraph [characters]."""
+
+_DIGITS = {name: metric.digits for name, metric in METRICS.items()}
 
 _FIGURES = ("ours", "low", "high", "sd", "less_base", "less_base_low", "less_base_high", "paper")
 
@@ -156,7 +158,7 @@ def beside_paper(
         headings: Headings of the metrics.
         digits: Digits after the decimal point, for metrics outside `METRICS` or with other digits than there.
     """
-    digits = {name: metric.digits for name, metric in METRICS.items()} | dict(digits or {})
+    digits = _DIGITS | dict(digits or {})
     records = records_of(table)
     last_row_of = {paper_row: name for name, figures in records.items() if (paper_row := _paper_row(figures))}
     rows = []
@@ -171,6 +173,33 @@ def beside_paper(
             row_title = TABLE1[paper_row].title if paper_row else row_title
             rows.append(Row(f"paper: {row_title}", paper, Emphasis.subdued))
     return Table(title, tuple(headings.values()), tuple(rows))
+
+
+def less_base_table(
+    title: str,
+    table: pd.DataFrame,
+    headings: Mapping[str, str],
+    digits: Mapping[str, int] | None = None,
+    counts: Mapping[str, str] | None = None,
+) -> Table:
+    """Differences from base: the rows of a long table that have any, with a column per metric.
+
+    Args:
+        title: Title of the table.
+        table: The long table.
+        headings: Headings of the metrics.
+        digits: As in `beside_paper`.
+        counts: Headings of further columns, whose numbers are the same for all metrics of a row.
+    """
+    digits, counts = _DIGITS | dict(digits or {}), counts or {}
+    rows = []
+    for figures in records_of(table).values():
+        if any(pd.notna(figure.get("less_base")) for figure in figures.values()):
+            any_figure = next(iter(figures.values()))
+            cells = [cell(figures.get(name), name, "less_base", digits=digits[name], sign="+") for name in headings]
+            cells += [Cell(number(any_figure.get(name))) for name in counts]
+            rows.append(Row(str(any_figure["title"]), tuple(cells)))
+    return Table(title, (*headings.values(), *counts.values()), tuple(rows))
 
 
 def _paper_row(figures: Mapping[str, Mapping[str, Any]]) -> str | None:
@@ -217,7 +246,7 @@ def _text(value: Any, metric: str, digits: int | None, sign: str) -> str:
 
 def _other_figures(summary: Mapping[str, Any], rows: Sequence[str]) -> Table:
     """Figures of summary.json outside the long table, without provenance."""
-    plain = {key: value for key, value in summary.items() if not isinstance(value, (list, dict))}
+    plain = {key: value for key, value in without_provenance(summary).items() if not isinstance(value, (list, dict))}
     left_out = ("_low", "_high", "_paper", "_sd")
     of_rows = tuple(f"{row}_" for row in rows)
     return Table(
@@ -226,8 +255,7 @@ def _other_figures(summary: Mapping[str, Any], rows: Sequence[str]) -> Table:
         tuple(
             Row(spoken(key), (Cell(number(value), interval(plain.get(f"{key}_low"), plain.get(f"{key}_high"))),))
             for key, value in plain.items()
-            if key not in PROVENANCE
-            and not key.endswith(left_out)
+            if not key.endswith(left_out)
             and not key.startswith(of_rows)
             and value is not None
             and len(str(value)) <= _LONGEST_FIGURE

@@ -1,6 +1,5 @@
 """Evaluated rows of Table 1: estimates with intervals, and paired differences."""
 
-import json
 import logging
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -14,6 +13,7 @@ from rearl_jax.config.evaluation import EvaluationConfig, Method
 from rearl_jax.evaluation import task
 from rearl_jax.evaluation.estimates import Estimate, grouped_mean, means_with_intervals
 from rearl_jax.evaluation.tables import HEADINGS
+from rearl_jax.results import read_summary
 from rearl_jax.study.findings import Difference, RowDifferences
 from rearl_jax.study.parts import carry_out
 from rearl_jax.study.rows import CONTROL, Role, Row, chosen_rows, row_record
@@ -137,5 +137,4 @@ def _read(row: Row, folder: Path) -> Evaluated:
         known: dict[str, Any] = {name: None if pd.isna(record[name]) else record[name] for name in _ESTIMATE}
         estimates[record["method"], record["metric"]] = Estimate(**known)
         rollouts[record["method"]] = int(record["n_rollouts"])
-    figures = json.loads((folder / "summary.json").read_text(encoding="utf-8"))[0]
-    return Evaluated(row, folder, estimates, rollouts, figures)
+    return Evaluated(row, folder, estimates, rollouts, read_summary(folder)[0])

@@ -5,7 +5,6 @@ from matplotlib.axes import Axes
 from rearl_jax.config import StudyTable1Task
 from rearl_jax.drawing import BLUE, DARK_GREY, FONT_SIZE, GREY, LIGHT_GREY, ORANGE, VERMILION, panels, png, set_title
 from rearl_jax.evaluation.scores import reference_of
-from rearl_jax.study.published import TABLE1
 from rearl_jax.study.row_results import Results
 from rearl_jax.study.rows import Role
 from rearl_jax.study.table1_tables import TITLES_OF_METRICS, paper_figure
@@ -67,7 +66,7 @@ def _draw_panel(panel: Axes, results: Results, metric: str) -> None:
     published = [
         (position, value)
         for position, item in enumerate(results.rows)
-        if item.row.paper is not None and (value := paper_figure(TABLE1[item.row.paper], metric)) is not None
+        if (value := paper_figure(item.row.paper, metric)) is not None
     ]
     if published:
         positions, values = zip(*published, strict=True)

@@ -8,10 +8,10 @@ import pandas as pd
 
 from rearl_jax.config.evaluation import EvaluationConfig
 from rearl_jax.evaluation.estimates import means_with_intervals
-from rearl_jax.evaluation.scores import REAL_VS_REAL, title_of
+from rearl_jax.evaluation.scores import REAL_VS_REAL
 from rearl_jax.evaluation.scores import TITLES as REFERENCE_TITLES
 from rearl_jax.metrics import METRICS
-from rearl_jax.study.budget.components import TITLES, row_name
+from rearl_jax.study.budget.components import TITLES, row_name, title_of_row
 from rearl_jax.study.budget.figures import COLUMNS, ColumnBudget, errors_of, scene_figures
 
 FIRST, LAST, OF_REAL, WHOLE, REST = "first", "last", "real", "whole", "rest"
@@ -46,7 +46,7 @@ def _records(name: str, budget: ColumnBudget, eval: EvaluationConfig) -> list[di
     values |= {WHOLE: shares.whole, REST: np.where(is_known, budget.rest(), np.nan)}
     values |= dict(zip(shares.components, shares.by_component, strict=True))
     figures = dict(zip(values, means_with_intervals(list(values.values()), eval), strict=True))
-    titles = {FIRST: title_of_row(budget.first), LAST: "all components", OF_REAL: title_of(REAL_VS_REAL)}
+    titles = {FIRST: title_of_row(budget.column.first), LAST: "all components", OF_REAL: REFERENCE_TITLES[REAL_VS_REAL]}
     titles |= {WHOLE: "total reduction", REST: "rest less real against real"} | dict(TITLES)
     common = {"error": name, "heading": budget.column.title, "n_scenes": int(is_known.sum())}
     common |= {"n_orders": len(shares.by_order)}
@@ -65,11 +65,6 @@ def _records(name: str, budget: ColumnBudget, eval: EvaluationConfig) -> list[di
         if record["part"] in index:
             record |= {key: float(column[index[record["part"]]]) for key, column in of_orders.items()}
     return records
-
-
-def title_of_row(name: str) -> str:
-    """Title of a row of the budget: its components in words."""
-    return " + ".join(TITLES.get(part, title_of(part)) for part in name.split("+"))
 
 
 def step_table(rows: pd.DataFrame, components: Sequence[str], eval: EvaluationConfig) -> pd.DataFrame:
