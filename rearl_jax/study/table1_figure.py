@@ -3,7 +3,7 @@
 from matplotlib.axes import Axes
 
 from rearl_jax.config import StudyTable1Task
-from rearl_jax.drawing import BLUE, DARK_GREY, FONT_SIZE, GREY, LIGHT_GREY, ORANGE, VERMILION, panels, png, set_title
+from rearl_jax.drawing import BLUE, DARK_GREY, GREY, ORANGE, VERMILION, add_grid, add_legend, panels, png, set_title
 from rearl_jax.evaluation.scores import reference_of
 from rearl_jax.study.row_results import Results
 from rearl_jax.study.rows import Role
@@ -29,20 +29,14 @@ def draw_rows(config: StudyTable1Task, results: Results, *, generated: bool) -> 
         titles = [item.row.title for item in results.rows]
         panel.set_yticks(range(n_rows), titles if panel is axes[0] else [""] * n_rows)
         panel.set_xlabel(TITLES_OF_METRICS[metric])
-        panel.grid(axis="y", color=LIGHT_GREY, linewidth=0.6)
-        panel.set_axisbelow(True)
+        add_grid(panel, "y")
         if metric == "lcr":
             panel.set_xscale("symlog", linthresh=_LINEAR_RATE)
             panel.set_xlim(right=2 * panel.dataLim.x1)
         panel.set_xlim(left=0)
     kind = "generated" if generated else "recorded"
     set_title(axes[0], f"{results.n_scenes} {kind} scenes; paper: highD")
-    handles = {}
-    for panel in axes:
-        handles |= {line.get_label(): line for line in panel.get_lines() if not str(line.get_label()).startswith("_")}
-    figure.legend(
-        handles.values(), handles, loc="outside lower center", ncols=len(handles), frameon=False, fontsize=FONT_SIZE
-    )
+    add_legend(figure)
     return png(figure)
 
 
