@@ -16,20 +16,18 @@ from typing import Any
 from rearl_jax import tasks
 from rearl_jax.cli.composition import (
     UsageError,
-    check_overrides,
+    checked_overrides,
     choices,
     compose_task,
-    defaults_with,
     hydra_errors,
     register,
-    with_implied,
     with_mappings_opened,
 )
 from rearl_jax.cli.launchers import launcher_errors, settings
 from rearl_jax.cli.running import JobError, complain, is_for_user, run_task
 from rearl_jax.cli.streams import make_writable
-from rearl_jax.cli.values import readable, with_original_keys
-from rearl_jax.config._schema import finished, keys_of
+from rearl_jax.cli.values import with_original_keys
+from rearl_jax.config._schema import finished
 from rearl_jax.problems import Problem
 from rearl_jax.results import cell_folder, config_hash, first_part, read_summary
 from rearl_jax.tasks import Task
@@ -50,9 +48,7 @@ def run_many(task: Task, overrides: list[str], config_dir: str | None) -> tuple[
     """
     from hydra.core.override_parser.overrides_parser import OverridesParser
 
-    overrides = with_implied(task, overrides)
-    overrides = readable(overrides, keys_of(defaults_with(task, overrides)))
-    check_overrides(task, overrides, config_dir)
+    overrides = checked_overrides(task, overrides, config_dir, many=True)
     parsed = OverridesParser.create().parse_overrides(overrides)
     with hydra_errors(task, overrides):
         swept = swept_values(parsed, choices(task, config_dir))

@@ -47,14 +47,8 @@ def run(config: EvaluateTask, *, show: bool = True) -> dict:
         FileNotFoundError, ValueError: As `compute`.
     """
     check(config)
-    study = Study(
-        config.results.root,
-        config.study,
-        config,
-        "evaluate",
-        inputs_id(config),
-        generated=is_generated(config.data),
-    )
+    generated = is_generated(config.data)
+    study = Study(config.results.root, config.study, config, "evaluate", inputs_id(config), generated=generated)
     if (stored := study.begin(resume=config.results.resume)) is not None:
         return {"rows": stored}
     with progress_bar() as bar:

@@ -56,7 +56,7 @@ def run(config: StudyTable3Task) -> dict:
         *differences.of_references(inputs.references.speed.shape[0], config),
         *differences.of_model(config, scenes),
         *differences.of_errors(config),
-        *differences.of_decisions(asks_model=False, interval=1, n_runs=1),
+        *differences.of_decisions(),
         "choice of the pair: smallest sum of both errors; the paper does not state its criterion",
     )
     use = f"{len(splits.tuning)} of them simulated under every pair"

@@ -109,21 +109,21 @@ def run(config: SweepThresholdsTask, *, show: bool = True) -> dict:
     }
     sources = data_sources(scenes.infos)
     document = document_of(config, table, summary, base_means, generated=generated, sources=sources)
-    draw = partial(_draw, config, base, table, len(splits.tuning), generated_mark(generated))
+    draw = partial(_draw, config, base, table, len(splits.tuning), generated=generated)
     publish_document(study, document, config, summary, draw, data_id=scenes.data_id, show=show)
     return summary
 
 
 def _draw(
-    config: SweepThresholdsTask, base: BaseValues, table: pd.DataFrame, n_tuning: int, note: str
+    config: SweepThresholdsTask, base: BaseValues, table: pd.DataFrame, n_tuning: int, *, generated: bool
 ) -> dict[str, bytes]:
-    """The figures, PNG by name; `note` is the mark of generated recordings."""
+    """The figures, PNG by name."""
     from rearl_jax.sweep.figures import cumulative, heat_maps
 
-    runs = f"{config.eval.n_runs} runs{note}"
+    scenes = f"{n_tuning} tuning scenes x {config.eval.n_runs} runs{generated_mark(generated)}"
     return {
-        "base_values": cumulative(base, config.sweep, f"Base on {len(base.scene)} threshold scenes x {runs}"),
-        "pairs": heat_maps(table, f"Threshold pairs on {n_tuning} tuning scenes x {runs}; smaller is closer"),
+        "base_values": cumulative(base, config, generated=generated),
+        "pairs": heat_maps(table, f"Threshold pairs on {scenes}; smaller is closer"),
     }
 
 

@@ -96,7 +96,6 @@ def test_thresholds_are_percentiles_of_base_where_none_is_given(scenes, interven
     inputs = Inputs(scenes, Splits(label, {}, 0, 0))
     base = base_values(intervening, scenes, subset)
     n_rollouts = 3 * len(subset)
-    assert base.n_rollouts == n_rollouts
     assert len(base.mape) == n_rollouts * scenes.seconds
     assert len(base.h) == n_rollouts * (scenes.seconds - intervening.hist.window + 1)
     assert (base.h < base.threshold_h(30.0)).mean() == pytest.approx(0.3, abs=0.02)

@@ -8,6 +8,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from tests.refusal import refused
+
 ROWS = ["base", "real_vs_real", "noise_floor", "real"]
 FILES = ["config.json", "errors_over_time.png", "frames.parquet", "page.html", "positions.parquet", "runs.parquet"]
 FILES += ["space_time.png", "speed_histogram.png", "summary.json", "summary.parquet"]

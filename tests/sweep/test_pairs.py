@@ -13,7 +13,7 @@ EVAL = EvaluationConfig(resamples=2000)
 
 
 def base():
-    return BaseValues(np.arange(101.0), np.arange(101.0) * 2, np.arange(3), 6)
+    return BaseValues(np.arange(101.0), np.arange(101.0) * 2, np.arange(3))
 
 
 def test_pairs_are_all_combinations_of_the_percentiles():

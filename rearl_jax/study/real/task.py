@@ -8,7 +8,6 @@ settings), `page.html`, `config.json` and, last of all, `summary.json`.
 import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from pathlib import Path
 from typing import Any
 
 import pandas as pd
@@ -29,7 +28,7 @@ from rearl_jax.results import Study
 from rearl_jax.study.parts import part_record
 from rearl_jax.study.real.document import document_of, summary_of
 from rearl_jax.study.real.facts import FACT_COLUMNS, differences_of, facts_of
-from rearl_jax.study.real.known import KNOWN_TIME_GAPS, TOLERANCE
+from rearl_jax.study.real.known import KNOWN_TIME_GAPS
 from rearl_jax.study.real.table import real_table, rows_of
 
 TASK = "study real"
@@ -143,11 +142,10 @@ def _facts(set_task: SetTask, car: str, bases: Mapping[str, str], bar: Progress)
             car,
             {group: models[base] for group, base in bases.items()},
             KNOWN_TIME_GAPS if _is_zalazone(set_task.part.data) else {},
-            TOLERANCE,
             lane_changes=set_task.part.discover.lane_changes,
         )
         part.write_table("facts", table)
-    stored = pd.read_parquet(Path(part.path) / "facts.parquet")
+    stored = pd.read_parquet(part.path / "facts.parquet")
     stored.insert(0, "title", set_task.title)
     stored.insert(0, "set", set_task.name)
     return stored
