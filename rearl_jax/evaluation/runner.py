@@ -210,9 +210,7 @@ def simulated_row(
     scores = with_paths(scores, join_scenarios(paths), np.concatenate(columns), observed, held_out)
     scores = replace(scores, seconds=time.perf_counter() - begin)
     assert example_rollout is not None  # the example is one of the held-out scenes
-    log = None
-    if decisions[0] is not None:
-        log = DecisionLog(rollouts.scene, rollouts.run, join_scenarios(decisions))
+    log = None if decisions[0] is None else DecisionLog(rollouts.scene, rollouts.run, join_scenarios(decisions))
     counts = np.sum(action_counts, axis=0) if action_counts else None
     frames, lengths = example_rollout
     compared = [part for part in positions if part is not None]
