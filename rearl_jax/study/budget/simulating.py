@@ -55,8 +55,13 @@ class Setting:
 
 
 @dataclass(frozen=True)
-class Judge:
-    """The judged scenes: their scorer, and the scores of the reference rows."""
+class JudgedScenes:
+    """The scenes on which all rows are judged.
+
+    Attributes:
+        scorer: Scorer of traffic against them.
+        references: Scores of the reference rows.
+    """
 
     scorer: Scorer
     references: list[Scores]
@@ -74,8 +79,8 @@ def simulated_rows(setting: Setting, study: Study, bar: Progress, metadata: Mapp
         metadata: Metadata of every part.
     """
 
-    def maker(row: Row) -> Callable[[Judge], pd.DataFrame]:
-        return lambda judge: simulated_table(setting, row, judge)[0]
+    def maker(row: Row) -> Callable[[JudgedScenes], pd.DataFrame]:
+        return lambda judged: simulated_table(setting, row, judged)[0]
 
     makers = {"references": partial(reference_table, setting)}
     makers |= {title_of_row(row): maker(row) for row in rows_of(setting.components)}
@@ -84,7 +89,7 @@ def simulated_rows(setting: Setting, study: Study, bar: Progress, metadata: Mapp
 
 def kept_parts(
     name: str,
-    makers: Mapping[str, Callable[[Judge], pd.DataFrame]],
+    makers: Mapping[str, Callable[[JudgedScenes], pd.DataFrame]],
     setting: Setting,
     study: Study,
     bar: Progress,
@@ -100,45 +105,45 @@ def kept_parts(
         bar: Shows the progress.
         metadata: Metadata of every part.
     """
-    finished, judge = study.finished_parts(name), None
+    finished, judged = study.finished_parts(name), None
     line = bar.add_task(name, total=len(makers))
     for number, (title, make) in enumerate(makers.items()):
         bar.update(line, description=f"row: {title}", completed=number)
         if number not in finished:
-            judge = judge or _judge(setting)
-            study.write_table(part_name(name, number), make(judge), **metadata)
+            judged = judged or _judged_scenes(setting)
+            study.write_table(part_name(name, number), make(judged), **metadata)
     bar.update(line, completed=len(makers))
     return pd.read_parquet(study.path / name)
 
 
-def _judge(setting: Setting) -> Judge:
+def _judged_scenes(setting: Setting) -> JudgedScenes:
     config, scenes = setting.config, setting.inputs.scenes
     scorer = make_scorer(config, scenes, config.eval.n_runs * len(setting.held_out))
-    return Judge(scorer, reference_rows(config, scenes, setting.held_out, scorer))
+    return JudgedScenes(scorer, reference_rows(config, scenes, setting.held_out, scorer))
 
 
-def reference_table(setting: Setting, judge: Judge) -> pd.DataFrame:
+def reference_table(setting: Setting, judged: JudgedScenes) -> pd.DataFrame:
     """Figures of the reference rows, scene by scene."""
-    complete = with_realism(judge.references, row_named(judge.references, REAL), setting.config.realism)
+    complete = with_realism(judged.references, row_named(judged.references, REAL), setting.config.realism)
     return pd.concat([_table(setting, row) for row in complete], ignore_index=True)
 
 
 def simulated_table(
-    setting: Setting, row: Row, judge: Judge, host_policy: MakePolicy | None = None
+    setting: Setting, row: Row, judged: JudgedScenes, host_policy: MakePolicy | None = None
 ) -> tuple[pd.DataFrame, DecisionLog | None]:
     """Figures of a row scene by scene, simulated and scored, and its decisions; None without REARL.
 
     Args:
         setting: What all rows have in common.
         row: Components of the row.
-        judge: The judged scenes.
+        judged: The judged scenes.
         host_policy: Makes the policies that decide outside the compiled program, where one does.
     """
     inputs, held_out = setting.inputs, setting.held_out
     rollouts = Rollouts([evaluation_row(setting, row)], inputs.scenes, held_out, inputs.references, host_policy)
     example = example_scene(inputs.scenes, held_out, None)
-    scores, _, log, positions = simulated_row(row_name(row), rollouts, judge.scorer, inputs.scenes, held_out, example)
-    (complete,) = with_realism([scores], row_named(judge.references, REAL), setting.config.realism)
+    scores, _, log, positions = simulated_row(row_name(row), rollouts, judged.scorer, inputs.scenes, held_out, example)
+    (complete,) = with_realism([scores], row_named(judged.references, REAL), setting.config.realism)
     return _table(setting, complete, positions), log
 
 
