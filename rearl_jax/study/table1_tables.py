@@ -30,8 +30,7 @@ LESS_BASE = {name: title for name, title in TITLES_OF_METRICS.items() if name no
 PAPER_COLUMNS = {"h_legacy": "h_legacy", "mape_a": "mape", "thw": "thw", "lcr": "lcr"}
 """Column of the paper's Table 1 by metric of ours."""
 
-_BOUNDS = ("low", "high", "less_base", "less_base_low", "less_base_high")
-"""Fields of an estimate besides its value."""
+_LESS_BASE = ("less_base", "less_base_low", "less_base_high")
 
 EXTRA_FIGURES = ("trigger_rate", "main_reference_share", "ratio_aggressive", "ratio_defensive", "ratio_truck")
 """Figures of the closed loop and of CRITICAL without an interval."""
@@ -117,7 +116,7 @@ def _records(item: Evaluated, method: str, row: str, title: str, paper: str | No
                 "metric": metric,
                 "unit": METRICS[metric].unit,
                 "ours": estimate.value,
-                **{name: getattr(estimate, name) for name in (*_BOUNDS, "sd")},
+                **{name: getattr(estimate, name) for name in ("low", "high", "sd", *_LESS_BASE)},
                 "paper": published,
                 "paper_row": None if published is None else paper,
                 "n_scenes": estimate.n_scenes,
@@ -143,7 +142,7 @@ def summary_of(config: StudyTable1Task, results: Results, findings: list[str]) -
         for metric in TITLES_OF_METRICS:
             estimate, key = item.estimates.get((method, metric)), f"{row}_{metric}"
             summary[key] = None if estimate is None else estimate.value
-            for part in _BOUNDS:
+            for part in ("low", "high", *_LESS_BASE):
                 summary[f"{key}_{part}"] = None if estimate is None else getattr(estimate, part)
             summary[f"{key}_paper"] = paper_figure(paper, metric)
     return summary
