@@ -18,6 +18,9 @@ from rearl_jax.metrics import METRICS
 BASE = Method.base.name
 """Row of the method without interventions."""
 
+LESS_BASE = ("less_base", "less_base_low", "less_base_high")
+"""Fields of an estimate with its difference from base, and the ends of the interval."""
+
 # Largest number of resampling weights in a block, about 30 MB.
 _MAX_WEIGHTS = 4_000_000
 

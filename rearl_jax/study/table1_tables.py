@@ -9,6 +9,7 @@ import pandas as pd
 from rearl_jax.config import StudyTable1Task
 from rearl_jax.document.document import Section
 from rearl_jax.document.table import spoken
+from rearl_jax.evaluation.estimates import LESS_BASE
 from rearl_jax.evaluation.scores import TITLES
 from rearl_jax.evaluation.tables import HEADINGS
 from rearl_jax.metrics import METRICS
@@ -24,13 +25,11 @@ TITLES_OF_METRICS = {
 }
 """Metrics of the table, and their headings."""
 
-LESS_BASE = {name: title for name, title in TITLES_OF_METRICS.items() if name not in ("h_legacy", "realism")}
+LESS_BASE_HEADINGS = {name: title for name, title in TITLES_OF_METRICS.items() if name not in ("h_legacy", "realism")}
 """Metrics of the table of differences, and their headings; H legacy differs as H does."""
 
 PAPER_COLUMNS = {"h_legacy": "h_legacy", "mape_a": "mape", "thw": "thw", "lcr": "lcr"}
 """Column of the paper's Table 1 by metric of ours."""
-
-_LESS_BASE = ("less_base", "less_base_low", "less_base_high")
 
 EXTRA_FIGURES = ("trigger_rate", "main_reference_share", "ratio_aggressive", "ratio_defensive", "ratio_truck")
 """Figures of the closed loop and of CRITICAL without an interval."""
@@ -50,7 +49,7 @@ def sections(config: StudyTable1Task, table: pd.DataFrame, summary: Mapping[str,
     )
     title = f"Difference from base, from the same initial states, paired over scenes; {intervals}"
     counts = {"n_scenes": "scenes", "n_rollouts": "rollouts"}
-    less_base = less_base_table(title, table, LESS_BASE, counts=counts)
+    less_base = less_base_table(title, table, LESS_BASE_HEADINGS, counts=counts)
     names = dict.fromkeys(table["metric"])
     titles = {
         name: f"{METRICS[name].title} [{METRICS[name].unit}]" if name in METRICS else spoken(name) for name in names
@@ -116,7 +115,7 @@ def _records(item: Evaluated, method: str, row: str, title: str, paper: str | No
                 "metric": metric,
                 "unit": METRICS[metric].unit,
                 "ours": estimate.value,
-                **{name: getattr(estimate, name) for name in ("low", "high", "sd", *_LESS_BASE)},
+                **{name: getattr(estimate, name) for name in ("low", "high", "sd", *LESS_BASE)},
                 "paper": published,
                 "paper_row": None if published is None else paper,
                 "n_scenes": estimate.n_scenes,
@@ -142,7 +141,7 @@ def summary_of(config: StudyTable1Task, results: Results, findings: list[str]) -
         for metric in TITLES_OF_METRICS:
             estimate, key = item.estimates.get((method, metric)), f"{row}_{metric}"
             summary[key] = None if estimate is None else estimate.value
-            for part in ("low", "high", *_LESS_BASE):
+            for part in ("low", "high", *LESS_BASE):
                 summary[f"{key}_{part}"] = None if estimate is None else getattr(estimate, part)
             summary[f"{key}_paper"] = paper_figure(paper, metric)
     return summary
