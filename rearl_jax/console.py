@@ -1,8 +1,7 @@
 """Tables on standard output: a common style, and a default width for files and pipes."""
 
-import io
 import os
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 
 from rich.box import SIMPLE_HEAD
 from rich.console import Console as AnyConsole
@@ -28,14 +27,6 @@ def standard_output(width: int) -> Console:
     """Standard output; a file or a pipe has no width of its own and gets `width` [columns]."""
     console = Console()
     return console if console.is_terminal else Console(width=width)
-
-
-def as_text(width: int, show: Callable[[Console], None]) -> str:
-    """Text that a function prints on a console of `width` columns, without colours."""
-    console = Console(width=width, file=io.StringIO())
-    with console.capture() as captured:
-        show(console)
-    return captured.get()
 
 
 def generated_mark(generated: bool) -> str:

@@ -5,6 +5,7 @@ imported when figures are drawn, after the tables are printed.
 """
 
 from io import BytesIO
+from typing import Literal
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -14,6 +15,9 @@ BLUE, SKY_BLUE, GREEN = "#0072B2", "#56B4E9", "#009E73"
 ORANGE, VERMILION, PURPLE, YELLOW = "#E69F00", "#D55E00", "#CC79A7", "#F0E442"
 # Distinguishable by lightness.
 DARK_GREY, GREY, LIGHT_GREY = "#333333", "#999999", "#E6E6E6"
+
+SERIES_COLOURS = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY_BLUE, YELLOW)
+"""Colours of several series in one panel, in their order."""
 
 DPI = 200
 """Pixels per inch."""
@@ -42,6 +46,23 @@ def panels(
 def set_title(axes: Axes, text: str) -> None:
     """Writes the title of a panel above its left edge."""
     axes.set_title(text, loc="left", fontsize=FONT_SIZE)
+
+
+def add_grid(panel: Axes, axis: Literal["both", "x", "y"] = "both") -> None:
+    """Draws grid lines behind the data."""
+    panel.grid(axis=axis, color=LIGHT_GREY, linewidth=0.6)
+    panel.set_axisbelow(True)
+
+
+def add_legend(figure: Figure) -> None:
+    """Draws one legend below all panels; a label that several panels have appears once."""
+    handles = {}
+    for panel in figure.axes:
+        of_panel, labels = panel.get_legend_handles_labels()
+        handles |= dict(zip(labels, of_panel, strict=True))
+    figure.legend(
+        handles.values(), handles, loc="outside lower center", ncols=len(handles), frameon=False, fontsize=FONT_SIZE
+    )
 
 
 def png(figure: Figure, *, dpi: int = DPI) -> bytes:

@@ -152,7 +152,7 @@ class Study:
         if not all((self.path / name).is_file() for name in needed):
             return None
         try:
-            summary = json.loads((self.path / "summary.json").read_text(encoding="utf-8"))
+            summary = read_summary(self.path)
         except (FileNotFoundError, ValueError):
             return None
         first = first_part(summary)
@@ -233,6 +233,20 @@ def cell_folder(folder: Path, keys: Mapping[str, str]) -> Path:
 def first_part(summary: Any) -> Any:
     """The first object of a `summary.json`, which may be a list of objects; each contains the provenance."""
     return summary[0] if isinstance(summary, list) and summary else summary
+
+
+def read_summary(folder: Path) -> Any:
+    """The content of the `summary.json` in a folder.
+
+    Raises:
+        FileNotFoundError, ValueError: There is none, or it is not JSON.
+    """
+    return json.loads((folder / "summary.json").read_text(encoding="utf-8"))
+
+
+def without_provenance(summary: Mapping[str, Any]) -> dict[str, Any]:
+    """The figures of an object of `summary.json`."""
+    return {key: value for key, value in summary.items() if key not in PROVENANCE}
 
 
 def part_name(table: str, number: int) -> str:

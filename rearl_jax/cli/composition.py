@@ -36,10 +36,7 @@ def compose_task(task: Task, overrides: list[str], config_dir: str | None) -> An
     from hydra import compose, initialize_config_dir
     from omegaconf import OmegaConf
 
-    overrides = with_implied(task, overrides)
-    overrides = readable(overrides, keys_of(defaults_with(task, overrides)))
-    check_overrides(task, overrides, config_dir, many=False)
-    overrides = with_mappings_opened(task, overrides)
+    overrides = with_mappings_opened(task, checked_overrides(task, overrides, config_dir, many=False))
     if config_dir is not None:
         folder = Path(config_dir).resolve()
         if not folder.is_dir():
@@ -81,6 +78,14 @@ def file_problem(file: Path) -> str:
     except (YAMLError, ValueError, TypeError, RecursionError) as error:
         return f"is not readable YAML: {' '.join(str(error).split())}"
     return "" if content is None or isinstance(content, dict) else "must hold one `key: value` per line"
+
+
+def checked_overrides(task: Task, overrides: list[str], config_dir: str | None, *, many: bool) -> list[str]:
+    """The overrides and those they imply, quoted for Hydra and checked; arguments and errors of `check_overrides`."""
+    overrides = with_implied(task, overrides)
+    overrides = readable(overrides, keys_of(defaults_with(task, overrides)))
+    check_overrides(task, overrides, config_dir, many=many)
+    return overrides
 
 
 def with_implied(task: Task, overrides: list[str]) -> list[str]:

@@ -5,7 +5,6 @@ results of all jobs. A cell holds the swept keys and their values in one job.
 """
 
 import itertools
-import json
 import logging
 import os
 import sys
@@ -17,22 +16,20 @@ from typing import Any
 from rearl_jax import tasks
 from rearl_jax.cli.composition import (
     UsageError,
-    check_overrides,
+    checked_overrides,
     choices,
     compose_task,
-    defaults_with,
     hydra_errors,
     register,
-    with_implied,
     with_mappings_opened,
 )
 from rearl_jax.cli.launchers import launcher_errors, settings
 from rearl_jax.cli.running import JobError, complain, is_for_user, run_task
 from rearl_jax.cli.streams import make_writable
-from rearl_jax.cli.values import readable, with_original_keys
-from rearl_jax.config._schema import finished, keys_of
+from rearl_jax.cli.values import with_original_keys
+from rearl_jax.config._schema import finished
 from rearl_jax.problems import Problem
-from rearl_jax.results import cell_folder, config_hash, first_part
+from rearl_jax.results import cell_folder, config_hash, first_part, read_summary
 from rearl_jax.tasks import Task
 from rearl_jax.whole_files import claim
 
@@ -51,9 +48,7 @@ def run_many(task: Task, overrides: list[str], config_dir: str | None) -> tuple[
     """
     from hydra.core.override_parser.overrides_parser import OverridesParser
 
-    overrides = with_implied(task, overrides)
-    overrides = readable(overrides, keys_of(defaults_with(task, overrides)))
-    check_overrides(task, overrides, config_dir)
+    overrides = checked_overrides(task, overrides, config_dir, many=True)
     parsed = OverridesParser.create().parse_overrides(overrides)
     with hydra_errors(task, overrides):
         swept = swept_values(parsed, choices(task, config_dir))
@@ -89,7 +84,7 @@ def _is_outdated(
     """True if the results in the folder of a job belong to another configuration."""
     job_folder = cell_folder(folder, cell)
     try:
-        summary = json.loads((job_folder / "summary.json").read_text(encoding="utf-8"))
+        summary = read_summary(job_folder)
     except FileNotFoundError:
         return False
     overrides = [*fixed, *(f"{key}={value}" for key, value in cell.items())]

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TextIO
 
-from rearl_jax.results import cell_folder, first_part
+from rearl_jax.results import cell_folder, first_part, read_summary
 from rearl_jax.tasks import Task
 
 
@@ -31,7 +31,7 @@ def standard_output_apart() -> Iterator[TextIO]:
 
 def summary_object(task: Task, folder: Path | None, returned: Mapping[str, Any]) -> dict[str, Any]:
     """The summary of a task: `task`, `results` (its folder), and the content of summary.json, a list as `rows`."""
-    stored = None if folder is None else _read(folder / "summary.json")
+    stored = None if folder is None else _read(folder)
     first = first_part(stored)
     if not isinstance(first, dict) or first.get("task") != task.words:
         content = dict(returned)
@@ -42,12 +42,12 @@ def summary_object(task: Task, folder: Path | None, returned: Mapping[str, Any])
 
 def multirun_object(task: Task, folder: Path, cells: Sequence[Mapping[str, str]]) -> dict[str, Any]:
     """The summary of a multirun: the combined one if the task writes it, else those of all finished jobs."""
-    stored = _read(folder / "summary.json") if task.collect is not None else None
+    stored = _read(folder) if task.collect is not None else None
     if stored is None:
         stored = []
         for cell in cells:
             job_folder = cell_folder(folder, cell)
-            summary = _read(job_folder / "summary.json")
+            summary = _read(job_folder)
             parts = summary if isinstance(summary, list) else [summary] if summary is not None else []
             stored += [{"results": str(job_folder), **cell, **part} for part in parts]
     return {"task": task.words, "results": str(folder), "rows": stored}
@@ -58,9 +58,10 @@ def write_object(value: Mapping[str, Any], stream: TextIO) -> None:
     print(json.dumps(_plain(value), allow_nan=False), file=stream)
 
 
-def _read(path: Path) -> Any:
+def _read(folder: Path) -> Any:
+    """The content of the `summary.json` in a folder; None without a readable one."""
     try:
-        return json.loads(path.read_text(encoding="utf-8"))
+        return read_summary(folder)
     except (OSError, ValueError):
         return None
 

@@ -13,7 +13,7 @@ from rearl_jax.config import ClusterTask
 from rearl_jax.data.scenes.scene_set import SceneSet
 from rearl_jax.data.scenes.splits import Splits
 
-_COLOURS = (
+LABEL_COLOURS = (
     drawing.BLUE,
     drawing.ORANGE,
     drawing.GREEN,
@@ -23,6 +23,7 @@ _COLOURS = (
     drawing.YELLOW,
     drawing.GREY,
 )
+"""Colours of the labels of tracks; from the first again if there are more labels."""
 
 _FEATURES = ("scaled speed [m/s]", "position [m]", "mean distance to others [m]")
 
@@ -50,10 +51,10 @@ def track_figure(tracks: TrackClusters, *, generated: bool) -> bytes:
     curves, labels = tracks.drawn_curves, tracks.labels[tracks.drawn]
     for axes, feature in zip(panels, (0, 2), strict=True):
         lines = np.stack([curves[1], curves[feature]], axis=-1).swapaxes(0, 1)
-        colours = [_COLOURS[label % len(_COLOURS)] for label in labels]
+        colours = [LABEL_COLOURS[label % len(LABEL_COLOURS)] for label in labels]
         axes.add_collection(LineCollection(list(lines), colors=colours, linewidths=0.5, alpha=0.25))
         for label, centre in enumerate(tracks.centres):
-            colour = _COLOURS[label % len(_COLOURS)]
+            colour = LABEL_COLOURS[label % len(LABEL_COLOURS)]
             outline = {"color": "white", "linewidth": 4.5, "zorder": 3}
             axes.plot(centre[1], centre[feature], **outline)
             name = f"centre {label} ({(tracks.labels == label).mean():.0%})"
@@ -93,8 +94,8 @@ def search_figure(config: ClusterTask, trace: pd.DataFrame, *, generated: bool) 
     """Objective of every round with the best so far, and the best of every k and l."""
     figure, (left, right) = drawing.panels(9.0, 4.0, columns=2, generated=generated)
     rounds, objective = trace["round"].to_numpy(), trace["objective"].to_numpy()
-    left.plot(rounds, objective, "o", color=_COLOURS[-1], markersize=2.5, label="tried")
-    left.step(rounds, np.maximum.accumulate(objective), where="post", color=_COLOURS[0], label="best so far")
+    left.plot(rounds, objective, "o", color=LABEL_COLOURS[-1], markersize=2.5, label="tried")
+    left.step(rounds, np.maximum.accumulate(objective), where="post", color=LABEL_COLOURS[0], label="best so far")
     left.set(xlabel="round", ylabel="silhouette minus penalty [-]")
     left.legend(frameon=False, fontsize=drawing.FONT_SIZE, loc="lower right")
     best = trace.loc[objective.argmax()]

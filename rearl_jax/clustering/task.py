@@ -20,7 +20,7 @@ from rearl_jax.data.recordings import count_recordings, is_generated, iterate_re
 from rearl_jax.data.scenes.cutting import build_scenes
 from rearl_jax.data.scenes.splits import split_scenes
 from rearl_jax.document.document import data_sources
-from rearl_jax.document.terminal import print_document
+from rearl_jax.document.publishing import publish_document
 from rearl_jax.progress import progress_bar
 from rearl_jax.results import Study
 
@@ -76,17 +76,12 @@ def run(config: ClusterTask, *, show: bool = True) -> dict:
         study.write_table(TRACE, clusters.trace, **metadata)  # the clustering, and with it its trace, was on disk
     summary = tables.summary(config, scenes, splits, clusters)
     document = document_of(config, summary, data_sources(scenes.infos), generated=generated)
-    if show:
-        print_document(document)
 
-    # Imported after the table is printed, because matplotlib and jinja2 are slow to import.
-    from rearl_jax.clustering.figures import draw
-    from rearl_jax.document.html import page_of
+    def draw_figures() -> dict[str, bytes]:
+        from rearl_jax.clustering.figures import draw
 
-    figures = draw(config, scenes, splits, clusters, coordinates)
-    for name, png in figures.items():
-        study.write_bytes(f"{name}.png", png)
-    study.write_text("page.html", page_of(document, config, figures, data_id=scenes.data_id))
-    study.write_summary(summary)
+        return draw(config, scenes, splits, clusters, coordinates)
+
+    publish_document(study, document, config, summary, draw_figures, data_id=scenes.data_id, show=show)
     log.info("%d references written to %s", len(np.asarray(references.speed)), study.path)
     return summary

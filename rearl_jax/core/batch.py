@@ -2,7 +2,7 @@
 
 import math
 import operator
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Generic, TypeVar
 
@@ -140,7 +140,7 @@ class ScenarioMap(Generic[Arguments, Result]):
 
     def __call__(self, arguments: Arguments) -> Result:
         """All results, joined along the scenario axis."""
-        return jax.tree.map(lambda *parts: np.concatenate(parts, axis=-1), *self.chunks(arguments))
+        return join_scenarios(list(self.chunks(arguments)))
 
 
 def select_scenarios(values: Values, columns: np.ndarray, n_scenarios: int, *, least_ndim: int = 1) -> Values:
@@ -160,6 +160,11 @@ def select_scenarios(values: Values, columns: np.ndarray, n_scenarios: int, *, l
         return leaf[..., columns] if has_scenarios else leaf
 
     return jax.tree.map(select, values)
+
+
+def join_scenarios(parts: Sequence[Values]) -> Values:
+    """Records of several parts of the scenarios in one record."""
+    return jax.tree.map(lambda *leaves: np.concatenate(leaves, axis=-1), *parts)
 
 
 def padded_scenarios(values: Values, width: int, n_scenarios: int) -> Values:

@@ -43,6 +43,11 @@ class Cell:
     value: str
     interval: str = ""
 
+    @property
+    def inline(self) -> str:
+        """The value in a sentence, with its interval in brackets."""
+        return f"{self.value} ({self.interval})" if self.interval else self.value
+
 
 @dataclass(frozen=True)
 class Row:
@@ -118,6 +123,11 @@ def cell_of(figure: Mapping[str, Any] | None, sign: str = "") -> Cell:
     return Cell(number(figure["value"], sign), interval(figure["low"], figure["high"], sign))
 
 
+def cell_with_interval(value: str, low: str, high: str) -> Cell:
+    """A cell of texts; without an interval if a bound is missing."""
+    return Cell(value, "" if NONE in (low, high) else f"{low} to {high}")
+
+
 def _cell(record: Mapping[Any, Any], name: str) -> Cell:
     return Cell(number(record[name]), interval(record.get(f"{name}_low"), record.get(f"{name}_high")))
 
@@ -137,6 +147,11 @@ def number(value: Any, sign: str = "") -> str:
         is_small = value and round(abs(value)) < 10**_DIGITS
         return f"{value:{sign}#.{_DIGITS}g}".rstrip(".") if is_small else f"{value:{sign},.0f}"
     return f"{value:{sign},}" if isinstance(value, int) else str(value)
+
+
+def decimals(value: Any, digits: int, sign: str = "") -> str:
+    """Text of a number with a fixed number of digits after the point, `-` if it is missing; `sign` as in `number`."""
+    return NONE if value is None or pd.isna(value) else f"{value:{sign}.{digits}f}"
 
 
 def interval(low: Any, high: Any, sign: str = "") -> str:

@@ -1,14 +1,13 @@
 """A document in the terminal: its verdict, its tables, its notes; folded sections are left to the page."""
 
 import io
-from collections.abc import Iterable
 
 import rich.table
 from rich.markup import escape
 
 from rearl_jax.console import Console, print_notes, standard_output, titled_table
 from rearl_jax.document.document import Document
-from rearl_jax.document.table import Alignment, Cell, Emphasis, Row, Table
+from rearl_jax.document.table import Alignment, Cell, Emphasis, Table
 
 GENERATED = "GENERATED recordings, not measured: the figures say nothing about real traffic"
 
@@ -60,12 +59,9 @@ def _rich_table(table: Table, *, with_intervals: bool, generated: bool) -> rich.
         justify = "right" if table.alignment(column) is Alignment.number else "left"
         drawn.add_column(escape(heading), justify=justify, no_wrap=True)
     for row in table.rows:
-        drawn.add_row(escape(row.title), *_texts(row, with_intervals=with_intervals), style=_STYLES[row.emphasis])
+        texts = (_text(cell, with_intervals=with_intervals) for cell in row.cells)
+        drawn.add_row(escape(row.title), *texts, style=_STYLES[row.emphasis])
     return drawn
-
-
-def _texts(row: Row, *, with_intervals: bool) -> Iterable[str]:
-    return (_text(cell, with_intervals=with_intervals) for cell in row.cells)
 
 
 def _text(cell: Cell, *, with_intervals: bool) -> str:

@@ -6,7 +6,7 @@ from rearl_jax.baselines.critical.adaptation import START, Adaptation
 from rearl_jax.config import EvaluateTask
 from rearl_jax.config.critical import Proposer
 from rearl_jax.evaluation.extras import Extra
-from rearl_jax.evaluation.language_model import request_figures
+from rearl_jax.evaluation.language_model import request_counts, request_figures
 from rearl_jax.llm.records import Cause
 from rearl_jax.metrics import METRICS
 
@@ -78,15 +78,7 @@ def _origin_note(config: EvaluateTask, adaptation: Adaptation, n_scenes: int) ->
 
 def answer_extra(adaptation: Adaptation, requests: pd.DataFrame) -> Extra:
     """Table, note and keys of the summary on the questions to a language model."""
-    return Extra({"requests": requests}, (_answer_note(adaptation, requests),), request_figures(requests))
-
-
-def _answer_note(adaptation: Adaptation, requests: pd.DataFrame) -> str:
-    """One sentence about the answers of the language model."""
     figures = request_figures(requests)
     failed = [trial.cause for trial in adaptation.trials if trial.cause not in (START, Cause.answered.name)]
     causes = ", ".join(f"{cause} {failed.count(cause)}" for cause in dict.fromkeys(failed)) or "none"
-    return (
-        f"language model: {figures['questions']} questions, {figures['requests']} requests sent, {figures['kept']} "
-        f"answers stored before; rounds without new shares: {causes}"
-    )
+    return Extra({"requests": requests}, (f"{request_counts(figures)}; rounds without new shares: {causes}",), figures)

@@ -10,10 +10,21 @@ import pandas as pd
 from rearl_jax.config import EvaluateTask
 from rearl_jax.decision.situation import ACTION_NAMES
 from rearl_jax.document.document import Document, Section
-from rearl_jax.document.table import NONE, Cell, Emphasis, Row, Table, number, percent, sentence
+from rearl_jax.document.table import (
+    NONE,
+    Cell,
+    Emphasis,
+    Row,
+    Table,
+    cell_with_interval,
+    decimals,
+    number,
+    percent,
+    sentence,
+)
 from rearl_jax.evaluation.remarks import Remarks
 from rearl_jax.evaluation.scores import NOISE_FLOOR, REAL_VS_REAL, TITLES, WITH_EFFECT, title_of
-from rearl_jax.evaluation.tables import HEADINGS, written
+from rearl_jax.evaluation.tables import HEADINGS
 from rearl_jax.metrics import METRICS
 
 CAPTIONS = {
@@ -131,8 +142,8 @@ def _verdict(figures: Figures, main: str) -> str:
     method, others, chance = (_cell(figures.get((row, "h")), "h") for row in (main, REAL_VS_REAL, NOISE_FLOOR))
     change = _cell(figures[main, "h"], "h", "less_base")
     return (
-        f"The speeds of {title_of(main)} are a Hellinger distance of {_inline(method)} from the recorded ones"
-        + ("" if change.value == NONE else f", a change of {_inline(change)} to base")
+        f"The speeds of {title_of(main)} are a Hellinger distance of {method.inline} from the recorded ones"
+        + ("" if change.value == NONE else f", a change of {change.inline} to base")
         + ("" if others.value == NONE else f"; recorded scenes are {others.value} from each other")
         + f"; chance alone gives {chance.value}."
     )
@@ -149,7 +160,7 @@ def _notes(
     )
     changes = {
         row: ", ".join(
-            f"{HEADINGS[name]} {_inline(_cell(figures.get((row, name)), name, 'less_base'))}"
+            f"{HEADINGS[name]} {_cell(figures.get((row, name)), name, 'less_base').inline}"
             for name in ("h", config.mape.column)
         )
         for row in _compared_with_base(figures, rows)
@@ -186,9 +197,9 @@ def _all_metrics(figures: Figures, rows: Sequence[str], main: str) -> Table:
 def _estimate(row: Mapping[str, Any] | None, name: str) -> Cell:
     """A figure with its spread over runs."""
     cell = _cell(row, name)
-    return (
-        cell if row is None or pd.isna(row["sd"]) else replace(cell, value=f"{cell.value} ± {written(row['sd'], name)}")
-    )
+    if row is None or pd.isna(row["sd"]):
+        return cell
+    return replace(cell, value=f"{cell.value} ± {decimals(row['sd'], METRICS[name].digits)}")
 
 
 def _cell(row: Mapping[str, Any] | None, name: str, column: str = "value") -> Cell:
@@ -196,14 +207,8 @@ def _cell(row: Mapping[str, Any] | None, name: str, column: str = "value") -> Ce
     if row is None or pd.isna(row[column]):
         return Cell(NONE)
     prefix, sign = ("", "") if column == "value" else (f"{column}_", "+")
-    ends = [row[f"{prefix}{end}"] for end in ("low", "high")]
-    value, *texts = (NONE if pd.isna(x) else f"{x:{sign}.{METRICS[name].digits}f}" for x in (row[column], *ends))
-    return Cell(value, "" if NONE in texts else " to ".join(texts))
-
-
-def _inline(cell: Cell) -> str:
-    """A cell in a sentence."""
-    return f"{cell.value} ({cell.interval})" if cell.interval else cell.value
+    figures = (row[column], row[f"{prefix}low"], row[f"{prefix}high"])
+    return cell_with_interval(*(decimals(figure, METRICS[name].digits, sign) for figure in figures))
 
 
 def _interventions(decisions: pd.DataFrame, main: str) -> Section:

@@ -6,17 +6,20 @@ Every interval comes from the same resamples of the scenes (paired bootstrap), s
 resampled scene by scene; differences between scenes that both rows share do not widen its interval.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from rearl_jax.config.evaluation import EvaluationConfig, Method
-from rearl_jax.evaluation.scores import COMPARING, REAL, REAL_VS_REAL, TITLES, Scores
+from rearl_jax.evaluation.scores import TITLES, Scores, reference_of
 from rearl_jax.metrics import METRICS
 
 BASE = Method.base.name
 """Row of the method without interventions."""
+
+LESS_BASE = ("less_base", "less_base_low", "less_base_high")
+"""Fields of an estimate with its difference from base, and the ends of the interval."""
 
 # Largest number of resampling weights in a block, about 30 MB.
 _MAX_WEIGHTS = 4_000_000
@@ -74,26 +77,17 @@ def estimates(rows: list[Scores], held_out: np.ndarray, eval: EvaluationConfig) 
             if np.isfinite(values).any():
                 means[row.row, name] = values
                 spread[row.row, name] = spread_over_runs(row, name)
-    ends = _intervals(means, eval)
     result = {
-        key: Estimate(
-            value=float(np.nanmean(values)),
-            sd=spread[key],
-            low=ends[key][0],
-            high=ends[key][1],
-            n_scenes=int(np.isfinite(values).sum()),
-        )
-        for key, values in means.items()
+        key: Estimate(value, spread[key], low, high, n_scenes=int(np.isfinite(means[key]).sum()))
+        for key, (value, low, high) in zip(means, means_with_intervals(list(means.values()), eval), strict=True)
     }
     simulated = [key for key in means if key[0] not in TITLES]
-    recorded_of = {(row, name): (REAL_VS_REAL if name in COMPARING else REAL, name) for row, name in simulated}
+    recorded_of = {(row, name): (reference_of(name), name) for row, name in simulated}
     base_of = {(row, name): (BASE, name) for row, name in simulated if row != BASE}
     for field, others in (("difference", recorded_of), ("less_base", base_of)):
         differences = _differences(means, others)
-        ends = _intervals(differences, eval)
-        for key, values in differences.items():
-            figures = (float(np.nanmean(values)), *ends[key])
-            names = (field, f"{field}_low", f"{field}_high")
+        names = (field, f"{field}_low", f"{field}_high")
+        for key, figures in zip(differences, means_with_intervals(list(differences.values()), eval), strict=True):
             result[key] = replace(result[key], **dict(zip(names, figures, strict=True)))
             if field == "difference":
                 result[key] = replace(result[key], compared_with=others[key][0])
@@ -106,14 +100,6 @@ def _differences(
     """Means less those of the row and metric in `others`, scene by scene; without differences that no scene has."""
     differences = {key: means[key] - means[other] for key, other in others.items() if other in means}
     return {key: values for key, values in differences.items() if np.isfinite(values).any()}
-
-
-def _intervals(
-    columns: dict[tuple[str, str], np.ndarray], eval: EvaluationConfig
-) -> dict[tuple[str, str], tuple[float | None, float | None]]:
-    if not columns:
-        return {}
-    return dict(zip(columns, intervals(np.stack(list(columns.values()), axis=1), eval), strict=True))
 
 
 def scene_means(row: Scores, name: str, held_out: np.ndarray) -> np.ndarray:
@@ -142,6 +128,26 @@ def grouped_mean(values: np.ndarray, group: np.ndarray, n_groups: int) -> np.nda
     counts = np.bincount(group[valid], minlength=n_groups)
     sums = np.bincount(group[valid], weights=values[valid], minlength=n_groups)
     return np.where(counts > 0, sums / np.maximum(counts, 1), np.nan)
+
+
+def finite_mean(values: np.ndarray) -> float:
+    """Mean of the finite values; NaN without any."""
+    return float(np.nanmean(values)) if np.isfinite(values).any() else float("nan")
+
+
+def means_with_intervals(
+    figures: Sequence[np.ndarray], eval: EvaluationConfig
+) -> list[tuple[float, float | None, float | None]]:
+    """Mean of each figure over the scenes, NaN without a value, with the ends of its interval, as in `intervals`.
+
+    Args:
+        figures: Values of each figure, scene by scene.
+        eval: Resamples, confidence and seed.
+    """
+    if not figures:
+        return []
+    ends = intervals(np.stack(figures, axis=1), eval)
+    return [(finite_mean(values), *bounds) for values, bounds in zip(figures, ends, strict=True)]
 
 
 def intervals(values: np.ndarray, eval: EvaluationConfig) -> list[tuple[float | None, float | None]]:

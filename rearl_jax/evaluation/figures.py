@@ -97,12 +97,12 @@ def space_time(config: EvaluateTask, evaluation: Evaluation) -> bytes:
     frames = evaluation.sample.frames
     figure, (left, right) = drawing.panels(7.6, 4.4, columns=2, generated=scenes.generated)
     norm = Normalize(config.hist.low, config.hist.high)
-    recorded = _Paths(scenes.x[index], scenes.scaled_speed[index], scenes.lane[index], scenes.track_id[index])
+    recorded = (scenes.x[index], scenes.scaled_speed[index], scenes.lane[index], scenes.track_id[index])
     x, crashed = np.asarray(frames.x), np.asarray(frames.crashed)
     slots = np.broadcast_to(np.arange(x.shape[1]), x.shape)
-    simulated = _Paths(x, np.asarray(frames.speed), np.asarray(frames.lane), slots)
+    simulated = (x, np.asarray(frames.speed), np.asarray(frames.lane), slots)
     for axes, paths in ((left, recorded), (right, simulated)):
-        paths.draw(axes, norm)
+        _draw_paths(axes, norm, *paths)
         axes.set(xlabel="time [s]", xlim=(0, scenes.seconds - 1))
         axes.margins(y=0.02)
     left.set_ylabel("position along the road [m]")
@@ -147,26 +147,25 @@ def draw_actions(
     return drawing.png(figure)
 
 
-class _Paths:
-    """Lines in space and time from arrays `[seconds, slots]`; the vehicle in a slot (`track`) may change."""
-
-    def __init__(self, x: np.ndarray, speed: np.ndarray, lane: np.ndarray, track: np.ndarray) -> None:
-        order = np.lexsort((np.broadcast_to(np.arange(len(x))[:, None], x.shape).ravel(), track.ravel()))
-        time = np.broadcast_to(np.arange(len(x))[:, None], x.shape).ravel()[order]
-        self._points = np.stack([time, x.ravel()[order]], axis=1)
-        self._speed, lane, track = (a.ravel()[order] for a in (speed, lane, track))
-        # A piece joins two snapshots, one second apart, that hold the same vehicle.
-        self._joined = (track[1:] == track[:-1]) & (np.diff(time) == 1)
-        self._changed = self._joined & (lane[1:] != lane[:-1])
-
-    def draw(self, axes: Axes, norm: Normalize) -> None:
-        pieces = np.stack([self._points[:-1], self._points[1:]], axis=1)[self._joined]
-        lines = LineCollection(list(pieces), cmap="viridis", norm=norm, linewidths=1.6, capstyle="round")
-        lines.set_array(self._speed[1:][self._joined])
-        axes.add_collection(lines)
-        changes = self._points[1:][self._changed]
-        axes.plot(changes[:, 0], changes[:, 1], "o", color="black", markersize=3)
-        axes.autoscale_view()
+def _draw_paths(
+    axes: Axes, norm: Normalize, x: np.ndarray, speed: np.ndarray, lane: np.ndarray, track: np.ndarray
+) -> None:
+    """Lines in space and time, coloured by speed, from arrays `[seconds, slots]`; the vehicle in a slot (`track`) may
+    change.
+    """
+    time = np.broadcast_to(np.arange(len(x))[:, None], x.shape)
+    order = np.lexsort((time.ravel(), track.ravel()))
+    time, x, speed, lane, track = (values.ravel()[order] for values in (time, x, speed, lane, track))
+    points = np.stack([time, x], axis=1)
+    # A piece joins two snapshots, one second apart, that hold the same vehicle.
+    is_joined = (track[1:] == track[:-1]) & (np.diff(time) == 1)
+    pieces = np.stack([points[:-1], points[1:]], axis=1)[is_joined]
+    lines = LineCollection(list(pieces), cmap="viridis", norm=norm, linewidths=1.6, capstyle="round")
+    lines.set_array(speed[1:][is_joined])
+    axes.add_collection(lines)
+    changes = points[1:][is_joined & (lane[1:] != lane[:-1])]
+    axes.plot(changes[:, 0], changes[:, 1], "o", color="black", markersize=3)
+    axes.autoscale_view()
 
 
 def _mark_crashes(axes: Axes, x: np.ndarray, crashed: np.ndarray) -> None:

@@ -1,7 +1,7 @@
 """The language model of a study: opened before the rollouts, asked during them, accounted for afterwards."""
 
 import time
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 
 import numpy as np
@@ -133,15 +133,20 @@ def request_figures(requests: pd.DataFrame) -> dict[str, int | float | None]:
     return figures
 
 
+def request_counts(figures: Mapping[str, int | float | None]) -> str:
+    """The numbers of questions, requests and stored answers in words."""
+    return (
+        f"language model: {figures['questions']} questions, {figures['requests']} requests sent, {figures['kept']} "
+        "answers stored before"
+    )
+
+
 def request_note(requests: pd.DataFrame) -> str:
     """One sentence about the questions."""
     figures = request_figures(requests)
     causes = [f"{cause.name} {figures[f'cause_{cause.name}']}" for cause in Cause if cause is not Cause.answered]
     left = ", ".join(text for text in causes if not text.endswith(" 0")) or "none"
-    note = (
-        f"language model: {figures['questions']} questions, {figures['requests']} requests sent, {figures['kept']} "
-        f"answers stored before; vehicles left to IDM and MOBIL: {left}"
-    )
+    note = f"{request_counts(figures)}; vehicles left to IDM and MOBIL: {left}"
     prompt, cached = figures["prompt_tokens"], figures["cached_tokens"]
     if prompt and cached is not None:
         note += f"; {100 * cached / prompt:.0f} % of {prompt} prompt tokens from the server's prefix cache"

@@ -49,7 +49,7 @@ def assess(
     scorer = make_scorer(config, scenes, n_runs * len(subset))
     parts = []
     for _, chunk in scored_chunks(rollouts, scorer, subset, progress):
-        scores = scores_of(config.method.name, chunk.scene, chunk.run, chunk.metrics, seconds=0.0)
+        scores = scores_of(config.method.name, chunk.scene, chunk.run, chunk.metrics)
         near_misses = np.nan_to_num(scores.values["ttc_share"]) * scores.counts["ttc_share"]
         of_pairs = (*(scores.values[name] for name in ("h", config.mape.column, "collisions")), near_misses)
         parts.append(np.reshape(of_pairs, (len(of_pairs), -1, n_scored)))

@@ -11,7 +11,7 @@ import pandas as pd
 
 from rearl_jax.config import EvaluateTask
 from rearl_jax.data.scenes.scene_set import ARRAYS, SceneSet
-from rearl_jax.evaluation.estimates import grouped_mean
+from rearl_jax.evaluation.estimates import finite_mean, grouped_mean
 from rearl_jax.evaluation.runner import make_scorer
 from rearl_jax.evaluation.scores import (
     MEASURED,
@@ -61,7 +61,7 @@ def score_traffic(other: SceneSet, recorded: SceneSet, config: EvaluateTask | No
     rows = {}
     for name, (partner, scene, run) in pairs.items():
         metrics = scorer.recorded(partner, scene)  # the other traffic has the form of recorded scenes too
-        rows[name] = of_recordings(scores_of(name, scene, run, metrics, partner=partner, seconds=0.0), both)
+        rows[name] = of_recordings(scores_of(name, scene, run, metrics, partner=partner), both)
     return pd.DataFrame(
         [{"metric": name, **{row: _mean(scores, name) for row, scores in rows.items()}} for name in MEASURED]
     )
@@ -77,5 +77,4 @@ def _mean(scores: Scores, metric: str) -> float:
     """Mean over recorded scenes of the means over their pairs; NaN if no pair has a value."""
     if metric not in scores.values:
         return float("nan")
-    means = grouped_mean(scores.values[metric], scores.scene, int(scores.scene.max(initial=0)) + 1)
-    return float(np.nanmean(means)) if np.isfinite(means).any() else float("nan")
+    return finite_mean(grouped_mean(scores.values[metric], scores.scene, int(scores.scene.max(initial=0)) + 1))

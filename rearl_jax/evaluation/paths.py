@@ -1,6 +1,5 @@
 """Distances between the trajectories of simulated and recorded vehicles, and between those of two recorded scenes."""
 
-from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache
 
@@ -16,7 +15,7 @@ from rearl_jax.data.scenes.boundary import lanes_side_by_side
 from rearl_jax.data.scenes.scene_set import SceneSet
 from rearl_jax.data.scenes.scene_windows import UNKNOWN_LANE
 from rearl_jax.evaluation.rollouts import Rollouts
-from rearl_jax.evaluation.scores import Scores
+from rearl_jax.evaluation.scores import Scores, known_values
 from rearl_jax.evaluation.simulators import Simulated
 from rearl_jax.metrics.energy import energy_score
 from rearl_jax.metrics.measure import Measure
@@ -88,11 +87,6 @@ def _ordered(
     return Paths(along.astype(dtype), across.astype(dtype), known)
 
 
-def join_paths(parts: Sequence[Paths]) -> Paths:
-    """Paths of several records in one record."""
-    return jax.tree.map(lambda *leaves: np.concatenate(leaves, axis=-1), *parts)
-
-
 def with_paths(
     scores: Scores,
     paths: Paths,
@@ -129,11 +123,11 @@ def with_paths(
         return Paths(sample.along, sample.across, sample.known & observed.known & has_run)
 
     samples = [of_run(run) for run in np.unique(scores.run).tolist()]
-    energy = energy_score(samples, observed, lambda first, second: _known(_displacement_program()((first, second))))
+    energy = energy_score(samples, observed, lambda *pair: known_values(_displacement_program()(pair)))
     pairs = {"displacement": mean_distance, "frechet": frechet_distance}
     return replace(
         scores,
-        values=scores.values | {name: _known(measure) for name, measure in pairs.items()},
+        values=scores.values | {name: known_values(measure) for name, measure in pairs.items()},
         counts=scores.counts | {name: np.asarray(measure.count) for name, measure in pairs.items()},
         pooled=scores.pooled | {"energy_score": energy},
     )
@@ -144,26 +138,13 @@ def _select(paths: Paths, columns: np.ndarray) -> Paths:
     return jax.tree.map(lambda leaf: leaf[..., columns], paths)
 
 
-def _known(measure: Measure) -> Float[np.ndarray, " scenarios"]:
-    """Values of a measure; NaN without samples."""
-    return np.where(measure.count > 0, np.asarray(measure.value, np.float64), np.nan)
-
-
 @cache
-def _distance_program() -> ScenarioMap:
+def _distance_program() -> ScenarioMap[tuple[Paths, Paths], tuple[Measure, Measure]]:
     """Program for displacement and Frechet distance; compiled once for all studies of a process."""
-    return ScenarioMap(_both_distances, chunk=_CHUNK)
-
-
-def _both_distances(pair: tuple[Paths, Paths]) -> tuple[Measure, Measure]:
-    return displacement(*pair), frechet(*pair)
+    return ScenarioMap(lambda pair: (displacement(*pair), frechet(*pair)), chunk=_CHUNK)
 
 
 @cache
-def _displacement_program() -> ScenarioMap:
+def _displacement_program() -> ScenarioMap[tuple[Paths, Paths], Measure]:
     """Program for the displacement alone; compiled once for all studies of a process."""
-    return ScenarioMap(_one_distance, chunk=_CHUNK)
-
-
-def _one_distance(pair: tuple[Paths, Paths]) -> Measure:
-    return displacement(*pair)
+    return ScenarioMap(lambda pair: displacement(*pair), chunk=_CHUNK)

@@ -34,13 +34,11 @@ class BaseValues:
         h: Hellinger distances of all full windows [-].
         mape: Spacing errors of all seconds under `mape.definition` [-].
         scene: Indices of the scenes.
-        n_rollouts: Rollouts behind the values.
     """
 
     h: Float[np.ndarray, " windows"]
     mape: Float[np.ndarray, " seconds"]
     scene: Int[np.ndarray, " scenes"]
-    n_rollouts: int
 
     def threshold_h(self, percentile: float) -> float:
         """Threshold of the Hellinger distance at a percentile [%]."""
@@ -72,7 +70,7 @@ def base_values(
     if not len(h) or not len(mape):
         message = "base gave no Hellinger distance or no spacing error to take percentiles of"
         raise InvalidInputError(Problem("no-figure", message, "set hist.window lower, or read more recordings"))
-    return BaseValues(h, mape, subset, row.n_rollouts)
+    return BaseValues(h, mape, subset)
 
 
 def thresholds_of(config: EvaluateTask, inputs: Inputs, bar: Progress) -> tuple[float, float]:

@@ -10,7 +10,7 @@ from jaxtyping import Bool, Float, Int
 from rearl_jax.config.core import InitialSource
 from rearl_jax.data.scenes.boundary import SceneBoundary
 from rearl_jax.data.scenes.scene_set import SceneSet
-from rearl_jax.evaluation.estimates import grouped_mean
+from rearl_jax.evaluation.estimates import finite_mean, grouped_mean
 from rearl_jax.evaluation.extras import Extra, Figures
 from rearl_jax.evaluation.paths import first_vehicle_values
 from rearl_jax.evaluation.rollouts import Rollouts
@@ -103,9 +103,8 @@ def join_positions(parts: Sequence[Positions]) -> Positions:
 def position_figures(positions: Positions) -> Figures:
     """Means over scenes of means over runs: `position_error` [m] and `overlap_share` [-]."""
     scenes, group = np.unique(positions.scene, return_inverse=True)
-    means = (grouped_mean(values, group, len(scenes)) for values in (positions.error, positions.overlap))
-    error, overlap = (float(np.nanmean(values)) if np.isfinite(values).any() else float("nan") for values in means)
-    return {"position_error": error, "overlap_share": overlap}
+    figures = {"position_error": positions.error, "overlap_share": positions.overlap}
+    return {name: finite_mean(grouped_mean(values, group, len(scenes))) for name, values in figures.items()}
 
 
 def position_extra(scene_id: np.ndarray, positions_by_row: Mapping[str, Positions]) -> Extra:

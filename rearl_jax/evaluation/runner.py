@@ -14,6 +14,7 @@ from rearl_jax.baselines.critical.mixture import Mixture
 from rearl_jax.config import EvaluateTask
 from rearl_jax.config.evaluation import SeedScope
 from rearl_jax.config.metrics import HistConfig, MetricsConfig
+from rearl_jax.core.batch import join_scenarios
 from rearl_jax.core.rollout import Frames
 from rearl_jax.data.scenes.boundary import SceneBoundary
 from rearl_jax.data.scenes.scene_set import SceneSet
@@ -21,7 +22,7 @@ from rearl_jax.detection.references import References
 from rearl_jax.evaluation.extras import Extra, Figures
 from rearl_jax.evaluation.host_policy import MakePolicy
 from rearl_jax.evaluation.interventions import DecisionLog, intervention_extra, intervention_rates, variants_extra
-from rearl_jax.evaluation.paths import join_paths, recorded_paths, simulated_paths, with_paths
+from rearl_jax.evaluation.paths import recorded_paths, simulated_paths, with_paths
 from rearl_jax.evaluation.policy_actions import count_actions, driving_extra
 from rearl_jax.evaluation.positions import Positions, join_positions, position_extra, position_figures, positions_of
 from rearl_jax.evaluation.rollouts import Rollouts
@@ -33,10 +34,11 @@ from rearl_jax.evaluation.scores import (
     noise_floor_scores,
     of_recordings,
     partners,
+    row_named,
     scores_of,
     with_realism,
 )
-from rearl_jax.evaluation.scoring import Scorer, join
+from rearl_jax.evaluation.scoring import Scorer
 from rearl_jax.evaluation.simulators import NEVER_EXCEEDED, Simulated
 from rearl_jax.metrics.scene import SceneMetrics
 from rearl_jax.problems import InvalidInputError, Problem
@@ -104,7 +106,7 @@ class Evaluation:
 
     def row(self, name: str) -> Scores:
         """The row with a name."""
-        return next(row for row in self.rows if row.row == name)
+        return row_named(self.rows, name)
 
 
 def evaluate(
@@ -154,7 +156,7 @@ def evaluate(
                     extras.append(driving_extra(rollouts.policy, counts, edges, method, generated=scenes.generated))
         rows += reference.result()
     assert main_sample is not None
-    rows = with_realism(rows, next(row for row in rows if row.row == REAL), config.realism)
+    rows = with_realism(rows, row_named(rows, REAL), config.realism)
     window, n_vehicles = config.hist.window, config.core.n_vehicles
     figures = {}
     if simulated.has_variants:
@@ -175,7 +177,7 @@ def simulated_row(
     scenes: SceneSet,
     held_out: np.ndarray,
     example: int,
-    progress: Callable[[int, int], None],
+    progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> tuple[Scores, Sample, DecisionLog | None, Positions | None]:
     """Scores of a row on the held-out scenes, data of its figures, its decisions, and positions of its vehicles.
 
@@ -205,13 +207,10 @@ def simulated_row(
                 lambda leaf, column=column: np.array(leaf[..., column]), (frames, simulated.length)
             )
     scores, observed = _joined(name, chunks, len(rollouts)), recorded_paths(scenes, held_out, rollouts.config)
-    scores = with_paths(scores, join_paths(paths), np.concatenate(columns), observed, held_out)
+    scores = with_paths(scores, join_scenarios(paths), np.concatenate(columns), observed, held_out)
     scores = replace(scores, seconds=time.perf_counter() - begin)
     assert example_rollout is not None  # the example is one of the held-out scenes
-    log = None
-    if decisions[0] is not None:
-        joined = jax.tree.map(lambda *leaves: np.concatenate(leaves, axis=-1), *decisions)
-        log = DecisionLog(rollouts.scene, rollouts.run, joined)
+    log = None if decisions[0] is None else DecisionLog(rollouts.scene, rollouts.run, join_scenarios(decisions))
     counts = np.sum(action_counts, axis=0) if action_counts else None
     frames, lengths = example_rollout
     compared = [part for part in positions if part is not None]
@@ -292,8 +291,8 @@ def scored_chunks(
 
 def _joined(name: str, chunks: list[ScoredChunk], n_rollouts: int) -> Scores:
     scene, run = (np.concatenate([getattr(chunk, index) for chunk in chunks]) for index in ("scene", "run"))
-    metrics = join([chunk.metrics for chunk in chunks])
-    return scores_of(name, scene, run, metrics, n_rollouts=n_rollouts, seconds=0.0)
+    metrics = join_scenarios([chunk.metrics for chunk in chunks])
+    return scores_of(name, scene, run, metrics, n_rollouts=n_rollouts)
 
 
 def reference_rows(config: EvaluateTask, scenes: SceneSet, held_out: np.ndarray, scorer: Scorer) -> list[Scores]:

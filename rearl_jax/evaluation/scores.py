@@ -1,6 +1,6 @@
 """Scores of one row of the table: figures of every scored pair; construction of the reference rows."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from functools import cache, partial
 
@@ -10,9 +10,11 @@ from jaxtyping import Array, Float, Int
 
 from rearl_jax.config.evaluation import EvaluationConfig
 from rearl_jax.config.metrics import HistConfig, OutOfBounds, RealismConfig
+from rearl_jax.core.batch import join_scenarios
 from rearl_jax.data.scenes.scene_set import SceneSet, recorded_lane_change_rate
 from rearl_jax.metrics import MEASURED, METRICS
 from rearl_jax.metrics.histograms import legacy_scale, noise_floor, speed_edges
+from rearl_jax.metrics.measure import Measure
 from rearl_jax.metrics.realism import Realism, RealismCounts, realism_scores
 from rearl_jax.metrics.scene import SceneMetrics, SceneSeries
 from rearl_jax.problems import InvalidInputError, Problem
@@ -22,8 +24,8 @@ REAL, REAL_VS_REAL, NOISE_FLOOR = "real", "real_vs_real", "noise_floor"
 of the speeds of one scene.
 """
 
-TITLES = {REAL: "real", REAL_VS_REAL: "real against real", NOISE_FLOOR: "noise floor"}
-"""Titles of the reference rows; the title of a method is its name."""
+TITLES = {REAL_VS_REAL: "real against real", NOISE_FLOOR: "noise floor", REAL: "real"}
+"""Titles of the reference rows, in their order in tables; the title of a method is its name."""
 
 WITH_EFFECT = "_effect"
 """Suffix of the names of rows on the traffic of a repaired model with its effects."""
@@ -36,6 +38,11 @@ COMPARING = tuple(name for name, metric in METRICS.items() if metric.compares)
 
 NEEDS_LANES = tuple(name for name, metric in METRICS.items() if metric.needs_lanes)
 """Metrics that are undefined for recordings without lanes."""
+
+
+def reference_of(metric: str) -> str:
+    """Reference row of a metric of simulated traffic: `real` if recorded scenes have the metric themselves."""
+    return REAL_VS_REAL if metric in COMPARING else REAL
 
 
 def title_of(row: str) -> str:
@@ -97,26 +104,32 @@ def scores_of(
     *,
     partner: np.ndarray | None = None,
     n_rollouts: int = 0,
-    seconds: float,
+    seconds: float = 0.0,
 ) -> Scores:
     """Scores of pairs whose metrics are known; see `Scores`."""
-    values, counts = {}, {}
-    for name in MEASURED:
-        measure = metrics.measure(name)
-        values[name] = np.where(measure.count > 0, measure.value.astype(np.float64), np.nan)
-        counts[name] = measure.count
+    measures = {name: metrics.measure(name) for name in MEASURED}
     return Scores(
         row,
         scene,
         run,
-        values,
-        counts,
+        {name: known_values(measure) for name, measure in measures.items()},
+        {name: np.asarray(measure.count) for name, measure in measures.items()},
         partner=partner,
         series=metrics.series,
         realism=metrics.realism,
         n_rollouts=n_rollouts,
         seconds=seconds,
     )
+
+
+def known_values(measure: Measure) -> Float[np.ndarray, " pairs"]:
+    """Values of a measure; NaN without samples."""
+    return np.where(np.asarray(measure.count) > 0, np.asarray(measure.value, np.float64), np.nan)
+
+
+def row_named(rows: Iterable[Scores], name: str) -> Scores:
+    """The row with a name."""
+    return next(row for row in rows if row.row == name)
 
 
 def of_recordings(scores: Scores, scenes: SceneSet) -> Scores:
@@ -213,16 +226,15 @@ def with_realism(rows: list[Scores], real: Scores, realism: RealismConfig) -> li
         of_pairs = order[np.searchsorted(real.scene, row.scene, sorter=order)]
         simulated += [row.realism, jax.tree.map(partial(_summed, group=of_pairs, n_groups=n_scenes), row.realism)]
         scene_columns += [of_pairs, np.arange(n_scenes)]
-    counts = jax.tree.map(lambda *leaves: np.concatenate(leaves, axis=-1), *simulated)
+    counts = join_scenarios(simulated)
     recorded = jax.tree.map(lambda leaf: leaf[..., np.concatenate(scene_columns)], real.realism)
     likelihoods = _realism_program(realism)(counts, recorded)
     ends = np.cumsum([len(columns) for columns in scene_columns])[:-1]
     complete = {row.row: row for row in counted}
     for name, feature in LIKELIHOODS.items():
         measure = getattr(likelihoods, feature)
-        figures = np.where(np.asarray(measure.count) > 0, np.asarray(measure.value, np.float64), np.nan)
         # Each row has two parts, its pairs and its scenes, so the iterator is consumed twice per row.
-        parts = zip(np.split(figures, ends), np.split(np.asarray(measure.count), ends), strict=True)
+        parts = zip(np.split(known_values(measure), ends), np.split(np.asarray(measure.count), ends), strict=True)
         for row, (single, n_single), (pooled, _) in zip(counted, parts, parts, strict=True):
             scores = complete[row.row]
             complete[row.row] = replace(

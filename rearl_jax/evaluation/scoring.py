@@ -12,7 +12,7 @@ import numpy as np
 from jaxtyping import Array, Int
 
 from rearl_jax.config.metrics import MetricsConfig
-from rearl_jax.core.batch import ScenarioMap
+from rearl_jax.core.batch import ScenarioMap, join_scenarios
 from rearl_jax.data.scenes.scene_set import SceneSet
 from rearl_jax.evaluation.simulators import Simulated
 from rearl_jax.metrics.scene import (
@@ -34,11 +34,6 @@ def score(batch: tuple[dict[str, Array], dict[str, Array]], config: MetricsConfi
     return scene_metrics(Trajectories(**scored), reference, config)
 
 
-def join(parts: list[SceneMetrics]) -> SceneMetrics:
-    """Metrics of several parts in one record, along the scenario axis."""
-    return jax.tree.map(lambda *leaves: np.concatenate(leaves, axis=-1), *parts)
-
-
 @functools.cache
 def _program(config: MetricsConfig, per_device: int) -> ScenarioMap:
     """Program that scores a batch; compiled once for all studies of a process."""
@@ -56,10 +51,8 @@ class Scorer:
 
     def recorded(self, scored: np.ndarray, scene: np.ndarray) -> SceneMetrics:
         """Metrics of the recorded scenes `scored` against the recorded scenes `scene`, both by index, pair by pair."""
-        parts = []
-        for batch in self._batches(len(scene)):
-            parts.append(self._score(self._recorded(scored[batch]), scene[batch]))
-        return join(parts)
+        batches = self._batches(len(scene))
+        return join_scenarios([self._score(self._recorded(scored[batch]), scene[batch]) for batch in batches])
 
     def simulated(
         self,
@@ -82,7 +75,7 @@ class Scorer:
             if track_id is not None:
                 trajectories["track_id"] = np.moveaxis(track_id[rollout[batch]], 0, -1).astype(np.int32)
             parts.append(self._score(trajectories, scene[batch]))
-        return join(parts)
+        return join_scenarios(parts)
 
     def _batches(self, n_pairs: int) -> Iterator[slice]:
         return (slice(start, start + self._batch_size) for start in range(0, n_pairs, self._batch_size))

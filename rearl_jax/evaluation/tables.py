@@ -11,7 +11,7 @@ import pandas as pd
 
 from rearl_jax.config import EvaluateTask
 from rearl_jax.data.scenes.scene_set import SceneSet
-from rearl_jax.evaluation.estimates import BASE, Estimate
+from rearl_jax.evaluation.estimates import BASE, LESS_BASE, Estimate
 from rearl_jax.evaluation.runner import Evaluation
 from rearl_jax.evaluation.scores import REAL, TITLES, Scores
 from rearl_jax.metrics import METRICS
@@ -29,8 +29,6 @@ HEADINGS = {
     "realism": "realism",
 }
 """Metrics of the first table and their short headings; a second table and the files contain all metrics."""
-
-_LESS_BASE = ("less_base", "less_base_low", "less_base_high")
 
 
 def run_table(evaluation: Evaluation) -> pd.DataFrame:
@@ -122,7 +120,7 @@ def summary_table(
                 "metric": name,
                 "unit": metric.unit,
                 "better": metric.direction.name,
-                **{key: value for key, value in vars(estimate).items()},
+                **vars(estimate),
                 "confidence": confidence,
                 "n_rollouts": row.n_rollouts,
                 "definition": metric.definition,
@@ -146,7 +144,7 @@ def summary_rows(
     `_less_base_high`; and the keys that the method adds, null in the other rows. Null if there is no figure.
     """
     methods = [row.row for row in evaluation.rows if row.row not in TITLES]
-    compared = _LESS_BASE if BASE in methods and len(methods) > 1 else ()
+    compared = LESS_BASE if BASE in methods and len(methods) > 1 else ()
     added_by_method = {name: value for extra in evaluation.extras for name, value in extra.summary.items()}
     absent = {name: None for figures in evaluation.figures.values() for name in figures}
     objects = []
@@ -164,11 +162,6 @@ def summary_rows(
         figures |= absent | dict(evaluation.figures.get(row.row, {}))
         objects.append(figures)
     return objects
-
-
-def written(value: float, name: str) -> str:
-    """A figure with the number of digits of its metric."""
-    return f"{value:.{METRICS[name].digits}f}"
 
 
 def metadata(config: EvaluateTask, evaluation: Evaluation) -> dict[str, str]:

@@ -9,6 +9,7 @@ row per rollout and second, where a policy intervenes), `requests.parquet` (one 
 
 from contextlib import ExitStack
 from dataclasses import replace
+from typing import Any
 
 from rich.progress import Progress
 
@@ -17,7 +18,7 @@ from rearl_jax.config.evaluation import Method
 from rearl_jax.data.recordings import is_generated
 from rearl_jax.data.scenes.scene_set import SceneSet
 from rearl_jax.document.document import Document
-from rearl_jax.document.terminal import print_document
+from rearl_jax.document.publishing import publish_document
 from rearl_jax.evaluation import tables
 from rearl_jax.evaluation.boundaries import check_boundary
 from rearl_jax.evaluation.document import document_of
@@ -46,23 +47,15 @@ def run(config: EvaluateTask, *, show: bool = True) -> dict:
         FileNotFoundError, ValueError: As `compute`.
     """
     check(config)
-    study = Study(
-        config.results.root,
-        config.study,
-        config,
-        "evaluate",
-        inputs_id(config),
-        generated=is_generated(config.data),
-    )
+    generated = is_generated(config.data)
+    study = Study(config.results.root, config.study, config, "evaluate", inputs_id(config), generated=generated)
     if (stored := study.begin(resume=config.results.resume)) is not None:
         return {"rows": stored}
     with progress_bar() as bar:
         evaluation = compute(config, bar, study=study)
     found = estimates(evaluation.rows, evaluation.held_out, config.eval)
     write_tables(study, evaluation, found)
-    if show:
-        print_document(documented(evaluation, found))
-    return {"rows": write_pages(study, evaluation, found)}
+    return {"rows": write_pages(study, evaluation, found, show=show)}
 
 
 def check(config: EvaluateTask) -> None:
@@ -149,17 +142,29 @@ def documented(evaluation: Evaluation, found: dict[tuple[str, str], Estimate]) -
     )
 
 
-def write_pages(study: Study, evaluation: Evaluation, found: dict[tuple[str, str], Estimate]) -> list[dict]:
-    """The objects of summary.json, written last, after figures and page; arguments as in `write_tables`."""
-    # Imported after the table is printed, because matplotlib is slow to import.
-    from rearl_jax.evaluation.figures import draw
-    from rearl_jax.evaluation.page import render
+def write_pages(
+    study: Study, evaluation: Evaluation, found: dict[tuple[str, str], Estimate], *, show: bool = False
+) -> list[dict]:
+    """The objects of summary.json, written last, after figures and page.
 
-    config = evaluation.config
-    figures = draw(config, evaluation)
-    for name, png in figures.items():
-        study.write_bytes(f"{name}.png", png)
-    study.write_text("page.html", render(evaluation, documented(evaluation, found), figures))
-    rows = tables.summary_rows(evaluation, found)
-    study.write_summary(rows)
+    Args:
+        study: Folder of the study.
+        evaluation: The evaluation.
+        found: Estimates by row and metric.
+        show: Whether the document is printed.
+    """
+    config, data_id = evaluation.config, evaluation.scenes.data_id
+
+    def draw() -> dict[str, bytes]:
+        from rearl_jax.evaluation import figures
+
+        return figures.draw(config, evaluation)
+
+    def player() -> Any:
+        from rearl_jax.evaluation.page import example_player
+
+        return example_player(evaluation)
+
+    rows, document = tables.summary_rows(evaluation, found), documented(evaluation, found)
+    publish_document(study, document, config, rows, draw, data_id=data_id, player=player, show=show)
     return rows

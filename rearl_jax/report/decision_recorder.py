@@ -49,22 +49,16 @@ class _RecordedPolicy:
     decisions: list[Decision]
 
     def ask(self, situation: Situation) -> Future[np.ndarray]:
-        """The policy's answer, after it has been recorded."""
+        """The policy's answer, after the decision on each vehicle that was asked has been recorded."""
         answer = self.policy.ask(situation)
-        answered: Future[np.ndarray] = Future()
-        answered.set_result(self._recorded(situation, np.asarray(answer.result())))
-        return answered
-
-    def _recorded(self, situation: Situation, actions: np.ndarray) -> np.ndarray:
-        """The actions, after the decision on each vehicle that was asked has been recorded."""
         mask, admissible = jnp.asarray(situation.detection.mask), jnp.asarray(situation.admissible)
-        orders = accept(jnp.asarray(actions), mask, admissible)
+        orders = accept(jnp.asarray(answer.result()), mask, admissible)
         asked, followed, second = np.asarray(orders.is_asked), np.asarray(orders.action), int(situation.second)
         self.decisions.extend(
             Decision(self.first_scenario + int(rollout), second, int(vehicle), int(followed[vehicle, rollout]))
             for rollout, vehicle in np.argwhere(asked.T)
         )
-        return actions
+        return answer
 
 
 def policy_of(acts: Interventions, keys: Key[Array, " rollouts"]) -> MakePolicy:

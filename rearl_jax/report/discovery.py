@@ -1,6 +1,7 @@
 """The documents of a finished `rearl discover` and `rearl discover blind`.
 
-A study is blind if discovery is not told which effects the generator has hidden in its data sets.
+A study is blind if discovery is not told which effects the generator has hidden in its data sets. Both functions raise
+FileNotFoundError or ValueError if a file is missing, or of an older version.
 """
 
 from rearl_jax.blind import document as blind
@@ -22,30 +23,16 @@ _SUMMARY_KEYS = ("n_right", "n_cases", "n_drawn", "oracle_share", "n_oracles", "
 
 
 def discovery_document(study: FinishedStudy) -> Document:
-    """The document of a discovery.
-
-    Raises:
-        FileNotFoundError, ValueError: verdict.json is missing, or of an older version.
-    """
-    verdict = study.object("verdict.json")
-    study.require_keys(verdict, _VERDICT_KEYS, "verdict.json")
-    maps = None
-    if (study.path / "maps.parquet").exists():  # not written if discover.page is false
-        maps = study.table("maps")
-        study.require_keys(maps, _MAP_COLUMNS, "maps.parquet")
+    """The document of a discovery."""
+    verdict = study.object("verdict.json", _VERDICT_KEYS)
+    # Maps are not written if discover.page is false.
+    maps = study.table("maps", _MAP_COLUMNS) if study.has_table("maps") else None
     return discovery.document_of(study.config, verdict, maps)
 
 
 def blind_document(study: FinishedStudy) -> Document:
-    """The document of a blind study.
-
-    Raises:
-        FileNotFoundError, ValueError: A file is missing, or of an older version.
-    """
-    (summary,) = study.rows  # summary.json has more than one row only for `rearl evaluate`
-    study.require_keys(summary, _SUMMARY_KEYS, "summary.json")
-    protocol = study.object("protocol.json")
-    study.require_keys(protocol, _PROTOCOL_KEYS, "protocol.json")
+    """The document of a blind study."""
+    summary, protocol = study.summary(_SUMMARY_KEYS), study.object("protocol.json", _PROTOCOL_KEYS)
     # The table of strata is written for studies with broad priors only.
     written = [name for name in blind.TABLES if name != blind.STRATA or summary.get(blind.STRATA)]
     return blind.document_of(summary, {name: study.table(name) for name in written}, protocol)

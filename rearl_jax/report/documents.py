@@ -1,4 +1,7 @@
-"""The document of a finished study, by the task that made it."""
+"""The document of a finished study, by the task that made it.
+
+All functions raise FileNotFoundError or ValueError if a file is missing, or of an older version.
+"""
 
 import json
 from collections.abc import Callable
@@ -23,85 +26,42 @@ from rearl_jax.sweep.document import document_of as sweep_document_of
 
 
 def evaluation_document(study: FinishedStudy) -> Document:
-    """The document of an evaluation.
-
-    Raises:
-        FileNotFoundError, ValueError: A table is missing, or of an older version.
-    """
-    summary = study.table("summary")
-    study.require_keys(summary, SUMMARY_COLUMNS, "summary.parquet")
-    decisions = None
-    if (study.path / "decisions.parquet").exists():
-        decisions = study.table("decisions")
-        study.require_keys(decisions, DECISION_COLUMNS, "decisions.parquet")
-    return document_of(
-        study.config,
-        summary,
-        _remarks(study, "summary"),
-        decisions=decisions,
-        generated=study.generated,
-    )
+    """The document of an evaluation."""
+    summary, remarks = study.table("summary", SUMMARY_COLUMNS), _remarks(study, "summary")
+    decisions = study.table("decisions", DECISION_COLUMNS) if study.has_table("decisions") else None
+    return document_of(study.config, summary, remarks, decisions=decisions, generated=study.generated)
 
 
 def sweep_document(study: FinishedStudy) -> Document:
-    """The document of a sweep of thresholds.
-
-    Raises:
-        FileNotFoundError, ValueError: A table is missing, or of an older version.
-    """
-    (summary,) = study.rows
-    study.require_keys(summary, SUMMARY_KEYS, "summary.json")
-    pairs = study.table("table3")
-    study.require_keys(pairs, ("h_pct", "m_pct", "score"), "table3.parquet")
+    """The document of a sweep of thresholds."""
+    summary, pairs = study.summary(SUMMARY_KEYS), study.table("table3", ("h_pct", "m_pct", "score"))
     base = json.loads(study.metadata("table3").get("base", "{}"))
     return sweep_document_of(study.config, pairs, summary, base, generated=study.generated)
 
 
 def paper_document(study: FinishedStudy) -> Document:
-    """The document of a study that is compared with the paper.
-
-    Raises:
-        FileNotFoundError, ValueError: The table is missing, or of an older version.
-    """
-    (summary,) = study.rows
+    """The document of a study that is compared with the paper."""
     form = import_module(study.task.run.partition(":")[0]).FORM
-    table, remarks = study.table(form.name), _remarks(study, form.name)
-    study.require_keys(table, ("row", "metric", "ours"), f"{form.name}.parquet")
-    return study_document_of(form, study.config, table, summary, remarks, generated=study.generated)
+    table, remarks = study.table(form.name, ("row", "metric", "ours")), _remarks(study, form.name)
+    return study_document_of(form, study.config, table, study.summary(), remarks, generated=study.generated)
 
 
 def real_document(study: FinishedStudy) -> Document:
-    """The document of a study of real recordings.
-
-    Raises:
-        FileNotFoundError, ValueError: A table is missing, or of an older version.
-    """
-    table, facts, differences = (study.table(name) for name in ("real", "facts", "differences"))
-    study.require_keys(table, ROW_COLUMNS, "real.parquet")
-    study.require_keys(facts, FACT_COLUMNS, "facts.parquet")
+    """The document of a study of real recordings."""
+    table, facts = study.table("real", ROW_COLUMNS), study.table("facts", FACT_COLUMNS)
+    differences = study.table("differences")
     return real_document_of(table, facts, differences, _remarks(study, "real"), generated=study.generated)
 
 
 def budget_document(study: FinishedStudy) -> Document:
-    """The document of an error budget.
-
-    Raises:
-        FileNotFoundError, ValueError: A table is missing, or of an older version.
-    """
-    table, steps = study.table("budget"), study.table("steps")
-    study.require_keys(table, BUDGET_COLUMNS, "budget.parquet")
-    study.require_keys(steps, STEP_COLUMNS, "steps.parquet")
+    """The document of an error budget."""
+    table, steps = study.table("budget", BUDGET_COLUMNS), study.table("steps", STEP_COLUMNS)
     return budget_document_of(table, steps, _remarks(study, "budget"), generated=study.generated)
 
 
 def stability_document(study: FinishedStudy) -> Document:
-    """The document of a study of stability.
-
-    Raises:
-        FileNotFoundError, ValueError: A table is missing, or of an older version.
-    """
-    tables = {name: study.table(name) for name in STABILITY_TABLES}
-    study.require_keys(tables["ring"], RING_COLUMNS, "ring.parquet")
+    """The document of a study of stability."""
+    tables = {name: study.table(name, RING_COLUMNS if name == "ring" else ()) for name in STABILITY_TABLES}
     verdict = json.loads((study.path / "verdict.json").read_text(encoding="utf-8"))
     margin = study.config.stability.margin
     return stability_document_of(tables, verdict, _remarks(study, "ring"), margin=margin, generated=study.generated)

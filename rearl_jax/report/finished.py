@@ -49,32 +49,53 @@ class FinishedStudy:
         """Remedy for a study that this version cannot read."""
         return f"run it again with this version: rearl {self.task.words} study={self.config.study} ..."
 
-    def table(self, name: str) -> pd.DataFrame:
+    def table(self, name: str, columns: tuple[str, ...] = ()) -> pd.DataFrame:
         """The Parquet table of that name.
 
+        Args:
+            name: Name of the file without its ending.
+            columns: Required columns.
+
         Raises:
-            FileNotFoundError, ValueError: The file does not exist, or is not a Parquet file.
+            FileNotFoundError, ValueError: The file does not exist, is not a Parquet file, or lacks a column.
         """
         path = self.path / f"{name}.parquet"
         if not path.exists():
             raise MissingInputError(Problem("file-missing", "the file is missing", self.remedy, file=str(path)))
         try:
-            return pd.read_parquet(path)
+            table = pd.read_parquet(path)
         except (OSError, ValueError) as error:  # what pyarrow raises for a file that is not Parquet
             message = f"the file cannot be read ({error})"
             raise InvalidInputError(Problem("not-parquet", message, self.remedy, file=str(path))) from error
+        self._require(table, columns, path.name)
+        return table
+
+    def has_table(self, name: str) -> bool:
+        """True if there is a Parquet table of that name."""
+        return (self.path / f"{name}.parquet").exists()
 
     def metadata(self, name: str) -> dict[str, str]:
         """Metadata of the Parquet table of that name, see `results.read_metadata`."""
         return read_metadata(self.path / f"{name}.parquet")
 
-    def object(self, name: str) -> Any:
-        """The content of the JSON file `name`.
+    def object(self, name: str, keys: tuple[str, ...] = ()) -> Any:
+        """The content of the JSON file `name`, with the required keys.
 
         Raises:
-            FileNotFoundError, ValueError: The file does not exist, or is not JSON.
+            FileNotFoundError, ValueError: The file does not exist, is not JSON, or lacks a key.
         """
-        return _read_json(self.path / name, self.remedy)
+        content = _read_json(self.path / name, self.remedy)
+        self._require(content, keys, name)
+        return content
+
+    def summary(self, keys: tuple[str, ...] = ()) -> Mapping[str, Any]:
+        """The first object of summary.json, the only one of all tasks but `evaluate`, with the required keys.
+
+        Raises:
+            ValueError: It lacks a key.
+        """
+        self._require(self.rows[0], keys, "summary.json")
+        return self.rows[0]
 
     @property
     def figures(self) -> dict[str, bytes]:
@@ -92,17 +113,8 @@ class FinishedStudy:
             return ()
         return data_sources([next(iterate_recordings(self.config.data)).info])
 
-    def require_keys(self, content: Mapping[str, Any] | pd.DataFrame, names: tuple[str, ...], file_name: str) -> None:
-        """Checks that an object or a table has keys or columns, which studies of an older version may lack.
-
-        Args:
-            content: An object or a table of the study.
-            names: Required keys or columns.
-            file_name: Name of its file.
-
-        Raises:
-            ValueError: One of them is missing.
-        """
+    def _require(self, content: Mapping[str, Any] | pd.DataFrame, names: tuple[str, ...], file_name: str) -> None:
+        """Raise InvalidInputError if an object or a table lacks keys or columns, as those of an older version may."""
         for name in names:
             if name not in content:
                 message = (

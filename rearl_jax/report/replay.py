@@ -170,8 +170,8 @@ def _mixture(study: FinishedStudy) -> Mixture | None:
     if study.config.method is not Method.critical:
         return None
     names = tuple(f"ratio_{name}" for name in Mixture._fields)
-    study.require_keys(study.rows[0], names, "summary.json")
-    return Mixture(*(float(study.rows[0][name]) for name in names))
+    summary = study.summary(names)
+    return Mixture(*(float(summary[name]) for name in names))
 
 
 @contextmanager
@@ -196,8 +196,7 @@ def _require_same_figures(
     study: FinishedStudy, method: str, scenes: SceneSet, replayed: tuple[ReplayedScene, ...]
 ) -> None:
     """Raise NoReplayError if a rollout scores otherwise than it did in the study."""
-    runs = study.table("runs")
-    study.require_keys(runs, ("method", "scene_id", "run", "h"), "runs.parquet")
+    runs = study.table("runs", ("method", "scene_id", "run", "h"))
     rows = runs.loc[(runs["method"] == method) & runs["h"].notna(), ["scene_id", "run", "h"]]
     stored = {(int(scene), int(run)): float(h) for scene, run, h in rows.itertuples(index=False)}
     for rollout in replayed:

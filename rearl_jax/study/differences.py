@@ -7,6 +7,7 @@ from rearl_jax.config import ClusterTask, EvaluateTask
 from rearl_jax.config.clustering import FitOn
 from rearl_jax.config.core import InitialSource
 from rearl_jax.config.metrics import MapeDefinition
+from rearl_jax.config.study import Table1Config
 from rearl_jax.data.scenes.cutting import PAPER_SCENES
 from rearl_jax.data.scenes.scene_set import SceneSet
 from rearl_jax.evaluation.road import with_road
@@ -64,17 +65,17 @@ def of_errors(config: EvaluateTask) -> list[str]:
     ]
 
 
-def of_decisions(*, asks_model: bool, interval: int, n_runs: int) -> list[str]:
-    """Decisions in the closed loop."""
+def of_decisions(asked: Table1Config | None = None) -> list[str]:
+    """Decisions in the closed loop; `asked` says how often a language model is asked, None for none."""
     sentences = [
         "decisions: the matcher, a rule, replaces the paper's language models; its rows are listed next to REARL "
         "Qwen3-32B for lack of a better match"
     ]
-    if asks_model:
+    if asked is not None:
         sentences.append(
-            f"language model: asked every {interval} s in {n_runs} rollout(s), each scored on all scenes, so its "
-            "interval does not cover other initial states; another model than the paper's unless llm.model names "
-            "one of them"
+            f"language model: asked every {asked.llm_interval} s in {asked.llm_runs} rollout(s), each scored on all "
+            "scenes, so its interval does not cover other initial states; another model than the paper's unless "
+            "llm.model names one of them"
         )
     return sentences
 

@@ -12,15 +12,28 @@ import pandas as pd
 from rearl_jax.config import ClusterTask, EvaluateTask
 from rearl_jax.data.scenes.scene_set import SceneSet
 from rearl_jax.document.document import Document, Section, data_sources
-from rearl_jax.document.table import NONE, Cell, Emphasis, Row, Table, interval, number, percent, spoken
-from rearl_jax.document.terminal import print_document
+from rearl_jax.document.publishing import publish_document
+from rearl_jax.document.table import (
+    NONE,
+    Cell,
+    Emphasis,
+    Row,
+    Table,
+    cell_with_interval,
+    interval,
+    number,
+    percent,
+    spoken,
+)
 from rearl_jax.evaluation.remarks import Remarks, data_summary
 from rearl_jax.metrics import METRICS
-from rearl_jax.results import PROVENANCE, Study
+from rearl_jax.results import Study, without_provenance
 from rearl_jax.study.published import TABLE1
 
 _LONGEST_FIGURE = 100
 """Longest text in summary.json that is a figure, not a paragraph [characters]."""
+
+_DIGITS = {name: metric.digits for name, metric in METRICS.items()}
 
 _FIGURES = ("ours", "low", "high", "sd", "less_base", "less_base_low", "less_base_high", "paper")
 
@@ -84,7 +97,7 @@ def publish(
     draw: Callable[[], Mapping[str, bytes]],
     **metadata: str,
 ) -> None:
-    """Prints the document and writes `NAME.parquet`, the figures, `page.html` and, last of all, `summary.json`.
+    """Writes `NAME.parquet` and publishes the document, see `publish_document`.
 
     Args:
         study: Folder of the study.
@@ -94,22 +107,13 @@ def publish(
         table: The long table.
         summary: Flat figures.
         remarks: Remarks on the table.
-        draw: Function that returns the figures, PNG by name; called after the tables are printed.
+        draw: Function that returns the figures, PNG by name, as in `publish_document`.
         **metadata: Metadata of the table besides its provenance.
     """
     study.write_table(form.name, table, **metadata, remarks=remarks.to_json())
     generated = scenes is not None and scenes.generated
     document = document_of(form, config, table, summary, remarks, generated=generated)
-    print_document(document)
-
-    # Imported after the table is printed, because matplotlib and jinja2 are slow to import.
-    from rearl_jax.document.html import page_of
-
-    figures = draw()
-    for name, png in figures.items():
-        study.write_bytes(f"{name}.png", png)
-    study.write_text("page.html", page_of(document, config, figures, data_id=scenes.data_id if scenes else None))
-    study.write_summary(summary)
+    publish_document(study, document, config, summary, draw, data_id=scenes.data_id if scenes else None)
 
 
 def document_of(
@@ -154,7 +158,7 @@ def beside_paper(
         headings: Headings of the metrics.
         digits: Digits after the decimal point, for metrics outside `METRICS` or with other digits than there.
     """
-    digits = {name: metric.digits for name, metric in METRICS.items()} | dict(digits or {})
+    digits = _DIGITS | dict(digits or {})
     records = records_of(table)
     last_row_of = {paper_row: name for name, figures in records.items() if (paper_row := _paper_row(figures))}
     rows = []
@@ -171,17 +175,44 @@ def beside_paper(
     return Table(title, tuple(headings.values()), tuple(rows))
 
 
+def less_base_table(
+    title: str,
+    table: pd.DataFrame,
+    headings: Mapping[str, str],
+    digits: Mapping[str, int] | None = None,
+    counts: Mapping[str, str] | None = None,
+) -> Table:
+    """Differences from base: the rows of a long table that have any, with a column per metric.
+
+    Args:
+        title: Title of the table.
+        table: The long table.
+        headings: Headings of the metrics.
+        digits: As in `beside_paper`.
+        counts: Headings of further columns, whose numbers are the same for all metrics of a row.
+    """
+    digits, counts = _DIGITS | dict(digits or {}), counts or {}
+    rows = []
+    for figures in records_of(table).values():
+        if any(pd.notna(figure.get("less_base")) for figure in figures.values()):
+            any_figure = next(iter(figures.values()))
+            cells = [cell(figures.get(name), name, "less_base", digits=digits[name], sign="+") for name in headings]
+            cells += [Cell(number(any_figure.get(name))) for name in counts]
+            rows.append(Row(str(any_figure["title"]), tuple(cells)))
+    return Table(title, (*headings.values(), *counts.values()), tuple(rows))
+
+
 def _paper_row(figures: Mapping[str, Mapping[str, Any]]) -> str | None:
     """The row of the paper's Table 1 that corresponds to a row of ours, from its figures; None without one."""
     names = (figure.get("paper_row") for figure in figures.values())
     return next((name for name in names if isinstance(name, str)), None)
 
 
-def records_of(table: pd.DataFrame) -> dict[str, dict[str, dict[str, Any]]]:
-    """Rows of a long table by their name and metric."""
+def records_of(table: pd.DataFrame, row: str = "row", column: str = "metric") -> dict[str, dict[str, dict[str, Any]]]:
+    """Records of a long table by the values of two of its columns."""
     rows: dict[str, dict[str, dict[str, Any]]] = {}
     for record in table.astype(object).to_dict("records"):
-        rows.setdefault(record["row"], {})[record["metric"]] = {str(name): value for name, value in record.items()}
+        rows.setdefault(record[row], {})[record[column]] = {str(name): value for name, value in record.items()}
     return rows
 
 
@@ -199,8 +230,8 @@ def cell(
     """
     ends = ("low", "high") if column == "ours" else (f"{column}_low", f"{column}_high")
     value, low, high = ((record or {}).get(name) for name in (column, *ends))
-    texts = [_text(end, metric, digits, sign) for end in (value, low, high)]
-    return Cell(texts[0], "" if NONE in texts[1:] else f"{texts[1]} to {texts[2]}")
+    texts = (_text(end, metric, digits, sign) for end in (value, low, high))
+    return cell_with_interval(*texts)
 
 
 def _text(value: Any, metric: str, digits: int | None, sign: str) -> str:
@@ -215,7 +246,7 @@ def _text(value: Any, metric: str, digits: int | None, sign: str) -> str:
 
 def _other_figures(summary: Mapping[str, Any], rows: Sequence[str]) -> Table:
     """Figures of summary.json outside the long table, without provenance."""
-    plain = {key: value for key, value in summary.items() if not isinstance(value, (list, dict))}
+    plain = {key: value for key, value in without_provenance(summary).items() if not isinstance(value, (list, dict))}
     left_out = ("_low", "_high", "_paper", "_sd")
     of_rows = tuple(f"{row}_" for row in rows)
     return Table(
@@ -224,8 +255,7 @@ def _other_figures(summary: Mapping[str, Any], rows: Sequence[str]) -> Table:
         tuple(
             Row(spoken(key), (Cell(number(value), interval(plain.get(f"{key}_low"), plain.get(f"{key}_high"))),))
             for key, value in plain.items()
-            if key not in PROVENANCE
-            and not key.endswith(left_out)
+            if not key.endswith(left_out)
             and not key.startswith(of_rows)
             and value is not None
             and len(str(value)) <= _LONGEST_FIGURE

@@ -2,10 +2,9 @@
 left and spacing error right.
 """
 
-from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 
-from rearl_jax.drawing import BLUE, DARK_GREY, FONT_SIZE, GREY, panels, png, set_title
+from rearl_jax.drawing import BLUE, DARK_GREY, GREY, add_legend, panels, png, set_title
 from rearl_jax.evaluation.estimates import BASE
 from rearl_jax.evaluation.scores import REAL_VS_REAL
 from rearl_jax.evaluation.tables import HEADINGS
@@ -32,12 +31,7 @@ def draw_series(series: list[ErrorSeries], metrics: tuple[str, str], *, generate
             if column == 0:
                 set_title(panel, item.title)
         column_axes[-1].set_xlabel("time [s]")
-    handles: dict[str, Artist] = {}
-    for panel in axes:
-        handles |= {str(line.get_label()): line for line in panel.get_lines()}
-    figure.legend(
-        handles.values(), handles, loc="outside lower center", ncols=len(handles), frameon=False, fontsize=FONT_SIZE
-    )
+    add_legend(figure)
     return png(figure)
 
 

@@ -11,7 +11,6 @@ from typing import Any
 import pandas as pd
 
 from rearl_jax.config import StudyFig7Task
-from rearl_jax.console import generated_mark
 from rearl_jax.data.scenes.splits import split_scenes
 from rearl_jax.document.document import Section
 from rearl_jax.evaluation.inputs import read_inputs
@@ -125,7 +124,5 @@ def _draw(config: StudyFig7Task, base: BaseValues, *, generated: bool) -> dict[s
     from rearl_jax.sweep.figures import cumulative
 
     scale = legacy_scale(config.hist)
-    note = generated_mark(generated)
-    title = f"Base on {len(base.scene)} threshold scenes x {config.eval.n_runs} runs{note}"
     published = ({percentile: value / scale for percentile, value in THRESHOLDS_H.items()}, THRESHOLDS_MAPE)
-    return {"fig7": cumulative(base, config.sweep, title, published)}
+    return {"fig7": cumulative(base, config, published, generated=generated)}

@@ -5,7 +5,6 @@ The clustering is made by `rearl cluster` in `cluster/`; the label of a track is
 `summary.json`.
 """
 
-import json
 from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
@@ -22,6 +21,7 @@ from rearl_jax.document.document import Section
 from rearl_jax.document.table import table_of
 from rearl_jax.evaluation.inputs import read_inputs
 from rearl_jax.progress import progress_bar
+from rearl_jax.results import read_summary
 from rearl_jax.study import differences
 from rearl_jax.study.document import Form, beside_paper, long_table, publish, remarks_on
 from rearl_jax.study.parts import begin, carry_out, part_record
@@ -71,7 +71,7 @@ def run(config: StudyFig8Task) -> dict:
     """
     study = begin("study fig8", config, data_id(config.data))
     folder = carry_out(task.run, part_record(ClusterTask, config, f"{config.study}/cluster"))
-    clustering = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
+    clustering = read_summary(folder)
     with progress_bar() as bar:
         scenes = read_inputs(config, study, bar, with_references=False).scenes
     differing = (

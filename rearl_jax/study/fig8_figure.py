@@ -1,24 +1,12 @@
 """Figure of the scene clusters after Fig. 8 of REARL (Bi et al.): the track labels in the scenes of each cluster."""
 
+from itertools import cycle
+
 import numpy as np
 import pandas as pd
 
-from rearl_jax.drawing import (
-    BLUE,
-    FONT_SIZE,
-    GREEN,
-    GREY,
-    ORANGE,
-    PURPLE,
-    SKY_BLUE,
-    VERMILION,
-    YELLOW,
-    panels,
-    png,
-    set_title,
-)
-
-_COLOURS = (BLUE, ORANGE, GREEN, PURPLE, SKY_BLUE, VERMILION, YELLOW, GREY)
+from rearl_jax.clustering.figures import LABEL_COLOURS
+from rearl_jax.drawing import GREY, add_legend, panels, png, set_title
 
 
 def draw_clusters(scenes: pd.DataFrame, k: int, *, generated: bool) -> bytes:
@@ -34,13 +22,13 @@ def draw_clusters(scenes: pd.DataFrame, k: int, *, generated: bool) -> bytes:
     positions = np.arange(len(clusters))
     figure, (above, below) = panels(max(4.8, 1.6 + 0.42 * len(clusters)), 4.4, rows=2, generated=generated)
     bottom = np.zeros(len(clusters))
-    for label in range(k):
+    for label, colour in zip(range(k), cycle(LABEL_COLOURS), strict=False):
         scene_shares = scenes[f"share_{label}"].to_numpy(np.float64)
         shares = np.array([scene_shares[scene_cluster == cluster].mean() for cluster in clusters])
-        above.bar(positions, shares, bottom=bottom, color=_COLOURS[label % len(_COLOURS)], label=f"label {label}")
+        above.bar(positions, shares, bottom=bottom, color=colour, label=f"label {label}")
         bottom += shares
     above.set(ylabel="mean share of the tracks [-]", ylim=(0, 1))
-    figure.legend(loc="outside lower center", ncols=k, frameon=False, fontsize=FONT_SIZE)
+    add_legend(figure)
     below.bar(positions, [int((scene_cluster == cluster).sum()) for cluster in clusters], color=GREY)
     below.set(xlabel="cluster", ylabel="scenes")
     below.set_xticks(positions, [str(cluster) for cluster in clusters])

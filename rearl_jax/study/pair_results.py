@@ -1,7 +1,5 @@
 """Results of a threshold sweep: every pair with intervals, and the Pareto-optimal pairs."""
 
-import json
-import math
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -9,7 +7,8 @@ import numpy as np
 import pandas as pd
 
 from rearl_jax.config import StudyTable3Task
-from rearl_jax.evaluation.estimates import BASE, grouped_mean, intervals
+from rearl_jax.evaluation.estimates import BASE, grouped_mean, means_with_intervals
+from rearl_jax.sweep.pairs import pair_name
 from rearl_jax.sweep.parts import RUNS
 from rearl_jax.sweep.task import FIGURES
 
@@ -28,24 +27,24 @@ def pareto(points: Sequence[tuple[float, float]]) -> list[int]:
     ]
 
 
-def read_pairs(folder: Path, config: StudyTable3Task) -> pd.DataFrame:
+def read_pairs(folder: Path, config: StudyTable3Task, best: tuple[float, float]) -> pd.DataFrame:
     """One row per pair of percentiles, base last: `row`, percentiles [%], thresholds, `win_share`, the mean over scenes
     of every metric with its bootstrap interval (`_low`, `_high`), `score` (sum of both errors), `is_pareto`, `is_best`.
 
     Args:
         folder: Results of the sweep.
         config: Definition of the spacing error; resamples, confidence and seed of the intervals.
+        best: Percentiles chosen by the sweep [%].
     """
     runs, table = pd.read_parquet(folder / RUNS), pd.read_parquet(folder / "table3.parquet")
     h_pct, m_pct = (runs[name].to_numpy(np.float64, na_value=np.nan) for name in ("h_pct", "m_pct"))
     records = []
     for pair in table.to_dict("records"):
         is_pair = (h_pct == pair["h_pct"]) & (m_pct == pair["m_pct"])
-        name = f"{pair['h_pct']:g} % / {pair['m_pct']:g} %"
+        name = pair_name(pair["h_pct"], pair["m_pct"])
         records.append({"row": name} | {key: pair[key] for key in _PAIR_COLUMNS} | _figures(runs, is_pair, config))
     records.append({"row": BASE} | _figures(runs, np.isnan(h_pct), config))
-    summary = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
-    return with_choice(pd.DataFrame(records), (summary["best_h_pct"], summary["best_m_pct"]))
+    return with_choice(pd.DataFrame(records), best)
 
 
 def with_choice(pairs: pd.DataFrame, best: tuple[float, float]) -> pd.DataFrame:
@@ -67,9 +66,7 @@ def _figures(runs: pd.DataFrame, is_row: np.ndarray, config: StudyTable3Task) ->
         name: grouped_mean(runs[column].to_numpy(np.float64, na_value=np.nan)[is_row], group, len(subset))
         for name, column in columns.items()
     }
-    ends = intervals(np.stack(list(means.values()), axis=1), config.eval)
     figures = {}
-    for (name, values), (low, high) in zip(means.items(), ends, strict=True):
-        mean = float(np.nanmean(values)) if np.isfinite(values).any() else math.nan
+    for name, (mean, low, high) in zip(means, means_with_intervals(list(means.values()), config.eval), strict=True):
         figures |= {name: mean, f"{name}_low": low, f"{name}_high": high}
     return figures

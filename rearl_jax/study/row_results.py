@@ -1,6 +1,5 @@
 """Evaluated rows of Table 1: estimates with intervals, and paired differences."""
 
-import json
 import logging
 from dataclasses import dataclass, fields
 from pathlib import Path
@@ -12,17 +11,14 @@ import pandas as pd
 from rearl_jax.config import StudyTable1Task
 from rearl_jax.config.evaluation import EvaluationConfig, Method
 from rearl_jax.evaluation import task
-from rearl_jax.evaluation.estimates import Estimate, grouped_mean, intervals
-from rearl_jax.evaluation.scores import NOISE_FLOOR, REAL, REAL_VS_REAL
+from rearl_jax.evaluation.estimates import Estimate, grouped_mean, means_with_intervals
 from rearl_jax.evaluation.tables import HEADINGS
+from rearl_jax.results import read_summary
 from rearl_jax.study.findings import Difference, RowDifferences
 from rearl_jax.study.parts import carry_out
 from rearl_jax.study.rows import CONTROL, Role, Row, chosen_rows, row_record
 
 log = logging.getLogger(__name__)
-
-REFERENCES = (REAL_VS_REAL, NOISE_FLOOR, REAL)
-"""Reference rows of every evaluation, besides its method."""
 
 _ESTIMATE = tuple(item.name for item in fields(Estimate))
 
@@ -114,10 +110,7 @@ def paired_difference(row: Evaluated, other: Evaluated, metric: str, eval: Evalu
     """Difference of a metric between two rows with the same initial states; None if no scene has both."""
     means, other_means = row.scene_means(metric), other.scene_means(metric)
     difference = np.array([means[scene] - other_means[scene] for scene in means if scene in other_means])
-    if not len(difference):
-        return None
-    ((low, high),) = intervals(difference[:, None], eval)
-    return Difference(float(difference.mean()), low, high)
+    return Difference(*means_with_intervals([difference], eval)[0]) if len(difference) else None
 
 
 def evaluate_rows(config: StudyTable1Task) -> Results:
@@ -144,5 +137,4 @@ def _read(row: Row, folder: Path) -> Evaluated:
         known: dict[str, Any] = {name: None if pd.isna(record[name]) else record[name] for name in _ESTIMATE}
         estimates[record["method"], record["metric"]] = Estimate(**known)
         rollouts[record["method"]] = int(record["n_rollouts"])
-    figures = json.loads((folder / "summary.json").read_text(encoding="utf-8"))[0]
-    return Evaluated(row, folder, estimates, rollouts, figures)
+    return Evaluated(row, folder, estimates, rollouts, read_summary(folder)[0])

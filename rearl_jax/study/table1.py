@@ -96,11 +96,7 @@ def remarks_on_rows(
         *differences.of_subset(results.n_scenes, N_EVALUATION_SCENES, purpose, config.eval.n_runs),
         *differences.of_model(config, inputs.scenes),
         *differences.of_errors(config),
-        *differences.of_decisions(
-            asks_model=any(item.row.asks_model for item in results.rows),
-            interval=config.table1.llm_interval,
-            n_runs=config.table1.llm_runs,
-        ),
+        *differences.of_decisions(config.table1 if any(item.row.asks_model for item in results.rows) else None),
         *([] if references is None else differences.of_references(references.speed.shape[0], config)),
         *differences.of_traffic_figures(),
     ]

@@ -3,9 +3,8 @@
 from matplotlib.axes import Axes
 
 from rearl_jax.config import StudyTable1Task
-from rearl_jax.drawing import BLUE, DARK_GREY, FONT_SIZE, GREY, LIGHT_GREY, ORANGE, VERMILION, panels, png, set_title
-from rearl_jax.evaluation.scores import COMPARING, REAL, REAL_VS_REAL
-from rearl_jax.study.published import TABLE1
+from rearl_jax.drawing import BLUE, DARK_GREY, GREY, ORANGE, VERMILION, add_grid, add_legend, panels, png, set_title
+from rearl_jax.evaluation.scores import reference_of
 from rearl_jax.study.row_results import Results
 from rearl_jax.study.rows import Role
 from rearl_jax.study.table1_tables import TITLES_OF_METRICS, paper_figure
@@ -30,26 +29,19 @@ def draw_rows(config: StudyTable1Task, results: Results, *, generated: bool) -> 
         titles = [item.row.title for item in results.rows]
         panel.set_yticks(range(n_rows), titles if panel is axes[0] else [""] * n_rows)
         panel.set_xlabel(TITLES_OF_METRICS[metric])
-        panel.grid(axis="y", color=LIGHT_GREY, linewidth=0.6)
-        panel.set_axisbelow(True)
+        add_grid(panel, "y")
         if metric == "lcr":
             panel.set_xscale("symlog", linthresh=_LINEAR_RATE)
             panel.set_xlim(right=2 * panel.dataLim.x1)
         panel.set_xlim(left=0)
     kind = "generated" if generated else "recorded"
     set_title(axes[0], f"{results.n_scenes} {kind} scenes; paper: highD")
-    handles = {}
-    for panel in axes:
-        handles |= {line.get_label(): line for line in panel.get_lines() if not str(line.get_label()).startswith("_")}
-    figure.legend(
-        handles.values(), handles, loc="outside lower center", ncols=len(handles), frameon=False, fontsize=FONT_SIZE
-    )
+    add_legend(figure)
     return png(figure)
 
 
 def _draw_panel(panel: Axes, results: Results, metric: str) -> None:
-    reference_row = REAL_VS_REAL if metric in COMPARING else REAL
-    real = results.reference.estimates.get((reference_row, metric))
+    real = results.reference.estimates.get((reference_of(metric), metric))
     if real is not None:
         panel.axvline(real.value, color=GREY, linewidth=1.2, label="recorded (real against real for H and MAPE)")
     for role, colour in _COLOURS.items():
@@ -68,7 +60,7 @@ def _draw_panel(panel: Axes, results: Results, metric: str) -> None:
     published = [
         (position, value)
         for position, item in enumerate(results.rows)
-        if item.row.paper is not None and (value := paper_figure(TABLE1[item.row.paper], metric)) is not None
+        if (value := paper_figure(item.row.paper, metric)) is not None
     ]
     if published:
         positions, values = zip(*published, strict=True)

@@ -8,13 +8,14 @@ import pandas as pd
 
 from rearl_jax.config import StudyTable1Task
 from rearl_jax.document.document import Section
-from rearl_jax.document.table import Cell, Row, Table, number, spoken
+from rearl_jax.document.table import spoken
+from rearl_jax.evaluation.estimates import LESS_BASE
 from rearl_jax.evaluation.scores import TITLES
 from rearl_jax.evaluation.tables import HEADINGS
 from rearl_jax.metrics import METRICS
-from rearl_jax.study.document import beside_paper, cell, long_table, records_of
-from rearl_jax.study.published import TABLE1, PublishedRow
-from rearl_jax.study.row_results import REFERENCES, Evaluated, Results
+from rearl_jax.study.document import beside_paper, less_base_table, long_table
+from rearl_jax.study.published import TABLE1
+from rearl_jax.study.row_results import Evaluated, Results
 from rearl_jax.study.traffic.tables import sections_on_traffic, split_rows
 
 TITLES_OF_METRICS = {
@@ -24,8 +25,8 @@ TITLES_OF_METRICS = {
 }
 """Metrics of the table, and their headings."""
 
-LESS_BASE = tuple(name for name in TITLES_OF_METRICS if name not in ("h_legacy", "realism"))
-"""Metrics of the table of differences; H legacy differs as H does."""
+LESS_BASE_HEADINGS = {name: title for name, title in TITLES_OF_METRICS.items() if name not in ("h_legacy", "realism")}
+"""Metrics of the table of differences, and their headings; H legacy differs as H does."""
 
 PAPER_COLUMNS = {"h_legacy": "h_legacy", "mape_a": "mape", "thw": "thw", "lcr": "lcr"}
 """Column of the paper's Table 1 by metric of ours."""
@@ -34,9 +35,9 @@ EXTRA_FIGURES = ("trigger_rate", "main_reference_share", "ratio_aggressive", "ra
 """Figures of the closed loop and of CRITICAL without an interval."""
 
 
-def paper_figure(row: PublishedRow | None, metric: str) -> float | None:
-    """The paper's value of a metric; None if the paper states none."""
-    return None if row is None or metric not in PAPER_COLUMNS else getattr(row, PAPER_COLUMNS[metric])
+def paper_figure(row: str | None, metric: str) -> float | None:
+    """Value of a metric in a row of the paper's Table 1; None without a row or a value."""
+    return None if row is None or metric not in PAPER_COLUMNS else getattr(TABLE1[row], PAPER_COLUMNS[metric])
 
 
 def sections(config: StudyTable1Task, table: pd.DataFrame, summary: Mapping[str, Any]) -> tuple[Section, ...]:
@@ -46,21 +47,9 @@ def sections(config: StudyTable1Task, table: pd.DataFrame, summary: Mapping[str,
     ours = beside_paper(
         f"Table 1, ours and the paper's; {summary['n_scenes']} held-out scenes, {intervals}", table, TITLES_OF_METRICS
     )
-    changes = []
-    for figures in records_of(table).values():
-        if any(pd.notna(figure["less_base"]) for figure in figures.values()):
-            cells = [
-                cell(figures.get(metric), metric, "less_base", digits=METRICS[metric].digits, sign="+")
-                for metric in LESS_BASE
-            ]
-            any_figure = next(iter(figures.values()))
-            counts = (Cell(number(any_figure.get(name))) for name in ("n_scenes", "n_rollouts"))
-            changes.append(Row(any_figure["title"], (*cells, *counts)))
-    less_base = Table(
-        f"Difference from base, from the same initial states, paired over scenes; {intervals}",
-        (*(TITLES_OF_METRICS[metric] for metric in LESS_BASE), "scenes", "rollouts"),
-        tuple(changes),
-    )
+    title = f"Difference from base, from the same initial states, paired over scenes; {intervals}"
+    counts = {"n_scenes": "scenes", "n_rollouts": "rollouts"}
+    less_base = less_base_table(title, table, LESS_BASE_HEADINGS, counts=counts)
     names = dict.fromkeys(table["metric"])
     titles = {
         name: f"{METRICS[name].title} [{METRICS[name].unit}]" if name in METRICS else spoken(name) for name in names
@@ -99,12 +88,12 @@ def long_rows(results: Results) -> pd.DataFrame:
             for name in EXTRA_FIGURES
             if item.figures.get(name) is not None
         ]
-    for name in REFERENCES:
-        records += _records(results.reference, name, name, TITLES[name], None)
+    for name, title in TITLES.items():
+        records += _records(results.reference, name, name, title, None)
     shown_rows = {item.row.paper for item in results.rows}
     records += [
         {"row": f"paper_{name}", "title": row.title, "metric": metric, "unit": METRICS[metric].unit, "paper_row": name}
-        | {"paper": paper_figure(row, metric)}
+        | {"paper": paper_figure(name, metric)}
         for name, row in TABLE1.items()
         if name not in shown_rows
         for metric in PAPER_COLUMNS
@@ -118,7 +107,7 @@ def _records(item: Evaluated, method: str, row: str, title: str, paper: str | No
         estimate = item.estimates.get((method, metric))
         if estimate is None:
             continue
-        published = paper_figure(None if paper is None else TABLE1[paper], metric)
+        published = paper_figure(paper, metric)
         records.append(
             {
                 "row": row,
@@ -126,8 +115,7 @@ def _records(item: Evaluated, method: str, row: str, title: str, paper: str | No
                 "metric": metric,
                 "unit": METRICS[metric].unit,
                 "ours": estimate.value,
-                **{name: getattr(estimate, name) for name in ("low", "high", "sd")},
-                **{name: getattr(estimate, name) for name in ("less_base", "less_base_low", "less_base_high")},
+                **{name: getattr(estimate, name) for name in ("low", "high", "sd", *LESS_BASE)},
                 "paper": published,
                 "paper_row": None if published is None else paper,
                 "n_scenes": estimate.n_scenes,
@@ -148,12 +136,12 @@ def summary_of(config: StudyTable1Task, results: Results, findings: list[str]) -
         "findings": " ".join(findings),
     }
     lines = [(item.row.name, item, item.method, item.row.paper) for item in results.rows]
-    lines += [(name, results.reference, name, None) for name in REFERENCES]
+    lines += [(name, results.reference, name, None) for name in TITLES]
     for row, item, method, paper in lines:
         for metric in TITLES_OF_METRICS:
             estimate, key = item.estimates.get((method, metric)), f"{row}_{metric}"
             summary[key] = None if estimate is None else estimate.value
-            for part in ("low", "high", "less_base", "less_base_low", "less_base_high"):
+            for part in ("low", "high", *LESS_BASE):
                 summary[f"{key}_{part}"] = None if estimate is None else getattr(estimate, part)
-            summary[f"{key}_paper"] = paper_figure(None if paper is None else TABLE1[paper], metric)
+            summary[f"{key}_paper"] = paper_figure(paper, metric)
     return summary

@@ -4,7 +4,6 @@ The pairs are simulated by `rearl sweep thresholds` in `sweep/`. Writes `table3.
 `table3.png`, `page.html`, `config.json` and, last of all, `summary.json`.
 """
 
-import json
 from functools import partial
 from pathlib import Path
 
@@ -14,6 +13,7 @@ from rearl_jax.config import StudyTable3Task, SweepThresholdsTask
 from rearl_jax.evaluation.inputs import read_inputs
 from rearl_jax.evaluation.traffic import inputs_id
 from rearl_jax.progress import progress_bar
+from rearl_jax.results import read_summary
 from rearl_jax.study import differences
 from rearl_jax.study.document import Form, publish, remarks_on
 from rearl_jax.study.pair_results import read_pairs
@@ -42,7 +42,8 @@ def run(config: StudyTable3Task) -> dict:
     """
     study = begin("study table3", config, inputs_id(config))
     folder = carry_out(task.run, part_record(SweepThresholdsTask, config, f"{config.study}/sweep"))
-    pairs, sweep = read_pairs(folder, config), json.loads((folder / "summary.json").read_text(encoding="utf-8"))
+    sweep = read_summary(folder)
+    pairs = read_pairs(folder, config, (sweep["best_h_pct"], sweep["best_m_pct"]))
     with progress_bar() as bar:
         inputs = read_inputs(config, study, bar, with_references=True)
     scenes, splits = inputs.scenes, inputs.splits
@@ -55,7 +56,7 @@ def run(config: StudyTable3Task) -> dict:
         *differences.of_references(inputs.references.speed.shape[0], config),
         *differences.of_model(config, scenes),
         *differences.of_errors(config),
-        *differences.of_decisions(asks_model=False, interval=1, n_runs=1),
+        *differences.of_decisions(),
         "choice of the pair: smallest sum of both errors; the paper does not state its criterion",
     )
     use = f"{len(splits.tuning)} of them simulated under every pair"

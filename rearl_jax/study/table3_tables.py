@@ -9,10 +9,11 @@ from rearl_jax.config import StudyTable3Task
 from rearl_jax.document.document import Section
 from rearl_jax.evaluation.estimates import BASE
 from rearl_jax.metrics import METRICS
-from rearl_jax.results import PROVENANCE
+from rearl_jax.results import without_provenance
 from rearl_jax.study.document import beside_paper, long_table
 from rearl_jax.study.pair_results import METRICS as PAIR_METRICS
 from rearl_jax.study.published import BEST_PAIR, PARETO_PAIRS, THRESHOLDS_H, THRESHOLDS_MAPE
+from rearl_jax.sweep.pairs import pair_name
 
 _DIGITS = {"threshold_h": 4, "threshold_m": 4, "mape": METRICS["mape_a"].digits, "score": 3}
 
@@ -46,7 +47,7 @@ def conclusions(pairs: pd.DataFrame, summary: Mapping[str, Any], n_scenes: int) 
     best, base = pairs.loc[pairs["is_best"]].iloc[0], pairs.iloc[-1]
     can = "can" if summary["is_distinguishable"] else "cannot"
     sentences = [
-        f"Best pair: ours {best['row']}, the paper's {BEST_PAIR[0]:g} % / {BEST_PAIR[1]:g} %.",
+        f"Best pair: ours {best['row']}, the paper's {pair_name(*BEST_PAIR)}.",
         f"These {n_scenes} scenes {can} tell ours from the next best: it leads by {summary['lead']:.4f} "
         f"({summary['lead_low']:.4f} to {summary['lead_high']:.4f}).",
     ]
@@ -105,8 +106,7 @@ def summary_of(config: StudyTable3Task, pairs: pd.DataFrame, sweep: Mapping[str,
     """Flat figures: those of the sweep, `mape`, `pareto` (pairs as text), for each percentile `threshold_h_pP` and
     `threshold_m_pP` with `_paper`; `best_h_pct_paper`, `best_m_pct_paper`, `n_pareto_shared`.
     """
-    figures = {name: value for name, value in sweep.items() if name not in PROVENANCE}
-    summary: dict[str, Any] = figures | {
+    summary: dict[str, Any] = without_provenance(sweep) | {
         "mape": config.mape.definition.name,
         "pareto": ", ".join(pairs.loc[pairs["is_pareto"]].sort_values("h")["row"]),
         "n_pareto_shared": len(_front(pairs) & set(PARETO_PAIRS)),

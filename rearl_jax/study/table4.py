@@ -8,7 +8,6 @@ import json
 import logging
 from dataclasses import asdict
 from functools import partial
-from pathlib import Path
 from typing import Any
 
 import pandas as pd
@@ -135,4 +134,4 @@ def _timings_with_model(config: StudyTable4Task) -> pd.DataFrame:
             model = client.server.model
         table = pd.DataFrame([asdict(row) for row in rows]).assign(model=model)
         part.write_table(MODEL_STEPS, table, model=model)
-    return pd.read_parquet(Path(part.path) / f"{MODEL_STEPS}.parquet")
+    return pd.read_parquet(part.path / f"{MODEL_STEPS}.parquet")

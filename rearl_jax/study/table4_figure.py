@@ -1,24 +1,12 @@
 """The figure of the inference times: a line per program, a colour per batch size, a logarithmic axis."""
 
+from itertools import cycle
+
 import pandas as pd
 
-from rearl_jax.drawing import (
-    BLUE,
-    DARK_GREY,
-    FONT_SIZE,
-    GREEN,
-    LIGHT_GREY,
-    ORANGE,
-    PURPLE,
-    VERMILION,
-    panels,
-    png,
-    set_title,
-)
+from rearl_jax.drawing import DARK_GREY, SERIES_COLOURS, add_grid, add_legend, panels, png, set_title
 from rearl_jax.study.table4_tables import MODEL, PAPER, TITLES
 from rearl_jax.timing.decision_steps import PAPER_MS
-
-_COLOURS = (BLUE, VERMILION, GREEN, PURPLE, ORANGE)
 
 
 def draw_timings(table: pd.DataFrame, n_steps: int) -> bytes:
@@ -26,7 +14,7 @@ def draw_timings(table: pd.DataFrame, n_steps: int) -> bytes:
     programs = [name for name in TITLES if name == MODEL or name in set(table["row"])]
     batches = sorted(table["batch"].unique())
     figure, (axes,) = panels(7.2, 1.4 + 0.4 * len(programs), generated=False)
-    for number, batch in enumerate(batches):
+    for batch, colour in zip(batches, cycle(SERIES_COLOURS), strict=False):
         of_batch = table.loc[table["batch"] == batch]
         middle, low, high = (of_batch[name].to_numpy(float) for name in ("ours", "low", "high"))
         axes.errorbar(
@@ -34,7 +22,7 @@ def draw_timings(table: pd.DataFrame, n_steps: int) -> bytes:
             [programs.index(program) for program in of_batch["row"]],
             xerr=[middle - low, high - middle],
             fmt="o",
-            color=_COLOURS[number % len(_COLOURS)],
+            color=colour,
             markersize=5,
             capsize=2,
             label=f"ours, {batch:,} at a time",
@@ -45,8 +33,7 @@ def draw_timings(table: pd.DataFrame, n_steps: int) -> bytes:
     axes.set_xlabel("elapsed time [ms]")
     axes.set_yticks(range(len(programs)), [TITLES[name] for name in programs])
     axes.set_ylim(len(programs) - 0.5, -0.5)
-    axes.grid(color=LIGHT_GREY, linewidth=0.6)
-    axes.set_axisbelow(True)
-    figure.legend(loc="outside lower center", ncols=len(batches) + 1, frameon=False, fontsize=FONT_SIZE)
+    add_grid(axes)
+    add_legend(figure)
     set_title(axes, f"{n_steps} consecutive decision steps; synthetic references, no data")
     return png(figure)

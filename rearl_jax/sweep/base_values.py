@@ -33,7 +33,7 @@ def kept_base_values(
     frame = pd.read_parquet(study.path / f"{BASE_VALUES}.parquet")
     values, cues = frame["value"].to_numpy(), frame["cue"].to_numpy()
     h, mape = (values[cues == cue] for cue in _CUES)
-    return BaseValues(h, mape, subset, config.eval.n_runs * len(subset))
+    return BaseValues(h, mape, subset)
 
 
 def _table(base: BaseValues) -> pd.DataFrame:

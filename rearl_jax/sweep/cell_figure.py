@@ -6,9 +6,9 @@ import pandas as pd
 from matplotlib.axes import Axes
 
 from rearl_jax.config import EvaluateTask
-from rearl_jax.drawing import BLUE, DARK_GREY, LIGHT_GREY, VERMILION, panels, png, set_title
+from rearl_jax.drawing import BLUE, DARK_GREY, VERMILION, add_grid, add_legend, panels, png, set_title
 from rearl_jax.evaluation.estimates import BASE
-from rearl_jax.evaluation.scores import COMPARING, REAL, REAL_VS_REAL, TITLES
+from rearl_jax.evaluation.scores import TITLES, reference_of
 from rearl_jax.evaluation.tables import HEADINGS
 
 DRAWN_METRICS = ("h", "mape", "thw", "lcr", "collisions")
@@ -30,8 +30,7 @@ def draw_cells(config: EvaluateTask, names: list[str], table: pd.DataFrame, *, g
     height = 1.4 + 0.28 * len(names)
     figure, axes = panels(11.0, max(height, 2.4), columns=len(metrics), generated=generated)
     for panel, metric in zip(axes, metrics, strict=True):
-        reference = REAL_VS_REAL if metric in COMPARING else REAL
-        _marks(panel, table, names, reference, metric, _RECORDED, "|", DARK_GREY)
+        _marks(panel, table, names, reference_of(metric), metric, _RECORDED, "|", DARK_GREY)
         _marks(panel, table, names, BASE, metric, BASE, "D", VERMILION)
         # TITLES has the references, which are no methods.
         for method in (name for name in table["method"].unique() if name not in (BASE, *TITLES)):
@@ -39,14 +38,10 @@ def draw_cells(config: EvaluateTask, names: list[str], table: pd.DataFrame, *, g
         panel.set_ylim(len(names) - 0.5, -0.5)
         panel.set_yticks(range(len(names)), names if panel is axes[0] else [""] * len(names))
         panel.set_xlabel(HEADINGS[metric])
-        panel.grid(axis="y", color=LIGHT_GREY, linewidth=0.6)
-        panel.set_axisbelow(True)
+        add_grid(panel, "y")
     axes[-1].set_xlim(left=0)  # the last metric, collisions, is a share
     set_title(axes[0], f"{config.study}; {config.eval.subset.name} scenes, {config.eval.n_runs} runs each")
-    handles = {}
-    for panel in axes:
-        handles |= {line.get_label(): line for line in panel.get_lines()}
-    figure.legend(handles.values(), handles, loc="outside lower center", ncols=len(handles), frameon=False, fontsize=8)
+    add_legend(figure)
     return png(figure)
 
 

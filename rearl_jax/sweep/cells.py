@@ -4,7 +4,6 @@ Writes into the study folder `cells.parquet` (one row per cell, row of the table
 per cell and scored pair), `cells.png`, `config.json` and, last of all, `summary.json`.
 """
 
-import json
 import logging
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,7 +12,7 @@ import pandas as pd
 
 from rearl_jax.config import EvaluateTask
 from rearl_jax.document.terminal import print_document
-from rearl_jax.results import PROVENANCE, Study, cell_folder, shared_config
+from rearl_jax.results import Study, cell_folder, read_summary, shared_config, without_provenance
 from rearl_jax.sweep.cells_document import document_of
 
 log = logging.getLogger(__name__)
@@ -69,7 +68,8 @@ def collect(config: EvaluateTask, swept: list[dict[str, str]]) -> None:
     seeds = {"seeds": config.seeds}
     table = cell_table(cells)
     study.write_table("cells", table, **seeds)
-    study.write_table("runs", run_table(cells), **seeds)
+    runs = [pd.read_parquet(cell.folder / "runs.parquet") for cell in cells]
+    study.write_table("runs", _joined(cells, runs), **seeds)
     names = [cell.name for cell in cells]
     print_document(document_of(config, table, generated=generated))
 
@@ -78,7 +78,7 @@ def collect(config: EvaluateTask, swept: list[dict[str, str]]) -> None:
 
     study.write_bytes("cells.png", draw_cells(config, names, table, generated=generated))
     study.write_summary(
-        [{"cell": cell.name, **_columns(cell), **_without_provenance(cell.figures[0])} for cell in cells]
+        [{"cell": cell.name, **_columns(cell), **without_provenance(cell.figures[0])} for cell in cells]
     )
 
 
@@ -86,25 +86,15 @@ def _read(root: Path, keys: dict[str, str]) -> Cell | None:
     """The cell with these values, if its job has finished."""
     folder = cell_folder(root, keys)
     try:
-        figures = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
+        figures = read_summary(folder)
     except FileNotFoundError:
         return None
     return Cell(keys, folder, pd.read_parquet(folder / "summary.parquet"), figures)
 
 
-def _without_provenance(figures: dict) -> dict:
-    """Figures of a cell, without provenance."""
-    return {name: value for name, value in figures.items() if name not in PROVENANCE}
-
-
 def cell_table(cells: list[Cell]) -> pd.DataFrame:
     """One row per cell, row of its table and metric: `cell`, the swept keys, then the columns of `summary.parquet`."""
     return _joined(cells, [cell.estimates for cell in cells])
-
-
-def run_table(cells: list[Cell]) -> pd.DataFrame:
-    """One row per cell and scored pair: `cell`, the swept keys, then the columns of the cells' `runs.parquet`."""
-    return _joined(cells, [pd.read_parquet(cell.folder / "runs.parquet") for cell in cells])
 
 
 def _columns(cell: Cell) -> dict[str, str]:
@@ -113,7 +103,7 @@ def _columns(cell: Cell) -> dict[str, str]:
 
 
 def _joined(cells: list[Cell], frames: list[pd.DataFrame]) -> pd.DataFrame:
-    """The concatenated tables of the cells."""
+    """The concatenated tables of the cells: `cell`, the swept keys, then the columns of the tables."""
     parts = []
     for cell, frame in zip(cells, frames, strict=True):
         named = {"cell": cell.name, **_columns(cell)}

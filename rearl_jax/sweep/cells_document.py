@@ -5,12 +5,11 @@ import pandas as pd
 from rearl_jax.config import EvaluateTask
 from rearl_jax.document.document import Document, Section
 from rearl_jax.document.table import Emphasis, number, table_of
-from rearl_jax.evaluation.estimates import BASE
+from rearl_jax.evaluation.estimates import BASE, LESS_BASE
 from rearl_jax.evaluation.scores import REAL, REAL_VS_REAL, TITLES
 from rearl_jax.evaluation.tables import HEADINGS
 
 _METRICS = ("h", "mape_a", "mape_b", "mape_c", "thw", "lcr", "collisions")
-_LESS_BASE = ["less_base", "less_base_low", "less_base_high"]
 
 
 def document_of(config: EvaluateTask, cells: pd.DataFrame, *, generated: bool) -> Document:
@@ -25,7 +24,7 @@ def document_of(config: EvaluateTask, cells: pd.DataFrame, *, generated: bool) -
     indexed = cells.astype({"cell": str, "method": str}).set_index(keys)
     order = indexed.index.drop_duplicates()
     figures = indexed.pivot(columns="metric", values="value").reindex(order)
-    figures = figures.join(indexed.loc[indexed["metric"] == "h", _LESS_BASE]).reset_index()
+    figures = figures.join(indexed.loc[indexed["metric"] == "h", list(LESS_BASE)]).reset_index()
     methods = [name for name in figures["method"].unique() if name not in (BASE, *TITLES)] or [BASE]
     shown = figures[figures["method"].isin(methods)]
     shown = shown.assign(title=shown["method"] + ": " + shown["cell"] if len(methods) > 1 else shown["cell"])

@@ -8,6 +8,7 @@ import pandas as pd
 from rearl_jax.config import SweepThresholdsTask
 from rearl_jax.document.document import DataSource, Document, Section
 from rearl_jax.document.table import Emphasis, percent, table_of
+from rearl_jax.sweep.pairs import pair_name
 
 SUMMARY_KEYS = (
     *("n_pairs", "n_rollouts", "best_score", "base_score", "best_win_share"),
@@ -44,7 +45,7 @@ def document_of(
     columns = {"pair": "pair", "threshold_h": "H >", "threshold_m": f"{mape} >", "h": "H", "mape": mape, "score": "sum"}
     columns |= {"thw": "THW [s]", "lcr": "LCR [1/s]", "collisions": "crashed", "win_share": "best in"}
     pairs = pairs.sort_values("score", kind="stable")
-    names = [f"{h:g} % / {m:g} %" for h, m in zip(pairs["h_pct"], pairs["m_pct"], strict=True)]
+    names = list(map(pair_name, pairs["h_pct"], pairs["m_pct"]))
     shown = pairs.assign(pair=names, win_share=[percent(share) for share in pairs["win_share"]])
     base_row = pd.DataFrame([{**base, "pair": "base", "score": summary["base_score"]}])
     table = table_of(

@@ -10,7 +10,8 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Rectangle
 
 from rearl_jax import drawing
-from rearl_jax.config.sweep import SweepConfig
+from rearl_jax.config import StudyFig7Task, SweepThresholdsTask
+from rearl_jax.console import generated_mark
 from rearl_jax.evaluation.percentiles import BaseValues
 
 _LINE, _MARK, _PAPER = drawing.BLUE, drawing.VERMILION, drawing.DARK_GREY
@@ -26,19 +27,21 @@ HEAT_MAPS = {"h": "Hellinger distance", "mape": "spacing error", "score": "sum o
 
 def cumulative(
     base: BaseValues,
-    sweep: SweepConfig,
-    title: str,
+    config: SweepThresholdsTask | StudyFig7Task,
     published: tuple[Mapping[float, float], Mapping[float, float]] = ({}, {}),
+    *,
+    generated: bool,
 ) -> bytes:
     """PNG of the cumulative distributions of base with the percentiles that became thresholds (Fig. 7 of REARL).
 
     Args:
         base: The values.
-        sweep: The percentiles.
-        title: Above the figure.
+        config: The task, with the percentiles.
         published: The paper's thresholds by percentile [%], of the Hellinger distance and of the spacing error.
+        generated: Whether the recordings were generated, not measured.
     """
-    figure = Figure(figsize=(8.0, 3.4), layout="constrained")
+    figure, sweep = Figure(figsize=(8.0, 3.4), layout="constrained"), config.sweep
+    title = f"Base on {len(base.scene)} threshold scenes x {config.eval.n_runs} runs{generated_mark(generated)}"
     figure.suptitle(title, fontsize=drawing.FONT_SIZE)
     panels = (("Hellinger distance [-]", base.h, sweep.h_pct), ("spacing error [-]", base.mape, sweep.m_pct))
     for axes, (label, values, percentiles), paper in zip(

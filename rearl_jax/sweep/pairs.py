@@ -14,6 +14,11 @@ from rearl_jax.evaluation.percentiles import BaseValues
 from rearl_jax.problems import InvalidInputError, Problem
 
 
+def pair_name(h_pct: float, m_pct: float) -> str:
+    """Title of a pair in tables and figures, by its percentiles [%]."""
+    return f"{h_pct:g} % / {m_pct:g} %"
+
+
 @dataclass(frozen=True)
 class Pair:
     """A pair of thresholds of the detector.
@@ -33,7 +38,7 @@ class Pair:
     @property
     def name(self) -> str:
         """Title in tables and figures."""
-        return f"{self.h_pct:g} % / {self.m_pct:g} %"
+        return pair_name(self.h_pct, self.m_pct)
 
 
 def threshold_pairs(sweep: SweepConfig, base: BaseValues) -> list[Pair]:

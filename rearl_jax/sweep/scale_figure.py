@@ -4,7 +4,7 @@ import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator, StrMethodFormatter
 
-from rearl_jax.drawing import BLUE, FONT_SIZE, GREY, LIGHT_GREY, ORANGE, panels, png, set_title
+from rearl_jax.drawing import BLUE, FONT_SIZE, GREY, ORANGE, add_grid, panels, png, set_title
 from rearl_jax.sweep.scale_results import ScaleResults
 
 
@@ -14,8 +14,7 @@ def draw_scale(results: ScaleResults) -> bytes:
     _costs(cost, results)
     _memory(memory, results.stream.table(), results.n_rollouts)
     for panel in (cost, memory):
-        panel.grid(color=LIGHT_GREY, linewidth=0.6)
-        panel.set_axisbelow(True)
+        add_grid(panel)
         panel.legend(frameon=False, fontsize=FONT_SIZE)
     return png(figure)
 

@@ -16,9 +16,10 @@ from rearl_jax.config.evaluation import Method, SeedScope
 from rearl_jax.console import generated_mark
 from rearl_jax.data.recordings import is_generated
 from rearl_jax.document.document import data_sources
-from rearl_jax.document.terminal import print_document
+from rearl_jax.document.publishing import publish_document
 from rearl_jax.evaluation.boundaries import check_boundary
 from rearl_jax.evaluation.inputs import read_inputs
+from rearl_jax.evaluation.percentiles import BaseValues
 from rearl_jax.evaluation.rollouts import Rollouts
 from rearl_jax.evaluation.rows import Row
 from rearl_jax.evaluation.scores import Scores
@@ -106,26 +107,24 @@ def run(config: SweepThresholdsTask, *, show: bool = True) -> dict:
         "lead_high": choice.lead_high,
         "is_distinguishable": choice.is_distinguishable,
     }
-    sources, note = data_sources(scenes.infos), generated_mark(generated)
+    sources = data_sources(scenes.infos)
     document = document_of(config, table, summary, base_means, generated=generated, sources=sources)
-    if show:
-        print_document(document)
+    draw = partial(_draw, config, base, table, len(splits.tuning), generated=generated)
+    publish_document(study, document, config, summary, draw, data_id=scenes.data_id, show=show)
+    return summary
 
-    # Imported after the table is printed, because matplotlib and jinja2 are slow to import.
-    from rearl_jax.document.html import page_of
+
+def _draw(
+    config: SweepThresholdsTask, base: BaseValues, table: pd.DataFrame, n_tuning: int, *, generated: bool
+) -> dict[str, bytes]:
+    """The figures, PNG by name."""
     from rearl_jax.sweep.figures import cumulative, heat_maps
 
-    subset = f"{len(base.scene)} threshold scenes x {config.eval.n_runs} runs{note}"
-    tuning = f"{len(splits.tuning)} tuning scenes x {config.eval.n_runs} runs{note}"
-    figures = {
-        "base_values": cumulative(base, config.sweep, f"Base on {subset}"),
-        "pairs": heat_maps(table, f"Threshold pairs on {tuning}; smaller is closer"),
+    scenes = f"{n_tuning} tuning scenes x {config.eval.n_runs} runs{generated_mark(generated)}"
+    return {
+        "base_values": cumulative(base, config, generated=generated),
+        "pairs": heat_maps(table, f"Threshold pairs on {scenes}; smaller is closer"),
     }
-    for name, png in figures.items():
-        study.write_bytes(f"{name}.png", png)
-    study.write_text("page.html", page_of(document, config, figures, data_id=scenes.data_id))
-    study.write_summary(summary)
-    return summary
 
 
 def _run_table(pairs: list[Pair], scene_id: np.ndarray, rollouts: Rollouts, scores: Scores) -> pd.DataFrame:

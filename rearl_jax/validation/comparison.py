@@ -69,21 +69,16 @@ def compare(reference: Tracks, other: Tracks) -> Comparison:
     )
 
 
-def agrees(comparison: Comparison, *, tolerance: float, only_before_contact: bool) -> Bool[np.ndarray, " scenarios"]:
-    """Mask of scenes that agree: positions within a tolerance [m], equal target lanes, lane changes and crash flags.
-
-    Args:
-        comparison: Comparison of the two runs.
-        tolerance: Largest difference of a position [m].
-        only_before_contact: Whether ticks from the first contact on are left out.
-    """
-    return ~first_disagreement(comparison, tolerance=tolerance, only_before_contact=only_before_contact)[0]
-
-
 def first_disagreement(
     comparison: Comparison, *, tolerance: float, only_before_contact: bool
 ) -> tuple[Bool[np.ndarray, " scenarios"], Int[np.ndarray, " scenarios"]]:
-    """Mask of the scenes that disagree, and their first tick of disagreement. Arguments as for `agrees`."""
+    """Mask of the scenes that disagree in a position, target lane, lane change or crash flag, and the first such tick.
+
+    Args:
+        comparison: Comparison of the two runs.
+        tolerance: Largest difference of a position that is no disagreement [m].
+        only_before_contact: Whether ticks from the first contact on are left out.
+    """
     lane_differs = np.zeros(comparison.flipped.shape, bool)
     lane_differs[1:] = comparison.changed_either & ~comparison.changed_alike
     differs = (comparison.position > tolerance) | comparison.flipped | comparison.crash_differs | lane_differs

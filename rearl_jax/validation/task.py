@@ -163,12 +163,10 @@ class _Validation:
         before_contact = precision == "float32"
         tolerance = self.options.tolerance_f32 if before_contact else self.options.tolerance_f64
         bounds = {"tolerance": tolerance, "only_before_contact": before_contact}
-        agrees = comparison.agrees(compared, **bounds)
+        excepted, first_excepted = comparison.first_disagreement(compared, **bounds)
         # A float32 scene that differs after contact is no exception, but its cause is recorded.
         differs, first = comparison.first_disagreement(compared, tolerance=tolerance, only_before_contact=False)
-        if before_contact:
-            excepted, first_before = comparison.first_disagreement(compared, **bounds)
-            first = np.where(excepted, first_before, first)
+        first = np.where(excepted, first_excepted, first)
         rows = []
         measured = comparison.rows(compared, batch.tracks, batch.start.is_meta)
         for number, (job, row) in enumerate(zip(jobs, measured, strict=True)):
@@ -181,7 +179,7 @@ class _Validation:
                 "vehicles": scenario_set.n_vehicles,
                 "precision": precision,
                 "first_contact": contact / TICKS_PER_SECOND if contact < len(compared.position) else None,
-                "agrees": bool(agrees[number]),
+                "agrees": not excepted[number],
             }
             facts = _facts(compared, batch, number, int(first[number]), tolerance) if differs[number] else {}
             rows.append(scene | row | dict.fromkeys(FACT_COLUMNS) | facts)

@@ -126,9 +126,8 @@ def simulated_by():
     return replacing
 
 
-@pytest.fixture(scope="module")
-def drifting(simulated_by):
-    """The method base replaced by vehicles that keep their speed and lane: compiles in no time.
+def drift(state, drivers, model, n_seconds):
+    """Frames of vehicles that keep their speed, which compile in no time.
 
     Vehicle 0 changes to lane 3 after the fifth second and crashes after the eighth.
     """
@@ -137,22 +136,25 @@ def drifting(simulated_by):
     from rearl_jax.core.rollout import Frames
     from rearl_jax.core.state import nearest_lane
 
-    def simulate(state, drivers, model, n_seconds):
-        second = jnp.arange(1, n_seconds + 1)[:, None, None]
-        same = jnp.zeros((n_seconds, *state.x.shape), state.x.dtype)
-        first = jnp.arange(state.x.shape[0])[None, :, None] == 0
-        lane = nearest_lane(state.y, model)[None] + jnp.zeros(same.shape, jnp.int32)
-        return Frames(
-            x=state.x[None] + second.astype(state.x.dtype) * state.speed[None],
-            y=state.y[None] + same,
-            heading=same,
-            speed=state.speed[None] + same,
-            acceleration=same,
-            lane=jnp.where(first & (second > 5), 3, lane),
-            crashed=first & (second > 8) & (same == 0),
-        )
+    second = jnp.arange(1, n_seconds + 1)[:, None, None]
+    same = jnp.zeros((n_seconds, *state.x.shape), state.x.dtype)
+    first = jnp.arange(state.x.shape[0])[None, :, None] == 0
+    y = jnp.where(first & (second > 5), 3 * model.lane_width, state.y[None] + same).astype(state.y.dtype)
+    return Frames(
+        x=state.x[None] + second.astype(state.x.dtype) * state.speed[None],
+        y=y,
+        heading=same,
+        speed=state.speed[None] + same,
+        acceleration=same,
+        lane=nearest_lane(y, model),
+        crashed=first & (second > 8) & (same == 0),
+    )
 
-    with simulated_by(simulate):
+
+@pytest.fixture(scope="module")
+def drifting(simulated_by):
+    """The method base replaced by vehicles that drift."""
+    with simulated_by(drift):
         yield
 
 
@@ -203,6 +205,11 @@ def small(scenes):
 
 @pytest.fixture
 def references(scenes):
+    """Two of the small scenes as representatives."""
+    return representatives(scenes)
+
+
+def representatives(scenes):
     """Two of the scenes as representatives."""
     import jax.numpy as jnp
 

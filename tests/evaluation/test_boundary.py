@@ -20,9 +20,9 @@ from rearl_jax.evaluation.positions import overlaps, position_extra, position_fi
 from rearl_jax.evaluation.rollouts import Rollouts
 from rearl_jax.evaluation.rows import Row
 from rearl_jax.evaluation.simulators import Simulated
-from rearl_jax.problems import InvalidInputError
 from rearl_jax.replay.embedding import positions, replay_data
 from rearl_jax.replay.scenes import Decision, Replay, ReplayedScene
+from tests.refusal import refused
 
 MEASURED = EvaluateTask(scenes=ScenesConfig(boundary=BoundarySource.measured))
 
@@ -42,16 +42,14 @@ def test_keys_that_contradict_a_boundary_are_refused(scenes, changes, key):
     check_boundary(MEASURED)
     config = replace(MEASURED, **changes)
     for refuse in (check_boundary, lambda config: Rollouts([Row(config)], scenes, np.arange(6))):
-        with pytest.raises(InvalidInputError) as caught:
+        with refused("out-of-range", key=key):
             refuse(config)
-        assert (caught.value.code, caught.value.problem.key) == ("out-of-range", key)
     check_boundary(replace(config, scenes=ScenesConfig()))
 
 
 def test_given_scenes_have_no_surroundings():
-    with pytest.raises(InvalidInputError) as caught:
+    with refused("recordings-needed", key="scenes.boundary"):
         check_boundary(MEASURED, has_given_scenes=True)
-    assert (caught.value.code, caught.value.problem.key) == ("recordings-needed", "scenes.boundary")
     check_boundary(replace(MEASURED, scenes=ScenesConfig()), has_given_scenes=True)
 
 

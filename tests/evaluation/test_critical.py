@@ -23,7 +23,6 @@ from rearl_jax.evaluation.mixture_trials import assess
 from rearl_jax.evaluation.rollouts import Rollouts
 from rearl_jax.evaluation.rows import Row
 from rearl_jax.evaluation.runner import scored_rollouts
-from rearl_jax.problems import InvalidInputError
 from rearl_jax.progress import progress_bar
 from rearl_jax.sweep.scale import list_rollouts
 from rearl_jax.tasks import TASKS
@@ -106,13 +105,11 @@ def test_a_mixture_is_assessed_alike_alone_and_among_others_and_as_the_evaluatio
 
 
 def test_shares_must_come_from_somewhere(scenes, critical):
-    with pytest.raises(InvalidInputError) as caught:
+    with refused("key-missing", key="critical.ratios"):
         Rollouts([Row(critical)], scenes, np.arange(2))
-    assert (caught.value.code, caught.value.problem.key) == ("key-missing", "critical.ratios")
     scale = SweepScaleTask(method=critical.method, core=critical.core, n_rollouts=20.0)
-    with pytest.raises(InvalidInputError) as caught:
+    with refused("key-missing", key="critical.ratios"):
         list_rollouts(scale, scenes, np.arange(6), None, (0.0, 0.0))
-    assert (caught.value.code, caught.value.problem.key) == ("key-missing", "critical.ratios")
     fixed = replace(scale, critical=CriticalConfig(ratios=(0.2, 0.3, 0.1)))
     assert len(list_rollouts(fixed, scenes, np.arange(6), None, (0.0, 0.0))) == 20
 

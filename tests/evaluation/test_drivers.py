@@ -10,8 +10,8 @@ from rearl_jax.config.driver import DEFAULT, MODELS, record_of
 from rearl_jax.config.evaluation import Method
 from rearl_jax.config.mobil import MobilConfig
 from rearl_jax.evaluation.traffic import model_notes, population_of
-from rearl_jax.problems import InvalidInputError
 from tests.evaluation.test_rollouts import frames_of
+from tests.refusal import refused
 
 
 def driven(small, scenes, **changes):
@@ -70,12 +70,9 @@ def test_what_differs_from_highway_env_is_said_beside_the_results():
 
 
 def test_methods_with_drivers_of_their_own_refuse_the_keys():
-    with pytest.raises(InvalidInputError) as caught:
+    with refused("drivers-of-method", key="driver"):
         population_of(EvaluateTask(method=Method.critical, driver=record_of("idm")()))
-    assert (caught.value.code, caught.value.problem.key) == ("drivers-of-method", "driver")
-    with pytest.raises(InvalidInputError) as caught:
+    with refused("drivers-of-method", key="mobil"):
         population_of(EvaluateTask(method=Method.ppo, mobil=MobilConfig(politeness=0.5)))
-    assert (caught.value.code, caught.value.problem.key) == ("drivers-of-method", "mobil")
-    with pytest.raises(InvalidInputError) as caught:
+    with refused("drivers-twice", key="model=x.yaml"):
         population_of(EvaluateTask(model="x.yaml", driver=record_of("idm")()))
-    assert (caught.value.code, caught.value.problem.key) == ("drivers-twice", "model=x.yaml")

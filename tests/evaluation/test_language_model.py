@@ -16,7 +16,6 @@ from rearl_jax.config.decision import DecisionConfig, PolicyName
 from rearl_jax.decision.policies import make_policy
 from rearl_jax.evaluation.language_model import LanguageModel, language_model, request_figures, request_note
 from rearl_jax.evaluation.runner import evaluate
-from rearl_jax.problems import InvalidInputError
 from rearl_jax.progress import progress_bar
 from tests.llm.asking import make_config
 from tests.llm.stub import Fault, Stub
@@ -78,9 +77,8 @@ def test_the_matcher_asked_from_outside_gives_the_rows_of_the_matcher_inside(sce
 
 def test_who_is_asked_outside_must_be_said(scenes, intervening, references):
     config = replace(intervening, decision=DecisionConfig(policy=PolicyName.llm))
-    with pytest.raises(InvalidInputError) as caught:
+    with refused("policy-outside", key="decision.policy=llm"):
         evaluate(config, scenes, HELD_OUT, references=references, thresholds=THRESHOLDS)
-    assert (caught.value.code, caught.value.problem.key) == ("policy-outside", "decision.policy=llm")
 
 
 @pytest.mark.thorough

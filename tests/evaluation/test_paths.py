@@ -10,7 +10,8 @@ import pytest
 from rearl_jax.config import EvaluateTask
 from rearl_jax.config.core import InitConfig, InitialSource
 from rearl_jax.config.scenes import ScenesConfig
-from rearl_jax.evaluation.paths import join_paths, recorded_paths, simulated_paths, with_paths
+from rearl_jax.core.batch import join_scenarios
+from rearl_jax.evaluation.paths import recorded_paths, simulated_paths, with_paths
 from rearl_jax.evaluation.scores import Scores
 from rearl_jax.evaluation.simulators import Simulated
 from tests.evaluation.test_boundary import MEASURED, Listed, boundary_of, frames_at
@@ -106,7 +107,7 @@ def test_figures_of_a_row_are_those_of_its_runs(scenes):
     observed = recorded_paths(scenes, held_out, CONFIG)
     rng = np.random.default_rng(3)
     noise = rng.normal(0, 9, (3, *observed.along.shape)).astype(np.float32)
-    paths = join_paths([replace(observed, along=observed.along + shift) for shift in noise])
+    paths = join_scenarios([replace(observed, along=observed.along + shift) for shift in noise])
     scene, run = np.tile(held_out, 3)[:-1], np.repeat(np.arange(3), 2)[:-1]  # the last scene has two runs
     found = with_paths(row_of(scene, run), paths, np.arange(5), observed, held_out)
     for pair in range(5):

@@ -11,6 +11,7 @@ from pathlib import Path
 import pytest
 
 from tests.discovery.made_verdict import VERDICT as MADE
+from tests.evaluation.conftest import drift
 
 HOSTILE = "</script><script>alert(1)</script><!--"
 
@@ -42,33 +43,11 @@ def replay_of(page):
 
 @contextlib.contextmanager
 def drifting():
-    """The method base replaced by vehicles that keep their speed, which compiles in no time.
-
-    Vehicle 0 changes to lane 3 after the fifth second and crashes after the eighth.
-    """
-    import jax.numpy as jnp
-
-    from rearl_jax.core.rollout import Frames
-    from rearl_jax.core.state import nearest_lane
+    """The method base replaced by vehicles that drift."""
     from rearl_jax.evaluation import simulators
 
-    def simulate(state, drivers, model, n_seconds):
-        second = jnp.arange(1, n_seconds + 1)[:, None, None]
-        same = jnp.zeros((n_seconds, *state.x.shape), state.x.dtype)
-        first = jnp.arange(state.x.shape[0])[None, :, None] == 0
-        y = jnp.where(first & (second > 5), 3 * model.lane_width, state.y[None] + same).astype(state.y.dtype)
-        return Frames(
-            x=state.x[None] + second.astype(state.x.dtype) * state.speed[None],
-            y=y,
-            heading=same,
-            speed=state.speed[None] + same,
-            acceleration=same,
-            lane=nearest_lane(y, model),
-            crashed=first & (second > 8) & (same == 0),
-        )
-
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(simulators, "simulate_base", simulate)
+        patch.setattr(simulators, "simulate_base", drift)
         simulators.program.cache_clear()
         yield
         simulators.program.cache_clear()

@@ -6,15 +6,14 @@ import jax
 import numpy as np
 import pytest
 
+from tests.evaluation.conftest import representatives
+
 
 @pytest.fixture(scope="module")
 def intervening(tmp_path_factory):
     """Scenes of the shipped recordings, references from two of them, and a configuration that intervenes often."""
-    import jax.numpy as jnp
-
     from rearl_jax.config import EvaluateTask
     from rearl_jax.config.evaluation import Method
-    from rearl_jax.detection.references import References
     from rearl_jax.evaluation.inputs import read_inputs
     from rearl_jax.progress import progress_bar
     from rearl_jax.results import Study
@@ -24,13 +23,7 @@ def intervening(tmp_path_factory):
     with progress_bar() as bar:
         study = Study(tmp_path_factory.mktemp("results"), "recorded", config, "evaluate")
         scenes = read_inputs(config, study, bar, with_references=False).scenes
-    chosen = [0, 3]
-    speed, spacing, mean = (
-        jnp.asarray(values[chosen], jnp.float32)
-        for values in (scenes.scaled_speed, scenes.spacing, scenes.mean_spacing)
-    )
-    action = jnp.asarray(scenes.action[chosen], jnp.int32)
-    return config, scenes, References(speed, spacing, mean, action, jnp.asarray([0.25, 0.75], jnp.float32))
+    return config, scenes, representatives(scenes)
 
 
 @pytest.mark.slow

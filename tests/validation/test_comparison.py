@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from rearl_jax.validation.comparison import aborts, agrees, compare, first_disagreement, rows
+from rearl_jax.validation.comparison import aborts, compare, first_disagreement, rows
 
 BOUNDS = {"tolerance": 1e-9, "only_before_contact": False}
 
@@ -11,7 +11,6 @@ BOUNDS = {"tolerance": 1e-9, "only_before_contact": False}
 def disagreement(reference, other, **bounds):
     """{scene: first tick} of the scenes that disagree."""
     differs, first = first_disagreement(compare(reference, other), **(BOUNDS | bounds))
-    np.testing.assert_array_equal(agrees(compare(reference, other), **(BOUNDS | bounds)), ~differs)
     return {int(scene): int(first[scene]) for scene in np.flatnonzero(differs)}
 
 

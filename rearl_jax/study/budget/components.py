@@ -64,6 +64,11 @@ def row_name(row: Row) -> str:
     return "+".join(names_of(row)) or BASE
 
 
+def title_of_row(row: Row) -> str:
+    """Title of a row: its components in words, `base` without any."""
+    return " + ".join(TITLES[name] for name in names_of(row)) or BASE
+
+
 def row_of(name: str) -> Row:
     """The row with a name."""
     return frozenset() if name == BASE else frozenset(name.split("+"))

@@ -9,7 +9,7 @@ import pandas as pd
 from rearl_jax.config.budget import REARL, START, StudyBudgetTask
 from rearl_jax.data.scenes.scene_set import SceneSet
 from rearl_jax.document.document import Document, Section
-from rearl_jax.document.table import NONE, Cell, Emphasis, Row, Table, percent
+from rearl_jax.document.table import Cell, Emphasis, Row, Table, cell_with_interval, decimals, percent, sentence
 from rearl_jax.evaluation.remarks import Remarks, speed_bins
 from rearl_jax.evaluation.scores import TITLES as REFERENCE_TITLES
 from rearl_jax.evaluation.tables import HEADINGS
@@ -17,6 +17,7 @@ from rearl_jax.metrics import METRICS
 from rearl_jax.study.budget.components import TITLES
 from rearl_jax.study.budget.figures import COLUMNS, DIGITS
 from rearl_jax.study.budget.tables import FIRST, LAST, OF_REAL, REST, WHOLE
+from rearl_jax.study.document import records_of
 
 ROW_HEADINGS = {**HEADINGS, "position_error": "position error [m]"}
 """Figures of a row and their headings."""
@@ -71,44 +72,42 @@ _MEANING_OF_SHARES = (
 )
 
 
+Parts = Mapping[str, Mapping[str, Any]]
+"""Records of an error in budget.parquet, by part."""
+
+
 def _text(value: Any, error: str, sign: str = "") -> str:
-    digits = DIGITS.get(error, METRICS[error].digits if error in METRICS else 3)
-    return NONE if value is None or pd.isna(value) else f"{float(value):{sign}.{digits}f}"
+    return decimals(value, DIGITS.get(error, METRICS[error].digits if error in METRICS else 3), sign)
 
 
 def _cell(record: Mapping[str, Any] | None, error: str, sign: str = "") -> Cell:
     """A figure with its interval."""
-    value, low, high = (_text((record or {}).get(name), error, sign) for name in ("value", "low", "high"))
-    return Cell(value, "" if NONE in (low, high) else f"{low} to {high}")
+    return cell_with_interval(*(_text((record or {}).get(name), error, sign) for name in ("value", "low", "high")))
 
 
 def _rows(steps: pd.DataFrame) -> Table:
     """The rows of the stated order and the reference rows."""
-    records: dict[tuple[str, str], dict[str, Mapping[str, Any]]] = {}
-    for record in steps.astype(object).to_dict("records"):
-        records.setdefault((record["row"], record["title"]), {})[record["figure"]] = record
     rows = tuple(
         Row(
-            title,
+            next(iter(figures.values()))["title"],
             tuple(_cell(figures.get(name), name) for name in ROW_HEADINGS),
-            Emphasis.subdued if name in REFERENCE_TITLES else Emphasis.plain,
+            Emphasis.subdued if row in REFERENCE_TITLES else Emphasis.plain,
         )
-        for (name, title), figures in records.items()
+        for row, figures in records_of(steps, column="figure").items()
     )
     return Table("Base with one component more in every row", tuple(ROW_HEADINGS.values()), rows)
 
 
 def _shares(table: pd.DataFrame) -> Table:
     """The shares of all errors in one table."""
-    records = _records(table)
-    parts = [name for name in TITLES if any(part == name for _, part in records)]
-    errors = list(dict.fromkeys(table["error"]))
+    errors = records_of(table, "error", "part")
+    parts = [name for name in TITLES if any(name in of_error for of_error in errors.values())]
     titles = {**TITLES, WHOLE: "total reduction", OF_REAL: "real against real", REST: "rest less real against real"}
     titles |= {FIRST: "first row", LAST: "all components"}
     rows = []
     for part in (FIRST, *parts, WHOLE, LAST, OF_REAL, REST):
         sign = "" if part in (FIRST, LAST, OF_REAL) else "+"
-        cells = tuple(_cell(records.get((error, part)), error, sign) for error in errors)
+        cells = tuple(_cell(of_error.get(part), error, sign) for error, of_error in errors.items())
         rows.append(Row(titles[part], cells, Emphasis.plain if part in parts else Emphasis.subdued))
     return Table("Shares of the components", tuple(COLUMNS[error].title for error in errors), tuple(rows))
 
@@ -125,12 +124,6 @@ def _by_error(table: pd.DataFrame) -> Iterable[Table]:
         yield Table(f"{COLUMNS[str(error)].title}, {rows_of_error['n_orders'].iloc[0]} orders", headings, tuple(rows))
 
 
-def _records(table: pd.DataFrame) -> dict[tuple[str, str], dict[str, Any]]:
-    """Rows of budget.parquet by error and part."""
-    records = table.astype(object).to_dict("records")
-    return {(record["error"], record["part"]): {str(k): v for k, v in record.items()} for record in records}
-
-
 def findings_of(table: pd.DataFrame, mape: str, components: Sequence[str]) -> tuple[str, ...]:
     """Findings computed from the figures: the verdict, then a paragraph per main error.
 
@@ -139,13 +132,13 @@ def findings_of(table: pd.DataFrame, mape: str, components: Sequence[str]) -> tu
         mape: The spacing error that decides, as in `MapeConfig.column`.
         components: The components, in the stated order.
     """
+    divided = records_of(table, "error", "part")
     errors = [name.format(mape=mape) for name in MAIN_ERRORS]
-    parts = {error: pd.DataFrame(table[table["error"] == error]) for error in errors if error in set(table["error"])}
-    if not parts:
+    main = {error: divided[error] for error in errors if error in divided}
+    if not main:
         return ("No main error has a value in all rows of the budget, so nothing can be divided.",)
-    paragraphs = [_verdict(*next(iter(parts.items())))]
-    paragraphs += [_finding(error, _records(part)) for error, part in parts.items()]
-    divided = set(table["error"])
+    paragraphs = [_verdict(*next(iter(main.items())))]
+    paragraphs += [_finding(error, parts) for error, parts in main.items()]
     missing = [
         _name(error) for error, column in COLUMNS.items() if error not in divided and column.reduced_by(components)
     ]
@@ -164,9 +157,8 @@ def _name(error: str) -> str:
     return COLUMNS[error].title.partition(",")[0]
 
 
-def _verdict(error: str, table: pd.DataFrame) -> str:
+def _verdict(error: str, parts: Parts) -> str:
     """The result in one sentence."""
-    parts = {part: record for (_, part), record in _records(table).items()}
     leader = max((part for part in parts if part in TITLES), key=lambda part: parts[part]["value"])
     beside = f"; recorded scenes are {_text(parts[OF_REAL]['value'], error)} apart" if OF_REAL in parts else ""
     ends = " to ".join(_text(parts[part]["value"], error) for part in (FIRST, LAST))
@@ -176,9 +168,8 @@ def _verdict(error: str, table: pd.DataFrame) -> str:
     )
 
 
-def _finding(error: str, records: Mapping[tuple[str, str], Mapping[str, Any]]) -> str:
+def _finding(error: str, parts: Parts) -> str:
     """Sentences on the shares of the components in an error, on their order, and on the remaining error."""
-    parts = {part: record for (_, part), record in records.items()}
     title, whole = _name(error), parts[WHOLE]
     sentences = [
         f"{title} goes from {_text(parts[FIRST]['value'], error)} ({parts[FIRST]['title']}) to "
@@ -186,15 +177,10 @@ def _finding(error: str, records: Mapping[tuple[str, str], Mapping[str, Any]]) -
     ]
     shares = sorted((part for part in parts if part in TITLES), key=lambda part: -parts[part]["value"])
     sentences.append("shares: " + ", ".join(f"{TITLES[part]} {_inline(parts[part], error)}" for part in shares))
-    return (
-        ". ".join(
-            sentence[:1].upper() + sentence[1:] for sentence in (*sentences, _order(parts, shares), _rest(parts, error))
-        )
-        + "."
-    )
+    return " ".join(map(sentence, (*sentences, _order(parts, shares), _rest(parts, error))))
 
 
-def _order(parts: Mapping[str, Mapping[str, Any]], shares: Sequence[str]) -> str:
+def _order(parts: Parts, shares: Sequence[str]) -> str:
     """Sentence on whether the order of the components decides which component has the largest reduction."""
     leader = shares[0]
     leads, n_orders = float(parts[leader]["leads"]), int(parts[leader]["n_orders"])
@@ -213,7 +199,7 @@ def _order(parts: Mapping[str, Mapping[str, Any]], shares: Sequence[str]) -> str
     )
 
 
-def _rest(parts: Mapping[str, Mapping[str, Any]], error: str) -> str:
+def _rest(parts: Parts, error: str) -> str:
     """Sentence on the remaining error, compared with real against real where that has a value."""
     if REST not in parts:
         left = f"no component explains the remaining {_inline(parts[LAST], error, '')}"
@@ -235,8 +221,7 @@ def _rest(parts: Mapping[str, Mapping[str, Any]], error: str) -> str:
 
 def _inline(record: Mapping[str, Any], error: str, sign: str = "+") -> str:
     """A figure in a sentence."""
-    cell = _cell(record, error, sign)
-    return f"{cell.value} ({cell.interval})" if cell.interval else cell.value
+    return _cell(record, error, sign).inline
 
 
 def definitions_of(config: StudyBudgetTask, scenes: SceneSet, held_out: np.ndarray) -> tuple[str, ...]:

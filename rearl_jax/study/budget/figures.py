@@ -7,8 +7,6 @@ import numpy as np
 import pandas as pd
 
 from rearl_jax.config.budget import START
-from rearl_jax.config.evaluation import EvaluationConfig
-from rearl_jax.evaluation.estimates import intervals
 from rearl_jax.evaluation.scores import REAL, REAL_VS_REAL, TITLES
 from rearl_jax.study.budget.components import Row, orders, row_name, row_of
 from rearl_jax.study.budget.shares import Errors, Shares, shares_of
@@ -55,8 +53,11 @@ COLUMNS: Mapping[str, Column] = {
 DIGITS: Mapping[str, int] = {"thw_error": 2, "lcr_error": 4, "position_error": 1, "energy_score": 1, "frechet": 1}
 """Digits after the decimal point of errors whose digits are not those of their metric."""
 
-Figure = tuple[float, float | None, float | None]
-"""Mean over scenes, and the ends of its interval."""
+
+def scene_figures(table: pd.DataFrame, figure: str) -> dict[str, np.ndarray]:
+    """A figure of every row of the table, scene by scene; arguments as in `errors_of`."""
+    wide = table.pivot(index="scene_id", columns="row", values=figure).astype(np.float64)
+    return {str(name): values.to_numpy(np.float64) for name, values in wide.items()}
 
 
 def errors_of(table: pd.DataFrame, column: Column) -> dict[str, np.ndarray]:
@@ -66,13 +67,13 @@ def errors_of(table: pd.DataFrame, column: Column) -> dict[str, np.ndarray]:
         table: One row per row and scene: `row`, `scene_id`, every metric.
         column: The error.
     """
-    wide = table.pivot(index="scene_id", columns="row", values=column.source).astype(np.float64)
+    figures = scene_figures(table, column.source)
     if column.form == "less real":
-        real = wide[REAL] if REAL in wide else np.nan
-        wide = wide.sub(real, axis=0).abs()
-    elif column.form == "up":
-        wide = -wide
-    return {str(name): values.to_numpy(np.float64) for name, values in wide.items()}
+        real = figures.get(REAL, np.nan)
+        return {name: np.abs(values - real) for name, values in figures.items()}
+    if column.form == "up":
+        return {name: -values for name, values in figures.items()}
+    return figures
 
 
 @dataclass(frozen=True)
@@ -124,10 +125,3 @@ def is_budget_row(name: str) -> bool:
 def _after(all_orders: Sequence[tuple[str, ...]], first: Row) -> list[tuple[str, ...]]:
     """Orders that begin with the components of a row, without these; the stated order first."""
     return [order[len(first) :] for order in all_orders if set(order[: len(first)]) == first]
-
-
-def figures_of(values: Sequence[np.ndarray], eval: EvaluationConfig) -> list[Figure]:
-    """Means over scenes with bootstrap intervals, all from the same resamples; NaN without any value."""
-    ends = intervals(np.stack(values, axis=1), eval)
-    means = (float(value[np.isfinite(value)].mean()) if np.isfinite(value).any() else np.nan for value in values)
-    return [(mean, *end) for mean, end in zip(means, ends, strict=True)]

@@ -1,7 +1,8 @@
 """Rows of the budget simulated and scored one after the other; finished rows are not simulated again."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 import pandas as pd
@@ -11,7 +12,6 @@ from rearl_jax.config.budget import BOUNDARY, CALIBRATED, REARL, START, StudyBud
 from rearl_jax.config.core import InitialSource
 from rearl_jax.config.evaluation import Method
 from rearl_jax.config.scenes import BoundarySource
-from rearl_jax.detection.references import References
 from rearl_jax.evaluation.estimates import grouped_mean, scene_means
 from rearl_jax.evaluation.host_policy import MakePolicy
 from rearl_jax.evaluation.inputs import Inputs
@@ -20,13 +20,13 @@ from rearl_jax.evaluation.positions import Positions
 from rearl_jax.evaluation.rollouts import Rollouts
 from rearl_jax.evaluation.rows import Row as SimulatedRow
 from rearl_jax.evaluation.runner import example_scene, make_scorer, reference_rows, simulated_row
-from rearl_jax.evaluation.scores import REAL, Scores, with_realism
+from rearl_jax.evaluation.scores import REAL, Scores, row_named, with_realism
 from rearl_jax.evaluation.scoring import Scorer
 from rearl_jax.evaluation.simulators import NEVER_EXCEEDED
 from rearl_jax.metrics import METRICS
 from rearl_jax.models.record import RepairedModel
 from rearl_jax.results import Study, part_name
-from rearl_jax.study.budget.components import TITLES, Row, names_of, row_name, rows_of
+from rearl_jax.study.budget.components import Row, row_name, rows_of, title_of_row
 from rearl_jax.study.budget.drivers import drivers_of
 
 ERRORS = "errors"
@@ -53,10 +53,18 @@ class Setting:
     model: RepairedModel | None = None
     thresholds: tuple[float, float] = NEVER_EXCEEDED
 
-    @property
-    def references(self) -> References | None:
-        """Representative scenes."""
-        return self.inputs.references
+
+@dataclass(frozen=True)
+class JudgedScenes:
+    """The scenes on which all rows are judged.
+
+    Attributes:
+        scorer: Scorer of traffic against them.
+        references: Scores of the reference rows.
+    """
+
+    scorer: Scorer
+    references: list[Scores]
 
 
 def simulated_rows(setting: Setting, study: Study, bar: Progress, metadata: Mapping[str, str]) -> pd.DataFrame:
@@ -70,61 +78,72 @@ def simulated_rows(setting: Setting, study: Study, bar: Progress, metadata: Mapp
         bar: Shows the progress.
         metadata: Metadata of every part.
     """
-    rows, finished = rows_of(setting.components), study.finished_parts(ERRORS)
-    line = bar.add_task("rows", total=len(rows) + 1)
-    scorer = reference_scores = None
-    for number, row in enumerate([None, *rows]):
-        bar.update(line, description=f"row: {_title(row)}", completed=number)
-        if number in finished:
-            continue
-        if scorer is None or reference_scores is None:
-            config, inputs = setting.config, setting.inputs
-            scorer = make_scorer(config, inputs.scenes, config.eval.n_runs * len(setting.held_out))
-            reference_scores = reference_rows(config, inputs.scenes, setting.held_out, scorer)
-        if row is None:
-            table = reference_table(setting, reference_scores)
-        else:
-            table, _ = simulated_table(setting, row, scorer, reference_scores)
-        study.write_table(part_name(ERRORS, number), table, **metadata)
-    bar.update(line, completed=len(rows) + 1)
-    return pd.read_parquet(study.path / ERRORS)
+
+    def maker(row: Row) -> Callable[[JudgedScenes], pd.DataFrame]:
+        return lambda judged: simulated_table(setting, row, judged)[0]
+
+    makers = {"references": partial(reference_table, setting)}
+    makers |= {title_of_row(row): maker(row) for row in rows_of(setting.components)}
+    return kept_parts(ERRORS, makers, setting, study, bar, metadata)
 
 
-def _title(row: Row | None) -> str:
-    return "references" if row is None else ", ".join(TITLES[name] for name in names_of(row)) or "base"
+def kept_parts(
+    name: str,
+    makers: Mapping[str, Callable[[JudgedScenes], pd.DataFrame]],
+    setting: Setting,
+    study: Study,
+    bar: Progress,
+    metadata: Mapping[str, str],
+) -> pd.DataFrame:
+    """The table of a name, made part by part and kept in the folder of the study; finished parts are not made again.
+
+    Args:
+        name: Name of the table.
+        makers: Functions that make the parts, by the title of the part in the progress bar.
+        setting: What all rows have in common.
+        study: Folder of the study.
+        bar: Shows the progress.
+        metadata: Metadata of every part.
+    """
+    finished, judged = study.finished_parts(name), None
+    line = bar.add_task(name, total=len(makers))
+    for number, (title, make) in enumerate(makers.items()):
+        bar.update(line, description=f"row: {title}", completed=number)
+        if number not in finished:
+            judged = judged or _judged_scenes(setting)
+            study.write_table(part_name(name, number), make(judged), **metadata)
+    bar.update(line, completed=len(makers))
+    return pd.read_parquet(study.path / name)
 
 
-def reference_table(setting: Setting, reference_scores: Sequence[Scores]) -> pd.DataFrame:
+def _judged_scenes(setting: Setting) -> JudgedScenes:
+    config, scenes = setting.config, setting.inputs.scenes
+    scorer = make_scorer(config, scenes, config.eval.n_runs * len(setting.held_out))
+    return JudgedScenes(scorer, reference_rows(config, scenes, setting.held_out, scorer))
+
+
+def reference_table(setting: Setting, judged: JudgedScenes) -> pd.DataFrame:
     """Figures of the reference rows, scene by scene."""
-    real = next(row for row in reference_scores if row.row == REAL)
-    complete = with_realism(list(reference_scores), real, setting.config.realism)
+    complete = with_realism(judged.references, row_named(judged.references, REAL), setting.config.realism)
     return pd.concat([_table(setting, row) for row in complete], ignore_index=True)
 
 
 def simulated_table(
-    setting: Setting,
-    row: Row,
-    scorer: Scorer,
-    reference_scores: Sequence[Scores],
-    host_policy: MakePolicy | None = None,
+    setting: Setting, row: Row, judged: JudgedScenes, host_policy: MakePolicy | None = None
 ) -> tuple[pd.DataFrame, DecisionLog | None]:
     """Figures of a row scene by scene, simulated and scored, and its decisions; None without REARL.
 
     Args:
         setting: What all rows have in common.
         row: Components of the row.
-        scorer: Scorer of the judged scenes.
-        reference_scores: Scores of the reference rows.
+        judged: The judged scenes.
         host_policy: Makes the policies that decide outside the compiled program, where one does.
     """
-    scenes, held_out, name = setting.inputs.scenes, setting.held_out, row_name(row)
-    rollouts = Rollouts([evaluation_row(setting, row)], scenes, held_out, setting.references, host_policy)
-    example = example_scene(scenes, held_out, None)
-    scores, _, log, positions = simulated_row(
-        name, rollouts, scorer, scenes, held_out, example, lambda done, total: None
-    )
-    real = next(reference for reference in reference_scores if reference.row == REAL)
-    (complete,) = with_realism([scores], real, setting.config.realism)
+    inputs, held_out = setting.inputs, setting.held_out
+    rollouts = Rollouts([evaluation_row(setting, row)], inputs.scenes, held_out, inputs.references, host_policy)
+    example = example_scene(inputs.scenes, held_out, None)
+    scores, _, log, positions = simulated_row(row_name(row), rollouts, judged.scorer, inputs.scenes, held_out, example)
+    (complete,) = with_realism([scores], row_named(judged.references, REAL), setting.config.realism)
     return _table(setting, complete, positions), log
 
 

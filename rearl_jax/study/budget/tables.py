@@ -7,18 +7,17 @@ import numpy as np
 import pandas as pd
 
 from rearl_jax.config.evaluation import EvaluationConfig
-from rearl_jax.evaluation.scores import NOISE_FLOOR, REAL, REAL_VS_REAL, title_of
+from rearl_jax.evaluation.estimates import means_with_intervals
+from rearl_jax.evaluation.scores import REAL_VS_REAL
+from rearl_jax.evaluation.scores import TITLES as REFERENCE_TITLES
 from rearl_jax.metrics import METRICS
-from rearl_jax.study.budget.components import TITLES, row_name
-from rearl_jax.study.budget.figures import COLUMNS, ColumnBudget, errors_of, figures_of
+from rearl_jax.study.budget.components import TITLES, row_name, title_of_row
+from rearl_jax.study.budget.figures import COLUMNS, ColumnBudget, errors_of, scene_figures
 
 FIRST, LAST, OF_REAL, WHOLE, REST = "first", "last", "real", "whole", "rest"
 """Parts of an error besides the components: its value in the first row, in the last one and in real against real (other
 recorded scenes in place of simulated ones); the reduction from the first to the last; the last less real against real.
 """
-
-REFERENCES = (REAL_VS_REAL, NOISE_FLOOR, REAL)
-"""Reference rows below the rows of the stated order."""
 
 BUDGET_COLUMNS = ("error", "heading", "part", "title", "value", "low", "high", "stated", "least", "most", "leads")
 STEP_COLUMNS = ("row", "title", "figure", "value", "low", "high")
@@ -46,8 +45,8 @@ def _records(name: str, budget: ColumnBudget, eval: EvaluationConfig) -> list[di
     values = {part: np.where(is_known, sign * error, np.nan) for part, error in ends.items()}
     values |= {WHOLE: shares.whole, REST: np.where(is_known, budget.rest(), np.nan)}
     values |= dict(zip(shares.components, shares.by_component, strict=True))
-    figures = dict(zip(values, figures_of(list(values.values()), eval), strict=True))
-    titles = {FIRST: title_of_row(budget.first), LAST: "all components", OF_REAL: title_of(REAL_VS_REAL)}
+    figures = dict(zip(values, means_with_intervals(list(values.values()), eval), strict=True))
+    titles = {FIRST: title_of_row(budget.column.first), LAST: "all components", OF_REAL: REFERENCE_TITLES[REAL_VS_REAL]}
     titles |= {WHOLE: "total reduction", REST: "rest less real against real"} | dict(TITLES)
     common = {"error": name, "heading": budget.column.title, "n_scenes": int(is_known.sum())}
     common |= {"n_orders": len(shares.by_order)}
@@ -68,11 +67,6 @@ def _records(name: str, budget: ColumnBudget, eval: EvaluationConfig) -> list[di
     return records
 
 
-def title_of_row(name: str) -> str:
-    """Title of a row of the budget: its components in words."""
-    return " + ".join(TITLES.get(part, title_of(part)) for part in name.split("+"))
-
-
 def step_table(rows: pd.DataFrame, components: Sequence[str], eval: EvaluationConfig) -> pd.DataFrame:
     """One row per row of the stated order (or reference row) and figure, with STEP_COLUMNS: every metric,
     `position_error` [m], `overlap_share` [-], and the errors `thw_error` [s] and `lcr_error`.
@@ -84,28 +78,22 @@ def step_table(rows: pd.DataFrame, components: Sequence[str], eval: EvaluationCo
     """
     names = [row_name(frozenset(components[:size])) for size in range(len(components) + 1)]
     titles = dict(zip(names, ["base", *(f"+ {TITLES[name]}" for name in components)], strict=True))
-    titles |= {name: title_of(name) for name in REFERENCES if name in set(rows["row"])}
+    titles |= {name: title for name, title in REFERENCE_TITLES.items() if name in set(rows["row"])}
     keys, values = [], []
     for figure in (*METRICS, "position_error", "overlap_share", "thw_error", "lcr_error"):
-        for name, of_scenes in _of_rows(rows, figure).items():
+        is_error = figure in ("thw_error", "lcr_error")
+        of_rows = errors_of(rows, COLUMNS[figure]) if is_error else scene_figures(rows, figure)
+        for name, of_scenes in of_rows.items():
             if name in titles and np.isfinite(of_scenes).any():
                 keys.append((name, figure))
                 values.append(of_scenes)
     records = [
         {"row": name, "title": titles[name], "figure": figure, "value": value, "low": low, "high": high}
-        for (name, figure), (value, low, high) in zip(keys, figures_of(values, eval), strict=True)
+        for (name, figure), (value, low, high) in zip(keys, means_with_intervals(values, eval), strict=True)
     ]
     order = {name: number for number, name in enumerate(titles)}
     table = pd.DataFrame(records).sort_values("row", key=lambda column: column.map(order), kind="stable")
     return table.reset_index(drop=True).astype(dict.fromkeys(("value", "low", "high"), "Float64"))
-
-
-def _of_rows(rows: pd.DataFrame, figure: str) -> dict[str, np.ndarray]:
-    """A figure of every row, scene by scene."""
-    if figure in ("thw_error", "lcr_error"):
-        return errors_of(rows, COLUMNS[figure])
-    wide = rows.pivot(index="scene_id", columns="row", values=figure).astype(np.float64)
-    return {str(name): values.to_numpy(np.float64) for name, values in wide.items()}
 
 
 def summary_of(table: pd.DataFrame, components: Sequence[str], n_scenes: int, n_orders: int) -> dict[str, Any]:

@@ -21,7 +21,7 @@ from rearl_jax.data.scenes.initial_states import recorded_road
 from rearl_jax.data.scenes.scene_set import SceneSet
 from rearl_jax.data.scenes.scene_windows import UNKNOWN_LANE
 from rearl_jax.document.document import data_sources
-from rearl_jax.document.terminal import print_document
+from rearl_jax.document.publishing import publish_document
 from rearl_jax.evaluation import task as evaluation
 from rearl_jax.evaluation.inputs import Inputs, read_inputs
 from rearl_jax.evaluation.percentiles import thresholds_of
@@ -73,16 +73,13 @@ def run(config: StudyBudgetTask) -> dict:
     study.write_table("steps", steps, **metadata)
     study.write_table("budget", table, **metadata, remarks=remarks.to_json())
     document = document_of(table, steps, remarks, generated=generated)
-    print_document(document)
 
-    # Imported after the table is printed, because matplotlib and jinja2 are slow to import.
-    from rearl_jax.document.html import page_of
-    from rearl_jax.study.budget.waterfall import draw_waterfall
+    def draw() -> dict[str, bytes]:
+        from rearl_jax.study.budget.waterfall import draw_waterfall
 
-    drawn = {"waterfall": draw_waterfall(table, config.mape.column, generated=generated)}
-    study.write_bytes("waterfall.png", drawn["waterfall"])
-    study.write_text("page.html", page_of(document, config, drawn, data_id=scenes.data_id))
-    study.write_summary(summary)
+        return {"waterfall": draw_waterfall(table, config.mape.column, generated=generated)}
+
+    publish_document(study, document, config, summary, draw, data_id=scenes.data_id)
     return summary
 
 

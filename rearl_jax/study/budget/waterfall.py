@@ -3,7 +3,7 @@
 import pandas as pd
 from matplotlib.axes import Axes
 
-from rearl_jax.drawing import BLUE, DARK_GREY, GREY, LIGHT_GREY, VERMILION, panels, png, set_title
+from rearl_jax.drawing import BLUE, DARK_GREY, GREY, VERMILION, add_grid, panels, png, set_title
 from rearl_jax.study.budget.components import TITLES
 from rearl_jax.study.budget.document import MAIN_ERRORS
 from rearl_jax.study.budget.figures import COLUMNS
@@ -33,8 +33,7 @@ def draw_waterfall(table: pd.DataFrame, mape: str, *, generated: bool) -> bytes:
         titles = ["Base", *(TITLES[name] for name in parts), "all components"]
         panel.set_yticks(range(len(names)), titles if panel is axes[0] else [""] * len(names))
         panel.set_ylim(len(names) - 0.5, -0.5)
-        panel.grid(axis="x", color=LIGHT_GREY, linewidth=0.6)
-        panel.set_axisbelow(True)
+        add_grid(panel, "x")
         set_title(panel, COLUMNS[error].title)
     return png(figure)
 

@@ -20,7 +20,7 @@ from rearl_jax.discovery.observe.solver import solver_of
 from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.report.equilibrium import time_gaps
 from rearl_jax.discovery.resampling import Resampling
-from rearl_jax.study.real.known import KnownTimeGap
+from rearl_jax.study.real.known import TOLERANCE, KnownTimeGap
 
 MAX_ACCELERATION, MAX_APPROACH_RATE, MIN_SPEED = 0.2, 0.3, 5.0
 """Limits of near equilibrium: largest acceleration [m/s^2], largest approach rate [m/s], smallest speed [m/s]."""
@@ -47,7 +47,6 @@ def facts_of(
     car: str,
     models: Mapping[str, DriverConfig],
     known: Mapping[str, Mapping[str, KnownTimeGap]],
-    tolerance: float,
     *,
     lane_changes: bool,
 ) -> pd.DataFrame:
@@ -58,8 +57,7 @@ def facts_of(
         by: Label of the setting.
         car: Label of the car or person.
         models: Car-following model to calibrate in each setting; settings without one are measured only.
-        known: Known time gaps by car and setting.
-        tolerance: Difference from a known time gap up to which `within` is true [s].
+        known: Known time gaps by car and setting; `within` is true up to a difference of TOLERANCE.
         lane_changes: Whether the calibrated model responds to lane changes, as in `base_of`.
     """
     rows = []
@@ -80,7 +78,7 @@ def facts_of(
             if (fact := known.get(name, {}).get(setting)) is not None:
                 row |= {"known": fact.value, "known_deviation": fact.deviation}
                 if np.isfinite(row["calibrated"]):
-                    row["within"] = bool(abs(row["calibrated"] - fact.value) <= tolerance)
+                    row["within"] = bool(abs(row["calibrated"] - fact.value) <= TOLERANCE)
             rows.append(row)
     table = pd.DataFrame(rows, columns=list(FACT_COLUMNS))
     kinds = {"tracks": "Int64", "runs": "Int64", "within": "boolean"}

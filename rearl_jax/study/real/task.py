@@ -8,8 +8,6 @@ settings), `page.html`, `config.json` and, last of all, `summary.json`.
 import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import Any
 
 import pandas as pd
 from rich.progress import Progress
@@ -22,15 +20,14 @@ from rearl_jax.discovery import task as discovery
 from rearl_jax.discovery.compute import read_drivers
 from rearl_jax.discovery.observe.parts import AUTO
 from rearl_jax.document.document import data_sources
-from rearl_jax.document.html import page_of
-from rearl_jax.document.terminal import print_document
+from rearl_jax.document.publishing import publish_document
 from rearl_jax.evaluation.remarks import Remarks
 from rearl_jax.progress import progress_bar
 from rearl_jax.results import Study
 from rearl_jax.study.parts import part_record
 from rearl_jax.study.real.document import document_of, summary_of
 from rearl_jax.study.real.facts import FACT_COLUMNS, differences_of, facts_of
-from rearl_jax.study.real.known import KNOWN_TIME_GAPS, TOLERANCE
+from rearl_jax.study.real.known import KNOWN_TIME_GAPS
 from rearl_jax.study.real.table import real_table, rows_of
 
 TASK = "study real"
@@ -116,9 +113,24 @@ def run(config: StudyRealTask) -> dict:
                 facts.append(_facts(set_task, set_task.car, {row["group"]: row["base"] for row in set_rows}, bar))
             for finished in set(bar.task_ids) - {line}:
                 bar.remove_task(finished)
-    columns = ["set", "title", *FACT_COLUMNS]
-    table = pd.concat(facts, ignore_index=True) if facts else pd.DataFrame(columns=columns)
-    return _publish(study, config, set_tasks, identity, real_table(rows), table)
+    fact_table = pd.concat(facts, ignore_index=True) if facts else pd.DataFrame(columns=["set", "title", *FACT_COLUMNS])
+    table, differences = real_table(rows), differences_of(fact_table, config.discover)
+    remarks, seeds = _remarks(set_tasks), {"seeds": f"discover.seed={config.discover.seed}"}
+    study.write_table("real", table, **seeds, remarks=remarks.to_json())
+    study.write_table("facts", fact_table)
+    study.write_table("differences", differences, **seeds)
+    document = document_of(table, fact_table, differences, remarks, generated=generated)
+    summary = summary_of(table, fact_table, differences)
+    publish_document(study, document, config, summary, data_id=identity)
+    return summary
+
+
+def _remarks(set_tasks: list[SetTask]) -> Remarks:
+    """The recordings and their sources."""
+    read = (recording.info for set_task in set_tasks for recording in iterate_recordings(set_task.part.data))
+    infos = tuple({info.id: info for info in read}.values())
+    data = f"{len(infos)} recordings in {len(set_tasks)} sets: {', '.join(set_task.title for set_task in set_tasks)}."
+    return Remarks(data, sources=data_sources(infos))
 
 
 def _facts(set_task: SetTask, car: str, bases: Mapping[str, str], bar: Progress) -> pd.DataFrame:
@@ -144,11 +156,10 @@ def _facts(set_task: SetTask, car: str, bases: Mapping[str, str], bar: Progress)
             car,
             {group: models[base] for group, base in bases.items()},
             KNOWN_TIME_GAPS if _is_zalazone(set_task.part.data) else {},
-            TOLERANCE,
             lane_changes=set_task.part.discover.lane_changes,
         )
         part.write_table("facts", table)
-    stored = pd.read_parquet(Path(part.path) / "facts.parquet")
+    stored = pd.read_parquet(part.path / "facts.parquet")
     stored.insert(0, "title", set_task.title)
     stored.insert(0, "set", set_task.name)
     return stored
@@ -157,30 +168,3 @@ def _facts(set_task: SetTask, car: str, bases: Mapping[str, str], bar: Progress)
 def _is_zalazone(data: DataConfig) -> bool:
     """True for the recordings with known time gaps."""
     return data.format is DataFormat.openacc and data.root is None
-
-
-def _publish(
-    study: Study,
-    config: StudyRealTask,
-    set_tasks: list[SetTask],
-    identity: str,
-    table: pd.DataFrame,
-    facts: pd.DataFrame,
-) -> dict[str, Any]:
-    """The summary, with tables, page and summary written."""
-    differences = differences_of(facts, config.discover)
-    read = (recording.info for set_task in set_tasks for recording in iterate_recordings(set_task.part.data))
-    infos = tuple({info.id: info for info in read}.values())
-    data = f"{len(infos)} recordings in {len(set_tasks)} sets: {', '.join(set_task.title for set_task in set_tasks)}."
-    remarks = Remarks(data, sources=data_sources(infos))
-    seeds = {"seeds": f"discover.seed={config.discover.seed}"}
-    study.write_table("real", table, **seeds, remarks=remarks.to_json())
-    study.write_table("facts", facts)
-    study.write_table("differences", differences, **seeds)
-    generated = any(set_task.generated for set_task in set_tasks)
-    document = document_of(table, facts, differences, remarks, generated=generated)
-    print_document(document)
-    study.write_text("page.html", page_of(document, config, {}, data_id=identity))
-    summary = summary_of(table, facts, differences)
-    study.write_summary(summary)
-    return summary

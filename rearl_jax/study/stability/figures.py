@@ -1,26 +1,12 @@
 """Figures of the study of stability: amplification by frequency, and flow by density."""
 
 from collections.abc import Mapping
+from itertools import cycle
 
 import pandas as pd
 from matplotlib.axes import Axes
 
-from rearl_jax.drawing import (
-    BLUE,
-    FONT_SIZE,
-    GREEN,
-    LIGHT_GREY,
-    ORANGE,
-    PURPLE,
-    SKY_BLUE,
-    VERMILION,
-    YELLOW,
-    panels,
-    png,
-    set_title,
-)
-
-_COLOURS = (BLUE, VERMILION, GREEN, PURPLE, ORANGE, SKY_BLUE, YELLOW)
+from rearl_jax.drawing import FONT_SIZE, SERIES_COLOURS, add_grid, panels, png, set_title
 
 
 def draw_figures(tables: Mapping[str, pd.DataFrame], *, generated: bool) -> dict[str, bytes]:
@@ -38,8 +24,8 @@ def _amplification(table: pd.DataFrame, generated: bool) -> bytes | None:
         return None
     figure, axes = panels(3.2 * len(speeds) + 0.8, 3.4, columns=len(speeds), generated=generated)
     for panel, speed in zip(axes, speeds, strict=True):
-        for number, (name, rows) in enumerate(table[table["speed"] == speed].groupby("model", sort=False)):
-            colour = _COLOURS[number % len(_COLOURS)]
+        models = table[table["speed"] == speed].groupby("model", sort=False)
+        for (name, rows), colour in zip(models, cycle(SERIES_COLOURS), strict=False):
             panel.plot(rows["frequency"], rows["analysis"], color=colour, linewidth=1.2, label=str(name))
             panel.plot(rows["frequency"], rows["simulated"], "o", color=colour, markersize=3)
         panel.axhline(1.0, color="black", linewidth=0.6)
@@ -53,8 +39,7 @@ def _fundamental_diagram(table: pd.DataFrame, generated: bool) -> bytes | None:
     if table.empty:
         return None
     figure, (panel,) = panels(6.4, 4.0, generated=generated)
-    for number, (name, rows) in enumerate(table.groupby("model", sort=False)):
-        colour = _COLOURS[number % len(_COLOURS)]
+    for (name, rows), colour in zip(table.groupby("model", sort=False), cycle(SERIES_COLOURS), strict=False):
         for start, fill in (("even", colour), ("jam", "none")):
             part = rows[rows["start"] == start]
             label = str(name) if start == "even" else None
@@ -66,6 +51,5 @@ def _fundamental_diagram(table: pd.DataFrame, generated: bool) -> bytes | None:
 
 def _finish(panel: Axes, title: str, x: str, y: str) -> None:
     panel.set(xlabel=x, ylabel=y)
-    panel.grid(color=LIGHT_GREY, linewidth=0.6)
-    panel.set_axisbelow(True)
+    add_grid(panel)
     set_title(panel, title)

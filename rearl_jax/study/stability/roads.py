@@ -31,13 +31,11 @@ class Motion(NamedTuple):
     Attributes:
         position: Centres along the road, laps added up [m].
         speed: [m/s].
-        length: Lengths of the vehicles [m].
         overlaps: How often each vehicle has come to overlap its leader.
     """
 
     position: Float[np.ndarray, "seconds vehicles scenarios"]
     speed: Float[np.ndarray, "seconds vehicles scenarios"]
-    length: Float[np.ndarray, "vehicles scenarios"]
     overlaps: Int[np.ndarray, "vehicles scenarios"]
 
 
@@ -67,7 +65,7 @@ def drive(
     length = jnp.broadcast_to(drivers.body.length, state.x.shape)
     lap = None if circumference is None else jnp.asarray(circumference, dtype)
     x, v, overlaps = _drive(state, drivers, length, lap, seconds)
-    return Motion(np.asarray(x) - shift, np.asarray(v), np.asarray(length), np.asarray(overlaps))
+    return Motion(np.asarray(x) - shift, np.asarray(v), np.asarray(overlaps))
 
 
 @partial(jax.jit, static_argnames="seconds")

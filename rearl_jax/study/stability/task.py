@@ -7,6 +7,7 @@ The tables of each model are in `models/NAME/` and are kept if an interrupted st
 
 import json
 from collections.abc import Callable, Mapping, Sequence
+from functools import partial
 from typing import Any
 
 import pandas as pd
@@ -15,8 +16,7 @@ from rearl_jax.config.stability import StudyStabilityTask
 from rearl_jax.data.recordings import data_id, is_generated, iterate_recordings
 from rearl_jax.data.records import Recording
 from rearl_jax.document.document import data_sources
-from rearl_jax.document.html import page_of
-from rearl_jax.document.terminal import print_document
+from rearl_jax.document.publishing import publish_document
 from rearl_jax.evaluation.remarks import Remarks
 from rearl_jax.models.file import model_id
 from rearl_jax.progress import progress_bar
@@ -64,8 +64,14 @@ def run(config: StudyStabilityTask) -> dict[str, Any]:
                 bar.advance(line)
     tables = {name: pd.concat(of_models, ignore_index=True) for name, of_models in tables_by_name.items()}
     verdict = [verdict_of(case.name, tables, pairs) for case in cases]
-    remarks = _remarks(cases, recordings)
-    return _publish(study, config, tables, verdict, remarks, input_ids)
+    remarks, summary = _remarks(cases, recordings), summary_of(tables, verdict)
+    for name, table in tables.items():
+        study.write_table(name, table, seeds=f"stability.seed={options.seed}", remarks=remarks.to_json())
+    study.write_text("verdict.json", json.dumps(verdict, indent=2, allow_nan=False) + "\n")
+    document = document_of(tables, verdict, remarks, margin=options.margin, generated=generated)
+    draw = partial(draw_figures, tables, generated=generated)
+    publish_document(study, document, config, summary, draw, data_id=input_ids)
+    return summary
 
 
 def _table(
@@ -108,27 +114,3 @@ def _remarks(cases: Sequence[Case], recordings: Sequence[Recording]) -> Remarks:
     )
     data = f"{len(infos)} recordings, whose followers are compared with simulated ones." if infos else ""
     return Remarks(data, notes, sources=data_sources(infos))
-
-
-def _publish(
-    study: Study,
-    config: StudyStabilityTask,
-    tables: Mapping[str, pd.DataFrame],
-    verdict: list[dict[str, Any]],
-    remarks: Remarks,
-    input_ids: str | None,
-) -> dict[str, Any]:
-    """The summary, with everything written."""
-    generated, options = config.stability.measured and is_generated(config.data), config.stability
-    for name, table in tables.items():
-        study.write_table(name, table, seeds=f"stability.seed={options.seed}", remarks=remarks.to_json())
-    study.write_text("verdict.json", json.dumps(verdict, indent=2, allow_nan=False) + "\n")
-    document = document_of(tables, verdict, remarks, margin=options.margin, generated=generated)
-    print_document(document)
-    figures = draw_figures(tables, generated=generated)
-    for name, content in figures.items():
-        study.write_bytes(f"{name}.png", content)
-    study.write_text("page.html", page_of(document, config, figures, data_id=input_ids))
-    summary = summary_of(tables, verdict)
-    study.write_summary(summary)
-    return summary

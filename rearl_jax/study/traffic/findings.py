@@ -5,11 +5,12 @@ import pandas as pd
 
 from rearl_jax.config.decision import PolicyName
 from rearl_jax.config.evaluation import EvaluationConfig
+from rearl_jax.evaluation.estimates import means_with_intervals
 from rearl_jax.evaluation.scores import REAL_VS_REAL
 from rearl_jax.evaluation.tables import HEADINGS
-from rearl_jax.study.budget.figures import figures_of
+from rearl_jax.study.budget.figures import scene_figures
 from rearl_jax.study.findings import Difference
-from rearl_jax.study.traffic.tables import PREFIX, TITLES_OF_KINDS, TITLES_OF_POLICIES, name_of, scene_figures
+from rearl_jax.study.traffic.tables import PREFIX, TITLES_OF_KINDS, TITLES_OF_POLICIES, name_of
 
 
 def findings_of(rows: pd.DataFrame, eval: EvaluationConfig, mape: str) -> list[str]:
@@ -81,5 +82,4 @@ def _use_of_decisions(change: Difference, choices: Difference) -> str:
 
 def _difference(first: np.ndarray, second: np.ndarray, eval: EvaluationConfig) -> Difference:
     """Mean difference over scenes, with its interval."""
-    ((value, low, high),) = figures_of([first - second], eval)
-    return Difference(value, low, high)
+    return Difference(*means_with_intervals([first - second], eval)[0])

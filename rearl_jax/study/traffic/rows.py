@@ -4,9 +4,10 @@ The traffic is made of components of the error budget, with its scenes, starts, 
 kind begin alike and have the same random numbers. Finished rows are not simulated again.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from contextlib import ExitStack
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 import pandas as pd
@@ -22,14 +23,20 @@ from rearl_jax.core.meta_actions import MetaAction
 from rearl_jax.evaluation import task as evaluation
 from rearl_jax.evaluation.estimates import grouped_mean
 from rearl_jax.evaluation.interventions import DecisionLog
-from rearl_jax.evaluation.runner import make_scorer, reference_rows
 from rearl_jax.problems import InvalidInputError, Problem
-from rearl_jax.results import Study, part_name
-from rearl_jax.study.budget.simulating import Setting, reference_table, simulated_table, without_replay
+from rearl_jax.results import Study
+from rearl_jax.study.budget.simulating import (
+    JudgedScenes,
+    Setting,
+    kept_parts,
+    reference_table,
+    simulated_table,
+    without_replay,
+)
 from rearl_jax.study.budget.task import prepared
 from rearl_jax.study.parts import part_record
 from rearl_jax.study.traffic.findings import findings_of
-from rearl_jax.study.traffic.tables import figures_of_rows, long_rows_on_traffic, name_of
+from rearl_jax.study.traffic.tables import PREFIX, figures_of_rows, long_rows_on_traffic, name_of
 
 DRIVERS = (CALIBRATED, FOUND, LANE_CHANGES, VARIATION)
 """Components that belong to calibrated drivers."""
@@ -125,45 +132,35 @@ def _scene_by_scene(config: StudyTable1Task, setting: Setting, study: Study, bar
     """One row per row of the table and scene: `row`, `scene_id`, every metric, `position_error` [m], `interventions`
     and `changes`, both per vehicle and minute.
     """
-    rows = list(_rows(config, setting))
-    finished_parts = study.finished_parts(ROW_TABLE)
+
+    def references(judged: JudgedScenes) -> pd.DataFrame:
+        table = reference_table(setting, judged)
+        return with_rates(table.assign(row=PREFIX + table["row"]), {"interventions": np.nan, "changes": np.nan})
+
+    def simulated(kind: str, policy: PolicyName | None, judged: JudgedScenes) -> pd.DataFrame:
+        own = _with_policy(config, setting, policy)
+        components = frozenset(TRAFFIC[kind]) & frozenset(setting.components)
+        with ExitStack() as contexts:
+            make_policy = None
+            if own.config.decision.policy.is_outside:
+                from rearl_jax.evaluation.language_model import language_model  # slow to import: it brings a client
+
+                model = contexts.enter_context(language_model(own.config, bar))
+                make_policy = None if model is None else model.make_policy
+            row = components if policy is None else components | {REARL}
+            table, log = simulated_table(own, row, judged, make_policy)
+        return with_rates(table.assign(row=name_of(kind, policy)), _interventions(own, log))
+
+    def with_rates(table: pd.DataFrame, rates: Mapping[str, np.ndarray | float]) -> pd.DataFrame:
+        return table.assign(**rates).astype(dict.fromkeys(rates, "Float64"))
+
+    makers = {"references": references}
+    makers |= {name_of(kind, policy): partial(simulated, kind, policy) for kind, policy in _rows(config, setting)}
     metadata = {"seeds": config.seeds, "scenes_id": setting.inputs.scenes.data_id}
-    line = bar.add_task("traffic", total=len(rows) + 1)
-    scorer = make_scorer(setting.config, setting.inputs.scenes, setting.config.eval.n_runs * len(setting.held_out))
-    reference_scores = None
-    for number, row in enumerate([None, *rows]):
-        bar.update(line, completed=number)
-        if number in finished_parts:
-            continue
-        if reference_scores is None:
-            reference_scores = reference_rows(setting.config, setting.inputs.scenes, setting.held_out, scorer)
-        if row is None:
-            table = reference_table(setting, reference_scores)
-            table = table.assign(row="recorded_" + table["row"], interventions=np.nan, changes=np.nan)
-        else:
-            kind, policy = row
-            row_setting, components = _with_policy(config, setting, policy), _components(setting, kind)
-            with ExitStack() as contexts:
-                model = None
-                if row_setting.config.decision.policy.is_outside:
-                    from rearl_jax.evaluation.language_model import language_model  # slow to import: it brings a client
-
-                    model = contexts.enter_context(language_model(row_setting.config, bar))
-                table, log = simulated_table(
-                    row_setting,
-                    components if policy is None else components | {REARL},
-                    scorer,
-                    reference_scores,
-                    None if model is None else model.make_policy,
-                )
-            table = table.assign(row=name_of(kind, policy), **_interventions(row_setting, log))
-        missing = {name: table[name].astype("Float64") for name in ("interventions", "changes")}
-        study.write_table(part_name(ROW_TABLE, number), table.assign(**missing), **metadata)
-    bar.update(line, completed=len(rows) + 1)
-    return pd.read_parquet(study.path / ROW_TABLE)
+    return kept_parts(ROW_TABLE, makers, setting, study, bar, metadata)
 
 
-def _rows(config: StudyTable1Task, setting: Setting):
+def _rows(config: StudyTable1Task, setting: Setting) -> Iterator[tuple[str, PolicyName | None]]:
     """Kinds of traffic whose components exist, each with its policies; None for traffic without REARL."""
     policies: list[PolicyName | None] = [None]
     if REARL in setting.components:
@@ -174,11 +171,6 @@ def _rows(config: StudyTable1Task, setting: Setting):
             for policy in policies:
                 if policy is not PolicyName.llm or BOUNDARY not in components:
                     yield kind, policy
-
-
-def _components(setting: Setting, kind: str) -> frozenset[str]:
-    """Components of a kind of traffic that the recordings and the model have."""
-    return frozenset(TRAFFIC[kind]) & frozenset(setting.components)
 
 
 def _with_policy(config: StudyTable1Task, setting: Setting, policy: PolicyName | None) -> Setting:

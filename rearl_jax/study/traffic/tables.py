@@ -9,12 +9,12 @@ import pandas as pd
 from rearl_jax.config.decision import PolicyName
 from rearl_jax.config.evaluation import EvaluationConfig
 from rearl_jax.document.document import Section
-from rearl_jax.document.table import Row, Table
+from rearl_jax.evaluation.estimates import means_with_intervals
 from rearl_jax.evaluation.scores import REAL_VS_REAL, TITLES
 from rearl_jax.evaluation.tables import HEADINGS
 from rearl_jax.metrics import METRICS
-from rearl_jax.study.budget.figures import figures_of
-from rearl_jax.study.document import beside_paper, cell, long_table, records_of
+from rearl_jax.study.budget.figures import scene_figures
+from rearl_jax.study.document import beside_paper, less_base_table, long_table
 
 PREFIX = "recorded_"
 """Prefix of the names of the rows of `table1.traffic`, whose scenes start as recorded."""
@@ -70,12 +70,6 @@ def split_rows(table: pd.DataFrame) -> tuple[pd.DataFrame, pd.DataFrame]:
     return table.iloc[np.flatnonzero(~is_on_traffic)], table.iloc[np.flatnonzero(is_on_traffic)]
 
 
-def scene_figures(rows: pd.DataFrame, figure: str) -> dict[str, np.ndarray]:
-    """A figure of every row, scene by scene."""
-    wide = rows.pivot(index="scene_id", columns="row", values=figure).astype(np.float64)
-    return {str(name): values.to_numpy(np.float64) for name, values in wide.items()}
-
-
 def figures_of_rows(rows: pd.DataFrame, eval: EvaluationConfig) -> Figures:
     """Figures of all rows and of real against real, with bootstrap intervals over scenes.
 
@@ -95,7 +89,7 @@ def figures_of_rows(rows: pd.DataFrame, eval: EvaluationConfig) -> Figures:
                     keys.append((name, figure, "_less_base"))
                     values.append(of_rows[name] - of_rows[name_of(kind, None)])
     figures: dict[tuple[str, str], dict[str, float | None]] = {}
-    for (name, figure, ending), (value, low, high) in zip(keys, figures_of(values, eval), strict=True):
+    for (name, figure, ending), (value, low, high) in zip(keys, means_with_intervals(values, eval), strict=True):
         figures.setdefault((name, figure), {}).update({ending: value, f"{ending}_low": low, f"{ending}_high": high})
     return figures
 
@@ -136,16 +130,7 @@ def sections_on_traffic(table: pd.DataFrame, intervals: str) -> tuple[Section, .
         return ()
     title = f"Started as recorded, speeds not rescaled, the same thresholds in all rows; {intervals}"
     figures = beside_paper(title, table, HEADINGS_ON_TRAFFIC, _DIGITS)
-    changes = []
-    for records in records_of(table).values():
-        if any(pd.notna(record.get("less_base")) for record in records.values()):
-            digits = {name: METRICS[name].digits for name in METRICS} | _DIGITS
-            cells = (
-                cell(records.get(name), name, "less_base", digits=digits[name], sign="+") for name in COMPARED_FIGURES
-            )
-            changes.append(Row(str(next(iter(records.values()))["title"]), tuple(cells)))
-    headings = tuple(HEADINGS_ON_TRAFFIC[name] for name in COMPARED_FIGURES)
-    differences = Table(
-        f"Difference from the same traffic without REARL, paired over scenes; {intervals}", headings, tuple(changes)
-    )
+    title = f"Difference from the same traffic without REARL, paired over scenes; {intervals}"
+    headings = {name: HEADINGS_ON_TRAFFIC[name] for name in COMPARED_FIGURES}
+    differences = less_base_table(title, table, headings, _DIGITS)
     return (Section("REARL on a better traffic model", tables=(figures, differences)),)

@@ -31,7 +31,7 @@ def calibrated(monkeypatch):
 def found(cars, known=None, models=None):
     """Facts of cars, each {setting: time gaps of its tracks}."""
     models = {"S": record_of("idm")(), "L": record_of("gipps")()} if models is None else models
-    table = facts_of(platoon(cars), "setting", "model", models, known or {}, 0.15, lane_changes=True)
+    table = facts_of(platoon(cars), "setting", "model", models, known or {}, lane_changes=True)
     return table.set_index(["car", "setting"])
 
 

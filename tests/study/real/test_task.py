@@ -41,7 +41,7 @@ def done(monkeypatch):
         groups = [("ACC", "idm"), ("person", "gipps")] if part.discover.by == "leader" else ()
         return verdict(groups=groups)
 
-    def facts(data, by, car, models, known, tolerance, *, lane_changes):
+    def facts(data, by, car, models, known, *, lane_changes):
         asked.append((by, car, {group: model.model for group, model in models.items()}, len(known)))
         row = dict.fromkeys(FACT_COLUMNS) | {"car": "someone", "setting": "ACC", "calibrated": 1.0, "model_free": 1.1}
         rows = [row, row | {"setting": "person"}, row | {"car": "another"}]
