@@ -15,13 +15,12 @@ import pyarrow as pa
 from pyarrow import csv
 
 from rearl_jax.config.data import BadRows
+from rearl_jax.data.files.fields import BLANKS, fields_of
 from rearl_jax.data.files.text_layout import (
-    BLANKS,
     OPENERS,
     SAMPLE_LINES,
     compression_of,
     decimal_point_of,
-    fields_of,
     layout_of,
     opened,
     readable,

@@ -10,7 +10,8 @@ import pyarrow.parquet as pq
 
 from rearl_jax.data.files.columnar import column_names, is_parquet, read_columns, readable_parquet, value_type
 from rearl_jax.data.files.delimited import first_rows
-from rearl_jax.data.files.text_layout import BLANKS, layout_of
+from rearl_jax.data.files.fields import BLANKS
+from rearl_jax.data.files.text_layout import layout_of
 from rearl_jax.data.numbers import numbers_of
 from rearl_jax.data.problems import bad_recording
 from rearl_jax.data.tables.moments import is_moment, seconds_of
