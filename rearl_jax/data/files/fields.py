@@ -1,4 +1,4 @@
-"""Fields of a line of a text table: delimiters and quotes."""
+"""Fields of a line of a text table: delimiters, quotes and marks of unknown values."""
 
 import csv
 import re
@@ -6,6 +6,12 @@ from collections.abc import Sequence
 
 BLANKS = " "
 """Delimiter that means any number of blanks."""
+UNKNOWN = (
+    *("", "NA", "N/A", "n/a", "#N/A", "#N/A N/A", "#NA", "NULL", "Null", "null", "None", "NONE", "none", "<NA>", "nil"),
+    *("NaN", "NAN", "nan", "-NaN", "-nan", "1.#QNAN", "-1.#QNAN", "1.#IND", "-1.#IND"),  # with #: C libraries
+    *("-", "--", "---", ".", "?", "#DIV/0!", "#VALUE!", "#NUM!", "#REF!", "#NV", "#WERT!"),  # with #: spreadsheets
+)
+"""Fields that stand for an unknown value."""
 _SINGLE_QUOTED = re.compile(r"'[^']*'")
 
 
