@@ -112,14 +112,14 @@ def opened(path: Path) -> io.BufferedIOBase:
     """
     packed = compression_of(path)
     if packed == ".zip":
-        archive = zipfile.ZipFile(path)
-        names = [name for name in archive.namelist() if not name.endswith("/") and not name.startswith("__MACOSX")]
-        if "[Content_Types].xml" in names:
-            raise bad_recording("not-a-table", "the file is a spreadsheet", "save its sheet as CSV", path)
-        if len(names) != 1:
-            text = f"the archive holds {len(names)} files, not one table"
-            raise bad_recording("not-a-table", text, "unpack it, and name the folder", path)
-        return io.BytesIO(archive.read(names[0]))
+        with zipfile.ZipFile(path) as archive:
+            names = [name for name in archive.namelist() if not name.endswith("/") and not name.startswith("__MACOSX")]
+            if "[Content_Types].xml" in names:
+                raise bad_recording("not-a-table", "the file is a spreadsheet", "save its sheet as CSV", path)
+            if len(names) != 1:
+                text = f"the archive holds {len(names)} files, not one table"
+                raise bad_recording("not-a-table", text, "unpack it, and name the folder", path)
+            return io.BytesIO(archive.read(names[0]))
     return OPENERS[packed](path, "rb") if packed else path.open("rb")
 
 
