@@ -75,10 +75,10 @@ def without_value(table: pd.DataFrame, name: str) -> Finding | None:
     return Finding("not_finite", name, missing, "the value is missing", "complete the row") if missing.any() else None
 
 
-def recording_unnamed(file: str, row: int | None = None) -> BadRecordingError:
-    """The error for a row that belongs to no recording; the row, from 1, if it is known."""
+def recording_unnamed(file: str, column: str, row: int) -> BadRecordingError:
+    """The error for a row, from 1, that belongs to no recording."""
     text = "a row has no recording"
-    return bad_recording("recording-unnamed", text, "complete it", file, column="recording", row=row)
+    return bad_recording("recording-unnamed", text, "complete it", file, column=column, row=row)
 
 
 def require_columns(found: Collection[str], required: Iterable[str], file: Path | str) -> None:

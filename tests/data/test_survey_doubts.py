@@ -11,6 +11,7 @@ from rearl_jax.config.data import DataConfig, DataFormat
 from rearl_jax.data.recordings import iterate_recordings
 from rearl_jax.data.survey.task import run
 from tests.data.survey_tables import truth
+from tests.data.table_files import write_table
 from tests.refusal import refused
 
 
@@ -47,6 +48,20 @@ def test_positions_of_front_or_rear_become_those_of_the_centre(rows, tmp_path, e
     np.testing.assert_allclose(read["position"], rows["x"], atol=1e-9)
     with refused("column-shared", key=f"data.columns.{end}"):
         _read(tmp_path / "a.csv", {"track_id": "id", end: name, "position": "speed", "speed": "length"})
+
+
+@pytest.mark.parametrize("ending", ["csv", "parquet"])
+@pytest.mark.parametrize("mark", ["-", "N/A", "#DIV/0!", "NULL"])
+def test_numbers_with_many_marks_of_unknown_values_are_numbers(rows, tmp_path, ending, mark):
+    table = rows[[*SHORT, "acceleration"]].astype({"acceleration": str})
+    table.loc[table.index % 8 == 3, "acceleration"] = mark
+    path = write_table(table, tmp_path / f"a.{ending}")
+    found = run(str(path))
+    assert _taken(found)["acceleration"] == ("acceleration", None)
+    assert "acceleration" not in found["refused"]
+    read = _read(path, {"track_id": "id", "position": "x"})
+    expected = rows["acceleration"].mask(rows.index % 8 == 3).to_numpy(np.float32)
+    np.testing.assert_array_equal(read["acceleration"].to_numpy(np.float32), expected)
 
 
 def test_boxes_of_a_picture_are_not_feet(rows, tmp_path):

@@ -33,7 +33,7 @@ class Losses:
     def remove(self, table: pd.DataFrame, rows: np.ndarray, cause: str) -> pd.DataFrame:
         """The table without the marked rows, which are counted under the cause."""
         track = table["track_id"].to_numpy()
-        self.counts[cause] += int(rows.sum())
+        self.count(cause, int(rows.sum()))
         known = track == track  # an unknown id (NaN) is not a track
         self.count("tracks", np.unique(track[known]).size - np.unique(track[known & ~rows]).size)
         return table.iloc[np.flatnonzero(~rows)]
@@ -49,7 +49,7 @@ def stop_or_count(
     """
     if policy.on_bad is BadRows.stop:
         raise finding.error(table, info)
-    losses.counts[finding.name] += int(finding.rows.sum())
+    losses.count(finding.name, int(finding.rows.sum()))
 
 
 def reject(
@@ -73,7 +73,7 @@ def reject(
         raise finding.error(table, info)
     track = table["track_id"].to_numpy()
     if policy.on_bad is BadRows.drop_row and finding.is_step:
-        losses.counts[f"{finding.name}_cuts"] += int(finding.rows.sum())
+        losses.count(f"{finding.name}_cuts", int(finding.rows.sum()))
         losses.cut.update(track[finding.rows].tolist())
         table = split_tracks(table, finding.rows)
         parts = table["track_id"].to_numpy()

@@ -10,6 +10,12 @@ from rearl_jax.data.numbers import numbers_of
 from rearl_jax.data.problems import bad_recording
 
 
+def without_blanks(names: pd.Series) -> pd.Series:
+    """Names of recordings without blanks around them; None for empty names."""
+    plain = {name: name.strip() or None for name in names.dropna().unique()}
+    return names if all(name == word for name, word in plain.items()) else pd.Series(names.map(plain))
+
+
 def require_own_rows(rows: pd.DataFrame, file: str, column: str) -> None:
     """Raise BadRecordingError if a recording of few vehicles is part of another one.
 

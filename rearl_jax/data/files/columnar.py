@@ -9,6 +9,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
+from rearl_jax.data.files.fields import UNKNOWN
 from rearl_jax.data.problems import bad_recording, file_missing, require_columns
 
 
@@ -73,7 +74,7 @@ def read_columns(
 
     Args:
         path: The file.
-        numbers: Columns of numbers, which may be written as text.
+        numbers: Columns of numbers, which may be written as text; marks of unknown values are those of text tables.
         texts: Columns of text, in which a missing value is None.
         either: Columns of any type; values that are not numbers become text.
         only: Column, and the value it has in the wanted rows.
@@ -136,8 +137,12 @@ def _cast(column: pa.ChunkedArray, name: str, path: Path, *, is_text: bool) -> p
     if not is_text and pa.types.is_integer(kind):
         return column.cast(kind)
     if not is_text and (is_string(kind) or pa.types.is_floating(kind) or pa.types.is_decimal(kind)):
+        column = column.cast(kind)
+        if is_string(kind):
+            unknown = pc.call_function("is_in", [column], pc.SetLookupOptions(pa.array(UNKNOWN, kind)))
+            column = pc.call_function("if_else", [unknown, pa.scalar(None, kind), column])
         try:
-            return column.cast(kind).cast(pa.float64())
+            return column.cast(pa.float64())
         except pa.ArrowInvalid as error:
             text = str(error).partition("\n")[0]
             raise bad_recording("wrong-type", text, "write numbers there", path, column=name) from None

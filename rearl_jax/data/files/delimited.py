@@ -15,13 +15,12 @@ import pyarrow as pa
 from pyarrow import csv
 
 from rearl_jax.config.data import BadRows
+from rearl_jax.data.files.fields import BLANKS, UNKNOWN, fields_of
 from rearl_jax.data.files.text_layout import (
-    BLANKS,
     OPENERS,
     SAMPLE_LINES,
     compression_of,
     decimal_point_of,
-    fields_of,
     layout_of,
     opened,
     readable,
@@ -31,12 +30,6 @@ from rearl_jax.data.problems import DROP_HINT, BadRecordingError, bad_recording,
 
 _MAX_INTEGER = 2.0**63  # beyond it a number is no 64-bit integer
 _BLOCK_BYTES = 2**20  # bytes
-_UNKNOWN = (
-    *("", "NA", "N/A", "n/a", "#N/A", "#N/A N/A", "#NA", "NULL", "Null", "null", "None", "NONE", "none", "<NA>", "nil"),
-    *("NaN", "NAN", "nan", "-NaN", "-nan", "1.#QNAN", "-1.#QNAN", "1.#IND", "-1.#IND"),  # with #: C libraries
-    *("-", "--", "---", ".", "?", "#DIV/0!", "#VALUE!", "#NUM!", "#REF!", "#NV", "#WERT!"),  # with #: spreadsheets
-)
-"""Fields that stand for an unknown value."""
 _THOUSANDS = re.compile(r"[+-]?\d{1,3}([.,' \u00a0\u2009\u202f]\d{3})+([.,]\d*)?")
 _UTF8 = ("utf-8", "utf-8-sig")
 
@@ -276,7 +269,7 @@ class _Lines:
                 convert_options=csv.ConvertOptions(
                     include_columns=list(columns),
                     column_types=columns,
-                    null_values=_UNKNOWN,
+                    null_values=UNKNOWN,
                     strings_can_be_null=True,
                     decimal_point=self.decimal_point,
                 ),

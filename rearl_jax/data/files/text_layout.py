@@ -17,14 +17,13 @@ from itertools import islice
 from pathlib import Path
 from typing import BinaryIO, cast
 
+from rearl_jax.data.files.fields import BLANKS, fields_of, quote_of
 from rearl_jax.data.problems import bad_recording, file_missing
 from rearl_jax.data.units import UNITS, unit_named
 
 OPENERS = {".gz": gzip.GzipFile, ".bz2": bz2.BZ2File, ".xz": lzma.LZMAFile}
 DAMAGED = (EOFError, OSError, lzma.LZMAError, zipfile.BadZipFile, zlib.error, RuntimeError, NotImplementedError)
 """Errors of the standard library for compressed files that are damaged, encrypted, or compressed in another way."""
-BLANKS = " "
-"""Delimiter that means any number of blanks."""
 SAMPLE_LINES = 20
 """Lines from which delimiter and decimal mark are determined."""
 _MAGIC = {b"\x1f\x8b": ".gz", b"BZh": ".bz2", b"\xfd7zXZ\x00": ".xz", b"PK\x03\x04": ".zip"}
@@ -57,7 +56,6 @@ _NO_TABLES = (
 """First lines of files that are not tables: pattern, kind of file and remedy."""
 _BRACKETED = re.compile(r"[\[(<{]\s*(.*?)\s*[\])>}]")
 _NO_UNIT = frozenset({"", "-", "--", "1", "n/a", "none", "id", "text", "string"})
-_SINGLE_QUOTED = re.compile(r"'[^']*'")
 _PREAMBLE = re.compile(r"#.*|sep=.", re.IGNORECASE)  # a comment, or the line that tells Excel the delimiter
 
 
@@ -114,14 +112,14 @@ def opened(path: Path) -> io.BufferedIOBase:
     """
     packed = compression_of(path)
     if packed == ".zip":
-        archive = zipfile.ZipFile(path)
-        names = [name for name in archive.namelist() if not name.endswith("/") and not name.startswith("__MACOSX")]
-        if "[Content_Types].xml" in names:
-            raise bad_recording("not-a-table", "the file is a spreadsheet", "save its sheet as CSV", path)
-        if len(names) != 1:
-            text = f"the archive holds {len(names)} files, not one table"
-            raise bad_recording("not-a-table", text, "unpack it, and name the folder", path)
-        return io.BytesIO(archive.read(names[0]))
+        with zipfile.ZipFile(path) as archive:
+            names = [name for name in archive.namelist() if not name.endswith("/") and not name.startswith("__MACOSX")]
+            if "[Content_Types].xml" in names:
+                raise bad_recording("not-a-table", "the file is a spreadsheet", "save its sheet as CSV", path)
+            if len(names) != 1:
+                text = f"the archive holds {len(names)} files, not one table"
+                raise bad_recording("not-a-table", text, "unpack it, and name the folder", path)
+            return io.BytesIO(archive.read(names[0]))
     return OPENERS[packed](path, "rb") if packed else path.open("rb")
 
 
@@ -173,34 +171,6 @@ def readable(path: Path) -> Iterator[None]:
         raise bad_recording("not-text", text, remedy, path) from None
 
 
-def fields_of(line: str, delimiter: str) -> list[str]:
-    """The fields of a line, without single or double quotes and without blanks around them."""
-    if delimiter == BLANKS:
-        return line.split()
-    try:
-        found = next(csv.reader([line], delimiter=delimiter, skipinitialspace=True), [])
-    except csv.Error:
-        return line.split(delimiter)
-    return [_without_single_quotes(field.strip()) for field in found]
-
-
-def _without_single_quotes(field: str) -> str:
-    return field[1:-1] if _SINGLE_QUOTED.fullmatch(field) else field
-
-
-def _quote(header: str, rows: Sequence[str], delimiter: str) -> str:
-    """A single quote if it encloses fields: no line has a double quote, and all lines then have as many fields as the
-    header; else a double quote.
-    """
-    lines = [line for line in (header, *rows) if line.strip()]
-    if delimiter == BLANKS or any('"' in line for line in lines) or not any("'" in row for row in rows):
-        return '"'
-    fields = [next(csv.reader([line], delimiter=delimiter, quotechar="'", skipinitialspace=True)) for line in lines]
-    enclosed = [sum(f"'{field}'" in line for field in row) for line, row in zip(lines, fields, strict=True)]
-    are_all = all(line.count("'") <= 2 * n for line, n in zip(lines, enclosed, strict=True))
-    return "'" if are_all and len(set(map(len, fields))) == 1 else '"'
-
-
 @lru_cache(maxsize=256)
 def _layout(path: Path, size: int, changed: int) -> Layout:
     """The layout; size and time of the last change show whether the file is unchanged."""
@@ -232,7 +202,13 @@ def _layout(path: Path, size: int, changed: int) -> Layout:
         names = delimiter.join(f"{quote}{name}[{unit}]{quote}" if unit else name for name, unit in pairs)
         rows = rows[1:]
     names += delimiter * _unnamed(fields_of(names, delimiter), [fields_of(row, delimiter) for row in rows])
-    mark, quote = decimal_point_of(rows, delimiter), _quote(name_line, rows, delimiter)
+    try:
+        quote = quote_of(name_line, rows, delimiter)
+    except csv.Error:
+        text = f"the line has a field of more than {csv.field_size_limit()} characters"
+        line = lines.index(max(lines[header], *rows, key=len)) + 1
+        raise bad_recording("line-broken", text, "the file is damaged: copy it again", path, line=line) from None
+    mark = decimal_point_of(rows, delimiter)
     return Layout(compression_of(path), encoding, is_sure, n_above, names, delimiter, mark, quote)
 
 

@@ -7,6 +7,7 @@ Source: U.S. Federal Highway Administration, TO-21-426, modelling interactions o
 under adaptive cruise control; github.com/usdot-fhwa-stol, Apache 2.0.
 """
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -52,14 +53,14 @@ def read_pairs(path: Path, recording: str, run: str, policy: DataConfig) -> Reco
     """The pairs of one run.
 
     Raises:
-        BadRecordingError: A pair has several followers or leaders, or a row breaks the schema.
+        BadRecordingError: A pair has several followers or leaders, no row states a place, or a row breaks the schema.
     """
     pairs = read_columns(path, _NUMBERS, _TEXTS, only=("recording", run))
     info = RecordingInfo(
         id=recording,
         frame_rate=FRAME_RATE,
         lane_count={1: 1},
-        road_length=float((np.nanmax(pairs["y_l_m"]) if len(pairs) else 0.0) + LENGTH),
+        road_length=0.0,
         source="FHWA TO-21-426, freeway leader-follower pairs",
         licence=LICENCE,
         attribution=ATTRIBUTION,
@@ -74,11 +75,19 @@ def read_pairs(path: Path, recording: str, run: str, policy: DataConfig) -> Reco
     )
     _require_pairs(pairs, info)
     require_period(pairs["t_s"].to_numpy(np.float64), pairs["pair"].to_numpy(), 1.0 / FRAME_RATE, info.file, "t_s")
-    return Recording(info, *validate(_members(pairs, run), info, policy, Losses()))
+    table, dropped = validate(_members(pairs, run), info, policy, Losses())
+    # From the rows that are left, because a bad row must not change the length of the road.
+    return Recording(replace(info, road_length=float(table["position"].to_numpy().max()) + LENGTH), table, dropped)
 
 
 def _require_pairs(pairs: pd.DataFrame, info: RecordingInfo) -> None:
-    """Raise BadRecordingError unless every row names its pair, and a pair has one follower, leader and group."""
+    """Raise BadRecordingError unless every row names its pair, a pair has one follower, leader and group, and places
+    are stated.
+    """
+    for name in ("y_f_m", "y_l_m"):
+        if not np.isfinite(pairs[name].to_numpy(np.float64, na_value=np.nan)).any():
+            remedy = "write the places of the vehicles there"
+            raise bad_recording("no-values", "the column has no values", remedy, info.file or info.id, column=name)
     for name in ("pair", "follower_id", "leader_id"):
         values = pairs[name].to_numpy(np.float64, na_value=np.nan)
         bad = ~((values >= 0) & (values < _MAX_ID) & (values == np.rint(values)))

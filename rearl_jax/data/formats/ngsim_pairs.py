@@ -19,7 +19,7 @@ from rearl_jax.data.checks.unit_checks import MEDIAN_SIZE, require_period
 from rearl_jax.data.files.columnar import column_names, read_columns
 from rearl_jax.data.files.folder import only_parquet
 from rearl_jax.data.formats.ngsim import ATTRIBUTION, FRAME_RATE, LANES, LICENCE
-from rearl_jax.data.problems import Finding, bad_recording, require_columns
+from rearl_jax.data.problems import Finding, bad_recording, require_columns, source_row
 from rearl_jax.data.schema import Recording, RecordingInfo, validate
 from rearl_jax.data.vehicle_rows import follows_row_before
 
@@ -61,11 +61,12 @@ def runs_of(path: Path, column: str, columns: Sequence[str]) -> list[str]:
         BadRecordingError: A column is missing, a row has no run, or there are no rows.
     """
     require_columns(column_names(path), columns, path)
-    runs = read_columns(path, (), (column,))[column].unique().tolist()
-    if not runs or None in runs:
-        text = "a row has no run" if runs else "the table has no rows"
-        raise bad_recording("run-unnamed", text, "complete the file", path, column=column)
-    return sorted(runs)
+    runs = read_columns(path, (), (column,))[column]
+    unnamed = runs.isna().to_numpy()
+    if unnamed.any() or runs.empty:
+        text, row = ("the table has no rows", None) if runs.empty else ("a row has no run", source_row(runs, unnamed))
+        raise bad_recording("run-unnamed", text, "complete the file", path, column=column, row=row)
+    return sorted(runs.unique().tolist())
 
 
 def read_pairs(path: Path, recording: str, run: str, policy: DataConfig) -> Recording:

@@ -64,7 +64,11 @@ def find_platoons(root: Path) -> Path:
 
 
 def platoon_recordings(path: Path) -> dict[str, Platoon]:
-    """Recording id -> part of a platoon with two vehicles or more."""
+    """Recording id -> part of a platoon with two vehicles or more.
+
+    Raises:
+        BadRecordingError: A row does not state its vehicle and run, or a run has no two linked vehicles.
+    """
     rows = read_columns(path, _NUMBERS, ("file",))
     place = rows["pos"].to_numpy(np.float64)
     wrong = rows["file"].isna().to_numpy() | ~((place >= 1.0) & (place < _MAX_PLACES) & (place == np.rint(place)))
@@ -80,6 +84,10 @@ def platoon_recordings(path: Path) -> dict[str, Platoon]:
         parts = np.split(places, np.flatnonzero(~follows)[1:])
         unlinked = tuple(int(part[0]) for part in parts if part.size == 1)
         chains = [part for part in parts if part.size > 1]
+        if not chains:
+            text, row = f"no vehicle of {file} has a gap to a neighbour", int(np.argmax(rows["file"] == file)) + 1
+            remedy = "complete the gaps, or remove the rows of this run"
+            raise bad_recording("unlinked", text, remedy, path, column="gap_to_follower_m", row=row)
         for chain in chains:
             first, last = int(chain[0]), int(chain[-1])
             name = f"openacc_{file}" + (f"_{first}to{last}" if len(chains) > 1 else "")

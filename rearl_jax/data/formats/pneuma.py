@@ -154,7 +154,7 @@ def _vehicles(path: Path, on_bad: BadRows, losses: Losses) -> Iterator[tuple[int
             except BadRecordingError:
                 if on_bad is BadRows.stop:
                     raise
-                losses.counts["broken_line"] += 1
+                losses.count("broken_line", 1)
 
 
 def _vehicle(line: bytes, path: Path, row: int) -> _Vehicle:
@@ -194,15 +194,15 @@ def _on_stretch(row: int, vehicle: _Vehicle, stretch: Stretch, losses: Losses) -
     along, lateral = stretch.places(vehicle.values[:, 0], vehicle.values[:, 1])
     inside = (along >= 0.0) & (along <= stretch.length) & (lateral >= 0.0) & (lateral <= stretch.width)
     inside = _without_excursions(inside)
-    losses.counts["outside_stretch"] += int((~inside).sum())
+    losses.count("outside_stretch", int((~inside).sum()))
     edges = np.flatnonzero(np.diff(np.concatenate([[False], inside, [False]])))
     parts = []
     for begin, end in zip(edges[::2], edges[1::2], strict=True):
         ahead, aside = along[end - 1] - along[begin], lateral[end - 1] - lateral[begin]
         if abs(aside) > max(abs(ahead), _MIN_MOVED):
-            losses.counts["crossing"] += int(end - begin)
+            losses.count("crossing", int(end - begin))
         elif ahead < -_MIN_MOVED:
-            losses.counts["oncoming"] += int(end - begin)
+            losses.count("oncoming", int(end - begin))
         else:
             values = vehicle.values[begin:end]
             parts.append(

@@ -128,7 +128,7 @@ def recording_of(rows: pd.DataFrame, simulation: Simulation, policy: DataConfig,
     starts = (_comes_back(track, on_road) | road.laps) & on_road
     if not on_road.all():
         info = _with_note_on_others(info, code[~on_road], links)
-        losses.counts["other_road"] += int((~on_road).sum())
+        losses.count("other_road", int((~on_road).sum()))
     table, starts = table.iloc[np.flatnonzero(on_road)], starts[on_road]
     if starts.any():
         note = f"{int(starts.sum())} times a vehicle came back or began another lap: it continues as another vehicle"

@@ -1,7 +1,10 @@
 """Files in the folder of SUMO's floating car data: vehicle lengths by type, and lanes of the network."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from pathlib import Path
+
+import numpy as np
 
 from rearl_jax.data.files.folder import visible_files
 from rearl_jax.data.formats.sumo_fcd import ROOT
@@ -54,19 +57,40 @@ class VehicleType:
     width: float | None
 
 
+@dataclass(frozen=True)
+class Edge:
+    """Limits [m/s] and widths [m] of the lanes of an edge, from right to left; a limit of 0 is not stated."""
+
+    limits: tuple[float, ...] = ()
+    widths: tuple[float, ...] = ()
+
+
 @dataclass
 class Surroundings:
-    """Types of vehicles, and by edge the number of lanes and the speed limit [m/s]; the widths of all lanes [m]."""
+    """Types of vehicles and edges by their ids."""
 
     types: dict[str, VehicleType] = field(default_factory=dict)
-    lanes: dict[str, int] = field(default_factory=dict)
-    limits: dict[str, float] = field(default_factory=dict)
-    widths: set[float] = field(default_factory=set)
+    edges: dict[str, Edge] = field(default_factory=dict)
+
+    @property
+    def lanes(self) -> dict[str, int]:
+        """Number of lanes of each edge."""
+        return {name: len(edge.limits) for name, edge in self.edges.items()}
+
+    @property
+    def limits(self) -> dict[str, float]:
+        """Speed limit of each edge [m/s], the largest of its lanes.
+
+        Lanes may have limits of their own: bus lanes, hard shoulders and pavements have lower ones.
+        """
+        return {name: max(edge.limits) for name, edge in self.edges.items()}
 
     @property
     def lane_width(self) -> float | None:
         """Width of every lane [m]; None if they differ."""
-        return next(iter(self.widths or {LANE_WIDTH})) if len(self.widths) < 2 else None
+        # Lanes of junctions have widths of their own.
+        widths = {width for name, edge in self.edges.items() if not name.startswith(":") for width in edge.widths}
+        return next(iter(widths or {LANE_WIDTH})) if len(widths) < 2 else None
 
 
 def sorted_files(folder: Path) -> tuple[list[Path], list[Path]]:
@@ -90,31 +114,49 @@ def sorted_files(folder: Path) -> tuple[list[Path], list[Path]]:
 
 
 def surroundings_of(files: list[Path]) -> Surroundings:
-    """Content of the files of networks and vehicle types.
+    """Content of the files of networks and vehicle types; what two files state alike counts once.
 
     Raises:
-        BadRecordingError: A file is damaged, or a length, width or speed is not a number.
+        BadRecordingError: A file is damaged, a length, width or speed is not a number, or an edge or a type is stated
+            twice and differently.
     """
-    found = Surroundings()
-    found.types["DEFAULT_VEHTYPE"] = VehicleType("passenger", *SIZES["passenger"])
+    found = Surroundings({"DEFAULT_VEHTYPE": VehicleType("passenger", *SIZES["passenger"])})
+    stated: dict[tuple[str, str], tuple[Edge | VehicleType, Path]] = {}
     for path in files:
-        edge = ""
         try:
-            for name, attributes in elements(path):
-                if name == "vType" and "id" in attributes:
-                    found.types[attributes["id"]] = _type_of(attributes, path)
-                elif name == "edge":
-                    edge = attributes.get("id", "")
-                elif name == "lane":
-                    found.lanes[edge] = found.lanes.get(edge, 0) + 1
-                    found.limits[edge] = _number(attributes, "speed", path) or 0.0
-                    # Lanes of junctions have widths of their own.
-                    if not edge.startswith(":"):
-                        found.widths.add(_number(attributes, "width", path) or LANE_WIDTH)
+            for name, content in _content_of(path):
+                kind = "edge" if isinstance(content, Edge) else "type"
+                earlier, there = stated.setdefault((kind, name), (content, path))
+                if earlier != content:
+                    text = f"the {kind} {name} is stated twice and differently, the first time in {there.name}"
+                    remedy = "leave only the files of this simulation in the folder, or correct one of the two"
+                    raise bad_recording(f"{kind}-contradicts", text, remedy, path)
+                if isinstance(content, Edge):
+                    found.edges[name] = content
+                else:
+                    found.types[name] = content
         except CutOff as cut:
             text, remedy = "the file ends within an element", "write or copy it again"
             raise bad_recording("line-broken", text, remedy, path, line=cut.line) from None
     return found
+
+
+def _content_of(path: Path) -> Iterator[tuple[str, Edge | VehicleType]]:
+    """Ids and properties of the edges with lanes and of the vehicle types of a file."""
+    edge, lanes = "", Edge()
+    for name, attributes in elements(path):
+        if name == "vType" and "id" in attributes:
+            yield attributes["id"], _type_of(attributes, path)
+        elif name == "edge":
+            if lanes.limits:
+                yield edge, lanes
+            edge, lanes = attributes.get("id", ""), Edge()
+        elif name == "lane":
+            limit = _number(attributes, "speed", path) or 0.0
+            width = _number(attributes, "width", path) or LANE_WIDTH
+            lanes = Edge((*lanes.limits, limit), (*lanes.widths, width))
+    if lanes.limits:
+        yield edge, lanes
 
 
 def _type_of(attributes: dict[str, str], path: Path) -> VehicleType:
@@ -133,7 +175,10 @@ def _number(attributes: dict[str, str], name: str, path: Path) -> float | None:
     if name not in attributes:
         return None
     try:
-        return float(attributes[name])
+        number = float(attributes[name])
     except ValueError:
+        number = np.nan
+    if not np.isfinite(number):
         text = f"{attributes[name]!r} is not a number"
-        raise bad_recording("value-unreadable", text, "write a number there", path, column=name) from None
+        raise bad_recording("value-unreadable", text, "write a number there", path, column=name)
+    return number

@@ -16,7 +16,7 @@ import pandas as pd
 import pyarrow as pa
 import pyarrow.compute as pc
 
-from rearl_jax.config.data import DataConfig
+from rearl_jax.config.data import BadRows, DataConfig
 from rearl_jax.data.checks.frame_rates import frame_rate_of
 from rearl_jax.data.checks.losses import Losses, reject
 from rearl_jax.data.checks.typed_table import MAX_MAGNITUDE
@@ -24,7 +24,7 @@ from rearl_jax.data.files.delimited import read_csv, read_header, stem_of, text_
 from rearl_jax.data.files.folder import named_files
 from rearl_jax.data.files.text_layout import first_names
 from rearl_jax.data.formats.ngsim_clock import plain
-from rearl_jax.data.problems import Finding, bad_recording, require_columns, without_value
+from rearl_jax.data.problems import DROP_HINT, Finding, bad_recording, require_columns, without_value
 from rearl_jax.data.roads.straightened import Straightened, leave_out, straightened
 from rearl_jax.data.schema import Recording, RecordingInfo, validate
 from rearl_jax.data.vehicle_rows import follows_row_before
@@ -66,6 +66,7 @@ _PLACES = {
 # The codes of I-395; the other files write words.
 _CLASSES = {"1": "car", "2": "truck", "3": "truck", "4": "car", "small vehicle": "car", "large vehicle": "truck"}
 _AUTOMATED_CODE = "4"
+_RUN_REMEDY = "complete it, or remove the column if the file holds one run only"
 
 
 def find_files(root: Path) -> list[Path]:
@@ -87,16 +88,20 @@ def runs(path: Path, policy: DataConfig) -> dict[str, int | None]:
     """Recording id, such as tgsim_i294l1_2 -> the run of the file; None if the file does not distinguish runs.
 
     Raises:
-        BadRecordingError: The file is not a trajectory table of TGSIM's highways.
+        BadRecordingError: The file is not a trajectory table of TGSIM's highways, or a row does not state its run and
+            data.on_bad is stop, or no row states it.
     """
     names = _names(path)
     name = f"tgsim_{_place(path)}"
     if "run" not in names:
         return {name: None}
     rows, _ = read_csv(path, {names["run"]: pa.int64()}, policy.on_bad)
+    if not rows.num_rows:
+        raise bad_recording("no-rows", "the table has no rows", "remove the file or complete it", path)
+    _without_run(rows, names["run"], path, policy)
     found = sorted(run for run in rows[names["run"]].unique().to_pylist() if run is not None)
     if not found:
-        raise bad_recording("no-rows", "the table has no rows", "remove the file or complete it", path)
+        raise bad_recording("no-row-left", "no row states its run", _RUN_REMEDY, path, column=names["run"])
     return {f"{name}_{run}": run for run in found}
 
 
@@ -187,6 +192,11 @@ def _rows(path: Path, names: dict[str, str], run: int | None, policy: DataConfig
     losses.count("broken_line", n_broken)
     index = np.arange(table.num_rows)
     if run is not None:
+        without_run = _without_run(table, names["run"], path, policy)
+        if without_run.any():
+            # They are of no recording, so each recording of the file counts them, as it does broken lines.
+            tracks = pd.DataFrame({"track_id": table[names["track_id"]].to_numpy()})
+            losses.remove(tracks, without_run, "not_finite")
         of_run = pc.call_function("equal", [table[names["run"]], pa.scalar(run)]).fill_null(False)
         index = np.flatnonzero(of_run.to_numpy())
         table = table.filter(of_run)
@@ -194,6 +204,17 @@ def _rows(path: Path, names: dict[str, str], run: int | None, policy: DataConfig
         raise bad_recording("no-rows", "the table has no rows", "remove the file or complete it", path)
     rows = table.to_pandas(split_blocks=True, self_destruct=True).set_axis(index, axis=0)
     return rows.rename(columns={source: canonical for canonical, source in names.items()})
+
+
+def _without_run(table: pa.Table, column: str, path: Path, policy: DataConfig) -> np.ndarray:
+    """Mask of the rows that do not state their run; BadRecordingError if there are any and data.on_bad is stop."""
+    missing = table[column].is_null().to_numpy()
+    if missing.any() and policy.on_bad is BadRows.stop:
+        others = int(missing.sum()) - 1
+        text = "the row does not state its run" + (f" (and {others} more rows)" if others else "")
+        row = int(np.argmax(missing)) + 1
+        raise bad_recording("not-finite", text, f"{_RUN_REMEDY}{DROP_HINT}", path, column=column, row=row)
+    return missing
 
 
 def _straight(rows: pd.DataFrame, info: RecordingInfo) -> Straightened:

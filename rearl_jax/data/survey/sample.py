@@ -10,7 +10,8 @@ import pyarrow.parquet as pq
 
 from rearl_jax.data.files.columnar import column_names, is_parquet, read_columns, readable_parquet, value_type
 from rearl_jax.data.files.delimited import first_rows
-from rearl_jax.data.files.text_layout import BLANKS, layout_of
+from rearl_jax.data.files.fields import BLANKS, UNKNOWN
+from rearl_jax.data.files.text_layout import layout_of
 from rearl_jax.data.numbers import numbers_of
 from rearl_jax.data.problems import bad_recording
 from rearl_jax.data.tables.moments import is_moment, seconds_of
@@ -127,7 +128,7 @@ def _column(name: str, values: pd.Series) -> FoundColumn:
     known = values.notna().to_numpy()
     texts = pd.Series(np.full(len(values), None, dtype=object))
     texts[known] = pd.Series(values[known]).astype(str).str.strip().to_numpy()
-    texts = pd.Series(texts.where(~texts.isin(["", "NULL", "NaN", "nan", "NA", "None"]), None), dtype=object)
+    texts = pd.Series(texts.where(~texts.isin(UNKNOWN), None), dtype=object)
     n_known = int(texts.notna().sum())
     if not n_known:
         return FoundColumn(name, "empty", np.full(len(values), np.nan), texts)

@@ -19,12 +19,12 @@ import pyarrow.parquet as pq
 from rearl_jax.config.data import DataConfig
 from rearl_jax.data.checks.labels import with_labels
 from rearl_jax.data.checks.losses import Losses
-from rearl_jax.data.checks.recording_names import require_own_rows
+from rearl_jax.data.checks.recording_names import require_own_rows, without_blanks
 from rearl_jax.data.files.columnar import column_names, is_parquet, is_text, read_columns, stored_text
 from rearl_jax.data.files.delimited import read_csv, read_header, stem_of, text_endings
 from rearl_jax.data.files.folder import named_files, recordings_missing, tables_of_study
 from rearl_jax.data.files.text_layout import layout_of
-from rearl_jax.data.problems import BadRecordingError, bad_recording, recording_unnamed
+from rearl_jax.data.problems import BadRecordingError, bad_recording, recording_unnamed, source_row
 from rearl_jax.data.schema import COLUMNS, Recording, RecordingInfo, validate
 from rearl_jax.data.tables.completion import completed
 from rearl_jax.data.tables.row_info import info_of_rows
@@ -76,13 +76,13 @@ class TableFile:
         if self._is_csv:
             # Not through self._csv: a folder of many files is listed without keeping their rows.
             rows, _ = read_csv(self.path, {column: pa.string()}, self._policy.on_bad)
-            names = rows[column].unique().to_pandas()
+            names = rows[column].to_pandas()
         else:
-            names = pd.Series(read_columns(self.path, (), (column,))[column].unique())
-        names = _without_blanks(names).unique()
-        if pd.isna(names).any():
-            raise recording_unnamed(str(self.path))
-        return [str(name) for name in names]
+            names = pd.Series(read_columns(self.path, (), (column,))[column])
+        found = without_blanks(pd.Series(names.unique())).unique()
+        if pd.isna(found).any():
+            raise recording_unnamed(str(self.path), column, source_row(names, without_blanks(names).isna().to_numpy()))
+        return [str(name) for name in found]
 
     def read(self, recording: str, labels: Sequence[str] = ()) -> Recording:
         """One recording of the file, checked.
@@ -109,7 +109,7 @@ class TableFile:
             rows = self._parquet_rows(recording, texts)
         rows = spelling.renamed(rows)
         if "recording" in rows:
-            rows = rows.assign(recording=_without_blanks(pd.Series(rows["recording"])))
+            rows = rows.assign(recording=without_blanks(pd.Series(rows["recording"])))
             self._require_own_rows(rows)
             rows = rows.iloc[np.flatnonzero(rows["recording"].to_numpy() == recording)]
         if rows.empty:
@@ -149,7 +149,7 @@ class TableFile:
         if not self._is_csv:
             further = [columns[name] for name in ("track_id", "frame", "time") if name in columns]
             rows = self._spelling.renamed(read_columns(self.path, (), (columns["recording"],), either=further))
-            rows = rows.assign(recording=_without_blanks(pd.Series(rows["recording"])))
+            rows = rows.assign(recording=without_blanks(pd.Series(rows["recording"])))
         require_own_rows(rows, str(self.path), columns["recording"])
         self._has_own_rows = True
 
@@ -226,7 +226,7 @@ class TableFile:
         if "recording" not in columns:
             return read_columns(self.path, numbers, texts, either=either)
         column = columns["recording"]
-        names = _without_blanks(pd.Series(read_columns(self.path, (), (column,))[column])).to_numpy()
+        names = without_blanks(pd.Series(read_columns(self.path, (), (column,))[column])).to_numpy()
         rows = read_columns(self.path, numbers, texts, either=either, only=(column, recording))
         return rows.set_axis(np.flatnonzero(names == recording), axis=0)
 
@@ -247,12 +247,6 @@ class TableFile:
             remedy = "correct it, or remove it to have it derived from the rows"
             raise bad_recording("metadata-unusable", text, remedy, file) from None
         return {info.id: info for info in infos}
-
-
-def _without_blanks(names: pd.Series) -> pd.Series:
-    """Names of recordings without blanks around them; None for empty names."""
-    plain = {name: name.strip() or None for name in names.dropna().unique()}
-    return names if all(name == word for name, word in plain.items()) else pd.Series(names.map(plain))
 
 
 def _loses_digits(ids: pa.ChunkedArray) -> bool:

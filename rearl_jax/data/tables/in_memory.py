@@ -3,7 +3,7 @@
 import hashlib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, fields, replace
-from functools import partial
+from functools import cached_property, partial
 
 import numpy as np
 import pandas as pd
@@ -11,13 +11,14 @@ from pandas.util import hash_pandas_object
 
 from rearl_jax.config.data import DataConfig, DataFormat
 from rearl_jax.data.checks.labels import with_labels
+from rearl_jax.data.checks.recording_names import require_own_rows, without_blanks
 from rearl_jax.data.problems import recording_unnamed
 from rearl_jax.data.reader import Entry
 from rearl_jax.data.records import Recording
 from rearl_jax.data.schema import COLUMNS, validate
 from rearl_jax.data.tables.completion import completed
 from rearl_jax.data.tables.row_info import info_of_rows
-from rearl_jax.data.tables.spelling import Spelling, require_needed_columns, spelling_of
+from rearl_jax.data.tables.spelling import require_needed_columns, spelling_of
 
 NAME = "table"
 """Id of the recording in a table without the column `recording`; in messages also the name of the source."""
@@ -58,33 +59,56 @@ def entries(data: TableInMemory) -> Iterator[Entry]:
     Raises:
         BadRecordingError: A row has no recording.
     """
-    column = _spelling(data).columns.get("recording")
-    if column is None:
-        yield Entry(NAME, partial(_read, data, NAME), partial(_read, data, NAME))
-        return
-    names = pd.Series(data.table.rename(columns=str)[column])
-    missing = np.flatnonzero(names.isna())
-    if len(missing):
-        raise recording_unnamed(NAME, row=int(missing[0]) + 1)
-    for name in sorted(names.astype(str).unique()):
-        yield Entry(name, partial(_read, data, name), partial(_read, data, name))
+    rows = _Rows(data)
+    for name in rows.recordings():
+        yield Entry(name, partial(rows.read, name), partial(rows.read, name))
 
 
-def _spelling(data: TableInMemory) -> Spelling:
-    return spelling_of(data, [str(name) for name in data.table.columns], NAME)
+class _Rows:
+    """The rows of a table in memory, read as those of `canonical.TableFile` are."""
+
+    def __init__(self, data: TableInMemory) -> None:
+        self._data = data
+        self._spelling = spelling_of(data, [str(name) for name in data.table.columns], NAME)
+        self._has_own_rows = False  # once it is known that no recording holds rows of another one
+
+    def recordings(self) -> list[str]:
+        """Ids of the recordings in the table."""
+        column = self._spelling.columns.get("recording")
+        if column is None:
+            return [NAME]
+        unnamed = pd.isna(self._names)
+        if unnamed.any():
+            raise recording_unnamed(NAME, column, int(np.argmax(unnamed)) + 1)
+        return sorted(set(self._names.tolist()))
+
+    def read(self, name: str, labels: Sequence[str] = ()) -> Recording:
+        """One recording with columns of the table as labels, checked as those in files are."""
+        data, spelling = self._data, self._spelling
+        rows = spelling.renamed(data.table.reset_index(drop=True).rename(columns=str))
+        if "recording" in rows:
+            rows = rows.assign(recording=self._names)
+            if not self._has_own_rows:
+                require_own_rows(rows, NAME, spelling.columns["recording"])
+                self._has_own_rows = True
+            rows = rows.iloc[np.flatnonzero(self._names == name)].drop(columns="recording")
+        canonical = [column.name for column in COLUMNS]
+        further = [str(column) for column in rows.columns if column not in canonical]
+        done = completed(rows, spelling, data, NAME)
+        rows, info = info_of_rows(name, done.rows, NAME, "a table in memory", is_in_seconds=spelling.has_clock)
+        info = replace(info, notes=(*info.notes, *done.notes), columns=spelling.foreign)
+        info = with_labels(info, (*labels, *done.labels), [*further, *done.labels])
+        return Recording(info, *validate(rows, info, data))
+
+    @cached_property
+    def _names(self) -> np.ndarray:
+        """Name of the recording of each row, spelt as from a file; None where a row has none."""
+        column = pd.Series(self._data.table.rename(columns=str)[self._spelling.columns["recording"]])
+        codes, values = pd.factorize(column)
+        words = pd.Series([_word(value) for value in values], dtype=object)
+        return np.array([*without_blanks(words), None], object)[codes]  # code -1, for no name, is the last
 
 
-def _read(data: TableInMemory, name: str, labels: Sequence[str] = ()) -> Recording:
-    """One recording with columns of the table as labels, checked as those in files are."""
-    spelling = _spelling(data)
-    rows = spelling.renamed(data.table.reset_index(drop=True).rename(columns=str))
-    if "recording" in rows:
-        of_recording = np.flatnonzero(rows["recording"].astype(str).to_numpy() == name)
-        rows = rows.iloc[of_recording].drop(columns="recording")
-    canonical = [column.name for column in COLUMNS]
-    further = [str(column) for column in rows.columns if column not in canonical]
-    done = completed(rows, spelling, data, NAME)
-    rows, info = info_of_rows(name, done.rows, NAME, "a table in memory", is_in_seconds=spelling.has_clock)
-    info = replace(info, notes=(*info.notes, *done.notes), columns=spelling.foreign)
-    info = with_labels(info, (*labels, *done.labels), [*further, *done.labels])
-    return Recording(info, *validate(rows, info, data))
+def _word(value: object) -> str:
+    """A name as text; a whole number has no fraction, although a column with gaps holds it as one."""
+    return str(int(value)) if isinstance(value, float) and value.is_integer() else str(value)

@@ -14,6 +14,7 @@ from rearl_jax.data.recordings import data_id, iterate_recordings, label_of_same
 from rearl_jax.data.records import Recording
 from rearl_jax.data.tables.canonical import TableFile, write_recording
 from rearl_jax.data.tables.in_memory import in_memory
+from tests.data.changed_rows import with_values
 from tests.data.formats.test_openacc import _platoon
 from tests.data.table_files import write_table
 from tests.refusal import refused
@@ -36,6 +37,23 @@ def _pair(pair: int, group: str, follower: int) -> pd.DataFrame:
 def _read_pairs(folder: Path, pairs: pd.DataFrame) -> list[Recording]:
     pairs.to_parquet(folder / "pairs.parquet")
     return list(iterate_recordings(DataConfig(DataFormat.fhwa, str(folder))))
+
+
+@pytest.mark.parametrize("on_bad", [BadRows.stop, BadRows.drop_row])
+@pytest.mark.parametrize("column", ["y_f_m", "y_l_m"])
+def test_pairs_without_any_place_are_refused(tmp_path, on_bad, column):
+    _pair(1, "HV", 7).assign(**{column: np.nan}).to_parquet(tmp_path / "pairs.parquet")
+    with refused("no-values", column=column):
+        list(iterate_recordings(DataConfig(DataFormat.fhwa, str(tmp_path), on_bad=on_bad)))
+
+
+def test_a_wrong_place_does_not_lengthen_the_road(tmp_path):
+    sound = _pair(1, "HV", 7)
+    (expected,) = _read_pairs(tmp_path, sound)
+    with_values(sound, 50, y_l_m=1e7).astype({"y_l_m": float}).to_parquet(tmp_path / "pairs.parquet")
+    (found,) = iterate_recordings(DataConfig(DataFormat.fhwa, str(tmp_path), on_bad=BadRows.drop_row))
+    assert found.info.road_length == expected.info.road_length
+    assert found.dropped != {}
 
 
 def test_cars_of_openacc_have_model_and_setting(tmp_path):

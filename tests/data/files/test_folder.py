@@ -17,7 +17,7 @@ from rearl_jax.data.formats.highd import find_recordings
 from rearl_jax.data.recordings import count_recordings, iterate_recordings
 from rearl_jax.data.tables.canonical import TableFile, find_tables
 from rearl_jax.problems import MissingInputError
-from tests.data.table_files import write_table
+from tests.data.table_files import read_table, write_table
 from tests.refusal import refused
 
 
@@ -45,6 +45,27 @@ def test_hidden_companions_of_highd_and_of_parquet_are_left_out(highd_files, tmp
     (tmp_path / "a.parquet").touch()
     (tmp_path / "._a.parquet").touch()
     assert only_parquet(tmp_path, "one") == tmp_path / "a.parquet"
+
+
+def test_archives_are_closed(table, monkeypatch):
+    archives = []
+
+    class Kept(zipfile.ZipFile):
+        def __init__(self, *args, **keys) -> None:
+            super().__init__(*args, **keys)
+            archives.append(self)
+
+    path = table.with_name("b.csv.zip")
+    with zipfile.ZipFile(path, "w") as archive:
+        archive.writestr("b.csv", table.read_text())
+    monkeypatch.setattr(zipfile, "ZipFile", Kept)
+    read_table(path)
+    with zipfile.ZipFile(path, "a") as archive:
+        archive.writestr("c.csv", "")
+    with refused("not-a-table", file=str(path)):
+        read_table(path)
+    assert len(archives) > 2
+    assert all(archive.fp is None for archive in archives)
 
 
 @pytest.mark.parametrize("ending", [".gz", ".bz2", ".xz", ".zip"])

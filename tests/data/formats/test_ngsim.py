@@ -9,6 +9,7 @@ from rearl_jax.data.formats.ngsim_pairs import find_pairs, pairs_recordings, rea
 from rearl_jax.data.formats.ngsim_published import PublishedFile, find_published
 from rearl_jax.data.recordings import count_recordings, iterate_recordings
 from rearl_jax.problems import MissingInputError
+from tests.data.changed_rows import with_values
 from tests.refusal import refused
 
 STOP = DataConfig()
@@ -302,6 +303,12 @@ def test_runs_of_one_name_stop(tmp_path):
     _pairs().assign(run=["0400pm-0415pm", "0400pm-0430pm"] * 90).to_parquet(tmp_path / "pairs.parquet")
     with refused("run-twice", column="run"):
         pairs_recordings(find_pairs(tmp_path))
+
+
+def test_a_row_without_a_run_is_named(tmp_path):
+    with_values(_pairs(), 40, run=None).to_parquet(tmp_path / "pairs.parquet")
+    with refused("run-unnamed", column="run", row=41):
+        pairs_recordings(tmp_path / "pairs.parquet")
 
 
 def test_a_vehicle_of_several_lengths_stops(tmp_path):

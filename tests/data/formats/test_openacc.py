@@ -132,6 +132,13 @@ def test_a_missing_vehicle_parts_the_platoon_and_a_lone_one_is_counted(tmp_path)
     assert only.info.id == "openacc_run_1"
 
 
+@pytest.mark.parametrize("on_bad", BadRows)
+def test_a_run_without_any_gap_does_not_vanish_beside_others(tmp_path, on_bad):
+    alone = _platoon(2).assign(file="run_2", gap_to_follower_m=np.nan)
+    with refused("unlinked", column="gap_to_follower_m", row=401):
+        _read(tmp_path, pd.concat([_platoon(2), alone]), DataConfig(on_bad=on_bad))
+
+
 def test_a_jumping_gap_is_found(tmp_path):
     rows = _platoon()
     rows.loc[(rows["pos"] == 1) & (rows["t_s"] > 40.0), "gap_to_follower_m"] += 5.0
@@ -173,8 +180,8 @@ def test_damaged_statistics_do_not_hold_the_reading_up(tmp_path):
     ],
 )
 def test_damage_inside_is_named(tmp_path, sound, damaged, says):
-    _read(tmp_path, _platoon().iloc[:41])
-    path = find_platoons(tmp_path)
+    path = tmp_path / "platoons.parquet"
+    _platoon().iloc[:41].to_parquet(path)
     content = path.read_bytes()
     assert sound in content
     path.write_bytes(content.replace(sound, damaged))

@@ -84,6 +84,12 @@ def test_the_stretch_is_a_straight_road(vehicles, lines, read):
     assert table["width"].isna().all()
 
 
+def test_what_is_not_lost_is_not_counted(lines, read):
+    latitude, longitude = STRETCH[2] - STRETCH[0], STRETCH[3] - STRETCH[1]
+    longer = (STRETCH[0] - latitude, STRETCH[1] - longitude, STRETCH[2] + latitude, STRETCH[3] + longitude)
+    assert read(lines, stretch=(*longer, *STRETCH[4:])).dropped == {}
+
+
 def test_crossing_and_oncoming_vehicles_are_counted(vehicles, lines, read):
     fields = [str(field) for field in range(100)]
     # Across the street at half its length, and against it.

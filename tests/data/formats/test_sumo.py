@@ -185,6 +185,52 @@ def test_a_folder_without_floating_car_data_names_what_is_wanted(tmp_path):
         read(tmp_path)
 
 
+@pytest.mark.parametrize("copy", [sumo_files.NET, sumo_files.TYPES], ids=["network", "types"])
+def test_a_second_copy_of_a_file_beside_changes_nothing(tmp_path, copy):
+    expected = read(sumo_files.write(tmp_path, TEXT))
+    (tmp_path / "copy.xml").write_text(copy)
+    recording = read(tmp_path)
+    assert recording.info == expected.info
+    pd.testing.assert_frame_equal(recording.table, expected.table)
+
+
+@pytest.mark.parametrize(
+    ("other", "code"),
+    [
+        (sumo_files.NET.replace('<lane id="exit_2" speed="33.33"/>', ""), "edge-contradicts"),
+        (sumo_files.NET.replace('id="main_0" speed="33.33"', 'id="main_0" speed="27.78"'), "edge-contradicts"),
+        (sumo_files.TYPES.replace("12.5", "18.75"), "type-contradicts"),
+    ],
+    ids=["lanes", "limit", "length"],
+)
+def test_files_beside_that_contradict_each_other_are_refused(tmp_path, other, code):
+    sumo_files.write(tmp_path, TEXT)
+    path = tmp_path / "zz.xml"
+    path.write_text(other)
+    with refused(code, file=str(path)):
+        read(tmp_path)
+
+
+@pytest.mark.parametrize("slow", [0, 1])
+def test_the_limit_of_an_edge_is_that_of_its_fastest_lane(tmp_path, slow):
+    sumo_files.write(tmp_path, TEXT)
+    net = sumo_files.NET
+    for edge in ("main", "exit"):
+        net = net.replace(f'id="{edge}_{slow}" speed="33.33"', f'id="{edge}_{slow}" speed="22.22"')
+        net = net.replace(f'id="{edge}_2" speed="33.33"', f'id="{edge}_2" speed="22.22"')
+    (tmp_path / "road.net.xml").write_text(net)
+    assert read(tmp_path).info.speed_limit == 33.33
+
+
+@pytest.mark.parametrize("word", ["nan", "inf", "fast"])
+def test_a_limit_that_is_not_a_number_is_refused(tmp_path, word):
+    sumo_files.write(tmp_path, TEXT)
+    path = tmp_path / "road.net.xml"
+    path.write_text(sumo_files.NET.replace("33.33", word, 1))
+    with refused("value-unreadable", column="speed", file=str(path)):
+        read(tmp_path)
+
+
 SIMULATION = """
 import json, sys, warnings
 warnings.simplefilter("ignore")

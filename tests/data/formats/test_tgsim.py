@@ -67,6 +67,25 @@ def test_runs_are_recordings_of_their_own(rows, read):
     assert [len(first.table), len(second.table)] == [len(rows), len(later)]
 
 
+def test_rows_without_a_run_are_named_or_counted(rows, read):
+    unnamed = ((rows["id"] == 5) | ((rows["id"] == 7) & (rows["time"] > 12.0))).to_numpy()
+    changed = rows.assign(**{"run-index": rows["run-index"].astype("Int64").mask(unnamed)})
+    with refused("not-finite", column="run-index", row=int(np.argmax(unnamed)) + 1):
+        read(changed)
+    for on_bad in (BadRows.drop_row, BadRows.drop_track):
+        (recording,) = read(changed, on_bad)
+        assert recording.dropped == {"not_finite": unnamed.sum(), "tracks": 1}
+        assert len(recording.table) == len(rows) - unnamed.sum()
+
+
+def test_a_file_in_which_no_row_states_its_run_is_named(rows, read):
+    changed = rows.assign(**{"run-index": ""})
+    with refused("not-finite", column="run-index", row=1):
+        read(changed)
+    with refused("no-row-left", column="run-index"):
+        read(changed, BadRows.drop_row)
+
+
 def test_lanes_are_ranked_by_place_whatever_their_numbers(rows, read):
     numbers = rows["lane-kf"].map({1: 5, 2: 4, 3: 9, -1: 30, -2: 20, -3: 10})
     (recording,) = read(rows.assign(**{"lane-kf": numbers}))

@@ -163,6 +163,16 @@ def test_single_quotes_enclose_fields(rows, tmp_path, kind):
     pd.testing.assert_frame_equal(found.labels, expected.labels)
 
 
+def test_a_field_without_an_end_beside_single_quotes_is_named(rows, tmp_path):
+    path = tmp_path / "a.csv"
+    rows.assign(driver="'ab'").to_csv(path, index=False)
+    lines = path.read_text().splitlines()
+    lines[3] = lines[3].replace("'ab'", "'" + 140_000 * "b")
+    path.write_text("\n".join(lines))
+    with refused("line-broken", file=str(path), line=4):
+        read_table(path)
+
+
 def test_a_quoted_word_inside_a_text_encloses_nothing(rows, tmp_path):
     rows.assign(driver="fast, 'calm', old").to_csv(tmp_path / "a.csv", index=False)
     (found,) = iterate_recordings(DataConfig(DataFormat.table, str(tmp_path / "a.csv")), labels=("driver",))
