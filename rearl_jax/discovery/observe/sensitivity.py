@@ -11,6 +11,7 @@ from dataclasses import replace
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import lax
 from jaxtyping import Array, Float
 
@@ -100,10 +101,7 @@ def sensitivity_sums(
             "count": sums["count"] + weight,
             "gradient": sums["gradient"] + weighted * innovation[None],
             "nuisance": sums["nuisance"] + weighted[:n_nuisance, None] * slope[None],
-            "blocks": tuple(
-                block + weighted[part][:, None] * slope[part][None]
-                for block, part in zip(sums["blocks"], parts, strict=True)
-            ),
+            "products": sums["products"] + weighted[rows] * slope[columns],
         }
         gain, along = pieces.gain, jax.tree.map(lambda values: values[None], pieces.gain)
         state, d = correct(state, is_corrected * innovation, gain), correct(d, is_corrected[None] * slope, along)
@@ -127,14 +125,16 @@ def sensitivity_sums(
         return ((state, acceleration, memory), (d, d_acceleration), sums), None
 
     groups = [*groups, range(len(places), len(places) + n_clocks)]
-    parts = [jnp.asarray([n_own + k for k in group], int) for group in groups]
+    # One array for the blocks of all groups: a smaller program.
+    pairs = [(n_own + k, n_own + m) for group in groups for k in group for m in group]
+    rows, columns = np.array(pairs, int).reshape(-1, 2).T
     nothing = jnp.zeros((size, n))
     total = {
         "square": nothing[0],
         "count": nothing[0],
         "gradient": nothing,
         "nuisance": jnp.zeros((n_nuisance, size, n)),
-        "blocks": tuple(jnp.zeros((len(group), len(group), n)) for group in groups),
+        "products": jnp.zeros((len(pairs), n)),
     }
     (x, v), d_x, d_v = pieces.start, nothing, nothing
     if lens is not None:
@@ -151,8 +151,9 @@ def sensitivity_sums(
     (_, _, total), _ = lax.scan(
         step, carry, (pieces.y, pieces.weight, pieces.is_corrected, pieces.seen, extra, jnp.moveaxis(following, 1, 0))
     )
-    blocks = {f"block_{k}": block for k, block in enumerate(total["blocks"])}
-    return {name: values for name, values in total.items() if name != "blocks"} | blocks
+    products = jnp.split(total.pop("products"), np.cumsum([len(group) ** 2 for group in groups])[:-1])
+    blocks = zip(groups, products, strict=True)
+    return total | {f"block_{k}": block.reshape(len(group), len(group), n) for k, (group, block) in enumerate(blocks)}
 
 
 def _straightened_start_along(

@@ -63,8 +63,20 @@ UNSMOOTHED = Smoothness()
 NO_LABELS: Mapping[str, Sequence[pd.Series]] = MappingProxyType({})
 """No labels."""
 
-_STEPS_UNIT = 64
-"""The number of time steps is rounded up to a multiple of this, so that XLA compiles for few shapes."""
+
+def padded_steps(longest: int, dt: float) -> int:
+    """Number of time steps of all pieces of drives: those of LONGEST, or the half, quarter, ... that holds the longest
+    track. There are few numbers because every one needs programs of its own, whose compilation takes far longer than
+    the time steps without data.
+
+    Args:
+        longest: Time steps of the longest track.
+        dt: Time step [s].
+    """
+    n_steps = int(LONGEST / dt)
+    while n_steps // 2 >= max(longest, 1):
+        n_steps //= 2
+    return n_steps
 
 
 def one_frame_rate(recordings: Sequence[Recording]) -> None:
@@ -115,8 +127,7 @@ def measure(
         noise = max(measured_noise, smooth.size, least_noise)
         added = float(np.sqrt(noise**2 - max(measured_noise, smooth.size) ** 2))
     stride, edge = max(1, round(APART * smooth.drives / dt)), round(EDGE * smooth.drives / dt)
-    n_steps = min(int(LONGEST / dt), max((recording.longest for recording in recordings), default=0))
-    n_steps = -(-n_steps // _STEPS_UNIT) * _STEPS_UNIT  # rounded up
+    n_steps = padded_steps(max((recording.longest for recording in recordings), default=0), dt)
     pieces, offset = [], 0
     for number, recording in enumerate(recordings):
         rng = np.random.default_rng(number)
