@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 
 from rearl_jax.discovery.observe.candidates import Term
-from rearl_jax.discovery.search.decision import Trial, copies_leader, is_of_numerics
+from rearl_jax.discovery.search.decision import Trial, copies_leader, is_everywhere, is_of_numerics
 from rearl_jax.discovery.search.outcome import Search
 from rearl_jax.discovery.thresholds import THRESHOLDS
 
@@ -14,6 +14,7 @@ RESULTS: Mapping[str, str] = {
     "contradicted": "simulations of other drivers contradict it",
     "of_numerics": "a delay within the time resolution",
     "copies_leader": "repeats the leader's acceleration at once: both positions may share an error",
+    "everywhere": "a section without an end in the data: a property of the drivers",
     "worse_on_others": "other drivers are predicted worse",
     "too_little": "gains too little",
     "surpassed": "another candidate gains more",
@@ -45,6 +46,8 @@ def _failed_test(trial: Trial, *, is_exceeding: bool) -> str:
         return "of_numerics"
     if copies_leader(trial):
         return "copies_leader"
+    if is_everywhere(trial):
+        return "everywhere"
     if trial.check <= THRESHOLDS.worst_check:
         return "worse_on_others"
     if not trial.holds:

@@ -8,7 +8,7 @@ import numpy as np
 from jaxtyping import Float
 
 from rearl_jax.discovery.observe.base import Base
-from rearl_jax.discovery.observe.candidates import Candidate, Term
+from rearl_jax.discovery.observe.candidates import CANDIDATE_EFFECTS, PLACED, Candidate, Term
 from rearl_jax.discovery.observe.fit import Fit, recalibrated
 from rearl_jax.discovery.observe.fit_state import FitState
 from rearl_jax.discovery.observe.solver import Solver
@@ -145,6 +145,23 @@ def imitating_delay(trials: list[Trial]) -> set[Term]:
         for delay in delays
         if delay.beats(trial) and confounded(trial.candidate.term, delay.candidate.term)
     }
+
+
+def is_everywhere(trial: Trial) -> bool:
+    """True if the trial is a section of road that contains the whole measured road, or a change of conditions before
+    the recordings begin. What acts on all drivers at all times is a property of the drivers.
+    """
+    effect = trial.candidate.term.effect
+    if effect not in PLACED:
+        return False
+    state = trial.fit.state
+    names = [parameter.name for parameter in CANDIDATE_EFFECTS[effect].parameters]
+    values = dict(zip(names, state.theta[list(trial.candidate.free)].tolist(), strict=True))
+    measured = state.data.weight > 0
+    if PLACED[effect] == "time":
+        return bool(values["onset"] <= state.data.surroundings.time[measured].min())
+    positions = state.data.y[measured]
+    return bool(values["start"] <= positions.min() and values["end"] >= positions.max())
 
 
 def copies_leader(trial: Trial) -> bool:

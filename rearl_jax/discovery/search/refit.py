@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from rearl_jax.discovery.observe.candidates import Candidate, Layout, Term
+from rearl_jax.discovery.observe.candidates import CANDIDATE_EFFECTS, Candidate, Layout, Term
 from rearl_jax.discovery.observe.fit import Fit
 from rearl_jax.discovery.observe.fit_state import FitState, replaced, with_noise
 from rearl_jax.discovery.observe.noise import levels_up_to, under_best_noise
@@ -141,11 +141,24 @@ def nested(solver: Solver, base: Fit, fits: dict[Term, Fit]) -> dict[Term, Fit]:
     repeated = {}
     for term, fit in fits.items():
         if fit.state.objective > base.state.objective:
-            again = replaced(base.state, active=fit.state.active)
+            again = replaced(base.state, active=fit.state.active, theta=_switched_off(solver.layout, base.state, fit))
             solver.solve([again], iterations=20, tolerance=0.05)
             fit = min(fit, replace(fit, state=again, noise=base.noise), key=lambda candidate: candidate.state.objective)
         repeated[term] = fit
     return repeated
+
+
+def _switched_off(layout: Layout, base: FitState, fit: Fit) -> np.ndarray:
+    """Parameters of the base model, and the places, times and ranges of the fitted candidate, whose strengths are off:
+    from there the search can find its strength.
+    """
+    assert fit.candidate is not None
+    theta, term = base.theta.copy(), fit.candidate.term
+    if term.is_effect:
+        of_effect = CANDIDATE_EFFECTS[term.effect].parameters
+        kept = [layout.places[f"{term.effect}.{each.name}"][0] for each in of_effect if not each.is_strength]
+        theta[kept] = fit.state.theta[kept]
+    return theta
 
 
 def rebased(solver: Solver, base: Fit, fits: dict[Term, Fit]) -> Fit:

@@ -5,7 +5,7 @@ from dataclasses import dataclass, field
 
 from rearl_jax.discovery.observe.candidates import Term
 from rearl_jax.discovery.observe.fit import Fit
-from rearl_jax.discovery.search.decision import Trial, copies_leader, indistinguishable, is_of_numerics
+from rearl_jax.discovery.search.decision import Trial, copies_leader, indistinguishable, is_everywhere, is_of_numerics
 from rearl_jax.discovery.thresholds import THRESHOLDS
 
 
@@ -65,8 +65,8 @@ class Round:
 
 def is_significant(trial: Trial, exceeding: Collection[Term]) -> bool:
     """True if the evidence for a candidate exceeds chance, or if its total gain after the fit is large enough; never
-    for a delay within the time resolution or a copy of the leader's acceleration.
+    for a delay within the time resolution, a copy of the leader's acceleration, or a section with no end in the data.
     """
-    return not (is_of_numerics(trial) or copies_leader(trial)) and (
+    return not (is_of_numerics(trial) or copies_leader(trial) or is_everywhere(trial)) and (
         trial.candidate.term in exceeding or trial.total > THRESHOLDS.total_below_z_score
     )

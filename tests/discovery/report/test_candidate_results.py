@@ -8,6 +8,7 @@ import pytest
 from rearl_jax.discovery.observe.candidates import Term
 from rearl_jax.discovery.report.candidate_results import RESULTS, result_of
 from rearl_jax.discovery.search.decision import Trial
+from rearl_jax.discovery.search.round import is_significant
 from rearl_jax.discovery.thresholds import THRESHOLDS
 from tests.discovery.search.searches import search_that_added
 
@@ -24,6 +25,13 @@ def found(solver, calibrated):
     return replace(outcome, rounds=[first, *outcome.rounds[1:]])
 
 
+def on_section(layout, state, term: Term, share: float):
+    """Parameters with the section of the candidate on the last share of the measured road."""
+    first, last = state.data.y.min(), state.data.y.max()
+    start = last - share * (last - first)
+    return layout.with_values(state.theta, {f"{term.effect}.start": start, f"{term.effect}.end": last + 100.0})
+
+
 def with_trial(found, term: Term, gain: float, check: float, exceeding: bool = True):
     """The search after a trial of a candidate was not accepted in the first round."""
     first = found.rounds[0]
@@ -33,6 +41,8 @@ def with_trial(found, term: Term, gain: float, check: float, exceeding: bool = T
         theta = state.theta.copy()
         theta[list(found.layout.candidates[term].free)] = 1.0
         state = replace(state, theta=theta)
+    elif term in (GRADE, LIMIT):
+        state = replace(state, theta=on_section(found.layout, state, term, 0.5))
     fitted, checked = np.full(n, gain / n), np.full(n, check / n)
     trial = Trial(found.layout.candidates[term], replace(first.base, state=state), fitted, checked, state, 0.0)
     terms = first.exceeding | {term} if exceeding else first.exceeding - {term}
@@ -82,6 +92,16 @@ def test_a_delay_within_the_time_step_is_of_the_numerics(found):
     fit = replace(trial.fit, state=replace(trial.fit.state, theta=short))
     first = replace(searched.rounds[0], trials=[replace(trial, fit=fit)])
     assert result_of(replace(searched, rounds=[first]), DELAY) == "of_numerics"
+
+
+@pytest.mark.parametrize(("share", "said"), [(0.9, "surpassed"), (1.1, "everywhere")])
+def test_a_section_without_an_end_in_the_data_is_a_property_of_the_drivers(found, share, said):
+    searched, trial = with_trial(found, GRADE, 30.0, 30.0)
+    theta = on_section(found.layout, trial.fit.state, GRADE, share)
+    fit = replace(trial.fit, state=replace(trial.fit.state, theta=theta))
+    assert is_significant(replace(trial, fit=fit), {GRADE}) == (said == "surpassed")
+    first = replace(searched.rounds[0], trials=[replace(trial, fit=fit)])
+    assert result_of(replace(searched, rounds=[first]), GRADE) == said
 
 
 @pytest.mark.parametrize(("gain", "said"), [(0.5, "surpassed"), (1.1, "copies_leader")])

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -307,6 +308,20 @@ def test_a_model_is_never_worse_than_the_one_it_contains(solver, calibrated):
     stuck.objective = base.state.objective + 190.0
     (fit,) = nested(solver, base, {candidate.term: Fit(candidate, stuck, noise)}).values()
     assert fit.state.objective <= base.state.objective + 0.1
+
+
+def test_a_section_that_is_fitted_again_stays_on_its_part_of_the_road(solver, calibrated):
+    state, noise = calibrated
+    candidate, middle = solver.layout.candidates[Term("grade")], float(np.median(state.data.y))
+    section = {"grade.start": middle - 100.0, "grade.end": middle + 100.0}
+    theta = solver.layout.with_values(state.theta, {"grade.push": 1.5} | section)
+    stuck = replaced(state, theta=theta, active=(candidate.term,), objective=state.objective + 190.0)
+    (fit,) = nested(solver, Fit(None, state, noise), {candidate.term: Fit(candidate, stuck, noise)}).values()
+    assert fit.state.objective <= state.objective + 0.1
+    values = solver.layout.by_name(jnp.asarray(fit.state.theta))
+    assert abs(values["grade.push"][0]) < 1.0
+    assert values["grade.start"][0] > middle - 1000.0
+    assert values["grade.end"][0] < middle + 1000.0
 
 
 def test_simulations_are_asked_for_as_much_as_they_show(calibrated):
