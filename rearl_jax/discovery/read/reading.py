@@ -11,16 +11,11 @@ import pandas as pd
 
 from rearl_jax.core.effects.stimulus import OUT_OF_SIGHT
 from rearl_jax.core.following import HARDEST_BRAKING
-from rearl_jax.core.leader_history import (
-    MAX_GAP_IN_SIGHT,
-    MAX_GAP_LOST,
-    MAX_TIME_SINCE_CHANGE,
-    MIN_SPEED,
-    TIME_GAP_RANGE,
-)
+from rearl_jax.core.leader_history import MAX_TIME_SINCE_CHANGE
 from rearl_jax.core.order import NO_VEHICLE
 from rearl_jax.data.records import Recording
 from rearl_jax.discovery.read.fused_errors import FusedErrors
+from rearl_jax.discovery.read.last_changes import last_changes
 from rearl_jax.discovery.read.measured import Measured, Surroundings, is_new, joined
 from rearl_jax.discovery.read.next_leaders import LONGEST_LEAD, handed_over, handovers
 from rearl_jax.discovery.read.smoothing import Thinned, cut_off, jumps, position_noise, smoothed_tracks, track_bounds
@@ -264,7 +259,7 @@ class _Rows:
         second_speed = values_of(second, v, values_of(first, v, v))
         leader = values_of(first, track, NO_VEHICLE).astype(np.int64)
         gap = values_of(first, rear, front + OUT_OF_SIGHT) - front
-        time_since, gap_lost, time_gap = _changes(self.starts, self.stops, leader, gap, v, self.dt)
+        time_since, gap_lost, time_gap = last_changes(self.starts, self.stops, leader, gap, v, self.dt)
         reach = max(LONGEST_LEAD, EDGE * smoothing)
         near = handovers(table, (self.starts, self.stops), leader, self.dt, reach)
         leader_rear, leader_centre, leader_speed = (
@@ -340,22 +335,3 @@ def _offset_in_lane(table: pd.DataFrame) -> np.ndarray:
     lanes = [table["direction"], table["lane"]]
     centre = table.groupby(lanes, observed=True, dropna=False)["lateral"].transform("median").to_numpy()
     return np.nan_to_num(lateral - centre)
-
-
-def _changes(
-    starts: np.ndarray, stops: np.ndarray, leader: np.ndarray, gap: np.ndarray, speed: np.ndarray, dt: float
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Time since the last change of leader [s], the gap lost at it [m], the time gap right after it [s]."""
-    n = len(leader)
-    since, lost, time_gap = np.full(n, MAX_TIME_SINCE_CHANGE), np.zeros(n), np.full(n, TIME_GAP_RANGE[1])
-    for start, stop in zip(starts, stops, strict=True):
-        changes = start + 1 + np.flatnonzero(leader[start + 1 : stop] != leader[start : stop - 1])
-        for k in changes:
-            if leader[k] == NO_VEHICLE:
-                since[k:stop], lost[k:stop] = MAX_TIME_SINCE_CHANGE, 0.0
-                continue
-            since[k:stop] = np.minimum(np.arange(stop - k) * dt, MAX_TIME_SINCE_CHANGE)
-            near = min(gap[k - 1], gap[k]) < MAX_GAP_IN_SIGHT
-            lost[k:stop] = np.clip(gap[k - 1] - gap[k], 0.0, MAX_GAP_LOST) if near else 0.0
-            time_gap[k:stop] = np.clip(gap[k] / max(speed[k], MIN_SPEED), *TIME_GAP_RANGE)
-    return since, lost, time_gap
