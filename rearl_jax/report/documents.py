@@ -62,7 +62,7 @@ def budget_document(study: FinishedStudy) -> Document:
 def stability_document(study: FinishedStudy) -> Document:
     """The document of a study of stability."""
     tables = {name: study.table(name, RING_COLUMNS if name == "ring" else ()) for name in STABILITY_TABLES}
-    verdict = json.loads((study.path / "verdict.json").read_text(encoding="utf-8"))
+    verdict = study.object("verdict.json")
     margin = study.config.stability.margin
     return stability_document_of(tables, verdict, _remarks(study, "ring"), margin=margin, generated=study.generated)
 

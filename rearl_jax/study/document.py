@@ -129,7 +129,7 @@ def document_of(
             "Only the signs of differences and the order of methods can be compared with the paper; page.html lists "
             f"what differs: {names}."
         )
-    other_figures = _other_figures(summary, list(dict.fromkeys(table["row"])))
+    other_figures = _other_figures(summary, table)
     return Document(
         title=title,
         verdict=verdict,
@@ -244,11 +244,11 @@ def _text(value: Any, metric: str, digits: int | None, sign: str) -> str:
     return number(value, sign) if digits is None else f"{value:{sign},.{digits}f}"
 
 
-def _other_figures(summary: Mapping[str, Any], rows: Sequence[str]) -> Table:
+def _other_figures(summary: Mapping[str, Any], table: pd.DataFrame) -> Table:
     """Figures of summary.json outside the long table, without provenance."""
     plain = {key: value for key, value in without_provenance(summary).items() if not isinstance(value, (list, dict))}
     left_out = ("_low", "_high", "_paper", "_sd")
-    of_rows = tuple(f"{row}_" for row in rows)
+    in_table = tuple(f"{row}_{metric}" for row, metric in zip(table["row"], table["metric"], strict=True))
     return Table(
         "Figures of summary.json",
         ("value",),
@@ -256,7 +256,7 @@ def _other_figures(summary: Mapping[str, Any], rows: Sequence[str]) -> Table:
             Row(spoken(key), (Cell(number(value), interval(plain.get(f"{key}_low"), plain.get(f"{key}_high"))),))
             for key, value in plain.items()
             if not key.endswith(left_out)
-            and not key.startswith(of_rows)
+            and not key.startswith(in_table)
             and value is not None
             and len(str(value)) <= _LONGEST_FIGURE
         ),

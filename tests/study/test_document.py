@@ -68,6 +68,14 @@ def test_everything_is_written_generated_data_are_marked_and_the_report_says_the
     assert document.sections[-1].tables[0].rows[0].cells == (Cell("3"),)
 
 
+def test_other_figures_are_those_outside_the_table(study):
+    _, config = study
+    summary = {"n_scenes": 3, "[5 %]_mape": 1.0, "[5 %]_h_low": 0.2, "[5 %]_score": 0.7}
+    document = document_of(FORM, config, long_table(RECORDS), summary, REMARKS, generated=True)
+    (figures,) = document.sections[-1].tables
+    assert [row.cells for row in figures.rows] == [(Cell("3"),), (Cell("0.700"),)]
+
+
 def test_a_study_without_remarks_is_reported_by_its_figures(study, tmp_path):
     study, config = study
     study.write_table("fig7", long_table(RECORDS))
