@@ -24,7 +24,7 @@ from rearl_jax.config import DiscoverBlindTask, DiscoverTask, ResultsConfig
 from rearl_jax.config.blind import StudyPriors
 from rearl_jax.config.data import DataConfig, DataFormat
 from rearl_jax.discovery import task as discovery
-from rearl_jax.document.terminal import print_document
+from rearl_jax.document.publishing import publish_document
 from rearl_jax.progress import progress_bar, shown
 from rearl_jax.results import Study, config_hash
 
@@ -59,17 +59,13 @@ def run_with(config: DiscoverBlindTask, discover: Discover) -> dict:
     if config.blind.priors is StudyPriors.broad:
         summary["priors"] = list(PRIORS.widened(config.blind.width).rows())
     document = document_of(summary, tables, vars(protocol))
-    print_document(document)
 
-    # Imported after the table is printed, because matplotlib and jinja2 load slowly.
-    from rearl_jax.blind.figures import draw_figures
-    from rearl_jax.document.html import page_of
+    def draw() -> dict[str, bytes]:
+        from rearl_jax.blind.figures import draw_figures  # matplotlib is slow to import
 
-    figures = draw_figures(results)
-    for name, png in figures.items():
-        study.write_bytes(f"{name}.png", png)
-    study.write_text("page.html", page_of(document, config, figures))
-    study.write_summary(summary)
+        return draw_figures(results)
+
+    publish_document(study, document, config, summary, draw)
     return summary
 
 
