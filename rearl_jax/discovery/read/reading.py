@@ -60,18 +60,19 @@ NO_LABELS: Mapping[str, Sequence[pd.Series]] = MappingProxyType({})
 
 
 def padded_steps(longest: int, dt: float) -> int:
-    """Number of time steps of all pieces of drives: those of LONGEST, or the half, quarter, ... that holds the longest
-    track. There are few numbers because every one needs programs of its own, whose compilation takes far longer than
-    the time steps without data.
+    """Number of time steps of all pieces of drives: those of LONGEST, or three quarters, a half, three eighths, ... of
+    them that hold the longest track. There are few numbers because every one needs programs of its own, whose
+    compilation takes far longer than the time steps without data.
 
     Args:
         longest: Time steps of the longest track.
         dt: Time step [s].
     """
     n_steps = int(LONGEST / dt)
-    while n_steps // 2 >= max(longest, 1):
+    longest = max(longest, 1)
+    while n_steps // 2 >= longest:
         n_steps //= 2
-    return n_steps
+    return 3 * n_steps // 4 if 3 * n_steps // 4 >= longest else n_steps
 
 
 def one_frame_rate(recordings: Sequence[Recording]) -> None:
