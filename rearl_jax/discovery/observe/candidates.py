@@ -192,6 +192,11 @@ class Layout:
         """Length of theta."""
         return len(self.reference)
 
+    @property
+    def blocks(self) -> tuple[tuple[int, ...], ...]:
+        """Directions of the candidates, each once."""
+        return tuple(sorted({candidate.directions for candidate in self.candidates.values()}))
+
     def with_values(
         self, theta: Float[np.ndarray, " parameters"], values: Mapping[str, float]
     ) -> Float[np.ndarray, " parameters"]:

@@ -39,7 +39,7 @@ MOST_SHAPES = 120
 Program = Callable[[Sequence[Pieces], dict], Any]
 """A compiled program: a function of the pieces of one or several states, side by side, and of what differs between
 evaluations: `z`, `theta`, `deviation` [m] of the innovations and, for sensitivities, `following`, each with one entry
-per piece in its last axis.
+per piece in its last axis, and `added`, whose last axis has length 1.
 """
 
 
@@ -100,25 +100,26 @@ class Programs:
         places = self.free(active)
 
         def run(a: dict) -> dict:
-            no_driver = jnp.zeros((0, *a["pieces"].y.shape))
-            knots, kept = _squeezed(a["knots"]), len(places)
+            no_driver, knots = jnp.zeros((0, *a["pieces"].y.shape)), _squeezed(a["knots"])
+            added = jnp.arange(len(places))
             sums = sensitivity_sums(
-                a["z"], a["theta"], a["pieces"], self.layout, knots, places, (), kept, no_driver, self.dt, active
+                a["z"], a["theta"], a["pieces"], self.layout, knots, places, (), added, no_driver, self.dt, active
             )
             return {name: sums[name] for name in ("square", "count", "gradient")} | {"gram": sums["nuisance"]}
 
         return self._program(("sums", active), run, self._batch)
 
-    def sensitivities(self, places: tuple[int, ...], groups: tuple[tuple[int, ...], ...], n_kept: int) -> Program:
-        """`sensitivity.sensitivity_sums` for these indices of theta."""
+    def sensitivities(self) -> Program:
+        """`sensitivity.sensitivity_sums` along all directions of theta; its blocks are those of `Layout.blocks`."""
+        layout = self.layout
 
         def run(a: dict) -> dict:
-            knots = _squeezed(a["knots"])
+            knots, places, added = _squeezed(a["knots"]), range(layout.size), a["added"][:, 0]
             return sensitivity_sums(
-                a["z"], a["theta"], a["pieces"], self.layout, knots, places, groups, n_kept, a["following"], self.dt
+                a["z"], a["theta"], a["pieces"], layout, knots, places, layout.blocks, added, a["following"], self.dt
             )
 
-        return self._program(("sensitivities", places, groups, n_kept), run, self._batch // 2)
+        return self._program(("sensitivities",), run, self._batch // 2)
 
     def _innovations(self, z: Array, theta: Array, a: dict, active: tuple[Term, ...]) -> Float[Array, "steps pieces"]:
         knots, pieces, numbers = _squeezed(a["knots"]), a["pieces"], self.layout.by_name(theta)

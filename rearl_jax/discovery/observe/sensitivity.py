@@ -13,7 +13,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import lax
-from jaxtyping import Array, Float
+from jaxtyping import Array, Float, Int
 
 from rearl_jax.core.compaction import if_any
 from rearl_jax.core.effects.effect import Effect
@@ -39,7 +39,7 @@ def sensitivity_sums(
     knots: Knots,
     places: Sequence[int],
     groups: Sequence[Sequence[int]],
-    n_kept: int,
+    added: Int[Array, " added"],
     following: Float[Array, "leaders steps pieces"],
     dt: float,
     active: tuple[Term, ...] | None = None,
@@ -52,9 +52,9 @@ def sensitivity_sums(
         pieces: The measured pieces of drives.
         layout: Layout of theta.
         knots: Knots of the curves.
-        places: Indices of theta whose directions are tested, those already added first.
+        places: Indices of theta whose directions are propagated.
         groups: Indices of one candidate each, as positions in `places`.
-        n_kept: Number of indices already added.
+        added: Indices of the candidates already added, as positions in `places`.
         following: 1 if a driver follows its k-th main leader, whose clock may be ahead.
         dt: Time step [s].
         active: Terms that are computed; None for all.
@@ -71,7 +71,8 @@ def sensitivity_sums(
     bends = active is None or LENS in active
     lens, first_lens = lens_at(numbers, knots) if bends else None, layout.places["lens"][0]
     n_clocks = following.shape[0]
-    size, n_nuisance = n_own + len(places) + n_clocks, n_own + n_kept
+    size = n_own + len(places) + n_clocks
+    nuisance = jnp.concatenate([jnp.arange(n_own), n_own + added])
     lens_rows = jnp.asarray([n_own + k for k, place in enumerate(places) if place in layout.places["lens"]], int)
     lens_knots = jnp.asarray([place - first_lens for place in places if place in layout.places["lens"]], int)
 
@@ -100,7 +101,7 @@ def sensitivity_sums(
             "square": sums["square"] + weight * robust_square(innovation, pieces.deviation),
             "count": sums["count"] + weight,
             "gradient": sums["gradient"] + weighted * innovation[None],
-            "nuisance": sums["nuisance"] + weighted[:n_nuisance, None] * slope[None],
+            "nuisance": sums["nuisance"] + weighted[nuisance][:, None] * slope[None],
             "products": sums["products"] + weighted[rows] * slope[columns],
         }
         gain, along = pieces.gain, jax.tree.map(lambda values: values[None], pieces.gain)
@@ -133,7 +134,7 @@ def sensitivity_sums(
         "square": nothing[0],
         "count": nothing[0],
         "gradient": nothing,
-        "nuisance": jnp.zeros((n_nuisance, size, n)),
+        "nuisance": jnp.zeros((len(nuisance), size, n)),
         "products": jnp.zeros((len(pairs), n)),
     }
     (x, v), d_x, d_v = pieces.start, nothing, nothing

@@ -10,6 +10,7 @@ prior of S is centred on S_usual and counts as f innovations. z are the driver's
 population's spread is fixed, because a spread that shrank with every step would give false evidence.
 """
 
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -24,6 +25,9 @@ from rearl_jax.discovery.observe.levenberg_marquardt import LevenbergMarquardt
 from rearl_jax.discovery.observe.normal_equations import Programs
 from rearl_jax.discovery.observe.observer import Pieces
 from rearl_jax.discovery.read.measured import Measured
+
+ADDED_AT_ONCE = 8
+"""Indices of added candidates that a program for the screen has room for; it has a multiple of them."""
 
 SIDE_BY_SIDE = 512
 """Pieces per batch that suffice to use all cores."""
@@ -58,13 +62,18 @@ class Solver:
             for search, trial in zip(running, points, strict=True):
                 search.judge(trial, tolerance)
 
-    def sensitivity_sums(
-        self, states: Sequence[FitState], places: tuple[int, ...], groups: tuple[tuple[int, ...], ...]
-    ) -> list[dict[str, np.ndarray]]:
-        """Sums of `sensitivity.sensitivity_sums` over each driver; all states must have the same added candidates."""
-        n_kept = len(self.free(states[0]))
-        own = _own(states) | {"following": np.concatenate([following(state.data) for state in states], axis=-1)}
-        return _by_driver(self.programs.sensitivities(places, groups, n_kept)(_pieces(states), own), states)
+    def sensitivity_sums(self, states: Sequence[FitState]) -> list[dict[str, np.ndarray]]:
+        """Sums of `sensitivity.sensitivity_sums` over each driver, along all directions of theta; all states must have
+        the same added candidates.
+        """
+        free = self.free(states[0])
+        # Repeated up to a few numbers of rows, so that one program serves all added candidates.
+        added = np.resize(free if len(free) else [0], ADDED_AT_ONCE * max(1, math.ceil(len(free) / ADDED_AT_ONCE)))
+        following_of = np.concatenate([following(state.data) for state in states], axis=-1)
+        own = _own(states) | {"following": following_of, "added": added[:, None]}
+        found = _by_driver(self.programs.sensitivities()(_pieces(states), own), states)
+        n_nuisance = self.layout.prior.size + len(free)
+        return [sums | {"nuisance": sums["nuisance"][:, :n_nuisance]} for sums in found]
 
     def innovations(self, states: Sequence[FitState], gain: Gain | None = None) -> list[np.ndarray]:
         """Measured minus predicted positions [m] of each state, `[n_steps, n_pieces]`; with another gain if given."""

@@ -47,19 +47,14 @@ class Score:
 def scores(solver: Solver, states: Sequence[FitState]) -> list[dict[Term, Score]]:
     """Scores of every candidate in solved states with the same added candidates."""
     layout = solver.layout
-    kept = tuple(solver.free(states[0]).tolist())
-    tested = sorted({place for candidate in layout.candidates.values() for place in candidate.directions} - set(kept))
-    places = (*kept, *tested)
-    index_of = {place: k for k, place in enumerate(places)}
-    of_term = {
-        term: tuple(index_of[place] for place in candidate.directions) for term, candidate in layout.candidates.items()
+    blocks = layout.blocks
+    numbered = {
+        term: (blocks.index(candidate.directions), candidate.directions) for term, candidate in layout.candidates.items()
     }
-    groups = tuple(sorted(set(of_term.values())))
-    numbered = {term: (groups.index(group), group) for term, group in of_term.items()}
-    numbered[clocks.CLOCK_OFFSET] = len(groups), tuple(range(len(places), len(places) + clocks.MOST_LEADERS))
+    numbered[clocks.CLOCK_OFFSET] = len(blocks), tuple(range(layout.size, layout.size + clocks.MOST_LEADERS))
     return [
-        _scores(state, sums, numbered, np.array(kept, int), layout)
-        for state, sums in zip(states, solver.sensitivity_sums(states, places, groups), strict=True)
+        _scores(state, sums, numbered, solver.free(state), layout)
+        for state, sums in zip(states, solver.sensitivity_sums(states), strict=True)
     ]
 
 
@@ -92,8 +87,8 @@ def _scores(
     step, response = solved[:, :, 0], solved[:, :, 1:]
     driver_score = -(gradient[:, n_own:] - np.einsum("dij,di->dj", coupling, step))
     score = driver_score.sum(axis=0)
-    kept = nuisance[:, n_own:, n_own:] - np.einsum("dij,dik->djk", coupling[:, :, :n_kept], response)
-    kept = kept.sum(axis=0)  # [kept, places]
+    kept = nuisance[:, n_own:, n_own:] - np.einsum("dij,dik->djk", coupling[:, :, free], response)
+    kept = kept.sum(axis=0)  # [kept, parameters and clocks]
     by_class = []  # population means, which are not searched if they are held
     if not state.holds_population:
         inverse = np.linalg.inv(block)
@@ -106,14 +101,14 @@ def _scores(
             rest = located * state.mean[c] - away[members].sum(axis=0) + precision @ step[members].sum(axis=0)
             answer = np.linalg.solve(mean_block, coupled)
             score = score + answer.T @ rest
-            kept = kept - coupled[:, :n_kept].T @ answer
+            kept = kept - coupled[:, free].T @ answer
             by_class.append((coupled, answer))
     across = np.zeros((score.size, n_kept))
     if n_kept:
         scale = layout.scale[free]
-        inner = kept[:, :n_kept] + np.diag(scale**-2.0)
+        inner = kept[:, free] + np.diag(scale**-2.0)
         across = np.linalg.solve(inner, kept).T
-        score = score - across @ (score[:n_kept] - (state.theta - layout.reference)[free] / scale**2)
+        score = score - across @ (score[free] - (state.theta - layout.reference)[free] / scale**2)
     scores = {}
     for term, (number, group) in groups.items():
         index = np.array(group)
