@@ -4,7 +4,7 @@ Least squares, the screen and the evidence need only these sums, so the products
 the derivatives are never stored.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from rearl_jax.core.batch import ScenarioMap, padded_scenarios
+from rearl_jax.core.batch import NO_OPTIONS, QUICKLY_COMPILED, ScenarioMap, padded_scenarios
 from rearl_jax.core.effects.effect import Effect
 from rearl_jax.discovery.observe.candidates import CANDIDATE_EFFECTS, LENS, Knots, Layout, Term, effects_at, lens_at
 from rearl_jax.discovery.observe.observer import Pieces, innovations
@@ -29,6 +29,11 @@ _PLACED = Placements()
 
 _SHAPES: set[tuple] = set()
 """Shapes compiled so far: configuration, program, number of steps."""
+
+FEW_BATCHES = 4
+"""Number of batches that a program for the screen may evaluate without optimisation: about a tenth of the number at
+which its slower run takes as much time as it saves, because the program may run again.
+"""
 
 MOST_SHAPES = 120
 """Largest number of compiled shapes that is kept: each needs about two hundred memory maps, and Linux allows a process
@@ -101,17 +106,19 @@ class Programs:
 
         def run(a: dict) -> dict:
             no_driver, knots = jnp.zeros((0, *a["pieces"].y.shape)), _squeezed(a["knots"])
-            added = jnp.arange(len(places))
             sums = sensitivity_sums(
-                a["z"], a["theta"], a["pieces"], self.layout, knots, places, (), added, no_driver, self.dt, active
+                a["z"], a["theta"], a["pieces"], self.layout, knots, places, (), None, no_driver, self.dt, active
             )
             return {name: sums[name] for name in ("square", "count", "gradient")} | {"gram": sums["nuisance"]}
 
         return self._program(("sums", active), run, self._batch)
 
-    def sensitivities(self) -> Program:
-        """`sensitivity.sensitivity_sums` along all directions of theta; its blocks are those of `Layout.blocks`."""
-        layout = self.layout
+    def sensitivities(self, n_pieces: int) -> Program:
+        """`sensitivity.sensitivity_sums` along all directions of theta; its blocks are those of `Layout.blocks`. The
+        program is compiled quickly if it is to evaluate few pieces and there is no optimised one yet.
+        """
+        layout, optimised = self.layout, ("sensitivities",)
+        is_quick = optimised not in self._made and n_pieces <= FEW_BATCHES * self._batch
 
         def run(a: dict) -> dict:
             knots, places, added = _squeezed(a["knots"]), range(layout.size), a["added"][:, 0]
@@ -119,7 +126,9 @@ class Programs:
                 a["z"], a["theta"], a["pieces"], layout, knots, places, layout.blocks, added, a["following"], self.dt
             )
 
-        return self._program(("sensitivities",), run, self._batch // 2)
+        if is_quick:
+            return self._program(("sensitivities", "quick"), run, self._batch // 2, QUICKLY_COMPILED)
+        return self._program(optimised, run, self._batch // 2)
 
     def _innovations(self, z: Array, theta: Array, a: dict, active: tuple[Term, ...]) -> Float[Array, "steps pieces"]:
         knots, pieces, numbers = _squeezed(a["knots"]), a["pieces"], self.layout.by_name(theta)
@@ -127,12 +136,14 @@ class Programs:
         lens = lens_at(numbers, knots) if LENS in active else None
         return innovations(pieces, self.layout.prior.drivers(z, pieces.is_truck), effects, lens, self.dt)
 
-    def _program(self, key: tuple, run: Callable[[dict], object], batch: int) -> Program:
+    def _program(
+        self, key: tuple, run: Callable[[dict], object], batch: int, options: Mapping[str, Any] = NO_OPTIONS
+    ) -> Program:
         def with_deviation(a: dict) -> object:
             return run(a | {"pieces": replace(a["pieces"], deviation=a["deviation"])})
 
         if key not in self._made:
-            self._made[key] = ScenarioMap(with_deviation, chunk=batch)
+            self._made[key] = ScenarioMap(with_deviation, chunk=batch, options=options)
         program = self._made[key]
 
         def call(parts: Sequence[Pieces], own: dict) -> Any:

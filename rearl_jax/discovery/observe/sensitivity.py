@@ -39,7 +39,7 @@ def sensitivity_sums(
     knots: Knots,
     places: Sequence[int],
     groups: Sequence[Sequence[int]],
-    added: Int[Array, " added"],
+    added: Int[Array, " added"] | None,
     following: Float[Array, "leaders steps pieces"],
     dt: float,
     active: tuple[Term, ...] | None = None,
@@ -54,7 +54,7 @@ def sensitivity_sums(
         knots: Knots of the curves.
         places: Indices of theta whose directions are propagated.
         groups: Indices of one candidate each, as positions in `places`.
-        added: Indices of the candidates already added, as positions in `places`.
+        added: Indices of the candidates already added, as positions in `places`; None for all of `places`.
         following: 1 if a driver follows its k-th main leader, whose clock may be ahead.
         dt: Time step [s].
         active: Terms that are computed; None for all.
@@ -72,7 +72,8 @@ def sensitivity_sums(
     lens, first_lens = lens_at(numbers, knots) if bends else None, layout.places["lens"][0]
     n_clocks = following.shape[0]
     size = n_own + len(places) + n_clocks
-    nuisance = jnp.concatenate([jnp.arange(n_own), n_own + added])
+    n_nuisance = n_own + len(places if added is None else added)
+    nuisance = slice(n_nuisance) if added is None else jnp.concatenate([jnp.arange(n_own), n_own + added])
     lens_rows = jnp.asarray([n_own + k for k, place in enumerate(places) if place in layout.places["lens"]], int)
     lens_knots = jnp.asarray([place - first_lens for place in places if place in layout.places["lens"]], int)
 
@@ -134,7 +135,7 @@ def sensitivity_sums(
         "square": nothing[0],
         "count": nothing[0],
         "gradient": nothing,
-        "nuisance": jnp.zeros((len(nuisance), size, n)),
+        "nuisance": jnp.zeros((n_nuisance, size, n)),
         "products": jnp.zeros((len(pairs), n)),
     }
     (x, v), d_x, d_v = pieces.start, nothing, nothing

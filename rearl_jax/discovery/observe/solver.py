@@ -71,7 +71,8 @@ class Solver:
         added = np.resize(free if len(free) else [0], ADDED_AT_ONCE * max(1, math.ceil(len(free) / ADDED_AT_ONCE)))
         following_of = np.concatenate([following(state.data) for state in states], axis=-1)
         own = _own(states) | {"following": following_of, "added": added[:, None]}
-        found = _by_driver(self.programs.sensitivities()(_pieces(states), own), states)
+        program = self.programs.sensitivities(own["z"].shape[1])
+        found = _by_driver(program(_pieces(states), own), states)
         n_nuisance = self.layout.prior.size + len(free)
         return [sums | {"nuisance": sums["nuisance"][:, :n_nuisance]} for sums in found]
 

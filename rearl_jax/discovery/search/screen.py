@@ -49,7 +49,8 @@ def scores(solver: Solver, states: Sequence[FitState]) -> list[dict[Term, Score]
     layout = solver.layout
     blocks = layout.blocks
     numbered = {
-        term: (blocks.index(candidate.directions), candidate.directions) for term, candidate in layout.candidates.items()
+        term: (blocks.index(candidate.directions), candidate.directions)
+        for term, candidate in layout.candidates.items()
     }
     numbered[clocks.CLOCK_OFFSET] = len(blocks), tuple(range(layout.size, layout.size + clocks.MOST_LEADERS))
     return [
