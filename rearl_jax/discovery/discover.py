@@ -182,7 +182,7 @@ def _discovery(config: DiscoverTask, parts: Parts, found: BestSearch, lanes: Lan
             "unequal_noise": adequacy.unequal_noise,
             "misjudgement": adequacy.misjudgement,
             "staleness": adequacy.staleness,
-            "remaining": {"name": str(adequacy.remaining[0]), "surprise": adequacy.remaining[1]},
+            "remaining": {"name": str(adequacy.remaining[0]), "z_score": adequacy.remaining[1]},
         },
         "data": _described(parts, solver, (*parts.notes, *_doubts(outcome, adequacy))),
         "thresholds": THRESHOLDS.plain(),

@@ -264,7 +264,7 @@ class Thresholds:
     least_truck_share: float = 0.02
     """Smallest share of trucks that form a separate class in the repaired model [-]."""
 
-    least_told: float = 0.2
+    least_identified: float = 0.2
     """Share of the variance between drivers that one driver's data must remove for a parameter to count as identified
     [-].
     """

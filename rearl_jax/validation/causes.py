@@ -66,7 +66,8 @@ def measure(comparison: Comparison, recorded: Recorded, scene: int, tick: int, t
     marked = flipped[tick] | comparison.crash_differs[tick, :, scene]
     vehicle = int(np.argmax(position[tick])) if (position[tick] > tolerance).any() else int(np.argmax(marked))
     speed = np.abs(recorded.tracks.speed[max(0, tick - SLOW_TICKS) : tick + 1, vehicle, scene])
-    difference_before = max(float(position[tick - 1, vehicle]), float(np.finfo(np.float64).eps))
+    difference_before = float(position[tick - 1, vehicle]) if tick else 0.0
+    difference_before = max(difference_before, float(np.finfo(np.float64).eps))
     length = float(recorded.start.length[vehicle, scene])
     return Facts(
         tick=tick,

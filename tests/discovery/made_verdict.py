@@ -1,7 +1,7 @@
 """A verdict made by hand, for tests of what is printed, drawn and reported of it."""
 
 FIGURE = {"value": 1.5, "low": 1.0, "high": 2.0}
-SCORES = {"evidence": 60.0, "surprise": 40.0, "gain": 30.0, "check": 20.0, "ambiguous": False, "told_apart_by": None}
+SCORES = {"evidence": 60.0, "z_score": 40.0, "gain": 30.0, "check": 20.0, "ambiguous": False, "told_apart_by": None}
 DELAY = {"name": "reaction_delay", "kind": "driver", "variables": ["gap"]}
 RIVAL = {"name": "leader_acceleration", "kind": "driver", "variables": ["leader_acceleration"]}
 
@@ -67,7 +67,7 @@ VERDICT = {
         "kurtosis": 0.01,
         "autocorrelation": 0.0,
         "autocorrelation_by_noise": 0.0,
-        "remaining": {"name": "dependence.gap", "surprise": 1.0},
+        "remaining": {"name": "dependence.gap", "z_score": 1.0},
     },
     "lane_choice": {"changes": 12, "opportunities": 345, "loss": None},
     "data": {
@@ -85,5 +85,5 @@ VERDICT = {
 }
 
 KEEP_RIGHT = {"name": "keep_right", "kind": "driver", "variables": ["side"]}
-LANE_SCORES = SCORES | {"evidence": 72.0, "surprise": 12.0}
+LANE_SCORES = SCORES | {"evidence": 72.0, "z_score": 12.0}
 LOSS = {"before": 0.2, "after": 0.15, "change": {"value": -0.05, "low": -0.06, "high": -0.04, "unit": "nats"}}

@@ -69,6 +69,11 @@ def test_the_first_vehicle_to_differ_is_described(stressed, planted):
     assert not facts.has_flipped
 
 
+def test_a_difference_in_the_first_tick_has_grown_from_nothing(stressed, planted):
+    other = planted(stressed.tracks, "x", (slice(0, None), 3, 0), 3e-6)
+    assert measure(compare(stressed.tracks, other), stressed, 0, 0, 1e-9).growth > 1e9
+
+
 def test_a_flipped_decision_is_the_vehicles_whose_target_differs(stressed, planted):
     other = planted(stressed.tracks, "target_lane", (slice(44, None), 6, 0), 1)
     facts = measure(compare(stressed.tracks, other), stressed, 0, 44, 1e-9)

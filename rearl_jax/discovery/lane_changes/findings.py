@@ -34,7 +34,7 @@ class RankedCandidate:
             "kind": self.kind,
             "variables": list(self.variables),
             "evidence": 0.5 * self.z_score**2,
-            "surprise": self.z_score,
+            "z_score": self.z_score,
             "gain": self.gain,
             "check": self.check,
             "ambiguous": self.ambiguous,

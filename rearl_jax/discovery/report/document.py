@@ -255,7 +255,7 @@ def _with_unit(name: str, unit: str) -> str:
 def _candidate_table(title: str, rows: Sequence[Mapping[str, Any]], verdict: Mapping[str, Any]) -> Table:
     shown = []
     for row in rows[:MOST_CANDIDATES]:
-        figures = (NONE if row[name] is None else f"{row[name]:.1f}" for name in ("surprise", "gain", "check"))
+        figures = (NONE if row[name] is None else f"{row[name]:.1f}" for name in ("z_score", "gain", "check"))
         shown.append(Row(described(row), (*map(Cell, figures), Cell(_result(row, verdict)))))
     if len(rows) > len(shown):
         title += f" (the first {MOST_CANDIDATES} of {len(rows)}; candidates.parquet has all)"
@@ -279,7 +279,7 @@ def _unexplained_section(verdict: Mapping[str, Any], maps: pd.DataFrame | None) 
             f"Innovations one time step apart correlate by {adequacy['autocorrelation']:+.3f}, by "
             f"{adequacy['autocorrelation_by_noise']:+.3f} with noise alone; their excess kurtosis is "
             f"{adequacy['kurtosis']:+.2f} (0 for a right model); the strongest candidate left is {name} at "
-            f"{adequacy['remaining']['surprise']:.1f} σ."
+            f"{adequacy['remaining']['z_score']:.1f} σ."
         )
     if maps is not None:
         variables = maps.drop_duplicates(["model", "variable"]).sort_values(["selected", "gain"], ascending=False)

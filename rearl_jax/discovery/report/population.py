@@ -1,8 +1,8 @@
 """The calibrated drivers as a population: medians, differences, and parameters that the data do not determine.
 
-Entry `population` of the verdict: {parameter: {value, unit, spread, told, at_bound}}. `value` is the median over
-drivers, `spread` the standard deviation of the logarithm between drivers, `told` the mean share of the variance between
-drivers that the data of one driver remove, and `at_bound` the share of drivers at a bound of the parameter.
+Entry `population` of the verdict: {parameter: {value, unit, spread, identified, at_bound}}. `value` is the median over
+drivers, `spread` the standard deviation of the logarithm between drivers, `identified` the mean share of the variance
+between drivers that the data of one driver remove, and `at_bound` the share of drivers at a bound of the parameter.
 """
 
 from collections.abc import Mapping
@@ -30,7 +30,7 @@ def population_block(solver: Solver, state: FitState) -> dict[str, dict[str, Any
             "value": float(value),
             "unit": unit,
             "spread": float(spread),
-            "told": float(np.clip(share, 0.0, 1.0)),
+            "identified": float(np.clip(share, 0.0, 1.0)),
             "at_bound": float(bound),
         }
         for name, unit, value, spread, share, bound in rows
@@ -45,9 +45,14 @@ def population_section(verdict: Mapping[str, Any]) -> Section:
     rows, notes = [], []
     for name, entry in population.items():
         unit = "" if entry["unit"] == "-" else f" [{entry['unit']}]"
-        cells = (number(entry["value"]), number(entry["spread"]), percent(entry["told"]), percent(entry["at_bound"]))
+        cells = (
+            number(entry["value"]),
+            number(entry["spread"]),
+            percent(entry["identified"]),
+            percent(entry["at_bound"]),
+        )
         rows.append(Row(f"{spoken(name)}{unit}", tuple(map(Cell, cells))))
-        if entry["told"] < THRESHOLDS.least_told:
+        if entry["identified"] < THRESHOLDS.least_identified:
             notes.append(f"{spoken(name)} is not identified here: its value is that of the prior")
         if entry["at_bound"] > THRESHOLDS.most_at_bound:
             notes.append(

@@ -9,8 +9,8 @@ verdict      named | improved | artefact | unexplained | nothing; improved: a cu
 effects      [{name, kind: driver | road | artefact | generic, parameters: {name: {value, low, high, unit}},
              variables, confidence, evidence, depends_on_base}]; low and high are null for parameters that were not
              estimated; `depends_on_base`: names of other car-following models under which the effect is not found
-candidates   [{name, kind, variables, evidence, surprise, gain, check, ambiguous, told_apart_by, result}], the best
-             first; candidates of car following precede those of lane choice. `surprise` is the z-score: of car
+candidates   [{name, kind, variables, evidence, z_score, gain, check, ambiguous, told_apart_by, result}], the best
+             first; candidates of car following precede those of lane choice. `z_score` of the evidence: of car
              following in standard deviations of the null distribution, of lane choice in standard deviations of the
              slope between drivers; `told_apart_by`: data that would distinguish the candidate from the named effect;
              `result`, of car following: added, or the test that failed, see `candidate_results.RESULTS`
@@ -41,7 +41,7 @@ error        {measure, protocol, n_drivers, before, after, change, floor, noise_
              IDM alone calibrated to the same drivers, and `population_share` and `idm_share` the relative difference
              of after from these; `response_time`: {before, after} [s], delay of drivers behind the
              model's acceleration, null if not identified
-population   {parameter: {value, unit, spread, told, at_bound}}: the calibrated drivers, see `population`
+population   {parameter: {value, unit, spread, identified, at_bound}}: the calibrated drivers, see `population`
 time_gap_variation  {sd, time, noise_share, start_share, time_gap, energy_score}: variation within a driver, see
              `variation`
 adequacy     {kurtosis, autocorrelation, autocorrelation_by_noise, misjudgement, staleness, remaining, ...}: remaining
@@ -233,7 +233,7 @@ def candidate_rows(search: Search) -> list[dict[str, Any]]:
                 "kind": candidate.kind,
                 "variables": list(candidate.variables),
                 "evidence": first.evidence[term],
-                "surprise": first.z_score[term],
+                "z_score": first.z_score[term],
                 "gain": None if trial is None else trial.gain,
                 "check": None if trial is None else trial.check,
                 "ambiguous": term in ambiguous,

@@ -56,7 +56,7 @@ def summary_of(table: pd.DataFrame, facts: pd.DataFrame, differences: pd.DataFra
 
 def _difference(differences: pd.DataFrame, first: str, second: str) -> Mapping[str, Any] | None:
     """Difference between two settings for calibrated drivers, in the first set with both."""
-    wanted = {"told": "calibrated", "first": first, "second": second}
+    wanted = {"method": "calibrated", "first": first, "second": second}
     for row in differences.astype(object).to_dict("records"):
         if all(row[name] == value for name, value in wanted.items()):
             return {str(name): value for name, value in row.items()}
@@ -193,11 +193,14 @@ def _time_gaps(facts: pd.DataFrame) -> Section:
 
 
 def _differences(differences: pd.DataFrame) -> Section:
-    headings = {"name": "", "told": "told by", "cars": "cars", "first_mean": "first [s]", "second_mean": "second [s]"}
+    headings = {"name": "", "method": "method", "cars": "cars", "first_mean": "first [s]", "second_mean": "second [s]"}
     headings |= {"value": "difference [s]", "longer": "longer in the first"}
     title = differences["title"] + ": " + differences["first"] + " and " + differences["second"]
     shown = differences.assign(
-        name=title, told=differences["told"].map(spoken), value_low=differences["low"], value_high=differences["high"]
+        name=title,
+        method=differences["method"].map(spoken),
+        value_low=differences["low"],
+        value_high=differences["high"],
     )
     explanation = ("Mean over the cars, or persons, that drove in both, with an interval over them.",)
     return Section("Differences between settings", explanation, (table_of("Differences", shown, headings),))

@@ -139,9 +139,9 @@ def differences_of(facts: pd.DataFrame, options: DiscoverConfig) -> pd.DataFrame
                     if len(pair) < 2:
                         continue
                     difference = pair[:, 0] - pair[:, 1]
-                    row = {"set": name, "title": title, "first": first, "second": second, "told": method}
+                    row = {"set": name, "title": title, "first": first, "second": second, "method": method}
                     row |= {"cars": len(difference), "first_mean": pair[:, 0].mean(), "second_mean": pair[:, 1].mean()}
                     figure = resampling.figure(resampling.drawn(difference, np.mean))
                     rows.append(row | figure | {"longer": int((difference > 0).sum())})
-    columns = ["set", "title", "first", "second", "told", "cars", "first_mean", "second_mean", "value", "low", "high"]
+    columns = ["set", "title", "first", "second", "method", "cars", "first_mean", "second_mean", "value", "low", "high"]
     return pd.DataFrame(rows, columns=[*columns, "longer"])

@@ -49,12 +49,12 @@ def test_parts_of_a_verdict_are_plain_and_complete(lane_findings):
     assert set(effect) == {"name", "kind", "parameters", "variables", "confidence", "evidence", "depends_on_base"}
     assert set(effect["parameters"]["bias"]) == {"value", "low", "high", "unit"}
     assert len(parts["candidates"]) == len(CANDIDATES)
-    keys = {"name", "kind", "variables", "evidence", "surprise", "gain", "check", "ambiguous", "told_apart_by"}
+    keys = {"name", "kind", "variables", "evidence", "z_score", "gain", "check", "ambiguous", "told_apart_by"}
     assert all(set(row) == keys for row in parts["candidates"])
     assert parts["lane_choice"]["changes"] == found.n_changes
     assert parts["lane_choice"]["loss"]["change"]["value"] < 0
-    surprises = [row["surprise"] for row in parts["candidates"]]
-    assert surprises == sorted(surprises, reverse=True)
+    z_scores = [row["z_score"] for row in parts["candidates"]]
+    assert z_scores == sorted(z_scores, reverse=True)
 
 
 @pytest.mark.slow

@@ -22,11 +22,11 @@ def test_the_middle_driver_and_the_spread_are_told(solver, drivers):
     assert tuple(found) == prior.names
     values = prior.values(drivers.z, drivers.truck)[:, prior.names.index("time_gap")]
     assert found["time_gap"]["value"] == pytest.approx(np.median(values), rel=1e-3)
-    told = {name: row["told"] for name, row in found.items()}
-    assert told["time_gap"] > 0.8
+    identified = {name: row["identified"] for name, row in found.items()}
+    assert identified["time_gap"] > 0.8
     drivers.sums = replace(drivers.sums, gram=1e-3 * drivers.sums.gram)
-    less = {name: row["told"] for name, row in population_block(solver, drivers).items()}
-    assert all(0 <= less[name] < told[name] <= 1 for name in told)
+    less = {name: row["identified"] for name, row in population_block(solver, drivers).items()}
+    assert all(0 <= less[name] < identified[name] <= 1 for name in identified)
     assert all(row["at_bound"] == 0.0 for row in found.values())
     spread = dict(zip(prior.names, prior.spread * drivers.spread, strict=True))
     assert found["jam_gap"]["spread"] == pytest.approx(spread["jam_gap"])
@@ -44,8 +44,8 @@ def test_a_parameter_at_its_bound_is_said_to_be_there(solver, drivers):
 
 
 def test_a_parameter_that_data_do_not_tell_is_said_to_be_none_of_theirs():
-    row = {"value": 2.0, "unit": "m/s^2", "spread": 0.3, "told": 0.05, "at_bound": 0.0}
-    section = population_section({"population": {"comfort_decel": row, "time_gap": row | {"told": 0.9}}})
+    row = {"value": 2.0, "unit": "m/s^2", "spread": 0.3, "identified": 0.05, "at_bound": 0.0}
+    section = population_section({"population": {"comfort_decel": row, "time_gap": row | {"identified": 0.9}}})
     assert [note.split(" is not identified")[0] for note in section.notes] == ["Comfort decel"]
     assert len(section.tables[0].rows) == 2
     assert not population_section({}).tables

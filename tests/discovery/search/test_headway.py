@@ -12,6 +12,7 @@ from rearl_jax.discovery.read.lasting import lasting
 from rearl_jax.discovery.read.training import halves
 from rearl_jax.discovery.report.variation import entry_of, variation_section
 from rearl_jax.discovery.resampling import Resampling
+from rearl_jax.discovery.search import headway
 from rearl_jax.discovery.search.headway import (
     CONSTANT_TIME_GAP,
     TimeGapVariation,
@@ -126,6 +127,17 @@ def test_drivers_who_only_accelerate_unevenly_keep_their_time_gap(solver, many):
     noise = replace(many[1], acceleration=0.3)
     other = driven(solver, many, noise, None)
     assert time_gap_variation(solver, Fit(None, other, noise), 0).sd <= 0.15
+
+
+@pytest.mark.slow
+def test_drivers_who_are_quieter_than_assumed_keep_a_share_of_the_noise(solver, many, monkeypatch):
+    """The share is identified where drivers' parameters are known: their errors in first halves would hide it."""
+    monkeypatch.setattr(headway, "later_halves", lambda solver, data, fit: fit.state)
+    noise = many[1]
+    other = driven(solver, many, replace(noise, acceleration=QUIET), None)
+    found = time_gap_variation(solver, Fit(None, other, replace(noise, acceleration=0.3)), 0, ())
+    assert found.sd == 0
+    assert found.noise_share in (0.0, 0.25), "the true share is a sixth"
 
 
 def test_less_noise_and_no_variation_is_a_noisy_simulation_with_less_noise(solver, calibrated):

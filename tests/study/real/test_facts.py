@@ -85,7 +85,7 @@ def test_differences_are_those_of_the_same_cars():
         for setting, gap in zip("SL", gaps, strict=True)
         if gap is not None
     ]
-    table = differences_of(of_set(rows), OVER).set_index("told")
+    table = differences_of(of_set(rows), OVER).set_index("method")
     row = table.loc["calibrated"]
     assert (row["first"], row["second"], row["cars"], row["longer"]) == ("L", "S", 2, 2)
     assert row["value"] == pytest.approx(0.9)

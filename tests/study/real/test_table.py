@@ -58,9 +58,9 @@ def tables():
     difference |= {"value": 0.0, "low": -0.1, "high": 0.1}
     differences = pd.DataFrame(
         [
-            difference | {"first": "ACC", "second": "person", "told": "calibrated"},
-            difference | {"first": "ACC", "second": "person", "told": "model_free", "low": 0.05},
-            difference | {"first": "L", "second": "S", "told": "calibrated", "longer": 8},
+            difference | {"first": "ACC", "second": "person", "method": "calibrated"},
+            difference | {"first": "ACC", "second": "person", "method": "model_free", "low": 0.05},
+            difference | {"first": "L", "second": "S", "method": "calibrated", "longer": 8},
         ]
     )
     return real_table(rows), facts, differences
