@@ -333,7 +333,7 @@ class StudyRealTask(DiscoverTask):
 class ReportTask:
     """Report of a finished study in one file."""
 
-    study: str = key("evaluate", "name of the finished study: its folder under results.root, as in table1/rows/base")
+    study: str = key("evaluate", "name of the finished study: its folder under results.root, as study_table1/rows/base")
     results: FolderConfig = _group(FolderConfig)
     report: ReportConfig = _group(ReportConfig)
 

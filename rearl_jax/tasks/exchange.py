@@ -7,12 +7,12 @@ EXCHANGE = (
         words="export",
         run="rearl_jax.export.task:run",
         config="rearl_jax.config.export:ExportTask",
-        summary="write calibrated drivers for SUMO or highway-env",
+        summary="write calibrated drivers for SUMO, highway-env or OpenSCENARIO",
         description=(
-            "Draws drivers from a population and writes each as a vehicle type of SUMO or as attributes of "
-            "highway-env's IDMVehicle, which keeps the correlations of the parameters. Prints where every part of the "
-            "model went and what the other program cannot say. export.compare=true simulates the exported drivers in "
-            "SUMO and here behind the same measured leaders and states the difference."
+            "Draws drivers from a population and writes each as a vehicle type of SUMO, as attributes of highway-env's "
+            "IDMVehicle or as a controller of OpenSCENARIO, which keeps the correlations of the parameters. Prints "
+            "where every part of the model went and what the other program cannot represent. export.compare=true simulates "
+            "the exported drivers in SUMO and here behind the same measured leaders and states the difference."
         ),
         examples=(
             "rearl export model=results/discover/model.yaml",

@@ -120,7 +120,7 @@ STUDIES = (
             "desired speeds as recorded, replayed vehicles, calibrated drivers, effects that discovery found, "
             "calibrated lane changes, variation within drivers, REARL. Divides the reduction of every error into "
             "Shapley shares with intervals, and compares the rest with real against real. Effects and lane changes "
-            "come from model=FILE; without it drivers are calibrated on the recordings outside the judged scenes. The "
+            "come from model=FILE; without it drivers are calibrated on the recordings outside the scored scenes. The "
             "road has the lanes of the recordings. A killed study continues where it stopped. Prints tables, writes "
             "Parquet, a figure and one HTML page."
         ),
