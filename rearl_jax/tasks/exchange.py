@@ -11,8 +11,8 @@ EXCHANGE = (
         description=(
             "Draws drivers from a population and writes each as a vehicle type of SUMO, as attributes of highway-env's "
             "IDMVehicle or as a controller of OpenSCENARIO, which keeps the correlations of the parameters. Prints "
-            "where every part of the model went and what the other program cannot represent. export.compare=true simulates "
-            "the exported drivers in SUMO and here behind the same measured leaders and states the difference."
+            "where every part of the model went and what the other program cannot represent. export.compare=true "
+            "simulates the exported drivers in SUMO and here behind the same measured leaders and gives the difference."
         ),
         examples=(
             "rearl export model=results/discover/model.yaml",
