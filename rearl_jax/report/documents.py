@@ -19,6 +19,7 @@ from rearl_jax.study.real.document import document_of as real_document_of
 from rearl_jax.study.real.facts import FACT_COLUMNS
 from rearl_jax.study.real.table import ROW_COLUMNS
 from rearl_jax.study.stability.document import TABLES as STABILITY_TABLES
+from rearl_jax.study.stability.document import VERDICT_COLUMNS
 from rearl_jax.study.stability.document import document_of as stability_document_of
 from rearl_jax.study.stability.rings import RING_COLUMNS
 from rearl_jax.sweep.document import SUMMARY_KEYS
@@ -62,7 +63,7 @@ def budget_document(study: FinishedStudy) -> Document:
 def stability_document(study: FinishedStudy) -> Document:
     """The document of a study of stability."""
     tables = {name: study.table(name, RING_COLUMNS if name == "ring" else ()) for name in STABILITY_TABLES}
-    verdict = study.object("verdict.json")
+    verdict = study.objects("verdict.json", tuple(VERDICT_COLUMNS))
     margin = study.config.stability.margin
     return stability_document_of(tables, verdict, _remarks(study, "ring"), margin=margin, generated=study.generated)
 

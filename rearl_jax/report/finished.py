@@ -1,7 +1,7 @@
 """The folder of a finished study: its configuration, its summary, its tables and figures."""
 
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path, PurePosixPath
 from typing import Any
@@ -78,15 +78,23 @@ class FinishedStudy:
         """Metadata of the Parquet table of that name, see `results.read_metadata`."""
         return read_metadata(self.path / f"{name}.parquet")
 
-    def object(self, name: str, keys: tuple[str, ...] = ()) -> Any:
-        """The content of the JSON file `name`, with the required keys.
+    def object(self, name: str, keys: tuple[str, ...]) -> Mapping[str, Any]:
+        """The object in the JSON file `name`, with the required keys.
 
         Raises:
-            FileNotFoundError, ValueError: The file does not exist, is not JSON, or lacks a key.
+            FileNotFoundError, ValueError: The file does not exist, is no such object, or lacks a key.
         """
         content = _read_json(self.path / name, self.remedy)
-        self._require(content, keys, name)
-        return content
+        return self._with_keys([content], keys, name)[0]
+
+    def objects(self, name: str, keys: tuple[str, ...]) -> Sequence[Mapping[str, Any]]:
+        """The list of objects in the JSON file `name`, each with the required keys.
+
+        Raises:
+            FileNotFoundError, ValueError: As of `object`.
+        """
+        content = _read_json(self.path / name, self.remedy)
+        return self._with_keys(content if isinstance(content, list) else [content], keys, name)
 
     def summary(self, keys: tuple[str, ...] = ()) -> Mapping[str, Any]:
         """The first object of summary.json, the only one of all tasks but `evaluate`, with the required keys.
@@ -112,6 +120,15 @@ class FinishedStudy:
         if not hasattr(self.config, "data"):
             return ()
         return data_sources([next(iterate_recordings(self.config.data)).info])
+
+    def _with_keys(self, objects: list[Any], keys: tuple[str, ...], name: str) -> Sequence[Mapping[str, Any]]:
+        """The objects in the file `name` after a check that they are objects and have the keys."""
+        for content in objects:
+            if not isinstance(content, dict):
+                file = str(self.path / name)
+                raise InvalidInputError(Problem("not-an-object", "must contain objects", self.remedy, file=file))
+            self._require(content, keys, name)
+        return objects
 
     def _require(self, content: Mapping[str, Any] | pd.DataFrame, names: tuple[str, ...], file_name: str) -> None:
         """Raise InvalidInputError if an object or a table lacks keys or columns, as those of an older version may."""

@@ -21,6 +21,19 @@ CAPTIONS = {
 """Captions by the figures' names."""
 
 
+VERDICT_COLUMNS = {
+    "model": "",
+    "string_unstable": "string-unstable",
+    "largest_amplification": "largest amplification [-]",
+    "collides": "collides",
+    "collisions_per_vehicle_hour": "collisions [1/(vehicle h)]",
+    "recording_string_unstable": "recording unstable",
+    "recording_collides": "recording collides",
+    "statements": "where the recording is not",
+}
+"""Keys of the objects in verdict.json that are shown, with their headings."""
+
+
 def summary_of(tables: Mapping[str, pd.DataFrame], verdict: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
     """Flat figures: `n_models`, `n_unstable` and `n_colliding` models, `n_stated` (models with a statement in
     verdict.json); `n_rings` and `n_agree` (rings on which analysis and simulation agree), `largest_difference`
@@ -87,17 +100,7 @@ def document_of(
 def _verdicts(verdict: Sequence[Mapping[str, Any]], remarks: Remarks) -> Section:
     rows = pd.DataFrame(verdict)
     rows["statements"] = [" and ".join(statements) or None for statements in rows["statements"]]
-    columns = {
-        "model": "",
-        "string_unstable": "string-unstable",
-        "largest_amplification": "largest amplification [-]",
-        "collides": "collides",
-        "collisions_per_vehicle_hour": "collisions [1/(vehicle h)]",
-        "recording_string_unstable": "recording unstable",
-        "recording_collides": "recording collides",
-        "statements": "where the recording is not",
-    }
-    return Section("Verdicts", tables=(table_of("Verdicts", rows, columns),), notes=remarks.notes)
+    return Section("Verdicts", tables=(table_of("Verdicts", rows, VERDICT_COLUMNS),), notes=remarks.notes)
 
 
 def _platoons(table: pd.DataFrame) -> Section:

@@ -13,6 +13,7 @@ from rearl_jax.config.driver import record_of
 from rearl_jax.config.evaluation import Variant
 from rearl_jax.config.stability import StabilityConfig, StudyStabilityTask
 from rearl_jax.models.file import write_model
+from rearl_jax.problems import InvalidInputError
 from rearl_jax.report.documents import DOCUMENTS
 from rearl_jax.report.finished import read_finished
 from rearl_jax.study.stability import task
@@ -90,6 +91,12 @@ def test_a_study_is_written_kept_and_reported(tmp_path, monkeypatch):
     assert (folder / "fundamental_diagram.png").stat().st_size > 1000
     study = read_finished(str(tmp_path), "study_stability")
     assert DOCUMENTS["study stability"](study).verdict in (folder / "page.html").read_text()
+    content = (folder / "verdict.json").read_text()
+    for damaged in ("3", "[3]", '[{"model": "idm"}]'):
+        (folder / "verdict.json").write_text(damaged)
+        with pytest.raises(InvalidInputError):
+            DOCUMENTS["study stability"](study)
+    (folder / "verdict.json").write_text(content)
 
     monkeypatch.setattr(task, "flow_table", None)  # would fail if called
     (folder / "summary.json").unlink()
