@@ -75,15 +75,15 @@ def padded_steps(longest: int, dt: float) -> int:
     return 3 * n_steps // 4 if 3 * n_steps // 4 >= longest else n_steps
 
 
-def one_frame_rate(recordings: Sequence[Recording]) -> None:
-    """Checks that all recordings have the same frame rate, up to RATE_TOLERANCE.
+def one_frame_rate(recordings: Sequence[Recording]) -> float:
+    """The frame rate of all recordings, the largest of rates that differ by no more than RATE_TOLERANCE [1/s].
 
     Raises:
         ValueError: The frame rates differ.
     """
     rates = {recording.info.frame_rate: recording.info.id for recording in recordings}
-    if max(rates, default=0.0) <= (1.0 + RATE_TOLERANCE) * min(rates, default=0.0):
-        return
+    if max(rates) <= (1.0 + RATE_TOLERANCE) * min(rates):
+        return max(rates)
     examples = ", ".join(f"{rate:.6g} 1/s as {rates[rate]}" for rate in sorted(rates))
     remedy = "choose those of one rate with data.recordings, or resample the others"
     raise InvalidInputError(
