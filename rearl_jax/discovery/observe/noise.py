@@ -125,7 +125,6 @@ def under_best_noise(
     levels: Sequence[float] = ACCELERATIONS,
     *,
     iterations: int = 20,
-    tolerance: float = 0.05,
 ) -> tuple[FitState, Noise]:
     """The state solved again under the noise that is most likely at its present parameters, and that noise.
 
@@ -134,11 +133,11 @@ def under_best_noise(
         state: A solved state.
         noise: Noise from which the search begins.
         levels: Tested standard deviations of the acceleration residual, ascending [m/s^2].
-        iterations, tolerance: As in `Solver.solve`.
+        iterations: As in `Solver.solve`.
     """
     noise = _climbed(solver, state, noise, {"acceleration": levels, "time": TIMES})
     state = with_noise(state, noise)
-    solver.solve([state], iterations=iterations, tolerance=tolerance)
+    solver.solve([state], iterations=iterations, tolerance=0.05)
     return state, noise
 
 

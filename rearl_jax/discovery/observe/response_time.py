@@ -168,5 +168,4 @@ def _measured_stimuli(solver: Solver, state: FitState) -> Stimulus:
         knots = jax.tree.map(jnp.asarray, solver.layout.knots)
         lens = lens_at(solver.layout.by_name(jnp.asarray(state.theta)[:, None, None]), knots)
         surroundings, (x, v) = straightened(surroundings, lens), straightened_start(jnp.stack([x, v]), lens)
-    own = x, v, jnp.asarray(data.length), data.is_truck.astype(float)
-    return jax.vmap(stimulus, in_axes=(0, 0, None, None, 0))(*own, surroundings)
+    return stimulus(x, v, data.length, data.is_truck.astype(float), surroundings)
