@@ -243,7 +243,7 @@ def _with_smooth_errors(solver: Solver, state: FitState, noise: Noise, least: fl
     """The state solved again under the most likely noise with smooth position errors, and that noise; None if
     its log-likelihood is not clearly above `least`, that without such errors [nats].
 
-    The likelihood has several maxima, because loud drivers and small errors resemble steady drivers and large errors.
+    The likelihood has several maxima, because noisy drivers and small errors resemble steady drivers and large errors.
     Each search begins with another noise of the drivers, and the maxima are compared.
     """
     sizes, times = SMOOTH_STARTS

@@ -30,6 +30,7 @@ from rearl_jax.discovery.report.words import (
     response_words,
     share_words,
     verdict_words,
+    with_unit,
 )
 from rearl_jax.discovery.search.variables import title_of
 from rearl_jax.discovery.thresholds import THRESHOLDS, meanings
@@ -242,14 +243,10 @@ def _effect_section(verdict: Mapping[str, Any]) -> Section:
 
 
 def _effect_rows(effect: Mapping[str, Any]) -> list[Row]:
-    cells = [(Cell(_with_unit(name, value["unit"])), cell_of(value)) for name, value in effect["parameters"].items()]
+    cells = [(Cell(with_unit(name, value["unit"])), cell_of(value)) for name, value in effect["parameters"].items()]
     if not 0 < len(cells) <= MOST_PARAMETERS:
         cells = [(Cell(f"a curve through {len(cells)} values" if cells else NONE), Cell(NONE))]
     return [Row(described(effect), (*pair, Cell(f"{effect['confidence']:.2f}"))) for pair in cells]
-
-
-def _with_unit(name: str, unit: str) -> str:
-    return spoken(name) if unit == "-" else f"{spoken(name)} [{unit}]"
 
 
 def _candidate_table(title: str, rows: Sequence[Mapping[str, Any]], verdict: Mapping[str, Any]) -> Table:
@@ -313,7 +310,7 @@ def _variable_row(row: Mapping[Any, Any]) -> Row:
 
 def _unseen_table(effects: Sequence[Mapping[str, Any]]) -> Table:
     rows = tuple(
-        Row(spoken(row["name"]), (Cell(_with_unit(row["parameter"], row["unit"])), Cell(number(row["strength"]))))
+        Row(spoken(row["name"]), (Cell(with_unit(row["parameter"], row["unit"])), Cell(number(row["strength"]))))
         for row in effects
     )
     return Table("Weakest detectable effects", ("parameter", "least value"), rows)

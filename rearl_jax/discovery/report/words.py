@@ -98,6 +98,11 @@ def described(effect: Mapping[str, Any]) -> str:
     return f"{name} ({effect['group']})" if "group" in effect else name
 
 
+def with_unit(name: str, unit: str) -> str:
+    """Readable name of a parameter with its unit, if it has one."""
+    return spoken(name) if unit == "-" else f"{spoken(name)} [{unit}]"
+
+
 def error_words(error: Mapping[str, Any]) -> str:
     """Sentence on the closed-loop gap error before and after, with intervals, and on the error from noise alone."""
     words = f"closed-loop gap error of {error['n_drivers']} other drivers, {PROTOCOLS[IN_SAMPLE]}: "
