@@ -122,7 +122,7 @@ def document_of(
             _unseen_table(verdict["unseen"]),
             is_folded=True,
         ),
-        _definition_section(data.get("car_following", "idm"), config.discover.confidence),
+        _definition_section(data["car_following"], config.discover.confidence),
         _section(
             "Thresholds of the decision",
             "Every number that decides what is claimed.",
@@ -155,24 +155,23 @@ def _error_section(error: Mapping[str, Any]) -> Section:
         Row(title, tuple(cell_of(error["all"][name][key], "+" if key == "change" else "") for key in columns))
         for name, title in _MEASURES.items()
     ]
-    noise = error.get("noise_alone", error["floor"])
+    noise, times = error["noise_alone"], error["response_time"]
     rows.append(Row("gap error by the drivers' own noise alone [m]", (Cell(""), cell_of(noise), Cell(""))))
-    times = error.get("response_time", {})
     if any(times.values()):
         cells = (cell_of(times[model], "+") for model in ("before", "after"))
         rows.append(Row("response time beyond the model's [s]", (*cells, Cell(""))))
     words = sentence(error_words(error)) + share_words(error) + response_words(error)
     table = Table("Errors on drivers not used in the fit", _headings(error), tuple(rows))
-    return Section("Error before and after", (words,), (table, *_protocol_tables(error)))
+    return Section("Error before and after", (words,), (table, _protocol_table(error)))
 
 
 def _headings(error: Mapping[str, Any]) -> tuple[str, str, str]:
     return "before", "after" if error["oracle"] is None else "with the given effect", "change"
 
 
-def _protocol_tables(error: Mapping[str, Any]) -> tuple[Table, ...]:
-    """Table of the mean gap error by protocol; none if the verdict has no protocols."""
-    tested = {name: errors for name, errors in error.get("protocols", {}).items() if errors is not None}
+def _protocol_table(error: Mapping[str, Any]) -> Table:
+    """Table of the mean gap error by protocol."""
+    tested = {name: errors for name, errors in error["protocols"].items() if errors is not None}
     means = {name: errors["gap_rmse"]["mean"] for name, errors in tested.items()}
     has_idm = any(mean.get(IDM, mean["before"]) != mean["before"] for mean in means.values())
     rows = []
@@ -186,13 +185,13 @@ def _protocol_tables(error: Mapping[str, Any]) -> tuple[Table, ...]:
     if has_idm:
         headings += ["calibrated IDM [m]", f"{after} against it"]
     title = "Mean closed-loop gap error, by source of the driver's parameters"
-    return (Table(title, tuple(headings), tuple(rows)),) if rows else ()
+    return Table(title, tuple(headings), tuple(rows))
 
 
 def _protocol_section(error: Mapping[str, Any]) -> Section:
     """Section of every measure under every protocol."""
     tables, notes, title = [], [], "Errors by source of a driver's parameters"
-    for name, errors in error.get("protocols", {}).items():
+    for name, errors in error["protocols"].items():
         notes.append(f"{spoken(name)}: {PROTOCOLS[name]}")
         if errors is None:
             notes[-1] += "; no driver could be tested"
@@ -209,8 +208,6 @@ def _protocol_section(error: Mapping[str, Any]) -> Section:
         "All errors are of simulations behind the measured leader. Protocols differ in the source of the driver's "
         "parameters. Population: error of the model before, on the same drives, with parameters of the population."
     )
-    if not tables:
-        return Section(title)
     return Section(title, (how,), tuple(tables), tuple(map(sentence, notes)), is_folded=True)
 
 
