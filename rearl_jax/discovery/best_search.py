@@ -134,7 +134,7 @@ def _with_best_model(
     better = better_model(model_tests, seed)
     if better is not None and not comparison.denies(better):
         log.info("with the effects found, %s fits significantly better: the search is repeated with it", better.name)
-        comparison, solver = comparison.going_on_with(better), solver_of(parts.fitted, better)
+        comparison, solver = comparison.with_choice(better), solver_of(parts.fitted, better)
         # Not stored, because the stored null distribution is that of the first model.
         outcome = _search(config, None, solver, parts, bar, label)
         model_tests = effects_in_other_models(solver, outcome, comparison.others, parts.fitted)
@@ -154,7 +154,7 @@ def _with_best_model(
         named_adequacy = adequacy(other, named, seed)
         if names_more(prediction, named, named_adequacy, prediction_of(other, named), seed):
             log.info("with %s, the effects found have names, and the check drivers are predicted better", prior.name)
-            comparison = comparison.going_on_with(prior)
+            comparison = comparison.with_choice(prior)
             model_tests = effects_in_other_models(other, named, comparison.others, parts.fitted)
             return BestSearch(other, named, named_adequacy, comparison, model_tests)
     return found

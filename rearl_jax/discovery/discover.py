@@ -246,7 +246,7 @@ def _effects(
     """
     effects = [found_in_columns(finding, confidence) for finding in findings if finding.is_artefact]
     most, doubtful = THRESHOLDS.most_confidence, THRESHOLDS.doubtful_confidence
-    highest = most if adequacy.is_enough and not outcome.leaves_shifts else doubtful
+    highest = most if adequacy.is_adequate and not outcome.leaves_shifts else doubtful
     if outcome.clocks is not None:
         effects.append(differing_clocks(outcome.clocks, most if adequacy.is_of_clocks else doubtful))
     theta = outcome.last.state.theta

@@ -72,6 +72,7 @@ VERDICT = {
     "lane_choice": {"changes": 12, "opportunities": 345, "loss": None},
     "data": {
         "id": "abc",
+        "car_following": "idm",
         "recordings": 3,
         "generated": True,
         "drivers": {"fitted": 36, "checked": 35, "reported": 34},

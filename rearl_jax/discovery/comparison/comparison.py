@@ -81,7 +81,7 @@ class Comparison:
         """True if simulations of the check drivers contradict a model as a replacement of the chosen one."""
         return self.choice.denies(self._index(prior))
 
-    def going_on_with(self, prior: Prior) -> "Comparison":
+    def with_choice(self, prior: Prior) -> "Comparison":
         """The comparison with another choice; the model chosen before becomes the first rival."""
         others = tuple(name for name in self.rivals if name != prior.name)
         choice = replace(self.choice, chosen=self._index(prior))

@@ -47,7 +47,7 @@ def predicting_effects(solver: Solver, outcome: Search, seed: int, null_for: Nul
             (
                 trial
                 for trial in trials
-                if not trial.is_of_follower and predict_surely_better(before, errors_of(trial.fit), seed)
+                if not trial.is_of_follower and is_significantly_better(before, errors_of(trial.fit), seed)
             ),
             None,
         )
@@ -68,7 +68,7 @@ def clocks_predict_better(solver: Solver, outcome: Search, checked: Measured, se
     corrected = replace(earlier, weight=checked.weight)
     errors = _gap_errors_of(solver, checked, outcome.before), _gap_errors_of(solver, corrected, outcome.first)
     before, after = ({name: found[name] for name in found.keys() & {FIRST_HALF}} for found in errors)
-    return predict_surely_better(before, after, seed)
+    return is_significantly_better(before, after, seed)
 
 
 def predicting_variation(solver: Solver, outcome: Search, seed: int) -> TimeGapVariation:
@@ -83,7 +83,7 @@ def predicting_variation(solver: Solver, outcome: Search, seed: int) -> TimeGapV
         return variation
     (state,) = recalibrated(solver, outcome.checked, [fit])
     before, after = (_gap_errors(solver, state, fit, tried) for tried in (CONSTANT_TIME_GAP, variation))
-    if predict_surely_better(before, after, seed):
+    if is_significantly_better(before, after, seed):
         return variation
     return time_gap_variation(solver, fit, seed, start_shares=(0.0,))
 
@@ -101,7 +101,7 @@ def _gap_errors(
     return {name: of_protocol.by_driver["gap_rmse"] for name, of_protocol in errors.items() if of_protocol}
 
 
-def predict_surely_better(before: GapErrors, after: GapErrors, seed: int) -> bool:
+def is_significantly_better(before: GapErrors, after: GapErrors, seed: int) -> bool:
     """True if the mean gap error is significantly smaller under one predicting protocol and smaller under all of them.
 
     Args:

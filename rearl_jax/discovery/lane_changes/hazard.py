@@ -39,7 +39,7 @@ class Logit:
     covariance: Float[np.ndarray, "columns columns"]
 
     def chance(self, columns: Float[np.ndarray, "rows columns"]) -> Float[np.ndarray, " rows"]:
-        """Chance that each opportunity is taken [-]."""
+        """Probability that each opportunity is taken [-]."""
         return _chance(columns, self.coefficients)
 
     def log_likelihood(

@@ -132,22 +132,25 @@ def _of_recording(
     """
     if not table["lane"].notna().to_numpy().any():
         return _empty(), "the data have no lanes"
-    moving = with_motion(table, dt)
-    is_used = moving["frame"].to_numpy() % max(1, round(PERIOD / dt)) == 0
+    moving, period = with_motion(table, dt), max(1, round(PERIOD / dt))
+    is_used = moving["frame"].to_numpy() % period == 0
     rows = moving.iloc[np.flatnonzero(moving["lane"].notna().to_numpy() & is_used)].reset_index(drop=True)
     lanes = np.stack([rows["direction"].to_numpy(np.int64), rows["lane"].to_numpy(np.int64)])
     if np.bincount(np.unique(lanes, axis=1)[0]).max(initial=0) < 2:
         return _empty(), "there is one lane per direction"
-    scene = _Scene(rows, drivers, first_vehicle, recording)
+    scene = _Scene(rows, drivers, first_vehicle, recording, period, dt)
     joined = _joined([scene.side(side) for side in (-1, 1)])
     reason = "" if len(joined.side) else "no driver has leaders on the own and on an adjacent lane, and room to change"
     return joined, reason
 
 
 class _Scene:
-    """The rows of one recording in the frames of opportunities."""
+    """The rows of one recording in the frames of opportunities, `period` frames of `dt` [s] apart."""
 
-    def __init__(self, rows: pd.DataFrame, drivers: KnownDrivers, first_vehicle: int, recording: int) -> None:
+    def __init__(
+        self, rows: pd.DataFrame, drivers: KnownDrivers, first_vehicle: int, recording: int, period: int, dt: float
+    ) -> None:
+        self.period = period * dt
         self.vehicle, self.recording = rows["track_id"].to_numpy().astype(np.int64) + first_vehicle, recording
         self.is_truck = (rows["vehicle_class"] == "truck").to_numpy()
         motion = (rows[name].to_numpy() for name in ("position", "speed", "acceleration", "length"))
@@ -160,7 +163,7 @@ class _Scene:
         self.through_lanes = whole_lanes(self.direction, self.lane, self.x)
         self.frame = rows["frame"].to_numpy(np.int64)
         self.ramp_side = side_of_ramp(self.vehicle, self.direction, self.lane, self.through_lanes)
-        self.continues = _continues(rows)
+        self.continues = _continues(rows, period)
         self.model = drivers.prior.name
         self.lanes = SortedLanes(rows)
         self.leader, self.follower = self.lanes.ahead(0), self.lanes.behind(0)
@@ -207,7 +210,7 @@ class _Scene:
             recording=np.full(len(chosen), self.recording),
             frame=self.frame[chosen],
             side=np.full(len(chosen), side),
-            changes=(self.to_change[chosen] <= PERIOD + 1e-9) & (self.next_step[chosen] == side),
+            changes=(self.to_change[chosen] <= self.period + 1e-9) & (self.next_step[chosen] == side),
             incentive=changed - stays,
             rear_after=rear_after,
             rear_gain=rear_after - rear_before,
@@ -249,11 +252,9 @@ class _Scene:
         return np.where(vehicles == NO_VEHICLE, 0.0, value)
 
 
-def _continues(rows: pd.DataFrame) -> Bool[np.ndarray, " rows"]:
-    """True if the row before is that of the same vehicle, one period earlier."""
+def _continues(rows: pd.DataFrame, period: int) -> Bool[np.ndarray, " rows"]:
+    """True if the row before is that of the same vehicle, `period` frames earlier."""
     track, frame = rows["track_id"].to_numpy(), rows["frame"].to_numpy()
-    frames = np.unique(frame)
-    period = int(np.diff(frames).min()) if len(frames) > 1 else 1  # frames
     return np.r_[False, (track[1:] == track[:-1]) & (frame[1:] == frame[:-1] + period)]
 
 

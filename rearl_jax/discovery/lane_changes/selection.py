@@ -201,8 +201,8 @@ def _effects(
         parameters = {name: Estimate(value, low, high, unit)}
         parameters |= {name: Estimate(value, None, None, unit) for name, value, unit in trial.form.shape}
         share = share_of(trial.total, [other.total for other in trials if other is not trial])
-        sureness = min(share, THRESHOLDS.most_confidence)
-        claims.append(Claim(candidate.name, candidate.kind, parameters, candidate.variables, sureness, trial.total))
+        probability = min(share, THRESHOLDS.most_confidence)
+        claims.append(Claim(candidate.name, candidate.kind, parameters, candidate.variables, probability, trial.total))
     return tuple(claims)
 
 

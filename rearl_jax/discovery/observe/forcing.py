@@ -39,7 +39,7 @@ NEGLIGIBLE = 1e-12
 @dataclass(frozen=True)
 class DriverScores:
     """Scores of each driver for the size of each acceleration, with its mean acceleration and own parameters projected
-    out. A column is the derivative of the innovations by the size of one acceleration.
+    out. A column is the derivative of the innovations by the size of one acceleration that the model lacks.
 
     Attributes:
         gram: Sums over time of products of two columns.
@@ -173,8 +173,8 @@ def innovation_and_acceleration_scores(
 def _columns(
     accelerations: np.ndarray, residuals: Residuals, derivatives: AccelerationDerivatives
 ) -> tuple[np.ndarray, int]:
-    """Derivatives of the innovations by the sizes of accelerations, and the number of the first ones, by which the
-    driver could imitate others: a constant acceleration, then the driver's own parameters.
+    """Derivatives of the innovations by the sizes of accelerations that the model lacks, and the number of the first
+    ones, by which the driver could imitate others: a constant acceleration, then the driver's own parameters.
     """
     own = np.concatenate([np.ones((1, *residuals.x.shape)), derivatives.own])
     return -np.concatenate(

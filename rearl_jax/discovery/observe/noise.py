@@ -125,7 +125,6 @@ def under_best_noise(
     levels: Sequence[float] = ACCELERATIONS,
     *,
     iterations: int = 20,
-    tolerance: float = 0.05,
 ) -> tuple[FitState, Noise]:
     """The state solved again under the noise that is most likely at its present parameters, and that noise.
 
@@ -134,11 +133,11 @@ def under_best_noise(
         state: A solved state.
         noise: Noise from which the search begins.
         levels: Tested standard deviations of the acceleration residual, ascending [m/s^2].
-        iterations, tolerance: As in `Solver.solve`.
+        iterations: As in `Solver.solve`.
     """
     noise = _climbed(solver, state, noise, {"acceleration": levels, "time": TIMES})
     state = with_noise(state, noise)
-    solver.solve([state], iterations=iterations, tolerance=tolerance)
+    solver.solve([state], iterations=iterations, tolerance=0.05)
     return state, noise
 
 
@@ -244,7 +243,7 @@ def _with_smooth_errors(solver: Solver, state: FitState, noise: Noise, least: fl
     """The state solved again under the most likely noise with smooth position errors, and that noise; None if
     its log-likelihood is not clearly above `least`, that without such errors [nats].
 
-    The likelihood has several maxima, because loud drivers and small errors resemble steady drivers and large errors.
+    The likelihood has several maxima, because noisy drivers and small errors resemble steady drivers and large errors.
     Each search begins with another noise of the drivers, and the maxima are compared.
     """
     sizes, times = SMOOTH_STARTS

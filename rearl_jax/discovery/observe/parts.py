@@ -67,8 +67,8 @@ def measured_drivers(
     Raises:
         ValueError: The frame rates differ, a label is unknown, or no driver follows a leader long enough.
     """
-    one_frame_rate(recordings)
-    tables = [thinned(recording) for recording in recordings]
+    rate = one_frame_rate(recordings)
+    tables = [thinned(recording, rate) for recording in recordings]
     findings, fused_errors = gate(tables), None
     if not any(finding.is_artefact for finding in findings) and has_speed_sensor(tables):
         findings.append(SPEED_SENSOR)

@@ -16,7 +16,6 @@ Source: fixed-interval smoother by backward recursion of the innovations, de Jon
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Float
@@ -66,10 +65,7 @@ class Residuals:
     def stimulus(self) -> Stimulus:
         """Stimuli of the drivers halfway, `[n_steps, n_pieces]`."""
         data = self.state.data
-        truck = jnp.asarray(data.is_truck, float)
-        own = (jnp.asarray(self.x), jnp.asarray(self.v), jnp.asarray(data.length))
-        surroundings = jax.tree.map(jnp.asarray, self.surroundings)
-        return jax.vmap(stimulus, in_axes=(0, 0, None, None, 0))(*own, truck, surroundings)
+        return stimulus(self.x, self.v, data.length, data.is_truck.astype(float), self.surroundings)
 
     def autocorrelation(self) -> tuple[Float[np.ndarray, " lags"], Float[np.ndarray, " lags"]]:
         """Lags [s] up to LAGS_FOR, and the autocorrelation of weighted innovations [-]."""

@@ -131,18 +131,14 @@ def covariances(solver: Solver, state: FitState) -> Covariances:
         for values in (np.gradient(data.smooth_speed, data.dt, axis=0), modelled, leader)
     )
 
-    def lagged(values: np.ndarray, first: float, last: float) -> np.ndarray:
-        rows = [
-            _lagged(values, of_leader, data.leader, lag)
-            for lag in range(round(first / data.dt), round(last / data.dt) + 1)
-        ]
+    def lagged(values: np.ndarray, first: int, last: int) -> np.ndarray:
+        rows = [_lagged(values, of_leader, data.leader, lag) for lag in range(first, last + 1)]
         sums = np.zeros((data.n_drivers, len(rows)))
         np.add.at(sums, data.driver, np.array(rows).T)
         return sums
 
-    return Covariances(
-        data.dt, lagged(measured, 0.0, LONGEST_AFTER), lagged(modelled, -LATEST, LONGEST_AFTER - EARLIEST)
-    )
+    longest, earliest, latest = (round(time / data.dt) for time in (LONGEST_AFTER, EARLIEST, LATEST))
+    return Covariances(data.dt, lagged(measured, 0, longest), lagged(modelled, -latest, longest - earliest))
 
 
 def _between_measurements(counts: Bool[np.ndarray, "steps pieces"], stride: int) -> Bool[np.ndarray, "steps pieces"]:
@@ -172,5 +168,4 @@ def _measured_stimuli(solver: Solver, state: FitState) -> Stimulus:
         knots = jax.tree.map(jnp.asarray, solver.layout.knots)
         lens = lens_at(solver.layout.by_name(jnp.asarray(state.theta)[:, None, None]), knots)
         surroundings, (x, v) = straightened(surroundings, lens), straightened_start(jnp.stack([x, v]), lens)
-    own = x, v, jnp.asarray(data.length), data.is_truck.astype(float)
-    return jax.vmap(stimulus, in_axes=(0, 0, None, None, 0))(*own, surroundings)
+    return stimulus(x, v, data.length, data.is_truck.astype(float), surroundings)

@@ -23,7 +23,6 @@ from rearl_jax.discovery.observe.kalman import Gain
 from rearl_jax.discovery.observe.layout import layout_of
 from rearl_jax.discovery.observe.levenberg_marquardt import LevenbergMarquardt
 from rearl_jax.discovery.observe.normal_equations import Programs
-from rearl_jax.discovery.observe.observer import Pieces
 from rearl_jax.discovery.read.measured import Measured
 
 ADDED_AT_ONCE = 8
@@ -72,7 +71,7 @@ class Solver:
         following_of = np.concatenate([following(state.data) for state in states], axis=-1)
         own = _own(states) | {"following": following_of, "added": added[:, None]}
         program = self.programs.sensitivities(own["z"].shape[1])
-        found = _by_driver(program(_pieces(states), own), states)
+        found = _by_driver(program([state.pieces for state in states], own), states)
         n_nuisance = self.layout.prior.size + len(free)
         return [sums | {"nuisance": sums["nuisance"][:, :n_nuisance]} for sums in found]
 
@@ -89,17 +88,14 @@ class Solver:
         program = self.programs.sums(states[0].active)
         for first in range(0, len(states), together):
             part = states[first : first + together]
-            for state, sums in zip(part, _by_driver(program(_pieces(part), _own(part)), part), strict=True):
+            found = _by_driver(program([state.pieces for state in part], _own(part)), part)
+            for state, sums in zip(part, found, strict=True):
                 state.sums = DriverSums(**sums)
 
 
 def solver_of(data: Measured, prior: Prior = IDM_PRIOR) -> Solver:
     """A solver with the layout and knots of the given data."""
     return Solver(Programs(layout_of(data, prior), data.dt, len(data.driver)))
-
-
-def _pieces(states: Sequence[FitState]) -> list[Pieces]:
-    return [state.pieces for state in states]
 
 
 def _own(states: Sequence[FitState]) -> dict[str, np.ndarray]:

@@ -8,11 +8,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from rearl_jax.discovery.read.smoothing import Thinned, cut_off, position_noise, smoothed, track_bounds
+from rearl_jax.discovery.read.smoothing import Thinned, position_noise, smoothed, track_bounds
 from rearl_jax.discovery.thresholds import THRESHOLDS
 
-HIGHEST_CUT_OFF = 2.0
-"""Upper bound of the frequencies that are compared [rad/s]: below those of noise, above those of drift."""
+CUT_OFF = 2.0
+"""Angular frequency below which position and speed are compared [rad/s]: below those of noise, above those of drift.
+"""
 
 
 @dataclass(frozen=True)
@@ -46,7 +47,7 @@ def amount(findings: Sequence[Finding], name: str) -> float:
 def gate(tables: Sequence[Thinned]) -> list[Finding]:
     """Lags, scales and noise that the columns show."""
     noise = [position_noise(table["position"].to_numpy(), *track_bounds(table)) for table, _ in tables]
-    lag, scale = _speed_against_position(tables, noise)
+    lag, scale = _speed_against_position(tables)
     findings = []
     if lag is not None and abs(lag[0]) > max(THRESHOLDS.least_lag, THRESHOLDS.columns_z_score * lag[1]):
         delayed, other = ("speed", "position") if lag[0] > 0 else ("position", "speed")
@@ -88,24 +89,23 @@ def smoothed_positions(sd: float) -> Finding:
 
 
 def _speed_against_position(
-    tables: Sequence[Thinned], noise: Sequence[float]
+    tables: Sequence[Thinned],
 ) -> tuple[tuple[float, float] | None, tuple[float, float] | None]:
     """Lag [s] and relative scale error [-] of the speed column against the derivative of the position, each with its
-    standard deviation; None if there are fewer than three tracks of six seconds. `noise` is that of positions [m].
+    standard deviation; None if there are fewer than three tracks of six seconds.
 
     A column with a scale error e and a lag L differs from the derivative v by about e v - L a, a the acceleration.
     """
     grams, products = [], []
-    for (table, dt), scatter in zip(tables, noise, strict=True):
+    for table, dt in tables:
         position, speed = table["position"].to_numpy(), table["speed"].to_numpy()
-        frequency = min(cut_off(scatter, dt), HIGHEST_CUT_OFF)
         for start, stop in zip(*track_bounds(table), strict=True):
             if (stop - start) * dt < 6.0:
                 continue
-            _, v, a = smoothed(position[start:stop], dt, frequency)
+            _, v, a = smoothed(position[start:stop], dt, CUT_OFF)
             # The integral of the column is smoothed in the same way, so its derivative is attenuated like v.
             driven = np.concatenate([[0.0], np.cumsum((speed[start + 1 : stop] + speed[start : stop - 1]) / 2) * dt])
-            _, column, _ = smoothed(driven, dt, frequency)
+            _, column, _ = smoothed(driven, dt, CUT_OFF)
             inner = slice(int(1.5 / dt), -int(1.5 / dt))
             basis = np.stack([v[inner], -a[inner]], axis=1)
             grams.append(basis.T @ basis)

@@ -75,15 +75,15 @@ def padded_steps(longest: int, dt: float) -> int:
     return 3 * n_steps // 4 if 3 * n_steps // 4 >= longest else n_steps
 
 
-def one_frame_rate(recordings: Sequence[Recording]) -> None:
-    """Checks that all recordings have the same frame rate, up to RATE_TOLERANCE.
+def one_frame_rate(recordings: Sequence[Recording]) -> float:
+    """The frame rate of all recordings, the largest of rates that differ by no more than RATE_TOLERANCE [1/s].
 
     Raises:
         ValueError: The frame rates differ.
     """
     rates = {recording.info.frame_rate: recording.info.id for recording in recordings}
-    if max(rates, default=0.0) <= (1.0 + RATE_TOLERANCE) * min(rates, default=0.0):
-        return
+    if max(rates) <= (1.0 + RATE_TOLERANCE) * min(rates):
+        return max(rates)
     examples = ", ".join(f"{rate:.6g} 1/s as {rates[rate]}" for rate in sorted(rates))
     remedy = "choose those of one rate with data.recordings, or resample the others"
     raise InvalidInputError(
@@ -169,6 +169,8 @@ class _Rows:
             delayed = {name: table[name].to_numpy()[source] for name in ("lane", "lateral", "leader_id")}
             table = table.assign(**delayed)
         self.table = table
+        self.length = table["length"].to_numpy()
+        self.is_truck = (table["vehicle_class"] == "truck").to_numpy()
         self.position = table["position"].to_numpy()
         self.noise = position_noise(self.position, self.starts, self.stops)
         self.jumps = np.zeros(len(self.position), bool)
@@ -214,16 +216,14 @@ class _Rows:
         is_settled = np.arange(n_steps)[:, None] >= int(SETTLING / dt)
         values = {name: column[index] for name, column in columns.items()}
         track = table["track_id"].to_numpy()[index[0]].astype(np.int64) if cuts else np.empty(0, np.int64)
-        length = table["length"].to_numpy()
-        is_truck = (table["vehicle_class"] == "truck").to_numpy()
         return Measured(
             y=(self.position + added_noise)[index],
             weight=weight[index] * is_recorded * is_settled * is_new(n_steps, stride)[:, None],
             smooth=x[index],
             smooth_speed=v[index],
             surroundings=Surroundings(**values),
-            length=length[index[0]],
-            is_truck=is_truck[index[0]],
+            length=self.length[index[0]],
+            is_truck=self.is_truck[index[0]],
             driver=track + offset,
             vehicle=track + offset,
             leader=np.where(leader[index] >= 0, leader[index] + offset, NO_VEHICLE),
@@ -241,10 +241,8 @@ class _Rows:
 
         `x` [m], `v` [m/s] and `a` [m/s^2] are smooth positions, speeds and accelerations of all rows; `smoothing` [s].
         """
-        table = self.table
+        table, length = self.table, self.length
         neighbours = look_around(table, v)
-        length = table["length"].to_numpy()
-        is_truck = (table["vehicle_class"] == "truck").to_numpy()
         track = table["track_id"].to_numpy().astype(np.int64)
         lane = table["lane"].to_numpy(dtype=np.float64, na_value=0.0)
         rightmost = pd.Series(lane).groupby(table["direction"].to_numpy()).transform("max").to_numpy()
@@ -280,7 +278,7 @@ class _Rows:
             "leader_speed": leader_speed,
             "leader_acceleration": np.clip(values_of(first, a, 0.0), HARDEST_BRAKING, -HARDEST_BRAKING),
             "leader_length": values_of(first, length, 4.5),
-            "leader_is_truck": values_of(first, is_truck.astype(float), 0.0),
+            "leader_is_truck": values_of(first, self.is_truck.astype(float), 0.0),
             "has_second": (second != NO_VEHICLE).astype(float),
             "second_rear": values_of(second, rear, front + OUT_OF_SIGHT)
             - values_of(second, values_of(first, length, 0.0), 0.0),
@@ -321,7 +319,7 @@ class _Rows:
         jumped = np.r_[0, np.cumsum(self.jumps)]
         before, after = (round(time / self.dt) for time in (BEFORE_JUMP, SETTLING))
         is_calm = jumped[np.minimum(row + before, stop - 1) + 1] == jumped[np.maximum(row - after, first)]
-        is_used &= is_calm & (is_calm[leader_row] | (leader_row == NO_VEHICLE))
+        is_used &= is_calm & is_calm[leader_row]  # no row without a leader is left
         if not edge:
             return is_used.astype(float)
         is_inside = np.minimum(row - first, stop - 1 - row) >= edge

@@ -39,14 +39,18 @@ Thinned = tuple[pd.DataFrame, float]
 """A canonical table, and its time step [s]."""
 
 
-def thinned(recording: Recording) -> Thinned:
+def thinned(recording: Recording, rate: float | None = None) -> Thinned:
     """The table at the lowest sufficient time resolution, and its time step [s].
 
     Groups of neighbouring frames are merged: positions are averaged, so that no measurement is lost; lane and leader
     are taken from the last frame of each group.
+
+    Args:
+        recording: The recording.
+        rate: Frame rate [1/s]; None for that of the recording.
     """
-    rate = recording.info.frame_rate
-    n = max(1, int(rate / SLOWEST_RATE)) if rate >= 2 * SLOWEST_RATE else 1
+    rate = rate or recording.info.frame_rate
+    n = max(1, int(rate / SLOWEST_RATE))
     table = recording.table
     if n == 1:
         return table, 1.0 / rate
@@ -112,8 +116,8 @@ def lasting_noise(white: float, time: float, dt: float) -> float:
 def cut_off(noise: float, dt: float) -> float:
     """Angular frequency [rad/s] above which noise exceeds motion.
 
-    Source: Wiener filtering of a motion whose third derivative is white: the cut-off grows with the inverse third power
-    of the noise density.
+    Source: Wiener filtering of a motion whose third derivative is white: the cut-off is proportional to the inverse
+    cube root of the noise density.
     """
     density = max(noise, 1e-6) * np.sqrt(dt)
     return float(np.clip(CUT_OFF * (CUT_OFF_NOISE / density) ** (1 / 3), *CUT_OFF_RANGE))

@@ -30,6 +30,7 @@ from rearl_jax.discovery.report.words import (
     response_words,
     share_words,
     verdict_words,
+    with_unit,
 )
 from rearl_jax.discovery.search.variables import title_of
 from rearl_jax.discovery.thresholds import THRESHOLDS, meanings
@@ -121,7 +122,7 @@ def document_of(
             _unseen_table(verdict["unseen"]),
             is_folded=True,
         ),
-        _definition_section(data.get("car_following", "idm"), config.discover.confidence),
+        _definition_section(data["car_following"], config.discover.confidence),
         _section(
             "Thresholds of the decision",
             "Every number that decides what is claimed.",
@@ -154,24 +155,23 @@ def _error_section(error: Mapping[str, Any]) -> Section:
         Row(title, tuple(cell_of(error["all"][name][key], "+" if key == "change" else "") for key in columns))
         for name, title in _MEASURES.items()
     ]
-    noise = error.get("noise_alone", error["floor"])
+    noise, times = error["noise_alone"], error["response_time"]
     rows.append(Row("gap error by the drivers' own noise alone [m]", (Cell(""), cell_of(noise), Cell(""))))
-    times = error.get("response_time", {})
     if any(times.values()):
         cells = (cell_of(times[model], "+") for model in ("before", "after"))
         rows.append(Row("response time beyond the model's [s]", (*cells, Cell(""))))
     words = sentence(error_words(error)) + share_words(error) + response_words(error)
     table = Table("Errors on drivers not used in the fit", _headings(error), tuple(rows))
-    return Section("Error before and after", (words,), (table, *_protocol_tables(error)))
+    return Section("Error before and after", (words,), (table, _protocol_table(error)))
 
 
 def _headings(error: Mapping[str, Any]) -> tuple[str, str, str]:
     return "before", "after" if error["oracle"] is None else "with the given effect", "change"
 
 
-def _protocol_tables(error: Mapping[str, Any]) -> tuple[Table, ...]:
-    """Table of the mean gap error by protocol; none if the verdict has no protocols."""
-    tested = {name: errors for name, errors in error.get("protocols", {}).items() if errors is not None}
+def _protocol_table(error: Mapping[str, Any]) -> Table:
+    """Table of the mean gap error by protocol."""
+    tested = {name: errors for name, errors in error["protocols"].items() if errors is not None}
     means = {name: errors["gap_rmse"]["mean"] for name, errors in tested.items()}
     has_idm = any(mean.get(IDM, mean["before"]) != mean["before"] for mean in means.values())
     rows = []
@@ -185,13 +185,13 @@ def _protocol_tables(error: Mapping[str, Any]) -> tuple[Table, ...]:
     if has_idm:
         headings += ["calibrated IDM [m]", f"{after} against it"]
     title = "Mean closed-loop gap error, by source of the driver's parameters"
-    return (Table(title, tuple(headings), tuple(rows)),) if rows else ()
+    return Table(title, tuple(headings), tuple(rows))
 
 
 def _protocol_section(error: Mapping[str, Any]) -> Section:
     """Section of every measure under every protocol."""
     tables, notes, title = [], [], "Errors by source of a driver's parameters"
-    for name, errors in error.get("protocols", {}).items():
+    for name, errors in error["protocols"].items():
         notes.append(f"{spoken(name)}: {PROTOCOLS[name]}")
         if errors is None:
             notes[-1] += "; no driver could be tested"
@@ -208,8 +208,6 @@ def _protocol_section(error: Mapping[str, Any]) -> Section:
         "All errors are of simulations behind the measured leader. Protocols differ in the source of the driver's "
         "parameters. Population: error of the model before, on the same drives, with parameters of the population."
     )
-    if not tables:
-        return Section(title)
     return Section(title, (how,), tuple(tables), tuple(map(sentence, notes)), is_folded=True)
 
 
@@ -242,14 +240,10 @@ def _effect_section(verdict: Mapping[str, Any]) -> Section:
 
 
 def _effect_rows(effect: Mapping[str, Any]) -> list[Row]:
-    cells = [(Cell(_with_unit(name, value["unit"])), cell_of(value)) for name, value in effect["parameters"].items()]
+    cells = [(Cell(with_unit(name, value["unit"])), cell_of(value)) for name, value in effect["parameters"].items()]
     if not 0 < len(cells) <= MOST_PARAMETERS:
         cells = [(Cell(f"a curve through {len(cells)} values" if cells else NONE), Cell(NONE))]
     return [Row(described(effect), (*pair, Cell(f"{effect['confidence']:.2f}"))) for pair in cells]
-
-
-def _with_unit(name: str, unit: str) -> str:
-    return spoken(name) if unit == "-" else f"{spoken(name)} [{unit}]"
 
 
 def _candidate_table(title: str, rows: Sequence[Mapping[str, Any]], verdict: Mapping[str, Any]) -> Table:
@@ -313,7 +307,7 @@ def _variable_row(row: Mapping[Any, Any]) -> Row:
 
 def _unseen_table(effects: Sequence[Mapping[str, Any]]) -> Table:
     rows = tuple(
-        Row(spoken(row["name"]), (Cell(_with_unit(row["parameter"], row["unit"])), Cell(number(row["strength"]))))
+        Row(spoken(row["name"]), (Cell(with_unit(row["parameter"], row["unit"])), Cell(number(row["strength"]))))
         for row in effects
     )
     return Table("Weakest detectable effects", ("parameter", "least value"), rows)

@@ -61,7 +61,7 @@ def _cells(row: Mapping[str, Any], speeds: list[str]) -> tuple[Cell, ...]:
     effects = "; ".join(with_numbers(effect) for effect in row["effects"]) or NONE
     figures = [error["before"], error["after"], *(row["equilibrium_time_gap"][speed] for speed in speeds)]
     n_drivers = f"{sum(row['drivers'].values())}" + (f" of {row['cars']} persons or cars" if row["cars"] else "")
-    model = spoken(row.get("car_following", "idm"))
+    model = spoken(row["car_following"])
     return (Cell(n_drivers), Cell(model), Cell(row["verdict"]), Cell(effects), *map(cell_of, figures))
 
 

@@ -14,8 +14,9 @@ from rearl_jax.discovery.lane_changes.prediction import (
     ORIGINAL,
     PREDICTORS,
 )
+from rearl_jax.discovery.report.words import with_unit
 from rearl_jax.document.document import Section
-from rearl_jax.document.table import Cell, Row, Table, cell_of, number, percent, sentence, spoken
+from rearl_jax.document.table import Cell, Row, Table, cell_of, number, percent, sentence
 
 TITLE = "Lane changes of other drivers"
 
@@ -109,8 +110,8 @@ def _strata_table(prediction: Mapping[str, Any], measure: str, title: str) -> Ta
 def _mobil_table(prediction: Mapping[str, Any]) -> Table:
     original, rows = MobilRule(), []
     for name, estimate in prediction["mobil"].items():
-        unit = "" if estimate["unit"] == "-" else f" [{estimate['unit']}]"
-        rows.append(Row(f"{spoken(name)}{unit}", (Cell(number(getattr(original, name))), cell_of(estimate))))
+        cells = (Cell(number(getattr(original, name))), cell_of(estimate))
+        rows.append(Row(with_unit(name, estimate["unit"]), cells))
     return Table("Parameters of MOBIL", ("original", "calibrated"), tuple(rows))
 
 

@@ -13,6 +13,7 @@ import numpy as np
 from rearl_jax.discovery.observe.fit_state import FitState
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.observe.uncertainty import shares_at_bound
+from rearl_jax.discovery.report.words import with_unit
 from rearl_jax.discovery.thresholds import THRESHOLDS
 from rearl_jax.document.document import Section
 from rearl_jax.document.table import Cell, Row, Table, number, percent, sentence, spoken
@@ -44,14 +45,13 @@ def population_section(verdict: Mapping[str, Any]) -> Section:
         return Section(title)
     rows, notes = [], []
     for name, entry in population.items():
-        unit = "" if entry["unit"] == "-" else f" [{entry['unit']}]"
         cells = (
             number(entry["value"]),
             number(entry["spread"]),
             percent(entry["identified"]),
             percent(entry["at_bound"]),
         )
-        rows.append(Row(f"{spoken(name)}{unit}", tuple(map(Cell, cells))))
+        rows.append(Row(with_unit(name, entry["unit"]), tuple(map(Cell, cells))))
         if entry["identified"] < THRESHOLDS.least_identified:
             notes.append(f"{spoken(name)} is not identified here: its value is that of the prior")
         if entry["at_bound"] > THRESHOLDS.most_at_bound:

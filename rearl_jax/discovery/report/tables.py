@@ -114,7 +114,7 @@ def summary(verdict: dict[str, Any]) -> dict[str, Any]:
     error = verdict["error"]
     return {
         "verdict": verdict["verdict"],
-        "car_following": verdict["data"].get("car_following", "idm"),
+        "car_following": verdict["data"]["car_following"],
         "effects": [
             {
                 "name": effect["name"],

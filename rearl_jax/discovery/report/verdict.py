@@ -194,10 +194,10 @@ def verdict_of(search: Search, effects: Sequence[Claim], adequacy: Adequacy, *, 
     if names:
         is_doubtful = any(search.is_doubtful(trial) for trial in search.added) or search.leaves_shifts
         is_stated = names <= {effect.name for effect in effects}
-        return "named" if is_stated and adequacy.is_enough and not is_doubtful else "unexplained"
+        return "named" if is_stated and adequacy.is_adequate and not is_doubtful else "unexplained"
     if any(effect.kind in NAMED_KINDS for effect in effects):  # effects of lane changes
         is_doubtful = search.is_contradicted or search.leaves_more or search.leaves_shifts
-        return "named" if adequacy.is_enough and not is_doubtful else "unexplained"
+        return "named" if adequacy.is_adequate and not is_doubtful else "unexplained"
     if added and all(is_free(trial) for trial in search.added) and is_lower:
         return "improved"
     if any(effect.kind == "artefact" and effect.evidence is None for effect in effects):
@@ -205,10 +205,10 @@ def verdict_of(search: Search, effects: Sequence[Claim], adequacy: Adequacy, *, 
     if search.clocks is not None and not adequacy.is_of_clocks:
         return "unexplained"
     if "artefact" in added:
-        return "artefact" if adequacy.is_enough and not search.is_contradicted else "unexplained"
+        return "artefact" if adequacy.is_adequate and not search.is_contradicted else "unexplained"
     if search.clocks is not None:
         return "artefact"
-    if added or search.rejected or search.leaves_more or search.leaves_shifts or not adequacy.is_enough:
+    if added or search.rejected or search.leaves_more or search.leaves_shifts or not adequacy.is_adequate:
         return "unexplained"
     return "nothing"
 

@@ -98,6 +98,11 @@ def described(effect: Mapping[str, Any]) -> str:
     return f"{name} ({effect['group']})" if "group" in effect else name
 
 
+def with_unit(name: str, unit: str) -> str:
+    """Readable name of a parameter with its unit, if it has one."""
+    return spoken(name) if unit == "-" else f"{spoken(name)} [{unit}]"
+
+
 def error_words(error: Mapping[str, Any]) -> str:
     """Sentence on the closed-loop gap error before and after, with intervals, and on the error from noise alone."""
     words = f"closed-loop gap error of {error['n_drivers']} other drivers, {PROTOCOLS[IN_SAMPLE]}: "
@@ -107,8 +112,7 @@ def error_words(error: Mapping[str, Any]) -> str:
         words += f" before, {after} m after, change {change} m"
     if error["oracle"] is not None:
         words += f", {with_interval(error['oracle'], '.2f')} m for the oracle"
-    noise = error.get("noise_alone", error["floor"])
-    return f"{words}; drivers' own noise alone gives {with_interval(noise, '.2f')} m"
+    return f"{words}; drivers' own noise alone gives {with_interval(error['noise_alone'], '.2f')} m"
 
 
 def share_words(error: Mapping[str, Any]) -> str:
@@ -121,11 +125,9 @@ def share_words(error: Mapping[str, Any]) -> str:
 
 def response_words(error: Mapping[str, Any]) -> str:
     """Sentence on response times before and after; empty if none is identified."""
-    times = error.get("response_time", {})
+    times = error["response_time"]
     models = ("before", "after") if _is_changed(error) else ("before",)
-    figures = [
-        f"{with_interval(times[model], '+.2f', ' s')} {model}" for model in models if times.get(model) is not None
-    ]
+    figures = [f"{with_interval(times[model], '+.2f', ' s')} {model}" for model in models if times[model] is not None]
     return f" Response time beyond the model's: {', '.join(figures)}." if figures else ""
 
 

@@ -99,12 +99,12 @@ class Adequacy:
         return abs(self.autocorrelation - self.autocorrelation_by_noise) < THRESHOLDS.most_autocorrelation
 
     @property
-    def is_enough(self) -> bool:
+    def is_adequate(self) -> bool:
         """True if the residuals of the final model are consistent with driver noise."""
-        return self.is_smooth and not self.misjudges and self.is_white
+        return self.is_normal and not self.misjudges and self.is_white
 
     @property
-    def is_smooth(self) -> bool:
+    def is_normal(self) -> bool:
         """True if the kurtosis is that of normal innovations, or if the added effects removed enough of it."""
         explained = self.kurtosis < THRESHOLDS.kurtosis_left * self.kurtosis_before
         return (

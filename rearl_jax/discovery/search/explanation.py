@@ -47,7 +47,7 @@ def is_explained(outcome: Search, adequacy: Adequacy) -> bool:
         return False
     if any(is_free(trial) or outcome.is_doubtful(trial) for trial in outcome.added):
         return False
-    return adequacy.is_enough
+    return adequacy.is_adequate
 
 
 def predicts_better(before: Prediction, after: Prediction, seed: int) -> bool:

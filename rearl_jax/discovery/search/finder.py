@@ -79,15 +79,9 @@ def stability_selection(scores: DriverScores, groups: Sequence[Group], seed: int
             ways.update((group.variable, group.acts_on) for group in in_half)
     n_halves = 2 * PAIRS
     names = dict.fromkeys(group.variable for group in groups)
-    selected = [
-        Selected(name, _usual_way(ways, name), chosen[name] / n_halves, first[name] / n_halves) for name in names
-    ]
+    usual = {name: max(("acceleration", "time_gap"), key=lambda way: ways[name, way]) for name in names}
+    selected = [Selected(name, usual[name], chosen[name] / n_halves, first[name] / n_halves) for name in names]
     return sorted(selected, key=lambda variable: (-variable.first, -variable.frequency))
-
-
-def _usual_way(ways: "Counter[tuple[str, str]]", name: str) -> str:
-    """`acceleration` or `time_gap`, whichever was selected more often for a variable."""
-    return max(("acceleration", "time_gap"), key=lambda way: ways[name, way])
 
 
 def forward_selection(scores: DriverScores, drivers: Int[np.ndarray, " some"], groups: Sequence[Group]) -> list[Group]:

@@ -176,5 +176,5 @@ def time_gap_variation(
         best = best_of(replace(best, start_share=share, time=time) for share in start_shares for time in TIMES)
         best = best_of(replace(best, sd=sd) for sd in SIZES[1:])
     gained = scores[CONSTANT_TIME_GAP] - scores[best]
-    is_sure = len(gained) > 1 and gained.mean() > 2 * gained.std(ddof=1) / np.sqrt(len(gained))
-    return best if is_sure else CONSTANT_TIME_GAP
+    is_significant = len(gained) > 1 and gained.mean() > 2 * gained.std(ddof=1) / np.sqrt(len(gained))
+    return best if is_significant else CONSTANT_TIME_GAP

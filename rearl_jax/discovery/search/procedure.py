@@ -85,7 +85,7 @@ def search(
     if CLOCK_OFFSET not in excluded and of_clocks > THRESHOLDS.candidate_z_score:
         report("comparing clocks", 0, 1)
         clocks = check_clocks(solver, base, checked)
-    while len(outcome.added) <= THRESHOLDS.most_effects:
+    while True:
         round_ = _round(solver, base, screen, outcome, report)
         corrected = None
         if clocks is not None and not outcome.rounds and (round_.chosen is None or clocks.total > round_.chosen.total):

@@ -177,7 +177,7 @@ def response_of_follower(
     displacement: Float[np.ndarray, "steps pieces"], dt: float, gains: Float[np.ndarray, " four"] = FOLLOWER_GAINS
 ) -> Float[np.ndarray, "steps pieces"]:
     """Displacement of the vehicle behind [m] if the vehicle ahead is displaced [m], by the linear car-following model
-    with FOLLOWER_GAINS, discretised by the bilinear transform.
+    with gains as of FOLLOWER_GAINS, discretised by the bilinear transform.
     """
     by_gap, by_approach, by_speed, by_acceleration = gains
     above, below = [by_acceleration, by_approach, by_gap], [1.0, by_approach + by_speed, by_gap]

@@ -61,14 +61,12 @@ def simulated_gains(
     return bounded_gains(gains, data)
 
 
-def is_contradicted(
-    gains: Float[np.ndarray, " drivers"], tolerated: Float[np.ndarray, " drivers"], seed: int = 0
-) -> bool:
+def is_contradicted(gains: Float[np.ndarray, " drivers"], tolerated: Float[np.ndarray, " drivers"]) -> bool:
     """True if simulations lose more than the tolerated amount [nats] in most resamples of drivers.
 
     The contribution of each driver is bounded, so that one driver with a failed simulation does not decide.
     """
-    return bool((resampled_means(gains - tolerated, seed) < 0).mean() > THRESHOLDS.contradiction_share)
+    return bool((resampled_means(gains - tolerated, seed=0) < 0).mean() > THRESHOLDS.contradiction_share)
 
 
 def makes_simulations_worse(solver: Solver, before: FitState, after: FitState) -> bool:

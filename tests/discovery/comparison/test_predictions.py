@@ -8,7 +8,7 @@ import pytest
 from rearl_jax.discovery.comparison import predictions
 from rearl_jax.discovery.comparison.predictions import (
     clocks_predict_better,
-    predict_surely_better,
+    is_significantly_better,
     predicting_effects,
     predicting_variation,
 )
@@ -120,11 +120,11 @@ def test_of_use_is_what_surely_predicts_better_and_nowhere_worse():
     before = {"population": 2.0 * DRIVERS, "first_half": DRIVERS}
     noise = 0.8 * np.cos(np.arange(len(DRIVERS)))
     surely, hardly, worse = 1.8 * DRIVERS, 2.0 * DRIVERS + noise - noise.mean() - 0.02, 2.1 * DRIVERS
-    assert predict_surely_better(before, {"population": surely, "first_half": 0.99 * DRIVERS}, seed=1)
-    assert not predict_surely_better(before, {"population": hardly, "first_half": DRIVERS - 1e-3 * noise}, seed=1)
-    assert not predict_surely_better(before, {"population": surely, "first_half": 1.05 * DRIVERS}, seed=1)
-    assert not predict_surely_better(before, {"population": worse, "first_half": 0.9 * DRIVERS}, seed=1)
-    assert not predict_surely_better({}, {}, seed=1)
+    assert is_significantly_better(before, {"population": surely, "first_half": 0.99 * DRIVERS}, seed=1)
+    assert not is_significantly_better(before, {"population": hardly, "first_half": DRIVERS - 1e-3 * noise}, seed=1)
+    assert not is_significantly_better(before, {"population": surely, "first_half": 1.05 * DRIVERS}, seed=1)
+    assert not is_significantly_better(before, {"population": worse, "first_half": 0.9 * DRIVERS}, seed=1)
+    assert not is_significantly_better({}, {}, seed=1)
 
 
 @pytest.mark.parametrize(("with_start", "kept"), [(1.5, 0.7), (1.999, 0.0), (2.1, 0.0)])

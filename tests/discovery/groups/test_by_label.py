@@ -101,7 +101,7 @@ def asked(monkeypatch):
             raise KeyboardInterrupt
         errors = {"before": made(1.0 + len(words), 0.3)}
         verdict = VERDICT | {"error": error_block(errors, Resampling(0.9, 20, 0)), "base": None, "effects": []}
-        verdict |= {"data": VERDICT["data"] | {"car_following": "idm"}, "equilibrium_time_gap": {"10": None}}
+        verdict |= {"equilibrium_time_gap": {"10": None}}
         return Discovery(config, parts.id, verdict, {"errors": error_table(errors)})
 
     monkeypatch.setattr(compute, "discovery_of", discovery_of)
@@ -137,7 +137,7 @@ def test_groups_are_a_table_and_a_line():
     row = {
         "by": "setting", "value": "L", "drivers": {"fitted": 5, "checked": 5, "reported": 6}, "cars": 10, "shared": 0,
         "verdict": "named", "effects": [effect], "error": {"before": figure, "after": figure},
-        "equilibrium_time_gap": {"10": figure, "20": None}, "notes": [],
+        "equilibrium_time_gap": {"10": figure, "20": None}, "notes": [], "car_following": "idm",
         "labels": {"acc": {"value": "1", "share": 0.75}},
     }  # fmt: skip
     other = row | {"value": "S", "verdict": "nothing", "effects": [], "cars": None}

@@ -1,8 +1,11 @@
 """The table of opportunities against a scene worked out by hand."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
+from rearl_jax.data.records import Recording
 from rearl_jax.discovery.lane_changes.incentives import KnownDrivers
 from rearl_jax.discovery.lane_changes.opportunities import REST, opportunities
 from rearl_jax.discovery.observe.drivers import IDM_PRIOR
@@ -43,6 +46,13 @@ def scene(changes_at):
 @pytest.fixture(scope="module")
 def table(recording):
     return opportunities([recording(scene(changes_at=8.05))], driven_by(N))[0]
+
+
+@pytest.mark.parametrize("changes_at", [8.05, 8.25, 8.45, 8.65])
+def test_every_change_counts_where_a_period_is_longer_than_half_a_second(recording, changes_at):
+    drawn = recording([(start, speed / 1.5, *others) for start, speed, *others in scene(changes_at)])
+    at_15_hz = Recording(replace(drawn.info, frame_rate=15.0), drawn.table)
+    assert opportunities([at_15_hz], driven_by(N))[0].changes.sum() == 1
 
 
 def at(table, time, side, vehicle=1):

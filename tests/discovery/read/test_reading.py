@@ -150,7 +150,9 @@ def test_nobody_who_follows_is_an_error(recordings_of):
     assert (error.value.code, error.value.problem.key) == ("frame-rates-differ", "data.recordings")
     assert recording.info.id in error.value.problem.fault
     rounded = Recording(replace(recording.info, frame_rate=0.999 * recording.info.frame_rate), recording.table)
-    reading.one_frame_rate([recording, rounded])
+    assert reading.one_frame_rate([recording, rounded]) == recording.info.frame_rate
+    of_camera = Recording(replace(recording.info, frame_rate=29.97), recording.table)
+    assert smoothing.thinned(of_camera, 30.0)[1] == pytest.approx(4 / 30), "steps of other recordings have four frames"
 
 
 def test_positions_without_noise_get_a_little(tables_of):

@@ -23,7 +23,6 @@ from rearl_jax.document.terminal import text_of
 from tests.discovery.made_verdict import FIGURE, KEEP_RIGHT, LANE_SCORES, LOSS, VERDICT
 
 CURVE = {"name": "dependence", "kind": "generic"}
-NEW = ("protocol", "noise_alone", "protocols", "response_time")
 NUMBERS = {"parameters": {}, "confidence": 0.9, "evidence": 50.0}
 REAR_GAP = {"name": "lane_choice_dependence", "kind": "generic", "variables": ["rear_gap"], **NUMBERS}
 
@@ -85,12 +84,6 @@ def test_every_protocol_is_explained_and_has_its_measures_on_the_page():
         *(f"{name} gap error [m]" for name in ("mean", "median", "pooled")),
         "mean gap error as a share of the gap [-]",
     ]
-
-
-def test_a_verdict_from_before_there_were_protocols_is_shown():
-    error = {key: value for key, value in VERDICT["error"].items() if key not in NEW}
-    assert "drivers' own noise alone gives 0.40" in printed(error=error)
-    assert "by source of a driver" not in printed(error=error)
 
 
 def test_the_page_has_what_is_folded_escapes_markup_and_has_no_nan():

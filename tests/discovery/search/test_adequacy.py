@@ -117,5 +117,5 @@ LEFT = {"kurtosis": 0.0, "kurtosis_deviation": 0.02, "kurtosis_before": 0.0, "au
         ({"kurtosis": 0.5, "kurtosis_before": 2.0}, True),
     ],
 )
-def test_what_is_left_is_enough_only_if_it_is_noise(figures, expected):
-    assert Adequacy(**(LEFT | figures)).is_enough is expected
+def test_what_is_left_is_adequate_only_if_it_is_noise(figures, expected):
+    assert Adequacy(**(LEFT | figures)).is_adequate is expected

@@ -265,7 +265,7 @@ def test_clocks_need_not_leave_smooth_innovations_but_no_old_decisions(solver, c
     ends = Round(fit, {}, {}, {}, frozenset(), [], [])
     found = Search(solver.layout, Null({}, {}, 1), {}, data, ClockCheck(fit, 9.0, 9.0, 0.2, data, data), rounds=[ends])
     rough = Adequacy(0.3, 0.02, 0.3, 0.0, 0.0, {}, -4.0, -1.0, (Term("grade"), 1.0), 70.0)
-    assert not rough.is_enough
+    assert not rough.is_adequate
     assert verdict_of(found, [], rough, is_lower=False) == "artefact"
     assert verdict_of(found, [], replace(rough, staleness=2.4), is_lower=False) == "unexplained"
     assert verdict_of(found, [], replace(rough, autocorrelation=0.3), is_lower=False) == "unexplained"

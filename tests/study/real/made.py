@@ -54,7 +54,7 @@ def verdict(word="improved", change_share=-0.2, groups=()):
     mean = protocols["population"]["gap_rmse"]["mean"] | {"change_share": FIGURE | {"value": change_share}}
     worse = protocols["population"] | {"gap_rmse": {"mean": mean}}
     error = VERDICT["error"] | {"protocols": protocols | {"population": worse}}
-    data = VERDICT["data"] | {"car_following": "idm"}
+    data = VERDICT["data"]
     base = {"chosen": "idm", "differs": False, "equilibrium_time_gap": {"10": FIGURE, "20": None}}
     one = VERDICT | {"verdict": word, "error": error, "data": data, "base": base}
     if not groups:
