@@ -8,6 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
+from rearl_jax.core.batch import QUICKLY_COMPILED
 from rearl_jax.core.model import TrafficModel
 from rearl_jax.core.rollout import rollout
 from tests.core import scenes, simulation
@@ -62,8 +63,10 @@ def programs(dtype):
         loss, after = losses(parameters)
         return jnp.sum(loss), (loss, after)
 
-    reverse = jax.jit(jax.value_and_grad(total, has_aux=True))
-    forward = jax.jit(lambda p, tangent: jax.jvp(lambda p: losses(p)[0], (p,), (tangent,))[1])
+    reverse = jax.jit(jax.value_and_grad(total, has_aux=True), compiler_options=QUICKLY_COMPILED)
+    forward = jax.jit(
+        lambda p, tangent: jax.jvp(lambda p: losses(p)[0], (p,), (tangent,))[1], compiler_options=QUICKLY_COMPILED
+    )
     return reverse, forward
 
 

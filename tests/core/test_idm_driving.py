@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from rearl_jax.core import idm_driving
+from rearl_jax.core.batch import QUICKLY_COMPILED
 from rearl_jax.core.model import TrafficModel
 from rearl_jax.core.neighbours import LARGEST_SMALL_TRAFFIC, derive_state, sort_if_large
 from rearl_jax.core.spawn import spawn
@@ -15,9 +16,6 @@ from rearl_jax.core.step import step
 
 N_VEHICLES = 60
 MODEL = TrafficModel()
-
-HASTE = {"xla_backend_optimization_level": 0}
-"""Options of the compiler, which takes longer than the simulation."""
 
 
 @pytest.mark.slow
@@ -29,7 +27,7 @@ def test_where_more_are_due_than_have_places_all_decide(monkeypatch):
         def decide(state):
             return idm_driving.drive_by_idm(state, derive_state(state, MODEL), drivers, MODEL).target_lane
 
-        return np.asarray(jax.jit(decide, compiler_options=HASTE)(state))
+        return np.asarray(jax.jit(decide, compiler_options=QUICKLY_COMPILED)(state))
 
     assert LARGEST_SMALL_TRAFFIC < N_VEHICLES
     assert idm_driving.VEHICLES_PER_SEARCHER > 3
@@ -51,7 +49,7 @@ def test_large_traffic_has_slopes_where_lanes_are_changed():
         after = jax.lax.scan(lambda before, _: (step(before, slower, MODEL), None), state, length=3)[0]
         return after.x.mean(), after.target_lane
 
-    derivative = jax.jit(jax.grad(mean_position, has_aux=True), compiler_options=HASTE)
+    derivative = jax.jit(jax.grad(mean_position, has_aux=True), compiler_options=QUICKLY_COMPILED)
     slope, target_lane = derivative(jnp.asarray(1.5, state.x.dtype))
     assert (np.asarray(target_lane) != np.asarray(state.target_lane)).any()
     assert np.isfinite(slope)

@@ -11,6 +11,7 @@ import pytest
 
 from rearl_jax.config.detection import Cues, ReferenceMode, Scope
 from rearl_jax.config.metrics import HistConfig, MapeDefinition
+from rearl_jax.core.batch import QUICKLY_COMPILED
 from rearl_jax.detection.detector import DetectionOptions, Thresholds, detect, initial_memory
 from rearl_jax.detection.table import draw_references
 from rearl_jax.metrics.histograms import cumulative_speed_counts, window_distances
@@ -18,9 +19,6 @@ from rearl_jax.metrics.histograms import cumulative_speed_counts, window_distanc
 N_REFS, N_SECONDS, N_SLOTS, N_SCENARIOS = 4, 12, 10, 6
 EDGES = np.linspace(5, 32, 9)
 LOW, HIGH = 0.25, 0.3
-
-HASTE = {"xla_backend_optimization_level": 0}
-"""Options of the compiler: these programs run for a millisecond and are compiled for a second."""
 
 
 def rollout_keys(n_scenarios):
@@ -31,7 +29,7 @@ def rollout_keys(n_scenarios):
 def program(options):
     """The detection over all frames, compiled once for each choice of options."""
 
-    @functools.partial(jax.jit, compiler_options=HASTE)
+    @functools.partial(jax.jit, compiler_options=QUICKLY_COMPILED)
     def scan(frames, table, h, m):
         def step(memory, frame):
             return detect(memory, frame, table, Thresholds(h, m), options)

@@ -5,9 +5,6 @@ import pytest
 
 N_STEPS, N_VEHICLES = 12, 10
 
-HASTE = {"xla_backend_optimization_level": 0}
-"""Options of the compiler, which takes longer than the tests."""
-
 #: What can be wrong with a scene. Each is a scene the metrics must survive without a NaN.
 DEGENERATE = (
     *("equal_speeds", "one_lane", "own_lanes", "one_vehicle"),

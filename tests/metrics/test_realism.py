@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from rearl_jax.config.metrics import FeatureConfig, MetricsConfig, RealismConfig, SpeedValues
+from rearl_jax.core.batch import QUICKLY_COMPILED
 from rearl_jax.metrics.following import find_leaders
 from rearl_jax.metrics.motion import rate_of_change
 from rearl_jax.metrics.realism import (
@@ -21,7 +22,7 @@ from rearl_jax.metrics.realism import (
     realism_scores,
 )
 from tests.metrics import reference
-from tests.metrics.conftest import DEGENERATE, HASTE, cast, make_scene
+from tests.metrics.conftest import DEGENERATE, cast, make_scene
 
 KINDS = pytest.mark.parametrize("kind", ["random", *DEGENERATE])
 F32 = np.dtype("float32")
@@ -37,7 +38,7 @@ METRICS = MetricsConfig(realism=CONFIG)
 SCORES = jax.jit(realism_scores, static_argnums=(2, 3))
 
 
-@partial(jax.jit, compiler_options=HASTE)
+@partial(jax.jit, compiler_options=QUICKLY_COMPILED)
 def counted(scene):
     acceleration = rate_of_change(scene["speed"], scene["track_id"], 1.0)
     distance = distance_to_nearest(scene["x"], scene["y"], scene["length"], scene["width"])

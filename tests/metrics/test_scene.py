@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from rearl_jax.config.metrics import HistConfig, MetricsConfig, OutOfBounds, RealismConfig, SpeedValues
+from rearl_jax.core.batch import QUICKLY_COMPILED
 from rearl_jax.metrics import MEASURED, METRICS, Direction
 from rearl_jax.metrics.further import KERNELS
 from rearl_jax.metrics.measure import Measure
@@ -20,11 +21,11 @@ from rearl_jax.metrics.scene import (
     scene_reference,
 )
 from tests.metrics import reference
-from tests.metrics.conftest import DEGENERATE, HASTE, cast, make_scene
+from tests.metrics.conftest import DEGENERATE, cast, make_scene
 
 KINDS = pytest.mark.parametrize("kind", ["random", *DEGENERATE])
 CONFIG = MetricsConfig()
-SCORE = jax.jit(scene_metrics, static_argnums=2, compiler_options=HASTE)
+SCORE = jax.jit(scene_metrics, static_argnums=2, compiler_options=QUICKLY_COMPILED)
 REFERENCE = jax.jit(scene_reference, static_argnums=3)
 
 
@@ -217,14 +218,14 @@ def test_a_further_metric_is_measured_beside_the_others(monkeypatch):
         return Measure(config.frame_interval * scene.speed[0, 0], reference.cumulative_counts[0, 0])
 
     monkeypatch.setitem(KERNELS, "mine", measure)
-    beside = jax.jit(lambda *given: scene_metrics(*given, CONFIG), compiler_options=HASTE)(scene, ref)
+    beside = jax.jit(lambda *given: scene_metrics(*given, CONFIG), compiler_options=QUICKLY_COMPILED)(scene, ref)
     assert beside.further.keys() - alone.further.keys() == {"mine"}
     assert float(beside.measure("mine").value) == CONFIG.frame_interval * float(scene.speed[0, 0])
     for name in MEASURED:
         assert float(beside.measure(name).value) == pytest.approx(float(alone.measure(name).value), rel=1e-12)
 
 
-@partial(jax.jit, compiler_options=HASTE)
+@partial(jax.jit, compiler_options=QUICKLY_COMPILED)
 @jax.grad
 def slope_of_all(moving, fixed, ref):
     found = scene_metrics(eqx.combine(moving, fixed), ref, CONFIG)

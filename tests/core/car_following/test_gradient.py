@@ -15,6 +15,7 @@ import pytest
 
 import rearl_jax
 from rearl_jax.config.driver import DEFAULT, MODELS
+from rearl_jax.core.batch import QUICKLY_COMPILED
 from rearl_jax.core.car_following import CAR_FOLLOWING
 from rearl_jax.core.gap_driving import begin_driving
 from tests.core.simulation import default_drivers
@@ -37,9 +38,6 @@ WITH_CRASH = np.array([True, False, False])
 TIME_GAP = 1.4
 SHIFTS = {np.float32: 2e-2, np.float64: 1e-5}
 """Half the distance [s] of the central difference."""
-
-HASTE = {"xla_backend_optimization_level": 0}
-"""Options of the compiler: these programs run for a millisecond and are compiled for seconds."""
 
 BOTH_WAYS = (DEFAULT, "idm")
 """One model for each of the two ways to drive."""
@@ -77,7 +75,7 @@ def program(name, dtype, model):
         mean = jnp.mean(frames.speed, axis=(0, 1))
         return jnp.sum(mean), (mean, last.crashed, last.target_lane)
 
-    return jax.jit(jax.value_and_grad(mean_speeds, has_aux=True), compiler_options=HASTE)
+    return jax.jit(jax.value_and_grad(mean_speeds, has_aux=True), compiler_options=QUICKLY_COMPILED)
 
 
 def answer(name, dtype, model, time_gap):

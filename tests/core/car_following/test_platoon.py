@@ -11,6 +11,7 @@ import pytest
 from jax import lax
 
 from rearl_jax.config.driver import DEFAULT, MODELS
+from rearl_jax.core.batch import QUICKLY_COMPILED
 from rearl_jax.core.car_following import CAR_FOLLOWING
 from rearl_jax.core.car_following.model import CarFollowing, linearise
 from rearl_jax.core.gap_driving import begin_driving
@@ -53,9 +54,6 @@ CASES = {
     "krauss": {UNSTABLE: {"comfort_decel": 15.0, "time_gap": 1.5}},
 }
 """Parameters that differ from the usual values; one program per model, with its cases side by side."""
-
-HASTE = {"xla_backend_optimization_level": 0}
-"""Options of the compiler, which takes longer than the simulation."""
 
 QUICK = "idm"
 """The model of the default run; the simulator treats all of them alike but highway-env's."""
@@ -104,7 +102,7 @@ def braking(frequency):
     return SPEED - np.where(phase < 2 * np.pi * N_WAVES, DIP * (1 - np.cos(phase)) / 2, 0.0)
 
 
-@functools.partial(jax.jit, static_argnames="model", compiler_options=HASTE)
+@functools.partial(jax.jit, static_argnames="model", compiler_options=QUICKLY_COMPILED)
 def simulate(state, drivers, leader_speed, model=MODEL):
     """Speeds before each tick and accelerations in it, behind a leader whose speed is prescribed."""
 

@@ -10,6 +10,7 @@ import pytest
 
 from rearl_jax.config.driver import record_of
 from rearl_jax.config.mobil import MobilConfig
+from rearl_jax.core.batch import QUICKLY_COMPILED
 from rearl_jax.core.model import TrafficModel
 from rearl_jax.core.spawn import spawn
 from rearl_jax.models.population import population_of_keys
@@ -28,9 +29,6 @@ CLASSES = {
     "hasty": {"share": 0.2, "time_gap": 0.8, "max_accel": 2.5, "length": 4.0},
 }
 
-HASTE = {"xla_backend_optimization_level": 0}
-"""Options of the compiler, which takes longer than all draws."""
-
 
 def numbers_of(model="highway_env_idm", mobil=None, dtype=F64, **keys):
     """The population of some keys."""
@@ -44,7 +42,7 @@ def idm_of(**keys):
     return numbers_of("idm", MOBIL, **keys)
 
 
-@functools.partial(jax.jit, static_argnames="dtype", compiler_options=HASTE)
+@functools.partial(jax.jit, static_argnames="dtype", compiler_options=QUICKLY_COMPILED)
 def _spawned(keys, dtype):
     return spawn(keys, ROAD, n_vehicles=N_VEHICLES, dtype=dtype)
 
@@ -55,7 +53,7 @@ def spawned(dtype=F64, n_scenarios=N_SCENARIOS):
     return keys, *_spawned(keys, dtype)
 
 
-@functools.partial(jax.jit, compiler_options=HASTE)
+@functools.partial(jax.jit, compiler_options=QUICKLY_COMPILED)
 def _populated(state, drivers, keys, numbers):
     return populate(state, drivers, keys, numbers, ROAD)
 
