@@ -1,6 +1,7 @@
 """Recorded vehicles around simulated ones: seen as if they were simulated, and vehicles that enter."""
 
 from dataclasses import replace
+from functools import partial
 
 import jax
 import jax.numpy as jnp
@@ -8,6 +9,7 @@ import numpy as np
 import pytest
 
 from rearl_jax.core import idm_driving
+from rearl_jax.core.batch import QUICKLY_COMPILED
 from rearl_jax.core.boundary import Motion, replayed_vehicles
 from rearl_jax.core.car_following.idm import IDM
 from rearl_jax.core.drivers import highway_env_drivers
@@ -21,6 +23,9 @@ from rearl_jax.core.rollout import rollout
 from rearl_jax.core.state import make_state
 from rearl_jax.core.stimuli import vehicle_states
 from tests.core.boundaries import nobody, replay_of, states_of
+
+quickly_compiled = partial(jax.jit, compiler_options=QUICKLY_COMPILED)
+"""`jax.jit` for programs that take far longer to compile than to run."""
 
 MODEL = TrafficModel(n_lanes=3, collisions=False)
 N_SECONDS = 4
@@ -69,7 +74,7 @@ def test_replayed_leaders_are_followed_as_simulated_ones_are(kind, n_vehicles, l
     own = replace(own, order=jnp.argsort(own.x, axis=0).astype(jnp.int32))
     own = begin_driving(own, drivers, model, boundary.at_start())
 
-    run = jax.jit(lambda boundary: rollout(own, drivers, model, n_seconds=N_SECONDS, boundary=boundary)[1])
+    run = quickly_compiled(lambda boundary: rollout(own, drivers, model, n_seconds=N_SECONDS, boundary=boundary)[1])
     found = run(boundary)
     for name in ("x", "y", "speed", "acceleration"):
         wanted = getattr(states, name)[1:, 0, others]
@@ -86,8 +91,8 @@ def with_lanes(boundary, lane):
 @pytest.mark.parametrize("kind", ["highway_env", pytest.param("gaps", marks=pytest.mark.thorough)])
 def test_a_boundary_without_vehicles_is_a_free_road(kind):
     state, drivers = traffic(6, kind)
-    free = jax.jit(lambda state: rollout(state, drivers, MODEL, n_seconds=2)[1])(state)
-    bounded = jax.jit(lambda state, around: rollout(state, drivers, MODEL, n_seconds=2, boundary=around)[1])
+    free = quickly_compiled(lambda state: rollout(state, drivers, MODEL, n_seconds=2)[1])(state)
+    bounded = quickly_compiled(lambda state, around: rollout(state, drivers, MODEL, n_seconds=2, boundary=around)[1])
     for name, values in vars(bounded(state, nobody(3, 6, 2))).items():
         np.testing.assert_array_equal(values, getattr(free, name), err_msg=name)
 
@@ -112,6 +117,7 @@ def test_decisions_in_blocks_are_those_of_all(dtype, monkeypatch):
     around = replace(parts, motion=Motion(**moving))
 
     def frames():
+        # Both programs round alike only when they are optimised as usual.
         return jax.jit(lambda around: rollout(state, drivers, MODEL, n_seconds=3, boundary=around)[1])(around)
 
     found = frames()
@@ -142,7 +148,7 @@ def test_vehicles_enter_in_the_places_of_others_and_remember_nothing(kind):
         highest_speed=17.0 * same,
         wait=0.5 * same,
     )
-    run = jax.jit(lambda around: rollout(state, drivers, MODEL, n_seconds=1, boundary=around)[0])
+    run = quickly_compiled(lambda around: rollout(state, drivers, MODEL, n_seconds=1, boundary=around)[0])
     after, before = run(around), run(nobody(3, 6, 2))
     assert (float(after.x[2, 1]), float(after.y[2, 1]), float(after.speed[2, 1])) == (3.0, 4.0, 11.0)
     assert float(after.desired_speed[2, 1]) == 17.0
@@ -166,7 +172,7 @@ def test_vehicles_that_collided_are_counted_when_others_take_their_place():
     is_crashed[[2, 4], 1] = is_new[0, 2:4, 1] = is_new[2, 2, 1] = True
     far = nobody(3, 6, 2, is_new=is_new, x=1e4 * np.ones(is_new.shape))
     state = replace(state, crashed=jnp.asarray(is_crashed), n_crashed_replaced=jnp.zeros((6, 2), jnp.int32))
-    frames = jax.jit(lambda around: rollout(state, drivers, MODEL, n_seconds=2, boundary=around)[1])(far)
+    frames = quickly_compiled(lambda around: rollout(state, drivers, MODEL, n_seconds=2, boundary=around)[1])(far)
     expected = np.zeros((6, 2), int)
     expected[2, 1] = 1
     np.testing.assert_array_equal(frames.n_crashed_replaced, [expected, expected])
