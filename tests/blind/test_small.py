@@ -9,13 +9,14 @@ SEED = 7
 
 @pytest.fixture(scope="module")
 def summary(run_blind, tmp_path_factory):
-    """The summary of its first three data sets, as a user gets it: an unlisted effect, two effects, and an artefact."""
-    return run_blind(tmp_path_factory.mktemp("blind"), "small", f"blind.seed={SEED}", "blind.first=3")
+    """The summary of the first five of its six data sets, as a user gets it."""
+    return run_blind(tmp_path_factory.mktemp("blind"), "small", f"blind.seed={SEED}", "blind.first=5")
 
 
 def test_small_study_finds_what_is_hidden(summary):
-    assert summary["n_cases"] == summary["n_right"] == 3
+    assert summary["n_cases"] == 5
+    assert summary["n_right"] >= 4
     assert summary["n_wrong"] == summary["n_failed"] == 0
     assert summary["n_false"] <= 1  # a doubtful name, in addition to the variable of an unlisted effect
     hits = {score["name"]: score["hits"] for score in summary["scores"]}
-    assert hits["artefact_as_effect"] == 0
+    assert hits["control_false"] == hits["artefact_as_effect"] == 0
