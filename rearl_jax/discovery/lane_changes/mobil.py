@@ -1,9 +1,9 @@
 """MOBIL as a choice model: its rule accepts or refuses a change, and accepted and refused changes each have a rate. A
-table has a row per opportunity: a moment, every PERIOD seconds, at which a driver has room to change to one side.
+table has a row per opportunity: a moment, about every half second, at which a driver has room to change to one side.
 
 If the rule accepts a change, the driver decides every `delay` seconds at an unknown instant, so the probability of a
-change within one opportunity is PERIOD / delay. If the rule refuses a change, drivers still change at a small rate, for
-reasons outside MOBIL; with a rate of zero, one such change would give the rule a likelihood of zero.
+change within one opportunity is its period / delay. If the rule refuses a change, drivers still change at a small rate,
+for reasons outside MOBIL; with a rate of zero, one such change would give the rule a likelihood of zero.
 
 Source: Kesting, Treiber & Helbing, Transp. Res. Rec. 1999 (2007) 86. As in the simulation, the own safety is not
 tested; as in the paper, the gains of other drivers are computed with their own parameters. Probability per decision:
@@ -73,13 +73,14 @@ class MobilRule:
 
     def chance(self, table: Opportunities) -> Float[np.ndarray, " rows"]:
         """Probability of a change within one opportunity [-]."""
-        return np.where(self.accepts(table), min(PERIOD / self.delay, 1.0), self.refused_chance)
+        return np.where(self.accepts(table), np.minimum(table.period / self.delay, 1.0), self.refused_chance)
 
     def with_rates(self, table: Opportunities) -> "MobilRule":
         """The rule with the rates observed in these opportunities."""
         accepted = self.accepts(table)
         chance = rate(float(table.changes[accepted].sum()), float(accepted.sum()))
-        delay = float(np.clip(PERIOD / chance, PERIOD, LONGEST_DELAY))
+        period = float(table.period.mean()) if len(table.period) else PERIOD
+        delay = float(np.clip(period / chance, period, LONGEST_DELAY))
         return replace(self, delay=delay).with_refused(table)
 
     def with_refused(self, table: Opportunities) -> "MobilRule":

@@ -24,7 +24,7 @@ from rearl_jax.discovery.read.smoothing import thinned
 from rearl_jax.discovery.read.sorted_lanes import SortedLanes
 
 PERIOD = 0.5
-"""Time from one opportunity to the next, within which a change counts as taken [s]."""
+"""Time from one opportunity to the next [s], rounded to whole time steps of the recording."""
 
 REST = 6.0
 """Time after a lane change during which there are no opportunities [s]."""
@@ -58,7 +58,8 @@ class Opportunities:
         recording: Index of the recording.
         frame: Frame of the opportunity.
         side: -1 to the left, +1 to the right.
-        changes: Whether the driver changes to that side within PERIOD.
+        period: Time to the next opportunity [s].
+        changes: Whether the driver changes to that side within this time.
         incentive: Own acceleration gained [m/s^2].
         rear_after: Acceleration of the new follower after the change, with its own parameters [m/s^2]; 0 without a new
             follower.
@@ -80,6 +81,7 @@ class Opportunities:
     recording: Int[np.ndarray, " rows"]
     frame: Int[np.ndarray, " rows"]
     side: Int[np.ndarray, " rows"]
+    period: Float[np.ndarray, " rows"]
     changes: Bool[np.ndarray, " rows"]
     incentive: Float[np.ndarray, " rows"]
     rear_after: Float[np.ndarray, " rows"]
@@ -176,7 +178,7 @@ class _Scene:
         driver = np.unique(self.vehicle, return_inverse=True)[1]
         gap = self._gap(np.arange(len(driver)), self.leader)
         motion = (self.v, gap, self.v[self.leader], self.a, self.leader != NO_VEHICLE)
-        likely = likely_parameters(own, driver, *motion, PERIOD, drivers.prior)
+        likely = likely_parameters(own, driver, *motion, self.period, drivers.prior)
         return np.where(drivers.is_known(self.vehicle), own, likely)
 
     def _earlier_braking(self) -> np.ndarray:
@@ -185,7 +187,7 @@ class _Scene:
         """
         row = np.arange(len(self.leader))
         braking = np.where(self.leader == NO_VEHICLE, 0.0, self._behind(row, self.leader) - self.a)
-        n_before = round(EARLIER / PERIOD)
+        n_before = round(EARLIER / self.period)
         earlier = np.maximum(row - n_before, 0)
         n_breaks = np.cumsum(~self.continues)  # equal in two rows if the record is uninterrupted between them
         is_known = (row >= n_before) & (n_breaks[row] == n_breaks[earlier])
@@ -210,6 +212,7 @@ class _Scene:
             recording=np.full(len(chosen), self.recording),
             frame=self.frame[chosen],
             side=np.full(len(chosen), side),
+            period=np.full(len(chosen), self.period),
             changes=(self.to_change[chosen] <= self.period + 1e-9) & (self.next_step[chosen] == side),
             incentive=changed - stays,
             rear_after=rear_after,
@@ -237,7 +240,7 @@ class _Scene:
         for direction, lane in self.through_lanes:
             if (direction, lane + side) in self.through_lanes:
                 has_lanes |= (self.direction == direction) & (self.lane == lane)
-        is_seen = self.time_to_track_end >= PERIOD - 1e-9
+        is_seen = self.time_to_track_end >= self.period - 1e-9
         return has_lanes & (self.since_change >= REST) & is_seen & (self.v > SLOWEST)
 
     def _gap(self, behind: np.ndarray, front: np.ndarray) -> np.ndarray:

@@ -1,6 +1,6 @@
 """Lane-change probabilities of several models at every opportunity of held-out drivers, whom no model is fitted to.
 
-An opportunity is a moment, every PERIOD seconds, at which a driver has room to change to one side. The hazard is a
+An opportunity is a moment, about every half second, at which a driver has room to change to one side. The hazard is a
 probability that depends on the acceleration gained and on the effects found (`strengths.IncentiveModel`).
 """
 
@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Bool, Float, Int
 
 from rearl_jax.discovery.lane_changes.mobil import CalibratedMobil, MobilRule, calibrated_mobil, rate
-from rearl_jax.discovery.lane_changes.opportunities import PERIOD, Opportunities
+from rearl_jax.discovery.lane_changes.opportunities import Opportunities
 
 BASE_RATE, ORIGINAL, ORIGINAL_RULE, CALIBRATED, HAZARD = (
     "base_rate",
@@ -103,7 +103,7 @@ def seconds_at_risk(table: Opportunities) -> Float[np.ndarray, " rows"]:
     """Time represented by each opportunity [s]; two sides in the same frame share it."""
     moment = np.stack([table.vehicle, table.recording, table.frame])
     _, index, count = np.unique(moment, axis=1, return_inverse=True, return_counts=True)
-    return PERIOD / count[index.ravel()]
+    return table.period / count[index.ravel()]
 
 
 def prediction(

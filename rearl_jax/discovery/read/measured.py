@@ -17,7 +17,14 @@ from jaxtyping import Bool, Float, Int
 from rearl_jax.discovery.read.fused_errors import FusedErrors
 
 # Quantities that jump when another vehicle becomes the leader, second leader and so on, by vehicle.
-_OF_LEADER = ("leader_rear", "leader_centre", "leader_speed", "leader_acceleration", "time_since_change")
+_OF_LEADER = (
+    "leader_rear",
+    "leader_centre",
+    "leader_speed",
+    "leader_acceleration",
+    "time_since_change",
+    "time_to_next",
+)
 _OF_SECOND = ("second_rear", "second_speed", "third_speed")
 _OF_FOLLOWER = ("follower_front", "follower_speed")
 _OF_LEFT = ("left_rear", "left_speed")

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from rearl_jax.discovery.lane_changes.opportunities import Opportunities
+from rearl_jax.discovery.lane_changes.opportunities import PERIOD, Opportunities
 
 COLUMNS = tuple(Opportunities.__dataclass_fields__)
 
@@ -14,6 +14,7 @@ def made(n, **columns):
         "recording": np.zeros(n, int),
         "frame": np.arange(n),
         "side": np.where(np.arange(n) % 2, 1, -1),
+        "period": np.full(n, PERIOD),
     }
     usual |= {name: np.zeros(n, bool) for name in COLUMNS if name == "changes" or "is_" in name}
     return Opportunities(**usual | {name: np.asarray(values) for name, values in columns.items()})

@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 from rearl_jax.config.mobil import MobilConfig
-from rearl_jax.discovery.lane_changes.mobil import LONGEST_DELAY, PERIOD, MobilRule, calibrated_mobil
+from rearl_jax.discovery.lane_changes.mobil import LONGEST_DELAY, MobilRule, calibrated_mobil
+from rearl_jax.discovery.lane_changes.opportunities import PERIOD
+from rearl_jax.discovery.lane_changes.prediction import seconds_at_risk
 from tests.discovery.lane_changes.made import by_mobil, made
 
 
@@ -28,6 +30,17 @@ def test_the_rule_weighs_own_gain_others_side_and_safety():
     assert MobilRule(bias=0.4).accepts(table).tolist() == [False, True, True, True, True, False]
     chance = MobilRule(delay=1.0, refused_chance=0.01).chance(table)
     np.testing.assert_allclose(chance, [PERIOD, PERIOD, 0.01, PERIOD, PERIOD, 0.01])
+
+
+def test_the_delay_does_not_depend_on_the_period_of_the_opportunities():
+    changes = np.arange(1000) % 20 == 0
+    half, longer = (
+        made(1000, incentive=np.ones(1000), changes=changes, period=np.full(1000, period)) for period in (0.5, 8 / 15)
+    )
+    delays = [MobilRule().with_rates(table).delay for table in (half, longer)]
+    assert delays[1] / delays[0] == pytest.approx(16 / 15)
+    np.testing.assert_allclose(MobilRule(delay=4.0).chance(longer), 2 / 15)
+    assert seconds_at_risk(longer).sum() == pytest.approx(1000 * 8 / 15)
 
 
 @pytest.mark.parametrize(("politeness", "bias"), [(0.0, 0.0), (0.5, 0.4)])

@@ -97,6 +97,10 @@ def test_a_cut_in_is_remembered(measured_of):
     assert smooth
     expected = (data.surroundings.leader_rear[step, piece] + data.surroundings.leader_rear[step + 1, piece]) / 2
     assert halfway.leader_rear[step, piece] == pytest.approx(expected)
+    # Half a step later the change is longer ago; before it, the time until it is shorter.
+    assert halfway.time_since_change[step, piece] == pytest.approx(0.5 * data.dt)
+    assert data.surroundings.time_to_next[step - 1, piece] == pytest.approx(data.dt)
+    assert halfway.time_to_next[step - 3, piece] == pytest.approx(2.5 * data.dt)
 
 
 def test_parts_share_no_driver(tables_of):
