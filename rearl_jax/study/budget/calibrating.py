@@ -13,6 +13,7 @@ from rearl_jax.data.recordings import data_id, iterate_recordings
 from rearl_jax.data.records import Recording
 from rearl_jax.data.scenes.scene_set import SceneSet
 from rearl_jax.discovery.calibration import Calibration, calibration
+from rearl_jax.discovery.observe.parts import named_labels
 from rearl_jax.models.file import model_id, read_model
 from rearl_jax.models.record import RepairedModel
 from rearl_jax.problems import InvalidInputError
@@ -78,17 +79,20 @@ def _origin_of_model(config: StudyBudgetTask, model: RepairedModel) -> str:
 def _calibrated(config: StudyBudgetTask, scenes: SceneSet, held_out: np.ndarray) -> tuple[Calibration, str]:
     """A calibration, and a sentence on the recordings behind it."""
     task = DiscoverTask(study=config.study, results=config.results, data=config.data, discover=config.discover)
+    recordings = iterate_recordings(config.data, list(named_labels(config.discover).values()))
     try:
-        result = calibration(task, without_scenes(iterate_recordings(config.data), scenes, held_out))
+        result = calibration(task, without_scenes(recordings, scenes, held_out))
         origin = (
             f"{len(result.drivers)} drivers were calibrated on the recordings outside the seconds of the judged scenes"
         )
     except InvalidInputError as error:
+        if error.code != "nobody-follows":
+            raise
         log.info("outside the judged scenes: %s", error)
         result = calibration(task)
         origin = (
             f"{len(result.drivers)} drivers were calibrated on the whole recordings, the judged scenes included, "
-            f"because outside them too little is left ({error.code})"
+            "because outside them nobody follows a leader long enough"
         )
     return result, origin
 
