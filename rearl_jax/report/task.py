@@ -8,6 +8,7 @@ import logging
 from dataclasses import replace
 from pathlib import Path
 
+from rearl_jax.code_version import code_hash
 from rearl_jax.config import ReportTask
 from rearl_jax.document.document import Document, Section
 from rearl_jax.document.html import page_of
@@ -39,7 +40,7 @@ def run(config: ReportTask) -> dict:
     if words not in DOCUMENTS:
         message = f"must be of {', '.join(DOCUMENTS)}, on which there are reports; it is of `rearl {words}`"
         raise InvalidInputError(Problem("no-report", message, key="study", value=config.study))
-    document = _completed(DOCUMENTS[words](study), study)
+    document = _completed(_document(study), study)
     replay, no_replay = _replay(study, config)
     if no_replay:
         document = replace(document, sections=(*document.sections, Section("Scenes replayed", (no_replay,))))
@@ -54,6 +55,21 @@ def run(config: ReportTask) -> dict:
         print(no_replay)
     print(f"report: {path} ({len(page) / 1000:.0f} kB{', scenes ' + ', '.join(map(str, scenes)) if scenes else ''})")
     return {"path": str(path), "size": len(page), "scenes": scenes, "no_replay": no_replay}
+
+
+def _document(study: FinishedStudy) -> Document:
+    """The document of a study.
+
+    Raises:
+        ValueError: Other code wrote its figures under other names.
+    """
+    try:
+        return DOCUMENTS[study.task.words](study)
+    except KeyError as error:
+        if study.provenance["code_hash"] == code_hash():
+            raise
+        message = f"has no {error}: other code ({study.provenance['code_version']}) wrote the study"
+        raise InvalidInputError(Problem("key-missing", message, study.remedy, file=str(study.path))) from error
 
 
 def _completed(document: Document, study: FinishedStudy) -> Document:

@@ -296,6 +296,22 @@ def test_a_study_of_an_older_version_is_refused_with_the_key(discovery, make_rep
     assert refused("summary.json") == ("not-json", None)
 
 
+def test_figures_that_other_code_named_otherwise_are_refused(discovery, make_report):
+    folder = discovery / "found"
+    verdict = json.loads((folder / "verdict.json").read_text())
+    for row in verdict["candidates"]:
+        row["surprise"] = row.pop("z_score")
+    (folder / "verdict.json").write_text(json.dumps(verdict))
+    with pytest.raises(KeyError):  # of this code, so an error of its own
+        make_report(discovery, "found")
+    summary = json.loads((folder / "summary.json").read_text())
+    (folder / "summary.json").write_text(json.dumps(summary | {"code_hash": "0123456789abcdef"}))
+    with pytest.raises(InvalidInputError) as caught:
+        make_report(discovery, "found")
+    assert caught.value.code == "key-missing"
+    assert "z_score" in str(caught.value)
+
+
 def test_keys_that_did_not_exist_then_have_their_defaults(discovery, make_report):
     file = discovery / "found" / "config.json"
     config = json.loads(file.read_text())
