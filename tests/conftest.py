@@ -17,7 +17,10 @@ jax.config.update("jax_numpy_rank_promotion", "raise")
 WHOLE_FOLDERS = ("evaluation", "validation", "blind", "decision", "clustering", "environments", "study")
 """Folders whose files share a costly fixture. `--dist loadfile` gives each to one worker, which makes it once; they are
 given out first, in this order, and the folders of `LONG` after them, so that no long file is left for the end."""
-LONG = ("core", "discovery", "sweep", "baselines", "docs", "llm", "report")
+LONG = ("docs", "core", "discovery", "sweep", "baselines", "llm", "report")
+
+LONG_FILE_OF_SINGLE_TESTS = "tests/docs/test_followed.py"
+"""A file whose tests share nothing and take minutes each: they are given out one by one."""
 
 COMPILED = Path(__file__).parents[1] / ".pytest_cache" / "compiled"
 """Folder of compiled programs, kept for other tests and the next run: most of the time of a test is compiling."""
@@ -56,6 +59,8 @@ def pytest_xdist_make_scheduler(config, log):
     class LoadFolderOrFile(LoadFileScheduling):
         def _split_scope(self, nodeid):
             folder = nodeid.split("/")[1]
+            if nodeid.startswith(LONG_FILE_OF_SINGLE_TESTS):
+                return nodeid
             return folder if folder in WHOLE_FOLDERS else super()._split_scope(nodeid)
 
     config.option.loadscopereorder = False  # which would put files with few tests, the long ones, last
