@@ -10,8 +10,11 @@ from pathlib import Path
 import pandas as pd
 import pytest
 
-SEEDS, N_ROLLOUTS = (0, 1), 40_000
-"""Of each cell three parts, so that one is there when another one is killed."""
+from rearl_jax.sweep.parts import MAX_PART_ROLLOUTS
+
+SEEDS, N_PARTS = (0, 1), 2
+N_ROLLOUTS = MAX_PART_ROLLOUTS + 1
+"""Each cell has two parts, so that one is there when a worker is killed."""
 
 WORDS = ["sweep", "scale", "method=base", "core.collisions=false", f"n_rollouts={N_ROLLOUTS}", "study=s"]
 
@@ -64,12 +67,12 @@ def test_a_killed_worker_loses_nothing_and_repeats_nothing(tmp_path):
     assert process.returncode != 0
     assert "a job was not completed" in said
     before = parts_in(killed)
-    assert 0 < len(before) < 3 * len(SEEDS)
+    assert 0 < len(before) < N_PARTS * len(SEEDS)
     # The same command goes on.
     done = subprocess.run(command(killed, *sides), env=mine, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     after = parts_in(killed)
-    assert len(after) == 3 * len(SEEDS)
+    assert len(after) == N_PARTS * len(SEEDS)
     assert before.items() <= after.items()  # what was there was left alone
     assert not [path for path in killed.rglob("*") if "unfinished" in path.name]
 
