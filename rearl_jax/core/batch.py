@@ -4,6 +4,7 @@ import math
 import operator
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from types import MappingProxyType
 from typing import Any, Generic, TypeVar
 
@@ -97,7 +98,8 @@ class ScenarioMap(Generic[Arguments, Result]):
                 check_vma=False,
             )(arguments)
 
-        self._run = jax.jit(run, compiler_options=_known(options))
+        known = {option: value for option, value in options.items() if _is_known(option, value)}
+        self._run = jax.jit(run, compiler_options=known)
 
     def _part_of(self, leaf: jax.Array) -> jax.ShapeDtypeStruct:
         """Shape of the part of an argument that a device gets."""
@@ -207,17 +209,14 @@ def _cut(leaf: Any, start: int, width: int, n_scenarios: int) -> Any:
     return join([part, *[part[..., -1:]] * missing], axis=-1)
 
 
-def _known(options: Mapping[str, Any]) -> dict[str, Any]:
-    """The options that the installed compiler knows; they are no part of its public interface."""
-
-    def is_known(option: tuple[str, Any]) -> bool:
-        try:
-            jax.jit(lambda x: x, compiler_options=dict([option])).lower(jnp.zeros(1)).compile()
-        except jax.errors.JaxRuntimeError:
-            return False
-        return True
-
-    return dict(filter(is_known, options.items()))
+@cache
+def _is_known(option: str, value: Any) -> bool:
+    """Whether the installed compiler knows an option, which is no part of its public interface."""
+    try:
+        jax.jit(lambda x: x, compiler_options={option: value}).lower(jnp.zeros(1)).compile()
+    except jax.errors.JaxRuntimeError:
+        return False
+    return True
 
 
 def _last_axis(leaf: jax.Array | jax.ShapeDtypeStruct | np.ndarray, *, divided: bool) -> PartitionSpec:

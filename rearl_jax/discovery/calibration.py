@@ -7,11 +7,11 @@ from pathlib import Path
 import pandas as pd
 
 from rearl_jax.config import DiscoverTask
-from rearl_jax.data.recordings import data_id, iterate_recordings
+from rearl_jax.data.recordings import data_id
 from rearl_jax.data.records import Recording
 from rearl_jax.discovery.observe.base import base_of
 from rearl_jax.discovery.observe.drivers import prior_of
-from rearl_jax.discovery.observe.parts import measured_drivers, named_labels
+from rearl_jax.discovery.observe.parts import labelled_recordings, measured_drivers
 from rearl_jax.discovery.observe.solver import solver_of
 from rearl_jax.discovery.report.repaired import repaired_model
 from rearl_jax.discovery.report.tables import fit_table
@@ -52,8 +52,7 @@ def calibration(config: DiscoverTask, recordings: Iterable[Recording] | None = N
             long enough.
     """
     prior = prior_of(config.driver)
-    labels = list(named_labels(config.discover).values())
-    recordings = iterate_recordings(config.data, labels) if recordings is None else recordings
+    recordings = labelled_recordings(config.data, config.discover) if recordings is None else recordings
     findings, data = measured_drivers(list(recordings), config.discover, prior)
     solver = solver_of(data, prior)
     fit = base_of(solver, data, lane_changes=config.discover.lane_changes).fit

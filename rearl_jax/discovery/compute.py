@@ -10,14 +10,14 @@ import pandas as pd
 from rich.progress import Progress
 
 from rearl_jax.config import DiscoverTask
-from rearl_jax.data.recordings import iterate_recordings, label_of_same
+from rearl_jax.data.recordings import label_of_same
 from rearl_jax.data.records import Recording
 from rearl_jax.discovery.discover import Discovery, discovery_of
 from rearl_jax.discovery.groups.group import Grouping, grouped
 from rearl_jax.discovery.groups.kinds import Kinds, driver_likelihoods, kinds_of, purity
 from rearl_jax.discovery.observe.base import base_of
 from rearl_jax.discovery.observe.drivers import prior_of
-from rearl_jax.discovery.observe.parts import AUTO, Parts, measured_drivers, named_labels
+from rearl_jax.discovery.observe.parts import AUTO, Parts, labelled_recordings, measured_drivers
 from rearl_jax.discovery.observe.solver import solver_of
 from rearl_jax.discovery.read.gate import Finding
 from rearl_jax.discovery.read.measured import Measured
@@ -125,7 +125,7 @@ def read_drivers(config: DiscoverTask, identity: str, bar: Progress, *, generate
     """
     progress = shown(bar, "reading recordings")
     recordings: list[Recording] = []
-    for recording in iterate_recordings(config.data, list(named_labels(config.discover).values())):
+    for recording in labelled_recordings(config.data, config.discover):
         recordings.append(recording)
         progress(len(recordings), len(recordings))
     identity_label = label_of_same(config.data)

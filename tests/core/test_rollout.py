@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from rearl_jax.core import conflicts
-from rearl_jax.core.batch import ScenarioMap, chunk_for
+from rearl_jax.core.batch import QUICKLY_COMPILED, ScenarioMap, chunk_for
 from rearl_jax.core.meta_actions import apply_meta_actions
 from rearl_jax.core.model import TrafficModel
 from rearl_jax.core.rollout import Frames, rollout
@@ -147,6 +147,12 @@ def test_map_refuses_arguments_that_disagree():
         mapped({"a": np.zeros((2, 0)), "b": np.zeros(0)})
     with pytest.raises(ValueError, match="at least one scenario"):
         ScenarioMap(doubled, chunk=0)
+
+
+def test_options_that_the_compiler_does_not_know_are_left_out():
+    x = np.arange(6.0).reshape(2, 3)
+    mapped = ScenarioMap(lambda x: 2 * x, chunk=2, options=QUICKLY_COMPILED | {"xla_of_no_version": 1})
+    np.testing.assert_array_equal(mapped(x), 2 * x)
 
 
 def test_chunks_shrink_with_the_number_of_vehicles():

@@ -30,8 +30,8 @@ _PLACED = Placements()
 _SHAPES: set[tuple] = set()
 """Shapes compiled so far: configuration, program, number of steps."""
 
-FEW_BATCHES = 4
-"""Number of batches that a program for the screen may evaluate without optimisation: about a tenth of the number at
+FEW_BATCHES = 8
+"""Number of batches that a program for the screen may evaluate without optimisation: about an eighth of the number at
 which its slower run takes as much time as it saves, because the program may run again.
 """
 
@@ -117,8 +117,9 @@ class Programs:
         """`sensitivity.sensitivity_sums` along all directions of theta; its blocks are those of `Layout.blocks`. The
         program is compiled quickly if it is to evaluate few pieces and there is no optimised one yet.
         """
-        layout, optimised = self.layout, ("sensitivities",)
-        is_quick = optimised not in self._made and n_pieces <= FEW_BATCHES * self._batch
+        layout, batch, key, options = self.layout, self._batch // 2, ("sensitivities",), NO_OPTIONS
+        if key not in self._made and n_pieces <= FEW_BATCHES * batch:
+            key, options = (*key, "quick"), QUICKLY_COMPILED
 
         def run(a: dict) -> dict:
             knots, places, added = _squeezed(a["knots"]), range(layout.size), a["added"][:, 0]
@@ -126,9 +127,7 @@ class Programs:
                 a["z"], a["theta"], a["pieces"], layout, knots, places, layout.blocks, added, a["following"], self.dt
             )
 
-        if is_quick:
-            return self._program(("sensitivities", "quick"), run, self._batch // 2, QUICKLY_COMPILED)
-        return self._program(optimised, run, self._batch // 2)
+        return self._program(key, run, batch, options)
 
     def _innovations(self, z: Array, theta: Array, a: dict, active: tuple[Term, ...]) -> Float[Array, "steps pieces"]:
         knots, pieces, numbers = _squeezed(a["knots"]), a["pieces"], self.layout.by_name(theta)

@@ -1,21 +1,22 @@
 """The data of a discovery: fitted drivers, check drivers and report drivers, three parts without common drivers."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
 import pandas as pd
 
-from rearl_jax.config import DiscoverConfig
+from rearl_jax.config import DataConfig, DiscoverConfig
 from rearl_jax.data.checks.labels import track_labels
+from rearl_jax.data.recordings import iterate_recordings
 from rearl_jax.data.records import Recording, RecordingInfo
 from rearl_jax.discovery.observe.drivers import IDM_PRIOR, Prior
 from rearl_jax.discovery.observe.noise import is_exact
 from rearl_jax.discovery.observe.solver import solver_of
 from rearl_jax.discovery.read.gate import Finding, amount, gate, smoothed_positions
 from rearl_jax.discovery.read.measured import Measured
-from rearl_jax.discovery.read.reading import EXACT_NOISE, measure, one_frame_rate
+from rearl_jax.discovery.read.reading import EXACT_NOISE, measure, nobody_follows, one_frame_rate
 from rearl_jax.discovery.read.smoothing import thinned
 from rearl_jax.discovery.read.smoothness import smoothness
 from rearl_jax.discovery.read.speed_sensor import SPEED_SENSOR, errors_of_positions, has_speed_sensor, with_fast_speeds
@@ -67,6 +68,8 @@ def measured_drivers(
     Raises:
         ValueError: The frame rates differ, a label is unknown, or no driver follows a leader long enough.
     """
+    if not recordings:
+        raise nobody_follows()
     rate = one_frame_rate(recordings)
     tables = [thinned(recording, rate) for recording in recordings]
     findings, fused_errors = gate(tables), None
@@ -100,6 +103,15 @@ def labels_of(recordings: Sequence[Recording], options: DiscoverConfig) -> dict[
     wanted = {name: "data.format" for recording in recordings for name in recording.info.labels}
     wanted |= {name: f"discover.{key}" for key, name in named_labels(options).items()}
     return {name: track_labels(recordings, name, key) for name, key in wanted.items()}
+
+
+def labelled_recordings(data: DataConfig, options: DiscoverConfig) -> Iterator[Recording]:
+    """The recordings, one at a time, with the labels that keys of discovery name.
+
+    Raises:
+        FileNotFoundError, ValueError: There are no recordings, or one is invalid.
+    """
+    return iterate_recordings(data, list(named_labels(options).values()))
 
 
 def named_labels(options: DiscoverConfig) -> dict[str, str]:

@@ -91,6 +91,13 @@ def one_frame_rate(recordings: Sequence[Recording]) -> float:
     )
 
 
+def nobody_follows() -> InvalidInputError:
+    """The error that no driver follows a leader long enough."""
+    message = f"no driver follows a leader for {THRESHOLDS.least_used_time:g} s: lanes or leaders may be missing, "
+    remedy = "run `rearl prepare` to see what was left out"
+    return InvalidInputError(Problem("nobody-follows", f"{message}or tracks cut into fragments", remedy))
+
+
 def measure(
     tables: Sequence[Thinned],
     position_lag: float = 0.0,
@@ -136,9 +143,7 @@ def measure(
         offset += recording.n_tracks
     used = [found for found in pieces if len(found.driver)]
     if not used:
-        message = f"no driver follows a leader for {THRESHOLDS.least_used_time:g} s: lanes or leaders may be missing, "
-        remedy = "run `rearl prepare` to see what was left out"
-        raise InvalidInputError(Problem("nobody-follows", f"{message}or tracks cut into fragments", remedy))
+        raise nobody_follows()
     n_jumps = sum(int(recording.jumps.sum()) for recording in recordings)
     whole = Measured(
         **joined(used),

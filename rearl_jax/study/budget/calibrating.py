@@ -9,11 +9,11 @@ import numpy as np
 from rearl_jax.config import DiscoverTask
 from rearl_jax.config.budget import StudyBudgetTask
 from rearl_jax.data.checks.losses import split_tracks
-from rearl_jax.data.recordings import data_id, iterate_recordings
+from rearl_jax.data.recordings import data_id
 from rearl_jax.data.records import Recording
 from rearl_jax.data.scenes.scene_set import SceneSet
 from rearl_jax.discovery.calibration import Calibration, calibration
-from rearl_jax.discovery.observe.parts import named_labels
+from rearl_jax.discovery.observe.parts import labelled_recordings
 from rearl_jax.models.file import model_id, read_model
 from rearl_jax.models.record import RepairedModel
 from rearl_jax.problems import InvalidInputError
@@ -79,7 +79,7 @@ def _origin_of_model(config: StudyBudgetTask, model: RepairedModel) -> str:
 def _calibrated(config: StudyBudgetTask, scenes: SceneSet, held_out: np.ndarray) -> tuple[Calibration, str]:
     """A calibration, and a sentence on the recordings behind it."""
     task = DiscoverTask(study=config.study, results=config.results, data=config.data, discover=config.discover)
-    recordings = iterate_recordings(config.data, list(named_labels(config.discover).values()))
+    recordings = labelled_recordings(config.data, config.discover)
     try:
         result = calibration(task, without_scenes(recordings, scenes, held_out))
         origin = (

@@ -148,6 +148,9 @@ def test_nobody_who_follows_is_an_error(recordings_of):
     with pytest.raises(InvalidInputError) as error:
         reading.measure([smoothing.thinned(alone)])
     assert error.value.code == "nobody-follows"
+    with pytest.raises(InvalidInputError) as error:
+        measured_drivers([], DiscoverConfig())
+    assert error.value.code == "nobody-follows"
     other = Recording(replace(recording.info, frame_rate=5.0), recording.table)
     with pytest.raises(InvalidInputError) as error:
         reading.one_frame_rate([recording, other])

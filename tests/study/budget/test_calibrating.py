@@ -9,6 +9,7 @@ import pytest
 from rearl_jax.config.budget import StudyBudgetTask
 from rearl_jax.config.discover import DiscoverConfig
 from rearl_jax.discovery.calibration import Calibration
+from rearl_jax.discovery.observe import parts
 from rearl_jax.problems import InvalidInputError, Problem
 from rearl_jax.study.budget import calibrating
 from tests.evaluation.conftest import made_scenes
@@ -24,7 +25,7 @@ def calibrated(monkeypatch):
 
     def run(code=None):
         labels = []
-        monkeypatch.setattr(calibrating, "iterate_recordings", lambda data, names: labels.append(names) or iter(()))
+        monkeypatch.setattr(parts, "iterate_recordings", lambda data, names: labels.append(names) or iter(()))
 
         def calibration(task, recordings=None):
             if code is not None and recordings is not None:

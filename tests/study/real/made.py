@@ -54,12 +54,11 @@ def verdict(word="improved", change_share=-0.2, groups=()):
     mean = protocols["population"]["gap_rmse"]["mean"] | {"change_share": FIGURE | {"value": change_share}}
     worse = protocols["population"] | {"gap_rmse": {"mean": mean}}
     error = VERDICT["error"] | {"protocols": protocols | {"population": worse}}
-    data = VERDICT["data"]
     base = {"chosen": "idm", "differs": False, "equilibrium_time_gap": {"10": FIGURE, "20": None}}
-    one = VERDICT | {"verdict": word, "error": error, "data": data, "base": base}
+    one = VERDICT | {"verdict": word, "error": error, "base": base}
     if not groups:
         return one
-    row = {"drivers": data["drivers"], "effects": one["effects"], "error": error, "verdict": word}
+    row = {"drivers": one["data"]["drivers"], "effects": one["effects"], "error": error, "verdict": word}
     rows = [
         row | {"value": group, "base": base | {"chosen": chosen}, "equilibrium_time_gap": base["equilibrium_time_gap"]}
         for group, chosen in groups
