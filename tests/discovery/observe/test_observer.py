@@ -7,25 +7,39 @@ import pytest
 from scipy.linalg import solve_discrete_are
 
 from rearl_jax.discovery.observe.candidates import LENS, Term
-from rearl_jax.discovery.observe.kalman import CLOSED_LOOP, DAMPING, STIFFNESS, Gain, Noise
+from rearl_jax.discovery.observe.kalman import CLOSED_LOOP, DAMPING, STIFFNESS, Gain, Noise, steady_state
 from rearl_jax.discovery.observe.noise import ACCELERATIONS, TIMES, best_noise, noise_levels, under_best_noise
 from rearl_jax.discovery.observe.solver import solver_of
 from rearl_jax.discovery.read.fused_errors import FusedErrors
 from rearl_jax.discovery.search.simulated_drives import driver_noise, simulate_again
 
 
-def test_gain_is_that_of_the_steady_state_filter():
-    noise, dt = Noise(0.2, 1.5, 0.1), 0.1
+@pytest.mark.parametrize("stride", [1, 3])
+@pytest.mark.parametrize(("acceleration", "position"), [(0.2, 0.1), (0.01, 1.0), (2.0, 0.001)])
+def test_gain_is_that_of_the_steady_state_filter(acceleration, position, stride):
+    noise, dt = Noise(acceleration, 1.5, position), 0.1
     kept = np.exp(-dt / noise.time)
     step = np.array([[1, dt, dt * dt / 2], [-STIFFNESS * dt, 1 - DAMPING * dt, dt], [0, 0, kept]])
     shock = np.diag([0.0, 0.0, noise.acceleration**2 * (1 - kept**2)])
+    shocks = sum(np.linalg.matrix_power(step, n) @ shock @ np.linalg.matrix_power(step, n).T for n in range(stride))
     seen = np.array([[1.0, 0.0, 0.0]])
-    ahead = solve_discrete_are(step.T, seen.T, shock, np.array([[noise.position**2]]))
+    period = np.linalg.matrix_power(step, stride)
+    ahead = solve_discrete_are(period.T, seen.T, shocks, np.array([[noise.position**2]]))
     variance = ahead[0, 0] + noise.position**2
-    gain = noise.gain(dt)
-    np.testing.assert_allclose(gain[:3], ahead[:, 0] / variance, rtol=1e-4)
+    gain = noise.gain(dt, stride)
+    np.testing.assert_allclose(gain[:3], ahead[:, 0] / variance, rtol=1e-6)
     assert gain.kept_o == pytest.approx(kept)
-    assert gain.variance == pytest.approx(variance, rel=1e-4)
+    assert gain.variance == pytest.approx(variance, rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    "noise", [Noise(1e-9, 1.5, 1e-9), Noise(0.0, 1.5, 0.0, 0.3, 5.0, True), Noise(50.0, 0.05, 20.0)]
+)
+def test_there_is_a_gain_where_nearly_all_noise_is_of_one_kind(noise):
+    steady = steady_state(noise, 0.033, 3)
+    assert len(steady.covariance) == 3
+    assert all(np.linalg.eigvalsh(covariance).min() > -1e-9 for covariance in steady.covariance)
+    assert np.isfinite(steady.gain).all()
 
 
 def test_drivers_noise_has_the_deviation_and_the_memory_it_is_asked_for():
