@@ -86,7 +86,7 @@ from rearl_jax.discovery.search.adequacy import Adequacy
 from rearl_jax.discovery.search.clock_check import ClockCheck
 from rearl_jax.discovery.search.decision import Trial
 from rearl_jax.discovery.search.families import distinguishing_data
-from rearl_jax.discovery.search.outcome import Search, is_free
+from rearl_jax.discovery.search.outcome import Search
 from rearl_jax.discovery.thresholds import THRESHOLDS
 
 MISJUDGED = (
@@ -145,8 +145,8 @@ def is_on(trial: Trial, theta: np.ndarray, deviations: np.ndarray, layout: Layou
     """True if the interval of a strength excludes the value at which the effect is off; arguments as of `claim_of`."""
     free = list(trial.candidate.free)
     strengths = np.isin(free, list(trial.candidate.directions))
-    if trial.candidate.kind == "generic" or not strengths.any():
-        return True  # curves and sections have no single strength that could be off
+    if trial.candidate.kind == "generic" or not trial.candidate.term.is_effect or not strengths.any():
+        return True  # curves, such as a camera's distortion, and sections have no single strength that could be off
     values, off = theta[free], layout.reference[free]
     half_widths = np.array(
         [interval(0.0, THRESHOLDS.interval_stretch * float(deviation), confidence)[1] for deviation in deviations]
@@ -189,23 +189,25 @@ def verdict_of(search: Search, effects: Sequence[Claim], adequacy: Adequacy, *, 
         adequacy: Adequacy of the final model.
         is_lower: Whether the error of the report drivers is significantly lower with the effects found.
     """
-    added = [trial.candidate.kind for trial in search.added]
-    names = {trial.candidate.term.effect for trial in search.added if trial.candidate.kind in NAMED_KINDS}
-    if names:
+    added = {trial.candidate.kind for trial in search.added}
+    names = {effect.name for effect in effects}
+    # An added effect is not stated if its interval includes "off"; the verdict cannot be that effect then.
+    unstated = {trial.candidate.kind for trial in search.added if trial.candidate.term.effect not in names}
+    if added & NAMED_KINDS:
         is_doubtful = any(search.is_doubtful(trial) for trial in search.added) or search.leaves_shifts
-        is_stated = names <= {effect.name for effect in effects}
-        return "named" if is_stated and adequacy.is_adequate and not is_doubtful else "unexplained"
+        return "named" if not unstated & NAMED_KINDS and adequacy.is_adequate and not is_doubtful else "unexplained"
     if any(effect.kind in NAMED_KINDS for effect in effects):  # effects of lane changes
         is_doubtful = search.is_contradicted or search.leaves_more or search.leaves_shifts
         return "named" if adequacy.is_adequate and not is_doubtful else "unexplained"
-    if added and all(is_free(trial) for trial in search.added) and is_lower:
+    if added == {"generic"} and not unstated and is_lower:
         return "improved"
     if any(effect.kind == "artefact" and effect.evidence is None for effect in effects):
         return "artefact"  # visible in the columns
     if search.clocks is not None and not adequacy.is_of_clocks:
         return "unexplained"
     if "artefact" in added:
-        return "artefact" if adequacy.is_adequate and not search.is_contradicted else "unexplained"
+        is_explained = "artefact" not in unstated and adequacy.is_adequate and not search.is_contradicted
+        return "artefact" if is_explained else "unexplained"
     if search.clocks is not None:
         return "artefact"
     if added or search.rejected or search.leaves_more or search.leaves_shifts or not adequacy.is_adequate:

@@ -1,0 +1,90 @@
+"""The verdict in one word."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rearl_jax.discovery.claims import Claim
+from rearl_jax.discovery.observe.candidates import LENS, Candidate, Term
+from rearl_jax.discovery.observe.fit import Fit
+from rearl_jax.discovery.report.verdict import is_on, verdict_of
+from rearl_jax.discovery.search.adequacy import Adequacy
+from rearl_jax.discovery.search.clock_check import ClockCheck
+from rearl_jax.discovery.search.null import Null
+from rearl_jax.discovery.search.outcome import Search
+from rearl_jax.discovery.search.round import Round
+
+
+@pytest.mark.parametrize(("staleness", "expected"), [(0.0, "artefact"), (5.0, "unexplained")])
+def test_clocks_that_leave_more_than_noise_do_not_explain_it(solver, calibrated, staleness, expected):
+    fit, left = (
+        Fit(None, *calibrated),
+        Adequacy(0.0, 0.02, 0.0, 0.0, 0.0, {}, -1.0, staleness, (Term("grade"), 1.0), 70.0),
+    )
+    ends = Round(fit, {}, {}, {}, frozenset(), [], [])
+    data = calibrated[0].data
+    check = ClockCheck(fit, 40.0, 40.0, 0.2, data, data)
+    found = Search(solver.layout, Null({}, {}, 1), {}, data, check, rounds=[ends])
+    assert verdict_of(found, [], left, is_lower=False) == expected
+    alone = replace(found, clocks=None)
+    assert verdict_of(alone, [], left, is_lower=False) == ("nothing" if staleness == 0.0 else "unexplained")
+    lag = Claim("speed_lag", "artefact", {}, (), 0.98, None)
+    assert verdict_of(found, [lag], left, is_lower=False) == "artefact"
+
+
+def test_clocks_need_not_leave_smooth_innovations_but_no_old_decisions(solver, calibrated):
+    fit, data = Fit(None, *calibrated), calibrated[0].data
+    ends = Round(fit, {}, {}, {}, frozenset(), [], [])
+    found = Search(solver.layout, Null({}, {}, 1), {}, data, ClockCheck(fit, 9.0, 9.0, 0.2, data, data), rounds=[ends])
+    rough = Adequacy(0.3, 0.02, 0.3, 0.0, 0.0, {}, -4.0, -1.0, (Term("grade"), 1.0), 70.0)
+    assert not rough.is_adequate
+    assert verdict_of(found, [], rough, is_lower=False) == "artefact"
+    assert verdict_of(found, [], replace(rough, staleness=2.4), is_lower=False) == "unexplained"
+    assert verdict_of(found, [], replace(rough, autocorrelation=0.3), is_lower=False) == "unexplained"
+
+
+@pytest.mark.parametrize(("z_score", "expected"), [(2.0, "named"), (12.0, "unexplained")])
+def test_what_leaves_shifts_between_pairs_is_not_named(trial, solver, calibrated, z_score, expected):
+    fit, left = Fit(None, *calibrated), Adequacy(0.0, 0.02, 0.0, 0.0, 0.0, {}, -4.0, -1.0, (Term("grade"), 1.0), 70.0)
+    holds = replace(trial("holds", [0.6] * 10, [0.3] * 10), candidate=solver.layout.candidates[Term("several_leaders")])
+    first = Round(fit, {}, {}, {}, frozenset(), [holds], [holds], 12.0)
+    found = Search(solver.layout, Null({}, {}, 1), {}, calibrated[0].data)
+    found.rounds = [first, replace(first, trials=[], accepted=[], clock_z_score=z_score)]
+    stated = [Claim("several_leaders", "driver", {}, (), 0.98, 90.0)]
+    assert verdict_of(found, stated, left, is_lower=False) == expected
+    # What may be off is not stated, and what is not stated is not named.
+    assert verdict_of(found, [], left, is_lower=False) == "unexplained"
+    found.rounds = [replace(first, trials=[], accepted=[], clock_z_score=z_score)]
+    assert verdict_of(found, [], left, is_lower=False) == {"named": "nothing"}.get(expected, expected)
+
+
+@pytest.mark.parametrize(("is_lower", "expected"), [(True, "improved"), (False, "unexplained")])
+def test_a_curve_without_a_name_improves_a_model_if_the_error_is_surely_lower(
+    trial, solver, calibrated, is_lower, expected
+):
+    fit, left = Fit(None, *calibrated), Adequacy(0.0, 0.02, 0.0, 0.0, 0.0, {}, -4.0, -1.0, (Term("grade"), 1.0), 70.0)
+    curve = trial("dependence", [0.6] * 10, [0.3] * 10, kind="generic", variable="gap")
+    found = Search(solver.layout, Null({}, {}, 1), {}, calibrated[0].data)
+    found.rounds = [Round(fit, {}, {}, {}, frozenset(), [curve], [curve]), Round(fit, {}, {}, {}, frozenset(), [], [])]
+    stated = [Claim("dependence", "generic", {}, ("gap",), 0.98, 90.0)]
+    assert verdict_of(found, stated, left, is_lower=is_lower) == expected
+    assert verdict_of(found, [], left, is_lower=is_lower) == "unexplained"
+
+
+def test_a_distortion_is_a_curve_that_no_single_value_switches_off(trial, solver, calibrated):
+    lens = Candidate(LENS, "artefact", (0, 1, 2), (0, 1, 2), ("position",))
+    bent = replace(trial("lens", [0.6] * 10, [0.3] * 10, kind="artefact"), candidate=lens)
+    theta, deviations = calibrated[0].theta.copy(), np.full(len(lens.free), 0.5)
+    theta[list(lens.free)] = 0.9 * np.resize([1.0, -1.0], len(lens.free))
+    assert is_on(bent, theta, deviations, solver.layout, 0.95)
+
+
+def test_an_artefact_that_is_not_stated_is_no_verdict(trial, solver, calibrated):
+    fit, left = Fit(None, *calibrated), Adequacy(0.0, 0.02, 0.0, 0.0, 0.0, {}, -4.0, -1.0, (Term("grade"), 1.0), 70.0)
+    bent = trial("lens", [0.6] * 10, [0.3] * 10, kind="artefact")
+    found = Search(solver.layout, Null({}, {}, 1), {}, calibrated[0].data)
+    found.rounds = [Round(fit, {}, {}, {}, frozenset(), [bent], [bent]), Round(fit, {}, {}, {}, frozenset(), [], [])]
+    stated = [Claim("lens", "artefact", {}, ("position",), 0.98, 90.0)]
+    assert verdict_of(found, stated, left, is_lower=True) == "artefact"
+    assert verdict_of(found, [], left, is_lower=True) == "unexplained"
