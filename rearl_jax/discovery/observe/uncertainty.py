@@ -8,6 +8,7 @@ from scipy.stats import norm
 
 from rearl_jax.discovery.observe.candidates import FLAT
 from rearl_jax.discovery.observe.fit_state import FitState, with_prior
+from rearl_jax.discovery.observe.population_mean import mean_projections
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.thresholds import THRESHOLDS
 
@@ -30,13 +31,8 @@ def standard_deviations(solver: Solver, state: FitState) -> Float[np.ndarray, " 
     free = solver.free(state)
     if not len(free):
         return np.empty(0)
-    gradient = state.sums.gradient / state.variances[:, None]
-    n_own = state.z.shape[1]
-    own, added = slice(0, n_own), slice(n_own, n_own + len(free))
-    response, information = _projected(state, len(free))
+    scores, information = _projected(solver, state)
     information = information + np.diag(solver.layout.scale[free] ** -2.0)
-    away = state.away @ state.precision
-    scores = gradient[:, added] - np.einsum("dij,di->dj", response, gradient[:, own] + away)
     covariance = np.linalg.pinv(information)
     scores = scores - scores.mean(axis=0)
     n = len(scores)
@@ -51,17 +47,24 @@ def shares_at_bound(solver: Solver, state: FitState) -> Float[np.ndarray, " own"
     return ((state.z <= low + NEAR) | (state.z >= high - NEAR)).mean(axis=0)
 
 
-def _projected(state: FitState, n_free: int) -> tuple[np.ndarray, np.ndarray]:
-    """Derivative of the drivers' best own parameters by the searched elements of theta, with the sign reversed, and the
-    information on these elements that remains when own parameters are fitted (Schur complement).
+def _projected(
+    solver: Solver, state: FitState
+) -> tuple[Float[np.ndarray, "drivers free"], Float[np.ndarray, "free free"]]:
+    """Each driver's score of the searched elements of theta and the information on them that remain when the drivers'
+    own parameters and the means of their population are fitted (Schur complements).
     """
     assert state.sums is not None
-    n_own = state.z.shape[1]
-    own, added = slice(0, n_own), slice(n_own, n_own + n_free)
-    gram = state.sums.gram / state.variances[:, None, None]
-    coupling = gram[:, own, added]
-    response = np.linalg.solve(with_prior(state.own_information, state.precision), coupling)
-    return response, (gram[:, added, added] - np.einsum("dij,dik->djk", coupling, response)).sum(axis=0)
+    own, added = slice(0, state.z.shape[1]), slice(state.z.shape[1], None)
+    gradient, gram = state.sums.gradient / state.variances[:, None], state.sums.gram / state.variances[:, None, None]
+    coupling, block = gram[:, own, added], with_prior(state.own_information, state.precision)
+    step = np.linalg.solve(block, (gradient[:, own] + state.away @ state.precision)[:, :, None])[:, :, 0]
+    response = np.linalg.solve(block, coupling)
+    scores = gradient[:, added] - np.einsum("dij,di->dj", coupling, step)
+    information = (gram[:, added, added] - np.einsum("dij,dik->djk", coupling, response)).sum(axis=0)
+    for mean in mean_projections(state, solver.layout.prior, block, step, response):
+        scores[mean.members] -= mean.driver_pull @ mean.answer
+        information -= mean.coupled.T @ mean.answer
+    return scores, information
 
 
 def complexity_penalty(solver: Solver, state: FitState, places: Sequence[int]) -> float:
@@ -72,7 +75,7 @@ def complexity_penalty(solver: Solver, state: FitState, places: Sequence[int]) -
     the logarithm of the number of independent observations, Schwarz, Ann. Stat. 6 (1978) 461.
     """
     layout, free = solver.layout, solver.free(state)
-    _, information = _projected(state, len(free))
+    _, information = _projected(solver, state)
     scale = layout.scale[free]
     chosen = np.isin(free, list(places))
     has_prior = chosen & (scale < FLAT)

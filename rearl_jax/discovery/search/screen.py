@@ -17,7 +17,8 @@ from jaxtyping import Float
 
 from rearl_jax.discovery.observe import clocks
 from rearl_jax.discovery.observe.candidates import Layout, Term
-from rearl_jax.discovery.observe.fit_state import CLASSES, FitState, with_prior
+from rearl_jax.discovery.observe.fit_state import FitState, with_prior
+from rearl_jax.discovery.observe.population_mean import mean_projections
 from rearl_jax.discovery.observe.solver import Solver
 
 PRIOR_WIDTHS = (0.35, 1.0, 2.0)
@@ -79,31 +80,19 @@ def _scores(
     n_kept, n_own = len(free), layout.prior.size
     variances = state.variances
     gradient, nuisance = sums["gradient"] / variances[:, None], sums["nuisance"] / variances[:, None, None]
-    precision, away = state.precision, state.away @ state.precision
-    located = layout.prior.location_precision
-    block = with_prior(nuisance[:, :n_own, :n_own], precision)
+    block = with_prior(nuisance[:, :n_own, :n_own], state.precision)
     coupling = nuisance[:, :n_own, n_own:]
-    slope = gradient[:, :n_own] + away
+    slope = gradient[:, :n_own] + state.away @ state.precision
     solved = np.linalg.solve(block, np.concatenate([slope[:, :, None], coupling], axis=2))
     step, response = solved[:, :, 0], solved[:, :, 1:]
     driver_score = -(gradient[:, n_own:] - np.einsum("dij,di->dj", coupling, step))
     score = driver_score.sum(axis=0)
     kept = nuisance[:, n_own:, n_own:] - np.einsum("dij,dik->djk", coupling[:, :, free], response)
     kept = kept.sum(axis=0)  # [kept, parameters and clocks]
-    by_class = []  # population means, which are not searched if they are held
-    if not state.holds_population:
-        inverse = np.linalg.inv(block)
-        for c in range(CLASSES):
-            members = state.truck == c
-            if not members.any():
-                continue
-            mean_block = (precision - precision @ inverse[members] @ precision).sum(axis=0) + np.diag(located)
-            coupled = precision @ response[members].sum(axis=0)
-            rest = located * state.mean[c] - away[members].sum(axis=0) + precision @ step[members].sum(axis=0)
-            answer = np.linalg.solve(mean_block, coupled)
-            score = score + answer.T @ rest
-            kept = kept - coupled[:, free].T @ answer
-            by_class.append((coupled, answer))
+    means = list(mean_projections(state, layout.prior, block, step, response))
+    for mean in means:
+        score = score + mean.answer.T @ mean.pull
+        kept = kept - mean.coupled[:, free].T @ mean.answer
     across = np.zeros((score.size, n_kept))
     if n_kept:
         scale = layout.scale[free]
@@ -116,8 +105,8 @@ def _scores(
         block_of_driver = sums[f"block_{number}"] / variances[:, None, None]
         block_of_driver = block_of_driver - np.einsum("dij,dik->djk", coupling[:, :, index], response[:, :, index])
         information = block_of_driver.sum(axis=0) - across[index] @ kept[:, index]
-        for coupled, answer in by_class:
-            information = information - coupled[:, index].T @ answer[:, index]
+        for mean in means:
+            information = information - mean.coupled[:, index].T @ mean.answer[:, index]
         scores[term] = Score(score[index], (information + information.T) / 2, driver_score[:, index], block_of_driver)
     return scores
 

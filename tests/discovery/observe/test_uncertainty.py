@@ -1,0 +1,63 @@
+"""Standard deviations of the parameters of effects."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from rearl_jax.discovery.observe.candidates import Term
+from rearl_jax.discovery.observe.fit_state import CLASSES, DriverSums, replaced, with_prior
+from rearl_jax.discovery.observe.uncertainty import standard_deviations
+
+
+@pytest.fixture(scope="module")
+def fitted(solver, calibrated):
+    """A state with a fitted effect."""
+    state = replaced(calibrated[0], active=(Term("leader_acceleration"), Term("asymmetry")))
+    solver.solve([state], iterations=4)
+    return state
+
+
+def joint_information(state, located):
+    """Information on all drivers' parameters, the means of the population and theta, without the prior of theta."""
+    n_drivers, n_own = state.z.shape
+    gram = state.sums.gram / state.variances[:, None, None]
+    n_free = gram.shape[1] - n_own
+    first_mean, first_theta = n_drivers * n_own, (n_drivers + CLASSES) * n_own
+    joint = np.zeros((first_theta + n_free, first_theta + n_free))
+    of_theta = slice(first_theta, None)
+    for driver, own in enumerate(with_prior(state.own_information, state.precision)):
+        of_driver = slice(driver * n_own, (driver + 1) * n_own)
+        of_mean = slice(first_mean + state.truck[driver] * n_own, first_mean + (state.truck[driver] + 1) * n_own)
+        joint[of_driver, of_driver] = own
+        joint[of_driver, of_mean] = joint[of_mean, of_driver] = -state.precision
+        joint[of_mean, of_mean] += state.precision
+        joint[of_driver, of_theta] = gram[driver, :n_own, n_own:]
+        joint[of_theta, of_driver] = gram[driver, n_own:, :n_own]
+        joint[of_theta, of_theta] += gram[driver, n_own:, n_own:]
+    for mean in range(CLASSES):
+        of_mean = slice(first_mean + mean * n_own, first_mean + (mean + 1) * n_own)
+        joint[of_mean, of_mean] += np.diag(located)
+    return joint
+
+
+@pytest.mark.parametrize("holds_population", [False, True])
+def test_deviations_are_those_of_all_parameters_together(solver, fitted, holds_population):
+    state = replace(fitted, holds_population=holds_population)
+    free, n_own = solver.free(state), state.z.shape[1]
+    joint = joint_information(state, solver.layout.prior.location_precision)
+    joint[-len(free) :, -len(free) :] += np.diag(solver.layout.scale[free] ** -2.0)
+    if holds_population:
+        means = slice(state.z.size, state.z.size + CLASSES * n_own)
+        joint = np.delete(np.delete(joint, means, axis=0), means, axis=1)
+    expected = np.sqrt(np.diag(np.linalg.inv(joint))[-len(free) :])
+    assert (expected > 0.0).all()
+    # Equal drivers have equal scores, so that only the curvature is left.
+    level = replaced(state, z=state.mean[state.truck])
+    level.sums = DriverSums(state.sums.square, np.zeros_like(state.sums.gradient), state.sums.gram, state.sums.count)
+    np.testing.assert_allclose(standard_deviations(solver, level), expected, rtol=1e-6)
+
+
+def test_the_means_of_the_population_cost_information(solver, fitted):
+    held = standard_deviations(solver, replace(fitted, holds_population=True))
+    assert (standard_deviations(solver, fitted) > held).any()
