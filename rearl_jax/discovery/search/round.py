@@ -45,9 +45,9 @@ class Round:
 
     @property
     def possible(self) -> list[Trial]:
-        """All trials that neither simulations nor later tests reject."""
+        """All trials that may explain the drivers, and that neither simulations nor later tests reject."""
         denied = {trial.candidate.term for trial in (*self.contradicted, *self.dropped)}
-        return [trial for trial in self.trials if trial.candidate.term not in denied]
+        return [trial for trial in self.trials if may_explain(trial) and trial.candidate.term not in denied]
 
     @property
     def is_beaten(self) -> bool:
@@ -63,10 +63,15 @@ class Round:
         return indistinguishable(self.accepted)[1:] if self.accepted else []
 
 
-def is_significant(trial: Trial, exceeding: Collection[Term]) -> bool:
-    """True if the evidence for a candidate exceeds chance, or if its total gain after the fit is large enough; never
-    for a delay within the time resolution, a copy of the leader's acceleration, or a section with no end in the data.
+def may_explain(trial: Trial) -> bool:
+    """True unless the trial is a delay within the time resolution, a copy of the leader's acceleration, or a section
+    with no end in the data: these fit well for reasons that have nothing to do with drivers or roads.
     """
-    return not (is_of_numerics(trial) or copies_leader(trial) or is_everywhere(trial)) and (
-        trial.candidate.term in exceeding or trial.total > THRESHOLDS.total_below_z_score
-    )
+    return not (is_of_numerics(trial) or copies_leader(trial) or is_everywhere(trial))
+
+
+def is_significant(trial: Trial, exceeding: Collection[Term]) -> bool:
+    """True if a trial may explain the drivers, and the evidence for its candidate exceeds chance or its total gain
+    after the fit is large enough.
+    """
+    return may_explain(trial) and (trial.candidate.term in exceeding or trial.total > THRESHOLDS.total_below_z_score)

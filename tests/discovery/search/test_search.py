@@ -186,7 +186,9 @@ def test_a_delay_of_less_than_a_time_step_is_of_the_numerics(trial, calibrated, 
     theta[list(delay.candidate.free)] = steps * state.data.dt
     delay = replace(delay, fit=Fit(delay.candidate, replaced(state, theta=theta), noise))
     exceeding = frozenset({Term("holds"), Term("reaction_delay")})
-    assert Round(Fit(None, state, noise), {}, {}, {}, exceeding, [holds, delay], [holds]).is_beaten == counts
+    turn = Round(Fit(None, state, noise), {}, {}, {}, exceeding, [holds, delay], [holds])
+    assert turn.is_beaten == counts
+    assert (delay in turn.possible) == counts  # otherwise it would take all confidence from what was found
 
 
 @pytest.mark.parametrize(("steps", "gain", "imitates"), [(1.0, 2.5, True), (3.0, 2.5, False), (1.0, 0.7, False)])
