@@ -17,7 +17,7 @@ from rearl_jax.discovery.report.protocols import FIRST_HALF, PREDICTING, predict
 from rearl_jax.discovery.resampling import resamples
 from rearl_jax.discovery.search.clock_check import correct_shifts
 from rearl_jax.discovery.search.decision import Trial
-from rearl_jax.discovery.search.headway import CONSTANT_TIME_GAP, TimeGapVariation, time_gap_variation
+from rearl_jax.discovery.search.headway import CONSTANT_TIME_GAP, START_SHARES, TimeGapVariation, VariationSearch
 from rearl_jax.discovery.search.outcome import Search
 from rearl_jax.discovery.search.procedure import NullFor, Report, with_predictive_effects
 from rearl_jax.discovery.thresholds import THRESHOLDS
@@ -74,18 +74,21 @@ def clocks_predict_better(solver: Solver, outcome: Search, checked: Measured, se
 def predicting_variation(solver: Solver, outcome: Search, seed: int) -> TimeGapVariation:
     """The variation of drivers' time gaps under the final model of a search.
 
-    The gap at the start of a drive is used to predict the variation only if it predicts the check drivers significantly
-    better: if drivers are off equilibrium there for another reason, it contains no information on their time gap.
+    The gap at the start of a drive is used to predict the variation only as far as it predicts the check drivers
+    significantly better: the more drivers are off equilibrium there for other reasons, the smaller is the share of the
+    departure that lasts, so smaller shares are tried after one that fails.
     """
-    fit = outcome.last
-    variation = time_gap_variation(solver, fit, seed)
+    fit, variations = outcome.last, VariationSearch(solver, outcome.last, seed)
+    variation = variations.best()
     if not variation.start_share:
         return variation
     (state,) = recalibrated(solver, outcome.checked, [fit])
-    before, after = (_gap_errors(solver, state, fit, tried) for tried in (CONSTANT_TIME_GAP, variation))
-    if is_significantly_better(before, after, seed):
-        return variation
-    return time_gap_variation(solver, fit, seed, start_shares=(0.0,))
+    before = _gap_errors(solver, state, fit)
+    while variation.start_share:
+        if is_significantly_better(before, _gap_errors(solver, state, fit, variation), seed):
+            break
+        variation = variations.best([share for share in START_SHARES if share < variation.start_share])
+    return variation
 
 
 def _gap_errors_of(solver: Solver, data: Measured, fit: Fit) -> GapErrors:

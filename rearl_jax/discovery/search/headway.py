@@ -10,7 +10,7 @@ a simulated drive determines where the variation begins.
 Source: estimation by the energy score, Gneiting & Raftery, J. Am. Stat. Assoc. 102 (2007) 359, section 9.1.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -140,41 +140,54 @@ def later_halves(solver: Solver, data: Measured, fit: Fit) -> FitState | None:
     return known_drivers(solver, halves(data.of_drivers(is_long)), fit) if is_long.any() else None
 
 
-def time_gap_variation(
-    solver: Solver, fit: Fit, seed: int, start_shares: Sequence[float] = START_SHARES
-) -> TimeGapVariation:
-    """The variation with the lowest geometric mean energy score of the fitted drivers, a mean that few poorly modelled
-    drivers do not dominate; no variation if the improvement is below two standard errors. One parameter is searched
-    after the other, because each score needs many simulations.
+class VariationSearch:
+    """Search for the variation of time gaps with the lowest geometric mean energy score of the fitted drivers, a mean
+    that few poorly modelled drivers do not dominate.
 
-    Args:
-        solver: Solver of the model.
-        fit: The model and its noise.
-        seed: Seed of the noise.
-        start_shares: Tested values of `TimeGapVariation.start_share`.
+    Scores are kept between calls, because each needs many simulations.
     """
-    state = later_halves(solver, fit.state.data, fit)
-    if state is None:
-        return CONSTANT_TIME_GAP
-    scores: dict[TimeGapVariation, Float[np.ndarray, " drivers"]] = {}
 
-    def best_of(tried: Iterable[TimeGapVariation]) -> TimeGapVariation:
-        for candidate in tried:
-            if candidate not in scores:
-                score = energy_scores(solver, state, fit, seed, candidate)
-                scores[candidate] = np.log(np.maximum(score, SMALLEST_SCORE))
-        return min(scores, key=lambda candidate: float(scores[candidate].mean()))
+    def __init__(self, solver: Solver, fit: Fit, seed: int) -> None:
+        """Prepares the search.
 
-    coarse_shares = SHARES[::2]
-    best = best_of(
-        [CONSTANT_TIME_GAP, *(TimeGapVariation(sd, noise_share=share) for sd in SIZES for share in coarse_shares)]
-    )
-    best = best_of(replace(best, time=time) for time in TIMES)
-    best = best_of(replace(best, noise_share=share) for share in SHARES)
-    best = best_of(replace(best, sd=sd) for sd in SIZES)
-    if best.sd:
-        best = best_of(replace(best, start_share=share, time=time) for share in start_shares for time in TIMES)
-        best = best_of(replace(best, sd=sd) for sd in SIZES[1:])
-    gained = scores[CONSTANT_TIME_GAP] - scores[best]
-    is_significant = len(gained) > 1 and gained.mean() > 2 * gained.std(ddof=1) / np.sqrt(len(gained))
-    return best if is_significant else CONSTANT_TIME_GAP
+        Args:
+            solver: Solver of the model.
+            fit: The model and its noise.
+            seed: Seed of the noise.
+        """
+        self._solver, self._fit, self._seed = solver, fit, seed
+        self._state = later_halves(solver, fit.state.data, fit)
+        self._scores: dict[TimeGapVariation, Float[np.ndarray, " drivers"]] = {}
+
+    def best(self, start_shares: Sequence[float] = START_SHARES) -> TimeGapVariation:
+        """The best variation; none if the improvement is below two standard errors. One parameter is searched after the
+        other.
+
+        Args:
+            start_shares: Tested values of `TimeGapVariation.start_share`.
+        """
+        if self._state is None:
+            return CONSTANT_TIME_GAP
+        grid = [TimeGapVariation(sd, noise_share=share) for sd in SIZES for share in SHARES[::2]]
+        best = self._best_of([CONSTANT_TIME_GAP, *grid])
+        best = self._best_of([best, *(replace(best, time=time) for time in TIMES)])
+        best = self._best_of([best, *(replace(best, noise_share=share) for share in SHARES)])
+        best = self._best_of([best, *(replace(best, sd=sd) for sd in SIZES)])
+        if best.sd:
+            starts = [replace(best, start_share=share, time=time) for share in start_shares for time in TIMES]
+            best = self._best_of([best, *starts])
+            best = self._best_of([best, *(replace(best, sd=sd) for sd in SIZES[1:])])
+        gained = self._score(CONSTANT_TIME_GAP) - self._score(best)
+        is_significant = len(gained) > 1 and gained.mean() > 2 * gained.std(ddof=1) / np.sqrt(len(gained))
+        return best if is_significant else CONSTANT_TIME_GAP
+
+    def _best_of(self, tried: Sequence[TimeGapVariation]) -> TimeGapVariation:
+        return min(tried, key=lambda variation: float(self._score(variation).mean()))
+
+    def _score(self, variation: TimeGapVariation) -> Float[np.ndarray, " drivers"]:
+        """Logarithm of the energy score of each driver's second half [log m]."""
+        assert self._state is not None
+        if variation not in self._scores:
+            score = energy_scores(self._solver, self._state, self._fit, self._seed, variation)
+            self._scores[variation] = np.log(np.maximum(score, SMALLEST_SCORE))
+        return self._scores[variation]

@@ -18,7 +18,7 @@ from rearl_jax.discovery.read.training import halves
 from rearl_jax.discovery.report.protocols import ProtocolErrors
 from rearl_jax.discovery.search import procedure
 from rearl_jax.discovery.search.clock_check import ClockCheck
-from rearl_jax.discovery.search.headway import TimeGapVariation
+from rearl_jax.discovery.search.headway import START_SHARES, TimeGapVariation
 from rearl_jax.discovery.search.simulated_drives import simulate_again
 from tests.discovery.search.searches import search_that_added
 
@@ -127,22 +127,34 @@ def test_of_use_is_what_surely_predicts_better_and_nowhere_worse():
     assert not is_significantly_better({}, {}, seed=1)
 
 
-@pytest.mark.parametrize(("with_start", "kept"), [(1.5, 0.7), (1.999, 0.0), (2.1, 0.0)])
-def test_the_start_of_a_drive_is_used_only_where_it_predicts_others(solver, calibrated, monkeypatch, with_start, kept):
+@pytest.mark.parametrize(
+    ("with_start", "kept"),
+    [
+        ({0.9: 1.5}, 0.9),
+        ({0.9: 1.999, 0.7: 1.999, 0.4: 1.999}, 0.0),
+        ({0.9: 2.2, 0.7: 2.1, 0.4: 1.6}, 0.4),
+        ({0.9: 2.2, 0.7: 2.1, 0.4: 2.05}, 0.0),
+    ],
+)
+def test_the_start_of_a_drive_is_used_as_far_as_it_predicts_others(solver, calibrated, monkeypatch, with_start, kept):
     found = search_that_added(solver, calibrated)
     monkeypatch.setattr(predictions, "recalibrated", lambda solver, data, fits: [fit.state for fit in fits])
 
-    def estimated(solver, fit, seed, start_shares=(0.0, 0.7)):
-        return TimeGapVariation(sd=0.3, start_share=max(start_shares))
+    class Variations:
+        def __init__(self, *_):
+            pass
+
+        def best(self, start_shares=START_SHARES):
+            return TimeGapVariation(sd=0.3, start_share=max(start_shares))
 
     def predicted(*_, variation):
-        error = (with_start if variation.start_share else 2.0) * DRIVERS + 0.1 * np.cos(3 * DRIVERS)
+        error = with_start.get(variation.start_share, 2.0) * DRIVERS + 0.1 * np.cos(3 * DRIVERS)
         if variation.start_share:
             error += 0.2 * np.sin(40 * DRIVERS)
         of_all = ProtocolErrors(np.arange(len(DRIVERS)), {"gap_rmse": error}, {}, 0)
         return {"population": of_all, "first_half": None, "other_runs": None}
 
-    monkeypatch.setattr(predictions, "time_gap_variation", estimated)
+    monkeypatch.setattr(predictions, "VariationSearch", Variations)
     monkeypatch.setattr(predictions, "prediction_errors", predicted)
     variation = predicting_variation(solver, found, seed=0)
     assert variation.sd == 0.3

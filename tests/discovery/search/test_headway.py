@@ -16,10 +16,10 @@ from rearl_jax.discovery.search import headway
 from rearl_jax.discovery.search.headway import (
     CONSTANT_TIME_GAP,
     TimeGapVariation,
+    VariationSearch,
     departures,
     energy_scores,
     later_halves,
-    time_gap_variation,
 )
 from rearl_jax.discovery.search.simulated_drives import behind_noisy_drive
 
@@ -54,7 +54,7 @@ def varying(solver, many):
 
 @pytest.mark.slow
 def test_a_time_gap_that_varies_is_found_and_scored_better(solver, varying):
-    found = time_gap_variation(solver, varying, 0)
+    found = VariationSearch(solver, varying, 0).best()
     assert 0.15 <= found.sd <= 0.65
     halved = later(solver, varying.state.data, varying)
     scores = {
@@ -126,7 +126,7 @@ def test_realisations_begin_near_the_gap_at_the_start_and_forget_it(solver, slow
 def test_drivers_who_only_accelerate_unevenly_keep_their_time_gap(solver, many):
     noise = replace(many[1], acceleration=0.3)
     other = driven(solver, many, noise, None)
-    assert time_gap_variation(solver, Fit(None, other, noise), 0).sd <= 0.15
+    assert VariationSearch(solver, Fit(None, other, noise), 0).best().sd <= 0.15
 
 
 @pytest.mark.slow
@@ -135,7 +135,7 @@ def test_drivers_who_are_quieter_than_assumed_keep_a_share_of_the_noise(solver, 
     monkeypatch.setattr(headway, "later_halves", lambda solver, data, fit: fit.state)
     noise = many[1]
     other = driven(solver, many, replace(noise, acceleration=QUIET), None)
-    found = time_gap_variation(solver, Fit(None, other, replace(noise, acceleration=0.3)), 0, ())
+    found = VariationSearch(solver, Fit(None, other, replace(noise, acceleration=0.3)), 0).best(())
     assert found.sd == 0
     assert found.noise_share in (0.0, 0.25), "the true share is a sixth"
 
