@@ -28,9 +28,11 @@ def test_no_verdict_is_named(verdict, page):
     assert "no verdict is `named`" in page
     assert "The verdict is `unexplained`" in page
     assert verdict["effects"] == []
-    first = verdict["candidates"][0]
-    assert first["name"] == "asymmetry"
-    assert f"An asymmetry gains {first['check']:.0f} nats on other drivers one time step ahead. It is left" in page
+    delay, lens = verdict["candidates"][:2]
+    assert (delay["name"], delay["result"]) == ("reaction_delay", "of_numerics")
+    assert f"A reaction delay gains {delay['check']:.0f} nats on other drivers one time step ahead. It is left" in page
+    assert (lens["name"], lens["result"]) == ("lens", "predicts_no_better")
+    assert f"A distortion by the camera gains {lens['check']:.0f} nats. It is left out" in page
     assert any("drivers misjudge gaps" in note for note in verdict["data"]["notes"])
 
 
