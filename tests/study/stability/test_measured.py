@@ -1,5 +1,7 @@
 """Measured followers: pieces behind one leader, amplification by band, and two one-sided tests."""
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -41,9 +43,21 @@ def test_pieces_end_where_the_leader_is_unknown():
     gap[[100, 101, 700]] = -1.0
     pairs = read_pairs([recording(801, gap), recording(150, 20.0)], SECONDS)
     assert pairs.leader.shape == pairs.follower.shape == (SECONDS * STEPS_PER_SECOND + 1, 2)
-    assert len(set(pairs.track.tolist())) == 2  # the stretches before and after
+    assert len(set(pairs.driver.tolist())) == 1  # of one follower, before and after
     assert pairs.overlaps == 2
     assert pairs.hours == pytest.approx((800 + 149) / RATE / 3600)
+
+
+def test_a_follower_is_a_car_where_it_is_named_and_else_a_track():
+    one = recording(801, 20.0)
+    other = replace(one, info=replace(one.info, id="other"))
+    assert len(set(read_pairs([one, other], SECONDS, "car").driver.tolist())) == 2
+    labelled = [replace(part, info=replace(part.info, labels=("car",))) for part in (one, other)]
+    named = [replace(part, table=part.table.assign(car="i3")) for part in labelled]
+    assert len(set(read_pairs(named, SECONDS, "car").driver.tolist())) == 1
+    assert len(set(read_pairs(named, SECONDS).driver.tolist())) == 2
+    unknown = replace(named[1], table=one.table.assign(car=None))
+    assert len(set(read_pairs([named[0], unknown], SECONDS, "car").driver.tolist())) == 2
 
 
 def test_amplification_of_known_signals():
