@@ -104,13 +104,19 @@ def _behind_leaders(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def _pieces(stretch: pd.DataFrame, rate: float, seconds: int) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Speeds of leader and follower in consecutive pieces of one stretch, at the clock of the simulation."""
+    """Speeds of leader and follower in consecutive pieces of one stretch, at the clock of the simulation; without
+    pieces in which one of them stands or drives at a constant speed, whose amplification is undefined.
+    """
     time = np.arange(len(stretch)) / rate
     clock = np.arange(0, time[-1] + 1e-9, 1 / STEPS_PER_SECOND)
     speeds = [np.interp(clock, time, stretch[name].to_numpy(float)) for name in ("speed_leader", "speed")]
     n_steps = seconds * STEPS_PER_SECOND + 1
     cut = [[speed[k : k + n_steps] for speed in speeds] for k in range(0, len(clock) - n_steps + 1, n_steps)]
-    return [(leader, follower) for leader, follower in cut if min(leader.mean(), follower.mean()) >= MIN_SPEED]
+    return [
+        (leader, follower)
+        for leader, follower in cut
+        if min(leader.mean(), follower.mean()) >= MIN_SPEED and min(np.ptp(leader), np.ptp(follower)) > 0
+    ]
 
 
 def log_amplification(

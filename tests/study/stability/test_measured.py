@@ -48,6 +48,15 @@ def test_pieces_end_where_the_leader_is_unknown():
     assert pairs.hours == pytest.approx((800 + 149) / RATE / 3600)
 
 
+@pytest.mark.parametrize("track", [1, 2])
+def test_a_constant_speed_has_no_amplification(track):
+    varied = recording(801, 20.0)
+    speed = varied.table["speed"].mask(varied.table["track_id"] == track, 10.0)
+    constant = replace(varied, table=varied.table.assign(speed=speed))
+    assert read_pairs([varied], SECONDS).leader.shape[1] == 2
+    assert read_pairs([constant], SECONDS).leader.shape[1] == 0
+
+
 def test_a_follower_is_a_car_where_it_is_named_and_else_a_track():
     one = recording(801, 20.0)
     other = replace(one, info=replace(one.info, id="other"))
