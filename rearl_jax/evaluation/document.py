@@ -145,7 +145,7 @@ def _verdict(figures: Figures, main: str) -> str:
         f"The speeds of {title_of(main)} are a Hellinger distance of {method.inline} from the recorded ones"
         + ("" if change.value == NONE else f", a change of {change.inline} to base")
         + ("" if others.value == NONE else f"; recorded scenes are {others.value} from each other")
-        + f"; chance alone gives {chance.value}."
+        + ("." if chance.value == NONE else f"; chance alone gives {chance.value}.")
     )
 
 

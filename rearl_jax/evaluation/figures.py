@@ -14,7 +14,8 @@ from rearl_jax.config import EvaluateTask
 from rearl_jax.config.scenes import SpeedNorm
 from rearl_jax.data.scenes.scene_set import SceneSet
 from rearl_jax.decision.situation import ACTION_NAMES
-from rearl_jax.evaluation.runner import Evaluation, speed_histogram_edges
+from rearl_jax.evaluation.estimates import finite_mean
+from rearl_jax.evaluation.runner import DRAWN_BINS_PER_BIN, Evaluation, speed_histogram_edges
 from rearl_jax.evaluation.scores import NOISE_FLOOR, REAL, REAL_VS_REAL, Scores
 from rearl_jax.evaluation.tables import frame_series
 from rearl_jax.metrics import METRICS
@@ -47,7 +48,7 @@ def speed_histogram(config: EvaluateTask, evaluation: Evaluation) -> bytes:
     }
     density = {name: c / max(c.sum(), 1) / np.diff(edges) for name, c in counts.items()}
     figure, (axes,) = drawing.panels(6.4, 3.6, generated=evaluation.scenes.generated)
-    for edge in edges[:: len(edges) // config.hist.n_bins]:  # edges of the bins of the Hellinger distance
+    for edge in edges[::DRAWN_BINS_PER_BIN]:  # edges of the bins of the Hellinger distance
         axes.axvline(edge, color=drawing.LIGHT_GREY, linewidth=0.8, zorder=0)
     axes.stairs(
         density["recorded"], edges, fill=True, color=_RECORDED, alpha=0.3, label=f"real{_rescaled(evaluation.scenes)}"
@@ -76,7 +77,7 @@ def errors_over_time(config: EvaluateTask, evaluation: Evaluation) -> bytes:
         for row, colour in compared:
             _band(panel, row, name, colour, config.hist.window)
         panel.set(ylabel=label, ylim=(0, None))
-    floor = evaluation.row(NOISE_FLOOR).values["h"].mean()
+    floor = finite_mean(evaluation.row(NOISE_FLOOR).values["h"])
     axes[0].axhline(floor, color=_CHANCE, linestyle="--", linewidth=1.2, label="noise floor")
     for row, colour in ((method, _METHOD), (evaluation.row(REAL), _RECORDED)):
         _band(axes[2], row, "spacing", colour, config.hist.window)

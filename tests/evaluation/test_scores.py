@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from rearl_jax.config.evaluation import EvaluationConfig
-from rearl_jax.config.metrics import HistConfig, MetricsConfig, RealismConfig
+from rearl_jax.config.metrics import HistConfig, MetricsConfig, OutOfBounds, RealismConfig
+from rearl_jax.config.scenes import SpeedNorm
 from rearl_jax.core.rollout import Frames
 from rearl_jax.data.scenes.scene_set import recorded_lane_change_rate
 from rearl_jax.evaluation.scores import (
@@ -65,6 +66,16 @@ def test_noise_floor_is_the_distance_of_two_samples(scenes):
     np.testing.assert_allclose(row.values["h_legacy"], row.values["h"] * np.sqrt(0.5 / 3.375), rtol=1e-6)
     alone = noise_floor_scores(scenes, np.array([3]), hist, EvaluationConfig(noise_draws=4000))
     assert alone.values["h"][0] == row.values["h"][1]
+
+
+def test_speeds_that_are_all_left_out_have_no_noise_floor(scenes):
+    slow = replace(
+        scenes, speed=np.where(np.arange(6)[:, None, None] == 0, 1.0, scenes.speed), speed_norm=SpeedNorm.none
+    )
+    hist = HistConfig(window=5, oob=OutOfBounds.drop)
+    row = noise_floor_scores(slow, np.array([0, 3]), hist, EvaluationConfig(noise_draws=100))
+    assert np.isnan(row.values["h"]).tolist() == [True, False]
+    assert row.counts["h"].tolist() == [0, 100]
 
 
 def scored(scenes, candidate, index, row="real_vs_real"):
