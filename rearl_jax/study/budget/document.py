@@ -154,18 +154,22 @@ def findings_of(table: pd.DataFrame, mape: str, components: Sequence[str]) -> tu
 
 def _name(error: str) -> str:
     """Name of an error in a sentence, without its unit."""
-    return COLUMNS[error].title.partition(",")[0]
+    return COLUMNS[error].title.partition(" [")[0]
 
 
 def _verdict(error: str, parts: Parts) -> str:
     """The result in one sentence."""
     leader = max((part for part in parts if part in TITLES), key=lambda part: parts[part]["value"])
+    of_leader = f"{_inline(parts[leader], error)}, is that of {TITLES[leader]}"
+    if parts[WHOLE]["value"] > 0:
+        share = f"the largest share of this reduction, {of_leader}"
+    elif parts[leader]["value"] > 0:
+        share = f"it does not fall; the largest share that reduces it, {of_leader}"
+    else:
+        share = "it does not fall, and no component reduces it"
     beside = f"; recorded scenes are {_text(parts[OF_REAL]['value'], error)} apart" if OF_REAL in parts else ""
     ends = " to ".join(_text(parts[part]["value"], error) for part in (FIRST, LAST))
-    return (
-        f"{_name(error)} goes from {ends} with all components; the largest share of this reduction, "
-        f"{_inline(parts[leader], error)}, is that of {TITLES[leader]}{beside}."
-    )
+    return f"{_name(error)} goes from {ends} with all components; {share}{beside}."
 
 
 def _finding(error: str, parts: Parts) -> str:
