@@ -44,6 +44,14 @@ _ROLLOUTS = {
 }
 
 
+_INTERVALS = {
+    SeedScope.run_x_scene: "",
+    SeedScope.run: " The same rollouts serve all scenes, so intervals do not cover other initial states, and figures "
+    "of the rollouts alone have none.",
+}
+"""Text on what the intervals do not cover."""
+
+
 @dataclass(frozen=True)
 class Remarks:
     """Text that goes with the tables; the metadata of `summary.parquet` keep it.
@@ -143,6 +151,6 @@ def _definitions(config: EvaluateTask, scenes: SceneSet, held_out: np.ndarray) -
         "score is one of all runs of a scene, at least two.",
         f"Intervals: {100 * config.eval.confidence:g} % percentile bootstrap, {config.eval.resamples} resamples of the "
         "scenes, the same for every figure. Differences are taken scene by scene: to `real` where the real scenes have "
-        "the metric themselves, else to real against real.",
+        f"the metric themselves, else to real against real.{_INTERVALS[config.eval.seed_scope]}",
         f"h_legacy = {legacy_scale(config.hist):.4f} h, for comparison with published values on that scale.",
     )
