@@ -124,3 +124,14 @@ def test_statements_are_made_where_the_recording_is_not(low, high, unstable, sta
     assert verdict["recording_string_unstable"] is unstable
     assert verdict["statements"] == statements
     assert (verdict["largest_amplification"], verdict["collisions_per_vehicle_hour"]) == (1.2, 0.5)
+
+
+def test_a_model_without_platoons_is_neither_stable_nor_unstable():
+    tables = {
+        "amplification": pd.DataFrame({"model": ["b"], "simulated": [5.0]}),
+        "traffic": pd.DataFrame({"model": ["a"], "collided": [0], "vehicle_hours": [3.0]}),
+        "measured": pd.DataFrame({"model": ["a"], "measured_low": [0.7], "measured_high": [0.9]}),
+    }
+    verdict = verdict_of("a", tables, made_pairs(5, 1))
+    assert verdict["string_unstable"] is None
+    assert verdict["statements"] == []
