@@ -141,7 +141,12 @@ def test_free_scenes_are_compared_with_the_vehicles_they_began_with(scenes):
     x = np.concatenate([place[:, 1:], place[:, -1:]], axis=1) - 2.0  # a frame is at the end of its second
     x[:, 3:, 1] += 1e3
     simulated = Simulated(frames_at(x, scenes.lane), np.full((4, len(scenes)), 5.0))
-    np.testing.assert_allclose(positions_of(simulated, Listed(config, None, len(scenes)), scenes).error, 2.0)
+    listed = Listed(config, None, len(scenes))
+    np.testing.assert_allclose(positions_of(simulated, listed, scenes).error, 2.0)
+    track[:, 6:, 1] = track[:, 0, 1, None]  # picked again, as with scenes.pick=total_duration
+    again = positions_of(simulated, listed, scenes)
+    assert (again.error > 3.0).all()
+    np.testing.assert_allclose(again.first_error, 2.0)
 
 
 def test_vehicles_inside_replayed_ones_are_counted(scenes):
