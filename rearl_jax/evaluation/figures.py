@@ -100,8 +100,10 @@ def space_time(config: EvaluateTask, evaluation: Evaluation) -> bytes:
     norm = Normalize(config.hist.low, config.hist.high)
     recorded = (scenes.x[index], scenes.scaled_speed[index], scenes.lane[index], scenes.track_id[index])
     x, crashed = np.asarray(frames.x), np.asarray(frames.crashed)
-    slots = np.broadcast_to(np.arange(x.shape[1]), x.shape)
-    simulated = (x, np.asarray(frames.speed), np.asarray(frames.lane), slots)
+    around = evaluation.sample.around
+    # Among replayed traffic another vehicle enters in the slot of one that has left.
+    track = np.broadcast_to(np.arange(x.shape[1]), x.shape) if around is None else around.track_id[0]
+    simulated = (x, np.asarray(frames.speed), np.asarray(frames.lane), track)
     for axes, paths in ((left, recorded), (right, simulated)):
         _draw_paths(axes, norm, *paths)
         axes.set(xlabel="time [s]", xlim=(0, scenes.seconds - 1))
@@ -171,9 +173,8 @@ def _draw_paths(
 
 def _mark_crashes(axes: Axes, x: np.ndarray, crashed: np.ndarray) -> None:
     """A cross where each vehicle is first seen crashed."""
-    vehicles = np.flatnonzero(crashed.any(axis=0))
-    first = crashed[:, vehicles].argmax(axis=0)
-    axes.plot(first, x[first, vehicles], "x", color="red", markersize=6, markeredgewidth=1.5)
+    first, slots = np.nonzero(crashed & ~np.concatenate([np.zeros_like(crashed[:1]), crashed[:-1]]))
+    axes.plot(first, x[first, slots], "x", color="red", markersize=6, markeredgewidth=1.5)
 
 
 def _band(axes: Axes, row: Scores, name: str, colour: str, window: int) -> None:
