@@ -104,7 +104,19 @@ def data_summary(config: EvaluateTask | ClusterTask, scenes: SceneSet, use: str)
     return (
         f"{counts.recordings} recordings, {counts.windows} windows of {scenes.seconds} s, {counts.accepted} "
         f"scenes with at least {config.scenes.min_vehicles} vehicles in every snapshot, "
-        f"{use} (split.unit={config.split.unit.name}, split.seed={config.split.seed}). {_speeds(scenes)}"
+        f"{use} (split.unit={config.split.unit.name}, split.seed={config.split.seed}). {_overlap(scenes)}"
+        f"{_speeds(scenes)}"
+    )
+
+
+def _overlap(scenes: SceneSet) -> str:
+    """Sentence on what overlapping scenes mean for intervals, and a space; empty if they share no traffic."""
+    stride = scenes.settings.get("scenes.stride")
+    if stride is None or float(stride) >= scenes.seconds:
+        return ""
+    return (
+        f"A scene starts every {float(stride):g} s, so scenes share traffic: intervals, which take them as "
+        "independent, are too narrow. "
     )
 
 
