@@ -22,6 +22,11 @@ BASE = Method.base.name
 LESS_BASE = ("less_base", "less_base_low", "less_base_high")
 """Fields of an estimate with its difference from base, and the ends of the interval."""
 
+FEW_SCENES = 20
+"""Number of scenes below which intervals are called too narrow: those of 95 % cover the mean of normal values in 93 %
+of the cases with 20 scenes, in 82 % with 5.
+"""
+
 # Largest number of resampling weights in a block, about 30 MB.
 _MAX_WEIGHTS = 4_000_000
 
@@ -185,6 +190,12 @@ def intervals(values: np.ndarray, eval: EvaluationConfig) -> list[tuple[float | 
         low, high = np.quantile(column[np.isfinite(column)], [tail, 1 - tail])
         ends.append((float(low), float(high)))
     return ends
+
+
+def bootstrap_over(n_scenes: int, scenes: str, confidence: float) -> str:
+    """Phrase on intervals over a number of scenes (such as `held-out scenes`), and on too few of them."""
+    few = ", rough and too narrow with so few" if n_scenes < FEW_SCENES else ""
+    return f"{100 * confidence:g} % bootstrap over {n_scenes} {scenes}{few}"
 
 
 def _weights(n_scenes: int, eval: EvaluationConfig) -> Iterator[np.ndarray]:

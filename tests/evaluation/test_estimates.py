@@ -7,7 +7,7 @@ import pytest
 
 from rearl_jax.config.evaluation import EvaluationConfig, SeedScope
 from rearl_jax.evaluation import estimates as module
-from rearl_jax.evaluation.estimates import estimates, intervals
+from rearl_jax.evaluation.estimates import FEW_SCENES, bootstrap_over, estimates, intervals
 from rearl_jax.evaluation.scores import Scores
 
 
@@ -41,6 +41,16 @@ def test_interval_of_a_mean_is_that_of_the_textbook(eval_config):
     half = 1.96 * values.std(ddof=1) / np.sqrt(len(values))
     assert low == pytest.approx(values.mean() - half, abs=0.1 * half)
     assert high == pytest.approx(values.mean() + half, abs=0.1 * half)
+
+
+@pytest.mark.parametrize(("n_scenes", "is_covered"), [(FEW_SCENES // 4, False), (FEW_SCENES, True)])
+def test_few_scenes_are_called_too_few_where_intervals_are_too_narrow(eval_config, n_scenes, is_covered):
+    samples = np.random.default_rng(1).normal(size=(n_scenes, 1000))
+    low, high = np.array(intervals(samples, eval_config)).T
+    assert bool(((low < 0) & (high > 0)).mean() > 0.9) is is_covered
+    phrase = bootstrap_over(n_scenes, "judged scenes", 0.95)
+    assert phrase.startswith(f"95 % bootstrap over {n_scenes} judged scenes")
+    assert phrase.endswith("too narrow with so few") is not is_covered
 
 
 def test_wider_confidence_is_a_wider_interval(eval_config):

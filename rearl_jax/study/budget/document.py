@@ -10,6 +10,7 @@ from rearl_jax.config.budget import REARL, START, StudyBudgetTask
 from rearl_jax.data.scenes.scene_set import SceneSet
 from rearl_jax.document.document import Document, Section
 from rearl_jax.document.table import Cell, Emphasis, Row, Table, cell_with_interval, decimals, percent, sentence
+from rearl_jax.evaluation.estimates import bootstrap_over
 from rearl_jax.evaluation.remarks import Remarks, speed_bins
 from rearl_jax.evaluation.scores import TITLES as REFERENCE_TITLES
 from rearl_jax.evaluation.tables import HEADINGS
@@ -247,6 +248,6 @@ def definitions_of(config: StudyBudgetTask, scenes: SceneSet, held_out: np.ndarr
         "thresholds in all rows, percentiles of Base on threshold scenes.",
         speed_bins(config.hist, scenes.scaled_speed[held_out]),
         "THW error and LCR error: distance of a scene's time headway and lane-change rate from the recorded scene's.",
-        f"Intervals: {100 * config.eval.confidence:g} % percentile bootstrap over {len(held_out)} judged scenes, the "
-        "same resamples for every figure. An error is divided over the scenes that have it in all rows.",
+        f"Intervals: {bootstrap_over(len(held_out), 'judged scenes', config.eval.confidence)}; the same resamples for "
+        "every figure. An error is divided over the scenes that have it in all rows.",
     )
