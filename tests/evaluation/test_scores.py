@@ -24,8 +24,16 @@ from rearl_jax.evaluation.scores import (
 )
 from rearl_jax.evaluation.scoring import Scorer
 from rearl_jax.evaluation.simulators import Simulated
+from rearl_jax.evaluation.tables import HEADINGS
+from rearl_jax.metrics import METRICS
 from rearl_jax.metrics.realism import realism_scores
 from tests.refusal import refused
+
+
+def test_headings_have_the_units_of_the_metrics():
+    for name, heading in HEADINGS.items():
+        unit = heading.partition("[")[2].rstrip("]") or "1"
+        assert unit == METRICS[name].unit, name
 
 
 def test_partners_share_no_second_of_traffic(scenes):
