@@ -9,7 +9,8 @@ import subprocess
 import sys
 import tempfile
 import warnings
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from functools import cache
 from importlib.metadata import version
 from pathlib import Path
@@ -46,6 +47,17 @@ def set_precision(precision: Precision) -> None:
     """Switches JAX to 64-bit numbers for a simulation in float64, which JAX would otherwise turn into float32."""
     if precision is Precision.float64:
         jax.config.update("jax_enable_x64", True)
+
+
+@contextmanager
+def double_precision() -> Iterator[None]:
+    """JAX's x64 mode for as long as it is needed, in all threads."""
+    was_enabled = jax.config.read("jax_enable_x64")
+    jax.config.update("jax_enable_x64", True)
+    try:
+        yield
+    finally:
+        jax.config.update("jax_enable_x64", was_enabled)
 
 
 def available_cores() -> int:

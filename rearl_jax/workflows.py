@@ -7,13 +7,11 @@ printed, and results are written only by their `save`. `start()` of `rearl_jax.r
 and keeps compiled programs, as the command does.
 """
 
-import contextlib
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, TypeAlias, TypeVar
 
-import jax
 import pandas as pd
 import yaml
 
@@ -33,7 +31,7 @@ from rearl_jax.models.record import RepairedModel
 from rearl_jax.problems import InvalidInputError, Problem
 from rearl_jax.progress import silent
 from rearl_jax.results import Study
-from rearl_jax.runtime import check_platform
+from rearl_jax.runtime import check_platform, double_precision
 from rearl_jax.tasks import TASKS
 
 Record = TypeVar("Record")
@@ -125,7 +123,7 @@ class Discovered:
         identity, generated = self.discovery.data_id, self.verdict["data"]["generated"]
         study = Study(config.results.root, config.study, config, "discover", identity, generated=generated)
         study.write_config()
-        with _double_precision():
+        with double_precision():
             task.write(study, replace(self.discovery, config=config))
 
     def __str__(self) -> str:
@@ -216,7 +214,7 @@ def discover(measured: pd.DataFrame | None = None, **keys: Any) -> Discovered:
     from rearl_jax.discovery.compute import compute
 
     config = _with_table(_task_record("discover", keys), measured)
-    with _double_precision(), silent() as bar:
+    with double_precision(), silent() as bar:
         return Discovered(compute(config, bar, data_id(config.data), generated=is_generated(config.data)))
 
 
@@ -237,7 +235,7 @@ def calibrate(measured: pd.DataFrame | None = None, **keys: Any) -> Calibration:
             another.
     """
     config = _with_table(_configured(DiscoverTask, keys), measured)
-    with _double_precision():
+    with double_precision():
         return calibration(config)
 
 
@@ -311,14 +309,3 @@ def _names(keys: Mapping[str, Any], known: Collection[str], prefix: str = "") ->
             yield from _names(value, known, f"{prefix}{name}.")
         elif not (prefix + name == "driver" and isinstance(value, str)):
             yield prefix + name
-
-
-@contextlib.contextmanager
-def _double_precision() -> Iterator[None]:
-    """JAX's x64 mode for as long as it is needed, in all threads."""
-    was_enabled = jax.config.read("jax_enable_x64")
-    jax.config.update("jax_enable_x64", True)
-    try:
-        yield
-    finally:
-        jax.config.update("jax_enable_x64", was_enabled)

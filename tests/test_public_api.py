@@ -22,7 +22,8 @@ from rearl_jax.data.tables.canonical import write_recording
 from rearl_jax.data.tables.in_memory import in_memory
 from rearl_jax.models.file import read_model
 from rearl_jax.problems import InvalidInputError
-from rearl_jax.workflows import _double_precision, _task_record
+from rearl_jax.runtime import double_precision
+from rearl_jax.workflows import _task_record
 
 HEAVY = ("gymnasium", "highway_env", "hydra", "jax", "matplotlib", "numpy", "pandas", "pyarrow", "scipy", "sklearn")
 LONGEST = 10
@@ -225,7 +226,7 @@ def test_double_precision_ends_with_the_task():
     before = jax.config.read("jax_enable_x64")
     jax.config.update("jax_enable_x64", False)
     try:
-        with _double_precision():
+        with double_precision():
             assert jax.numpy.zeros(1, float).dtype == np.float64
         assert not jax.config.read("jax_enable_x64")
     finally:

@@ -4,6 +4,7 @@ import pandas as pd
 
 from rearl_jax.baselines.critical.adaptation import START, Adaptation
 from rearl_jax.config import EvaluateTask
+from rearl_jax.config.core import InitialSource
 from rearl_jax.config.critical import Proposer
 from rearl_jax.evaluation.extras import Extra
 from rearl_jax.evaluation.language_model import request_counts, request_figures
@@ -61,8 +62,10 @@ def _origin_note(config: EvaluateTask, adaptation: Adaptation, n_scenes: int) ->
     if not adaptation.trials:
         return "set by critical.ratios"
     kept = adaptation.trials[adaptation.selected].assessment
+    n_rollouts = kept.n_vehicles // config.core.n_vehicles
+    against = "each against its own of" if config.init.source is InitialSource.scene else "against"
     errors = (
-        f"{config.critical.rollouts} rollouts against {n_scenes} threshold scenes: H {kept.h:.3f}, "
+        f"{n_rollouts} rollouts {against} {n_scenes} threshold scenes: H {kept.h:.3f}, "
         f"MAPE {config.mape.definition.name} {kept.mape:.3f}"
     )
     if adaptation.proposer == Proposer.stats.name:

@@ -22,6 +22,7 @@ from rearl_jax.document.table import (
     percent,
     sentence,
 )
+from rearl_jax.evaluation.estimates import bootstrap_over
 from rearl_jax.evaluation.remarks import Remarks
 from rearl_jax.evaluation.scores import NOISE_FLOOR, REAL_VS_REAL, TITLES, WITH_EFFECT, title_of
 from rearl_jax.evaluation.tables import HEADINGS
@@ -145,7 +146,7 @@ def _verdict(figures: Figures, main: str) -> str:
         f"The speeds of {title_of(main)} are a Hellinger distance of {method.inline} from the recorded ones"
         + ("" if change.value == NONE else f", a change of {change.inline} to base")
         + ("" if others.value == NONE else f"; recorded scenes are {others.value} from each other")
-        + f"; chance alone gives {chance.value}."
+        + ("." if chance.value == NONE else f"; chance alone gives {chance.value}.")
     )
 
 
@@ -166,8 +167,8 @@ def _notes(
         for row in _compared_with_base(figures, rows)
     }
     return (
-        f"means over scenes of means over runs; {spread}; intervals: {100 * float(counts['confidence']):g} % bootstrap "
-        f"over {counts['n_scenes']} held-out scenes",
+        f"means over scenes of means over runs; {spread}; intervals: "
+        f"{bootstrap_over(int(counts['n_scenes']), 'held-out scenes', float(counts['confidence']))}",
         *(f"{title_of(row)} less base, from the same initial states: {change}" for row, change in changes.items()),
         *remarks.notes,
         *_READING,

@@ -3,7 +3,8 @@
 The figures behind it are those of pairs, each of a rollout or recording and the scene it is scored against.
 
 Every interval comes from the same resamples of the scenes (paired bootstrap), so that the difference of two rows is
-resampled scene by scene; differences between scenes that both rows share do not widen its interval.
+resampled scene by scene; differences between scenes that both rows share do not widen its interval. Where the same
+rollouts serve all scenes (eval.seed_scope=run), figures of rollouts alone do not vary over scenes and have none.
 """
 
 from collections.abc import Iterator, Sequence
@@ -11,8 +12,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from rearl_jax.config.evaluation import EvaluationConfig, Method
-from rearl_jax.evaluation.scores import TITLES, Scores, reference_of
+from rearl_jax.config.evaluation import EvaluationConfig, Method, SeedScope
+from rearl_jax.evaluation.scores import COMPARING, TITLES, Scores, reference_of
 from rearl_jax.metrics import METRICS
 
 BASE = Method.base.name
@@ -20,6 +21,11 @@ BASE = Method.base.name
 
 LESS_BASE = ("less_base", "less_base_low", "less_base_high")
 """Fields of an estimate with its difference from base, and the ends of the interval."""
+
+FEW_SCENES = 20
+"""Number of scenes below which intervals are called too narrow: those of 95 % cover the mean of normal values in 93 %
+of the cases with 20 scenes, in 82 % with 5.
+"""
 
 # Largest number of resampling weights in a block, about 30 MB.
 _MAX_WEIGHTS = 4_000_000
@@ -84,14 +90,23 @@ def estimates(rows: list[Scores], held_out: np.ndarray, eval: EvaluationConfig) 
     simulated = [key for key in means if key[0] not in TITLES]
     recorded_of = {(row, name): (reference_of(name), name) for row, name in simulated}
     base_of = {(row, name): (BASE, name) for row, name in simulated if row != BASE}
+    for key in simulated:
+        if not _varies_over_scenes(key[1], eval):
+            result[key] = replace(result[key], low=None, high=None)
     for field, others in (("difference", recorded_of), ("less_base", base_of)):
         differences = _differences(means, others)
         names = (field, f"{field}_low", f"{field}_high")
         for key, figures in zip(differences, means_with_intervals(list(differences.values()), eval), strict=True):
-            result[key] = replace(result[key], **dict(zip(names, figures, strict=True)))
+            shown = figures if _varies_over_scenes(key[1], eval) else (figures[0], None, None)
+            result[key] = replace(result[key], **dict(zip(names, shown, strict=True)))
             if field == "difference":
                 result[key] = replace(result[key], compared_with=others[key][0])
     return result
+
+
+def _varies_over_scenes(name: str, eval: EvaluationConfig) -> bool:
+    """True if the scenes have rollouts of their own, or the metric compares rollouts with the scene."""
+    return eval.seed_scope is SeedScope.run_x_scene or name in COMPARING
 
 
 def _differences(
@@ -175,6 +190,12 @@ def intervals(values: np.ndarray, eval: EvaluationConfig) -> list[tuple[float | 
         low, high = np.quantile(column[np.isfinite(column)], [tail, 1 - tail])
         ends.append((float(low), float(high)))
     return ends
+
+
+def bootstrap_over(n_scenes: int, scenes: str, confidence: float) -> str:
+    """Phrase on intervals over a number of scenes (such as `held-out scenes`), and on too few of them."""
+    few = ", rough and too narrow with so few" if n_scenes < FEW_SCENES else ""
+    return f"{100 * confidence:g} % bootstrap over {n_scenes} {scenes}{few}"
 
 
 def _weights(n_scenes: int, eval: EvaluationConfig) -> Iterator[np.ndarray]:

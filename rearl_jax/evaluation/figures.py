@@ -14,7 +14,8 @@ from rearl_jax.config import EvaluateTask
 from rearl_jax.config.scenes import SpeedNorm
 from rearl_jax.data.scenes.scene_set import SceneSet
 from rearl_jax.decision.situation import ACTION_NAMES
-from rearl_jax.evaluation.runner import Evaluation, speed_histogram_edges
+from rearl_jax.evaluation.estimates import finite_mean
+from rearl_jax.evaluation.runner import DRAWN_BINS_PER_BIN, Evaluation, speed_histogram_edges
 from rearl_jax.evaluation.scores import NOISE_FLOOR, REAL, REAL_VS_REAL, Scores
 from rearl_jax.evaluation.tables import frame_series
 from rearl_jax.metrics import METRICS
@@ -47,7 +48,7 @@ def speed_histogram(config: EvaluateTask, evaluation: Evaluation) -> bytes:
     }
     density = {name: c / max(c.sum(), 1) / np.diff(edges) for name, c in counts.items()}
     figure, (axes,) = drawing.panels(6.4, 3.6, generated=evaluation.scenes.generated)
-    for edge in edges[:: len(edges) // config.hist.n_bins]:  # edges of the bins of the Hellinger distance
+    for edge in edges[::DRAWN_BINS_PER_BIN]:  # edges of the bins of the Hellinger distance
         axes.axvline(edge, color=drawing.LIGHT_GREY, linewidth=0.8, zorder=0)
     axes.stairs(
         density["recorded"], edges, fill=True, color=_RECORDED, alpha=0.3, label=f"real{_rescaled(evaluation.scenes)}"
@@ -76,7 +77,7 @@ def errors_over_time(config: EvaluateTask, evaluation: Evaluation) -> bytes:
         for row, colour in compared:
             _band(panel, row, name, colour, config.hist.window)
         panel.set(ylabel=label, ylim=(0, None))
-    floor = evaluation.row(NOISE_FLOOR).values["h"].mean()
+    floor = finite_mean(evaluation.row(NOISE_FLOOR).values["h"])
     axes[0].axhline(floor, color=_CHANCE, linestyle="--", linewidth=1.2, label="noise floor")
     for row, colour in ((method, _METHOD), (evaluation.row(REAL), _RECORDED)):
         _band(axes[2], row, "spacing", colour, config.hist.window)
@@ -99,8 +100,10 @@ def space_time(config: EvaluateTask, evaluation: Evaluation) -> bytes:
     norm = Normalize(config.hist.low, config.hist.high)
     recorded = (scenes.x[index], scenes.scaled_speed[index], scenes.lane[index], scenes.track_id[index])
     x, crashed = np.asarray(frames.x), np.asarray(frames.crashed)
-    slots = np.broadcast_to(np.arange(x.shape[1]), x.shape)
-    simulated = (x, np.asarray(frames.speed), np.asarray(frames.lane), slots)
+    around = evaluation.sample.around
+    # Among replayed traffic another vehicle enters in the slot of one that has left.
+    track = np.broadcast_to(np.arange(x.shape[1]), x.shape) if around is None else around.track_id[0]
+    simulated = (x, np.asarray(frames.speed), np.asarray(frames.lane), track)
     for axes, paths in ((left, recorded), (right, simulated)):
         _draw_paths(axes, norm, *paths)
         axes.set(xlabel="time [s]", xlim=(0, scenes.seconds - 1))
@@ -170,9 +173,8 @@ def _draw_paths(
 
 def _mark_crashes(axes: Axes, x: np.ndarray, crashed: np.ndarray) -> None:
     """A cross where each vehicle is first seen crashed."""
-    vehicles = np.flatnonzero(crashed.any(axis=0))
-    first = crashed[:, vehicles].argmax(axis=0)
-    axes.plot(first, x[first, vehicles], "x", color="red", markersize=6, markeredgewidth=1.5)
+    first, slots = np.nonzero(crashed & ~np.concatenate([np.zeros_like(crashed[:1]), crashed[:-1]]))
+    axes.plot(first, x[first, slots], "x", color="red", markersize=6, markeredgewidth=1.5)
 
 
 def _band(axes: Axes, row: Scores, name: str, colour: str, window: int) -> None:

@@ -7,6 +7,7 @@ import numpy as np
 import pandas as pd
 from jaxtyping import Int
 
+from rearl_jax.data.scenes.scene_set import SceneSet
 from rearl_jax.decision.loop import Decisions
 from rearl_jax.decision.situation import ACTION_NAMES
 from rearl_jax.evaluation.extras import Extra, Figures
@@ -30,20 +31,20 @@ class DecisionLog:
     decisions: Decisions
 
 
-def intervention_extra(scene_id: np.ndarray, log: DecisionLog, window: int) -> Extra:
+def intervention_extra(scenes: SceneSet, log: DecisionLog, window: int) -> Extra:
     """Table, note and keys of the summary; arguments as in `decision_table`."""
-    table = decision_table(scene_id, log, window)
+    table = decision_table(scenes, log, window)
     return Extra({"decisions": table}, (intervention_note(log),), intervention_figures(log))
 
 
-def variants_extra(scene_id: np.ndarray, logs: dict[str, DecisionLog], window: int, n_vehicles: int) -> Extra:
+def variants_extra(scenes: SceneSet, logs: dict[str, DecisionLog], window: int, n_vehicles: int) -> Extra:
     """Decisions of several rows in one table, whose column `method` names the row, and one sentence per row.
 
     Arguments as in `decision_table` and `intervention_rates`; the logs are given by row.
     """
     tables, notes = [], []
     for name, log in logs.items():
-        table = decision_table(scene_id, log, window)
+        table = decision_table(scenes, log, window)
         table.insert(0, "method", pd.Categorical([name], list(logs)).repeat(len(table)))
         tables.append(table)
         rate = intervention_rates(log, n_vehicles)["interventions_per_vehicle_minute"]
@@ -51,25 +52,28 @@ def variants_extra(scene_id: np.ndarray, logs: dict[str, DecisionLog], window: i
     return Extra({"decisions": pd.concat(tables, ignore_index=True)}, tuple(notes))
 
 
-def decision_table(scene_id: np.ndarray, log: DecisionLog, window: int) -> pd.DataFrame:
-    """One row per rollout and second: `scene_id`, `run`, `frame`; results of the detection at the end of the second:
-    `reference`, `h`, `mape`, `triggered`; counts of vehicles in the second: `asked`, the followed actions `left`,
-    `keep`, `right`, `faster`, `slower`, and the rejected answers `inadmissible`, `invalid`.
+def decision_table(scenes: SceneSet, log: DecisionLog, window: int) -> pd.DataFrame:
+    """One row per rollout and second: `scene_id`, `run`, `frame` (that of `frames.parquet` at the end of the second);
+    results of the detection in this frame: `reference`, `h`, `mape`, `triggered`; counts of vehicles in the second:
+    `asked`, the followed actions `left`, `keep`, `right`, `faster`, `slower`, and the rejected answers `inadmissible`,
+    `invalid`.
 
     Args:
-        scene_id: Number of every scene.
+        scenes: All scenes.
         log: Detections and decisions of the row.
         window: Length of the window of h [s]; h is missing before the first full one.
     """
     decisions = log.decisions
-    n_frames, n_rollouts = decisions.reference.shape
+    n_seconds, n_rollouts = decisions.reference.shape
+    # Rollouts among replayed traffic have a frame at the start too, before which no second is simulated.
+    frame = np.arange(scenes.seconds - n_seconds, scenes.seconds, dtype=np.int16)
     columns = {
-        "scene_id": scene_id[log.scene].astype(np.int32).repeat(n_frames),
-        "run": log.run.astype(np.int32).repeat(n_frames),
-        "frame": np.tile(np.arange(n_frames, dtype=np.int16), n_rollouts),
+        "scene_id": scenes.scene_id[log.scene].astype(np.int32).repeat(n_seconds),
+        "run": log.run.astype(np.int32).repeat(n_seconds),
+        "frame": np.tile(frame, n_rollouts),
         "reference": _long(decisions.reference).astype(np.int16),
         "h": pd.arrays.FloatingArray(
-            _long(decisions.hellinger).astype(np.float32), np.tile(np.arange(n_frames) < window - 1, n_rollouts)
+            _long(decisions.hellinger).astype(np.float32), np.tile(np.arange(n_seconds) < window - 1, n_rollouts)
         ),
         "mape": _long(decisions.mape).astype(np.float32),
         "triggered": _long(decisions.triggered),

@@ -60,11 +60,11 @@ def score_traffic(other: SceneSet, recorded: SceneSet, config: EvaluateTask | No
     scorer = make_scorer(config, both, max(len(scene) for _, scene, _ in pairs.values()))
     rows = {}
     for name, (partner, scene, run) in pairs.items():
+        if not len(scene):
+            continue  # every other recorded scene shares a second of traffic
         metrics = scorer.recorded(partner, scene)  # the other traffic has the form of recorded scenes too
         rows[name] = of_recordings(scores_of(name, scene, run, metrics, partner=partner), both)
-    return pd.DataFrame(
-        [{"metric": name, **{row: _mean(scores, name) for row, scores in rows.items()}} for name in MEASURED]
-    )
+    return pd.DataFrame([{"metric": name, **{row: _mean(rows.get(row), name) for row in pairs}} for name in MEASURED])
 
 
 def _joined(recorded: SceneSet, other: SceneSet) -> SceneSet:
@@ -73,8 +73,8 @@ def _joined(recorded: SceneSet, other: SceneSet) -> SceneSet:
     return replace(recorded, **arrays, infos=(*recorded.infos, *other.infos))
 
 
-def _mean(scores: Scores, metric: str) -> float:
-    """Mean over recorded scenes of the means over their pairs; NaN if no pair has a value."""
-    if metric not in scores.values:
+def _mean(scores: Scores | None, metric: str) -> float:
+    """Mean over recorded scenes of the means over their pairs; NaN if no pair has a value, or without pairs."""
+    if scores is None or metric not in scores.values:
         return float("nan")
     return finite_mean(grouped_mean(scores.values[metric], scores.scene, int(scores.scene.max(initial=0)) + 1))

@@ -27,8 +27,8 @@ class Positions:
         run: Run of each rollout.
         error: Mean distance along the road between simulated and recorded positions at the same time [m]; NaN
             without recorded positions.
-        first_error: The same for the vehicles of the first snapshot alone, which every value of `scenes.boundary`
-            simulates [m].
+        first_error: The same for the vehicles of the first snapshot alone, until they are no longer picked, which
+            every value of `scenes.boundary` simulates [m].
         overlap: Share of the vehicle-seconds in which a simulated vehicle overlaps a replayed one [-].
     """
 
@@ -56,7 +56,8 @@ def positions_of(simulated: Simulated, rollouts: Rollouts, scenes: SceneSet) -> 
     if boundary is None:
         recorded, is_known = first_vehicle_values(scenes, index, scenes.position)
         recorded = recorded - scenes.position[index, :1].min(axis=2, keepdims=True)
-        x, is_first = x[:, : recorded.shape[1]], True  # frame k is at second k + 1
+        x = x[:, : recorded.shape[1]]  # frame k is at second k + 1
+        is_first = np.logical_and.accumulate(is_known, axis=1)
     else:
         is_new = boundary.is_new[rollouts.column]
         recorded, is_known, is_first = boundary.x[rollouts.column], ~is_new, ~is_new.cumsum(axis=1).astype(bool)

@@ -44,6 +44,14 @@ _ROLLOUTS = {
 }
 
 
+_INTERVALS = {
+    SeedScope.run_x_scene: "",
+    SeedScope.run: " The same rollouts serve all scenes, so intervals do not cover other initial states, and figures "
+    "of the rollouts alone have none.",
+}
+"""Text on what the intervals do not cover."""
+
+
 @dataclass(frozen=True)
 class Remarks:
     """Text that goes with the tables; the metadata of `summary.parquet` keep it.
@@ -96,7 +104,19 @@ def data_summary(config: EvaluateTask | ClusterTask, scenes: SceneSet, use: str)
     return (
         f"{counts.recordings} recordings, {counts.windows} windows of {scenes.seconds} s, {counts.accepted} "
         f"scenes with at least {config.scenes.min_vehicles} vehicles in every snapshot, "
-        f"{use} (split.unit={config.split.unit.name}, split.seed={config.split.seed}). {_speeds(scenes)}"
+        f"{use} (split.unit={config.split.unit.name}, split.seed={config.split.seed}). {_overlap(scenes)}"
+        f"{_speeds(scenes)}"
+    )
+
+
+def _overlap(scenes: SceneSet) -> str:
+    """Sentence on what overlapping scenes mean for intervals, and a space; empty if they share no traffic."""
+    stride = scenes.settings.get("scenes.stride")
+    if stride is None or float(stride) >= scenes.seconds:
+        return ""
+    return (
+        f"A scene starts every {float(stride):g} s, so scenes share traffic: intervals, which take them as "
+        "independent, are too narrow. "
     )
 
 
@@ -143,6 +163,6 @@ def _definitions(config: EvaluateTask, scenes: SceneSet, held_out: np.ndarray) -
         "score is one of all runs of a scene, at least two.",
         f"Intervals: {100 * config.eval.confidence:g} % percentile bootstrap, {config.eval.resamples} resamples of the "
         "scenes, the same for every figure. Differences are taken scene by scene: to `real` where the real scenes have "
-        "the metric themselves, else to real against real.",
+        f"the metric themselves, else to real against real.{_INTERVALS[config.eval.seed_scope]}",
         f"h_legacy = {legacy_scale(config.hist):.4f} h, for comparison with published values on that scale.",
     )

@@ -161,9 +161,9 @@ def evaluate(
     figures = {}
     if simulated.has_variants:
         figures = {name: intervention_rates(log, n_vehicles) for name, log in logs.items()}
-        extras.append(variants_extra(scenes.scene_id, logs, window, n_vehicles))
+        extras.append(variants_extra(scenes, logs, window, n_vehicles))
     elif logs:
-        extras.insert(0, intervention_extra(scenes.scene_id, logs[simulated.main], window))
+        extras.insert(0, intervention_extra(scenes, logs[simulated.main], window))
     if positions:
         extras.append(position_extra(scenes.scene_id, positions))
         figures = {name: {**figures.get(name, {}), **position_figures(of_row)} for name, of_row in positions.items()}

@@ -172,13 +172,15 @@ def partners(scenes: SceneSet, held_out: np.ndarray, eval: EvaluationConfig) -> 
 def noise_floor_scores(scenes: SceneSet, held_out: np.ndarray, hist: HistConfig, eval: EvaluationConfig) -> Scores:
     """Hellinger distance of two samples, as large as a window, drawn from the speeds of the same held-out scene.
 
-    Mean over `eval.noise_draws` pairs of samples per scene.
+    Mean over `eval.noise_draws` pairs of samples per scene; NaN for a scene whose speeds are all left out of the
+    histogram.
     """
     shares = np.stack([_speed_shares(scenes.scaled_speed[index], hist) for index in held_out])
     ids = scenes.scene_id[held_out].astype(np.int32)
     draws = _floor_program(hist.window * scenes.n_slots, eval.noise_draws)(shares, ids, np.int32(eval.seed))
-    h = np.asarray(draws, np.float64).mean(axis=1)
-    counts = np.full(len(held_out), eval.noise_draws)
+    has_speeds = shares.any(axis=1)
+    h = np.where(has_speeds, np.asarray(draws, np.float64).mean(axis=1), np.nan)
+    counts = np.where(has_speeds, eval.noise_draws, 0)
     return Scores(
         NOISE_FLOOR,
         held_out,

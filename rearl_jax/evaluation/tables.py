@@ -158,7 +158,7 @@ def summary_rows(
         figures["n_scenes"] = len(np.unique(row.scene))
         figures["n_rollouts"] = row.n_rollouts
         figures["seconds"] = round(row.seconds, 3)
-        figures |= added_by_method if row is evaluation.rows[0] else dict.fromkeys(added_by_method)
+        figures |= added_by_method if row.row == evaluation.main else dict.fromkeys(added_by_method)
         figures |= absent | dict(evaluation.figures.get(row.row, {}))
         objects.append(figures)
     return objects

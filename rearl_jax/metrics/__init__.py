@@ -113,7 +113,14 @@ _OF_A_SCENE = (
         needs_lanes=True,
     ),
     Metric(
-        "lcr", "lane-change rate", "1", _NONE, "lane changes / (frames x vehicles)", _REARL, needs_lanes=True, digits=4
+        "lcr",
+        "lane-change rate",
+        "1/s",
+        _NONE,
+        "lane changes / (frames x vehicles), frames 1 s apart",
+        _REARL,
+        needs_lanes=True,
+        digits=4,
     ),
     Metric(
         "lcr_observed",

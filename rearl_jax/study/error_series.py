@@ -72,5 +72,5 @@ def band(second: Int[np.ndarray, " values"], values: Float[np.ndarray, " values"
     seconds = np.unique(second[known])
     groups = [values[known & (second == group_second)] for group_second in seconds]
     low, high = (np.array([np.quantile(group, share) for group in groups]) for share in BAND)
-    means, counts = np.array([group.mean() for group in groups]), np.array([len(group) for group in groups])
+    means, counts = np.array([group.mean() for group in groups]), np.array([len(group) for group in groups], int)
     return Band(seconds, means, low, high, counts)

@@ -26,7 +26,7 @@ def draw_series(series: list[ErrorSeries], metrics: tuple[str, str], *, generate
                 line = base.errors[metric]
                 panel.plot(line.second, line.mean, "--", color=DARK_GREY, linewidth=1.0, label=base.title)
             _draw_band(panel, item.errors[metric], BLUE, "this method")
-            panel.set_ylim(0, 1.05 * top)
+            panel.set_ylim(0, 1.05 * top if top > 0 else None)
             panel.set_ylabel(HEADINGS[metric])
             if column == 0:
                 set_title(panel, item.title)
@@ -37,11 +37,13 @@ def draw_series(series: list[ErrorSeries], metrics: tuple[str, str], *, generate
 
 def _top(errors: Band) -> float:
     """Upper limit of an axis: the top of the band, but at most twice the largest mean, so that a wide band does not
-    flatten the lines.
+    flatten the lines; 0 without any second.
     """
-    return float(min(errors.high.max(), 2 * errors.mean.max()))
+    return float(min(errors.high.max(initial=0.0), 2 * errors.mean.max(initial=0.0)))
 
 
 def _draw_band(panel: Axes, errors: Band, colour: str, label: str) -> None:
+    if not len(errors.second):
+        return
     panel.fill_between(errors.second, errors.low, errors.high, color=colour, alpha=0.2, linewidth=0)
     panel.plot(errors.second, errors.mean, color=colour, linewidth=1.5, label=label)

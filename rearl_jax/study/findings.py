@@ -8,8 +8,7 @@ are never called better, because they describe the traffic.
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-FEW_SCENES = 20
-"""Number of held-out scenes below which the sentences call a bootstrap over scenes rough."""
+from rearl_jax.evaluation.estimates import FEW_SCENES
 
 
 @dataclass(frozen=True)

@@ -46,11 +46,13 @@ def conclusions(pairs: pd.DataFrame, summary: Mapping[str, Any], n_scenes: int) 
     """Sentences about the pairs, computed from them; `summary` is that of the sweep."""
     best, base = pairs.loc[pairs["is_best"]].iloc[0], pairs.iloc[-1]
     can = "can" if summary["is_distinguishable"] else "cannot"
-    sentences = [
-        f"Best pair: ours {best['row']}, the paper's {pair_name(*BEST_PAIR)}.",
-        f"These {n_scenes} scenes {can} tell ours from the next best: it leads by {summary['lead']:.4f} "
-        f"({summary['lead_low']:.4f} to {summary['lead_high']:.4f}).",
-    ]
+    sentences = [f"Best pair: ours {best['row']}, the paper's {pair_name(*BEST_PAIR)}."]
+    if len(pairs) > 2:  # two pairs or more, and base
+        low, high = (summary[f"lead_{end}"] for end in ("low", "high"))
+        ends = "no interval from one scene" if low is None else f"{low:.4f} to {high:.4f}"
+        sentences.append(
+            f"These {n_scenes} scenes {can} tell ours from the next best: it leads by {summary['lead']:.4f} ({ends})."
+        )
     published = pairs.loc[(pairs["h_pct"] == BEST_PAIR[0]) & (pairs["m_pct"] == BEST_PAIR[1]) & ~pairs["is_best"]]
     for pair in published.to_dict("records"):
         rank = 1 + (pairs["score"][:-1] < pair["score"]).sum()

@@ -54,22 +54,21 @@ def document_of(
         columns,
         {names[0]: Emphasis.strong, "base": Emphasis.subdued},
     )
-    interval = f"{100 * config.eval.confidence:g} % bootstrap interval over scenes"
     can = "can" if summary["is_distinguishable"] else "cannot"
+    is_compared = len(names) > 1
     is_closer = summary["best_score"] < summary["base_score"]
     notes = (
         "H > and MAPE >: thresholds, percentiles of Hellinger distance / spacing error of base; sum: sum of both "
         "errors, smaller is closer",
         "best in: share of the resamples of the scenes in which the pair has the least sum",
-        f"lead of {names[0]} over {names[min(1, len(names) - 1)]}: {summary['lead']:.4f}, "
-        f"{interval} {summary['lead_low']:.4f} to {summary['lead_high']:.4f}",
+        *((f"lead of {names[0]} over {names[1]}: {_lead(summary, config.eval.confidence)}",) if is_compared else ()),
         *(() if is_closer else ("no pair is closer to the recorded scenes than base",)),
     )
     return Document(
         title="Thresholds of the detection",
         verdict=f"Of {summary['n_pairs']} pairs of thresholds the percentiles {names[0]} leave the least error, "
-        f"{summary['best_score']:.3f} compared with {summary['base_score']:.3f} without interventions; the scenes "
-        f"{can} distinguish it from the next.",
+        f"{summary['best_score']:.3f} compared with {summary['base_score']:.3f} without interventions"
+        + (f"; the scenes {can} distinguish it from the next." if is_compared else "."),
         sections=(Section("Pairs", tables=(table,), notes=notes),),
         command="sweep thresholds",
         generated=generated,
@@ -77,3 +76,11 @@ def document_of(
         sources=sources,
         captions=_CAPTIONS,
     )
+
+
+def _lead(summary: Mapping[str, Any], confidence: float) -> str:
+    """Lead of the best pair over the next [-], with its interval."""
+    if summary["lead_low"] is None:
+        return f"{summary['lead']:.4f}, no interval from one scene"
+    ends = f"{summary['lead_low']:.4f} to {summary['lead_high']:.4f}"
+    return f"{summary['lead']:.4f}, {100 * confidence:g} % bootstrap interval over scenes {ends}"

@@ -60,7 +60,7 @@ class Choice:
         score: Score of each pair.
         win_share: Share of the resamples of the scenes in which each pair is best.
         lead: Score of the runner-up minus that of the best pair.
-        lead_low: Lower bound of the paired bootstrap interval of the lead.
+        lead_low: Lower bound of the paired bootstrap interval of the lead; None from fewer than two scenes.
         lead_high: Upper bound of the same interval.
     """
 
@@ -69,13 +69,13 @@ class Choice:
     score: Float[np.ndarray, " pairs"]
     win_share: Float[np.ndarray, " pairs"]
     lead: float
-    lead_low: float
-    lead_high: float
+    lead_low: float | None
+    lead_high: float | None
 
     @property
     def is_distinguishable(self) -> bool:
         """True if the interval of the lead excludes zero."""
-        return self.lead_low > 0
+        return self.lead_low is not None and self.lead_low > 0
 
 
 def choose(
@@ -109,9 +109,11 @@ def choose(
     weights = np.stack([np.bincount(row, minlength=n_scenes) for row in drawn]) / n_scenes
     resampled = weights @ total.T
     wins = np.bincount(resampled.argmin(axis=1), minlength=len(score)) / eval.resamples
-    tail = 50 * (1 - eval.confidence)
-    low, high = np.percentile(resampled[:, runner_up] - resampled[:, best], [tail, 100 - tail])
-    return Choice(best, runner_up, score, wins, float(score[runner_up] - score[best]), float(low), float(high))
+    lead, low, high = float(score[runner_up] - score[best]), None, None
+    if n_scenes > 1:
+        tail = 50 * (1 - eval.confidence)
+        low, high = map(float, np.percentile(resampled[:, runner_up] - resampled[:, best], [tail, 100 - tail]))
+    return Choice(best, runner_up, score, wins, lead, low, high)
 
 
 def pair_table(

@@ -19,6 +19,8 @@ from rearl_jax.evaluation.boundaries import check_boundary, recorded_boundary
 from rearl_jax.evaluation.positions import overlaps, position_extra, position_figures, positions_of
 from rearl_jax.evaluation.rollouts import Rollouts
 from rearl_jax.evaluation.rows import Row
+from rearl_jax.evaluation.runner import Evaluation, Sample
+from rearl_jax.evaluation.scores import Scores
 from rearl_jax.evaluation.simulators import Simulated
 from rearl_jax.replay.embedding import positions, replay_data
 from rearl_jax.replay.scenes import Decision, Replay, ReplayedScene
@@ -141,7 +143,12 @@ def test_free_scenes_are_compared_with_the_vehicles_they_began_with(scenes):
     x = np.concatenate([place[:, 1:], place[:, -1:]], axis=1) - 2.0  # a frame is at the end of its second
     x[:, 3:, 1] += 1e3
     simulated = Simulated(frames_at(x, scenes.lane), np.full((4, len(scenes)), 5.0))
-    np.testing.assert_allclose(positions_of(simulated, Listed(config, None, len(scenes)), scenes).error, 2.0)
+    listed = Listed(config, None, len(scenes))
+    np.testing.assert_allclose(positions_of(simulated, listed, scenes).error, 2.0)
+    track[:, 6:, 1] = track[:, 0, 1, None]  # picked again, as with scenes.pick=total_duration
+    again = positions_of(simulated, listed, scenes)
+    assert (again.error > 3.0).all()
+    np.testing.assert_allclose(again.first_error, 2.0)
 
 
 def test_vehicles_inside_replayed_ones_are_counted(scenes):
@@ -152,6 +159,26 @@ def test_vehicles_inside_replayed_ones_are_counted(scenes):
     simulated = Simulated(frames_at(x, lane), np.full((4, len(scenes)), 4.0))
     inside = overlaps(simulated, boundary, np.arange(len(scenes)))
     np.testing.assert_array_equal(np.argwhere(inside), [[0, second, 2] for second in (0, 1, 2, 4, 5)])
+
+
+def test_the_space_time_diagram_joins_no_two_vehicles(scenes, monkeypatch):
+    from rearl_jax.evaluation import figures
+
+    boundary, drawn = boundary_of(scenes).select(np.array([2])), []
+    boundary.track_id[:, :6, 1:], boundary.track_id[:, 6:, 1:] = 1000 + np.arange(3), 1000 + np.arange(3)
+    frames = frames_at(boundary.x, boundary.lane)
+    crashed = np.zeros(frames.crashed.shape, bool)
+    crashed[4:6, 0] = crashed[9:, 0] = True  # both vehicles in place 0
+    shown = jax.tree.map(lambda values: np.asarray(values[..., 0]), replace(frames, crashed=jnp.asarray(crashed)))
+    sample = Sample(2, shown, np.full(4, 5.0), boundary, np.zeros(32, np.int64))
+    row = Scores("base", np.array([2]), np.zeros(1, int), {}, {})
+    monkeypatch.setattr(figures.drawing, "png", lambda figure: drawn.append(figure) or b"")
+    figures.space_time(MEASURED, Evaluation(MEASURED, scenes, np.array([2]), [row], sample, "base"))
+    _, panel, *_ = drawn[0].axes
+    (lines,) = panel.collections
+    assert len(lines.get_segments()) == 4 * (scenes.seconds - 1) - 1
+    (crosses,) = (line for line in panel.lines if line.get_marker() == "x")
+    assert crosses.get_xdata().tolist() == [4, 9]
 
 
 def test_the_replay_tells_replayed_and_entered_vehicles(scenes, small):

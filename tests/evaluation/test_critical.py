@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 import pytest
 
+from rearl_jax.baselines.critical.adaptation import Assessment, best_of
 from rearl_jax.baselines.critical.mixture import ALL_REGULAR, Mixture, grid
 from rearl_jax.cli.composition import with_implied
 from rearl_jax.config import SweepScaleTask
@@ -19,6 +20,7 @@ from rearl_jax.config.evaluation import EvaluationConfig, Method, SeedScope
 from rearl_jax.config.metrics import SafetyConfig
 from rearl_jax.evaluation import critical as glue
 from rearl_jax.evaluation.critical import adapt
+from rearl_jax.evaluation.critical_results import adaptation_extra
 from rearl_jax.evaluation.mixture_trials import assess
 from rearl_jax.evaluation.rollouts import Rollouts
 from rearl_jax.evaluation.rows import Row
@@ -69,6 +71,21 @@ def test_mixtures_are_assessed_from_recorded_starts_where_these_are_evaluated(sc
     row = scored_rollouts(Rollouts([Row(config, mixture=mixture)], scenes, SUBSET), scenes, SUBSET)
     assert alone.n_vehicles == 6 * 4
     assert alone.h == pytest.approx(row.values["h"].mean(), rel=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("source", "said"),
+    [
+        (InitialSource.seed, "4 rollouts against 3 threshold scenes"),
+        (InitialSource.scene, "6 rollouts each against its own of 3 threshold scenes"),  # equally many for every scene
+    ],
+)
+def test_the_note_counts_the_rollouts_that_were_simulated(critical, source, said):
+    config = replace(with_keys(critical, rollouts=4), init=InitConfig(source=source))
+    n_rollouts = 4 if source is InitialSource.seed else 6
+    assessment = Assessment(0.3, 0.2, 0, 0, n_rollouts * config.core.n_vehicles)
+    adaptation = best_of([ALL_REGULAR], lambda mixtures: [assessment], Proposer.stats.name)
+    assert said in adaptation_extra(config, adaptation, 3, generated=False).notes[0]
 
 
 def test_rounds_have_initial_states_of_their_own(scenes, critical, standing):

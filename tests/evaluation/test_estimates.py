@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from rearl_jax.config.evaluation import EvaluationConfig
+from rearl_jax.config.evaluation import EvaluationConfig, SeedScope
 from rearl_jax.evaluation import estimates as module
-from rearl_jax.evaluation.estimates import estimates, intervals
+from rearl_jax.evaluation.estimates import FEW_SCENES, bootstrap_over, estimates, intervals
 from rearl_jax.evaluation.scores import Scores
 
 
@@ -41,6 +41,16 @@ def test_interval_of_a_mean_is_that_of_the_textbook(eval_config):
     half = 1.96 * values.std(ddof=1) / np.sqrt(len(values))
     assert low == pytest.approx(values.mean() - half, abs=0.1 * half)
     assert high == pytest.approx(values.mean() + half, abs=0.1 * half)
+
+
+@pytest.mark.parametrize(("n_scenes", "is_covered"), [(FEW_SCENES // 4, False), (FEW_SCENES, True)])
+def test_few_scenes_are_called_too_few_where_intervals_are_too_narrow(eval_config, n_scenes, is_covered):
+    samples = np.random.default_rng(1).normal(size=(n_scenes, 1000))
+    low, high = np.array(intervals(samples, eval_config)).T
+    assert bool(((low < 0) & (high > 0)).mean() > 0.9) is is_covered
+    phrase = bootstrap_over(n_scenes, "judged scenes", 0.95)
+    assert phrase.startswith(f"95 % bootstrap over {n_scenes} judged scenes")
+    assert phrase.endswith("too narrow with so few") is not is_covered
 
 
 def test_wider_confidence_is_a_wider_interval(eval_config):
@@ -115,3 +125,18 @@ def test_equal_seeds_give_equal_intervals(eval_config):
     values = np.random.default_rng(8).normal(size=(12, 1))
     assert intervals(values, eval_config) == intervals(values, eval_config)
     assert intervals(values, eval_config) != intervals(values, replace(eval_config, seed=1))
+
+
+def test_rollouts_that_serve_all_scenes_leave_nothing_to_resample(eval_config):
+    rng = np.random.default_rng(9)
+    of_scenes = {name: scores(name, rng.uniform(size=(8, 1))) for name in ("rearl", "base", "real", "real_vs_real")}
+    thw = {"rearl": np.full(8, 2.0), "base": np.full(8, 1.5), "real": rng.uniform(size=8), "real_vs_real": np.ones(8)}
+    rows = [replace(row, values=row.values | {"thw": thw[name]}) for name, row in of_scenes.items()]
+    ends = ("low", "high", "difference_low", "difference_high", "less_base_low", "less_base_high")
+    for scope, has_interval in ((SeedScope.run_x_scene, True), (SeedScope.run, False)):
+        found = estimates(rows, held_out(8), replace(eval_config, seed_scope=scope))
+        assert (found["rearl", "thw"].value, found["rearl", "thw"].less_base) == (2.0, 0.5)
+        for end in ends:
+            assert (getattr(found["rearl", "thw"], end) is not None) is has_interval
+            assert getattr(found["rearl", "h"], end) is not None
+        assert found["real", "thw"].low is not None

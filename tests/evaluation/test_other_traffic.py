@@ -27,6 +27,12 @@ def test_one_scene_of_other_traffic_is_compared_with_all(scenes):
     assert first == len(score_traffic(scenes, scenes, CONFIG))
 
 
+def test_a_single_recorded_scene_has_no_other_one_to_compare_with(scenes):
+    table = score_traffic(scenes, scenes.select(np.array([0])), CONFIG).set_index("metric")
+    assert np.isfinite(table.loc["h", "other_traffic"])
+    assert table["real_vs_real"].isna().all()
+
+
 def test_scenes_of_another_length_are_refused(scenes):
     short = {
         name: value[:, :-1]

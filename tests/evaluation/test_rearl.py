@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import jax
 import numpy as np
 import pytest
 
@@ -28,7 +29,7 @@ def evaluation(scenes, intervening, references):
 
 
 def test_decisions_are_counted_second_by_second(scenes, intervening, evaluation):
-    table = decision_table(scenes.scene_id, evaluation.log, intervening.hist.window)
+    table = decision_table(scenes, evaluation.log, intervening.hist.window)
     assert len(table) == 2 * 3 * scenes.seconds
     assert table.scene_id.unique().tolist() == [1, 4]
     assert table.triggered.any()
@@ -42,6 +43,20 @@ def test_decisions_are_counted_second_by_second(scenes, intervening, evaluation)
     assert any(f"{table.asked.sum()} decisions in 6 rollouts" in note for note in methods.notes)
     (row,) = interventions.tables[0].rows
     assert [cell.value for cell in row.cells[1:3]] == [f"{n:,}" for n in (table.asked.sum(), table.left.sum())]
+
+
+def test_decisions_have_the_frame_that_they_were_made_in(scenes, intervening, evaluation):
+    """Among replayed traffic the first frame is the start, so there is a second less than frames."""
+    log, window = evaluation.log, intervening.hist.window
+    bounded = replace(log, decisions=jax.tree.map(lambda leaf: leaf[1:], log.decisions))
+    table = decision_table(scenes, bounded, window)
+    assert table.frame.unique().tolist() == list(range(1, scenes.seconds))
+    assert table.h[table.frame < window].isna().all()
+    assert table.h[table.frame >= window].notna().all()
+    of_log = decision_table(scenes, log, window)
+    same = of_log[of_log.frame > 0].reset_index(drop=True)
+    np.testing.assert_array_equal(table.mape, same.mape)
+    np.testing.assert_array_equal(table.frame, same.frame)
 
 
 def test_base_stands_beside_the_method_from_the_same_initial_states(scenes, intervening, evaluation):

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from rearl_jax.config.evaluation import EvaluationConfig
-from rearl_jax.config.metrics import HistConfig, MetricsConfig, RealismConfig
+from rearl_jax.config.metrics import HistConfig, MetricsConfig, OutOfBounds, RealismConfig
+from rearl_jax.config.scenes import SpeedNorm
 from rearl_jax.core.rollout import Frames
 from rearl_jax.data.scenes.scene_set import recorded_lane_change_rate
 from rearl_jax.evaluation.scores import (
@@ -23,8 +24,16 @@ from rearl_jax.evaluation.scores import (
 )
 from rearl_jax.evaluation.scoring import Scorer
 from rearl_jax.evaluation.simulators import Simulated
+from rearl_jax.evaluation.tables import HEADINGS
+from rearl_jax.metrics import METRICS
 from rearl_jax.metrics.realism import realism_scores
 from tests.refusal import refused
+
+
+def test_headings_have_the_units_of_the_metrics():
+    for name, heading in HEADINGS.items():
+        unit = heading.partition("[")[2].rstrip("]") or "1"
+        assert unit == METRICS[name].unit, name
 
 
 def test_partners_share_no_second_of_traffic(scenes):
@@ -65,6 +74,16 @@ def test_noise_floor_is_the_distance_of_two_samples(scenes):
     np.testing.assert_allclose(row.values["h_legacy"], row.values["h"] * np.sqrt(0.5 / 3.375), rtol=1e-6)
     alone = noise_floor_scores(scenes, np.array([3]), hist, EvaluationConfig(noise_draws=4000))
     assert alone.values["h"][0] == row.values["h"][1]
+
+
+def test_speeds_that_are_all_left_out_have_no_noise_floor(scenes):
+    slow = replace(
+        scenes, speed=np.where(np.arange(6)[:, None, None] == 0, 1.0, scenes.speed), speed_norm=SpeedNorm.none
+    )
+    hist = HistConfig(window=5, oob=OutOfBounds.drop)
+    row = noise_floor_scores(slow, np.array([0, 3]), hist, EvaluationConfig(noise_draws=100))
+    assert np.isnan(row.values["h"]).tolist() == [True, False]
+    assert row.counts["h"].tolist() == [0, 100]
 
 
 def scored(scenes, candidate, index, row="real_vs_real"):

@@ -3,6 +3,7 @@
 import json
 from dataclasses import replace
 
+import jax.numpy as jnp
 import numpy as np
 import pandas as pd
 import pytest
@@ -10,7 +11,12 @@ import pytest
 from rearl_jax.config import EvaluateTask, ResultsConfig
 from rearl_jax.config.evaluation import EvaluationConfig, Method, Variant
 from rearl_jax.config.mobil import MobilConfig
+from rearl_jax.core.rollout import Frames
 from rearl_jax.evaluation import task
+from rearl_jax.evaluation.extras import Extra
+from rearl_jax.evaluation.runner import Evaluation, Sample
+from rearl_jax.evaluation.scores import Scores
+from rearl_jax.evaluation.tables import summary_rows
 from rearl_jax.evaluation.traffic import inputs_id, is_cooperative, model_notes, population_of
 from rearl_jax.models.file import model_id, write_model
 from tests.models.drivers import GAIN, MOBIL, model
@@ -69,6 +75,17 @@ def test_lanes_are_changed_as_the_file_says_unless_keys_do(tmp_path, path, varia
     assert not is_cooperative(keys)
     assert population_of(config_of(path, variant=variant)).lane_changing is None
     assert not is_cooperative(config_of(path, variant=variant))
+
+
+def test_the_questions_to_a_language_model_belong_to_a_row_that_asks(scenes):
+    names, figures = ("base", "base_effect", "rearl", "rearl_effect", "real"), {"questions": 7}
+    rows = [Scores(name, np.array([2]), np.zeros(1, int), {}, {}) for name in names]
+    frames = Frames(*[jnp.zeros((12, 4), kind) for kind in ("f4",) * 5 + ("i4", bool)])
+    sample = Sample(2, frames, np.full(4, 5.0), None, np.zeros(32, np.int64))
+    extras = (Extra(summary=figures),)
+    evaluation = Evaluation(config_of("m"), scenes, np.array([2]), rows, sample, "rearl_effect", extras=extras)
+    questions = {row["method"]: row["questions"] for row in summary_rows(evaluation, {})}
+    assert questions == dict.fromkeys(names) | {"rearl_effect": 7}
 
 
 @pytest.mark.slow  # four programs

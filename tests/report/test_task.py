@@ -208,6 +208,20 @@ def test_a_sweep_is_reported_with_its_pairs(make_study, make_report):
     assert text.index("10 % / 5 % 0.500") < text.index(" 5 % / 5 % 0.600") < text.index("base 0.700")  # the best first
 
 
+def test_a_sweep_of_one_scene_or_one_pair_tells_none_apart():
+    from rearl_jax.config import SweepThresholdsTask
+    from rearl_jax.sweep.document import document_of
+
+    summary = {"n_pairs": 2, "n_rollouts": 2, "best_score": 0.5, "base_score": 0.7, "is_distinguishable": False}
+    summary |= {"lead": 0.1, "lead_low": None, "lead_high": None}
+    table = pd.DataFrame({"h_pct": [5.0, 10.0], "m_pct": [5.0, 5.0], "score": [0.6, 0.5], "win_share": [0.0, 1.0]})
+    document = document_of(SweepThresholdsTask(), table, summary, {}, generated=False)
+    assert "lead of 10 % / 5 % over 5 % / 5 %: 0.1000, no interval from one scene" in document.sections[0].notes
+    alone = document_of(SweepThresholdsTask(), table[1:], summary, {}, generated=False)
+    assert "distinguish" not in alone.verdict
+    assert not any("lead" in note for note in alone.sections[0].notes)
+
+
 def test_a_study_beside_the_paper_is_reported_with_both(make_study, make_report):
     from rearl_jax.config import StudyTable1Task
 

@@ -46,6 +46,13 @@ def test_conclusions_follow_from_the_pairs(pairs):
     assert said[-1] == "No pair is closer to the recorded scenes than base."
 
 
+def test_one_scene_has_no_interval_and_one_pair_no_next_best(pairs):
+    _, second, *_ = conclusions(pairs, SUMMARY | {"lead_low": None, "lead_high": None}, 1)
+    assert second.endswith("cannot tell ours from the next best: it leads by 0.1000 (no interval from one scene).")
+    alone = pairs.iloc[[0, -1]].reset_index(drop=True)
+    assert not any("next best" in sentence for sentence in conclusions(alone, SUMMARY, 15))
+
+
 def test_long_table_marks_the_papers_pairs(pairs):
     long = long_pairs(pairs)
     table = long.set_index(["row", "metric"])

@@ -51,6 +51,13 @@ def test_one_pair_is_its_own_runner_up():
     assert not choice.is_distinguishable
 
 
+def test_one_scene_tells_no_pairs_apart():
+    choice = choose(np.array([[0.3], [0.4]]), np.full((2, 1), 0.2), EVAL)
+    assert (choice.best, choice.lead) == (0, pytest.approx(0.1))
+    assert (choice.lead_low, choice.lead_high) == (None, None)
+    assert not choice.is_distinguishable
+
+
 def test_scenes_without_a_figure_of_some_pair_do_not_decide():
     h = np.full((2, 12), 0.3)
     h[1] = 0.2

@@ -129,14 +129,6 @@ class SceneSet:
         """True if each scene holds one carriageway only."""
         return self.settings.get("scenes.direction") == Direction.per_direction.name
 
-    @property
-    def block(self) -> np.ndarray:
-        """Number of the time interval in which each scene starts; intervals are as long as a scene.
-
-        Without overlap this is the window number; overlapping windows of equal recording and block share traffic.
-        """
-        return np.floor(self.start_time / self.seconds + 1e-9).astype(np.int64)
-
     @cached_property
     def scaled_speed(self) -> Float[np.ndarray, Slots]:
         """Speed in the simulator's range of 5 to 32 m/s; see `scale_speed`."""

@@ -18,6 +18,7 @@ from rearl_jax.models.file import model_id, read_model
 from rearl_jax.models.record import RepairedModel
 from rearl_jax.problems import InvalidInputError
 from rearl_jax.results import Study
+from rearl_jax.runtime import double_precision
 
 log = logging.getLogger(__name__)
 
@@ -57,7 +58,8 @@ def calibrated_drivers(config: StudyBudgetTask, study: Study, scenes: SceneSet, 
         return Drivers(None, "no model is given, and budget.calibrate is false")
     if not (study.path / MODEL_FILE).exists():
         try:
-            model, origin = _calibrated(config, scenes, held_out)
+            with double_precision():  # as `rearl discover` calibrates, whatever the precision of the simulation
+                model, origin = _calibrated(config, scenes, held_out)
         except InvalidInputError as error:
             return Drivers(None, f"drivers cannot be calibrated: {error}")
         study.write_text(ORIGIN_FILE, origin)

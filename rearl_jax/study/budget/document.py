@@ -10,6 +10,7 @@ from rearl_jax.config.budget import REARL, START, StudyBudgetTask
 from rearl_jax.data.scenes.scene_set import SceneSet
 from rearl_jax.document.document import Document, Section
 from rearl_jax.document.table import Cell, Emphasis, Row, Table, cell_with_interval, decimals, percent, sentence
+from rearl_jax.evaluation.estimates import bootstrap_over
 from rearl_jax.evaluation.remarks import Remarks, speed_bins
 from rearl_jax.evaluation.scores import TITLES as REFERENCE_TITLES
 from rearl_jax.evaluation.tables import HEADINGS
@@ -154,18 +155,22 @@ def findings_of(table: pd.DataFrame, mape: str, components: Sequence[str]) -> tu
 
 def _name(error: str) -> str:
     """Name of an error in a sentence, without its unit."""
-    return COLUMNS[error].title.partition(",")[0]
+    return COLUMNS[error].title.partition(" [")[0]
 
 
 def _verdict(error: str, parts: Parts) -> str:
     """The result in one sentence."""
     leader = max((part for part in parts if part in TITLES), key=lambda part: parts[part]["value"])
+    of_leader = f"{_inline(parts[leader], error)}, is that of {TITLES[leader]}"
+    if parts[WHOLE]["value"] > 0:
+        share = f"the largest share of this reduction, {of_leader}"
+    elif parts[leader]["value"] > 0:
+        share = f"it does not fall; the largest share that reduces it, {of_leader}"
+    else:
+        share = "it does not fall, and no component reduces it"
     beside = f"; recorded scenes are {_text(parts[OF_REAL]['value'], error)} apart" if OF_REAL in parts else ""
     ends = " to ".join(_text(parts[part]["value"], error) for part in (FIRST, LAST))
-    return (
-        f"{_name(error)} goes from {ends} with all components; the largest share of this reduction, "
-        f"{_inline(parts[leader], error)}, is that of {TITLES[leader]}{beside}."
-    )
+    return f"{_name(error)} goes from {ends} with all components; {share}{beside}."
 
 
 def _finding(error: str, parts: Parts) -> str:
@@ -243,6 +248,6 @@ def definitions_of(config: StudyBudgetTask, scenes: SceneSet, held_out: np.ndarr
         "thresholds in all rows, percentiles of Base on threshold scenes.",
         speed_bins(config.hist, scenes.scaled_speed[held_out]),
         "THW error and LCR error: distance of a scene's time headway and lane-change rate from the recorded scene's.",
-        f"Intervals: {100 * config.eval.confidence:g} % percentile bootstrap over {len(held_out)} judged scenes, the "
-        "same resamples for every figure. An error is divided over the scenes that have it in all rows.",
+        f"Intervals: {bootstrap_over(len(held_out), 'judged scenes', config.eval.confidence)}; the same resamples for "
+        "every figure. An error is divided over the scenes that have it in all rows.",
     )

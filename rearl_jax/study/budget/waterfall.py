@@ -23,7 +23,9 @@ def draw_waterfall(table: pd.DataFrame, mape: str, *, generated: bool) -> bytes:
     """
     errors = [name.format(mape=mape) for name in MAIN_ERRORS]
     drawn = [error for error in errors if error in set(table["error"])] or list(dict.fromkeys(table["error"]))[:1]
-    parts = [name for name in TITLES if name in set(table["part"])]
+    shares = table[table["part"].isin(list(TITLES))]
+    # In the stated order, from an error that all components can reduce.
+    parts = max((rows["part"].tolist() for _, rows in shares.groupby("error", sort=False)), key=len, default=[])
     names = [FIRST, *parts, LAST]
     figure, axes = panels(
         3.2 + 3.0 * max(len(drawn), 1), 1.4 + 0.4 * len(names), columns=max(len(drawn), 1), generated=generated
@@ -41,9 +43,13 @@ def draw_waterfall(table: pd.DataFrame, mape: str, *, generated: bool) -> bytes:
 def _draw_panel(panel: Axes, shares: pd.DataFrame, parts: list[str]) -> None:
     """Bars from the error of the first row to that of the last."""
     level = stated = float(shares.loc[FIRST, "value"])
-    begin = len([name for name in parts if name not in shares.index])  # components of the first row of this error
+    rows = {name: row for row, name in enumerate(parts, 1)}
+    # Components without a share belong to the first row of this error.
+    begin = max((row for name, row in rows.items() if name not in shares.index), default=0)
     panel.barh(begin, level, 2 * _HALF_BAR, color=GREY)
-    for row, name in enumerate(parts[begin:], begin + 1):
+    for name, row in rows.items():
+        if name not in shares.index:
+            continue
         share = shares.loc[name]
         value = float(share["value"])
         panel.barh(row, -value, 2 * _HALF_BAR, left=level, color=BLUE if value >= 0 else VERMILION)

@@ -164,7 +164,7 @@ def _score(summary: Mapping[str, Any], facts: pd.DataFrame) -> Section:
     if summary["is_leader_equal"] is not None:
         low, high = (number(summary[f"leader_difference_{end}"], "+") for end in ("low", "high"))
         answer = f"{'yes' if summary['is_leader_equal'] else 'no'}, {summary['leader_cars']} persons"
-        rows.append(Row("behind ACC as behind people", (Cell(answer, f"{low} to {high} s"),)))
+        rows.append(Row("behind ACC not distinguished from behind people", (Cell(answer, f"{low} to {high} s"),)))
     if not rows:
         return Section("Facts", (f"No time gap is known of these {len(facts)} cars and settings.",))
     return Section("Facts", tables=(Table("Known facts of these vehicles", ("confirmed",), tuple(rows)),))

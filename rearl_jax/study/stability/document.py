@@ -44,7 +44,7 @@ def summary_of(tables: Mapping[str, pd.DataFrame], verdict: Sequence[Mapping[str
     difference = np.abs(tables["amplification"]["difference"].to_numpy(float))
     return {
         "n_models": len(verdict),
-        "n_unstable": sum(model["string_unstable"] for model in verdict),
+        "n_unstable": sum(model["string_unstable"] is True for model in verdict),
         "n_colliding": sum(model["collides"] for model in verdict),
         "n_stated": sum(bool(model["statements"]) for model in verdict),
         "n_rings": len(ring),
@@ -81,9 +81,11 @@ def document_of(
     ]
     if not tables["measured"].empty:
         sections.append(_measured(tables["measured"], margin))
+    n_platoons = sum(model["string_unstable"] is not None for model in verdict)
     text = (
-        f"{summary['n_unstable']} of {summary['n_models']} models are string-unstable, {summary['n_colliding']} "
-        f"collide; waves on rings as the analysis says on {summary['n_agree']} of {summary['n_rings']}."
+        f"Of {summary['n_models']} models, {summary['n_unstable']} of {n_platoons} with platoons are string-unstable "
+        f"and {summary['n_colliding']} collide; waves on rings as the analysis says on {summary['n_agree']} of "
+        f"{summary['n_rings']}."
     )
     return Document(
         title="Is the simulated traffic traffic?",

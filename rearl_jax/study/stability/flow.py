@@ -28,6 +28,11 @@ MAX_DISPLACEMENT = 0.5
 MIN_WAVE_SPEED_SD = 1.0
 """Least standard deviation of the speeds on a ring [m/s] for which the speed of the wave is measured."""
 
+STRONG_SHARE = 0.5
+"""Least amplitude of the measured wave, as a share of the greatest amplitude of a wave with any number of crests [-]:
+one narrow jam makes waves of all numbers about equally large.
+"""
+
 STARTED_SPEED = 2.0
 """Speed above which a vehicle of a queue counts as started [m/s]."""
 
@@ -86,12 +91,18 @@ def flow_table(case: Case, options: StabilityConfig) -> pd.DataFrame:
 def wave_speeds(
     motion: Motion, circumference: Float[np.ndarray, " rings"], seconds: int
 ) -> Float[np.ndarray, " rings"]:
-    """Speed along the road of the wave with one crest [m/s], over the last seconds, from its phase over time."""
+    """Speed along the road of the largest wave [m/s], over the last seconds, from its phase over time.
+
+    The wave is that with the fewest crests whose amplitude is at least STRONG_SHARE of the greatest.
+    """
     position, speed = motion.position[-seconds:], motion.speed[-seconds:]
     angle = 2 * np.pi * position / circumference
-    wave = ((speed - speed.mean(axis=1, keepdims=True)) * np.exp(-1j * angle)).sum(axis=1)
-    turned = -np.unwrap(np.angle(wave), axis=0)
-    return np.polyfit(np.arange(seconds), turned, 1)[0] * circumference / (2 * np.pi)
+    deviation, crests = speed - speed.mean(axis=1, keepdims=True), np.arange(1, speed.shape[1] // 2 + 1)
+    waves = np.stack([(deviation * np.exp(-1j * n * angle)).sum(axis=1) for n in crests])  # [crests, seconds, rings]
+    amplitude = np.abs(waves).mean(axis=1)
+    chosen = (amplitude >= STRONG_SHARE * amplitude.max(axis=0)).argmax(axis=0)
+    turned = -np.unwrap(np.angle(waves[chosen, :, np.arange(len(chosen))]), axis=1).T
+    return np.polyfit(np.arange(seconds), turned, 1)[0] * circumference / (2 * np.pi * crests[chosen])
 
 
 def queue_table(case: Case, options: StabilityConfig) -> pd.DataFrame:

@@ -2,8 +2,8 @@
 
 A piece is an uninterrupted stretch of a track behind one leader, of a fixed length. The amplification of a piece in a
 band of frequencies is the root of the follower's spectral power over the leader's, of speeds without mean and trend,
-weighted by a Hann window. A follower's figure is the mean of the logarithms over its pieces; followers are taken as
-independent of each other.
+weighted by a Hann window. A follower is a car or person where the recordings name it, else a track; its figure is the
+mean of the logarithms over its pieces. Followers are taken as independent of each other.
 
 For each follower the logarithm of the recording is subtracted from that of the model. Two one-sided t-tests compare the
 mean difference with a margin: model and recording are equivalent if its 90 % interval lies within the margin.
@@ -11,7 +11,7 @@ mean difference with a margin: model and recording are equivalent if its 90 % in
 Source: Schuirmann, J. Pharmacokinet. Biopharm. 15 (1987) 657 (two one-sided tests).
 """
 
-from collections.abc import Iterable
+from collections.abc import Hashable, Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -43,41 +43,51 @@ class Pairs:
     Attributes:
         leader: Speeds of the leaders [m/s].
         follower: Speeds of the followers [m/s].
-        track: Number of each piece's follower.
+        driver: Number of each piece's follower, the same for all pieces of a car, person or track.
         overlaps: How often a follower has come to overlap its leader in the recordings.
         hours: Time behind leaders in the recordings [h].
     """
 
     leader: Float[np.ndarray, "steps pieces"]
     follower: Float[np.ndarray, "steps pieces"]
-    track: Int[np.ndarray, " pieces"]
+    driver: Int[np.ndarray, " pieces"]
     overlaps: int
     hours: float
 
 
-def read_pairs(recordings: Iterable[Recording], seconds: int) -> Pairs:
+def read_pairs(recordings: Iterable[Recording], seconds: int, same: str | None = None) -> Pairs:
     """All pieces of some recordings.
 
     Args:
         recordings: The recordings.
         seconds: Length of the pieces [s].
+        same: Label of the same car or person in several tracks and recordings; None if none is known.
     """
     pieces: list[tuple[np.ndarray, np.ndarray, int]] = []
-    n_tracks = overlaps = 0
-    hours = 0.0
+    numbers: dict[Hashable, int] = {}
+    overlaps, hours = 0, 0.0
     for recording in recordings:
-        rate = recording.info.frame_rate
+        rate, names = recording.info.frame_rate, _names(recording, same)
         for _, stretch in _behind_leaders(recording.table).groupby(["track_id", "leader_id", "stretch"]):
             is_overlap = stretch["gap"].to_numpy() < 0
             overlaps += int((is_overlap[1:] & ~is_overlap[:-1]).sum())
             hours += len(stretch) / rate / 3600
-            n_tracks += 1
-            pieces += [(*piece, n_tracks) for piece in _pieces(stretch, rate, seconds)]
+            track = int(stretch["track_id"].iloc[0])
+            number = numbers.setdefault(names.get(track, (recording.info.id, track)), len(numbers))
+            pieces += [(*piece, number) for piece in _pieces(stretch, rate, seconds)]
     n_steps = seconds * STEPS_PER_SECOND + 1
     leader, follower = (
         np.stack([piece[k] for piece in pieces], axis=1) if pieces else np.empty((n_steps, 0)) for k in (0, 1)
     )
     return Pairs(leader, follower, np.array([piece[2] for piece in pieces], int), overlaps, hours)
+
+
+def _names(recording: Recording, same: str | None) -> Mapping[int, str]:
+    """Name of the car or person of each track; without tracks whose car or person is unknown."""
+    if same not in recording.info.labels:
+        return {}
+    first_names = recording.table.groupby("track_id")[same].first().dropna()
+    return dict(zip(first_names.index.tolist(), first_names.tolist(), strict=True))
 
 
 def _behind_leaders(table: pd.DataFrame) -> pd.DataFrame:
@@ -94,13 +104,19 @@ def _behind_leaders(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def _pieces(stretch: pd.DataFrame, rate: float, seconds: int) -> list[tuple[np.ndarray, np.ndarray]]:
-    """Speeds of leader and follower in consecutive pieces of one stretch, at the clock of the simulation."""
+    """Speeds of leader and follower in consecutive pieces of one stretch, at the clock of the simulation; without
+    pieces in which one of them stands or drives at a constant speed, whose amplification is undefined.
+    """
     time = np.arange(len(stretch)) / rate
     clock = np.arange(0, time[-1] + 1e-9, 1 / STEPS_PER_SECOND)
     speeds = [np.interp(clock, time, stretch[name].to_numpy(float)) for name in ("speed_leader", "speed")]
     n_steps = seconds * STEPS_PER_SECOND + 1
     cut = [[speed[k : k + n_steps] for speed in speeds] for k in range(0, len(clock) - n_steps + 1, n_steps)]
-    return [(leader, follower) for leader, follower in cut if min(leader.mean(), follower.mean()) >= MIN_SPEED]
+    return [
+        (leader, follower)
+        for leader, follower in cut
+        if min(leader.mean(), follower.mean()) >= MIN_SPEED and min(np.ptp(leader), np.ptp(follower)) > 0
+    ]
 
 
 def log_amplification(
@@ -126,12 +142,12 @@ def measured_table(case: Case, pairs: Pairs, margin: float, seed: int) -> pd.Dat
         margin: Largest excess of the ratio, or of its inverse, over 1 that counts as equivalent [-].
         seed: Seed of the drivers.
     """
-    n = len(set(pairs.track.tolist()))
+    n = len(set(pairs.driver.tolist()))
     if n < MIN_FOLLOWERS:
         return pd.DataFrame(columns=list(MEASURED_COLUMNS))
     motion = simulate(start_platoons(case.population, pairs.leader, 1, seed), pairs.leader)
-    measured = _by_follower(log_amplification(pairs.leader, pairs.follower), pairs.track)
-    model = _by_follower(log_amplification(pairs.leader, motion.speed[:, 1]), pairs.track)
+    measured = _by_follower(log_amplification(pairs.leader, pairs.follower), pairs.driver)
+    model = _by_follower(log_amplification(pairs.leader, motion.speed[:, 1]), pairs.driver)
     rows = []
     for band, recorded, simulated in zip(BANDS, measured, model, strict=True):
         low, high = mean_interval(recorded, 0.95)
@@ -143,10 +159,10 @@ def measured_table(case: Case, pairs: Pairs, margin: float, seed: int) -> pd.Dat
 
 
 def _by_follower(
-    values: Float[np.ndarray, "bands pieces"], track: Int[np.ndarray, " pieces"]
+    values: Float[np.ndarray, "bands pieces"], driver: Int[np.ndarray, " pieces"]
 ) -> Float[np.ndarray, "bands followers"]:
     """Means over the pieces of each follower."""
-    return np.stack([values[:, track == number].mean(axis=1) for number in np.unique(track)], axis=1)
+    return np.stack([values[:, driver == number].mean(axis=1) for number in np.unique(driver)], axis=1)
 
 
 def mean_interval(values: Float[np.ndarray, " n"], confidence: float) -> tuple[float, float]:

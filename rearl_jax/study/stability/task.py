@@ -13,7 +13,7 @@ from typing import Any
 import pandas as pd
 
 from rearl_jax.config.stability import StudyStabilityTask
-from rearl_jax.data.recordings import data_id, is_generated, iterate_recordings
+from rearl_jax.data.recordings import data_id, is_generated, iterate_recordings, label_of_same
 from rearl_jax.data.records import Recording
 from rearl_jax.document.document import data_sources
 from rearl_jax.document.publishing import publish_document
@@ -49,7 +49,7 @@ def run(config: StudyStabilityTask) -> dict[str, Any]:
     if (stored := study.begin(resume=config.results.resume)) is not None:
         return stored
     recordings = list(iterate_recordings(config.data)) if options.measured else []
-    pairs = read_pairs(recordings, options.seconds)
+    pairs = read_pairs(recordings, options.seconds, label_of_same(config.data))
     tables_by_name: dict[str, list[pd.DataFrame]] = {name: [] for name in TABLES}
     with progress_bar() as bar:
         line = bar.add_task("", total=len(cases) * len(TABLES))

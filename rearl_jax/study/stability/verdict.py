@@ -1,10 +1,10 @@
 """The verdict of a study of stability, in `verdict.json`: a list with one object per model.
 
-`model`, `string_unstable` (waves grow along its simulated platoons), `largest_amplification` [-] of these platoons,
-`collides` (any simulated vehicle did), `collisions_per_vehicle_hour` [1/h]; `recording_string_unstable` (null if the
-interval of the measured amplification holds 1, or nothing was measured), `recording_collides` (null if nothing was
-measured), and `statements`: those of `string_unstable` and `collides` that are true of the model and false of the
-recording.
+`model`, `string_unstable` (waves grow along its simulated platoons), `largest_amplification` [-] of these platoons
+(both null if it drives at none of their speeds), `collides` (any simulated vehicle did), `collisions_per_vehicle_hour`
+[1/h]; `recording_string_unstable` (null if the interval of the measured amplification holds 1, or nothing was
+measured), `recording_collides` (null if nothing was measured), and `statements`: those of `string_unstable` and
+`collides` that are true of the model and false of the recording.
 """
 
 from collections.abc import Mapping
@@ -32,7 +32,7 @@ def verdict_of(model: str, tables: Mapping[str, pd.DataFrame], pairs: Pairs) -> 
     largest = max(amplification["simulated"].tolist(), default=None)
     collided, hours = (sum(traffic[column].tolist()) for column in ("collided", "vehicle_hours"))
     simulated = {
-        "string_unstable": largest is not None and largest > 1 + TOLERANCE,
+        "string_unstable": None if largest is None else largest > 1 + TOLERANCE,
         "largest_amplification": largest,
         "collides": collided > 0,
         "collisions_per_vehicle_hour": collided / hours,

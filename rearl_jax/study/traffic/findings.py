@@ -1,5 +1,7 @@
 """Sentences on the use of decisions on improved traffic, of the kinds in `tables`, computed from the figures alone."""
 
+from collections.abc import Mapping
+
 import numpy as np
 import pandas as pd
 
@@ -10,34 +12,38 @@ from rearl_jax.evaluation.scores import REAL_VS_REAL
 from rearl_jax.evaluation.tables import HEADINGS
 from rearl_jax.study.budget.figures import scene_figures
 from rearl_jax.study.findings import Difference
-from rearl_jax.study.traffic.tables import PREFIX, TITLES_OF_KINDS, TITLES_OF_POLICIES, name_of
+from rearl_jax.study.traffic.tables import PREFIX, TITLES_OF_POLICIES, name_of, titles_of_kinds
 
 
-def findings_of(rows: pd.DataFrame, eval: EvaluationConfig, mape: str) -> list[str]:
+def findings_of(rows: pd.DataFrame, eval: EvaluationConfig, mape: str, *, has_found: bool) -> list[str]:
     """A paragraph for each of the two main errors, and the matcher's interventions on the first and the last traffic.
 
     Args:
         rows: Figures of the rows of `table1.traffic`, scene by scene.
         eval: Resamples, confidence and seed of the intervals.
         mape: The spacing error that decides.
+        has_found: Whether the drivers have effects that discovery found.
     """
-    paragraphs = [_paragraph(scene_figures(rows, figure), HEADINGS[figure], eval) for figure in ("h", mape)]
+    titles = titles_of_kinds(has_found=has_found)
+    paragraphs = [_paragraph(scene_figures(rows, figure), HEADINGS[figure], titles, eval) for figure in ("h", mape)]
     interventions, changes = scene_figures(rows, "interventions"), scene_figures(rows, "changes")
-    kinds = [kind for kind in TITLES_OF_KINDS if name_of(kind, PolicyName.matcher) in interventions]
+    kinds = [kind for kind in titles if name_of(kind, PolicyName.matcher) in interventions]
     parts = []
     for kind in dict.fromkeys((*kinds[:1], *kinds[-1:])):
         name = name_of(kind, PolicyName.matcher)
         rates = f"{np.nanmean(interventions[name]):.1f}", f"{np.nanmean(changes[name]):.1f}"
-        parts.append(f"{rates[0]} ({TITLES_OF_KINDS[kind]}), {rates[1]} of them changing speed or lane")
+        parts.append(f"{rates[0]} ({titles[kind]}), {rates[1]} of them changing speed or lane")
     if parts:
         paragraphs.append(f"Interventions of the matcher per vehicle and minute: {'; '.join(parts)}.")
     return paragraphs
 
 
-def _paragraph(of_rows: dict[str, np.ndarray], heading: str, eval: EvaluationConfig) -> str:
+def _paragraph(
+    of_rows: Mapping[str, np.ndarray], heading: str, titles: Mapping[str, str], eval: EvaluationConfig
+) -> str:
     """Paragraph on the change by REARL on every kind of traffic, and on the last kind."""
     parts, last_kind = [], None
-    for kind, title in TITLES_OF_KINDS.items():
+    for kind, title in titles.items():
         alone = of_rows.get(name_of(kind, None))
         if alone is None:
             continue
@@ -57,7 +63,7 @@ def _paragraph(of_rows: dict[str, np.ndarray], heading: str, eval: EvaluationCon
     if change is None:
         return text
     choices = _difference(of_rows[name_of(kind, PolicyName.matcher)], of_rows[name_of(kind, PolicyName.idle)], eval)
-    return f"{text} On the last traffic, {TITLES_OF_KINDS[kind]}, {_use_of_decisions(change, choices)}."
+    return f"{text} On the last traffic, {titles[kind]}, {_use_of_decisions(change, choices)}."
 
 
 def _use_of_decisions(change: Difference, choices: Difference) -> str:

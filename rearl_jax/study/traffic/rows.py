@@ -116,9 +116,10 @@ def rows_on_traffic(config: StudyTable1Task, study: Study, bar: Progress) -> Tra
         raise InvalidInputError(Problem("lane-missing", message, key="table1.traffic"))
     rows = _scene_by_scene(config, setting, study, bar)
     figures = figures_of_rows(rows, setting.config.eval)
-    findings = findings_of(rows, setting.config.eval, setting.config.mape.column)
+    has_found = FOUND in setting.components
+    findings = findings_of(rows, setting.config.eval, setting.config.mape.column, has_found=has_found)
     return TrafficRows(
-        long_rows_on_traffic(figures, len(setting.held_out), has_found=FOUND in setting.components),
+        long_rows_on_traffic(figures, len(setting.held_out), has_found=has_found),
         {
             f"{row}_{metric}{ending}": value
             for (row, metric), figure in figures.items()

@@ -49,6 +49,13 @@ TITLES_OF_POLICIES = {
 }
 """Titles of the policies; None is traffic without REARL."""
 
+
+def titles_of_kinds(*, has_found: bool) -> dict[str, str]:
+    """Titles of the kinds of traffic; `has_found` says whether the drivers have effects that discovery found."""
+    drivers = "repaired" if has_found else "calibrated"
+    return {kind: title.replace("calibrated", drivers) for kind, title in TITLES_OF_KINDS.items()}
+
+
 Figures = Mapping[tuple[str, str], Mapping[str, float | None]]
 """By row and figure: the value under "", `_low`, `_high`, and for compared figures `_less_base` with both ends."""
 
@@ -103,9 +110,9 @@ def long_rows_on_traffic(figures: Figures, n_scenes: int, *, has_found: bool) ->
         has_found: Whether the drivers have effects that discovery found.
     """
     titles = {PREFIX + REAL_VS_REAL: f"{TITLES[REAL_VS_REAL]}, not rescaled"}
+    kinds = titles_of_kinds(has_found=has_found)
     for name, kind, policy in named_rows({name for name, _ in figures}):
-        title = TITLES_OF_KINDS[kind].replace("calibrated", "repaired" if has_found else "calibrated")
-        titles[name] = f"{title}: {TITLES_OF_POLICIES[policy]}"
+        titles[name] = f"{kinds[kind]}: {TITLES_OF_POLICIES[policy]}"
     # Real against real, the first of the titles, comes last.
     order = {name: number for number, name in enumerate([*list(titles)[1:], next(iter(titles))])}
     records: list[dict[str, Any]] = []

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 
+import jax
 import numpy as np
 import pandas as pd
 import pytest
@@ -11,6 +12,7 @@ from rearl_jax.config.discover import DiscoverConfig
 from rearl_jax.discovery.calibration import Calibration
 from rearl_jax.discovery.observe import parts
 from rearl_jax.problems import InvalidInputError, Problem
+from rearl_jax.results import Study
 from rearl_jax.study.budget import calibrating
 from tests.evaluation.conftest import made_scenes
 from tests.models.drivers import model
@@ -50,3 +52,23 @@ def test_the_judged_scenes_are_used_only_if_nobody_follows_outside_them(calibrat
     assert "the judged scenes included" in calibrated("nobody-follows")[1]
     with refused("label-unknown"):
         calibrated("label-unknown")
+
+
+def test_drivers_are_calibrated_in_double_precision(monkeypatch, tmp_path):
+    modes = []
+
+    def calibrated(*arguments):
+        modes.append(jax.config.read("jax_enable_x64"))
+        return Calibration(pd.DataFrame(), model(), ()), "somewhere"
+
+    monkeypatch.setattr(calibrating, "_calibrated", calibrated)
+    study = Study(tmp_path, "study_budget", StudyBudgetTask(), "study budget")
+    study.write_config()
+    jax.config.update("jax_enable_x64", False)
+    try:
+        drivers = calibrating.calibrated_drivers(StudyBudgetTask(), study, made_scenes(), np.array([0]))
+        assert not jax.config.read("jax_enable_x64")
+    finally:
+        jax.config.update("jax_enable_x64", True)
+    assert modes == [True]
+    assert drivers.origin == "somewhere"

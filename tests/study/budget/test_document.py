@@ -10,7 +10,7 @@ from rearl_jax.document.html import page_of
 from rearl_jax.evaluation.remarks import Remarks
 from rearl_jax.evaluation.scores import NOISE_FLOOR, REAL, REAL_VS_REAL
 from rearl_jax.metrics import METRICS
-from rearl_jax.study.budget.components import row_name, rows_of
+from rearl_jax.study.budget.components import TITLES, row_name, rows_of
 from rearl_jax.study.budget.document import document_of, findings_of
 from rearl_jax.study.budget.figures import budgets
 from rearl_jax.study.budget.tables import BUDGET_COLUMNS, STEP_COLUMNS, budget_table, step_table, summary_of
@@ -30,9 +30,9 @@ def figures(row, effects, n_scenes=6):
     return frame.assign(thw=2.5 - fall, realism=0.6 + fall, collisions=0.0, position_error=position)
 
 
-def made_rows(effects=EFFECT, real=0.4):
+def made_rows(effects=EFFECT, real=0.4, components=COMPONENTS):
     """Rows of all subsets, and the reference rows."""
-    parts = [figures(row, effects) for row in rows_of(COMPONENTS)]
+    parts = [figures(row, effects) for row in rows_of(components)]
     for name in (REAL_VS_REAL, NOISE_FLOOR, REAL):
         frame = figures(frozenset(), effects).assign(row=name, position_error=np.nan)
         parts.append(frame.assign(h=real + 0.02 * frame["scene_id"], thw=2.0))
@@ -107,6 +107,42 @@ def test_findings_follow_from_the_figures(effects, real, said):
     assert verdict.startswith("H goes from 0.825 to 0.445 with all components; the largest share")
     assert said in findings[0] or said.capitalize() in findings[0]
     assert len([text for text in findings if " goes from " in text]) == 3
+
+
+@pytest.mark.parametrize(
+    ("effects", "said"),
+    [
+        (
+            {"start": -0.1, "boundary": 0.02, "calibrated": -0.02},
+            "does not fall; the largest share that reduces it, +0.020",
+        ),
+        ({"start": -0.1, "boundary": -0.02, "calibrated": -0.02}, "does not fall, and no component reduces it"),
+    ],
+)
+def test_an_error_that_rises_is_not_called_a_reduction(effects, said):
+    verdict, *findings = findings_of(budget_table(budgets(made_rows(effects), COMPONENTS), EVAL), "mape_a", COMPONENTS)
+    assert said in verdict
+    assert "this reduction" not in verdict
+    assert any(text.startswith("Position error goes from") for text in findings)  # the unit is not part of the name
+
+
+def test_the_waterfall_has_the_stated_order(monkeypatch):
+    from rearl_jax.study.budget import waterfall
+
+    order, drawn = ("calibrated", "start", "boundary"), []
+    rows = made_rows(components=order)
+    table, steps = budget_table(budgets(rows, order), EVAL), step_table(rows, order, EVAL)
+    monkeypatch.setattr(waterfall, "png", lambda figure: drawn.append(figure) or b"")
+    waterfall.draw_waterfall(table, "mape_a", generated=False)
+    panel, _, of_positions = drawn[0].axes
+    names = [label.get_text() for label in panel.get_yticklabels()]
+    assert names == ["Base", *(TITLES[name] for name in order), "all components"]
+    crosses = [line.get_xydata()[0] for line in panel.lines if line.get_marker() == "x"]
+    of_rows = steps[steps["figure"] == "h"].set_index("row")["value"].astype(float)
+    expected = of_rows[["calibrated", "start+calibrated", "start+boundary+calibrated"]].tolist()
+    np.testing.assert_allclose(crosses, np.stack([expected, [1, 2, 3]], axis=1))
+    # Position errors begin with the row that starts as recorded.
+    assert [bar.get_y() + bar.get_height() / 2 for bar in of_positions.patches] == pytest.approx([2, 1, 3, 4])
 
 
 def test_it_says_where_the_order_decides():

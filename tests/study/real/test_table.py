@@ -101,6 +101,7 @@ def test_the_document_has_every_group_protocol_and_fact(tables):
     assert len(errors.tables) == 3  # nobody has several runs
     assert [cell.value for cell in errors.tables[0].rows[0].cells[-3:]] == ["-20.0", "1.60", "-25.0"]
     assert [one.cells[0].value for one in score.tables[0].rows] == ["1 of 3", "2 of 3", "8 of 9 cars", "yes, 9 persons"]
+    assert score.tables[0].rows[-1].title == "behind ACC not distinguished from behind people"
     assert len(time_gaps.tables[0].rows) == 3
     assert len(differences.tables[0].rows) == 3
     assert "FHWA, person" in page_of(document, StudyRealTask(), {}, data_id="x")

@@ -1,5 +1,7 @@
 """Measured followers: pieces behind one leader, amplification by band, and two one-sided tests."""
 
+from dataclasses import replace
+
 import numpy as np
 import pandas as pd
 import pytest
@@ -41,9 +43,30 @@ def test_pieces_end_where_the_leader_is_unknown():
     gap[[100, 101, 700]] = -1.0
     pairs = read_pairs([recording(801, gap), recording(150, 20.0)], SECONDS)
     assert pairs.leader.shape == pairs.follower.shape == (SECONDS * STEPS_PER_SECOND + 1, 2)
-    assert len(set(pairs.track.tolist())) == 2  # the stretches before and after
+    assert len(set(pairs.driver.tolist())) == 1  # of one follower, before and after
     assert pairs.overlaps == 2
     assert pairs.hours == pytest.approx((800 + 149) / RATE / 3600)
+
+
+@pytest.mark.parametrize("track", [1, 2])
+def test_a_constant_speed_has_no_amplification(track):
+    varied = recording(801, 20.0)
+    speed = varied.table["speed"].mask(varied.table["track_id"] == track, 10.0)
+    constant = replace(varied, table=varied.table.assign(speed=speed))
+    assert read_pairs([varied], SECONDS).leader.shape[1] == 2
+    assert read_pairs([constant], SECONDS).leader.shape[1] == 0
+
+
+def test_a_follower_is_a_car_where_it_is_named_and_else_a_track():
+    one = recording(801, 20.0)
+    other = replace(one, info=replace(one.info, id="other"))
+    assert len(set(read_pairs([one, other], SECONDS, "car").driver.tolist())) == 2
+    labelled = [replace(part, info=replace(part.info, labels=("car",))) for part in (one, other)]
+    named = [replace(part, table=part.table.assign(car="i3")) for part in labelled]
+    assert len(set(read_pairs(named, SECONDS, "car").driver.tolist())) == 1
+    assert len(set(read_pairs(named, SECONDS).driver.tolist())) == 2
+    unknown = replace(named[1], table=one.table.assign(car=None))
+    assert len(set(read_pairs([named[0], unknown], SECONDS, "car").driver.tolist())) == 2
 
 
 def test_amplification_of_known_signals():
@@ -101,3 +124,14 @@ def test_statements_are_made_where_the_recording_is_not(low, high, unstable, sta
     assert verdict["recording_string_unstable"] is unstable
     assert verdict["statements"] == statements
     assert (verdict["largest_amplification"], verdict["collisions_per_vehicle_hour"]) == (1.2, 0.5)
+
+
+def test_a_model_without_platoons_is_neither_stable_nor_unstable():
+    tables = {
+        "amplification": pd.DataFrame({"model": ["b"], "simulated": [5.0]}),
+        "traffic": pd.DataFrame({"model": ["a"], "collided": [0], "vehicle_hours": [3.0]}),
+        "measured": pd.DataFrame({"model": ["a"], "measured_low": [0.7], "measured_high": [0.9]}),
+    }
+    verdict = verdict_of("a", tables, made_pairs(5, 1))
+    assert verdict["string_unstable"] is None
+    assert verdict["statements"] == []

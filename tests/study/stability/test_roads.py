@@ -63,9 +63,10 @@ def test_growth_and_decay_are_told_apart():
     assert not waves_grow(np.maximum(decaying, 1e-12) * 1e-9)
 
 
-def test_the_speed_of_a_wave_is_that_of_its_phase():
+@pytest.mark.parametrize("crests", [1, 2, 5])
+def test_the_speed_of_a_wave_is_that_of_its_phase(crests):
     time, length, n = np.arange(100.0)[:, None, None], 600.0, 30
     position = 8.0 * time - 20.0 * np.arange(n)[:, None]
-    speed = 8.0 + np.cos(2 * np.pi * (position + 4.0 * time) / length)
+    speed = 8.0 + np.cos(2 * np.pi * crests * (position + 4.0 * time) / length)
     motion = Motion(position, speed, np.zeros((n, 1), int))
     np.testing.assert_allclose(wave_speeds(motion, np.array([length]), 100), [-4.0], atol=1e-6)

@@ -74,10 +74,10 @@ def test_kinds_that_are_absent_are_left_out():
     table = long_rows_on_traffic(figures, 6, has_found=False)
     assert list(dict.fromkeys(table["row"])) == sorted(names, key=names.index)
     assert len(names) == 7
-    assert len(findings_of(made_rows(kinds=("base",)), EVAL, "mape_a")) == 3
+    assert len(findings_of(made_rows(kinds=("base",)), EVAL, "mape_a", has_found=False)) == 3
     without = made_rows()
     without = without[~without["row"].str.endswith(("_idle", "_matcher"))]
-    assert "On the last traffic" not in " ".join(findings_of(without, EVAL, "mape_a"))
+    assert "On the last traffic" not in " ".join(findings_of(without, EVAL, "mape_a", has_found=False))
 
 
 @pytest.mark.parametrize(
@@ -90,12 +90,22 @@ def test_kinds_that_are_absent_are_left_out():
     ],
 )
 def test_findings_follow_from_the_figures(gain, said):
-    of_h, of_mape, rates = findings_of(made_rows(gain), EVAL, "mape_a")
+    of_h, of_mape, rates = findings_of(made_rows(gain), EVAL, "mape_a", has_found=False)
     assert said in of_h
     assert said in of_mape
     assert "Base 0.825 (idle -0.100" in of_h
     assert "30.0 (Base), 12.0 of them" in rates
     assert "Between two recorded scenes it is 0.475" in of_h
+
+
+def test_drivers_with_found_effects_have_one_name_in_table_and_findings():
+    rows = made_rows()
+    table = long_rows_on_traffic(figures_of_rows(rows, EVAL), 6, has_found=True)
+    titles = {title.partition(":")[0] for title in table["title"] if "drivers" in title}
+    said = " ".join(findings_of(rows, EVAL, "mape_a", has_found=True))
+    assert titles
+    assert all(title in said for title in titles)
+    assert "calibrated" not in said
 
 
 def paper_rows():
