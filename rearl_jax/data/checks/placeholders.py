@@ -71,14 +71,15 @@ def unavailable_acceleration(table: pd.DataFrame, info: RecordingInfo, policy: D
 
 
 def impossible_rows(table: pd.DataFrame) -> np.ndarray:
-    """Mask of rows with an impossible value in a column whose values are mostly possible, or with a placeholder.
+    """Mask of rows with an impossible value in a column whose values are mostly possible, a placeholder, or a direction
+    other than 1 and 2.
 
     These rows are left out of the checks of units, which use medians. If most values of a column on a carriageway are
     impossible, the column is probably in another unit, and only placeholders are marked.
     """
-    bad = np.zeros(len(table), dtype=bool)
     direction = table["direction"].to_numpy()
-    for side in np.unique(direction):
+    bad = ~np.isin(direction, (1, 2))
+    for side in (1, 2):
         here = direction == side
         for name, (low, high) in {**RANGES, "lane": (0.0, MAX_LANES - 1.0)}.items():
             values = table[name].to_numpy(dtype=np.float64, na_value=np.nan)
