@@ -7,9 +7,9 @@ import pandas as pd
 
 from rearl_jax.data.checks.lateral_checks import EDGE_TOLERANCE, lanes_off
 from rearl_jax.data.checks.leaders import next_in_lane, notes_on_leaders
-from rearl_jax.data.checks.typed_table import MAX_LANES
+from rearl_jax.data.checks.typed_table import MAX_LANES, RANGES
 from rearl_jax.data.records import Recording
-from rearl_jax.data.vehicle_rows import ABSENT, first_and_last_rows
+from rearl_jax.data.vehicle_rows import ABSENT, first_and_last_rows, follows_row_before
 
 OVERLAPS = 0.005
 """Share of overlaps [-], among rows with a vehicle ahead in the lane, above which noise does not explain them.
@@ -27,6 +27,7 @@ def noted(recording: Recording) -> Recording:
     table = recording.table
     found = [*notes_on_leaders(table), *_on_lanes(table), *_on_overlaps(table), *_on_starts(table)]
     found += [*_on_accelerations(table), *_on_changing_vehicles(table), *_on_long_cars(table)]
+    found += _on_missing_speeds(table, recording.info.frame_rate)
     notes = tuple(dict.fromkeys([*recording.info.notes, *found]))
     return recording if notes == recording.info.notes else replace(recording, info=replace(recording.info, notes=notes))
 
@@ -84,6 +85,17 @@ def _on_accelerations(table: pd.DataFrame) -> list[str]:
     if _ranges(speed, table["track_id"].to_numpy()).max() < _CHANGE:
         return []
     return [f"acceleration is {known[0]:g} m/s^2 in every row although speeds change: the column may hold nothing"]
+
+
+def _on_missing_speeds(table: pd.DataFrame, frame_rate: float) -> list[str]:
+    """Note if speeds fall to 0 from one frame to the next, faster than any vehicle brakes."""
+    speed = table["speed"].to_numpy()
+    falls = follows_row_before(table["track_id"].to_numpy())[1:] & (speed[1:] == 0.0)
+    falls &= speed[:-1] > max(RANGES["acceleration"][1] / frame_rate, _CHANGE)
+    if not falls.any():
+        return []
+    text = f"in one frame, from up to {speed[:-1][falls].max():.1f} m/s: 0 may stand for an unknown speed"
+    return [f"speeds fall to 0 {int(falls.sum())} times {text}"]
 
 
 def _on_changing_vehicles(table: pd.DataFrame) -> list[str]:

@@ -89,3 +89,10 @@ def test_cars_as_long_as_trucks_are_counted(vehicle_rows):
     (note,) = _notes(cars.assign(length=cars["length"].mask(one, 14.4)))
     assert note.startswith("1 of 3 cars are longer than 9.8 m")
     assert _notes(cars.assign(length=cars["length"].mask(one, 6.9))) == ()
+
+
+def test_speeds_that_fall_to_0_in_one_frame_are_counted(vehicle_rows):
+    unknown = (vehicle_rows["track_id"] == 2) & vehicle_rows["frame"].isin([30, 60])
+    rows = vehicle_rows.drop(columns="acceleration")
+    (note,) = _notes(rows.assign(speed=rows["speed"].mask(unknown, 0.0)))
+    assert note.startswith("speeds fall to 0 2 times in one frame, from up to 22.0 m/s")
