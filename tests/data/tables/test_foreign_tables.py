@@ -218,7 +218,15 @@ def test_a_damaged_id_is_no_name(foreign, tmp_path):
 
 @pytest.mark.parametrize(
     ("encoding", "delimiter"),
-    [("utf-8", ","), ("utf-8-sig", ";"), ("utf-16", "\t"), ("utf-16-le", "|"), ("latin-1", " "), ("latin-1", ";")],
+    [
+        ("utf-8", ","),
+        ("utf-8-sig", ";"),
+        ("utf-16", "\t"),
+        ("utf-16-le", "|"),
+        ("utf-32", ","),
+        ("latin-1", " "),
+        ("latin-1", ";"),
+    ],
 )
 def test_encodings_and_delimiters_are_recognised(foreign, tmp_path, encoding, delimiter):
     name = "Länge" if delimiter != " " else "Geschwindigkeit_für"
@@ -228,7 +236,8 @@ def test_encodings_and_delimiters_are_recognised(foreign, tmp_path, encoding, de
     columns = {"track_id": "id", "time": "t", "position": "dist", "speed": name}
     found = read_table(tmp_path / "a.csv", columns=columns, units=UNITS)
     assert len(found.table) == 300
-    said = {"utf-16": "UTF-16", "utf-16-le": "UTF-16, which", "latin-1": "Windows-1252, which"}.get(encoding)
+    names = {"utf-16": "UTF-16", "utf-32": "UTF-32", "utf-16-le": "UTF-16, which", "latin-1": "Windows-1252, which"}
+    said = names.get(encoding)
     assert any(said is not None and f"the file is {said}" in note for note in found.info.notes) == (said is not None)
 
 
