@@ -88,14 +88,19 @@ def _on_accelerations(table: pd.DataFrame) -> list[str]:
 
 
 def _on_missing_speeds(table: pd.DataFrame, frame_rate: float) -> list[str]:
-    """Note if speeds fall to 0 from one frame to the next, faster than any vehicle brakes."""
+    """Note if speeds fall to 0, or repeatedly to one value, from one frame to the next, faster than any vehicle brakes."""
     speed = table["speed"].to_numpy()
-    falls = follows_row_before(table["track_id"].to_numpy())[1:] & (speed[1:] == 0.0)
-    falls &= speed[:-1] > max(RANGES["acceleration"][1] / frame_rate, _CHANGE)
-    if not falls.any():
+    falls = follows_row_before(table["track_id"].to_numpy())[1:]
+    falls &= speed[:-1] - speed[1:] > max(RANGES["acceleration"][1] / frame_rate, _CHANGE)
+    values, counts = np.unique(speed[1:][falls], return_counts=True)
+    if not values.size:
         return []
-    text = f"in one frame, from up to {speed[:-1][falls].max():.1f} m/s: 0 may stand for an unknown speed"
-    return [f"speeds fall to 0 {int(falls.sum())} times {text}"]
+    value, n_falls = values[np.argmax(counts)], int(counts.max())
+    if value > 0.0 and n_falls < 2:
+        return []
+    fastest = speed[:-1][falls & (speed[1:] == value)].max()
+    text = f"in one frame, from up to {fastest:.1f} m/s: it may stand for an unknown speed"
+    return [f"speeds fall to {value:g} m/s {n_falls} times {text}"]
 
 
 def _on_changing_vehicles(table: pd.DataFrame) -> list[str]:

@@ -91,8 +91,9 @@ def test_cars_as_long_as_trucks_are_counted(vehicle_rows):
     assert _notes(cars.assign(length=cars["length"].mask(one, 6.9))) == ()
 
 
-def test_speeds_that_fall_to_0_in_one_frame_are_counted(vehicle_rows):
+@pytest.mark.parametrize("value", [0.0, 1.0])
+def test_speeds_that_fall_in_one_frame_are_counted(vehicle_rows, value):
     unknown = (vehicle_rows["track_id"] == 2) & vehicle_rows["frame"].isin([30, 60])
     rows = vehicle_rows.drop(columns="acceleration")
-    (note,) = _notes(rows.assign(speed=rows["speed"].mask(unknown, 0.0)))
-    assert note.startswith("speeds fall to 0 2 times in one frame, from up to 22.0 m/s")
+    (note,) = _notes(rows.assign(speed=rows["speed"].mask(unknown, value)))
+    assert note.startswith(f"speeds fall to {value:g} m/s 2 times in one frame, from up to 22.0 m/s")
