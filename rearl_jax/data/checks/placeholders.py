@@ -29,6 +29,17 @@ def is_placeholder(values: np.ndarray) -> np.ndarray:
     return np.isin(np.abs(values), NUMBERS) | (values == -1.0)
 
 
+def unknown_size(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -> Finding | None:
+    """Finding of lengths and widths that are placeholders; a reader may have computed positions of centres from them."""
+    for name in ("length", "width"):
+        values = table[name].to_numpy()
+        bad = is_placeholder(values) & ((values < RANGES[name][0]) | (values > RANGES[name][1]))
+        if bad.any():
+            text = f"{name} is {values[np.argmax(bad)]:g} m, which seems to mean an unknown value"
+            return Finding("out_of_range", name, bad, text, "correct the value")
+    return None
+
+
 def misplaced(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -> Finding | None:
     """Finding of positions that are placeholders: values of NUMBERS away from all vehicles, and all values far away.
 

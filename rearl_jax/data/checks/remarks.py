@@ -88,7 +88,7 @@ def _on_accelerations(table: pd.DataFrame) -> list[str]:
 
 
 def _on_missing_speeds(table: pd.DataFrame, frame_rate: float) -> list[str]:
-    """Note if speeds fall to 0, or repeatedly to one value, from one frame to the next, faster than any vehicle brakes."""
+    """Note if speeds fall to 0, or repeatedly to one value, within one frame and faster than any vehicle brakes."""
     speed = table["speed"].to_numpy()
     falls = follows_row_before(table["track_id"].to_numpy())[1:]
     falls &= speed[:-1] - speed[1:] > max(RANGES["acceleration"][1] / frame_rate, _CHANGE)
