@@ -30,7 +30,7 @@ def is_placeholder(values: np.ndarray) -> np.ndarray:
 
 
 def unknown_size(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -> Finding | None:
-    """Finding of lengths and widths that are placeholders; a reader may have computed positions of centres from them."""
+    """Finding of lengths and widths that are placeholders; a reader may have computed positions from them."""
     for name in ("length", "width"):
         values = table[name].to_numpy()
         bad = is_placeholder(values) & ((values < RANGES[name][0]) | (values > RANGES[name][1]))
