@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
-from rearl_jax.data.checks.lateral_checks import EDGE_TOLERANCE, lanes_off
+from rearl_jax.data.checks.lateral_checks import EDGE_TOLERANCE, lane_middles, lanes_off
 from rearl_jax.data.checks.leaders import next_in_lane, notes_on_leaders
 from rearl_jax.data.checks.typed_table import MAX_LANES, RANGES
 from rearl_jax.data.records import Recording
@@ -19,6 +19,7 @@ Measured: 0.0004 in NGSIM US-101, whose lengths are assumed, and 0 in I-80.
 _CHANGE = 2.0  # m/s; a larger change of speed is not noise
 _LENGTH_CHANGE = 1.0  # m; more than the error of a camera from frame to frame
 _LONG_CAR = 9.8  # m, longer than every car; the length of a short car in ft
+_BESIDE = 3.0  # m, from the middle of the lane; a vehicle there is in another lane
 _WIDTH = 1.8  # m, of a car whose width is unknown
 
 
@@ -40,11 +41,25 @@ def _on_lanes(table: pd.DataFrame) -> list[str]:
         part = table.iloc[np.flatnonzero(direction == side)]
         if (lanes_off(part) or 0) > 0:
             notes.append(f"direction {side}: lateral positions are further to the right than lane numbers state")
+        n_beside = _vehicles_beside_lane(part)
+        if n_beside:
+            notes.append(f"direction {side}: {n_beside} vehicles are a lane beside the one that they state, by lateral")
         n_left = int((part["lateral"] < -EDGE_TOLERANCE).sum())
         if n_left:
             text = "it is assumed to count from the left edge of the carriageway, positive to the right"
             notes.append(f"direction {side}: lateral is negative in {n_left} rows; {text}")
     return notes
+
+
+def _vehicles_beside_lane(table: pd.DataFrame) -> int:
+    """Number of vehicles whose median distance from the middle of their stated lanes exceeds _BESIDE."""
+    lane, lateral = table["lane"].to_numpy(dtype=np.float64, na_value=np.nan), table["lateral"].to_numpy()
+    lanes, middle = lane_middles(lane, lateral)
+    known = np.flatnonzero(np.isfinite(lane) & np.isfinite(lateral))
+    if lanes.size < 2 or not known.size:
+        return 0
+    off = np.abs(lateral[known] - middle[np.searchsorted(lanes, lane[known])])
+    return int((pd.Series(off).groupby(table["track_id"].to_numpy()[known]).median() > _BESIDE).sum())
 
 
 def _on_overlaps(table: pd.DataFrame) -> list[str]:

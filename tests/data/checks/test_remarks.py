@@ -52,6 +52,16 @@ def test_lateral_positions_far_right_of_their_lanes_are_noted(vehicle_rows):
     assert "further to the right" in note
 
 
+def test_a_vehicle_beside_its_lane_is_counted(vehicle_rows):
+    others = vehicle_rows[vehicle_rows["track_id"] != 3].assign(leader_id=np.nan)
+    further = others.assign(track_id=others["track_id"] + 10, position=others["position"] + 60.0, x=others["x"] + 60.0)
+    beside = others[others["track_id"] == 1].assign(track_id=30, lateral=5.25, y=5.25)
+    beside = beside.assign(position=beside["position"] + 30.0, x=beside["x"] + 30.0)
+    assert _notes(pd.concat([others, further], ignore_index=True)) == ()
+    (note,) = _notes(pd.concat([others, further, beside], ignore_index=True))
+    assert note.startswith("direction 1: 1 vehicles are a lane beside")
+
+
 def test_vehicles_that_all_begin_abreast_are_noted(vehicle_rows):
     own = vehicle_rows[vehicle_rows["track_id"] == 1].assign(leader_id=np.nan).drop(columns=["lane", "lateral"])
     parts = [own.assign(track_id=track, position=own["position"] + 0.1 * track) for track in range(1, 14)]
