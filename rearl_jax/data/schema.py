@@ -72,6 +72,7 @@ _MAX_EXACT_INTEGER = 2**53  # float64 does not represent all larger whole number
 _ROW_CHECKS = (
     typed_table.unknown_class,
     typed_table.out_of_order,
+    placeholders.unknown_size,
     placeholders.misplaced,
     placeholders.unavailable_acceleration,
 )

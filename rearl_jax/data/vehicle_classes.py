@@ -10,6 +10,7 @@ SYNONYMS = {
     "pkw": "car",
     "suv": "car",
     "pickup": "car",
+    "pick up": "car",
     "taxi": "car",
     "light vehicle": "car",
     "lkw": "truck",
@@ -22,6 +23,8 @@ SYNONYMS = {
     "passenger car": "car",
     "van": "car",
     "bus": "truck",
+    "coach": "truck",
+    "bus coach": "truck",
     "hgv": "truck",
     "heavy vehicle": "truck",
     "lorry": "truck",
@@ -38,11 +41,12 @@ A bus counts as a truck, because it is long and slow too; a van counts as a car,
 
 
 def class_of(word: object) -> object:
-    """The class that a word names, whatever its case, blanks and hyphens; the word itself if it is unknown."""
+    """The class that a word names, whatever its case, number, blanks and hyphens; the word itself if it is unknown."""
     if not isinstance(word, str):
         return word
-    plain = " ".join(word.casefold().replace("_", " ").replace("-", " ").split())
-    return plain if plain in CLASSES else SYNONYMS.get(plain, word)
+    plain = " ".join(word.casefold().replace("_", " ").replace("-", " ").replace("/", " ").split())
+    names = (plain, plain.removesuffix("s"))
+    return next((name if name in CLASSES else SYNONYMS[name] for name in names if name in {*CLASSES, *SYNONYMS}), word)
 
 
 NO_CLASS = "nan"

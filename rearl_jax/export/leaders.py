@@ -5,7 +5,9 @@ import pandas as pd
 from jaxtyping import Float
 
 from rearl_jax.config.data import DataConfig
+from rearl_jax.data.checks.leaders import leader_rows
 from rearl_jax.data.recordings import iterate_recordings
+from rearl_jax.data.vehicle_rows import ABSENT
 from rearl_jax.export.platoon import STEPS_PER_SECOND
 from rearl_jax.problems import InvalidInputError, Problem
 
@@ -38,8 +40,9 @@ def leader_speeds(data: DataConfig, n_leaders: int, seconds: int) -> Float[np.nd
 
 
 def _pieces(table: pd.DataFrame, frame_rate: float, seconds: int) -> list[Float[np.ndarray, " steps"]]:
-    """Consecutive pieces of the tracks without a leader in one recording."""
-    alone = table.groupby("track_id")["leader_id"].transform(lambda leader: leader.isna().all())
+    """Consecutive pieces of the tracks without a leader in one recording, neither a stated one nor one in the lane."""
+    has_leader = table["leader_id"].notna() | (leader_rows(table) != ABSENT)
+    alone = ~has_leader.groupby(table["track_id"]).transform("any")
     n_steps, pieces = seconds * STEPS_PER_SECOND + 1, []
     for _, track in table.loc[alone].groupby("track_id"):
         frame = track["frame"].to_numpy()

@@ -8,6 +8,7 @@ from rearl_jax.config.data import BadRows, DataConfig
 from rearl_jax.data.records import RecordingInfo
 from rearl_jax.data.schema import COLUMNS, validate
 from rearl_jax.data.units import SI_FACTOR, to_si
+from rearl_jax.data.vehicle_classes import class_of
 from tests.data.changed_rows import with_values
 from tests.refusal import refused
 
@@ -247,3 +248,18 @@ def test_words_for_a_car_are_understood(vehicle_rows, word):
         table, _ = validate(vehicle_rows.assign(vehicle_class=column), INFO, STOP)
         assert (table["vehicle_class"] == "car").sum() == 200
         assert (table["vehicle_class"] == "truck").sum() == 100
+
+
+@pytest.mark.parametrize(
+    ("word", "name"),
+    [
+        ("Cars", "car"),
+        ("Pick-up", "car"),
+        ("Truck/Bus", "truck"),
+        ("Buses", "Buses"),
+        ("bus", "truck"),
+        ("tram", "tram"),
+    ],
+)
+def test_words_for_classes_are_known_in_any_spelling(word, name):
+    assert class_of(word) == name

@@ -5,7 +5,7 @@ from collections.abc import Collection
 import numpy as np
 
 from rearl_jax.data.units import UNITS
-from rearl_jax.data.vehicle_rows import first_and_last_rows
+from rearl_jax.data.vehicle_rows import first_and_last_rows, follows_row_before
 
 STANDARD_RATES = (1.0, 2.0, 5.0, 10.0, 12.5, 15.0, 20.0, 24.0, 25.0, 30.0, 50.0, 60.0, 100.0, 120.0, 200.0)
 """Frame rates of usual cameras and receivers [1/s]; preferred where rounded times allow several rates."""
@@ -27,7 +27,7 @@ def resolution(time: np.ndarray) -> float:
     time = time[np.isfinite(time)]
     if not time.size or not np.any(time):
         return 0.0
-    noise = 4.0 * np.finfo(np.float64).eps * float(np.max(np.abs(time)))
+    noise = 4.0 * np.finfo(np.float64).eps * np.abs(time)  # of each time, so that an absurd one hides no step
     for power in range(_MAX_STEP_EXPONENT, -_MIN_STEP_EXPONENT - 1, -1):
         step = 10.0**power
         if np.all(np.abs(time - step * np.rint(time / step)) <= noise + 1e-9 * step):
@@ -64,7 +64,11 @@ def period_of(track: np.ndarray, frame: np.ndarray, time: np.ndarray) -> tuple[f
         return None
     is_long = np.array(frames_between) >= 0.5 * max(frames_between)
     period = float(np.median(np.array(periods)[is_long]))
-    rounding = resolution(time) + 8.0 * np.finfo(np.float64).eps * float(np.max(np.abs(time)))
+    same = follows_row_before(track)[1:]
+    scatter = 2.0 * float(np.median(np.abs(np.diff(time)[same] - period * np.diff(frame)[same])))
+    rounding = max(resolution(time), scatter, _spacing_of_singles(time)) + 8.0 * np.finfo(np.float64).eps * float(
+        np.median(np.abs(time))
+    )
     uncertainty = rounding / max(frames_between)
     deviation = time - period * (frame - frame[0])
     low, high = np.quantile(frame, (0.1, 0.9))
@@ -75,6 +79,13 @@ def period_of(track: np.ndarray, frame: np.ndarray, time: np.ndarray) -> tuple[f
         if abs(drift) <= 2.0 * uncertainty:
             period, uncertainty = period + drift, rounding / n_frames
     return period, uncertainty
+
+
+def _spacing_of_singles(time: np.ndarray) -> float:
+    """Distance between two float32 numbers of the size of the times, if all times are float32 numbers; else 0."""
+    with np.errstate(over="ignore"):
+        single = time.astype(np.float32)
+    return float(np.spacing(np.max(np.abs(single)))) if np.array_equal(single, time) else 0.0
 
 
 def rate_of(period: float, uncertainty: float) -> float:
@@ -131,9 +142,9 @@ def frames_of(track: np.ndarray, time: np.ndarray) -> tuple[np.ndarray, float] |
     order = known[np.lexsort((time[known], track[known]))]
     same = np.diff(track[order]) == 0
     steps = np.diff(time[order])[same]
-    if not steps.size or np.median(steps) <= 0.0:
+    if not (steps > 0.0).any():
         return None
-    period = float(np.median(steps))
+    period = float(np.median(steps[steps > 0.0]))
     number = np.zeros(len(order))
     # Steps rounded to 0.03 and 0.04 may be frames 1/30 apart: renumber with the period that the whole track implies.
     for _ in range(3):

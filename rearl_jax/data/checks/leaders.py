@@ -77,6 +77,15 @@ def states_all_leaders(in_lane: np.ndarray, stated: np.ndarray) -> bool:
     return bool(is_stated.any() and is_stated[has_one].sum() >= COMPLETE_SHARE * has_one.sum())
 
 
+def leader_rows(table: pd.DataFrame) -> np.ndarray:
+    """Row of the leader at the same frame for every row, ABSENT without one.
+
+    It is the stated leader, else the next vehicle ahead in the lane; only stated ones if the source states all leaders.
+    """
+    in_lane, stated = next_in_lane(table), VehicleRows(table).leaders(table)
+    return stated if states_all_leaders(in_lane, stated) else np.where(stated == ABSENT, in_lane, stated)
+
+
 def notes_on_leaders(table: pd.DataFrame) -> list[str]:
     """Notes on the stated leaders: ids of absent vehicles, and leaders that are stated for some vehicles only."""
     named = table["leader_id"].dropna().to_numpy(np.int64)

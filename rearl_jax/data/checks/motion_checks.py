@@ -178,7 +178,7 @@ def _wrongly_accelerating(table: pd.DataFrame, vehicle: np.ndarray, info: Record
     n, mean, change = mean_accelerations(table, info)
     if not len(mean):
         return np.zeros(len(table), dtype=bool)
-    used = np.flatnonzero((vehicle[n:] == vehicle[:-n]) & np.isfinite(mean))
+    used = np.flatnonzero(np.isfinite(mean))
     number, mean, change = vehicle[n:][used], mean[used], change[used]
     parts = (np.ones(len(used)), mean * change, mean**2, change**2)
     wrong = _has_other_scale(*(np.bincount(number, weights=part, minlength=vehicle[-1] + 1) for part in parts))

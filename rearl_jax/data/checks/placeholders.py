@@ -29,6 +29,17 @@ def is_placeholder(values: np.ndarray) -> np.ndarray:
     return np.isin(np.abs(values), NUMBERS) | (values == -1.0)
 
 
+def unknown_size(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -> Finding | None:
+    """Finding of lengths and widths that are placeholders; a reader may have computed positions from them."""
+    for name in ("length", "width"):
+        values = table[name].to_numpy()
+        bad = is_placeholder(values) & ((values < RANGES[name][0]) | (values > RANGES[name][1]))
+        if bad.any():
+            text = f"{name} is {values[np.argmax(bad)]:g} m, which seems to mean an unknown value"
+            return Finding("out_of_range", name, bad, text, "correct the value")
+    return None
+
+
 def misplaced(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -> Finding | None:
     """Finding of positions that are placeholders: values of NUMBERS away from all vehicles, and all values far away.
 
@@ -71,14 +82,15 @@ def unavailable_acceleration(table: pd.DataFrame, info: RecordingInfo, policy: D
 
 
 def impossible_rows(table: pd.DataFrame) -> np.ndarray:
-    """Mask of rows with an impossible value in a column whose values are mostly possible, or with a placeholder.
+    """Mask of rows with an impossible value in a column whose values are mostly possible, a placeholder, or a direction
+    other than 1 and 2.
 
     These rows are left out of the checks of units, which use medians. If most values of a column on a carriageway are
     impossible, the column is probably in another unit, and only placeholders are marked.
     """
-    bad = np.zeros(len(table), dtype=bool)
     direction = table["direction"].to_numpy()
-    for side in np.unique(direction):
+    bad = ~np.isin(direction, (1, 2))
+    for side in (1, 2):
         here = direction == side
         for name, (low, high) in {**RANGES, "lane": (0.0, MAX_LANES - 1.0)}.items():
             values = table[name].to_numpy(dtype=np.float64, na_value=np.nan)

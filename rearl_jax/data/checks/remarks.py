@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pandas as pd
 
-from rearl_jax.data.checks.lateral_checks import EDGE_TOLERANCE, lanes_off
+from rearl_jax.data.checks.lateral_checks import EDGE_TOLERANCE, lane_middles, lanes_off
 from rearl_jax.data.checks.leaders import next_in_lane, notes_on_leaders
-from rearl_jax.data.checks.typed_table import MAX_LANES
+from rearl_jax.data.checks.typed_table import MAX_LANES, RANGES
 from rearl_jax.data.records import Recording
-from rearl_jax.data.vehicle_rows import ABSENT, first_and_last_rows
+from rearl_jax.data.vehicle_rows import ABSENT, first_and_last_rows, follows_row_before
 
 OVERLAPS = 0.005
 """Share of overlaps [-], among rows with a vehicle ahead in the lane, above which noise does not explain them.
@@ -19,6 +19,7 @@ Measured: 0.0004 in NGSIM US-101, whose lengths are assumed, and 0 in I-80.
 _CHANGE = 2.0  # m/s; a larger change of speed is not noise
 _LENGTH_CHANGE = 1.0  # m; more than the error of a camera from frame to frame
 _LONG_CAR = 9.8  # m, longer than every car; the length of a short car in ft
+_BESIDE = 3.0  # m, from the middle of the lane; a vehicle there is in another lane
 _WIDTH = 1.8  # m, of a car whose width is unknown
 
 
@@ -27,6 +28,7 @@ def noted(recording: Recording) -> Recording:
     table = recording.table
     found = [*notes_on_leaders(table), *_on_lanes(table), *_on_overlaps(table), *_on_starts(table)]
     found += [*_on_accelerations(table), *_on_changing_vehicles(table), *_on_long_cars(table)]
+    found += _on_missing_speeds(table, recording.info.frame_rate)
     notes = tuple(dict.fromkeys([*recording.info.notes, *found]))
     return recording if notes == recording.info.notes else replace(recording, info=replace(recording.info, notes=notes))
 
@@ -39,11 +41,25 @@ def _on_lanes(table: pd.DataFrame) -> list[str]:
         part = table.iloc[np.flatnonzero(direction == side)]
         if (lanes_off(part) or 0) > 0:
             notes.append(f"direction {side}: lateral positions are further to the right than lane numbers state")
+        n_beside = _vehicles_beside_lane(part)
+        if n_beside:
+            notes.append(f"direction {side}: {n_beside} vehicles are a lane beside the one that they state, by lateral")
         n_left = int((part["lateral"] < -EDGE_TOLERANCE).sum())
         if n_left:
             text = "it is assumed to count from the left edge of the carriageway, positive to the right"
             notes.append(f"direction {side}: lateral is negative in {n_left} rows; {text}")
     return notes
+
+
+def _vehicles_beside_lane(table: pd.DataFrame) -> int:
+    """Number of vehicles whose median distance from the middle of their stated lanes exceeds _BESIDE."""
+    lane, lateral = table["lane"].to_numpy(dtype=np.float64, na_value=np.nan), table["lateral"].to_numpy()
+    lanes, middle = lane_middles(lane, lateral)
+    known = np.flatnonzero(np.isfinite(lane) & np.isfinite(lateral))
+    if lanes.size < 2 or not known.size:
+        return 0
+    off = np.abs(lateral[known] - middle[np.searchsorted(lanes, lane[known])])
+    return int((pd.Series(off).groupby(table["track_id"].to_numpy()[known]).median() > _BESIDE).sum())
 
 
 def _on_overlaps(table: pd.DataFrame) -> list[str]:
@@ -84,6 +100,22 @@ def _on_accelerations(table: pd.DataFrame) -> list[str]:
     if _ranges(speed, table["track_id"].to_numpy()).max() < _CHANGE:
         return []
     return [f"acceleration is {known[0]:g} m/s^2 in every row although speeds change: the column may hold nothing"]
+
+
+def _on_missing_speeds(table: pd.DataFrame, frame_rate: float) -> list[str]:
+    """Note if speeds fall to 0, or repeatedly to one value, within one frame and faster than any vehicle brakes."""
+    speed = table["speed"].to_numpy()
+    falls = follows_row_before(table["track_id"].to_numpy())[1:]
+    falls &= speed[:-1] - speed[1:] > max(RANGES["acceleration"][1] / frame_rate, _CHANGE)
+    values, counts = np.unique(speed[1:][falls], return_counts=True)
+    if not values.size:
+        return []
+    value, n_falls = values[np.argmax(counts)], int(counts.max())
+    if value > 0.0 and n_falls < 2:
+        return []
+    fastest = speed[:-1][falls & (speed[1:] == value)].max()
+    text = f"in one frame, from up to {fastest:.1f} m/s: it may stand for an unknown speed"
+    return [f"speeds fall to {value:g} m/s {n_falls} times {text}"]
 
 
 def _on_changing_vehicles(table: pd.DataFrame) -> list[str]:

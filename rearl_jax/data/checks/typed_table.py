@@ -35,8 +35,11 @@ NOISE_DEVIATIONS = 6.0
 
 
 def not_finite(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -> Finding | None:
-    """Rows with NaN in a column that must be known, or with an infinite or absurdly large value."""
-    for name in table.columns:
+    """Rows with NaN in a column that must be known, or with an infinite or absurdly large value.
+
+    Lengths come first, because a reader may have computed positions of centres from them.
+    """
+    for name in ("length", *table.columns):
         column = table[name]
         if not pd.api.types.is_float_dtype(column.dtype):
             continue
@@ -60,7 +63,8 @@ def unknown_class(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) 
         code = code_of(value)
         plain = code if code.isdecimal() or code == NO_CLASS else quoted(code)
         remedy += f", or say what it is: 'data.classes={{{plain}: car}}'"
-    text = "the class is empty" if pd.isna(value) else f"class {value!r} is unknown"
+    shown = repr(value) if isinstance(value, str) else code_of(value)
+    text = "the class is empty" if pd.isna(value) else f"class {shown} is unknown"
     return Finding("unknown_class", "vehicle_class", bad, text, remedy)
 
 

@@ -162,11 +162,10 @@ def wrong_acceleration(table: pd.DataFrame, info: RecordingInfo) -> Finding | No
 
     Where they agree, the same noise is in both, such as that of differentiated positions.
     """
-    track, values = table["track_id"].to_numpy(), table["acceleration"].to_numpy()
-    n, mean, change = mean_accelerations(table, info)
+    values = table["acceleration"].to_numpy()
+    _, mean, change = mean_accelerations(table, info)
     if len(mean):
-        within = track[n:] == track[:-n]
-        scale = scale_of(mean[within], change[within])
+        scale = scale_of(mean, change)
         if scale is not None and is_other_unit(scale):
             text = f"acceleration is {scale[0]:.2f} to {scale[1]:.2f} times the change of speed per second"
             return unit_finding("acceleration", np.isfinite(values), text, "convert acceleration to m/s^2")
@@ -182,14 +181,15 @@ def wrong_acceleration(table: pd.DataFrame, info: RecordingInfo) -> Finding | No
 def mean_accelerations(table: pd.DataFrame, info: RecordingInfo) -> tuple[int, np.ndarray, np.ndarray]:
     """Steps n in AVERAGING_TIME, and over each n steps the mean acceleration and change of speed per second [m/s^2].
 
-    They are of consecutive rows, whether of one vehicle or of two.
+    The mean is NaN over rows that are not consecutive frames of one vehicle.
     """
-    speed, values = table["speed"].to_numpy(), table["acceleration"].to_numpy()
+    track, frame, speed, values = (table[name].to_numpy() for name in ("track_id", "frame", "speed", "acceleration"))
     n = max(round(AVERAGING_TIME * info.frame_rate), 1)
     if len(table) <= n:
         return n, np.empty(0), np.empty(0)
     mean = np.convolve(0.5 * (values[1:] + values[:-1]), np.full(n, 1.0 / n), mode="valid")
-    return n, mean, (speed[n:] - speed[:-n]) * info.frame_rate / n
+    consecutive = (track[n:] == track[:-n]) & (frame[n:] - frame[:-n] == n)
+    return n, np.where(consecutive, mean, np.nan), (speed[n:] - speed[:-n]) * info.frame_rate / n
 
 
 def moving_steps(table: pd.DataFrame, info: RecordingInfo) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -91,7 +91,7 @@ def read_columns(
     with readable_parquet(path):
         table = _table(path, names, only)
         columns = {name: _cast(table[name], name, path, is_text=name in texts) for name in (*numbers, *texts)}
-        columns |= {name: _as_it_is(table[name]) for name in either}
+        columns |= {name: _as_it_is(table[name], name, path) for name in either}
         return pa.table(columns).to_pandas()
 
 
@@ -173,9 +173,12 @@ def _seconds(column: pa.ChunkedArray) -> pa.ChunkedArray:
     return pc.call_function("divide", [count, pa.scalar(per_second)])
 
 
-def _as_it_is(column: pa.ChunkedArray) -> pa.ChunkedArray:
+def _as_it_is(column: pa.ChunkedArray, name: str, path: Path) -> pa.ChunkedArray:
     """The column as numbers if float64 (needed for gaps) represents them exactly, else as text."""
     kind = value_type(column.type)
+    if pa.types.is_nested(kind):
+        text = f"the column holds {kind}"
+        raise bad_recording("wrong-type", text, "write numbers or text there", path, column=name)
     is_number = pa.types.is_integer(kind) or pa.types.is_floating(kind)
     if pa.types.is_integer(kind) and column.null_count:
         is_number = column.cast(kind).cast(pa.float64(), safe=False).cast(kind, safe=False).equals(column.cast(kind))

@@ -210,6 +210,8 @@ class _Lines:
         try:
             table = self._as_text()._parsed(lenient, broken)
         except pa.ArrowInvalid as error:
+            if "Could not skip" in str(error):  # no line below the header, which has no end of line
+                raise bad_recording("no-rows", "the table has no rows", "complete the file", self.path) from None
             raise self._bad_value(str(error)) from None
         if broken and on_bad is BadRows.stop:
             raise self._broken_line(broken[0], len(broken))

@@ -18,6 +18,7 @@ from pathlib import Path
 from typing import BinaryIO, cast
 
 from rearl_jax.data.files.fields import BLANKS, fields_of, quote_of
+from rearl_jax.data.files.folder import is_visible
 from rearl_jax.data.problems import bad_recording, file_missing
 from rearl_jax.data.units import UNITS, unit_named
 
@@ -29,11 +30,19 @@ SAMPLE_LINES = 20
 _MAGIC = {b"\x1f\x8b": ".gz", b"BZh": ".bz2", b"\xfd7zXZ\x00": ".xz", b"PK\x03\x04": ".zip"}
 _MARKS = (",", ";", "\t", "|")
 _DELIMITERS = (*_MARKS, BLANKS)
-_BYTE_ORDER_MARKS = {codecs.BOM_UTF8: "utf-8-sig", codecs.BOM_UTF16_LE: "utf-16", codecs.BOM_UTF16_BE: "utf-16"}
+# In this order, because the mark of UTF-32 begins like that of UTF-16.
+_BYTE_ORDER_MARKS = {
+    codecs.BOM_UTF8: "utf-8-sig",
+    codecs.BOM_UTF32_LE: "utf-32",
+    codecs.BOM_UTF32_BE: "utf-32",
+    codecs.BOM_UTF16_LE: "utf-16",
+    codecs.BOM_UTF16_BE: "utf-16",
+}
 _SINGLE_BYTE = "cp1252"
 _NAMES = {
     "utf-8": "UTF-8",
     "utf-8-sig": "UTF-8",
+    "utf-32": "UTF-32",
     "utf-16": "UTF-16",
     "utf-16-le": "UTF-16",
     "utf-16-be": "UTF-16",
@@ -113,7 +122,8 @@ def opened(path: Path) -> io.BufferedIOBase:
     packed = compression_of(path)
     if packed == ".zip":
         with zipfile.ZipFile(path) as archive:
-            names = [name for name in archive.namelist() if not name.endswith("/") and not name.startswith("__MACOSX")]
+            listed = (name for name in archive.namelist() if not name.endswith("/") and not name.startswith("__MACOSX"))
+            names = [name for name in listed if is_visible(Path(name))]
             if "[Content_Types].xml" in names:
                 raise bad_recording("not-a-table", "the file is a spreadsheet", "save its sheet as CSV", path)
             if len(names) != 1:

@@ -103,6 +103,10 @@ def _with_frames(rows: pd.DataFrame, spelling: Spelling, file: str) -> tuple[pd.
             remedy = "name the column of times: 'data.columns={time: NAME}'"
             raise bad_recording("column-missing", text, remedy, file, column="frame")
         time, column = numbers_of(pd.Series(rows["time"])), spelling.columns.get("time", "time")
+        if not pd.Series(track[np.isfinite(track) & np.isfinite(time)]).duplicated().any():
+            text = "no vehicle has two rows with its id and a time"
+            column = column if np.isfinite(track).any() else spelling.columns["track_id"]
+            raise bad_recording("frames-unknown", text, "complete the rows", file, column=column)
         if _share_times(rows, track, time):
             text = (
                 "rows of one vehicle at different positions have the same time: times are too coarse, or ids are shared"

@@ -14,6 +14,8 @@ _CYCLES = {**dict.fromkeys(_CLOCKS, 86400.0), "%M:%S.%f": 3600.0}
 """Time after which times of day without a date restart [s]: a day, or an hour for minutes and seconds."""
 _NEAR_END = 0.1  # share of that time; a recording that passes the restart has times so near to it before and after
 _NO_DAY = datetime(1900, 1, 1, tzinfo=UTC).timestamp()  # s; date that pandas gives to times of day
+_OFFSET = r":\d\d(?:\.\d+)?\s*(?:[Zz]|[+-]\d\d(?::?\d\d)?)$"
+"""End of a time that states its offset from UTC, such as :00Z or :00.5+02:00."""
 _MAX_DAMAGED_SHARE = 0.05
 """Share of the times that may be unreadable before the column is not a column of times."""
 
@@ -29,7 +31,8 @@ def seconds_of(times: pd.Series, file: str, column: str) -> tuple[pd.Series, str
         column: For messages.
 
     Raises:
-        BadRecordingError: One of them cannot be read, or day and month cannot be distinguished although it matters.
+        BadRecordingError: One of them cannot be read, only some state their offset from UTC, or day and month cannot be
+            distinguished although it matters.
     """
     texts = times.astype(str).str.strip().where(times.notna(), None)
     numbers = pd.Series(pd.to_numeric(texts.str.replace(",", ".", regex=False), errors="coerce"), index=times.index)
@@ -51,6 +54,11 @@ def seconds_of(times: pd.Series, file: str, column: str) -> tuple[pd.Series, str
         remedy = "write the time in s, or as 2024-05-31T08:00:00.25"
         raise bad_recording("time-unreadable", text, remedy, file, column=column)
     _require_all(texts, found[best].notna(), f"a time as the others are ({best})", file, column)
+    has_offset = texts.str.contains(_OFFSET)[texts.notna()].astype(bool)
+    if has_offset.nunique() > 1:
+        text = "some times state their offset from UTC, and others do not"
+        row = source_row(has_offset, (has_offset != has_offset.iloc[0]).to_numpy())
+        raise bad_recording("time-ambiguous", text, "write all with it, or all without", file, column=column, row=row)
     rivals = [form for form in counts if counts[form] == counts[best] and form != best]
     for form in rivals:
         if not np.allclose(np.diff(found[form].to_numpy()), np.diff(found[best].to_numpy()), equal_nan=True):

@@ -80,12 +80,15 @@ def _frame_rate(values: dict[str, np.ndarray], file: str, is_in_seconds: bool) -
     found = clock.period_of(values["track_id"], values["frame"], values["time"])
     if found is None:
         text = "the frame rate cannot be determined: no track has two rows with rising frame and time"
-        remedy = "correct frame and time [s], or state the frame rate in the metadata"
+        remedy, column = "correct frame and time [s], or state the frame rate in the metadata", "time"
+        for name in ("track_id", "frame"):
+            if not np.isfinite(values[name]).any():
+                text, remedy, column = "the column is empty", "complete it", name
         back = _largest_step_back(values)
         if back > 0.0:
             text = f"the times of all vehicles go back, by up to {back:g}, while frames rise"
             remedy = "local times repeat an hour at the end of summer time: write them in UTC or with their offset"
-        raise bad_recording("frame-rate-unknown", text, remedy, file, column="time")
+        raise bad_recording("frame-rate-unknown", text, remedy, file, column=column)
     period, uncertainty = found
     scale = None if is_in_seconds else _steps_over_speed(values, period)
     unit = "s" if is_in_seconds else clock.unit_of(period, scale, UNIT_RATIOS.values())

@@ -6,8 +6,7 @@ import numpy as np
 import pandas as pd
 
 from rearl_jax.core.order import NO_VEHICLE
-from rearl_jax.data.checks.leaders import next_in_lane, states_all_leaders
-from rearl_jax.data.vehicle_rows import VehicleRows
+from rearl_jax.data.checks.leaders import leader_rows
 from rearl_jax.discovery.read.sorted_lanes import SortedLanes
 
 
@@ -38,11 +37,7 @@ def look_around(table: pd.DataFrame, speed: np.ndarray) -> Around:
         table: Canonical table, sorted by track and frame.
         speed: Speed of every row [m/s].
     """
-    leader, stated = next_in_lane(table), VehicleRows(table).leaders(table)
-    if states_all_leaders(leader, stated):
-        leader = stated
-    else:
-        leader = np.where(stated == NO_VEHICLE, leader, stated)
+    leader = leader_rows(table)
     follower = np.full(len(table), NO_VEHICLE)
     has_leader = leader != NO_VEHICLE
     follower[leader[has_leader]] = np.flatnonzero(has_leader)

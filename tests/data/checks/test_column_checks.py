@@ -210,6 +210,12 @@ def test_a_change_of_lane_is_no_angle(braking):
     assert validate(rows, replace(INFO, lane_count={1: 3, 2: 3}), STOP)[1] == {}
 
 
+def test_missing_frames_on_one_carriageway_are_no_other_unit_of_acceleration(braking):
+    sparse = braking[(braking["direction"] == 1) | (braking["frame"] % 2 == 0)]
+    with refused("gap", column="frame", row=303):
+        validate(sparse, INFO, STOP)
+
+
 def differentiated(rows: pd.DataFrame, noise: float) -> pd.DataFrame:
     """The rows with noisy positions [m], and with speeds and accelerations that are differences of them."""
     noisy = rows.assign(position=rows["position"] + np.random.default_rng(0).normal(0.0, noise, len(rows)))

@@ -85,3 +85,8 @@ def test_a_stop_that_late_speeds_show_late_is_no_fault(waves):
     late = speed.groupby(waves["track_id"]).shift(10).bfill()
     rows = waves.assign(position=position, x=position, speed=late).drop(columns="acceleration")
     assert validate(rows, INFO, STOP)[1] == {}
+
+
+def test_a_direction_that_no_road_has_is_named_and_not_taken_for_a_carriageway(waves):
+    with refused("wrong-direction", column="direction", row=1):
+        validate(waves.assign(direction=waves["direction"].mask(waves["frame"] % 6 == 0, -1)), INFO, STOP)

@@ -52,6 +52,16 @@ def test_lateral_positions_far_right_of_their_lanes_are_noted(vehicle_rows):
     assert "further to the right" in note
 
 
+def test_a_vehicle_beside_its_lane_is_counted(vehicle_rows):
+    others = vehicle_rows[vehicle_rows["track_id"] != 3].assign(leader_id=np.nan)
+    further = others.assign(track_id=others["track_id"] + 10, position=others["position"] + 60.0, x=others["x"] + 60.0)
+    beside = others[others["track_id"] == 1].assign(track_id=30, lateral=5.25, y=5.25)
+    beside = beside.assign(position=beside["position"] + 30.0, x=beside["x"] + 30.0)
+    assert _notes(pd.concat([others, further], ignore_index=True)) == ()
+    (note,) = _notes(pd.concat([others, further, beside], ignore_index=True))
+    assert note.startswith("direction 1: 1 vehicles are a lane beside")
+
+
 def test_vehicles_that_all_begin_abreast_are_noted(vehicle_rows):
     own = vehicle_rows[vehicle_rows["track_id"] == 1].assign(leader_id=np.nan).drop(columns=["lane", "lateral"])
     parts = [own.assign(track_id=track, position=own["position"] + 0.1 * track) for track in range(1, 14)]
@@ -89,3 +99,11 @@ def test_cars_as_long_as_trucks_are_counted(vehicle_rows):
     (note,) = _notes(cars.assign(length=cars["length"].mask(one, 14.4)))
     assert note.startswith("1 of 3 cars are longer than 9.8 m")
     assert _notes(cars.assign(length=cars["length"].mask(one, 6.9))) == ()
+
+
+@pytest.mark.parametrize("value", [0.0, 1.0])
+def test_speeds_that_fall_in_one_frame_are_counted(vehicle_rows, value):
+    unknown = (vehicle_rows["track_id"] == 2) & vehicle_rows["frame"].isin([30, 60])
+    rows = vehicle_rows.drop(columns="acceleration")
+    (note,) = _notes(rows.assign(speed=rows["speed"].mask(unknown, value)))
+    assert note.startswith(f"speeds fall to {value:g} m/s 2 times in one frame, from up to 22.0 m/s")

@@ -313,7 +313,7 @@ def test_whole_numbers_may_be_written_with_a_fraction_of_0(tracks):
         read_recording(tracks, STOP)
 
 
-@pytest.mark.parametrize("column", ["xVelocity", "x", "y"])
+@pytest.mark.parametrize("column", ["xVelocity", "x", "y", "width", "height"])
 def test_a_placeholder_is_named_and_can_be_left_out(tracks, column):
     _edit(
         tracks, lambda t: t.assign(**{column: t[column].where(~((t["id"] == 2) & t["frame"].between(50, 61)), -9999)})

@@ -203,7 +203,7 @@ def test_a_table_in_metres_and_an_unknown_class_are_found(tmp_path):
     with refused("wrong-units", column="v_Length", row=1):
         _write(tmp_path, metres).read("us101_0750")
     _write(tmp_path, _published().assign(v_Class=lambda t: t["v_Class"].replace(3, 5)))
-    with refused("unknown-class", column="v_Class", row=121):
+    with refused("unknown-class", column="v_Class", row=121, fault="class 5 is unknown (and 59 more rows)"):
         PublishedFile(find_published(tmp_path)[0], STOP).read("us101_0750")
 
 
@@ -218,6 +218,11 @@ def test_missing_columns_and_values_stop(tmp_path):
         PublishedFile(find_published(tmp_path)[0], STOP).recordings()
     dropped = PublishedFile(find_published(tmp_path)[0], DROP_ROW).read("us101_0750").dropped
     assert dropped == {"not_finite": 1, "gap_cuts": 1, "fragment": 9, "tracks": 1}
+    no_length = _published()
+    no_length.loc[9, "v_Length"] = np.nan
+    _write(tmp_path, no_length)
+    with refused("not-finite", column="v_Length", row=10):
+        PublishedFile(find_published(tmp_path)[0], STOP).read("us101_0750")
 
 
 # I-80 pairs

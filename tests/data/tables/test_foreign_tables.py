@@ -150,6 +150,17 @@ def test_dates_and_times_are_seconds(foreign, tmp_path, form):
         read_table(tmp_path / "a.csv", columns=COLUMNS, units=_without(UNITS))
 
 
+def test_times_with_and_without_their_offset_from_utc_do_not_mix(foreign, tmp_path):
+    moments = pd.Timestamp("2024-10-27 02:59:55") + pd.to_timedelta(foreign["t"], unit="ms")
+    texts = moments.map(pd.Timestamp.isoformat)
+    rows = foreign.assign(t=texts.where(foreign.index < 100, texts + "+02:00"))
+    with refused("time-ambiguous", column="t", row=101):
+        _read(rows, COLUMNS, _without(UNITS))
+    both = texts.where(foreign.index < 100, moments.map(lambda moment: f"{moment - pd.Timedelta('1h')}+01:00"))
+    stated = both.where(foreign.index >= 100, texts + "+02:00")
+    assert _read(foreign.assign(t=stated), COLUMNS, _without(UNITS)).info.frame_rate == 10.0
+
+
 @pytest.mark.parametrize("rate", [30.0, 25.0, 12.5])
 def test_rounded_times_tell_frames(foreign, vehicle_rows, rate):
     number = vehicle_rows["frame"] - 7
@@ -207,7 +218,15 @@ def test_a_damaged_id_is_no_name(foreign, tmp_path):
 
 @pytest.mark.parametrize(
     ("encoding", "delimiter"),
-    [("utf-8", ","), ("utf-8-sig", ";"), ("utf-16", "\t"), ("utf-16-le", "|"), ("latin-1", " "), ("latin-1", ";")],
+    [
+        ("utf-8", ","),
+        ("utf-8-sig", ";"),
+        ("utf-16", "\t"),
+        ("utf-16-le", "|"),
+        ("utf-32", ","),
+        ("latin-1", " "),
+        ("latin-1", ";"),
+    ],
 )
 def test_encodings_and_delimiters_are_recognised(foreign, tmp_path, encoding, delimiter):
     name = "Länge" if delimiter != " " else "Geschwindigkeit_für"
@@ -217,7 +236,8 @@ def test_encodings_and_delimiters_are_recognised(foreign, tmp_path, encoding, de
     columns = {"track_id": "id", "time": "t", "position": "dist", "speed": name}
     found = read_table(tmp_path / "a.csv", columns=columns, units=UNITS)
     assert len(found.table) == 300
-    said = {"utf-16": "UTF-16", "utf-16-le": "UTF-16, which", "latin-1": "Windows-1252, which"}.get(encoding)
+    names = {"utf-16": "UTF-16", "utf-32": "UTF-32", "utf-16-le": "UTF-16, which", "latin-1": "Windows-1252, which"}
+    said = names.get(encoding)
     assert any(said is not None and f"the file is {said}" in note for note in found.info.notes) == (said is not None)
 
 

@@ -102,9 +102,10 @@ def test_rows_with_further_empty_fields_are_whole(rows, tmp_path):
 def test_what_is_no_table_of_numbers_is_said_with_its_remedy(rows, tmp_path):
     path = tmp_path / "a.csv"
     head, *lines = rows.to_csv(index=False).splitlines()
-    path.write_text(head + "\n", encoding="utf-8")
-    with refused("no-rows", file=str(path)):
-        read_table(path)
+    for end in ("\n", ""):
+        path.write_text(head + end, encoding="utf-8")
+        with refused("no-rows", file=str(path)):
+            read_table(path)
     path.write_text("\n".join([head, *lines[:50], head, *lines[50:]]), encoding="utf-8")
     with refused("value-unreadable", row=51) as caught:
         read_table(path)
@@ -129,6 +130,20 @@ def test_statements_about_other_recordings_are_not_passed_over(rows, tmp_path):
     beside.write_text(json.dumps([stated | {"id": "b"}]), encoding="utf-8")
     with refused("metadata-unusable", file=str(beside)):
         read_table(path)
+
+
+def test_hidden_files_in_an_archive_are_passed_over(rows, tmp_path):
+    with zipfile.ZipFile(tmp_path / "a.csv.zip", "w") as archive:
+        archive.writestr("b/a.csv", rows.to_csv(index=False))
+        for hidden in ("b/.DS_Store", "b/._a.csv", "__MACOSX/b/._a.csv"):
+            archive.writestr(hidden, "x")
+    assert len(read_table(tmp_path / "a.csv.zip").table) == len(rows)
+
+
+@pytest.mark.parametrize("column", ["track_id", "leader_id"])
+def test_lists_for_ids_are_named(rows, tmp_path, column):
+    with refused("wrong-type", column=column):
+        read_table(write_table(rows.assign(**{column: [[1]] * len(rows)}), tmp_path / "a.parquet"))
 
 
 def test_an_archive_with_a_password_is_not_damaged(tmp_path):

@@ -1,6 +1,7 @@
 """Properties of a recording from its rows: frame rates from rounded times, units of times, roads far from 0."""
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from rearl_jax.config.data import DataConfig
@@ -47,6 +48,37 @@ def test_a_few_wrong_times_do_not_move_the_frame_rate(vehicle_rows):
     rows.loc[[0, 99, 150, 299], "time"] = 9999.0
     _, info = info_of_rows("made", rows, "made.csv", "made")
     assert info.frame_rate == 30.0
+
+
+def test_jitter_makes_no_unusual_frame_rate(vehicle_rows):
+    rows = _at(vehicle_rows, 25.0)
+    jitter = np.random.default_rng(0).normal(0.0, 0.004, len(rows))
+    assert _read(rows.assign(time=rows["time"] + jitter)).info.frame_rate == 25.0
+    single = (1e4 + rows["time"]).astype(np.float32)
+    assert _read(rows.assign(time=single)).info.frame_rate == 25.0
+
+
+@pytest.mark.parametrize("absurd", [1e30, 2.0**63])
+def test_an_absurd_time_hides_no_step(vehicle_rows, absurd):
+    rows = _at(vehicle_rows, 25.0)
+    rows.loc[[30, 150], "time"] = absurd
+    with refused("not-finite", column="time", row=31):
+        _read(rows)
+
+
+@pytest.mark.parametrize("column", ["track_id", "frame"])
+def test_a_column_that_is_empty_is_named(vehicle_rows, column):
+    with refused("frame-rate-unknown", column=column):
+        _read(_at(vehicle_rows, 25.0).assign(**{column: np.nan}))
+
+
+def test_rows_that_are_there_twice_and_single_rows_are_named_without_frames(vehicle_rows):
+    rows = _at(vehicle_rows, 25.0).drop(columns="frame")
+    with refused("duplicate", column="frame", row=301):
+        _read(pd.concat([rows, rows], ignore_index=True))
+    with refused("frames-unknown", column="time") as caught:
+        _read(rows.drop_duplicates("track_id"))
+    assert "two rows" in caught.value.problem.fault
 
 
 @pytest.mark.parametrize(("unit", "factor"), [("ms", 1e3), ("us", 1e6), ("ns", 1e9), ("min", 1 / 60), ("h", 1 / 3600)])
