@@ -91,6 +91,11 @@ class Thresholds:
     agree by chance.
     """
 
+    doubtless_base_gain: float = 5.0
+    """Gain, in standard deviations over resamples of drivers, beyond which a model replaces that of the key `driver`
+    although its simulations are probably worse [-].
+    """
+
     base_error_share: float = 0.05
     """Relative amount by which the mean gap error of a replacing model, with parameters of the population or of the
     first half of a drive, may exceed that of the best model [-].

@@ -1,9 +1,10 @@
 """The choice of a car-following model: that of the key `driver`, unless another one predicts other drivers
-significantly better, or simulations reject it and not another model that is as likely.
+significantly better, or simulations reject it and another model is as likely and predicts better in every protocol.
 """
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from jaxtyping import Float
@@ -46,9 +47,14 @@ class Choice:
 def choice_of(
     gains: Sequence[Float[np.ndarray, " drivers"]], errors: Sequence[Mapping[str, Float[np.ndarray, " _"]]], seed: int
 ) -> Choice:
-    """The most likely of the first model and those that are significantly more likely; if simulations reject the first
-    model, also of those that are not significantly less likely. Models that simulations reject are chosen only if they
-    reject all of these.
+    """The most likely of the first model and those that are significantly more likely. Three conditions depend on
+    simulations:
+
+    - If they reject the first model, a model that is not significantly less likely replaces it too, unless its error is
+      larger than that of the first model under one of the protocols that predict.
+    - A model whose error is probably larger than that of the first one must be more likely beyond doubt, because few
+      drivers rarely show for sure that an error is larger.
+    - Models that simulations reject are chosen only if they reject all of these.
 
     Args:
         gains: Log-likelihood of each driver under each model minus that under the first model, which is that of the
@@ -61,15 +67,22 @@ def choice_of(
     better = (drawn > drawn[0]).mean(axis=1).tolist()
     best = np.bincount(drawn.argmax(axis=0), minlength=len(gains)) / DRAWS
     vetoed = frozenset().union(
-        *(_probably_worse([by_protocol.get(name) for by_protocol in errors], seed) for name in PREDICTING)
+        *(_surely_worse([by_protocol.get(name) for by_protocol in errors], seed) for name in PREDICTING)
     )
     first = Choice(0, better, best.tolist(), vetoed, [mean_prediction_error(by_protocol) for by_protocol in errors])
+
+    def is_more_likely(index: int) -> bool:
+        is_significant = better[index] >= THRESHOLDS.base_confidence and gains[index].sum() > THRESHOLDS.least_base_gain
+        is_beyond_doubt = drawn[index].mean() > THRESHOLDS.doubtless_base_gain * drawn[index].std()
+        return bool(is_significant and (is_beyond_doubt or not _is_probably_worse(errors[index], errors[0], seed)))
+
+    def is_as_likely(index: int) -> bool:
+        return not is_beaten(gains[index], gains, seed) and _is_nowhere_worse(errors[index], errors[0])
+
     possible = [
         index
-        for index, share in enumerate(better)
-        if index == 0
-        or (share >= THRESHOLDS.base_confidence and gains[index].sum() > THRESHOLDS.least_base_gain)
-        or (0 in vetoed and not is_beaten(gains[index], gains, seed))
+        for index in range(len(gains))
+        if index == 0 or is_more_likely(index) or (0 in vetoed and is_as_likely(index))
     ]
     # A model without simulations is not chosen if others have some.
     possible = [index for index in possible if errors[index] or not any(errors)]
@@ -93,18 +106,42 @@ def mean_prediction_error(errors: Mapping[str, Float[np.ndarray, " _"]]) -> floa
     return float(np.exp(np.mean(np.log(means)))) if means else np.inf
 
 
-def _probably_worse(errors: Sequence[Float[np.ndarray, " tested"] | None], seed: int) -> frozenset[int]:
-    """Indices of models whose mean error exceeds the smallest one by more than `base_error_share` in more than
-    `base_veto_share` of the resamples of drivers.
-    """
+def _surely_worse(errors: Sequence[Float[np.ndarray, " tested"] | None], seed: int) -> frozenset[int]:
+    """Indices of models whose error is larger than the smallest one in more than `base_veto_share` of the resamples."""
     tested = {index: error for index, error in enumerate(errors) if error is not None}
     if not tested:
         return frozenset()
     best = min(tested.values(), key=lambda error: float(error.mean()))
-    drawn = resamples(len(best), DRAWS, seed)
-    tolerated = (1 + THRESHOLDS.base_error_share) * best[drawn].mean(axis=1)
     return frozenset(
-        index
-        for index, error in tested.items()
-        if (error[drawn].mean(axis=1) > tolerated).mean() > THRESHOLDS.base_veto_share
+        index for index, error in tested.items() if _worse_share(error, best, seed) > THRESHOLDS.base_veto_share
     )
+
+
+def _is_probably_worse(
+    errors: Mapping[str, Float[np.ndarray, " _"]], others: Mapping[str, Float[np.ndarray, " _"]], seed: int
+) -> bool:
+    """True if errors are larger than those of another model in more than half of the resamples, under one of the
+    protocols that predict.
+    """
+    return any(_worse_share(errors[name], others[name], seed) > 0.5 for name in _common(errors, others))
+
+
+def _is_nowhere_worse(
+    errors: Mapping[str, Float[np.ndarray, " _"]], others: Mapping[str, Float[np.ndarray, " _"]]
+) -> bool:
+    """True if the mean error is at most that of another model under all protocols that predict."""
+    return all(bool(errors[name].mean() <= others[name].mean()) for name in _common(errors, others))
+
+
+def _common(errors: Mapping[str, Any], others: Mapping[str, Any]) -> list[str]:
+    """Protocols that predict under which both models were tested."""
+    return [name for name in PREDICTING if name in errors and name in others]
+
+
+def _worse_share(error: Float[np.ndarray, " tested"], other: Float[np.ndarray, " tested"], seed: int) -> float:
+    """Share of resamples of drivers in which the mean of an error exceeds that of another by more than
+    `base_error_share` [-].
+    """
+    drawn = resamples(len(other), DRAWS, seed)
+    tolerated = (1 + THRESHOLDS.base_error_share) * other[drawn].mean(axis=1)
+    return float((error[drawn].mean(axis=1) > tolerated).mean())

@@ -83,6 +83,28 @@ def test_a_model_that_simulations_reject_gives_way_to_one_as_likely_that_they_do
     assert found.chosen == expected
 
 
+@pytest.mark.parametrize(("first_half", "expected"), [(1.0, 1), (0.9, 1), (1.02, 0)])
+def test_one_that_is_only_as_likely_predicts_no_worse_under_any_protocol(first_half, expected):
+    errors = [
+        {"population": 1.3 * ERROR, "first_half": ERROR},
+        {"population": ERROR, "first_half": first_half * ERROR},
+    ]
+    found = chosen([scattered(0.2)], errors)
+    assert found.vetoed == {0}
+    assert found.chosen == expected
+
+
+@pytest.mark.parametrize(("mean", "expected"), [(1.0, 0), (4.0, 1)])
+def test_one_that_probably_predicts_worse_must_be_more_likely_beyond_doubt(mean, expected):
+    few = np.linspace(0.2, 1.8, 8) * 4.0
+    errors = [{"other_runs": few}, {"other_runs": few + 4.0 * np.resize([1.1, -0.8], 8)}]
+    found = chosen([scattered(mean)], errors)
+    assert not found.vetoed
+    assert found.better_share[1] >= THRESHOLDS.base_confidence
+    assert found.chosen == expected
+    assert chosen([scattered(mean)]).chosen == 1
+
+
 @pytest.mark.parametrize(
     ("factors", "denied"),
     [((1.0, 1.3, 1.0), {1}), ((1.3, 1.2, 1.0), set()), ((1.2, 1.3, 1.0), {1}), ((1.0, 1.0, 1.0), set())],
