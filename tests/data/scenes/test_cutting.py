@@ -365,8 +365,8 @@ def test_overlapping_windows_share_their_snapshots():
     assert len(dense) > 4 * len(plain)
     same = np.isin(dense.start_frame, plain.start_frame)
     np.testing.assert_array_equal(dense.spacing[same], plain.spacing)
-    np.testing.assert_array_equal(dense.block[same], plain.window)
-    assert (np.bincount(dense.block) <= 6).all()
+    np.testing.assert_array_equal(dense.start_time[same], 6.0 * plain.window)
+    assert (np.bincount((dense.start_time // 6.0).astype(int)) <= 6).all()
 
 
 def test_a_frame_rate_that_is_no_whole_number():
