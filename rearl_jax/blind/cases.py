@@ -158,15 +158,15 @@ def _broad_kinds(blind: BlindConfig, master_seed: int) -> Iterator[Case]:
 def _kinds(size: StudySize) -> list[Case]:
     """All data sets of a size, each kind repeated; without names and seeds."""
     if size is StudySize.small:
-        few_drivers = {"n_recordings": 1}
-        return [
-            Case("control", "default", (), few_drivers),
-            Case("named", "reaction_delay", (Planted("reaction_delay"),), few_drivers),
-            Case("named", "grade", (Planted("grade"),), few_drivers),
-            Case("artefact", "lens", (Planted("lens"),), few_drivers),
-            Case("unlisted", "rain", (Planted("rain"),), few_drivers),
-            Case("two", "reaction_delay+grade", (Planted("reaction_delay"), Planted("grade")), few_drivers),
-        ]
+        kinds = (
+            Case("control", "default"),
+            Case("named", "reaction_delay", (Planted("reaction_delay"),)),
+            Case("named", "grade", (Planted("grade"),)),
+            Case("artefact", "lens", (Planted("lens"),)),
+            Case("unlisted", "rain", (Planted("rain"),)),
+            Case("two", "reaction_delay+grade", (Planted("reaction_delay"), Planted("grade"))),
+        )
+        return [replace(kind, changes={"n_recordings": 1}) for kind in kinds]
     repeats = REPEATS[size]
     return [kind for kind in _every_kind() for _ in range(repeats.get(kind.group, 0))]
 

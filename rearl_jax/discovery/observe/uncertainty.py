@@ -7,8 +7,8 @@ from jaxtyping import Float
 from scipy.stats import norm
 
 from rearl_jax.discovery.observe.candidates import FLAT
-from rearl_jax.discovery.observe.fit_state import FitState, with_prior
-from rearl_jax.discovery.observe.population_mean import mean_projections
+from rearl_jax.discovery.observe.fit_state import FitState
+from rearl_jax.discovery.observe.projection import mean_projections, own_projection
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.thresholds import THRESHOLDS
 
@@ -54,14 +54,12 @@ def _projected(
     own parameters and the means of their population are fitted (Schur complements).
     """
     assert state.sums is not None
-    own, added = slice(0, state.z.shape[1]), slice(state.z.shape[1], None)
+    n_own = state.z.shape[1]
     gradient, gram = state.sums.gradient / state.variances[:, None], state.sums.gram / state.variances[:, None, None]
-    coupling, block = gram[:, own, added], with_prior(state.own_information, state.precision)
-    step = np.linalg.solve(block, (gradient[:, own] + state.away @ state.precision)[:, :, None])[:, :, 0]
-    response = np.linalg.solve(block, coupling)
-    scores = gradient[:, added] - np.einsum("dij,di->dj", coupling, step)
-    information = (gram[:, added, added] - np.einsum("dij,dik->djk", coupling, response)).sum(axis=0)
-    for mean in mean_projections(state, solver.layout.prior, block, step, response):
+    own = own_projection(state, gradient, gram[:, :n_own])
+    scores = own.gradient.copy()
+    information = (gram[:, n_own:, n_own:] - np.einsum("dij,dik->djk", own.coupling, own.response)).sum(axis=0)
+    for mean in mean_projections(state, solver.layout.prior, own):
         scores[mean.members] -= mean.driver_pull @ mean.answer
         information -= mean.coupled.T @ mean.answer
     return scores, information

@@ -17,8 +17,8 @@ from jaxtyping import Float
 
 from rearl_jax.discovery.observe import clocks
 from rearl_jax.discovery.observe.candidates import Layout, Term
-from rearl_jax.discovery.observe.fit_state import FitState, with_prior
-from rearl_jax.discovery.observe.population_mean import mean_projections
+from rearl_jax.discovery.observe.fit_state import FitState
+from rearl_jax.discovery.observe.projection import mean_projections, own_projection
 from rearl_jax.discovery.observe.solver import Solver
 
 PRIOR_WIDTHS = (0.35, 1.0, 2.0)
@@ -80,16 +80,12 @@ def _scores(
     n_kept, n_own = len(free), layout.prior.size
     variances = state.variances
     gradient, nuisance = sums["gradient"] / variances[:, None], sums["nuisance"] / variances[:, None, None]
-    block = with_prior(nuisance[:, :n_own, :n_own], state.precision)
-    coupling = nuisance[:, :n_own, n_own:]
-    slope = gradient[:, :n_own] + state.away @ state.precision
-    solved = np.linalg.solve(block, np.concatenate([slope[:, :, None], coupling], axis=2))
-    step, response = solved[:, :, 0], solved[:, :, 1:]
-    driver_score = -(gradient[:, n_own:] - np.einsum("dij,di->dj", coupling, step))
+    own = own_projection(state, gradient, nuisance[:, :n_own])
+    coupling, response, driver_score = own.coupling, own.response, -own.gradient
     score = driver_score.sum(axis=0)
     kept = nuisance[:, n_own:, n_own:] - np.einsum("dij,dik->djk", coupling[:, :, free], response)
     kept = kept.sum(axis=0)  # [kept, parameters and clocks]
-    means = list(mean_projections(state, layout.prior, block, step, response))
+    means = list(mean_projections(state, layout.prior, own))
     for mean in means:
         score = score + mean.answer.T @ mean.pull
         kept = kept - mean.coupled[:, free].T @ mean.answer
