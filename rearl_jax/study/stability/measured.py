@@ -84,10 +84,8 @@ def read_pairs(recordings: Iterable[Recording], seconds: int, same: str | None =
 
 def _names(recording: Recording, same: str | None) -> Mapping[int, str]:
     """Name of the car or person of each track; without tracks whose car or person is unknown."""
-    if same not in recording.info.labels:
-        return {}
-    first_names = recording.table.groupby("track_id")[same].first().dropna()
-    return dict(zip(first_names.index.tolist(), first_names.tolist(), strict=True))
+    labels = recording.labels
+    return labels[same].dropna().to_dict() if same in labels else {}
 
 
 def _behind_leaders(table: pd.DataFrame) -> pd.DataFrame:
