@@ -22,13 +22,13 @@ def task(root: Path, **blind) -> DiscoverBlindTask:
 class Stub:
     """A stand-in that names an effect by the length of the first file, adds the weather to it, and logs its calls."""
 
-    def __init__(self, log: Path, die_after: int | None = None) -> None:
-        self.log, self.die_after = log, die_after
+    def __init__(self, log: Path, die_after: int | None = None, n_files: int = 1) -> None:
+        self.log, self.die_after, self.n_files = log, die_after, n_files
 
     def __call__(self, folder: Path, study: str, oracle: str | None = None) -> dict:
         """A verdict that depends on the data only."""
         files = sorted(folder.iterdir())
-        assert len(files) == 1
+        assert len(files) == self.n_files
         with self.log.open("a") as log:
             log.write(f"{folder.name} {oracle}\n")
         if self.die_after is not None and len(self.log.read_text().splitlines()) > self.die_after:

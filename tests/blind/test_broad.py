@@ -168,7 +168,7 @@ def test_the_truth_says_what_was_drawn(drawn):
 @pytest.fixture(scope="module")
 def study(tmp_path_factory):
     root = tmp_path_factory.mktemp("broad")
-    return root, run_with(task(root, **SMALL, n_sets=4), Stub(root / "asked.txt"))
+    return root, run_with(task(root, **SMALL, n_sets=4), Stub(root / "asked.txt", n_files=3))
 
 
 @pytest.mark.slow
