@@ -14,7 +14,7 @@ from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from rearl_jax.core.model import TrafficModel
 from rearl_jax.core.timer import ticks_until_decision
-from rearl_jax.problems import InvalidInputError, Problem
+from rearl_jax.problems import InvalidInputError, Problem, out_of_range
 
 
 class Controller(enum.IntEnum):
@@ -122,7 +122,7 @@ def make_state(
         heading: Headings [rad].
         desired_speed: Desired (IDM) or target (META, snapped to the nearest level) speed [m/s]; None for the present
             speed.
-        target_lane: None for the nearest lane.
+        target_lane: Lanes of the road; None for the nearest lane.
         timer: Time since the last lane-change decision [s]; None for ((x + y) pi) mod delay, highway-env's phase.
         lane_change_delay: Time between lane-change decisions [s].
         controller: One of `Controller` for each vehicle. Positions of ABSENT vehicles are ignored.
@@ -130,7 +130,8 @@ def make_state(
         dtype: np.float32 or np.float64.
 
     Raises:
-        ValueError: If shapes differ or a value of a vehicle that is present is not finite.
+        ValueError: If shapes differ, a value of a vehicle that is present is not finite, a target lane is not on the
+            road, or the delay is not a positive time.
 
     Source: highway-env 1.12.1, constructors of `Vehicle`, `IDMVehicle`, `MDPVehicle`.
     """
@@ -150,6 +151,8 @@ def make_state(
         if len(bad):
             key, remedy = f"{name}{bad[0].tolist()}", "drop the vehicle or mark it Controller.ABSENT"
             raise InvalidInputError(Problem("not-a-number", "must be finite", remedy, key=key))
+    if not 0 < lane_change_delay < np.inf:
+        raise out_of_range("lane_change_delay", "must be > 0 s and finite", lane_change_delay)
     slot = np.arange(shape[0], dtype=np.float64).reshape(-1, *(1,) * (len(shape) - 1))
     parking = 100 * model.road_length + PARKING_SPACING * slot
     x = np.where(present, x, parking)
@@ -160,6 +163,8 @@ def make_state(
     desired = np.where(controller == Controller.META, level_speed, desired)
     lane = np.clip(np.ceil(y / model.lane_width - 0.5), 0, model.n_lanes - 1).astype(np.int32)
     target = lane if target_lane is None else np.where(present, full(target_lane, np.int32), 0)
+    if (beyond := (target < 0) | (target >= model.n_lanes)).any():
+        raise out_of_range("target_lane", f"must be within 0 and {model.n_lanes - 1}", int(target[beyond][0]))
     phase = ((x + y) * np.pi) % lane_change_delay if timer is None else np.where(present, checked["timer"], 0.0)
     zeros = jnp.zeros(shape, dtype)
     return TrafficState(
