@@ -39,8 +39,8 @@ class Driving:
 
     Attributes:
         speed: Mean speed [m/s].
-        acceleration: Mean absolute change of speed over one second [m/s^2], because some recordings have no
-            accelerations and others only noisy ones.
+        acceleration: Mean absolute change of speed per second, over the whole number of frames nearest to one second
+            [m/s^2], because some recordings have no accelerations and others only noisy ones.
         lane_changes: Number of lane changes; 0 if lanes are unknown.
         is_truck: Whether the data source classifies the vehicle as a truck.
     """
@@ -88,10 +88,11 @@ def _of_recording(recording: Recording, stretches: Sequence[Stretch]) -> Driving
             (vehicle[n_frames:] == vehicle[:-n_frames]) & (frame[n_frames:] - frame[:-n_frames] == n_frames)
         )
 
-    second = max(1, round(recording.info.frame_rate))
+    second = max(1, round(recording.info.frame_rate))  # frames
+    duration = second / recording.info.frame_rate  # a second, unless the frame rate is no whole number
     pairs, steps = rows_before(second), rows_before(1)
     n_pairs = np.bincount(vehicle[pairs], minlength=n_vehicles)
-    change = np.bincount(vehicle[pairs], np.abs(speed[pairs + second] - speed[pairs]), n_vehicles)
+    change = np.bincount(vehicle[pairs], np.abs(speed[pairs + second] - speed[pairs]) / duration, n_vehicles)
     before, after = lane[steps], lane[steps + 1]
     changed = steps[np.isfinite(before) & np.isfinite(after) & (before != after)]
     has_pairs = n_pairs > 0
