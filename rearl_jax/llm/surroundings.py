@@ -38,7 +38,9 @@ def look_around(
 
     For vehicles of equal length they are those of the traffic model (`core.neighbours`), which compares the distances
     of centres. As there, a vehicle between two lanes is on both, the same position counts as ahead, and vehicles beyond
-    the road are left out. Lengths [m] broadcast to `[n_vehicles, n_scenarios]`, `vehicle` and `scenario` are rows and columns.
+    the road are left out.
+
+    Lengths [m] broadcast to `[n_vehicles, n_scenarios]`, `vehicle` and `scenario` are rows and columns.
     """
     length = np.broadcast_to(np.asarray(length, frame.x.dtype), frame.x.shape)
     own_x, own_lane, own_length = (values[vehicle, scenario] for values in (frame.x, frame.lane, length))
