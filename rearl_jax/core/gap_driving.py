@@ -62,7 +62,8 @@ def begin_driving(
     neighbours = find_neighbours(state, derived, vehicles)
     history = LeaderHistory.begin(neighbours.ahead[0].index, bumper_gap(neighbours.ahead[0], vehicles))
     seen = stimulus(state, derived, vehicles, neighbours, history, derived.lane, jnp.zeros((), state.x.dtype), model)
-    effect_memory = begin_effects(drivers.effects, seen, _present_car_following(state, drivers, model), model.dt)
+    driver = present_car_following(state, drivers, model).full(state.x.shape)
+    effect_memory = begin_effects(drivers.effects, seen, driver, model.dt)
     return replace(state, memory=DriverMemory(jnp.int32(0), history, effect_memory, jnp.zeros_like(state.target_lane)))
 
 
@@ -87,7 +88,7 @@ def drive_by_gaps(state: TrafficState, derived: DerivedState, drivers: Drivers, 
     wanted_lane = jnp.where(derived.lane == state.target_lane, derived.lane + memory.desired_side, state.target_lane)
     time = memory.n_ticks.astype(state.x.dtype) * model.dt
     seen = stimulus(state, derived, vehicles, neighbours, history, wanted_lane, time, model)
-    effects, driver = drivers.effects, _present_car_following(state, drivers, model)
+    effects, driver = drivers.effects, present_car_following(state, drivers, model).full(state.x.shape)
     perceived, effect_memory = perceive(seen, driver, effects, memory.effects, model.dt)
     adjusted = adjust_setpoints(perceived, driver, effects, effect_memory)
     stop_at_once = -jnp.maximum(state.speed, 0.0) / model.dt  # harder braking would make the vehicle drive backwards
@@ -120,7 +121,7 @@ def drive_by_gaps(state: TrafficState, derived: DerivedState, drivers: Drivers, 
     return Driving(replace(state, memory=memory), own_acceleration, target_lane, acceleration_on)
 
 
-def _present_car_following(state: TrafficState, drivers: Drivers, model: TrafficModel) -> CarFollowing:
+def present_car_following(state: TrafficState, drivers: Drivers, model: TrafficModel) -> CarFollowing:
     """The drivers' car-following model with the desired speeds of the state, under the road's limit."""
     desired_speed = jnp.clip(state.desired_speed, LEAST_DESIRED_SPEED, model.speed_limit)
-    return replace(drivers.car_following, desired_speed=desired_speed).full(state.x.shape)
+    return replace(drivers.car_following, desired_speed=desired_speed)
