@@ -104,7 +104,7 @@ def _of_recording(recording: Recording, stretches: Sequence[Stretch]) -> Driving
     )
 
 
-def recorded_mixture(driving: Driving, *, seed: int = 0) -> Mixture:
+def recorded_mixture(driving: Driving) -> Mixture:
     """The shares of the recorded vehicles: trucks as their source names them, cars in three groups.
 
     Groups: k-means on speed, acceleration and lane changes, each standardised (mean 0, standard deviation 1). The
@@ -128,7 +128,7 @@ def recorded_mixture(driving: Driving, *, seed: int = 0) -> Mixture:
     # Imported here, because scikit-learn is slow to import and most methods do not need it.
     from sklearn.cluster import KMeans
 
-    groups = KMeans(N_GROUPS, n_init=10, random_state=seed)  # pyright: ignore[reportArgumentType]
+    groups = KMeans(N_GROUPS, n_init=10, random_state=0)  # pyright: ignore[reportArgumentType]
     labels, centres = groups.fit_predict(scaled), groups.cluster_centers_
     slowest = int(centres[:, 0].argmin())
     activity = np.where(np.arange(N_GROUPS) == slowest, -np.inf, centres.sum(axis=1))
