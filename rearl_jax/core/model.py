@@ -35,7 +35,7 @@ class TrafficModel:
             not zero; otherwise the program is shorter without this evaluation, with the same result.
         meta_follows: Whether the acceleration of vehicles under meta-actions is limited to that of IDM behind their
             leader, with the target speed as desired speed. In highway-env it is not.
-        speed_levels: Target speeds [m/s] a meta-action can choose, rising and equidistant.
+        speed_levels: Target speeds [m/s] a meta-action can choose, rising; see `state.nearest_level`.
 
     Source: highway-env 1.12.1 (`highway-v0`); speed levels: nine levels from 5 to 32 m/s as in REARL (Bi et al.).
     """

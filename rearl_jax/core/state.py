@@ -87,7 +87,9 @@ def nearest_lane(y: Float[Array, "*n"], model: TrafficModel) -> Int[Array, "*n"]
 def nearest_level(speed: Float[Array, "*n"] | np.ndarray, model: TrafficModel) -> Float[Array, "*n"] | np.ndarray:
     """Index of the target speed nearest to a speed, halves to even; a float array of NumPy or JAX, like the speed.
 
-    Source: highway-env 1.12.1, `MDPVehicle.speed_to_index` (levels are equidistant).
+    As in highway-env, levels that are not equidistant are treated as if they were, between the first and the last.
+
+    Source: highway-env 1.12.1, `MDPVehicle.speed_to_index`.
     """
     low, high, last = model.speed_levels[0], model.speed_levels[-1], len(model.speed_levels) - 1
     return ((speed - low) / (high - low) * last).round().clip(0, last)
