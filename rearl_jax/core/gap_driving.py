@@ -43,15 +43,30 @@ class DriverMemory(eqx.Module):
 
 
 def begin_driving(
-    state: TrafficState, drivers: Drivers, model: TrafficModel, replayed: ReplayedVehicles | None = None
+    state: TrafficState,
+    drivers: Drivers,
+    model: TrafficModel,
+    replayed: ReplayedVehicles | None = None,
+    highest_speed: Float[Array, "vehicles *scenarios"] | None = None,
 ) -> TrafficState:
     """The initial state with the drivers' desired speeds and memory.
 
-    Drivers whose model has no desired speed keep that of the state; highway-env's drivers without effects need no
-    memory.
+    Drivers whose model has no desired speed keep that of the state or, if they were recorded, get their highest
+    recorded speed; highway-env's drivers without effects need no memory.
+
+    Args:
+        state: The vehicles.
+        drivers: Parameters of all vehicles.
+        model: Traffic model; only its road and its time step are used.
+        replayed: Recorded vehicles around them; None for none.
+        highest_speed: Highest recorded speed of each vehicle [m/s], the upper bound of its driver's desired speed; None
+            for vehicles that were not recorded.
     """
-    if drivers.car_following.desired_speed is not None:
-        desired_speed = jnp.broadcast_to(drivers.car_following.desired_speed, state.x.shape)
+    desired_speed = drivers.car_following.desired_speed
+    if highest_speed is not None:
+        desired_speed = limited_desired_speed(highest_speed, drivers)
+    if desired_speed is not None:
+        desired_speed = jnp.broadcast_to(desired_speed, state.x.shape)
         desired_speed = jnp.where(state.controller == Controller.IDM, desired_speed, state.desired_speed)
         state = replace(state, desired_speed=desired_speed)
     if not drivers.see_gaps:
@@ -65,6 +80,21 @@ def begin_driving(
     driver = present_car_following(state, drivers, model).full(state.x.shape)
     effect_memory = begin_effects(drivers.effects, seen, driver, model.dt)
     return replace(state, memory=DriverMemory(jnp.int32(0), history, effect_memory, jnp.zeros_like(state.target_lane)))
+
+
+def limited_desired_speed(
+    highest: Float[Array, "vehicles *scenarios"], drivers: Drivers
+) -> Float[Array, "vehicles *scenarios"]:
+    """Desired speed of recorded vehicles' drivers [m/s]: that of their model, limited to the highest recorded speed.
+
+    Drivers whose model has no desired speed, such as highway-env's, get the highest recorded speed.
+
+    Args:
+        highest: Highest recorded speed of each vehicle [m/s].
+        drivers: Parameters of all vehicles.
+    """
+    own = drivers.car_following.desired_speed
+    return highest if own is None else jnp.minimum(jnp.broadcast_to(own, highest.shape), highest)
 
 
 def drive_by_gaps(state: TrafficState, derived: DerivedState, drivers: Drivers, model: TrafficModel) -> Driving:
