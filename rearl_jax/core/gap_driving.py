@@ -131,7 +131,7 @@ def drive_by_gaps(state: TrafficState, derived: DerivedState, drivers: Drivers, 
     is_changing = (state.controller != Controller.ABSENT) & (derived.lane != state.target_lane)
     zeros = jnp.zeros_like(state.x)
     own_acceleration = jnp.maximum(respond(perceived, adjusted, effects, effect_memory), stop_at_once)
-    target_acceleration = jnp.maximum(if_any(is_changing, on_target_lane, zeros), stop_at_once)
+    target_acceleration = if_any(is_changing, on_target_lane, zeros)
     left = right = zeros
     target_lane, side = state.target_lane, memory.desired_side
     if model.lane_changes:
@@ -145,7 +145,7 @@ def drive_by_gaps(state: TrafficState, derived: DerivedState, drivers: Drivers, 
 
     def acceleration_on(lane: Int[Array, "vehicles *scenarios"]) -> Float[Array, "vehicles *scenarios"]:
         beside = jnp.where(lane < derived.lane, left, right)
-        return jnp.where(lane == state.target_lane, target_acceleration, beside)
+        return jnp.maximum(jnp.where(lane == state.target_lane, target_acceleration, beside), stop_at_once)
 
     memory = DriverMemory(memory.n_ticks + 1, history, effect_memory, side)
     return Driving(replace(state, memory=memory), own_acceleration, target_lane, acceleration_on)

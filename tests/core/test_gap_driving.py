@@ -133,3 +133,16 @@ def test_a_conflict_is_judged_by_the_present_desired_speeds(size):
     assert gives_way(25.0, free)
     assert not gives_way(35.0, free)
     assert gives_way(35.0, replace(free, speed_limit=25.0))
+
+
+def test_who_changes_to_a_lane_where_hard_braking_is_due_does_not_drive_backwards():
+    """With few time steps per second, and drivers who also change lanes for the worse."""
+    model = TrafficModel(n_lanes=2, speed_limit=None, ticks_per_second=5, collisions=False)
+    drivers = default_drivers((1, 1), np.float64, accel_limit=9.0, gain_threshold=-10.0)
+    drivers = replace(drivers, car_following=IDM(*(jnp.full((1, 1), value) for value in (30.0, 1.2, 2.0, 1.5, 2.0))))
+    x, y, speed = np.array([[100.0], [106.5]]), np.array([[4.0], [0.0]]), np.array([[1.2], [0.0]])
+    state = make_state(x, y, speed, model, timer=np.array([[1.5], [0.0]]), dtype=np.float64)
+    after = step(begin_driving(state, drivers, model), drivers, model)
+    assert int(after.target_lane[0, 0]) == 0
+    assert float(after.acceleration[0, 0]) < -5.0
+    assert float(after.speed[0, 0]) >= -1e-9
