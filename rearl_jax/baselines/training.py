@@ -215,19 +215,24 @@ def _restored(
     config: TrainPpoTask, study: Study, learner: Learner, curve: CurvePoint
 ) -> tuple[Learner, CurvePoint, int]:
     """Learner, curve and number of updates in the study's checkpoint; the given learner and curve, and 0, if there is
-    no checkpoint of this configuration and code.
+    no checkpoint of this configuration and code, or a damaged one.
     """
     path = study.path / CHECKPOINT
     if not path.exists():
         return learner, curve, 0
-    with path.open("rb") as file:
-        header = json.loads(file.readline())
-        if {key: header[key] for key in _identity(config)} != _identity(config):
-            log.info("%s belongs to another configuration or code: the training starts again", path)
-            return learner, curve, 0
-        learner, curve = eqx.tree_deserialise_leaves(file, (learner, curve))
-    log.info("the training continues after update %d", header["updates"])
-    return learner, curve, header["updates"]
+    try:
+        with path.open("rb") as file:
+            header = json.loads(file.readline())
+            if {key: header[key] for key in _identity(config)} != _identity(config):
+                log.info("%s belongs to another configuration or code: the training starts again", path)
+                return learner, curve, 0
+            n_done = int(header["updates"])
+            stored_learner, stored_curve = eqx.tree_deserialise_leaves(file, (learner, curve))
+    except (KeyError, TypeError, ValueError, EOFError, RuntimeError) as error:  # RuntimeError: equinox's, of a leaf
+        log.warning("%s is damaged (%s): the training starts again", path, error)
+        return learner, curve, 0
+    log.info("the training continues after update %d", n_done)
+    return stored_learner, stored_curve, n_done
 
 
 def _identity(config: TrainPpoTask) -> dict[str, str]:

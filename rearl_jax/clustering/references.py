@@ -52,7 +52,7 @@ class ReferenceKeys(SceneKeys, Protocol):
     bo: BoConfig
 
 
-_SOURCES = ("clustering", "config", "data")
+_SOURCES = ("clustering", "config", "data", "metrics")
 """Parts of the package whose code determines a clustering."""
 
 _GROUPS = ("tracks", "scenes", "speed", "features", "spacing", "split", "kl", "cluster", "bo")

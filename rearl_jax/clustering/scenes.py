@@ -10,6 +10,7 @@ from jaxtyping import Bool, Float, Int
 from rearl_jax.config.clustering import ClusterConfig, FitOn, Representative, SceneVector
 from rearl_jax.data.scenes.scene_set import SceneSet
 from rearl_jax.data.scenes.splits import Split, Splits
+from rearl_jax.decision.situation import N_ACTIONS
 from rearl_jax.detection.references import References
 from rearl_jax.problems import InvalidInputError, Problem
 
@@ -17,9 +18,6 @@ log = logging.getLogger(__name__)
 
 _SHARE_DECIMALS = 9
 """Decimals to which shares must agree for scenes to count as equal; smaller differences are rounding errors."""
-
-_N_ACTIONS = 5
-"""Number of meta-actions."""
 
 
 @dataclass(frozen=True)
@@ -164,7 +162,7 @@ def references_of(scenes: SceneSet, clusters: SceneClusters, config: ClusterConf
         )
         votes = np.stack(
             [
-                [(scenes.action[of_cluster] == number).sum(axis=0) for number in range(_N_ACTIONS)]
+                [(scenes.action[of_cluster] == number).sum(axis=0) for number in range(N_ACTIONS)]
                 for of_cluster in members
             ]
         )

@@ -7,6 +7,9 @@ from rearl_jax.problems import out_of_range
 
 _SOURCE = "highway-env 1.12.1, IDMVehicle"
 
+BOUNDS = {"politeness": (-1.0, 10.0), "gain_threshold": (-10.0, 10.0), "safe_decel": (0.0, 20.0), "delay": (0.05, 60.0)}
+"""Bounds of the keys, in their units."""
+
 
 @dataclass(unsafe_hash=True)
 class MobilConfig:
@@ -30,7 +33,6 @@ class MobilConfig:
 
     def check(self) -> None:
         """Raise InvalidInputError for a value outside its bounds."""
-        bounds = {"politeness": (-1, 10), "gain_threshold": (-10, 10), "safe_decel": (0, 20), "delay": (0.05, 60)}
-        for name, (low, high) in bounds.items():
+        for name, (low, high) in BOUNDS.items():
             if not low <= getattr(self, name) <= high:
                 raise out_of_range(name, f"must be within {low:g} and {high:g}", getattr(self, name))

@@ -15,7 +15,7 @@ from jaxtyping import Array, Bool, Float, Int
 
 from rearl_jax.core.compaction import take_columns
 from rearl_jax.core.drivers import Drivers
-from rearl_jax.core.gap_driving import begin_driving
+from rearl_jax.core.gap_driving import begin_driving, limited_desired_speed
 from rearl_jax.core.model import TrafficModel
 from rearl_jax.core.replayed import ReplayedVehicles
 from rearl_jax.core.state import Controller, TrafficState
@@ -125,21 +125,6 @@ def replayed_vehicles(motion: Motion, identity: Identity) -> ReplayedVehicles:
     )
 
 
-def limited_desired_speed(
-    highest: Float[Array, "vehicles *scenarios"], drivers: Drivers
-) -> Float[Array, "vehicles *scenarios"]:
-    """Desired speed of recorded vehicles' drivers [m/s]: that of their model, limited to the highest recorded speed.
-
-    Drivers whose model has no desired speed, such as highway-env's, get the highest recorded speed.
-
-    Args:
-        highest: Highest recorded speed of each vehicle [m/s].
-        drivers: Parameters of all vehicles.
-    """
-    own = drivers.car_following.desired_speed
-    return highest if own is None else jnp.minimum(jnp.broadcast_to(own, highest.shape), highest)
-
-
 def enter(state: TrafficState, boundary_second: BoundarySecond, drivers: Drivers, model: TrafficModel) -> TrafficState:
     """State at the end of a second after entering vehicles have replaced others in their slots.
 
@@ -181,7 +166,7 @@ def enter(state: TrafficState, boundary_second: BoundarySecond, drivers: Drivers
     state = replace(
         jax.tree.map(where_entering, entered, replace(state, memory=None)), n_crashed_replaced=n_crashed_replaced
     )
-    fresh = begin_driving(state, drivers, model, boundary_second.after)
+    fresh = begin_driving(state, drivers, model, boundary_second.after, entrants.highest_speed)
     return replace(state, memory=jax.tree.map(where_entering, fresh.memory, memory))
 
 

@@ -13,7 +13,9 @@ from jaxtyping import Array, Bool, Float, Int
 from rearl_jax.core.car_following.model import CarFollowing
 from rearl_jax.core.compaction import VEHICLES_PER_LANE_CHANGER, Subset, apply_where, compact
 from rearl_jax.core.drivers import Drivers
+from rearl_jax.core.gap_driving import present_car_following
 from rearl_jax.core.mobil import approach_rate, uses_mobil
+from rearl_jax.core.model import TrafficModel
 from rearl_jax.core.nearest import lane_bit
 from rearl_jax.core.neighbours import DerivedState, Leader, for_each_vehicle, is_large, row
 from rearl_jax.core.state import TrafficState
@@ -32,6 +34,7 @@ def abort_conflicts(
     state: TrafficState,
     derived: DerivedState,
     drivers: Drivers,
+    model: TrafficModel,
 ) -> Int[Array, "vehicles *scenarios"]:
     """Target lanes after conflicting lane changes have been aborted.
 
@@ -46,11 +49,14 @@ def abort_conflicts(
         state: The traffic; its target lanes are those before that decision.
         derived: Derived quantities of the traffic.
         drivers: Parameters of all vehicles.
+        model: Traffic model; only its speed limit is used.
     """
+    # highway-env's desired spacing does not depend on the desired speed.
+    car_following = present_car_following(state, drivers, model) if drivers.see_gaps else drivers.car_following
     # A decision has no derivative. Memory and tables of neighbours have other axes than the gathered arrays, and the
     # target lane of a replayed vehicle is unknown.
     own_derived = replace(derived, nearest=None, replayed=None)
-    inputs = replace(state, memory=None), own_derived, drivers.car_following, drivers.body.length
+    inputs = replace(state, memory=None), own_derived, car_following, drivers.body.length
     state, derived, car_following, length = lax.stop_gradient(inputs)
     changing = uses_mobil(state, drivers) & (derived.lane != state.target_lane)
 

@@ -43,15 +43,30 @@ class DriverMemory(eqx.Module):
 
 
 def begin_driving(
-    state: TrafficState, drivers: Drivers, model: TrafficModel, replayed: ReplayedVehicles | None = None
+    state: TrafficState,
+    drivers: Drivers,
+    model: TrafficModel,
+    replayed: ReplayedVehicles | None = None,
+    highest_speed: Float[Array, "vehicles *scenarios"] | None = None,
 ) -> TrafficState:
     """The initial state with the drivers' desired speeds and memory.
 
-    Drivers whose model has no desired speed keep that of the state; highway-env's drivers without effects need no
-    memory.
+    Drivers whose model has no desired speed keep that of the state or, if they were recorded, get their highest
+    recorded speed; highway-env's drivers without effects need no memory.
+
+    Args:
+        state: The vehicles.
+        drivers: Parameters of all vehicles.
+        model: Traffic model; only its road and its time step are used.
+        replayed: Recorded vehicles around them; None for none.
+        highest_speed: Highest recorded speed of each vehicle [m/s], the upper bound of its driver's desired speed; None
+            for vehicles that were not recorded.
     """
-    if drivers.car_following.desired_speed is not None:
-        desired_speed = jnp.broadcast_to(drivers.car_following.desired_speed, state.x.shape)
+    desired_speed = drivers.car_following.desired_speed
+    if highest_speed is not None:
+        desired_speed = limited_desired_speed(highest_speed, drivers)
+    if desired_speed is not None:
+        desired_speed = jnp.broadcast_to(desired_speed, state.x.shape)
         desired_speed = jnp.where(state.controller == Controller.IDM, desired_speed, state.desired_speed)
         state = replace(state, desired_speed=desired_speed)
     if not drivers.see_gaps:
@@ -62,8 +77,24 @@ def begin_driving(
     neighbours = find_neighbours(state, derived, vehicles)
     history = LeaderHistory.begin(neighbours.ahead[0].index, bumper_gap(neighbours.ahead[0], vehicles))
     seen = stimulus(state, derived, vehicles, neighbours, history, derived.lane, jnp.zeros((), state.x.dtype), model)
-    effect_memory = begin_effects(drivers.effects, seen, _present_car_following(state, drivers, model), model.dt)
+    driver = present_car_following(state, drivers, model).full(state.x.shape)
+    effect_memory = begin_effects(drivers.effects, seen, driver, model.dt)
     return replace(state, memory=DriverMemory(jnp.int32(0), history, effect_memory, jnp.zeros_like(state.target_lane)))
+
+
+def limited_desired_speed(
+    highest: Float[Array, "vehicles *scenarios"], drivers: Drivers
+) -> Float[Array, "vehicles *scenarios"]:
+    """Desired speed of recorded vehicles' drivers [m/s]: that of their model, limited to the highest recorded speed.
+
+    Drivers whose model has no desired speed, such as highway-env's, get the highest recorded speed.
+
+    Args:
+        highest: Highest recorded speed of each vehicle [m/s].
+        drivers: Parameters of all vehicles.
+    """
+    own = drivers.car_following.desired_speed
+    return highest if own is None else jnp.minimum(jnp.broadcast_to(own, highest.shape), highest)
 
 
 def drive_by_gaps(state: TrafficState, derived: DerivedState, drivers: Drivers, model: TrafficModel) -> Driving:
@@ -87,7 +118,7 @@ def drive_by_gaps(state: TrafficState, derived: DerivedState, drivers: Drivers, 
     wanted_lane = jnp.where(derived.lane == state.target_lane, derived.lane + memory.desired_side, state.target_lane)
     time = memory.n_ticks.astype(state.x.dtype) * model.dt
     seen = stimulus(state, derived, vehicles, neighbours, history, wanted_lane, time, model)
-    effects, driver = drivers.effects, _present_car_following(state, drivers, model)
+    effects, driver = drivers.effects, present_car_following(state, drivers, model).full(state.x.shape)
     perceived, effect_memory = perceive(seen, driver, effects, memory.effects, model.dt)
     adjusted = adjust_setpoints(perceived, driver, effects, effect_memory)
     stop_at_once = -jnp.maximum(state.speed, 0.0) / model.dt  # harder braking would make the vehicle drive backwards
@@ -100,7 +131,7 @@ def drive_by_gaps(state: TrafficState, derived: DerivedState, drivers: Drivers, 
     is_changing = (state.controller != Controller.ABSENT) & (derived.lane != state.target_lane)
     zeros = jnp.zeros_like(state.x)
     own_acceleration = jnp.maximum(respond(perceived, adjusted, effects, effect_memory), stop_at_once)
-    target_acceleration = jnp.maximum(if_any(is_changing, on_target_lane, zeros), stop_at_once)
+    target_acceleration = if_any(is_changing, on_target_lane, zeros)
     left = right = zeros
     target_lane, side = state.target_lane, memory.desired_side
     if model.lane_changes:
@@ -114,13 +145,13 @@ def drive_by_gaps(state: TrafficState, derived: DerivedState, drivers: Drivers, 
 
     def acceleration_on(lane: Int[Array, "vehicles *scenarios"]) -> Float[Array, "vehicles *scenarios"]:
         beside = jnp.where(lane < derived.lane, left, right)
-        return jnp.where(lane == state.target_lane, target_acceleration, beside)
+        return jnp.maximum(jnp.where(lane == state.target_lane, target_acceleration, beside), stop_at_once)
 
     memory = DriverMemory(memory.n_ticks + 1, history, effect_memory, side)
     return Driving(replace(state, memory=memory), own_acceleration, target_lane, acceleration_on)
 
 
-def _present_car_following(state: TrafficState, drivers: Drivers, model: TrafficModel) -> CarFollowing:
+def present_car_following(state: TrafficState, drivers: Drivers, model: TrafficModel) -> CarFollowing:
     """The drivers' car-following model with the desired speeds of the state, under the road's limit."""
     desired_speed = jnp.clip(state.desired_speed, LEAST_DESIRED_SPEED, model.speed_limit)
-    return replace(drivers.car_following, desired_speed=desired_speed).full(state.x.shape)
+    return replace(drivers.car_following, desired_speed=desired_speed)

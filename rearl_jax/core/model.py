@@ -5,6 +5,8 @@ scenarios are arrays and live in `rearl_jax.core.drivers` and `rearl_jax.core.st
 """
 
 import dataclasses
+import itertools
+import math
 
 from rearl_jax.config.core import CoreConfig
 from rearl_jax.problems import out_of_range
@@ -33,7 +35,7 @@ class TrafficModel:
             not zero; otherwise the program is shorter without this evaluation, with the same result.
         meta_follows: Whether the acceleration of vehicles under meta-actions is limited to that of IDM behind their
             leader, with the target speed as desired speed. In highway-env it is not.
-        speed_levels: Target speeds [m/s] a meta-action can choose.
+        speed_levels: Target speeds [m/s] a meta-action can choose, rising; see `state.nearest_level`.
 
     Source: highway-env 1.12.1 (`highway-v0`); speed levels: nine levels from 5 to 32 m/s as in REARL (Bi et al.).
     """
@@ -54,8 +56,17 @@ class TrafficModel:
             raise out_of_range("n_lanes", "must be within 1 and 8: the lanes of one carriageway", self.n_lanes)
         if self.ticks_per_second < 1:
             raise out_of_range("ticks_per_second", "must be at least 1 (highway-env: 15)", self.ticks_per_second)
-        if len(self.speed_levels) < 2:
-            raise out_of_range("speed_levels", "must have two speeds for FASTER and SLOWER", self.speed_levels)
+        if not (self.speed_limit is None or self.speed_limit > 0):
+            raise out_of_range("speed_limit", "must be > 0 m/s or None", self.speed_limit)
+        for name in ("lane_width", "road_length"):
+            if not getattr(self, name) > 0:
+                raise out_of_range(name, "must be > 0 m", getattr(self, name))
+        levels = self.speed_levels
+        if len(levels) < 2:
+            raise out_of_range("speed_levels", "must have two speeds for FASTER and SLOWER", levels)
+        # Written so that nan is refused, too.
+        if not all(low < high < math.inf for low, high in itertools.pairwise(levels)):
+            raise out_of_range("speed_levels", "must rise, so that FASTER is faster", levels)
 
     @property
     def dt(self) -> float:

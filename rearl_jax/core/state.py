@@ -14,7 +14,7 @@ from jaxtyping import Array, Bool, Float, Int, PyTree
 
 from rearl_jax.core.model import TrafficModel
 from rearl_jax.core.timer import ticks_until_decision
-from rearl_jax.problems import InvalidInputError, Problem
+from rearl_jax.problems import InvalidInputError, Problem, out_of_range
 
 
 class Controller(enum.IntEnum):
@@ -87,7 +87,9 @@ def nearest_lane(y: Float[Array, "*n"], model: TrafficModel) -> Int[Array, "*n"]
 def nearest_level(speed: Float[Array, "*n"] | np.ndarray, model: TrafficModel) -> Float[Array, "*n"] | np.ndarray:
     """Index of the target speed nearest to a speed, halves to even; a float array of NumPy or JAX, like the speed.
 
-    Source: highway-env 1.12.1, `MDPVehicle.speed_to_index` (levels are equidistant).
+    As in highway-env, levels that are not equidistant are treated as if they were, between the first and the last.
+
+    Source: highway-env 1.12.1, `MDPVehicle.speed_to_index`.
     """
     low, high, last = model.speed_levels[0], model.speed_levels[-1], len(model.speed_levels) - 1
     return ((speed - low) / (high - low) * last).round().clip(0, last)
@@ -122,7 +124,7 @@ def make_state(
         heading: Headings [rad].
         desired_speed: Desired (IDM) or target (META, snapped to the nearest level) speed [m/s]; None for the present
             speed.
-        target_lane: None for the nearest lane.
+        target_lane: Lanes of the road; None for the nearest lane.
         timer: Time since the last lane-change decision [s]; None for ((x + y) pi) mod delay, highway-env's phase.
         lane_change_delay: Time between lane-change decisions [s].
         controller: One of `Controller` for each vehicle. Positions of ABSENT vehicles are ignored.
@@ -130,7 +132,8 @@ def make_state(
         dtype: np.float32 or np.float64.
 
     Raises:
-        ValueError: If shapes differ or a value of a vehicle that is present is not finite.
+        ValueError: If shapes differ, a value of a vehicle that is present is not finite, a target lane is not on the
+            road, or the delay is not a positive time.
 
     Source: highway-env 1.12.1, constructors of `Vehicle`, `IDMVehicle`, `MDPVehicle`.
     """
@@ -150,6 +153,8 @@ def make_state(
         if len(bad):
             key, remedy = f"{name}{bad[0].tolist()}", "drop the vehicle or mark it Controller.ABSENT"
             raise InvalidInputError(Problem("not-a-number", "must be finite", remedy, key=key))
+    if not 0 < lane_change_delay < np.inf:
+        raise out_of_range("lane_change_delay", "must be > 0 s and finite", lane_change_delay)
     slot = np.arange(shape[0], dtype=np.float64).reshape(-1, *(1,) * (len(shape) - 1))
     parking = 100 * model.road_length + PARKING_SPACING * slot
     x = np.where(present, x, parking)
@@ -160,6 +165,8 @@ def make_state(
     desired = np.where(controller == Controller.META, level_speed, desired)
     lane = np.clip(np.ceil(y / model.lane_width - 0.5), 0, model.n_lanes - 1).astype(np.int32)
     target = lane if target_lane is None else np.where(present, full(target_lane, np.int32), 0)
+    if (beyond := (target < 0) | (target >= model.n_lanes)).any():
+        raise out_of_range("target_lane", f"must be within 0 and {model.n_lanes - 1}", int(target[beyond][0]))
     phase = ((x + y) * np.pi) % lane_change_delay if timer is None else np.where(present, checked["timer"], 0.0)
     zeros = jnp.zeros(shape, dtype)
     return TrafficState(

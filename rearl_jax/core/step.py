@@ -38,7 +38,7 @@ def step_in_order(
     countdown = state.ticks_to_decision
     if model.lane_changes:
         countdown = restart_countdown(state, derived, drivers)
-        target_lane = abort_conflicts(target_lane, state, derived, drivers)
+        target_lane = abort_conflicts(target_lane, state, derived, drivers, model)
     command = control(state, derived, target_lane, own_acceleration, acceleration_on(target_lane), drivers, model)
     state = sort_if_large(move(state, derived, target_lane, countdown, command, drivers, model))
     if model.collisions:

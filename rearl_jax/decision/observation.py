@@ -12,6 +12,7 @@ from jax import lax
 from jaxtyping import Array, Bool, Float, Int
 
 from rearl_jax.core.elementary import cosine, sine
+from rearl_jax.core.kinematics import MAX_SPEED
 from rearl_jax.core.neighbours import for_each_replayed, for_each_vehicle, row
 from rearl_jax.core.replayed import NOT_RECORDED, ReplayedVehicles
 from rearl_jax.core.state import Controller, TrafficState
@@ -24,9 +25,6 @@ N_ROWS = 5
 
 PERCEPTION_DISTANCE = 200.0
 """Distance [m] within which others are observed. Source: highway-env 1.12.1, `AbstractEnv.PERCEPTION_DISTANCE`."""
-
-MAX_SPEED = 40.0
-"""Largest speed [m/s] that the ranges cover. Source: highway-env 1.12.1, `Vehicle.MAX_SPEED`."""
 
 LANE_WIDTH = 4.0
 """Lane width [m] that the ranges assume. Source: highway-env 1.12.1, `AbstractLane.DEFAULT_WIDTH`."""

@@ -11,7 +11,7 @@ from rearl_jax.detection.detector import Detection
 from rearl_jax.detection.table import ReferenceTable
 
 ACTION_NAMES = ("left", "keep", "right", "faster", "slower")
-"""Names of the meta-actions in tables, in the order of `MetaAction`."""
+"""Names of the meta-actions in tables, questions and answers, in the order of `MetaAction`."""
 
 N_ACTIONS = len(ACTION_NAMES)
 """Number of meta-actions."""

@@ -73,8 +73,8 @@ class HighwayOptions:
         for name, least in (("n_others", 0), ("duration", 1), ("n_rows", 1)):
             if getattr(self, name) < least:
                 raise out_of_range(name, f"must be at least {least}", getattr(self, name))
-        if not self.density > 0:
-            raise out_of_range("density", "must be greater than 0 (highway-env: 1)", self.density)
+        if not 0 < self.density < np.inf:
+            raise out_of_range("density", "must be greater than 0 and finite (highway-env: 1)", self.density)
         if self.dtype not in PRECISIONS:
             raise out_of_range("dtype", f"must be one of {', '.join(PRECISIONS)}", self.dtype)
         if self.dtype == "float64" and not jax.config.read("jax_enable_x64"):

@@ -50,7 +50,7 @@ def with_scenes(
 
     A case is a scene with one of its vehicles as the controlled one. Cases go through the vehicles of the first scene,
     then of the second. The controlled vehicle comes first; the others keep their cyclic order in the list. Speeds are
-    the rescaled ones (`SceneSet.scaled_speed`).
+    the rescaled ones (`SceneSet.scaled_speed`), desired speeds the highest recorded ones.
 
     With a boundary the controlled vehicle stays to the end of the episode, and the other simulated vehicles leave and
     enter as they were recorded. The recorded traffic around the cases is read once per machine.
@@ -85,7 +85,6 @@ def with_scenes(
             options = replace(options, n_lanes=recorded.n_lanes)
         core = _core(options, scenes)
         state, around = bounded_state(recorded, core), surroundings_of(recorded_surroundings(recorded, core))
-        state = replace(state, desired_speed=state.speed)  # highway-env's drivers want to keep their speed
     levels = jnp.asarray(options.speed_levels, state.x.dtype)
     target = levels[nearest_level(state.speed[EGO], options.model).astype(jnp.int32)]
     state = replace(

@@ -91,7 +91,8 @@ class HighwayVectorEnv(gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, np.nda
             options: `reset_mask`, the scenarios that restart; all by default.
 
         Raises:
-            ValueError: There are too few seeds, an option is unknown, or the mask is not a mask of the scenarios.
+            ValueError: There are too few seeds, a seed is no whole number from 0, an option is unknown, or the mask is
+                not a mask of the scenarios.
         """
         seed = int(seed) if isinstance(seed, np.integer) else seed
         super().reset(seed=seed if isinstance(seed, int) else None)
@@ -185,6 +186,9 @@ class HighwayVectorEnv(gymnasium.vector.VectorEnv[np.ndarray, np.ndarray, np.nda
             return [seed + number for number in range(self.num_envs)]
         if len(seed) != self.num_envs:
             raise ValueError(f"{len(seed)} seeds for {self.num_envs} scenarios: give one for each, or a single one")
+        for given in seed:
+            if not (given is None or (isinstance(given, int | np.integer) and given >= 0)):
+                raise ValueError(f"seeds must be whole numbers from 0, or None to continue; got {given!r}")
         return seed
 
     def _mask(self, options: dict[str, Any] | None) -> Bool[np.ndarray, " scenarios"]:

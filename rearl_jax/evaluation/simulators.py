@@ -23,7 +23,7 @@ from rearl_jax.config import EvaluateTask
 from rearl_jax.config.core import CoreConfig, InitialSpeed
 from rearl_jax.config.decision import MatcherConfig, PolicyName
 from rearl_jax.core.batch import ScenarioMap
-from rearl_jax.core.boundary import Boundary, limited_desired_speed
+from rearl_jax.core.boundary import Boundary
 from rearl_jax.core.drivers import Drivers
 from rearl_jax.core.model import TrafficModel, traffic_model
 from rearl_jax.core.rollout import Frames, frame_of, rollout
@@ -150,11 +150,10 @@ def begin(
         state = replace(state, n_crashed_replaced=jnp.zeros(state.x.shape, jnp.int32))
     if batch.traffic is not None:
         replayed = None if around is None else around.at_start()
-        state, drivers = populate_by_model(state, drivers, keys, _without_scenario_axis(batch.traffic), model, replayed)
-    if batch.measured is not None:
-        # Recorded vehicles are not moved to make room. Their state holds their highest recorded speed as desired speed.
-        wanted = limited_desired_speed(batch.measured.desired_speed, drivers)
-        state = replace(state, x=batch.measured.x, desired_speed=wanted)
+        # The state of recorded vehicles holds their highest recorded speed as desired speed.
+        highest = None if batch.measured is None else batch.measured.desired_speed
+        population = _without_scenario_axis(batch.traffic)
+        state, drivers = populate_by_model(state, drivers, keys, population, model, replayed, highest)
     if batch.shares is not None:
         state, drivers = populate(state, drivers, keys, jnp.asarray(batch.shares), model)
         if batch.measured is not None:

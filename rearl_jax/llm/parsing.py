@@ -10,17 +10,16 @@ from collections.abc import Sequence
 from itertools import islice
 
 from rearl_jax.core.meta_actions import MetaAction
+from rearl_jax.decision.situation import ACTION_NAMES, N_ACTIONS
 from rearl_jax.llm.records import NO_DECISION, Cause
+from rearl_jax.reasoning import without_reasoning
 
-ACTION_WORDS = ("left", "keep", "right", "faster", "slower")
-"""Names of the actions in questions, in the order of their identifiers."""
-
-_OTHER_NUMBER = len(ACTION_WORDS)
+_OTHER_NUMBER = N_ACTIONS
 """Value for every number that is not an identifier."""
 
 _SPELLINGS = {"keep lane": int(MetaAction.IDLE)}
 _SPELLINGS |= {action.name.lower().replace("_", " "): int(action) for action in MetaAction}
-_SPELLINGS |= {word: action for action, word in enumerate(ACTION_WORDS)}
+_SPELLINGS |= {word: action for action, word in enumerate(ACTION_NAMES)}
 """Identifiers of the actions by spelling, in lower case with spaces."""
 
 # Possessive quantifiers (++) prevent backtracking, so each pattern passes over a text once. An underscore is not part
@@ -38,8 +37,6 @@ _NAME = "|".join(sorted(_SPELLINGS, key=len, reverse=True)).replace(" ", "[ _-]"
 _NUMBER = rf"[0-9](?<![^\W_][0-9])(?<![0-9][.,][0-9])[0-9]*+{_WORD_ENDS}(?![.,][0-9])"
 _MARK = rf"{_whole_words(('action', 'answer', 'identifier', 'id'))}(?:_?id)?{_WORD_ENDS}"
 
-_END_THINK = re.compile(r"</think(?:ing)?\s*+>", re.IGNORECASE)
-_THINK = re.compile(r"<think(?:ing)?\s*+>", re.IGNORECASE)
 # A word after the backquotes is the language of the fence, unless it is the answer.
 _FENCE = re.compile(rf"```(?:(?!(?i:{_NAME})\b)[A-Za-z][\w+.-]*+(?=[ \t]*+\n))?")
 _WHOLE = re.compile(rf"[\W_]*+(?:(?P<number>[0-9]++)|(?P<name>{_NAME}))[\W_]*+")
@@ -61,8 +58,8 @@ _IDENTIFIER = re.compile(
 def understand(text: str, choices: tuple[int, ...], finish: str = "") -> tuple[int, Cause]:
     """The chosen action (NO_DECISION for none) and the cause.
 
-    Reasoning is left out: everything up to the last `</think>`; if a `<think>` stays open there is no answer. In the
-    rest, without the marks of code fences, the first of these that applies counts:
+    Reasoning is left out (`without_reasoning`); if it does not end there is no answer. In the rest, without the marks
+    of code fences, the first of these that applies counts:
 
     1. The whole text, apart from punctuation, is an identifier or a name of an action.
     2. It is a JSON object with such a value under a key about an action, else about an answer, else `id`.
@@ -104,7 +101,7 @@ def majority(answers: Sequence[tuple[int, Cause]]) -> tuple[int, Cause]:
 
 def _value(text: str) -> int | None:
     """Identifier that a text consists of; _OTHER_NUMBER for another number, None if there is none or several."""
-    answer = _without_thinking(text)
+    answer = without_reasoning(text)
     if answer is None:
         return None
     answer = _FENCE.sub(" ", answer).strip()
@@ -118,14 +115,6 @@ def _value(text: str) -> int | None:
     return None
 
 
-def _without_thinking(text: str) -> str | None:
-    """The text after the last reasoning block; None if a reasoning block is not closed."""
-    start = 0
-    for end in _END_THINK.finditer(text):
-        start = end.end()
-    return None if _THINK.search(text, start) else text[start:]
-
-
 def _meaning(match: re.Match[str]) -> int:
     """Identifier of a match; _OTHER_NUMBER for a number that is not an identifier."""
     groups = match.groupdict()
@@ -136,7 +125,7 @@ def _meaning(match: re.Match[str]) -> int:
     is_negative = (
         text[max(start - 1, 0) : start] in ("-", "\u2212") and not text[max(start - 2, 0) : start - 1].isalnum()
     )
-    return int(number) if len(number) == 1 and int(number) < len(ACTION_WORDS) and not is_negative else _OTHER_NUMBER
+    return int(number) if len(number) == 1 and int(number) < N_ACTIONS and not is_negative else _OTHER_NUMBER
 
 
 def _under_keys(text: str) -> set[int] | None:

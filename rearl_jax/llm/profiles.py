@@ -19,6 +19,9 @@ _encode = json.JSONEncoder(sort_keys=True, separators=(",", ":"), allow_nan=Fals
 _MAX_TOKENS = 2**31
 """Token counts from here on are errors of the server."""
 
+_LONGEST_ERROR = 300
+"""Number of characters that are shown of a server's error message."""
+
 
 @dataclass(frozen=True)
 class Dialect:
@@ -154,8 +157,8 @@ def _content(content: Any) -> tuple[str | None, str]:
     return _content(content.get("text", content.get("refusal", content.get("value"))))
 
 
-def read_error(content: bytes, longest: int = 300) -> str:
-    """The error message of a server, on one line."""
+def read_error(content: bytes) -> str:
+    """The error message of a server, on one line of at most `_LONGEST_ERROR` characters."""
     try:
         reported = read_json(content)
     except ValueError:
@@ -164,7 +167,7 @@ def read_error(content: bytes, longest: int = 300) -> str:
         error = reported.get("error", reported)
         reported = error.get("message", error) if isinstance(error, dict) else error
     line = " ".join(_text(reported if isinstance(reported, str) else str(reported)).split())
-    return line if len(line) <= longest else f"{line[:longest]} ..."
+    return line if len(line) <= _LONGEST_ERROR else f"{line[:_LONGEST_ERROR]} ..."
 
 
 def stated_status(status: int, content: bytes) -> int:

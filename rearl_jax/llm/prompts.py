@@ -14,10 +14,9 @@ import numpy as np
 
 from rearl_jax.config.llm import PromptConfig
 from rearl_jax.core.model import TrafficModel
-from rearl_jax.decision.situation import Situation
+from rearl_jax.decision.situation import ACTION_NAMES, Situation
 from rearl_jax.detection.detector import DetectionOptions, Thresholds
 from rearl_jax.detection.table import ReferenceTable
-from rearl_jax.llm.parsing import ACTION_WORDS
 from rearl_jax.llm.records import Message, Question
 from rearl_jax.llm.surroundings import look_around
 from rearl_jax.llm.template import PromptTemplate, Rendered, load_template, rendered
@@ -64,7 +63,7 @@ class Prompter:
         self._length = vehicle_length
         self._constants = {
             "options": options,
-            "actions": ACTION_WORDS,
+            "actions": ACTION_NAMES,
             "levels": model.speed_levels,
             "bins": Bins(hist.low, hist.high, hist.n_bins, hist.window),
         }

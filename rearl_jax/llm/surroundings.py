@@ -34,9 +34,12 @@ def look_around(
     scenario: Int[np.ndarray, " asked"],
     model: TrafficModel,
 ) -> Surroundings:
-    """The nearest vehicles around the given ones, determined as in the traffic model (`core.neighbours`).
+    """The nearest vehicles around the given ones: those with the smallest gaps.
 
-    A vehicle between two lanes is on both; the same position counts as ahead; vehicles beyond the road are left out.
+    For vehicles of equal length they are those of the traffic model (`core.neighbours`), which compares the distances
+    of centres. As there, a vehicle between two lanes is on both, the same position counts as ahead, and vehicles beyond
+    the road are left out.
+
     Lengths [m] broadcast to `[n_vehicles, n_scenarios]`, `vehicle` and `scenario` are rows and columns.
     """
     length = np.broadcast_to(np.asarray(length, frame.x.dtype), frame.x.shape)

@@ -13,10 +13,9 @@ from jaxtyping import Int
 from rearl_jax.core.model import TrafficModel
 from rearl_jax.core.state import nearest_level
 from rearl_jax.decision.execution import MAX_SINCE_LANE_CHANGE
-from rearl_jax.decision.situation import Situation
+from rearl_jax.decision.situation import ACTION_NAMES, Situation
 from rearl_jax.detection.detector import Thresholds
 from rearl_jax.detection.table import ReferenceTable
-from rearl_jax.llm.parsing import ACTION_WORDS
 from rearl_jax.llm.surroundings import PLACES, Surroundings
 
 
@@ -121,7 +120,7 @@ def reference_at(table: ReferenceTable, second: int, number: int) -> Reference:
     """One second of a reference."""
     columns = (np.asarray(values)[second, :, number] for values in (table.speed, table.spacing, table.action))
     rows = zip(*(column.tolist() for column in columns), strict=True)
-    cars = [ReferenceCar(speed, distance, ACTION_WORDS[action]) for speed, distance, action in rows]
+    cars = [ReferenceCar(speed, distance, ACTION_NAMES[action]) for speed, distance, action in rows]
     return Reference(second, float(table.mean_spacing[second, number]), cars)
 
 
@@ -166,7 +165,7 @@ def cars_of(situation: Situation, asked: Asked, model: TrafficModel) -> Iterator
         of_asked(spacing),
         ranks(frame.speed, asked).tolist(),
         ranks(spacing, asked).tolist(),
-        [None if action < 0 else ACTION_WORDS[action] for action in of_asked(situation.last_action)],
+        [None if action < 0 else ACTION_NAMES[action] for action in of_asked(situation.last_action)],
         [None if seconds >= MAX_SINCE_LANE_CHANGE else seconds for seconds in of_asked(situation.since_lane_change)],
     )
 

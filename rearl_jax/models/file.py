@@ -12,6 +12,7 @@ baseline: {car: {...}, truck: {...}}
 import hashlib
 import math
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any
@@ -84,13 +85,13 @@ def read_model(path: str | Path) -> RepairedModel:
     """
     path = Path(path)
     try:
-        content = yaml.safe_load(path.read_text(encoding="utf-8"))
+        content = yaml.load(path.read_text(encoding="utf-8"), _Loader)
     except FileNotFoundError:
         message = "must name a file that is there; `rearl discover` writes model.yaml"
         raise MissingInputError(Problem("file-missing", message, key="model", value=str(path))) from None
     except IsADirectoryError:
         raise IsADirectoryError(f"model={path} is a folder: name the file model.yaml in it") from None
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
+    except (yaml.YAMLError, ValueError, RecursionError) as error:  # ValueError: no UTF-8, or no number or date
         raise BadModelError(Problem("not-yaml", f"the file is not YAML: {error}", file=str(path))) from error
     return _checked(path, content)
 
@@ -107,6 +108,18 @@ def _plain(value: Any) -> Any:
     if isinstance(value, (list, tuple, np.ndarray)):
         return [_plain(part) for part in value]
     return value.item() if isinstance(value, np.generic) else value
+
+
+class _Loader(yaml.SafeLoader):
+    """Reader of YAML that refuses a key that occurs twice in a mapping, of which PyYAML would take the last."""
+
+    def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Any, Any]:
+        seen = set()
+        for key in (key for key, _ in node.value if isinstance(key, yaml.ScalarNode)):
+            if key.value in seen:
+                raise yaml.constructor.ConstructorError(None, None, f"the key {key.value} occurs twice", key.start_mark)
+            seen.add(key.value)
+        return super().construct_mapping(node, deep)
 
 
 class _Reader:
@@ -135,12 +148,16 @@ class _Reader:
 
     def number(self, value: Any, key: str, low: float, high: float) -> float:
         """A number within bounds."""
-        if isinstance(value, bool) or not isinstance(value, (int, float)) or not math.isfinite(value):
-            message = f"must be a finite number, got {value!r} (YAML wants 1.0e-3, not 1e-3)"
+        number = math.nan
+        if isinstance(value, (int, float)) and not isinstance(value, bool):
+            with suppress(OverflowError):  # a whole number of hundreds of digits
+                number = float(value)
+        if not math.isfinite(number):
+            message = f"must be a finite number, got {value!r:.80} (YAML wants 1.0e-3, not 1e-3)"
             raise self.refuse("not-a-number", key, message)
-        if not low <= value <= high:
-            raise self.refuse("out-of-range", key, f"must be within {low:g} and {high:g}, got {value:g}")
-        return float(value)
+        if not low <= number <= high:
+            raise self.refuse("out-of-range", key, f"must be within {low:g} and {high:g}, got {number:g}")
+        return number
 
     def numbers(self, value: Any, key: str, low: float, high: float) -> list[float]:
         """A list of numbers within bounds."""

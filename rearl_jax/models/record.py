@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 from rearl_jax.config.driver import MODELS
+from rearl_jax.config.mobil import BOUNDS
 
 SCHEMA = 1
 """Version of the file's layout."""
@@ -72,14 +73,8 @@ class LaneChangeValues:
     delay: float
 
 
-LANE_CHANGE_BOUNDS = {
-    "politeness": (-1.0, 10.0),
-    "gain_threshold": (-10.0, 10.0),
-    "safe_decel": (0.0, 20.0),
-    "bias": (-2.0, 2.0),
-    "delay": (0.05, 3600.0),
-}
-"""Bounds of the parameters, in the units of `LaneChangeValues`."""
+LANE_CHANGE_BOUNDS = {**BOUNDS, "bias": (-2.0, 2.0), "delay": (0.05, 3600.0)}
+"""Bounds of the parameters, in the units of `LaneChangeValues`: those of the keys, but a delay may be longer."""
 
 
 @dataclass(frozen=True)

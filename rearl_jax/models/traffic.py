@@ -48,10 +48,11 @@ def populate(
     population: Population,
     model: TrafficModel,
     replayed: ReplayedVehicles | None = None,
+    highest_speed: Float[Array, "vehicles scenarios"] | None = None,
 ) -> tuple[TrafficState, Drivers]:
     """The given vehicles at their positions and speeds, with lengths and drivers drawn from the population.
 
-    Vehicles that would start inside each other are moved forward.
+    Vehicles that would start inside each other are moved forward, unless they were recorded.
 
     Args:
         state: Initial state.
@@ -60,6 +61,7 @@ def populate(
         population: Population of the drivers.
         model: Traffic model; only its road is used.
         replayed: Recorded vehicles around them; None for none.
+        highest_speed: Highest speed of each vehicle, if they were recorded, as in `begin_driving`; else None.
     """
     drawn = draw_drivers(keys, state.x.shape[0], state.x.dtype, population)
     values = {name: _with_drawn(name, value, state, drivers) for name, value in drawn.values.items()}
@@ -76,11 +78,11 @@ def populate(
         body=Body(drawn.length, drivers.body.width, limit, drivers.body.collides, drawn.is_truck),
         effects=effects,
     )
-    if population.is_resized or not is_default:
+    if highest_speed is None and (population.is_resized or not is_default):
         state = replace(state, x=make_room(state, drawn.length, model))
     if population.lane_changing is not None:
         state, drivers = _with_lane_changing(state, drivers, population.lane_changing, model)
-    return begin_driving(state, drivers, model, replayed), drivers
+    return begin_driving(state, drivers, model, replayed, highest_speed), drivers
 
 
 class DrawnDrivers(NamedTuple):

@@ -17,7 +17,16 @@ import pandas as pd
 import pytest
 
 from rearl_jax.baselines import task
-from rearl_jax.baselines.training import CHECKPOINT, train, training_keys
+from rearl_jax.baselines.learning import Losses
+from rearl_jax.baselines.training import (
+    CHECKPOINT,
+    CurvePoint,
+    _checkpoint,
+    _restored,
+    first_learner,
+    train,
+    training_keys,
+)
 from rearl_jax.config import ResultsConfig
 from rearl_jax.config.ppo import PpoConfig
 from rearl_jax.core.model import TrafficModel
@@ -91,6 +100,22 @@ def test_a_killed_training_goes_on_and_equals_an_uninterrupted_one(tiny, tmp_pat
     fresh = train(seeded, Study(config.results.root, config.study, seeded, "train ppo"))
     assert fresh.n_before == 0  # the checkpoint is of another configuration
     assert (np.asarray(fresh.curve.episode_return) != np.asarray(whole.curve.episode_return)).all()
+
+
+@pytest.mark.usefixtures("lenient")
+def test_a_damaged_checkpoint_is_said_and_left(tiny, tmp_path, caplog):
+    learner, zeros = first_learner(tiny), jnp.zeros(4, jnp.float32)
+    curve = CurvePoint(zeros, zeros, zeros, jnp.zeros((4, 5), jnp.float32), Losses(*[zeros] * 6))
+    whole = _checkpoint(tiny, learner, curve, 2)
+    study = Study(tmp_path, tiny.study, tiny, "train ppo")
+    study.write_bytes(CHECKPOINT, whole)
+    assert _restored(tiny, study, learner, curve)[2] == 2
+    for damaged in (b"", b"\x00\xff\n", b"[]\n", b"{}\n", whole[: len(whole) // 2]):
+        caplog.clear()
+        (study.path / CHECKPOINT).write_bytes(damaged)
+        found = _restored(tiny, study, learner, curve)
+        assert (found[0] is learner, found[1] is curve, found[2]) == (True, True, 0)
+        assert "is damaged" in caplog.text
 
 
 @pytest.mark.usefixtures("lenient")

@@ -18,6 +18,7 @@ from rearl_jax.config.clustering import BoConfig, ClusterConfig, FitOn, KlConfig
 from rearl_jax.data.recordings import data_id, iterate_recordings
 from rearl_jax.data.scenes.cutting import build_scenes
 from rearl_jax.data.scenes.splits import split_scenes
+from rearl_jax.metrics.frechet import frechet_distances
 from tests.refusal import refused
 
 
@@ -117,6 +118,10 @@ def test_finished_clustering_is_found_again_and_a_damaged_one_made_anew(
 def test_other_configuration_other_cache_file(task_config, change):
     assert ReferenceBuilder(task_config)._path != ReferenceBuilder(replace(task_config, **change))._path
     assert ReferenceBuilder(task_config)._path == ReferenceBuilder(replace(task_config, study="other"))._path
+
+
+def test_the_code_of_the_curves_distance_determines_a_clustering():
+    assert frechet_distances.__module__.split(".")[1] in module._SOURCES
 
 
 def test_a_touched_recording_has_another_cache_file(task_config):

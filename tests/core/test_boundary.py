@@ -10,7 +10,7 @@ import pytest
 
 from rearl_jax.core import idm_driving
 from rearl_jax.core.batch import QUICKLY_COMPILED
-from rearl_jax.core.boundary import Motion, replayed_vehicles
+from rearl_jax.core.boundary import Motion, enter, replayed_vehicles
 from rearl_jax.core.car_following.idm import IDM
 from rearl_jax.core.drivers import highway_env_drivers
 from rearl_jax.core.effects import EFFECTS
@@ -200,3 +200,20 @@ def test_followers_and_vehicles_beside_may_be_replayed():
     alone = traffic_beside(state, derive_state(state, MODEL), vehicles)
     np.testing.assert_allclose(slowest[0], 9.0)
     np.testing.assert_allclose(count[0], alone[1][0] + 1)
+
+
+def test_drivers_of_recorded_vehicles_remember_their_limited_desired_speed():
+    """Resignation remembers v / v0, which begins with the desired speed that the driver has, at the start and later."""
+    drivers = drivers_of("gaps")
+    drivers = replace(drivers, effects=(EFFECTS["resignation"](jnp.asarray(0.5), jnp.asarray(10.0)),))
+    places = (np.array([[0.0], [50.0]]), np.zeros((2, 1)), np.array([[18.0], [12.0]]))
+    highest = jnp.array([[20.0], [40.0]])
+    state = begin_driving(make_state(*places, MODEL, dtype=np.float64), drivers, MODEL, highest_speed=highest)
+    np.testing.assert_array_equal(state.desired_speed, [[20.0], [28.0]])
+    np.testing.assert_allclose(state.memory.effects[0], [[18.0 / 20.0], [12.0 / 28.0]])
+    of_first = np.zeros((2, 2, 1))
+    of_first[0, 0] = 1.0
+    entering = {"is_new": of_first > 0, "x": 3.0 * of_first, "lane": of_first.astype(np.int32)}
+    around = nobody(2, 2, 1, **entering, speed=11.0 * of_first, highest_speed=17.0 * of_first)
+    after = quickly_compiled(lambda around: enter(state, around.second(0), drivers, MODEL))(around)
+    np.testing.assert_allclose(after.memory.effects[0], [[11.0 / 17.0], [12.0 / 28.0]])

@@ -8,11 +8,14 @@ import numpy as np
 import pytest
 
 from rearl_jax.core import neighbours
+from rearl_jax.core.car_following.fvdm import FVDM
 from rearl_jax.core.car_following.idm import IDM
+from rearl_jax.core.conflicts import abort_conflicts
 from rearl_jax.core.effects import EFFECTS
 from rearl_jax.core.effects.noise import AccelerationNoise
 from rearl_jax.core.gap_driving import begin_driving
 from rearl_jax.core.model import TrafficModel
+from rearl_jax.core.neighbours import derive_state
 from rearl_jax.core.rollout import rollout
 from rearl_jax.core.state import Controller, make_state
 from rearl_jax.core.step import step
@@ -105,3 +108,41 @@ def test_a_driver_without_memory_is_refused():
     state, drivers = traffic(N_VEHICLES)
     with pytest.raises(ValueError, match="begin_driving"):
         step(state, drivers, MODEL)
+
+
+@pytest.mark.parametrize("size", ["small", "large"])
+def test_a_conflict_is_judged_by_the_present_desired_speeds(size):
+    """The desired spacing of FVDM grows with v / v0. Vehicles 0 and 1 change to the middle lane, 60 m apart."""
+    n_slots = {"small": 2, "large": neighbours.LARGEST_SMALL_TRAFFIC + 1}[size]
+
+    def column(first, second, others):
+        return np.array([[first], [second], *[[others]] * (n_slots - 2)])
+
+    kinds = column(Controller.IDM, Controller.IDM, Controller.ABSENT).astype(np.int32)
+    x, y, speed = column(100.0, 160.0, 0.0), column(0.0, 8.0, 0.0), column(24.0, 24.0, 0.0)
+    lanes = column(1, 1, 0)
+
+    def gives_way(desired_speed, model):
+        given = {"target_lane": lanes, "controller": kinds, "dtype": np.float64}
+        state = make_state(x, y, speed, model, desired_speed=column(desired_speed, desired_speed, 0.0), **given)
+        of_all = (jnp.full((1, 1), value) for value in (35.0, 1.2, 2.0, 0.5, 0.5))
+        drivers = replace(default_drivers((1, 1), np.float64), car_following=FVDM(*of_all))
+        return int(abort_conflicts(state.target_lane, state, derive_state(state, model), drivers, model)[0, 0]) == 0
+
+    free = TrafficModel(n_lanes=3, speed_limit=None)
+    assert gives_way(25.0, free)
+    assert not gives_way(35.0, free)
+    assert gives_way(35.0, replace(free, speed_limit=25.0))
+
+
+def test_who_changes_to_a_lane_where_hard_braking_is_due_does_not_drive_backwards():
+    """With few time steps per second, and drivers who also change lanes for the worse."""
+    model = TrafficModel(n_lanes=2, speed_limit=None, ticks_per_second=5, collisions=False)
+    drivers = default_drivers((1, 1), np.float64, accel_limit=9.0, gain_threshold=-10.0)
+    drivers = replace(drivers, car_following=IDM(*(jnp.full((1, 1), value) for value in (30.0, 1.2, 2.0, 1.5, 2.0))))
+    x, y, speed = np.array([[100.0], [106.5]]), np.array([[4.0], [0.0]]), np.array([[1.2], [0.0]])
+    state = make_state(x, y, speed, model, timer=np.array([[1.5], [0.0]]), dtype=np.float64)
+    after = step(begin_driving(state, drivers, model), drivers, model)
+    assert int(after.target_lane[0, 0]) == 0
+    assert float(after.acceleration[0, 0]) < -5.0
+    assert float(after.speed[0, 0]) >= -1e-9

@@ -8,6 +8,7 @@ from rearl_jax.core.model import TrafficModel
 from rearl_jax.core.state import Controller, make_state, nearest_lane, nearest_level
 from rearl_jax.problems import InvalidInputError
 from tests.core.simulation import MODEL
+from tests.refusal import refused
 
 
 @pytest.mark.parametrize("name", ["x", "y", "speed", "heading", "desired_speed", "timer"])
@@ -25,12 +26,33 @@ def test_numbers_that_are_not_finite_are_refused(name, bad):
 
 
 @pytest.mark.parametrize(
-    ("key", "value"), [("n_lanes", 0), ("n_lanes", 9), ("ticks_per_second", 0), ("speed_levels", (5.0,))]
+    ("key", "value"),
+    [
+        *(("n_lanes", 0), ("n_lanes", 9), ("ticks_per_second", 0), ("lane_width", 0.0), ("road_length", np.nan)),
+        *(("speed_limit", 0.0), ("speed_limit", np.nan), ("speed_levels", (5.0,)), ("speed_levels", (30.0, 20.0))),
+        *(("speed_levels", (25.0, 25.0)), ("speed_levels", (5.0, np.nan)), ("speed_levels", (5.0, np.inf))),
+    ],
 )
 def test_unusable_roads_and_clocks_are_refused(key, value):
     with pytest.raises(InvalidInputError) as error:
         TrafficModel(**{key: value})
     assert (error.value.code, error.value.problem.key) == ("out-of-range", key)
+
+
+@pytest.mark.parametrize("delay", [0.0, -1.0, np.nan, np.inf])
+def test_a_delay_after_which_no_decision_would_come_is_refused(delay):
+    with refused("out-of-range", key="lane_change_delay"):
+        make_state(np.array([10.0]), np.zeros(1), np.ones(1), MODEL, lane_change_delay=delay)
+
+
+@pytest.mark.parametrize("lane", [-1, 4])
+def test_a_target_lane_beside_the_road_is_refused(lane):
+    places, lanes = np.array([10.0, 50.0]), np.array([3, lane])
+    with refused("out-of-range", key="target_lane", value=lane):
+        make_state(places, np.zeros(2), np.ones(2), MODEL, target_lane=lanes)
+    controller = np.array([Controller.IDM, Controller.ABSENT])
+    state = make_state(places, np.zeros(2), np.ones(2), MODEL, target_lane=lanes, controller=controller)
+    np.testing.assert_array_equal(state.target_lane, [3, 0])
 
 
 def test_clock_and_identity():

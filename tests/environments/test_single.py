@@ -97,8 +97,10 @@ def test_a_step_needs_an_episode(small):
         ("n_others", -1),
         ("duration", 0),
         ("density", 0.0),
+        ("density", float("inf")),
         ("n_lanes", 9),
         ("speed_levels", [20.0]),
+        ("speed_levels", [30.0, 20.0]),
         ("dtype", "float16"),
     ],
 )

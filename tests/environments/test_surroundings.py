@@ -115,6 +115,18 @@ def test_pictures_show_recorded_vehicles(episodes, measured):
     assert (picture == np.array(rendering._REPLAYED, np.uint8)).all(axis=-1).any()
 
 
+def test_drivers_want_the_highest_recorded_speed_as_on_a_free_road(table, cached):
+    faster = 0.5 * (table["time"] - 6)  # by 0.5 m/s every second
+    rising = table.assign(speed=table["speed"] + faster, position=table["position"] + faster * (table["time"] - 6) / 2)
+    keys = {"seconds": SECONDS, "slots": 2, "min_vehicles": 2}
+    scenes = cut_scenes(rising, scenes=keys, speed={"norm": "none"})
+    among, alone = (
+        with_scenes(HighwayOptions(**OPTIONS), scenes, *boundary)[1].state for boundary in (("measured", rising), ())
+    )
+    np.testing.assert_array_equal(among.desired_speed, alone.desired_speed)
+    np.testing.assert_allclose(among.desired_speed[1:] - among.speed[1:], 0.5 * (SECONDS - 1), atol=0.11)
+
+
 @pytest.mark.slow
 def test_the_functional_environment_is_the_same_traffic(scenes, table, cached):
     env = FunctionalHighway(scenes, "measured", table, **OPTIONS)

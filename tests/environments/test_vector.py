@@ -119,6 +119,8 @@ def test_bad_resets_are_refused(pair, small):
     ours.reset(seed=0)
     with pytest.raises(ValueError, match="2 seeds for 3 scenarios"):
         ours.reset(seed=[1, 2])
+    with pytest.raises(ValueError, match="whole numbers from 0"):
+        ours.reset(seed=[1, None, -1])
     for mask in (np.zeros(N, bool), np.ones(2, bool), np.ones(N, int)):
         with pytest.raises(ValueError, match="reset_mask must be 3 booleans"):
             ours.reset(options={"reset_mask": mask})

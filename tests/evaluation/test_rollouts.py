@@ -3,12 +3,14 @@
 from dataclasses import replace
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
 from rearl_jax.config.core import InitConfig, InitialSource, InitialSpeed
 from rearl_jax.config.driver import record_of
 from rearl_jax.config.evaluation import EvaluationConfig, SeedScope
+from rearl_jax.core.effects.stimulus import OUT_OF_SIGHT
 from rearl_jax.core.model import traffic_model
 from rearl_jax.evaluation.rollouts import Rollouts
 from rearl_jax.evaluation.rows import Row
@@ -118,6 +120,20 @@ def test_drivers_of_recorded_vehicles_want_at_most_what_was_seen(scenes, small, 
     assert highest.min() < 15.0 < 30.0 < highest.max()
     np.testing.assert_allclose(state.desired_speed, np.minimum(highest, wanted or np.inf), rtol=1e-6)
     np.testing.assert_array_equal(state.x, batch.measured.x)  # nobody is moved to make room
+
+
+def test_drivers_of_recorded_vehicles_remember_the_recorded_places(scenes, small):
+    """Vehicles a metre apart on one lane are not moved to make room, not even in the drivers' memory."""
+    measured = replace(small, init=InitConfig(InitialSource.scene), driver=record_of("idm")())
+    batch, model = Rollouts([Row(measured)], scenes, np.array([1, 4]))._batch(), traffic_model(measured.core)
+    recorded = jax.tree.map(jnp.asarray, batch.measured)
+    place = 100.0 + (measured.driver.length + 1.0) * jnp.arange(4.0, dtype=jnp.float32)
+    places = jnp.broadcast_to(place[:, None], recorded.x.shape)
+    close = batch._replace(measured=replace(recorded, x=places, y=jnp.zeros_like(places)))
+    state, _, _ = jax.jit(lambda batch: begin(batch, measured.core, measured.init.speed, model))(close)
+    np.testing.assert_array_equal(state.x, places)
+    np.testing.assert_allclose(state.memory.leader_history.gap[:-1], 1.0, rtol=1e-5)
+    assert (state.memory.leader_history.gap[-1] == OUT_OF_SIGHT).all()
 
 
 def test_recorded_starts_are_on_the_recorded_road(scenes, small):

@@ -8,7 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rearl_jax.core.meta_actions import MetaAction
-from rearl_jax.llm.parsing import ACTION_WORDS, majority, understand
+from rearl_jax.decision.situation import ACTION_NAMES
+from rearl_jax.llm.parsing import majority, understand
 from rearl_jax.llm.records import NO_DECISION, Cause
 
 ALL = (0, 1, 2, 3, 4)
@@ -68,8 +69,8 @@ def test_texts_without_an_answer(text, cause):
 
 
 def test_every_name_and_number_of_an_action_is_understood():
-    assert len(ACTION_WORDS) == len(MetaAction)
-    for action, word in zip(MetaAction, ACTION_WORDS, strict=True):
+    assert len(ACTION_NAMES) == len(MetaAction)
+    for action, word in zip(MetaAction, ACTION_NAMES, strict=True):
         for text in (word, action.name, str(int(action)), f"Action: {word}", f"I choose {action.name}"):
             assert understand(text, ALL) == (action, Cause.answered)
 

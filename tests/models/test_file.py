@@ -145,6 +145,11 @@ CHANGES = {
         "not-a-number",
         "population.car.log_mean.time_gap",
     ),
+    "huge": (
+        lambda c: _in(c, *CAR, "log_mean").update(time_gap=10**400),
+        "not-a-number",
+        "population.car.log_mean.time_gap",
+    ),
     "asymmetric": (
         lambda c: _in(c, *CAR, "log_covariance", 0).__setitem__(1, 3.0),
         "no-covariance",
@@ -185,8 +190,18 @@ def test_no_file_and_no_yaml(path):
     with pytest.raises(MissingInputError) as caught:
         read_model(path)
     assert (caught.value.code, caught.value.problem.key) == ("file-missing", "model")
-    path.write_text("a: [")
-    with pytest.raises(BadModelError) as caught:
+    for text in ("a: [", "? [a]\n: 1", "a: 2024-99-99", "a: 0x_", f"a: {'9' * 5000}", "[" * 10_000, b"a: \xff"):
+        path.write_bytes(text if isinstance(text, bytes) else text.encode())
+        with pytest.raises(BadModelError) as caught:
+            read_model(path)
+        assert caught.value.code == "not-yaml"
+
+
+def test_a_key_given_twice_is_refused(path, content):
+    text = yaml.safe_dump(content, sort_keys=False)
+    path.write_text(text.replace("gain: 0.5\n", "gain: 0.5\n    gain: 0.9\n"))
+    assert path.read_text() != text
+    with pytest.raises(BadModelError, match="the key gain occurs twice") as caught:
         read_model(path)
     assert caught.value.code == "not-yaml"
 

@@ -125,17 +125,16 @@ def adapt_by_rounds(
     n_rounds: int,
     proposer: str,
     *,
-    start: Mixture = ALL_REGULAR,
     progress: Callable[[int, int], None] = lambda done, total: None,
 ) -> Adaptation:
     """The last valid proposal, whatever its score.
 
-    The first mixture is simulated, then every round proposes and simulates another. So the selected mixture has been
-    simulated, too.
+    `ALL_REGULAR` is simulated, then every round proposes and simulates another mixture. So the selected mixture has
+    been simulated, too.
 
     Source: CRITICAL, main.py: the configuration that was accepted last applies.
     """
-    trials = [Trial(0, start, assess([start])[0], 0, START)]
+    trials = [Trial(0, ALL_REGULAR, assess([ALL_REGULAR])[0], 0, START)]
     for number in range(1, n_rounds + 1):
         progress(number - 1, n_rounds)
         proposal, present = propose(number, trials), trials[-1]

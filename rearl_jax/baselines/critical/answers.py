@@ -5,6 +5,7 @@ from enum import Enum
 
 from rearl_jax.baselines.critical.mixture import Mixture
 from rearl_jax.config.critical import shares_problem
+from rearl_jax.reasoning import without_reasoning
 
 SCHEMA = {
     "type": "object",
@@ -32,14 +33,16 @@ class BadAnswerError(ValueError):
 
 
 def read_mixture(text: str) -> Mixture:
-    """The mixture in a text: the JSON object between its first { and its last }, after the last reasoning block.
+    """The mixture in a text: the JSON object between its first { and its last }, without reasoning.
 
     Raises:
         BadAnswerError: The text contains no mixture.
 
     Source: CRITICAL, main.py, for the braces.
     """
-    answer = text.rpartition("</think>")[2]
+    answer = without_reasoning(text)
+    if answer is None:
+        raise BadAnswerError(Fault.unparsable, "its reasoning does not end")
     begin, end = answer.find("{"), answer.rfind("}")
     if begin < 0 or end < begin:
         raise BadAnswerError(Fault.unparsable, "it holds no JSON object in braces")

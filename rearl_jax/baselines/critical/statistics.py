@@ -39,8 +39,8 @@ class Driving:
 
     Attributes:
         speed: Mean speed [m/s].
-        acceleration: Mean absolute change of speed over one second [m/s^2], because some recordings have no
-            accelerations and others only noisy ones.
+        acceleration: Mean absolute change of speed per second, over the whole number of frames nearest to one second
+            [m/s^2], because some recordings have no accelerations and others only noisy ones.
         lane_changes: Number of lane changes; 0 if lanes are unknown.
         is_truck: Whether the data source classifies the vehicle as a truck.
     """
@@ -88,10 +88,11 @@ def _of_recording(recording: Recording, stretches: Sequence[Stretch]) -> Driving
             (vehicle[n_frames:] == vehicle[:-n_frames]) & (frame[n_frames:] - frame[:-n_frames] == n_frames)
         )
 
-    second = max(1, round(recording.info.frame_rate))
+    second = max(1, round(recording.info.frame_rate))  # frames
+    duration = second / recording.info.frame_rate  # a second, unless the frame rate is no whole number
     pairs, steps = rows_before(second), rows_before(1)
     n_pairs = np.bincount(vehicle[pairs], minlength=n_vehicles)
-    change = np.bincount(vehicle[pairs], np.abs(speed[pairs + second] - speed[pairs]), n_vehicles)
+    change = np.bincount(vehicle[pairs], np.abs(speed[pairs + second] - speed[pairs]) / duration, n_vehicles)
     before, after = lane[steps], lane[steps + 1]
     changed = steps[np.isfinite(before) & np.isfinite(after) & (before != after)]
     has_pairs = n_pairs > 0
@@ -103,7 +104,7 @@ def _of_recording(recording: Recording, stretches: Sequence[Stretch]) -> Driving
     )
 
 
-def recorded_mixture(driving: Driving, *, seed: int = 0) -> Mixture:
+def recorded_mixture(driving: Driving) -> Mixture:
     """The shares of the recorded vehicles: trucks as their source names them, cars in three groups.
 
     Groups: k-means on speed, acceleration and lane changes, each standardised (mean 0, standard deviation 1). The
@@ -127,7 +128,7 @@ def recorded_mixture(driving: Driving, *, seed: int = 0) -> Mixture:
     # Imported here, because scikit-learn is slow to import and most methods do not need it.
     from sklearn.cluster import KMeans
 
-    groups = KMeans(N_GROUPS, n_init=10, random_state=seed)  # pyright: ignore[reportArgumentType]
+    groups = KMeans(N_GROUPS, n_init=10, random_state=0)  # pyright: ignore[reportArgumentType]
     labels, centres = groups.fit_predict(scaled), groups.cluster_centers_
     slowest = int(centres[:, 0].argmin())
     activity = np.where(np.arange(N_GROUPS) == slowest, -np.inf, centres.sum(axis=1))

@@ -19,6 +19,31 @@ dry road.
 """
 
 
+def interaction_increase(
+    value: Float[Array, "*#n"],
+    gap: Float[Array, "*#n"],
+    speed: Float[Array, "*#n"],
+    other_speed: Float[Array, "*#n"],
+    driver: CarFollowing,
+    limit: Float[Array, "*#n"],
+) -> Float[Array, "*n"]:
+    """Increase of the interaction deceleration by another vehicle [m/s^2], as far as braking stays within a limit.
+
+    max(0, min(I, a_free + limit) - value), I the interaction deceleration behind that vehicle. The acceleration is
+    a_free - I, so I = a_free + limit brakes with the limit.
+
+    Args:
+        value: Interaction deceleration without that vehicle [m/s^2].
+        gap: Bumper-to-bumper gap to it [m].
+        speed: Own speed [m/s].
+        other_speed: Its speed [m/s].
+        driver: Car following of the drivers.
+        limit: Largest deceleration because of it [m/s^2].
+    """
+    largest = driver.free_acceleration(speed) + limit
+    return jnp.maximum(jnp.minimum(driver.interaction(gap, speed, speed - other_speed), largest) - value, 0.0)
+
+
 class SeveralLeaders(Effect):
     """The driver also keeps twice the distance to the leader's leader."""
 
@@ -176,10 +201,8 @@ class NoUndertaking(Effect):
         self, value: Float[Array, "*n"], seen: Stimulus, memory: None, driver: CarFollowing
     ) -> Float[Array, "*n"]:
         """Interaction deceleration [m/s^2]: `value`, increased if the driver would pass the leader on the left lane."""
+        comfortable = driver.comfortable_deceleration()
+        increase = interaction_increase(value, seen.left_gap, seen.speed, seen.left_speed, driver, comfortable)
         faster_by = seen.speed - seen.left_speed
-        left = driver.interaction(seen.left_gap, seen.speed, faster_by)
-        # The acceleration is a_free - I, so this bounds the braking to the comfortable deceleration.
-        largest = driver.free_acceleration(seen.speed) + driver.comfortable_deceleration()
-        comfortable = jnp.minimum(left, largest)
         passes = jnp.where(seen.speed > PASSING_SPEED, seen.has_left, 0.0) * jax.nn.sigmoid(2.0 * faster_by)
-        return value + self.weight * passes * jnp.maximum(comfortable - value, 0.0)
+        return value + self.weight * passes * increase

@@ -39,7 +39,7 @@ class FirstGap(eqx.Module):
     """Memory of the gap at which a driver began to follow.
 
     Attributes:
-        time_gap: Time gap right after the leader appeared [s]; nan without a leader.
+        time_gap: Time gap right after the leader appeared [s]; without a leader, that of the gap OUT_OF_SIGHT.
         elapsed: Time since then [s].
         had_leader: Whether there was a leader in the last time step.
         time_since_change: `Stimulus.time_since_change` in the last time step [s].

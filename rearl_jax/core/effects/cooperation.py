@@ -2,12 +2,12 @@
 
 from typing import ClassVar
 
-import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from rearl_jax.core.car_following.model import CarFollowing
+from rearl_jax.core.effects.anticipation import interaction_increase
 from rearl_jax.core.effects.effect import Effect, Parameter
-from rearl_jax.core.effects.intentions import SimulatedStimulus
+from rearl_jax.core.effects.intentions import require_intentions
 from rearl_jax.core.effects.stimulus import Stimulus
 
 
@@ -48,13 +48,6 @@ class Cooperation(Effect):
         Raises:
             ValueError: The stimulus is that of a recording.
         """
-        if not isinstance(seen, SimulatedStimulus):
-            raise ValueError(
-                "cooperation needs to know which vehicles want to change lanes: known in a simulation, not in a "
-                "recording"
-            )
-        behind_entrant = driver.interaction(seen.entrant_gap, seen.speed, seen.speed - seen.entrant_speed)
-        # The acceleration is a_free - I, so I = a_free + limit brakes with the limit.
-        largest = driver.free_acceleration(seen.speed) + self.limit
-        increase = jnp.maximum(jnp.minimum(behind_entrant, largest) - value, 0.0)
+        seen = require_intentions(seen, self.name)
+        increase = interaction_increase(value, seen.entrant_gap, seen.speed, seen.entrant_speed, driver, self.limit)
         return value + self.weight * seen.has_entrant * increase

@@ -2,12 +2,12 @@
 
 from typing import ClassVar
 
-import jax.numpy as jnp
 from jaxtyping import Array, Float
 
 from rearl_jax.core.car_following.model import CarFollowing
+from rearl_jax.core.effects.anticipation import interaction_increase
 from rearl_jax.core.effects.effect import Effect, Parameter
-from rearl_jax.core.effects.intentions import SimulatedStimulus
+from rearl_jax.core.effects.intentions import require_intentions
 from rearl_jax.core.effects.stimulus import Stimulus
 
 
@@ -67,16 +67,9 @@ class EarlyResponse(Effect):
         Raises:
             ValueError: The stimulus is that of a recording.
         """
-        if not isinstance(seen, SimulatedStimulus):
-            raise ValueError(
-                "early_response needs to know which vehicles want to change lanes: known in a simulation, not in a "
-                "recording"
-            )
-        # The acceleration is a_free - I, so I = a_free + limit brakes with the limit.
-        largest = driver.free_acceleration(seen.speed) + self.limit
-        behind_new = driver.interaction(seen.new_leader_gap, seen.speed, seen.speed - seen.new_leader_speed)
-        increase = jnp.maximum(jnp.minimum(behind_new, largest) - value, 0.0)
+        seen = require_intentions(seen, self.name)
+        new_leader = seen.new_leader_gap, seen.speed, seen.new_leader_speed
+        increase = interaction_increase(value, *new_leader, driver, self.limit)
         value = value + self.of_changer * seen.has_new_leader * increase
-        behind_changer = driver.interaction(seen.changer_gap, seen.speed, seen.speed - seen.changer_speed)
-        increase = jnp.maximum(jnp.minimum(behind_changer, largest) - value, 0.0)
+        increase = interaction_increase(value, seen.changer_gap, seen.speed, seen.changer_speed, driver, self.limit)
         return value + self.of_follower * seen.has_changer * increase

@@ -29,3 +29,16 @@ class SimulatedStimulus(Stimulus):
     has_new_leader: Float[Array, "*#n"]
     new_leader_gap: Float[Array, "*#n"]
     new_leader_speed: Float[Array, "*#n"]
+
+
+def require_intentions(seen: Stimulus, effect: str) -> SimulatedStimulus:
+    """The stimulus of an effect that needs intentions, given its name.
+
+    Raises:
+        ValueError: The stimulus is that of a recording.
+    """
+    if not isinstance(seen, SimulatedStimulus):
+        raise ValueError(
+            f"{effect} needs to know which vehicles want to change lanes: known in a simulation, not in a recording"
+        )
+    return seen

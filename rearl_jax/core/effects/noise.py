@@ -195,7 +195,9 @@ class TimeGapVariation(Effect):
         drawn = begin_fluctuation(self.seed, 3, seen.speed)
         departure = seen.has_leader * time_gap_departure(seen.gap, seen.speed, driver.time_gap, driver.jam_gap)
         mean = self.start_share * departure / jnp.maximum(self.sd, 1e-6)
-        return replace(drawn, value=mean + jnp.sqrt(1 - self.start_share) * drawn.value)
+        is_drawn = self.start_share < 1  # the square root has no derivative at 0
+        drawn_share = jnp.where(is_drawn, jnp.sqrt(jnp.where(is_drawn, 1 - self.start_share, 1.0)), 0.0)
+        return replace(drawn, value=mean + drawn_share * drawn.value)
 
     def remember(self, memory: Fluctuation, seen: Stimulus, driver: CarFollowing, dt: float) -> Fluctuation:
         """The variation in this time step."""

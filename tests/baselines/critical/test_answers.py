@@ -14,6 +14,7 @@ GOOD = '{"aggressive": 0.1, "defensive": 0.25, "truck": 0.15}'
         GOOD,
         f"Here it is:\n```json\n{GOOD}\n```\nGood luck!",
         f'<think>perhaps {{"aggressive": 0.9}}?</think>{GOOD}',
+        f'<Thinking>perhaps {{"aggressive": 0.9}}?</Thinking>{GOOD}',
         '{"aggressive": 1e-1, "defensive": 0.25, "truck": 0.15, "why": {"because": "{nested}"}}',
     ],
 )
@@ -33,6 +34,8 @@ def test_the_ends_of_the_ranges_are_good():
         ("", "unparsable", "no JSON object"),
         ("More trucks, please.", "unparsable", "no JSON object"),
         ("} nothing {", "unparsable", "no JSON object"),
+        (f"<think>perhaps {GOOD}, but", "unparsable", "reasoning does not end"),
+        (f"<think>perhaps</think>{GOOD}<think>", "unparsable", "reasoning does not end"),
         ("{aggressive: 0.1}", "unparsable", "not JSON"),
         (f"{GOOD} or {GOOD}", "unparsable", "not JSON"),
         ("{" * 100_000 + "}" * 100_000, "unparsable", "not JSON"),

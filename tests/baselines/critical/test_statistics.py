@@ -66,6 +66,15 @@ def test_a_vehicle_is_described_by_speed_change_of_speed_and_lane_changes():
     assert driving.is_truck.tolist() == [False, False]
 
 
+@pytest.mark.parametrize("rate", [0.5, 2.5, 12.5, 25.0, 29.97])
+def test_the_change_of_speed_is_per_second_at_every_frame_rate(rate):
+    accelerating = recording(track(1, 0.0))
+    speed = 10.0 + accelerating.table["frame"].to_numpy() / rate * 0.7
+    info = replace(accelerating.info, frame_rate=rate)
+    driving = driving_of([Recording(info, accelerating.table.assign(speed=speed))], whole())
+    assert driving.acceleration == pytest.approx([0.7])
+
+
 def test_only_what_is_driven_in_the_stretches_counts(road):
     late = track(50, 40.0, first=500)
     other_side = track(51, 40.0, direction=2)

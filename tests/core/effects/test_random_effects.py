@@ -144,6 +144,23 @@ def test_the_variation_of_followers_begins_near_their_present_time_gap():
         assert group.std() == pytest.approx(sd * math.sqrt(1 - start_share), rel=0.06)
 
 
+@pytest.mark.parametrize("start_share", [0.0, 0.5, 1.0])
+def test_the_variation_at_the_start_has_a_derivative_at_every_share(start_share):
+    ones = jnp.ones((3, 1))
+    values = {"speed": 10.0 * ones, "gap": 20.0 * ones, "has_leader": ones}
+    seen = Stimulus(**{field.name: values.get(field.name, 0.0 * ones) for field in fields(Stimulus)})
+    driver = IDM(**{field.name: ones for field in fields(IDM)})
+
+    def begun(share):
+        effect = TimeGapVariation(jnp.float64(0.4), jnp.float64(15.0), share, seed=jnp.int32(5))
+        return effect.begin(seen, driver, DT).value
+
+    value, slope = jax.jvp(begun, (jnp.float64(start_share),), (jnp.float64(1.0),))
+    assert np.isfinite(slope).all()
+    if start_share == 1.0:
+        assert np.unique(value).size == 1  # nothing is drawn
+
+
 def test_a_departure_from_the_time_gap_is_limited_and_zero_for_a_distant_leader():
     gap = np.array([12.0, 62.0, 2.0, 0.0])  # [m]
     speed, preferred, jam_gap = np.full(4, 10.0), np.ones(4), np.full(4, 2.0)  # [m/s], [s], [m]
