@@ -18,6 +18,7 @@ from rearl_jax.cli import command_line
 from rearl_jax.cli.composition import check_overrides, choices, compose_task
 from rearl_jax.cli.multirun import swept_values
 from rearl_jax.cli.sweep_files import read_sweep, sweeps_of
+from rearl_jax.code_version import code_hash
 from rearl_jax.config._schema import groups_of
 from rearl_jax.problems import InvalidInputError, out_of_range
 from rearl_jax.results import Study, config_hash
@@ -280,14 +281,27 @@ def test_cells_are_put_together_also_after_a_failed_job(cli):
     assert (config.study, config.limit) == ("s", 20)
 
 
-def test_a_failed_job_leaves_nothing_of_another_configuration(cli, capsys):
-    # The task of these tests writes no summaries, so these stay whatever is run.
+def write_earlier_summaries(cli, code):
+    """Summaries of two jobs; the task of these tests writes none, so these stay whatever is run."""
     for lanes in (9, 3):
         folder = cli.work / "results" / "s" / f"road.lanes={lanes}"
         folder.mkdir(parents=True)
         config = compose_task(tasks.TASKS[0], [f"road.lanes={lanes}", "limit=20"], None)
-        (folder / "summary.json").write_text(json.dumps([{"config_hash": config_hash(config)}]))
+        first = {"config_hash": config_hash(config), "code_hash": code}
+        (folder / "summary.json").write_text(json.dumps([first]))
 
+
+def test_a_failed_job_leaves_nothing_of_other_code(cli, capsys):
+    write_earlier_summaries(cli, "other")
+    cli.task.fail = lambda: open("missing.csv")
+    assert cli.main(["drive", "far", "-m", "road.lanes=9,3", "limit=20", "study=s"]) == 2
+    ((_, cells),) = cli.collected
+    assert cells == []
+    assert capsys.readouterr().out.count("were computed by other code and are left out") == 2
+
+
+def test_a_failed_job_leaves_nothing_of_another_configuration(cli, capsys):
+    write_earlier_summaries(cli, code_hash())
     cli.task.fail = lambda: open("missing.csv")
     assert cli.main(["drive", "far", "-m", "road.lanes=9,3", "limit=20", "study=s"]) == 2
     assert cli.main(["drive", "far", "-m", "road.lanes=9,3", "limit=30", "study=s"]) == 2
@@ -376,6 +390,8 @@ def test_help_lists_tasks(cli, capsys):
     assert cli.main(["--help"]) == 0
     assert capsys.readouterr().out == without
     assert "drive far  drive along" in without
+    codes = without[without.index("exit codes:") :].split()
+    assert {"0", "1", "2", "129", "130", "141", "143"} <= set(codes)
 
 
 def test_help_does_not_wait_for_jax():
