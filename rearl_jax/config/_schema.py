@@ -180,11 +180,7 @@ def _record_from_plain(hint: type, value: Any, name: str) -> Any:
     if record_for is None:
         return from_plain(hint, value, f"{name}.")
     plain = {"model": value} if isinstance(value, str) else value
-    try:
-        chosen = record_for(plain)
-    except InvalidInputError as error:
-        raise error.within(f"{name}.") from error
-    return from_plain(chosen, plain, f"{name}.")
+    return from_plain(record_for(value, f"{name}."), plain, f"{name}.")
 
 
 def finished(record: Record, prefix: str = "") -> Record:
