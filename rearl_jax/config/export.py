@@ -6,7 +6,7 @@ from enum import Enum
 from rearl_jax.config import _VARIANT_HELP, ResultsConfig, _group, _study
 from rearl_jax.config._key import key
 from rearl_jax.config._one_population import check_one_population, platoons
-from rearl_jax.config._ranges import check_least, check_positive, check_within
+from rearl_jax.config._ranges import check_finite, check_least, check_positive, check_within
 from rearl_jax.config.data import DataConfig
 from rearl_jax.config.driver import DriverConfig, record_of
 from rearl_jax.config.evaluation import Variant
@@ -57,6 +57,7 @@ class SumoFileConfig:
     def check(self) -> None:
         """Raise InvalidInputError for a value outside its range."""
         check_positive(self, "speed_limit")
+        check_finite(self, "speed_limit")
 
 
 @dataclass(unsafe_hash=True)

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from rearl_jax.config import _VARIANT_HELP, ResultsConfig, _group, _study
 from rearl_jax.config._key import key
 from rearl_jax.config._one_population import check_one_population, platoons
-from rearl_jax.config._ranges import check_least, check_positive, check_rising, check_within
+from rearl_jax.config._ranges import check_finite, check_least, check_positive, check_rising, check_within
 from rearl_jax.config.data import DataConfig
 from rearl_jax.config.driver import DEFAULT, MODELS, DriverConfig, record_of
 from rearl_jax.config.evaluation import Variant
@@ -56,6 +56,7 @@ class StabilityConfig:
                 raise out_of_range("models", f"must be some of {', '.join(MODELS)}", name)
         check_rising(self, "speeds", "ring_lengths", "densities")
         check_positive(self, "amplitude", "margin")
+        check_finite(self, "speeds", "ring_lengths", "densities", "amplitude", "margin")
         check_least(self, 3, "ring_vehicles", "flow_vehicles")
         check_least(self, 30, "queue_vehicles")
         check_least(self, 300, "ring_seconds", "flow_seconds")
