@@ -65,6 +65,18 @@ def keys_of(record: Any) -> dict[str, Key]:
     return {key.name: key for group in groups_of(record) for key in group.keys}
 
 
+def values_of(record: Any) -> dict[str, Any]:
+    """Values of a record by the full names of their keys."""
+    values: dict[str, Any] = {}
+    for item in configured_fields(record):
+        value = getattr(record, item.name)
+        if is_dataclass(value):
+            values |= {f"{item.name}.{name}": part for name, part in values_of(value).items()}
+        else:
+            values[item.name] = value
+    return values
+
+
 def nearest(name: str, known: Iterable[str]) -> str:
     """The known name most similar to a given one, also by the last part alone (`stride` for `scenes.stride`)."""
 
