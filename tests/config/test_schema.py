@@ -7,7 +7,7 @@ from enum import Enum
 
 import pytest
 
-from rearl_jax.config import DiscoverTask, EvaluateTask
+from rearl_jax.config import DiscoverTask, EvaluateTask, ReportTask
 from rearl_jax.config._schema import as_plain, as_written, finished, from_plain, groups_of, nearest, type_name
 from rearl_jax.problems import InvalidInputError, out_of_range
 from tests.refusal import refused
@@ -142,6 +142,14 @@ def test_an_infinite_threshold_means_never():
     config = EvaluateTask()
     config.detection.threshold_h = math.inf
     assert finished(config).detection.threshold_h == math.inf
+
+
+@pytest.mark.parametrize("task", [EvaluateTask, ReportTask])
+def test_an_empty_folder_of_results_is_refused(task):
+    config = task()
+    config.results.root = ""
+    with refused("out-of-range", key="results.root"):
+        finished(config)
 
 
 def test_a_negative_seed_is_refused():
