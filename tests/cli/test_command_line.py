@@ -6,6 +6,7 @@ import pytest
 
 from rearl_jax.problems import InvalidInputError
 from rearl_jax.results import Study
+from tests.refusal import refused
 
 
 def test_defaults_then_files_then_command_line(cli):
@@ -77,6 +78,19 @@ def test_mistakes_end_with_one_sentence(cli, capsys, words, code, key, nearest):
     assert "\n" not in str(caught.value)
     assert cli.ran == []
     assert list(cli.work.iterdir()) == []
+
+
+def test_the_remedy_for_several_values_works(cli):
+    for word, remedy in (
+        ("road.lanes=1,3", "add -m for one job per value"),
+        ("road.exits=1,3", "add -m for one job per value, or write road.exits=[1,3] for a list"),
+        ("study=a,b", "add -m for one job per value, or quote a text twice: 'study=\"a,b\"'"),
+    ):
+        with refused("several-values", key=word.partition("=")[0]) as caught:
+            cli.main(["drive", "far", word, "--traceback"])
+        assert caught.value.problem.remedy == remedy
+    assert cli.main(["drive", "far", "road.exits=[1,3]", 'study="a,b"']) == 0
+    assert (cli.ran[0].road.exits, cli.ran[0].study) == ((1.0, 3.0), "a,b")
 
 
 def test_error_of_the_file_system_is_for_the_user(cli, capsys):
