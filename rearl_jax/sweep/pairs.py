@@ -99,7 +99,7 @@ def choose(
     sum. Percentile bootstrap: Efron & Tibshirani, An Introduction to the Bootstrap (1993), chapter 13.
     """
     total = h + mape
-    is_scored = np.isfinite(total).all(axis=0)
+    is_scored = np.asarray(np.isfinite(total).all(axis=0))
     total = total[:, is_scored]
     if not total.size:
         message = "in every tuning scene some pair of thresholds has no value: raise eval.n_runs, or use more data"
