@@ -30,7 +30,7 @@ from rearl_jax.cli.values import with_original_keys
 from rearl_jax.code_version import code_hash
 from rearl_jax.config._schema import finished
 from rearl_jax.problems import Problem
-from rearl_jax.results import cell_folder, config_hash, first_part, read_summary
+from rearl_jax.results import cell_folder, config_hash, first_part, path_inside, read_summary
 from rearl_jax.tasks import Task
 from rearl_jax.whole_files import claim
 
@@ -57,7 +57,7 @@ def run_many(task: Task, overrides: list[str], config_dir: str | None) -> tuple[
     fixed = [text for text, item in zip(overrides, parsed, strict=True) if item.key_or_group not in swept]
     task_overrides = [text for text in fixed if not text.lstrip("+~").startswith("hydra")]
     common = compose_task(task, task_overrides, config_dir)
-    folder = Path(common.results.root) / common.study
+    folder = path_inside(Path(common.results.root), common.study, "study")
     # Without swept keys the folder is that of the only job, which may run in another process and locks it itself.
     lock = claim(folder) if swept else None
     failed = None

@@ -10,6 +10,7 @@ from rearl_jax.cli.composition import compose_task
 from rearl_jax.code_version import code_hash
 from rearl_jax.problems import InvalidInputError
 from rearl_jax.results import config_hash
+from tests.refusal import refused
 
 
 def test_multirun_gives_each_job_its_folder(cli):
@@ -88,6 +89,13 @@ def test_a_failed_job_leaves_nothing_of_another_configuration(cli, capsys):
     assert same == [{"road.lanes": "9"}, {"road.lanes": "3"}]
     assert other == []
     assert capsys.readouterr().out.count("belong to another configuration and are left out") == 2
+
+
+def test_a_study_outside_the_results_is_refused_before_anything_is_written(cli):
+    with refused("name-unusable", key="study"):
+        cli.main(["drive", "far", "-m", "road.lanes=1,3", "study=../up", "--traceback"])
+    assert cli.ran == []
+    assert not list(cli.work.iterdir())
 
 
 def test_jobs_resume_unless_told_otherwise(cli):
