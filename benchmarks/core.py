@@ -15,7 +15,7 @@ from benchmarks.options import CoreBenchmark, CoreOptions
 from benchmarks.programs import GPU, OURS, TITLES, Absent, Session, open_programs, start_ours
 from benchmarks.terminal import print_table
 from rearl_jax import runtime
-from rearl_jax.problems import out_of_range
+from rearl_jax.problems import InvalidInputError, Problem, out_of_range
 from rearl_jax.results import Study
 from rearl_jax.runtime import machine_line
 from rearl_jax.timing.measurement import Measurement, Series
@@ -26,7 +26,8 @@ def run(config: CoreBenchmark) -> dict:
     """The summary of the measurements, after writing table, summary, configuration and figure.
 
     Raises:
-        MissingInputError, InvalidInputError: The earlier benchmark cannot be compared with.
+        MissingInputError, InvalidInputError: The earlier benchmark cannot be compared with; if that shows only after
+            the measurements, because the reference program is absent, they are written.
     """
     bench = config.bench
     earlier = {} if bench.against is None else read_ratios(bench.against, bench.reference)
@@ -47,6 +48,11 @@ def run(config: CoreBenchmark) -> dict:
     summary = results.summary()
     study.write_summary(summary)
     show(results)
+    if earlier and not results.changes:
+        fault = f"was not measured, so nothing is compared with {bench.against}"
+        remedy = next((item.remedy for item in results.absent if item.program == bench.reference.name), "")
+        problem = Problem("reference-absent", fault, remedy, key="bench.reference", value=bench.reference.name)
+        raise InvalidInputError(problem)
     return summary
 
 

@@ -3,8 +3,8 @@
 from dataclasses import dataclass
 from enum import Enum
 
-from rearl_jax.config import ResultsConfig, _group, _study
-from rearl_jax.config._key import key
+from rearl_jax.config import ResultsConfig
+from rearl_jax.config._key import group_key, key, study_key
 from rearl_jax.config._ranges import check_least, check_positive, check_rising
 from rearl_jax.config.study import StepsConfig
 from rearl_jax.problems import out_of_range
@@ -193,9 +193,9 @@ class CoreBenchmark:
     exit code is 1 if we have become slower.
     """
 
-    study: str = _study("bench_core")
-    results: ResultsConfig = _group(ResultsConfig)
-    bench: CoreOptions = _group(CoreOptions)
+    study: str = study_key("bench_core")
+    results: ResultsConfig = group_key(ResultsConfig)
+    bench: CoreOptions = group_key(CoreOptions)
 
 
 @dataclass(unsafe_hash=True)
@@ -205,9 +205,9 @@ class LoopBenchmark:
     No data are read: the references are synthetic.
     """
 
-    study: str = _study("bench_loop")
-    results: ResultsConfig = _group(ResultsConfig)
-    loop: LoopOptions = _group(LoopOptions)
+    study: str = study_key("bench_loop")
+    results: ResultsConfig = group_key(ResultsConfig)
+    loop: LoopOptions = group_key(LoopOptions)
 
 
 @dataclass(unsafe_hash=True)
@@ -217,9 +217,9 @@ class BoundaryBenchmark:
     No data are read: the replayed vehicles are synthetic.
     """
 
-    study: str = _study("bench_boundary")
-    results: ResultsConfig = _group(ResultsConfig)
-    boundary: BoundaryOptions = _group(BoundaryOptions)
+    study: str = study_key("bench_boundary")
+    results: ResultsConfig = group_key(ResultsConfig)
+    boundary: BoundaryOptions = group_key(BoundaryOptions)
 
 
 @dataclass(unsafe_hash=True)
@@ -230,9 +230,9 @@ class DiscoverBenchmark:
     an interruption are kept: the same command continues after them.
     """
 
-    study: str = _study("bench_discover")
-    results: ResultsConfig = _group(ResultsConfig)
-    discover: DiscoverOptions = _group(DiscoverOptions)
+    study: str = study_key("bench_discover")
+    results: ResultsConfig = group_key(ResultsConfig)
+    discover: DiscoverOptions = group_key(DiscoverOptions)
 
 
 @dataclass(unsafe_hash=True)
@@ -242,6 +242,6 @@ class ReadersBenchmark:
     Every layout is written as one file of synthetic traffic, and read in a process of its own.
     """
 
-    study: str = _study("bench_readers")
-    results: ResultsConfig = _group(ResultsConfig)
-    readers: ReadersOptions = _group(ReadersOptions)
+    study: str = study_key("bench_readers")
+    results: ResultsConfig = group_key(ResultsConfig)
+    readers: ReadersOptions = group_key(ReadersOptions)

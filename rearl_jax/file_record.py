@@ -6,6 +6,7 @@ a user's own, are kept.
 """
 
 import json
+import os
 from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path, PurePath
 from typing import Any
@@ -84,10 +85,10 @@ class FileRecord:
         files = [path.resolve() for name in stale if (path := self._folder / name).exists()]
         folder = self._folder.resolve()
         for key, text in _texts(config) if files else ():
-            path = Path(text)
-            if not text or len(text) > 1000 or "\0" in text or not path.exists():
+            # Unlike Path.exists, this is false for a text that cannot be a path.
+            if not os.path.exists(text):
                 continue
-            path = path.resolve()
+            path = Path(text).resolve()
             if folder in (path, *path.parents) and any(path in (file, *file.parents) for file in files):
                 fault = "names results in the folder of this study, which removes those of an earlier one"
                 remedy = "choose another folder with study=NAME"

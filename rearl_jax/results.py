@@ -68,7 +68,7 @@ class Study:
         Raises:
             ValueError: The name does not stay inside the root.
         """
-        self.path = _inside(Path(root), name, "study")
+        self.path = path_inside(Path(root), name, "study")
         self._config = as_plain(config)
         values = (task, name, config_hash(config), __version__, code_hash(), git_sha(), data_id, generated)
         self._claim: object = None
@@ -123,7 +123,7 @@ class Study:
 
     def owns(self, name: str) -> bool:
         """True if the table `name` is there, whole, and of the same task, configuration, data and code."""
-        path = _inside(self.path, f"{name}.parquet", "file")
+        path = path_inside(self.path, f"{name}.parquet", "file")
         try:
             metadata = read_metadata(path)
         except (OSError, ValueError):  # not there, or what pyarrow raises for a file that is not Parquet
@@ -137,7 +137,7 @@ class Study:
         Part 3 is written as the table `part_name(name, 3)`; together they are read as one table from the folder `name`.
         """
         kept = set()
-        for path in sorted(_inside(self.path, name, "table").glob("*")):
+        for path in sorted(path_inside(self.path, name, "table").glob("*")):
             number = re.fullmatch(r"part-(\d+)", path.stem)
             if number and path.suffix == ".parquet" and self.owns(f"{name}/{path.stem}"):
                 kept.add(int(number[1]))
@@ -211,7 +211,7 @@ class Study:
     def recorded_path(self, name: str) -> Path:
         """Path of a file of this study that the caller writes; with `/` at the end, of a study inside this one."""
         self._files.add(name)
-        return _inside(self.path, name, "file")
+        return path_inside(self.path, name, "file")
 
     def _write(self, name: str, write: Callable[[Path], object]) -> Path:
         path = self.recorded_path(name)
@@ -275,7 +275,12 @@ def config_hash(config: object) -> str:
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
-def _inside(root: Path, name: str, kind: str) -> Path:
+def path_inside(root: Path, name: str, kind: str) -> Path:
+    """Path of a study, file or table (`kind`, for the message) inside a folder.
+
+    Raises:
+        InvalidInputError: The name does not stay inside the folder.
+    """
     parts = PurePosixPath(name).parts
     if not parts or name.startswith("/") or ".." in parts or "\\" in name:
         message = f"must be the name of a {kind} inside {root}: write letters, digits, - _"

@@ -18,6 +18,8 @@ from pathlib import Path
 import jax
 
 from rearl_jax.config.core import Precision
+from rearl_jax.machine import PLATFORM_VARIABLES, available_cores, total_memory
+from rearl_jax.machine import load_average as load_average
 from rearl_jax.problems import InvalidInputError, Problem
 
 
@@ -60,13 +62,6 @@ def double_precision() -> Iterator[None]:
         jax.config.update("jax_enable_x64", was_enabled)
 
 
-def available_cores() -> int:
-    """Number of CPU cores this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
-
-
 def cache_folder() -> Path:
     """The folder of compiled programs: `rearl_jax/jax` in XDG_CACHE_HOME, or in ~/.cache without it."""
     base = os.environ.get("XDG_CACHE_HOME")
@@ -77,11 +72,6 @@ def cache_folder() -> Path:
     except RuntimeError:  # no HOME, and a user id without an entry, as in a container
         home = Path(tempfile.gettempdir()) / f"rearl_jax-{os.getuid()}"
     return home / ".cache" / "rearl_jax" / "jax"
-
-
-def load_average() -> float | None:
-    """Average number of processes that were ready to run in the last minute; None if the system does not report it."""
-    return os.getloadavg()[0] if hasattr(os, "getloadavg") else None
 
 
 def machine_line(machine: Mapping[str, str | int | float], load: float | None) -> str:
@@ -96,7 +86,7 @@ def describe_machine() -> dict[str, str | int | float]:
     return {
         "cpu_model": _cpu_model(),
         "cpu_cores": available_cores(),
-        "memory_gib": round(_memory_bytes() / 2**30, 1),
+        "memory_gib": round((total_memory() or 0) / 2**30, 1),
         "jax_backend": devices[0].platform,
         "jax_device": devices[0].device_kind,
         "jax_devices": len(devices),
@@ -105,10 +95,6 @@ def describe_machine() -> dict[str, str | int | float]:
         "python_version": platform.python_version(),
         "system": f"{platform.system()} {platform.machine()}",
     }
-
-
-PLATFORM_VARIABLES = ("JAX_PLATFORMS", "JAX_PLATFORM_NAME")
-"""Variables that choose what JAX computes on."""
 
 
 def check_platform() -> None:
@@ -202,9 +188,3 @@ def _cpu_model() -> str:
             if line.startswith("model name"):
                 return line.partition(":")[2].strip()
     return platform.processor() or platform.machine()
-
-
-def _memory_bytes() -> int:
-    if not hasattr(os, "sysconf"):
-        return 0
-    return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")

@@ -290,10 +290,7 @@ def _configured(kind: type[Record], keys: Mapping[str, Any]) -> Record:
     """
     defaults: Any = kind()
     if "driver" in keys and hasattr(defaults, "driver"):
-        given = keys["driver"]
-        defaults = replace(
-            defaults, driver=DriverConfig.record_for({"model": given} if isinstance(given, str) else given)()
-        )
+        defaults = replace(defaults, driver=DriverConfig.record_for(keys["driver"])())
     known = keys_of(defaults)
     for name in _names(keys, known):
         if name not in known:

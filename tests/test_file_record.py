@@ -119,3 +119,8 @@ def test_the_record_is_replaced_as_a_whole(tmp_path, monkeypatch):
     with pytest.raises(KeyboardInterrupt):
         begun(tmp_path, {"key": 2})
     assert (tmp_path / ".study.files").read_text() == before
+
+
+def test_a_text_too_long_for_a_path_names_no_file(tmp_path):
+    begun(tmp_path, {"key": 1}).write_table("rows", FRAME)
+    assert names(begun(tmp_path, {"key": "x" * 300})) == ["config.json"]

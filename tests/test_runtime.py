@@ -31,7 +31,7 @@ def test_start_sets_devices_and_precision_and_stores_compiled_programs(tmp_path)
 
 
 def test_by_default_there_is_a_device_per_core_and_the_cache_is_in_xdg_cache_home(tmp_path):
-    from rearl_jax.runtime import available_cores
+    from rearl_jax.machine import available_cores
 
     code = f"runtime.start()\n{COMPUTE}\nprint(jax.device_count())"
     output = run(code, tmp_path, XDG_CACHE_HOME=f"{tmp_path}/xdg")

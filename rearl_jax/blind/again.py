@@ -2,9 +2,9 @@
 
 Reads `protocol.json`, the sealed `truth.json` and `cases.parquet`, the table with the verdict on each data set. Prints
 the tables and writes these derived files again: `scores.parquet`, `sets.parquet`, `strengths.parquet`,
-`confusion.parquet`, `strata.parquet` (broad priors only), `page.html` and `summary.json`, with the provenance of the
-study and `judged_again`. Results that cannot be derived from the table of data sets are kept: parameters, stated
-confidences, and rates that need a column which the table lacks.
+`confusion.parquet`, `strata.parquet` (broad priors only), figures that are there as PNG, `page.html` and
+`summary.json`, with the provenance of the study and `judged_again`. Results that cannot be derived from the table of
+data sets are kept: parameters, stated confidences, and rates that need a column which the table lacks.
 """
 
 import json
@@ -18,7 +18,7 @@ from typing import Any
 import pandas as pd
 
 from rearl_jax.blind.document import TABLES, document_of
-from rearl_jax.blind.judging import Judgement, is_alone, shown_of
+from rearl_jax.blind.judging import Judgement, counted, is_alone, shown_of
 from rearl_jax.blind.questions import QUESTIONS, Judged
 from rearl_jax.blind.results import BlindResults
 from rearl_jax.blind.scores import Score, score_all
@@ -87,7 +87,7 @@ def read_study(folder: Path) -> tuple[Protocol, KeptResults]:
     truths = open_truth(folder, protocol)
     table = pd.read_parquet(folder / "cases.parquet")
     return protocol, KeptResults(
-        cases=[_judged(truths[row["case"]], row) for row in _rows(table)],
+        cases=[judged_of_row(truths[row["case"]], row) for row in _rows(table)],
         n_drawn=len(truths),
         columns=frozenset(table.columns),
         kept_scores=_rows(pd.read_parquet(folder / "scores.parquet")),
@@ -119,7 +119,12 @@ def judge_again(folder: Path) -> dict[str, Any]:
     written = [name for name in TABLES if (folder / f"{name}.parquet").is_file()]
     tables = {name: pd.read_parquet(folder / f"{name}.parquet") for name in written}
     document = document_of(summary, tables, vars(protocol))
-    _write_text(folder / "page.html", page_of(document, config, draw_figures(results), made_by=made_by))
+    figures = draw_figures(results)
+    for name in figures:
+        if (path := folder / f"{name}.png").is_file():
+            with replacing(path) as unfinished:
+                unfinished.write_bytes(figures[name])
+    _write_text(folder / "page.html", page_of(document, config, figures, made_by=made_by))
     _write_text(folder / "summary.json", json.dumps(summary, indent=2, allow_nan=False) + "\n")
     print_document(document)
     return summary
@@ -135,13 +140,13 @@ def main(arguments: list[str]) -> None:
         sys.exit(str(error))
 
 
-def _judged(truth: Mapping[str, Any], row: Mapping[str, Any]) -> Judged:
+def judged_of_row(truth: Mapping[str, Any], row: Mapping[str, Any]) -> Judged:
     """A data set judged again from its row in the table."""
     verdict = _verdict(row)
     false_names = _names(row["false"])
     judgement = Judgement(
         outcome=row["outcome"],
-        shown=shown_of(verdict, row["n_recognised"], row["is_flagged"]),
+        shown=shown_of(counted(truth, verdict), row["n_recognised"], row["is_flagged"]),
         n_hidden=row["n_hidden"],
         n_recognised=row["n_recognised"],
         in_set=row["in_set"],

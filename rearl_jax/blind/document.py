@@ -115,7 +115,7 @@ def _rates(frame: pd.DataFrame, name: str = "rate") -> pd.DataFrame:
 
 
 def _strata(tables: Mapping[str, pd.DataFrame]) -> pd.DataFrame:
-    strata = tables.get("strata", pd.DataFrame())
+    strata = tables.get(STRATA, pd.DataFrame())
     for name in ("named", "false", "claimed", "covered") if len(strata) else ():
         names = [name, f"{name}_low", f"{name}_high"]
         strata = strata.assign(**{key: 100 * strata[key].astype(float) for key in names})

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from rearl_jax.blind.questions import QUESTIONS
 from rearl_jax.blind.results import BlindResults
 from rearl_jax.drawing import BLUE, DARK_GREY, FONT_SIZE, GREY, panels, png, set_title
 
@@ -45,7 +46,8 @@ def draw_strengths(results: BlindResults) -> bytes:
         low, high = (np.array([row[name] for row in rows]) for name in ("low", "high"))
         spread = np.stack([rate - low, high - rate])
         axes.errorbar(strength, rate, spread, color=BLUE, marker="o", capsize=3, label="all effects, 95 %", zorder=3)
-    axes.axhline(0.95, color=DARK_GREY, linestyle=":", linewidth=1.0, label="goal at usual strength")
+    goal = next(question.goal for question in QUESTIONS if question.name == "identified")
+    axes.axhline(goal, color=DARK_GREY, linestyle=":", linewidth=1.0, label="goal at usual strength")
     axes.set_xscale("log", base=2)
     axes.set_xticks([0.25, 0.5, 1.0, 2.0], ["1/4", "1/2", "1", "2"])
     axes.set_ylim(-0.03, 1.03)

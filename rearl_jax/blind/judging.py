@@ -75,15 +75,8 @@ class Recovery:
 
 
 def judge(truth: Mapping[str, Any], verdict: Verdict) -> Judgement:
-    """The judgement on one data set, by its entry in the sealed file.
-
-    If lane changes are forced, claims on lane choice do not count: forced changes need long enough gaps, so they depend
-    on them, but no effect on lane choice was hidden.
-    """
-    hidden = truth["planted"]
-    scenario = truth.get("scenario", {})
-    if scenario.get("lane_changes", 0) > 0 and not scenario.get("free_changes", False):
-        verdict = replace(verdict, effects=tuple(each for each in verdict.effects if each.name not in ON_LANE_CHOICE))
+    """The judgement on one data set, by its entry in the sealed file; only claims of `counted` are judged."""
+    hidden, verdict = truth["planted"], counted(truth, verdict)
     recognised = [any(is_it(item, effect) for effect in verdict.effects) for item in hidden]
     in_set = [
         is_named or bool(names_of(item) & verdict.alternatives)
@@ -105,6 +98,18 @@ def judge(truth: Mapping[str, Any], verdict: Verdict) -> Judgement:
             (effect.confidence, effect not in false) for effect in verdict.effects if effect.confidence is not None
         ),
     )
+
+
+def counted(truth: Mapping[str, Any], verdict: Verdict) -> Verdict:
+    """The verdict with the claims that count.
+
+    If lane changes are forced, claims on lane choice do not count: forced changes need long enough gaps, so they depend
+    on them, but no effect on lane choice was hidden.
+    """
+    scenario = truth.get("scenario", {})
+    if scenario.get("lane_changes", 0) > 0 and not scenario.get("free_changes", False):
+        return replace(verdict, effects=tuple(each for each in verdict.effects if each.name not in ON_LANE_CHOICE))
+    return verdict
 
 
 def shown_of(verdict: Verdict, n_recognised: int, is_flagged: bool) -> str:

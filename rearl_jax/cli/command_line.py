@@ -1,7 +1,7 @@
 """Reads the task and its options from the command line.
 
-Errors of the user end with one sentence and exit code 2, errors of the program with a traceback and exit code 1. Ctrl-C
-and SIGTERM end a task in an orderly way and print the command that continues it.
+Errors of the user end with one sentence and exit code 2, errors of the program with a traceback and exit code 1.
+Ctrl-C, SIGTERM and SIGHUP end a task in an orderly way and print the command that continues it.
 """
 
 import argparse
@@ -34,7 +34,7 @@ def main(argv: list[str] | None = None) -> int:
     """Exit code of `rearl`.
 
     0 done, 1 a check has failed (errors of the program are raised, which gives 1 as well), 2 an error in the input, 130
-    interrupted by Ctrl-C, 143 by SIGTERM, 141 standard output was closed by its reader.
+    interrupted by Ctrl-C, 143 by SIGTERM, 129 by SIGHUP, 141 standard output was closed by its reader.
     """
     arguments = sys.argv[1:] if argv is None else list(argv)
     make_writable()

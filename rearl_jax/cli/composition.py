@@ -226,12 +226,17 @@ def _unreadable_value(text: str, keys: Mapping[str, Key]) -> Problem:
 
 
 def _value_problem(
-    override: Any, keys: Iterable[str], known_groups: Mapping[str, Mapping[str, str]], *, many: bool
+    override: Any, keys: Mapping[str, Key], known_groups: Mapping[str, Mapping[str, str]], *, many: bool
 ) -> Problem | None:
     """Problem with the value of a known key that does not depend on the key's type; None without one."""
     name, value = override.key_or_group, override.input_line.partition("=")[2]
     if override.is_sweep_override():
-        remedy = f"add -m for one job per value, or write {name}=[{value}] for a list"
+        kind = keys[name].type_name if name in keys else ""
+        remedy = "add -m for one job per value"
+        if kind.startswith("["):
+            remedy += f", or write {name}=[{value}] for a list"
+        elif kind.startswith("str"):
+            remedy += f", or quote a text twice: '{name}={quoted(value)}'"
         return None if many else Problem("several-values", "has several values", remedy, key=name, value=value)
     if name in known_groups and override.value() == "":
         return Problem("choice-unknown", f"must be one of {', '.join(known_groups[name])}", key=name, value="''")

@@ -24,7 +24,8 @@ options:
 _EXIT_CODES = """\
 exit codes:
   0 done    1 a check or the program has failed    2 an error in the input: one sentence names it and the remedy
-  130 ended by Ctrl-C, 143 by SIGTERM: the last line is the command that continues    141 the output was closed"""
+  130 ended by Ctrl-C, 143 by SIGTERM, 129 by SIGHUP: the last line is the command that continues
+  141 the reader of the output has closed it"""
 
 _EXAMPLES = (
     "rearl doctor                          check the installation",

@@ -14,6 +14,7 @@ from typing import Any
 
 from rearl_jax.cli.composition import UsageError
 from rearl_jax.cli.running import JobError, complain
+from rearl_jax.machine import available_cores
 from rearl_jax.problems import Problem
 
 _EXTRAS = {
@@ -63,7 +64,7 @@ def settings(given: Mapping[str, Any], n_jobs: int) -> list[str]:
         keys, cores = _ray(given, n_jobs)
     else:
         # Locally, submitit starts all jobs at once; Slurm confines each to what it was given.
-        share = _available_cores() // n_jobs if launcher == "submitit_local" else _UNKNOWN
+        share = available_cores() // n_jobs if launcher == "submitit_local" else _UNKNOWN
         cores = _number(given, "hydra.launcher.cpus_per_task", share)
     if cores != _UNKNOWN:
         keys |= {f"hydra.job.env_set.{name}": max(cores, 1) for name in _LIMITS if name not in os.environ}
@@ -91,8 +92,8 @@ def _joblib(given: Mapping[str, Any], n_jobs: int) -> tuple[dict[str, Any], int]
     Batches have one job, because in joblib's larger batches jobs would wait for each other while cores are idle.
     """
     wanted = _number(given, "hydra.launcher.n_jobs", -1)
-    at_once = min(wanted if wanted > 0 else max(_available_cores() + 1 + wanted, 1), n_jobs)
-    return {"hydra.launcher.n_jobs": at_once, "hydra.launcher.batch_size": 1}, _available_cores() // at_once
+    at_once = min(wanted if wanted > 0 else max(available_cores() + 1 + wanted, 1), n_jobs)
+    return {"hydra.launcher.n_jobs": at_once, "hydra.launcher.batch_size": 1}, available_cores() // at_once
 
 
 def _ray(given: Mapping[str, Any], n_jobs: int) -> tuple[dict[str, Any], int]:
@@ -106,7 +107,7 @@ def _ray(given: Mapping[str, Any], n_jobs: int) -> tuple[dict[str, Any], int]:
         share = 1
         keys |= {"init.num_cpus": "null", "init.object_store_memory": "null"}
     else:
-        size = _number(given, "hydra.launcher.ray.init.num_cpus", _available_cores())
+        size = _number(given, "hydra.launcher.ray.init.num_cpus", available_cores())
         share = max(size // n_jobs, 1)
         keys |= {"init.num_cpus": size}
     cores = _number(given, "hydra.launcher.ray.remote.num_cpus", share)
@@ -146,10 +147,3 @@ def _address(given: Mapping[str, Any]) -> str:
 def _is_elsewhere(given: Mapping[str, Any]) -> bool:
     """True if the jobs run on a Ray cluster that this process has not started."""
     return given.get("hydra/launcher") == "ray" and _address(given) != "local"
-
-
-def _available_cores() -> int:
-    # Imported here, so that a multirun without a launcher starts without waiting for JAX.
-    from rearl_jax.runtime import available_cores
-
-    return available_cores()

@@ -27,9 +27,10 @@ from rearl_jax.cli.launchers import launcher_errors, settings
 from rearl_jax.cli.running import JobError, complain, is_for_user, run_task
 from rearl_jax.cli.streams import make_writable
 from rearl_jax.cli.values import with_original_keys
+from rearl_jax.code_version import code_hash
 from rearl_jax.config._schema import finished
 from rearl_jax.problems import Problem
-from rearl_jax.results import cell_folder, config_hash, first_part, read_summary
+from rearl_jax.results import cell_folder, config_hash, first_part, path_inside, read_summary
 from rearl_jax.tasks import Task
 from rearl_jax.whole_files import claim
 
@@ -56,7 +57,7 @@ def run_many(task: Task, overrides: list[str], config_dir: str | None) -> tuple[
     fixed = [text for text, item in zip(overrides, parsed, strict=True) if item.key_or_group not in swept]
     task_overrides = [text for text in fixed if not text.lstrip("+~").startswith("hydra")]
     common = compose_task(task, task_overrides, config_dir)
-    folder = Path(common.results.root) / common.study
+    folder = path_inside(Path(common.results.root), common.study, "study")
     # Without swept keys the folder is that of the only job, which may run in another process and locks it itself.
     lock = claim(folder) if swept else None
     failed = None
@@ -81,17 +82,20 @@ def run_many(task: Task, overrides: list[str], config_dir: str | None) -> tuple[
 def _is_outdated(
     task: Task, fixed: Sequence[str], folder: Path, cell: Mapping[str, str], config_dir: str | None
 ) -> bool:
-    """True if the results in the folder of a job belong to another configuration."""
+    """True if the results in the folder of a job belong to another configuration, or were computed by other code."""
     job_folder = cell_folder(folder, cell)
     try:
-        summary = read_summary(job_folder)
+        first = first_part(read_summary(job_folder))
     except FileNotFoundError:
         return False
     overrides = [*fixed, *(f"{key}={value}" for key, value in cell.items())]
-    if first_part(summary)["config_hash"] == config_hash(compose_task(task, overrides, config_dir)):
-        return False
-    log.warning("%s: these results belong to another configuration and are left out", job_folder)
-    return True
+    if first["config_hash"] != config_hash(compose_task(task, overrides, config_dir)):
+        log.warning("%s: these results belong to another configuration and are left out", job_folder)
+        return True
+    if first["code_hash"] != code_hash():
+        log.warning("%s: these results were computed by other code and are left out", job_folder)
+        return True
+    return False
 
 
 def swept_values(overrides: Sequence[Any], groups: Mapping[str, Iterable[str]]) -> dict[str, list[str]]:

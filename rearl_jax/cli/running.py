@@ -145,6 +145,8 @@ def explained(error: BaseException) -> str:
         return f"{message}: allow it, or name other folders, results.root=FOLDER for results, data.root for recordings"
     if error.errno in (errno.EEXIST, errno.ENOTDIR):
         return f"{message}: a file is where a folder must be; move it, or set another study=NAME or results.root=FOLDER"
+    if error.errno == errno.EISDIR:
+        return f"{message}: a folder is where a file must be; name a file"
     if error.errno == errno.ENAMETOOLONG:
         return f"{message}: choose a shorter study=NAME or results.root=FOLDER"
     return message

@@ -5,9 +5,8 @@ once, in the file of its group.
 """
 
 from dataclasses import dataclass
-from typing import Any
 
-from rearl_jax.config._key import key
+from rearl_jax.config._key import group_key, key, study_key
 from rearl_jax.config.blind import BlindConfig
 from rearl_jax.config.clustering import BoConfig, ClusterConfig, KlConfig
 from rearl_jax.config.core import CoreConfig, InitConfig
@@ -17,7 +16,7 @@ from rearl_jax.config.decision import AdmissibleConfig, DecisionConfig, ExecConf
 from rearl_jax.config.detection import DetectionConfig, ReferenceConfig
 from rearl_jax.config.discover import DiscoverConfig
 from rearl_jax.config.driver import DEFAULT, MODELS, DriverConfig, record_of
-from rearl_jax.config.evaluation import EvaluationConfig, Method, Variant
+from rearl_jax.config.evaluation import ONE_VARIANT_HELP, EvaluationConfig, Method, Variant
 from rearl_jax.config.generator import GeneratorConfig
 from rearl_jax.config.llm import LlmConfig, PromptConfig
 from rearl_jax.config.metrics import HistConfig, MapeConfig, RealismConfig, SafetyConfig, ThwConfig
@@ -25,8 +24,8 @@ from rearl_jax.config.mobil import MobilConfig
 from rearl_jax.config.paper_start import PaperStart, paper_road, rescaled
 from rearl_jax.config.ppo import PpoConfig, PpoPolicyConfig
 from rearl_jax.config.real import RealConfig
-from rearl_jax.config.report import FolderConfig, ReportConfig
-from rearl_jax.config.results import ResultsConfig
+from rearl_jax.config.report import ReportConfig
+from rearl_jax.config.results import FolderConfig, ResultsConfig
 from rearl_jax.config.scenes import FeaturesConfig, ScenesConfig, SpacingConfig, SpeedConfig, SplitConfig, TracksConfig
 from rearl_jax.config.study import StepsConfig, Table1Config, Table4Config
 from rearl_jax.config.sweep import SweepConfig
@@ -34,66 +33,56 @@ from rearl_jax.config.validation import ValidationConfig
 from rearl_jax.problems import InvalidInputError, Problem, out_of_range
 
 
-def _group(record: type) -> Any:
-    """The field of a key group's record; its help text is the first line of the record's docstring."""
-    return key(record, (record.__doc__ or "").partition("\n")[0].rstrip("."))
-
-
 def _first_look() -> DataConfig:
     """Recordings of a first discovery: shipped leader-follower pairs, few enough for a verdict in a minute or two."""
     return DataConfig(DataFormat.i80_slice)
-
-
-def _study(name: str) -> Any:
-    """The key `study` with its default."""
-    return key(name, "name of the folder under results.root; the same name again replaces its files")
 
 
 @dataclass(unsafe_hash=True)
 class PrepareTask:
     """Canonical tables and scenes from recordings."""
 
-    study: str = _study("prepare")
-    results: ResultsConfig = _group(ResultsConfig)
-    data: DataConfig = _group(DataConfig)
-    generator: GeneratorConfig = _group(GeneratorConfig)
-    tracks: TracksConfig = _group(TracksConfig)
-    scenes: ScenesConfig = _group(ScenesConfig)
-    speed: SpeedConfig = _group(SpeedConfig)
-    features: FeaturesConfig = _group(FeaturesConfig)
-    spacing: SpacingConfig = _group(SpacingConfig)
+    study: str = study_key("prepare")
+    results: ResultsConfig = group_key(ResultsConfig)
+    data: DataConfig = group_key(DataConfig)
+    generator: GeneratorConfig = group_key(GeneratorConfig)
+    tracks: TracksConfig = group_key(TracksConfig)
+    scenes: ScenesConfig = group_key(ScenesConfig)
+    speed: SpeedConfig = group_key(SpeedConfig)
+    features: FeaturesConfig = group_key(FeaturesConfig)
+    spacing: SpacingConfig = group_key(SpacingConfig)
 
 
 @dataclass(unsafe_hash=True)
 class ClusterTask:
     """Clusters of tracks and scenes, and representative scenes."""
 
-    study: str = _study("cluster")
-    results: ResultsConfig = _group(ResultsConfig)
-    data: DataConfig = _group(DataConfig)
-    tracks: TracksConfig = _group(TracksConfig)
-    scenes: ScenesConfig = _group(ScenesConfig)
-    speed: SpeedConfig = _group(SpeedConfig)
-    features: FeaturesConfig = _group(FeaturesConfig)
-    spacing: SpacingConfig = _group(SpacingConfig)
-    split: SplitConfig = _group(SplitConfig)
-    kl: KlConfig = _group(KlConfig)
-    cluster: ClusterConfig = _group(ClusterConfig)
-    bo: BoConfig = _group(BoConfig)
+    study: str = study_key("cluster")
+    results: ResultsConfig = group_key(ResultsConfig)
+    data: DataConfig = group_key(DataConfig)
+    tracks: TracksConfig = group_key(TracksConfig)
+    scenes: ScenesConfig = group_key(ScenesConfig)
+    speed: SpeedConfig = group_key(SpeedConfig)
+    features: FeaturesConfig = group_key(FeaturesConfig)
+    spacing: SpacingConfig = group_key(SpacingConfig)
+    split: SplitConfig = group_key(SplitConfig)
+    kl: KlConfig = group_key(KlConfig)
+    cluster: ClusterConfig = group_key(ClusterConfig)
+    bo: BoConfig = group_key(BoConfig)
 
 
 @dataclass(unsafe_hash=True)
 class DiscoverTask:
     """Missing effects of the driver model."""
 
-    study: str = _study("discover")
-    results: ResultsConfig = _group(ResultsConfig)
-    data: DataConfig = key(_first_look, (DataConfig.__doc__ or "").rstrip("."))
+    study: str = study_key("discover")
+    results: ResultsConfig = group_key(ResultsConfig)
+    data: DataConfig = group_key(DataConfig, _first_look)
     driver: DriverConfig = key(
         record_of("idm"),
         "Car-following model to calibrate, chosen by driver=NAME; the values are the centre of the prior",
     )
-    discover: DiscoverConfig = _group(DiscoverConfig)
+    discover: DiscoverConfig = group_key(DiscoverConfig)
 
     def check(self) -> None:
         """Raise InvalidInputError for a given key that calibration estimates."""
@@ -114,10 +103,10 @@ class DiscoverTask:
 class DiscoverBlindTask:
     """Test of discovery on hidden effects."""
 
-    study: str = _study("discover_blind")
-    results: ResultsConfig = _group(ResultsConfig)
-    blind: BlindConfig = _group(BlindConfig)
-    discover: DiscoverConfig = _group(DiscoverConfig)
+    study: str = study_key("discover_blind")
+    results: ResultsConfig = group_key(ResultsConfig)
+    blind: BlindConfig = group_key(BlindConfig)
+    discover: DiscoverConfig = group_key(DiscoverConfig)
 
 
 _METHOD_HELP = (
@@ -131,7 +120,7 @@ _METHOD_HELP = (
 class EvaluateTask:
     """Comparison of simulated with measured scenes."""
 
-    study: str = _study("evaluate")
+    study: str = study_key("evaluate")
     method: Method = key(Method.base, _METHOD_HELP)
     model: str | None = key(
         None, "repaired model, a model.yaml written by `rearl discover`; null = the drivers of `driver` and `mobil`"
@@ -141,39 +130,39 @@ class EvaluateTask:
         "with model: all = base and rearl, each without and with the effects; calibrated = only `method`, without "
         "effects; repaired = only `method`, with effects",
     )
-    results: ResultsConfig = _group(ResultsConfig)
-    data: DataConfig = _group(DataConfig)
-    tracks: TracksConfig = _group(TracksConfig)
-    scenes: ScenesConfig = _group(ScenesConfig)
-    speed: SpeedConfig = _group(SpeedConfig)
-    features: FeaturesConfig = _group(FeaturesConfig)
-    spacing: SpacingConfig = _group(SpacingConfig)
-    split: SplitConfig = _group(SplitConfig)
-    hist: HistConfig = _group(HistConfig)
-    mape: MapeConfig = _group(MapeConfig)
-    thw: ThwConfig = _group(ThwConfig)
-    safety: SafetyConfig = _group(SafetyConfig)
-    realism: RealismConfig = _group(RealismConfig)
-    init: InitConfig = _group(InitConfig)
-    core: CoreConfig = _group(CoreConfig)
+    results: ResultsConfig = group_key(ResultsConfig)
+    data: DataConfig = group_key(DataConfig)
+    tracks: TracksConfig = group_key(TracksConfig)
+    scenes: ScenesConfig = group_key(ScenesConfig)
+    speed: SpeedConfig = group_key(SpeedConfig)
+    features: FeaturesConfig = group_key(FeaturesConfig)
+    spacing: SpacingConfig = group_key(SpacingConfig)
+    split: SplitConfig = group_key(SplitConfig)
+    hist: HistConfig = group_key(HistConfig)
+    mape: MapeConfig = group_key(MapeConfig)
+    thw: ThwConfig = group_key(ThwConfig)
+    safety: SafetyConfig = group_key(SafetyConfig)
+    realism: RealismConfig = group_key(RealismConfig)
+    init: InitConfig = group_key(InitConfig)
+    core: CoreConfig = group_key(CoreConfig)
     driver: DriverConfig = key(
         record_of(DEFAULT), "Car following, sizes and classes of the drivers; driver=NAME chooses the model"
     )
-    mobil: MobilConfig = _group(MobilConfig)
-    kl: KlConfig = _group(KlConfig)
-    cluster: ClusterConfig = _group(ClusterConfig)
-    bo: BoConfig = _group(BoConfig)
-    detection: DetectionConfig = _group(DetectionConfig)
-    reference: ReferenceConfig = _group(ReferenceConfig)
-    decision: DecisionConfig = _group(DecisionConfig)
-    matcher: MatcherConfig = _group(MatcherConfig)
-    llm: LlmConfig = _group(LlmConfig)
-    prompt: PromptConfig = _group(PromptConfig)
-    admissible: AdmissibleConfig = _group(AdmissibleConfig)
-    exec: ExecConfig = _group(ExecConfig)
-    ppo: PpoPolicyConfig = _group(PpoPolicyConfig)
-    critical: CriticalConfig = _group(CriticalConfig)
-    eval: EvaluationConfig = _group(EvaluationConfig)
+    mobil: MobilConfig = group_key(MobilConfig)
+    kl: KlConfig = group_key(KlConfig)
+    cluster: ClusterConfig = group_key(ClusterConfig)
+    bo: BoConfig = group_key(BoConfig)
+    detection: DetectionConfig = group_key(DetectionConfig)
+    reference: ReferenceConfig = group_key(ReferenceConfig)
+    decision: DecisionConfig = group_key(DecisionConfig)
+    matcher: MatcherConfig = group_key(MatcherConfig)
+    llm: LlmConfig = group_key(LlmConfig)
+    prompt: PromptConfig = group_key(PromptConfig)
+    admissible: AdmissibleConfig = group_key(AdmissibleConfig)
+    exec: ExecConfig = group_key(ExecConfig)
+    ppo: PpoPolicyConfig = group_key(PpoPolicyConfig)
+    critical: CriticalConfig = group_key(CriticalConfig)
+    eval: EvaluationConfig = group_key(EvaluationConfig)
 
     @property
     def seeds(self) -> str:
@@ -181,26 +170,23 @@ class EvaluateTask:
         return f"eval.seed={self.eval.seed}, split.seed={self.split.seed}"
 
 
-_VARIANT_HELP = "with model: calibrated (without its effects) or repaired (with them)"
-
-
 @dataclass(unsafe_hash=True)
 class SweepThresholdsTask(EvaluateTask):
     """Comparison of detection thresholds."""
 
-    study: str = _study("sweep_thresholds")
+    study: str = study_key("sweep_thresholds")
     method: Method = key(Method.rearl, "rearl; the other methods have no detection thresholds")
-    variant: Variant = key(Variant.repaired, _VARIANT_HELP)
-    sweep: SweepConfig = _group(SweepConfig)
+    variant: Variant = key(Variant.repaired, ONE_VARIANT_HELP)
+    sweep: SweepConfig = group_key(SweepConfig)
 
 
 @dataclass(unsafe_hash=True)
 class SweepScaleTask(PaperStart, EvaluateTask):
     """Many rollouts in constant memory."""
 
-    study: str = _study("sweep_scale")
+    study: str = study_key("sweep_scale")
     method: Method = key(Method.rearl, _METHOD_HELP)
-    variant: Variant = key(Variant.repaired, _VARIANT_HELP)
+    variant: Variant = key(Variant.repaired, ONE_VARIANT_HELP)
     # Not int, which OmegaConf refuses to read 1e6 as.
     n_rollouts: float = key(
         100_000.0, "number of rollouts, spread evenly over the scenes of eval.subset; a whole number such as 1e6"
@@ -216,20 +202,20 @@ class SweepScaleTask(PaperStart, EvaluateTask):
 class TrainPpoTask:
     """Training of the policy of method=ppo."""
 
-    study: str = _study("train_ppo")
-    results: ResultsConfig = _group(ResultsConfig)
-    ppo: PpoConfig = _group(PpoConfig)
-    admissible: AdmissibleConfig = _group(AdmissibleConfig)
-    core: CoreConfig = key(paper_road, (CoreConfig.__doc__ or "").rstrip("."))
+    study: str = study_key("train_ppo")
+    results: ResultsConfig = group_key(ResultsConfig)
+    ppo: PpoConfig = group_key(PpoConfig)
+    admissible: AdmissibleConfig = group_key(AdmissibleConfig)
+    core: CoreConfig = group_key(CoreConfig, paper_road)
 
 
 @dataclass(unsafe_hash=True)
 class ValidateTask:
     """Comparison of the traffic model with highway-env."""
 
-    study: str = _study("validate")
-    results: ResultsConfig = _group(ResultsConfig)
-    validation: ValidationConfig = _group(ValidationConfig)
+    study: str = study_key("validate")
+    results: ResultsConfig = group_key(ResultsConfig)
+    validation: ValidationConfig = group_key(ValidationConfig)
 
 
 _METHOD_OF_ROWS_HELP = "base; each row of the table sets its own method"
@@ -239,10 +225,10 @@ _METHOD_OF_ROWS_HELP = "base; each row of the table sets its own method"
 class StudyTable1Task(PaperStart, EvaluateTask):
     """Comparison of methods: Table 1 of the paper."""
 
-    study: str = _study("study_table1")
+    study: str = study_key("study_table1")
     method: Method = key(Method.base, _METHOD_OF_ROWS_HELP)
     variant: Variant = key(Variant.all, "all; model=FILE adds rows with and without its effects")
-    table1: Table1Config = _group(Table1Config)
+    table1: Table1Config = group_key(Table1Config)
 
     def check(self) -> None:
         """Raise InvalidInputError for keys that every row sets itself."""
@@ -261,24 +247,24 @@ class StudyTable1Task(PaperStart, EvaluateTask):
 class StudyFig6Task(StudyTable1Task):
     """Errors by second: Fig. 6 of the paper."""
 
-    study: str = _study("study_fig6")
+    study: str = study_key("study_fig6")
 
 
 @dataclass(unsafe_hash=True)
 class StudyTable3Task(PaperStart, SweepThresholdsTask):
     """Threshold pairs: Table 3 of the paper."""
 
-    study: str = _study("study_table3")
+    study: str = study_key("study_table3")
 
 
 @dataclass(unsafe_hash=True)
 class StudyFig7Task(PaperStart, EvaluateTask):
     """Errors of base and their percentiles: Fig. 7 of the paper."""
 
-    study: str = _study("study_fig7")
+    study: str = study_key("study_fig7")
     method: Method = key(Method.base, "base; no other method is simulated")
-    variant: Variant = key(Variant.repaired, _VARIANT_HELP)
-    sweep: SweepConfig = _group(SweepConfig)
+    variant: Variant = key(Variant.repaired, ONE_VARIANT_HELP)
+    sweep: SweepConfig = group_key(SweepConfig)
 
     def check(self) -> None:
         """Raise InvalidInputError for another method."""
@@ -291,21 +277,21 @@ class StudyFig7Task(PaperStart, EvaluateTask):
 class StudyFig8Task(ClusterTask):
     """Clusters of scenes on a map: Fig. 8 of the paper."""
 
-    study: str = _study("study_fig8")
-    speed: SpeedConfig = key(rescaled, (SpeedConfig.__doc__ or "").rstrip("."))
+    study: str = study_key("study_fig8")
+    speed: SpeedConfig = group_key(SpeedConfig, rescaled)
 
 
 @dataclass(unsafe_hash=True)
 class StudyTable4Task:
     """Inference time: Table 4 of the paper."""
 
-    study: str = _study("study_table4")
-    results: ResultsConfig = _group(ResultsConfig)
-    loop: StepsConfig = _group(StepsConfig)
-    table4: Table4Config = _group(Table4Config)
-    decision: DecisionConfig = _group(DecisionConfig)
-    llm: LlmConfig = _group(LlmConfig)
-    prompt: PromptConfig = _group(PromptConfig)
+    study: str = study_key("study_table4")
+    results: ResultsConfig = group_key(ResultsConfig)
+    loop: StepsConfig = group_key(StepsConfig)
+    table4: Table4Config = group_key(Table4Config)
+    decision: DecisionConfig = group_key(DecisionConfig)
+    llm: LlmConfig = group_key(LlmConfig)
+    prompt: PromptConfig = group_key(PromptConfig)
 
     def check(self) -> None:
         """Raise InvalidInputError for a policy that this study does not measure."""
@@ -320,8 +306,8 @@ class StudyTable4Task:
 class StudyRealTask(DiscoverTask):
     """Discovery in real recordings."""
 
-    study: str = _study("study_real")
-    real: RealConfig = _group(RealConfig)
+    study: str = study_key("study_real")
+    real: RealConfig = group_key(RealConfig)
 
     def check(self) -> None:
         """Raise InvalidInputError for keys whose values follow from the chosen sets of recordings."""
@@ -334,15 +320,15 @@ class ReportTask:
     """Report of a finished study in one file."""
 
     study: str = key("evaluate", "name of the finished study: its folder under results.root, as study_table1/rows/base")
-    results: FolderConfig = _group(FolderConfig)
-    report: ReportConfig = _group(ReportConfig)
+    results: FolderConfig = group_key(FolderConfig)
+    report: ReportConfig = group_key(ReportConfig)
 
 
 @dataclass(unsafe_hash=True)
 class DoctorTask:
     """Check of the installation."""
 
-    results: FolderConfig = _group(FolderConfig)
-    data: DataConfig = _group(DataConfig)
-    decision: DecisionConfig = _group(DecisionConfig)
-    llm: LlmConfig = _group(LlmConfig)
+    results: FolderConfig = group_key(FolderConfig)
+    data: DataConfig = group_key(DataConfig)
+    decision: DecisionConfig = group_key(DecisionConfig)
+    llm: LlmConfig = group_key(LlmConfig)

@@ -3,6 +3,7 @@
 `rearl TASK --help` prints what is declared here, so a key cannot exist without a sentence that explains it.
 """
 
+from collections.abc import Callable
 from dataclasses import field
 from typing import Any
 
@@ -25,6 +26,21 @@ def key(default: Any, help: str) -> Any:
     if callable(default):
         return field(default_factory=default, metadata=metadata)
     return field(default=default, metadata=metadata)
+
+
+def group_key(record: type, default: Callable[[], Any] | None = None) -> Any:
+    """Dataclass field for the record of a group of keys; its help text is the first line of the record's docstring.
+
+    Args:
+        record: Class of the record.
+        default: Function of no arguments with another default than the class's own.
+    """
+    return key(record if default is None else default, (record.__doc__ or "").partition("\n")[0].rstrip("."))
+
+
+def study_key(name: str) -> Any:
+    """Dataclass field for the key `study` with its default."""
+    return key(name, "name of the folder under results.root; the same name again replaces its files")
 
 
 def mapping_key(help: str) -> Any:

@@ -1,5 +1,8 @@
 """Range checks of numbers, shared by several records; null is accepted."""
 
+import math
+
+from rearl_jax.config._schema import as_written
 from rearl_jax.problems import out_of_range
 
 
@@ -9,6 +12,15 @@ def check_rising(record: object, *names: str) -> None:
         values = list(getattr(record, name))
         if not values or values != sorted(set(values)) or values[0] < 1:
             raise out_of_range(name, "must be positive, rising numbers", values)
+
+
+def check_finite(record: object, *names: str) -> None:
+    """Raise InvalidInputError for an infinite number in one of these keys, each a number or several."""
+    for name in names:
+        value = getattr(record, name)
+        values = value if isinstance(value, tuple) else (value,)
+        if any(isinstance(part, float) and math.isinf(part) for part in values):
+            raise out_of_range(name, "must be finite", as_written(value))
 
 
 def check_least(record: object, least: float, *names: str) -> None:

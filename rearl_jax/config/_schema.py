@@ -65,6 +65,18 @@ def keys_of(record: Any) -> dict[str, Key]:
     return {key.name: key for group in groups_of(record) for key in group.keys}
 
 
+def values_of(record: Any) -> dict[str, Any]:
+    """Values of a record by the full names of their keys."""
+    values: dict[str, Any] = {}
+    for item in configured_fields(record):
+        value = getattr(record, item.name)
+        if is_dataclass(value):
+            values |= {f"{item.name}.{name}": part for name, part in values_of(value).items()}
+        else:
+            values[item.name] = value
+    return values
+
+
 def nearest(name: str, known: Iterable[str]) -> str:
     """The known name most similar to a given one, also by the last part alone (`stride` for `scenes.stride`)."""
 
@@ -180,11 +192,7 @@ def _record_from_plain(hint: type, value: Any, name: str) -> Any:
     if record_for is None:
         return from_plain(hint, value, f"{name}.")
     plain = {"model": value} if isinstance(value, str) else value
-    try:
-        chosen = record_for(plain)
-    except InvalidInputError as error:
-        raise error.within(f"{name}.") from error
-    return from_plain(chosen, plain, f"{name}.")
+    return from_plain(record_for(value, f"{name}."), plain, f"{name}.")
 
 
 def finished(record: Record, prefix: str = "") -> Record:

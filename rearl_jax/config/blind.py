@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from rearl_jax.config._key import key
-from rearl_jax.config._ranges import check_least, check_within
+from rearl_jax.config._ranges import check_finite, check_least, check_within
 from rearl_jax.problems import out_of_range
 
 
@@ -61,6 +61,7 @@ class BlindConfig:
         check_least(self, 1, "first", "n_sets")
         check_least(self, 12, "followers")
         check_least(self, 20.0, "duration")
+        check_finite(self, "duration")
         check_within(self, 0.1, 3.0, "width")
         if not self.sets:
             raise out_of_range("sets", "must be a shell pattern such as *", repr(self.sets))

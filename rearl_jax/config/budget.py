@@ -3,10 +3,11 @@
 from dataclasses import dataclass
 
 from rearl_jax.config import EvaluateTask
-from rearl_jax.config._key import key
+from rearl_jax.config._key import group_key, key, study_key
 from rearl_jax.config.core import InitConfig, InitialSource
 from rearl_jax.config.discover import DiscoverConfig
 from rearl_jax.config.evaluation import Method, SeedScope, Variant
+from rearl_jax.config.paper_start import drawn_start
 from rearl_jax.config.scenes import BoundarySource, Direction, ScenesConfig, SpeedNorm
 from rearl_jax.problems import InvalidInputError, Problem, out_of_range
 
@@ -54,22 +55,17 @@ def _measured_scenes() -> ScenesConfig:
     return ScenesConfig(direction=Direction.per_direction, boundary=BoundarySource.measured)
 
 
-def _drawn() -> InitConfig:
-    """Initial states of Base; rows with the component `start` use recorded ones instead."""
-    return InitConfig(InitialSource.seed)
-
-
 @dataclass(unsafe_hash=True)
 class StudyBudgetTask(EvaluateTask):
     """Error budget of simulated scenes."""
 
-    study: str = key("study_budget", "name of the folder under results.root; the same name again replaces its files")
+    study: str = study_key("study_budget")
     method: Method = key(Method.base, "base; each row of the budget sets its own method")
     variant: Variant = key(Variant.all, "all; the rows switch the parts of model=FILE on and off")
-    scenes: ScenesConfig = key(_measured_scenes, (ScenesConfig.__doc__ or "").rstrip("."))
-    init: InitConfig = key(_drawn, (InitConfig.__doc__ or "").rstrip("."))
-    budget: BudgetConfig = key(BudgetConfig, "Components that are added to Base")
-    discover: DiscoverConfig = key(DiscoverConfig, (DiscoverConfig.__doc__ or "").rstrip("."))
+    scenes: ScenesConfig = group_key(ScenesConfig, _measured_scenes)
+    init: InitConfig = group_key(InitConfig, drawn_start)
+    budget: BudgetConfig = group_key(BudgetConfig)
+    discover: DiscoverConfig = group_key(DiscoverConfig)
 
     def check(self) -> None:
         """Raise InvalidInputError for keys whose values follow from the rows, or that do not fit recorded positions."""

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from rearl_jax.config._key import key
-from rearl_jax.config._ranges import check_least, check_within
+from rearl_jax.config._ranges import check_finite, check_least, check_within
 from rearl_jax.problems import out_of_range
 
 
@@ -104,6 +104,7 @@ class KlConfig:
             raise out_of_range("sample", f"must be at least k = {self.k}", self.sample)
         if not all(weight > 0 for weight in self.weights):
             raise out_of_range("weights", "must be > 0", ", ".join(map(str, self.weights)))
+        check_finite(self, "weights")
         check_least(self, 0, "seed")
 
 
@@ -156,3 +157,4 @@ class BoConfig:
         if not 0 < self.share <= 1:
             raise out_of_range("share", "must be above 0 and at most 1", self.share)
         check_least(self, 0, "penalty", "seed")
+        check_finite(self, "penalty")

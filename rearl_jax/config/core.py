@@ -1,10 +1,11 @@
 """Keys of the traffic model and of its initial states."""
 
+import math
 from dataclasses import dataclass
 from enum import Enum
 
 from rearl_jax.config._key import key
-from rearl_jax.config._ranges import check_least, check_positive, check_within
+from rearl_jax.config._ranges import check_finite, check_least, check_positive, check_within
 from rearl_jax.problems import out_of_range
 
 MOST_LANES = 8
@@ -51,8 +52,9 @@ class CoreConfig:
             check_within(self, 1, MOST_LANES, "n_lanes")
         check_least(self, 1, "n_vehicles", "ticks_per_second", "chunk")
         check_positive(self, "density")
-        if self.speed_limit is not None and self.speed_limit <= 0:
-            raise out_of_range("speed_limit", "must be > 0 m/s or null", self.speed_limit)
+        check_finite(self, "density")
+        if self.speed_limit is not None and not 0 < self.speed_limit < math.inf:
+            raise out_of_range("speed_limit", "must be > 0 m/s, or null for none", self.speed_limit)
 
 
 class InitialSpeed(Enum):

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rearl_jax.config._key import key, mapping_key
-from rearl_jax.config._ranges import check_positive, check_within
+from rearl_jax.config._ranges import check_finite, check_positive, check_within
 from rearl_jax.problems import InvalidInputError, Problem, out_of_range
 
 _DATA = Path(__file__).resolve().parents[1] / "data"
@@ -116,6 +116,5 @@ class DataConfig:
             raise out_of_range("recordings", "must be a shell pattern such as *", repr(self.recordings))
         check_positive(self, "max_jump")
         check_within(self, 1.0, 30.0, "default_length")
-        for name in ("window", "section", "ring"):
-            if getattr(self, name) is not None:
-                check_positive(self, name)
+        check_positive(self, "window", "section", "ring")
+        check_finite(self, "ring", "stretch")

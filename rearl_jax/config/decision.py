@@ -8,7 +8,7 @@ from enum import Enum
 
 from rearl_jax.config._address import check_no_secret
 from rearl_jax.config._key import key
-from rearl_jax.config._ranges import check_least
+from rearl_jax.config._ranges import check_finite, check_least
 
 
 class PolicyName(Enum):
@@ -127,3 +127,4 @@ class MatcherConfig:
     def check(self) -> None:
         """Raise InvalidInputError for a value outside its range."""
         check_least(self, 0, "value_weight", "lane_change_pause")
+        check_finite(self, "value_weight")

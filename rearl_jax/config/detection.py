@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from rearl_jax.config._key import key
-from rearl_jax.config._ranges import check_least, check_within
+from rearl_jax.config._ranges import check_finite, check_least, check_within
 from rearl_jax.problems import out_of_range
 
 
@@ -84,3 +84,4 @@ class ReferenceConfig:
         """Raise InvalidInputError for a value outside its range."""
         if min(self.weights) < 0 or sum(self.weights) == 0:
             raise out_of_range("weights", "must be >= 0 and not both 0", self.weights)
+        check_finite(self, "weights")

@@ -60,6 +60,7 @@ class DiscoverConfig:
 
     def check(self) -> None:
         """Raise InvalidInputError for a value outside its range."""
+        check_least(self, 0, "seed")
         check_least(self, 2, "replicates")
         if self.max_drivers < 9:
             raise out_of_range("max_drivers", "must be at least 9, three for each part of the data", self.max_drivers)

@@ -42,6 +42,10 @@ class Variant(Enum):
     """Drivers calibrated together with the effects, which are switched on."""
 
 
+ONE_VARIANT_HELP = "with model: calibrated (without its effects) or repaired (with them)"
+"""Help text of the key `variant` of tasks that simulate one variant."""
+
+
 class SeedScope(Enum):
     """Assignment of rollouts to scenes."""
 

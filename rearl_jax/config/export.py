@@ -3,13 +3,13 @@
 from dataclasses import dataclass
 from enum import Enum
 
-from rearl_jax.config import _VARIANT_HELP, ResultsConfig, _group, _study
-from rearl_jax.config._key import key
+from rearl_jax.config import ResultsConfig
+from rearl_jax.config._key import group_key, key, study_key
 from rearl_jax.config._one_population import check_one_population, platoons
-from rearl_jax.config._ranges import check_least, check_positive, check_within
+from rearl_jax.config._ranges import check_finite, check_least, check_positive, check_within
 from rearl_jax.config.data import DataConfig
 from rearl_jax.config.driver import DriverConfig, record_of
-from rearl_jax.config.evaluation import Variant
+from rearl_jax.config.evaluation import ONE_VARIANT_HELP, Variant
 from rearl_jax.config.mobil import MobilConfig
 from rearl_jax.problems import out_of_range
 
@@ -57,25 +57,26 @@ class SumoFileConfig:
     def check(self) -> None:
         """Raise InvalidInputError for a value outside its range."""
         check_positive(self, "speed_limit")
+        check_finite(self, "speed_limit")
 
 
 @dataclass(unsafe_hash=True)
 class ExportTask:
     """Drivers for other programs."""
 
-    study: str = _study("export")
+    study: str = study_key("export")
     to: Target = key(Target.sumo, "program that the drivers are written for")
     model: str | None = key(
         None, "repaired model, a model.yaml written by `rearl discover`; null = the drivers of `driver` and `mobil`"
     )
-    variant: Variant = key(Variant.repaired, _VARIANT_HELP)
-    results: ResultsConfig = _group(ResultsConfig)
+    variant: Variant = key(Variant.repaired, ONE_VARIANT_HELP)
+    results: ResultsConfig = group_key(ResultsConfig)
     data: DataConfig = key(platoons, "Recordings of the first vehicles of export.compare")
     driver: DriverConfig = key(
         record_of("idm"), "Car following, sizes and classes of the drivers; driver=NAME chooses the model"
     )
-    mobil: MobilConfig = _group(MobilConfig)
-    export: ExportConfig = _group(ExportConfig)
+    mobil: MobilConfig = group_key(MobilConfig)
+    export: ExportConfig = group_key(ExportConfig)
 
     def check(self) -> None:
         """Raise InvalidInputError for drivers given by model and driver, variant=all, or keys of another target."""
@@ -92,6 +93,6 @@ class ExportTask:
 class ImportTask:
     """Drivers from another program."""
 
-    study: str = _study("import")
-    results: ResultsConfig = _group(ResultsConfig)
-    sumo: SumoFileConfig = _group(SumoFileConfig)
+    study: str = study_key("import")
+    results: ResultsConfig = group_key(ResultsConfig)
+    sumo: SumoFileConfig = group_key(SumoFileConfig)

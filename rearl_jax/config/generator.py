@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass
 
 from rearl_jax.config._key import key
-from rearl_jax.config._ranges import check_least, check_within
+from rearl_jax.config._ranges import check_finite, check_least, check_within
 from rearl_jax.problems import out_of_range
 
 
@@ -87,6 +87,7 @@ class GeneratorConfig:
             message = f"must be >= 1, and the last of {self.n_recordings} recordings below 1000"
             raise out_of_range("first_id", message, self.first_id)
         check_within(self, 0.05, 10.0, "duration_scale")
+        check_finite(self, "duration_max")
         for stem in ("duration", "in_view", "truck_share"):
             low, mean, high = (getattr(self, f"{stem}_{part}") for part in ("min", "mean", "max"))
             if not 0.0 < low < mean < high:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from rearl_jax.config._key import key
-from rearl_jax.config._ranges import check_least, check_positive
+from rearl_jax.config._ranges import check_finite, check_least, check_positive
 from rearl_jax.problems import out_of_range
 
 
@@ -85,6 +85,7 @@ class LlmConfig:
         check_least(self, 1, "max_tokens", "max_in_flight", "tries", "breaker_failures")
         check_positive(self, "connect_timeout", "read_timeout", "deadline")
         check_least(self, 0, "temperature", "startup", "backoff", "breaker_pause")
+        check_finite(self, "temperature", "backoff", "breaker_pause")
         if self.thinking is Thinking.on and self.max_tokens < 256:
             message = "must be larger for thinking=on, such as 4096"
             raise out_of_range("max_tokens", message, self.max_tokens)

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from rearl_jax.config._key import key
-from rearl_jax.config._ranges import check_least, check_positive
+from rearl_jax.config._ranges import check_finite, check_least, check_positive
 from rearl_jax.config.scenes import SpacingConfig
 from rearl_jax.problems import out_of_range
 
@@ -52,6 +52,7 @@ class HistConfig:
         """Raise InvalidInputError for a value outside its range."""
         if not self.high > self.low:
             raise out_of_range("high", f"must exceed low ({self.low})", self.high)
+        check_finite(self, "low", "high")
         check_least(self, 1, "n_bins", "window")
 
 
@@ -110,6 +111,7 @@ class FeatureConfig:
         """Raise InvalidInputError for a value outside its range."""
         if not self.high > self.low:
             raise out_of_range("high", f"must exceed low ({self.low})", self.high)
+        check_finite(self, "low", "high", "weight")
         check_least(self, 1, "n_bins")
         check_least(self, 0, "weight")
 
@@ -149,6 +151,7 @@ class RealismConfig:
         for name in ("pseudocount", "collision_pseudocount"):
             if not getattr(self, name) > 0:
                 raise out_of_range(name, "must be > 0 (an empty bin needs a probability)", getattr(self, name))
+        check_finite(self, "pseudocount", "collision_pseudocount", "collision_weight")
         check_least(self, 0, "collision_weight")
         features = (self.speed, self.acceleration, self.distance, self.ttc, self.headway)
         if not self.collision_weight + sum(feature.weight for feature in features) > 0:

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, replace
 
-from rearl_jax.config._key import key
+from rearl_jax.config._key import group_key
 from rearl_jax.config.core import CoreConfig, InitConfig, InitialSource
 from rearl_jax.config.scenes import SpeedConfig, SpeedNorm
 
@@ -18,7 +18,7 @@ def paper_road() -> CoreConfig:
     return replace(core, n_lanes=core.lanes)
 
 
-def _drawn() -> InitConfig:
+def drawn_start() -> InitConfig:
     """The initial states of the paper."""
     return InitConfig(InitialSource.seed)
 
@@ -27,5 +27,5 @@ def _drawn() -> InitConfig:
 class PaperStart:
     """Keys of tasks that start as the paper does, not as recorded."""
 
-    init: InitConfig = key(_drawn, (InitConfig.__doc__ or "").rstrip("."))
-    speed: SpeedConfig = key(rescaled, (SpeedConfig.__doc__ or "").rstrip("."))
+    init: InitConfig = group_key(InitConfig, drawn_start)
+    speed: SpeedConfig = group_key(SpeedConfig, rescaled)

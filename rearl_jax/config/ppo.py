@@ -8,7 +8,7 @@ import math
 from dataclasses import dataclass
 
 from rearl_jax.config._key import key
-from rearl_jax.config._ranges import check_least, check_positive, check_within
+from rearl_jax.config._ranges import check_finite, check_least, check_positive, check_within
 from rearl_jax.config.decision import Longitudinal
 from rearl_jax.problems import out_of_range
 
@@ -58,6 +58,7 @@ class PpoConfig:
         check_within(self, 0, 1, "gamma", "gae_lambda")
         check_positive(self, "clip", "learning_rate", "max_grad_norm")
         check_least(self, 0, "entropy_weight", "value_weight")
+        check_finite(self, "learning_rate", "entropy_weight", "value_weight")
 
 
 @dataclass(unsafe_hash=True)

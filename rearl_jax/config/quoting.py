@@ -3,8 +3,20 @@
 import re
 
 _PLAIN = re.compile(r"[A-Za-z_./][A-Za-z0-9_./-]*")
+_SYNTAX = re.compile(r"""[,'"\\$\[\]{}]""")
+"""Characters with a meaning in Hydra's override grammar or in OmegaConf."""
+
 _NOT_TEXT = frozenset({"null", "true", "false", "yes", "no", "on", "off", "y", "n", "nan", "inf"})
 """Words that Hydra or YAML reads as null, a truth value or a number unless they are quoted."""
+
+
+def quoted_if_needed(word: str) -> str:
+    """A text as the value of a key of type string; in quotation marks only if it would be read as something else.
+
+    Without them are also texts that the command line itself quotes, such as those with blanks.
+    """
+    is_needed = _SYNTAX.search(word) or word != word.strip() or word.lower() in _NOT_TEXT
+    return quoted(word) if is_needed else word
 
 
 def quoted(word: str) -> str:

@@ -8,13 +8,6 @@ from rearl_jax.problems import out_of_range
 
 
 @dataclass(unsafe_hash=True)
-class FolderConfig:
-    """Folder of the results"""
-
-    root: str = key("results", "folder of all studies, relative to the current folder")
-
-
-@dataclass(unsafe_hash=True)
 class ReportConfig:
     """File of the report, and replayed scenes"""
 

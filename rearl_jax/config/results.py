@@ -7,15 +7,21 @@ from rearl_jax.problems import out_of_range
 
 
 @dataclass(unsafe_hash=True)
-class ResultsConfig:
+class FolderConfig:
     """Folder of the results"""
 
     root: str = key("results", "folder of all studies, relative to the current folder")
-    resume: bool = key(
-        False, "skip a finished study with the same configuration, data and code; jobs of a multirun always do"
-    )
 
     def check(self) -> None:
         """Raise InvalidInputError for a value outside its range."""
         if not self.root:
             raise out_of_range("root", "must name a folder, or be . for the current one", repr(self.root))
+
+
+@dataclass(unsafe_hash=True)
+class ResultsConfig(FolderConfig):
+    """Folder of the results"""
+
+    resume: bool = key(
+        False, "skip a finished study with the same configuration, data and code; jobs of a multirun always do"
+    )

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from enum import Enum
 
 from rearl_jax.config._key import key
-from rearl_jax.config._ranges import check_least, check_positive
+from rearl_jax.config._ranges import check_finite, check_least, check_positive
 from rearl_jax.problems import InvalidInputError, Problem, out_of_range
 
 
@@ -111,8 +111,8 @@ class ScenesConfig:
             raise out_of_range("slots", "must be at least 2 (a spacing needs two vehicles)", self.slots)
         if self.min_vehicles < self.slots:
             raise out_of_range("min_vehicles", f"must be at least slots = {self.slots}", self.min_vehicles)
-        if self.stride is not None and not self.stride > 0:
-            raise out_of_range("stride", "must be > 0 s", self.stride)
+        check_positive(self, "stride")
+        check_finite(self, "stride")
 
     def require_free(self) -> None:
         """Raise InvalidInputError for a boundary in a task that simulates nothing."""

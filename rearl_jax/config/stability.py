@@ -2,13 +2,13 @@
 
 from dataclasses import dataclass
 
-from rearl_jax.config import _VARIANT_HELP, ResultsConfig, _group, _study
-from rearl_jax.config._key import key
+from rearl_jax.config import ResultsConfig
+from rearl_jax.config._key import group_key, key, study_key
 from rearl_jax.config._one_population import check_one_population, platoons
-from rearl_jax.config._ranges import check_least, check_positive, check_rising, check_within
+from rearl_jax.config._ranges import check_finite, check_least, check_positive, check_rising, check_within
 from rearl_jax.config.data import DataConfig
 from rearl_jax.config.driver import DEFAULT, MODELS, DriverConfig, record_of
-from rearl_jax.config.evaluation import Variant
+from rearl_jax.config.evaluation import ONE_VARIANT_HELP, Variant
 from rearl_jax.problems import out_of_range
 
 
@@ -56,6 +56,7 @@ class StabilityConfig:
                 raise out_of_range("models", f"must be some of {', '.join(MODELS)}", name)
         check_rising(self, "speeds", "ring_lengths", "densities")
         check_positive(self, "amplitude", "margin")
+        check_finite(self, "speeds", "ring_lengths", "densities", "amplitude", "margin")
         check_least(self, 3, "ring_vehicles", "flow_vehicles")
         check_least(self, 30, "queue_vehicles")
         check_least(self, 300, "ring_seconds", "flow_seconds")
@@ -70,17 +71,17 @@ class StabilityConfig:
 class StudyStabilityTask:
     """String stability, flow and collisions of simulated traffic."""
 
-    study: str = _study("study_stability")
+    study: str = study_key("study_stability")
     model: str | None = key(
         None, "repaired model, a model.yaml written by `rearl discover`; null = `driver` or stability.models"
     )
-    variant: Variant = key(Variant.repaired, _VARIANT_HELP)
-    results: ResultsConfig = _group(ResultsConfig)
+    variant: Variant = key(Variant.repaired, ONE_VARIANT_HELP)
+    results: ResultsConfig = group_key(ResultsConfig)
     data: DataConfig = key(platoons, "Recordings whose followers are compared")
     driver: DriverConfig = key(
         record_of(DEFAULT), "Car following, sizes and classes of the drivers; if given, the only model"
     )
-    stability: StabilityConfig = _group(StabilityConfig)
+    stability: StabilityConfig = group_key(StabilityConfig)
 
     def check(self) -> None:
         """Raise InvalidInputError for drivers given by both model and driver, and for variant=all."""

@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 
 from rearl_jax.config._key import key
-from rearl_jax.config._ranges import check_least, check_positive, check_rising
+from rearl_jax.config._ranges import check_finite, check_least, check_positive, check_rising
 from rearl_jax.problems import out_of_range
 
 
@@ -75,6 +75,7 @@ class StepsConfig:
         check_least(self, 1, "n_references", "steps", "steps_repetitions")
         check_least(self, 2, "reference_vehicles", "steps_vehicles")
         check_positive(self, "density")
+        check_finite(self, "density")
         check_least(self, 0, "seed")
         if self.reference_seconds < self.steps:
             raise out_of_range("reference_seconds", f"must be at least steps ({self.steps})", self.reference_seconds)

@@ -11,6 +11,7 @@ from typing import Any
 
 from rearl_jax.code_version import __version__
 from rearl_jax.doctor.check import Check, fail, ok, warn
+from rearl_jax.machine import PLATFORM_VARIABLES, available_cores, load_average, total_memory
 
 PYTHONS = ((3, 11), (3, 13))
 """First and last minor version of Python that is supported."""
@@ -26,9 +27,6 @@ print(json.dumps({
     "kind": devices[0].device_kind, "sum": float(jax.numpy.ones(4).sum()),
 }))
 """
-
-_PLATFORMS = ("JAX_PLATFORMS", "JAX_PLATFORM_NAME")
-"""Variables that choose what JAX computes on."""
 
 _GIB = 2**30
 _LITTLE_MEMORY = 4 * _GIB
@@ -61,7 +59,7 @@ def _jax() -> list[Check]:
         answer: dict[str, Any] = json.loads(done.stdout.strip().splitlines()[-1])
     except (IndexError, ValueError):
         message = (done.stderr.strip().splitlines() or [f"exit code {done.returncode}"])[-1]
-        if chosen := " ".join(f"{name}={os.environ[name]}" for name in _PLATFORMS if os.environ.get(name)):
+        if chosen := " ".join(f"{name}={os.environ[name]}" for name in PLATFORM_VARIABLES if os.environ.get(name)):
             return [fail("jax", f"cannot be started with {chosen} ({message})", "unset it, or set it to cpu")]
         return [
             fail("jax", message, "pip install --force-reinstall jax jaxlib, or JAX_PLATFORMS=cpu without accelerator")
@@ -84,8 +82,7 @@ def _has_nvidia() -> bool:
 
 
 def _cores() -> Check:
-    n_cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    load = os.getloadavg()[0] if hasattr(os, "getloadavg") else 0.0
+    n_cores, load = available_cores(), load_average() or 0.0
     cores = f"{n_cores} for this process, load {load:.1f}"
     if load > 1.5 * n_cores:
         return warn("cores", cores, "other programs use the cores, so measured speeds will be too low")
@@ -107,8 +104,6 @@ def _memory_bytes() -> tuple[int | None, int | None]:
     try:
         lines = Path("/proc/meminfo").read_text(encoding="ascii").splitlines()
     except OSError:
-        names = ("SC_PAGE_SIZE", "SC_PHYS_PAGES")
-        known = hasattr(os, "sysconf") and all(name in os.sysconf_names for name in names)
-        return (os.sysconf(names[0]) * os.sysconf(names[1]) if known else None), None
+        return total_memory(), None
     values = {name: int(rest.split()[0]) * 1024 for name, _, rest in (line.partition(":") for line in lines)}
     return values.get("MemTotal"), values.get("MemAvailable")

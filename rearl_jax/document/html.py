@@ -10,11 +10,13 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from rearl_jax.code_version import __version__, git_sha
-from rearl_jax.config._schema import as_plain, keys_of
+from rearl_jax.config._schema import as_plain, as_written, values_of
 from rearl_jax.config.driver import record_of
+from rearl_jax.config.quoting import quoted_if_needed
 from rearl_jax.document.document import Document
 from rearl_jax.document.table import spoken
 from rearl_jax.results import config_hash
+from rearl_jax.tasks import TASKS
 
 
 @dataclass(frozen=True)
@@ -85,13 +87,28 @@ def command(task: str, config: Any) -> str:
         config: Record of the task.
     """
     default, fixed = type(config)(), {word.partition("=")[0] for word in task.split()}
+    implied = _implied(task)
     if hasattr(config, "driver") and config.driver.model != default.driver.model:
         task = f"{task} driver={config.driver.model}"
         default = replace(default, driver=record_of(config.driver.model)())
-    defaults, chosen = keys_of(default), keys_of(config)
-    changed = [
-        f"{name}={key.default}"
-        for name, key in chosen.items()
-        if key.default != defaults[name].default and name not in fixed
-    ]
-    return " ".join(["rearl", task, *map(shlex.quote, changed)])
+    defaults, values = values_of(default), values_of(config)
+    given = {name for name, value in values.items() if value != defaults[name] and name not in fixed}
+    groups = {word.split(".")[0] for word in given} | ({"driver"} if "driver=" in task else set())
+    # A key that others imply is stated even if it has its default, which is not what they imply.
+    given |= {key for group, key in implied.items() if group in groups and key not in fixed}
+    stated = [f"{name}={_written(value)}" for name, value in values.items() if name in given]
+    return " ".join(["rearl", task, *map(shlex.quote, stated)])
+
+
+def _implied(task: str) -> dict[str, str]:
+    """The key that each group of keys of a task implies."""
+    named = [known for known in TASKS if f"{task} ".startswith(f"{known.words} ")]
+    longest = max(named, key=lambda known: len(known.words), default=None)
+    return {} if longest is None else {group: word.partition("=")[0] for group, word in longest.implied.items()}
+
+
+def _written(value: Any) -> str:
+    """A value as it is typed on the command line."""
+    if isinstance(value, tuple) and all(isinstance(part, str) for part in value):
+        return f"[{', '.join(map(quoted_if_needed, value))}]"
+    return quoted_if_needed(value) if isinstance(value, str) and value else as_written(value)

@@ -70,7 +70,7 @@ def _comparison(config: ExportTask, tables: Mapping[str, pd.DataFrame]) -> Secti
     return Section(
         "Comparison",
         tables=(
-            table_of(f"Gaps in SUMO less those here: {platoons}", tables["round_trip"], trip),
+            table_of(f"Absolute differences between gaps in SUMO and here: {platoons}", tables["round_trip"], trip),
             table_of("Drivers that SUMO draws from the file beside drivers drawn here", tables["flow"], traffic),
         ),
         notes=(

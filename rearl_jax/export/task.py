@@ -101,8 +101,9 @@ def population_of_task(config: ExportTask) -> Population:
         )
     population = population_of_keys(config.driver, config.mobil, dtype, STEPS_PER_SECOND)
     if population is None:
-        message = "are highway-env's own drivers: there is nothing to export"
-        raise InvalidInputError(Problem("nothing-to-export", message, key="driver", value=config.driver.model))
+        fault = "has the values of highway-env's own drivers, so there is nothing to export"
+        remedy = "change keys of driver or mobil, choose another driver=NAME, or name a model"
+        raise InvalidInputError(Problem("nothing-to-export", fault, remedy, key="driver", value=config.driver.model))
     return population
 
 

@@ -11,6 +11,8 @@ from dataclasses import dataclass
 from fnmatch import fnmatchcase
 from pathlib import Path
 
+from scipy.stats import truncnorm
+
 from rearl_jax.models.record import CAR, TRUCK
 from rearl_jax.problems import InvalidInputError, MissingInputError, Problem
 
@@ -44,8 +46,8 @@ CLASSES = {
 }
 """Classes of vehicles that are read. Source: SUMO 1.28, vehicle type parameter defaults."""
 
-_DISTRIBUTION = re.compile(r"normc?\(\s*([^,()]+)\s*,\s*([^,()]+)\s*(?:,[^()]*)?\)")
-"""`norm(mean, deviation)`, `normc(mean, deviation, low, high)`."""
+_DISTRIBUTION = re.compile(r"normc?\(([^,()]+),([^,()]+)(?:,([^,()]+)(?:,([^,()]+))?)?\)")
+"""`norm(mean, deviation)`, `normc(mean, deviation, low, high)`; `high` may be left out."""
 
 
 @dataclass(frozen=True)
@@ -92,10 +94,11 @@ class VehicleType:
         return CLASSES[name]
 
     def number(self, attribute: str, default: float | None = None) -> tuple[float, float]:
-        """Value of an attribute and its standard deviation, 0 for a plain number; the default where it is not stated.
+        """Mean of an attribute and its standard deviation, 0 for a plain number; the default where it is not stated.
 
         Raises:
-            InvalidInputError: It is not a number, or it is neither stated nor has a default.
+            InvalidInputError: It is not a number, it is neither stated nor has a default, or the mean of its
+                distribution is outside of the bounds of the distribution.
         """
         if attribute not in self.attributes:
             if default is None:
@@ -103,14 +106,29 @@ class VehicleType:
             return default, 0.0
         text = self.attributes[attribute]
         match = _DISTRIBUTION.fullmatch(text.strip())
+        parts = [part for part in match.groups() if part is not None] if match else [text, "0"]
         try:
-            values = tuple(float(part) for part in (match.groups() if match else (text, "0")))
+            mean, deviation, *bounds = map(float, parts)
         except ValueError:
-            values = (math.nan, math.nan)
-        if not all(map(math.isfinite, values)) or values[1] < 0:
+            mean, deviation, bounds = math.nan, math.nan, []
+        if not all(map(math.isfinite, (mean, deviation, *bounds))) or deviation < 0:
             remedy = "write a number, or normc(mean, deviation, low, high)"
             raise self.refuse("not-a-number", "must be a finite number", remedy, attribute)
-        return values[0], values[1]
+        if not bounds or deviation == 0:
+            return mean, deviation
+        low, high = (*bounds, math.inf)[:2]
+        if not low <= mean <= high:
+            raise self.refuse("mean-outside", "must have its mean within its bounds", "correct it", attribute)
+        return _within_bounds(mean, deviation, low, high)
+
+
+def _within_bounds(mean: float, deviation: float, low: float, high: float) -> tuple[float, float]:
+    """Mean and standard deviation of a normal distribution that is drawn again outside of two bounds.
+
+    Source: SUMO 1.28, `Distribution_Parameterized::sample`; moments of the truncated normal distribution.
+    """
+    within = truncnorm((low - mean) / deviation, (high - mean) / deviation, mean, deviation)
+    return float(within.mean()), float(within.std())
 
 
 def read_types(path: str | Path, pattern: str = "*") -> list[VehicleType]:

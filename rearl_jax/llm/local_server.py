@@ -17,7 +17,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import IO
 
-from rearl_jax.runtime import available_cores
+from rearl_jax.machine import available_cores
 
 log = logging.getLogger(__name__)
 

@@ -3,7 +3,7 @@
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from pathlib import Path, PurePosixPath
+from pathlib import Path
 from typing import Any
 
 import pandas as pd
@@ -12,7 +12,7 @@ from rearl_jax.config._schema import from_plain
 from rearl_jax.data.recordings import iterate_recordings
 from rearl_jax.document.document import DataSource, data_sources
 from rearl_jax.problems import InvalidInputError, MissingInputError, Problem
-from rearl_jax.results import PROVENANCE, config_hash, read_metadata
+from rearl_jax.results import PROVENANCE, config_hash, path_inside, read_metadata
 from rearl_jax.tasks import TASKS, Task
 
 
@@ -152,11 +152,7 @@ def read_finished(root: str, name: str) -> FinishedStudy:
         FileNotFoundError: There is no such study, or it is not finished.
         ValueError: The name leads out of the folder, or the study is of a version with other keys or tasks.
     """
-    parts = PurePosixPath(name).parts
-    if not parts or name.startswith("/") or ".." in parts:
-        message = f"must be the name of a study inside {root}, e.g. evaluate"
-        raise InvalidInputError(Problem("name-unusable", message, key="study", value=repr(name)))
-    path = Path(root).joinpath(*parts)
+    path = path_inside(Path(root), name, "study")
     if not path.is_dir():
         finished = sorted(file.parent.relative_to(root).as_posix() for file in Path(root).glob("*/summary.json"))
         known = f"finished studies there: {', '.join(finished[:10])}" if finished else "no study there is finished"

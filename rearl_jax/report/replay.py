@@ -4,15 +4,18 @@ The study stores figures, not trajectories. A rollout follows from seed, run and
 the same rollout again; if they do not, nothing is shown.
 """
 
+import shutil
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
+from tempfile import TemporaryDirectory
 
 import jax
 import numpy as np
 from rich.progress import Progress
 
 from rearl_jax.baselines.critical.mixture import Mixture
+from rearl_jax.clustering.search import TRACE
 from rearl_jax.config import EvaluateTask
 from rearl_jax.config.decision import PolicyName
 from rearl_jax.config.evaluation import Method, Variant
@@ -71,8 +74,8 @@ def simulate_again(study: FinishedStudy, options: ReportConfig, bar: Progress) -
         raise out_of_range("report.run", fault, options.run)
     _require_same_data(study)
     set_precision(config.core.dtype)
-    folder = Study(str(study.path.parent), study.path.name, study.config, study.task.words, generated=study.generated)
-    inputs = read_inputs(config, folder, bar, with_references=config.method.needs_references)
+    with _copy_of_search(study) as search:
+        inputs = read_inputs(config, search, bar, with_references=config.method.needs_references)
     held_out = inputs.held_out(config.eval)
     chosen = chosen_scenes(inputs.scenes, held_out, options)
     replayed = tuple(_replayed(study, config, inputs, chosen, len(held_out), options.run, bar))
@@ -96,6 +99,18 @@ def _one_method(config: EvaluateTask) -> tuple[EvaluateTask, str]:
         # The answers are stored, so no language model is queried again.
         config = replace(config, decision=replace(config.decision, policy=PolicyName.replay))
     return config, row
+
+
+@contextmanager
+def _copy_of_search(study: FinishedStudy) -> Iterator[Study]:
+    """A study with a copy of the trace of the search for cluster parameters, which may be continued there: nothing of
+    the finished study is changed.
+    """
+    with TemporaryDirectory(prefix="rearl_report_") as folder:
+        copy = Study(folder, "search", study.config, study.task.words, generated=study.generated)
+        if study.has_table(TRACE):
+            shutil.copy(study.path / f"{TRACE}.parquet", copy.path)
+        yield copy
 
 
 def _require_same_data(study: FinishedStudy) -> None:

@@ -13,6 +13,7 @@ from rearl_jax.results import without_provenance
 from rearl_jax.study.document import beside_paper, long_table
 from rearl_jax.study.pair_results import METRICS as PAIR_METRICS
 from rearl_jax.study.published import BEST_PAIR, PARETO_PAIRS, THRESHOLDS_H, THRESHOLDS_MAPE
+from rearl_jax.sweep.document import lead_interval
 from rearl_jax.sweep.pairs import pair_name
 
 _DIGITS = {"threshold_h": 4, "threshold_m": 4, "mape": METRICS["mape_a"].digits, "score": 3}
@@ -48,10 +49,9 @@ def conclusions(pairs: pd.DataFrame, summary: Mapping[str, Any], n_scenes: int) 
     can = "can" if summary["is_distinguishable"] else "cannot"
     sentences = [f"Best pair: ours {best['row']}, the paper's {pair_name(*BEST_PAIR)}."]
     if len(pairs) > 2:  # two pairs or more, and base
-        low, high = (summary[f"lead_{end}"] for end in ("low", "high"))
-        ends = "no interval from one scene" if low is None else f"{low:.4f} to {high:.4f}"
         sentences.append(
-            f"These {n_scenes} scenes {can} tell ours from the next best: it leads by {summary['lead']:.4f} ({ends})."
+            f"These {n_scenes} scenes {can} tell ours from the next best: it leads by {summary['lead']:.4f} "
+            f"({lead_interval(summary)})."
         )
     published = pairs.loc[(pairs["h_pct"] == BEST_PAIR[0]) & (pairs["m_pct"] == BEST_PAIR[1]) & ~pairs["is_best"]]
     for pair in published.to_dict("records"):

@@ -5,6 +5,7 @@ per cell and scored pair), `cells.png`, `config.json` and, last of all, `summary
 """
 
 import logging
+from collections import Counter
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -36,8 +37,12 @@ class Cell:
 
     @property
     def name(self) -> str:
-        """Title in tables and figures: the values of the swept keys."""
-        return ", ".join(f"{key.rpartition('.')[2]}={value}" for key, value in self.keys.items())
+        """Title in tables and figures: the values of the swept keys, without their groups unless two keys differ in the
+        group alone.
+        """
+        short = Counter(key.rpartition(".")[2] for key in self.keys)
+        names = {key: last if short[last := key.rpartition(".")[2]] == 1 else key for key in self.keys}
+        return ", ".join(f"{names[key]}={value}" for key, value in self.keys.items())
 
 
 def collect(config: EvaluateTask, swept: list[dict[str, str]]) -> None:

@@ -80,7 +80,11 @@ def document_of(
 
 def _lead(summary: Mapping[str, Any], confidence: float) -> str:
     """Lead of the best pair over the next [-], with its interval."""
-    if summary["lead_low"] is None:
-        return f"{summary['lead']:.4f}, no interval from one scene"
-    ends = f"{summary['lead_low']:.4f} to {summary['lead_high']:.4f}"
-    return f"{summary['lead']:.4f}, {100 * confidence:g} % bootstrap interval over scenes {ends}"
+    kind = "" if summary["lead_low"] is None else f"{100 * confidence:g} % bootstrap interval over scenes "
+    return f"{summary['lead']:.4f}, {kind}{lead_interval(summary)}"
+
+
+def lead_interval(summary: Mapping[str, Any]) -> str:
+    """Interval of the lead [-] as text."""
+    low, high = summary["lead_low"], summary["lead_high"]
+    return "no interval from one scene" if low is None else f"{low:.4f} to {high:.4f}"

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
-from jaxtyping import Float, Int
+from jaxtyping import Bool, Float, Int
 
 from rearl_jax.config.evaluation import EvaluationConfig
 from rearl_jax.config.sweep import SweepConfig
@@ -57,6 +57,7 @@ class Choice:
     Attributes:
         best: Index of the pair with the lowest score; of equal ones the first.
         runner_up: Index of the second best pair.
+        is_scored: Whether each scene has values of all pairs; only such scenes count for the scores.
         score: Score of each pair.
         win_share: Share of the resamples of the scenes in which each pair is best.
         lead: Score of the runner-up minus that of the best pair.
@@ -66,6 +67,7 @@ class Choice:
 
     best: int
     runner_up: int
+    is_scored: Bool[np.ndarray, " scenes"]
     score: Float[np.ndarray, " pairs"]
     win_share: Float[np.ndarray, " pairs"]
     lead: float
@@ -97,7 +99,8 @@ def choose(
     sum. Percentile bootstrap: Efron & Tibshirani, An Introduction to the Bootstrap (1993), chapter 13.
     """
     total = h + mape
-    total = total[:, np.isfinite(total).all(axis=0)]
+    is_scored = np.asarray(np.isfinite(total).all(axis=0))
+    total = total[:, is_scored]
     if not total.size:
         message = "in every tuning scene some pair of thresholds has no value: raise eval.n_runs, or use more data"
         raise InvalidInputError(Problem("no-figure", message))
@@ -113,7 +116,20 @@ def choose(
     if n_scenes > 1:
         tail = 50 * (1 - eval.confidence)
         low, high = map(float, np.percentile(resampled[:, runner_up] - resampled[:, best], [tail, 100 - tail]))
-    return Choice(best, runner_up, score, wins, lead, low, high)
+    return Choice(best, runner_up, is_scored, score, wins, lead, low, high)
+
+
+def base_score(
+    h: Float[np.ndarray, " scenes"], mape: Float[np.ndarray, " scenes"], is_scored: Bool[np.ndarray, " scenes"]
+) -> float:
+    """Score of base on the scenes on which the pairs are scored, so that the two can be compared.
+
+    Args:
+        h: Mean Hellinger distance over runs of base in every scene [-].
+        mape: Mean spacing error over runs of base in every scene [-].
+        is_scored: As of `Choice`.
+    """
+    return float(np.nanmean(h[is_scored])) + float(np.nanmean(mape[is_scored]))
 
 
 def pair_table(

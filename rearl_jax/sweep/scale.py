@@ -20,6 +20,7 @@ from rearl_jax.data.recordings import is_generated
 from rearl_jax.data.scenes.scene_set import SceneSet
 from rearl_jax.detection.references import References
 from rearl_jax.document.terminal import print_document
+from rearl_jax.evaluation.boundaries import check_boundary
 from rearl_jax.evaluation.inputs import read_inputs
 from rearl_jax.evaluation.percentiles import thresholds_of
 from rearl_jax.evaluation.rollouts import Rollouts
@@ -49,6 +50,7 @@ def run(config: SweepScaleTask) -> dict:
         message = "must be run_x_scene: every rollout is scored against its own scene"
         raise out_of_range("eval.seed_scope", message, config.eval.seed_scope.name)
     require_one_variant(config)
+    check_boundary(config)
     set_precision(config.core.dtype)
     generated = is_generated(config.data)
     study = Study(config.results.root, config.study, config, "sweep scale", inputs_id(config), generated=generated)

@@ -31,7 +31,7 @@ from rearl_jax.results import Study
 from rearl_jax.runtime import set_precision
 from rearl_jax.sweep.base_values import kept_base_values
 from rearl_jax.sweep.document import document_of
-from rearl_jax.sweep.pairs import Pair, choose, pair_table, scene_means, threshold_pairs
+from rearl_jax.sweep.pairs import Pair, base_score, choose, pair_table, scene_means, threshold_pairs
 from rearl_jax.sweep.parts import RUNS, run_columns, write_runs
 
 FIGURES = ("h", "mape_a", "mape_b", "mape_c", "thw", "lcr", "collisions")
@@ -100,7 +100,7 @@ def run(config: SweepThresholdsTask, *, show: bool = True) -> dict:
         "best_threshold_h": best.threshold_h,
         "best_threshold_m": best.threshold_m,
         "best_score": float(choice.score[choice.best]),
-        "base_score": base_means["h"] + base_means["mape"],
+        "base_score": base_score(means["h"][-1], means["mape"][-1], choice.is_scored),
         "best_win_share": float(choice.win_share[choice.best]),
         "lead": choice.lead,
         "lead_low": choice.lead_low,

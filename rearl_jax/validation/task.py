@@ -22,10 +22,10 @@ from rich.progress import Progress
 from rearl_jax.config import ValidateTask
 from rearl_jax.config.validation import ValidationConfig
 from rearl_jax.document.terminal import print_document
+from rearl_jax.machine import available_cores
 from rearl_jax.problems import InvalidInputError, Problem
 from rearl_jax.progress import progress_bar
 from rearl_jax.results import Study
-from rearl_jax.runtime import available_cores
 from rearl_jax.validation import causes, comparison, simulation, summary
 from rearl_jax.validation.comparison import Comparison
 from rearl_jax.validation.document import document_of

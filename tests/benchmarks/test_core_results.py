@@ -5,11 +5,13 @@ from pathlib import Path
 import pytest
 from PIL import Image
 
+from benchmarks import core
 from benchmarks.core import show
 from benchmarks.core_results import MEANINGS, Agreement, Change, CoreResults, read_ratios
 from benchmarks.figure import draw_costs
-from benchmarks.options import Peer
+from benchmarks.options import CoreBenchmark, CoreOptions, Peer
 from benchmarks.programs import C_ALL, GPU, OURS, Absent
+from rearl_jax.config import ResultsConfig
 from rearl_jax.problems import InvalidInputError, MissingInputError
 from rearl_jax.timing.measurement import Measurement, Series, Spread
 from tests.benchmarks.documented import check_documented
@@ -178,3 +180,16 @@ def test_a_file_that_is_not_there_is_refused(tmp_path):
     with pytest.raises(MissingInputError) as caught:
         read_ratios(str(tmp_path / "nowhere"), Peer.c)
     assert (caught.value.code, caught.value.problem.file) == ("file-missing", str(tmp_path / "nowhere"))
+
+
+def test_a_reference_that_is_absent_now_is_no_success(tmp_path, monkeypatch):
+    then = {f"ratio_to_c_n10{end}": 1 for end in ("", "_min", "_max")}
+    (tmp_path / "summary.json").write_text(json.dumps({"task": "bench core"} | then))
+    absent = Absent("c", "there is no C compiler gcc", "install gcc")
+    ours = series(OURS, 10, 1.0, lane_changes=30, crashed=5)
+    monkeypatch.setattr(core, "measure", lambda bench: CoreResults((ours,), (absent,), None, 0.0, MACHINE))
+    bench = CoreOptions(vehicles=(10,), against=str(tmp_path))
+    with pytest.raises(InvalidInputError) as caught:
+        core.run(CoreBenchmark(results=ResultsConfig(str(tmp_path)), bench=bench))
+    assert (caught.value.code, caught.value.problem.remedy) == ("reference-absent", "install gcc")
+    assert json.loads((tmp_path / "bench_core" / "summary.json").read_text())["n_slower"] == 0

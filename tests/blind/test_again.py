@@ -72,7 +72,11 @@ def test_what_the_table_does_not_hold_stays_as_it_was(before, folder):
     hits = {score.name: score.n_hits for score in results.scores}
     assert hits["error_rose"] == 77
     assert hits["wrong_name"] == pd.read_parquet(before / "scores.parquet").set_index("name").n_hits["wrong_name"]
+    (folder / "confusion.png").write_bytes(b"of the first judgement")
+    (folder / "strengths.png").unlink()
     judge_again(folder)
+    assert (folder / "confusion.png").read_bytes().startswith(b"\x89PNG")
+    assert not (folder / "strengths.png").exists()
     page = (folder / "page.html").read_text()
     assert "as cases.parquet has no ends of intervals: " in page
     assert "repaired models: significantly higher error" in page

@@ -1,9 +1,11 @@
 """Hand-made verdicts and what they are worth."""
 
 import math
+from dataclasses import replace
 
 import pytest
 
+from rearl_jax.blind.again import judged_of_row
 from rearl_jax.blind.details import (
     ALL_LISTED,
     by_set,
@@ -13,7 +15,7 @@ from rearl_jax.blind.details import (
     parameter_rows,
 )
 from rearl_jax.blind.judging import judge, recoveries
-from rearl_jax.blind.questions import Judged
+from rearl_jax.blind.questions import Judged, changes_the_model, claims_anything
 from rearl_jax.blind.results import BlindResults
 from rearl_jax.blind.scores import binomial_interval, score_all
 from rearl_jax.blind.verdicts import failed_verdict, read_verdict
@@ -100,6 +102,27 @@ def test_outcome(name):
 def judged(truth, verdict):
     found = read_verdict(verdict)
     return Judged("x", truth, found, judge(truth, found), tuple(recoveries(truth, found)))
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_a_row_of_the_table_is_judged_as_the_verdict_was(name):
+    case = judged(*CASES[name][:2])
+    table = BlindResults([case], 1).case_table()
+    assert set(table["outcome"]) == {case.judgement.outcome}
+    (row,) = table.astype(object).where(table.notna(), None).to_dict("records")
+    again = judged_of_row(case.truth, row)
+    # The table holds neither confidences nor the kinds of names that are no artefacts.
+    first, second = (replace(one.judgement, claims=(), false_kinds=()) for one in (case, again))
+    assert first == second
+    is_artefact = [[kind == "artefact" for kind in one.judgement.false_kinds] for one in (case, again)]
+    assert is_artefact[0] == is_artefact[1]
+    assert (claims_anything(case), changes_the_model(case)) == (claims_anything(again), changes_the_model(again))
+
+
+def test_claims_on_forced_lane_changes_are_no_claims():
+    forced = judged({**FORCED, "group": "broad_control"}, said(REAR_GAP))
+    free = judged({**FORCED, "group": "broad_control", "scenario": {"lane_changes": 0}}, said(REAR_GAP))
+    assert rates([forced, free])["broad_control"] == (1, 2)
 
 
 def rates(cases):

@@ -197,6 +197,7 @@ def test_errors_of_the_file_system_come_with_a_remedy():
     assert "results.root=FOLDER" in explained(PermissionError(errno.EACCES, "Permission denied", "/x"))
     assert "study=NAME" in explained(FileExistsError(errno.EEXIST, "File exists", "/x"))
     assert "study=NAME" in explained(NotADirectoryError(errno.ENOTDIR, "Not a directory", "/x"))
+    assert "name a file" in explained(IsADirectoryError(errno.EISDIR, "Is a directory", "/x"))
     assert "shorter" in explained(OSError(errno.ENAMETOOLONG, "File name too long", "/x"))
     assert explained(FileNotFoundError("say what is missing")) == "say what is missing"
     assert explained(ValueError("lanes must be 1")) == "lanes must be 1"

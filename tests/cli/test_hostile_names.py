@@ -21,7 +21,8 @@ from rearl_jax import runtime
 from rearl_jax.config import DataConfig, EvaluateTask, ReportTask, ResultsConfig
 from rearl_jax.config.data import DataFormat
 from rearl_jax.config.evaluation import EvaluationConfig
-from rearl_jax.config.report import FolderConfig, ReportConfig
+from rearl_jax.config.report import ReportConfig
+from rearl_jax.config.results import FolderConfig
 from rearl_jax.data.tables.canonical import write_recording
 from rearl_jax.data.recordings import iterate_recordings
 

@@ -18,7 +18,7 @@ import yaml
 from rearl_jax.cli import launchers
 from rearl_jax.cli.composition import UsageError
 from rearl_jax.cli.running import JobError
-from rearl_jax.runtime import available_cores
+from rearl_jax.machine import available_cores
 from tests.refusal import refused
 
 CHEAP = ["study=s", "eval.resamples=50", "eval.noise_draws=10"]
@@ -130,7 +130,7 @@ def test_slurm_keeps_its_logs_with_the_study_and_a_failing_job_is_heard(one_afte
 
 @pytest.fixture
 def eight_cores(monkeypatch):
-    monkeypatch.setattr(launchers, "_available_cores", lambda: 8)
+    monkeypatch.setattr(launchers, "available_cores", lambda: 8)
     monkeypatch.setattr(launchers.shutil, "which", lambda name: name)
     for name in ("RAY_ADDRESS", *launchers._LIMITS):
         monkeypatch.delenv(name, raising=False)

@@ -1,14 +1,16 @@
 """Keys, their documentation and the finishing of records."""
 
+import functools
 import math
 from dataclasses import dataclass
 from enum import Enum
 
 import pytest
 
-from rearl_jax.config import EvaluateTask
+from rearl_jax.config import DiscoverTask, EvaluateTask, ReportTask
 from rearl_jax.config._schema import as_plain, as_written, finished, from_plain, groups_of, nearest, type_name
 from rearl_jax.problems import InvalidInputError, out_of_range
+from tests.refusal import refused
 
 
 class Colour(Enum):
@@ -115,6 +117,48 @@ def test_values_as_the_user_writes_them():
     assert as_plain({"a": (math.inf, Colour.blue)}) == {"a": ["inf", "blue"]}
 
 
+@pytest.mark.parametrize(
+    "key",
+    [
+        "hist.high", "realism.speed.high", "realism.ttc.weight", "realism.pseudocount", "realism.collision_weight",
+        "core.density", "core.speed_limit", "driver.accel_exponent_sd", "reference.weights", "matcher.value_weight",
+        "kl.weights", "bo.penalty", "scenes.stride", "data.ring", "data.stretch", "llm.temperature",
+    ],
+)  # fmt: skip
+def test_an_infinite_number_is_refused_where_no_figure_could_follow_from_it(key):
+    config = EvaluateTask()
+    *groups, name = key.split(".")
+    record = functools.reduce(getattr, groups, config)
+    usual = getattr(record, name)
+    setattr(record, name, (math.inf,) * len(usual) if isinstance(usual, tuple) else math.inf)
+    if name == "stretch":
+        record.stretch = (math.inf,) * 6
+    with pytest.raises(InvalidInputError) as caught:
+        finished(config)
+    assert (caught.value.code, caught.value.problem.key) == ("out-of-range", key)
+
+
+def test_an_infinite_threshold_means_never():
+    config = EvaluateTask()
+    config.detection.threshold_h = math.inf
+    assert finished(config).detection.threshold_h == math.inf
+
+
+@pytest.mark.parametrize("task", [EvaluateTask, ReportTask])
+def test_an_empty_folder_of_results_is_refused(task):
+    config = task()
+    config.results.root = ""
+    with refused("out-of-range", key="results.root"):
+        finished(config)
+
+
+def test_a_negative_seed_is_refused():
+    config = DiscoverTask()
+    config.discover.seed = -1
+    with refused("out-of-range", key="discover.seed"):
+        finished(config)
+
+
 def test_nan_and_a_text_in_the_place_of_a_list_are_refused():
     for group, name, value in (
         ("core", "density", float("nan")),
@@ -128,6 +172,7 @@ def test_nan_and_a_text_in_the_place_of_a_list_are_refused():
         assert (caught.value.code, caught.value.problem.key) == ("wrong-type", f"{group}.{name}")
     for plain, code, key, value in (
         ({"core": 3}, "wrong-type", "core", 3),
+        ({"driver": 3}, "choice-unknown", "driver.model", 3),
         ({"study": 3}, "wrong-type", "study", 3),
         ({"core": {"density": "many"}}, "wrong-type", "core.density", "many"),
         ({"core": {"n_lanes": True}}, "wrong-type", "core.n_lanes", True),

@@ -81,6 +81,19 @@ def test_a_speed_factor_multiplies_the_limit(write):
     assert {one.what: one.where for one in said}["speedFactor"] == "desired_speed"
 
 
+def test_bounds_of_a_distribution_narrow_it(write):
+    path = write('speedFactor="normc(1,0.5,0.9,1.2)" maxSpeed="60"', 'speedFactor="normc(1,0.1,0.2,2)" maxSpeed="60"')
+    (narrow, wide) = read_types(path)
+    # 2000 vehicles of SUMO with the first factor: mean 1.0504, standard deviation 0.0853.
+    assert narrow.number("speedFactor") == pytest.approx((1.0504, 0.0853), abs=0.005)
+    assert wide.number("speedFactor") == pytest.approx((1.0, 0.1), rel=1e-9)
+    (half,) = read_types(write('speedFactor="normc(1,0.3,1)" maxSpeed="60"'))
+    assert half.number("speedFactor")[0] == pytest.approx(1 + 0.3 * math.sqrt(2 / math.pi))
+    for text, code in (("normc(2,0.1,0.5,1)", "mean-outside"), ("normc(1,0.1,a,2)", "not-a-number")):
+        with refused(code):
+            read_types(write(f'speedFactor="{text}" maxSpeed="60"'))[0].number("speedFactor")
+
+
 def test_what_the_file_leaves_open_is_sumos_default_and_said(write):
     _, classes, said = population(
         write('carFollowModel="IDM" vClass="truck" maxSpeed="25"', 'carFollowModel="IDM" maxSpeed="33"')

@@ -6,6 +6,9 @@ from rearl_jax.config.llm import LlmConfig, Profile
 from rearl_jax.llm.records import Answer, Message, Question
 
 SYSTEM = Message("system", "Steer the car. Reply with one identifier.")
+SECRET = "sk-3f9a71c2d5e84b60"
+"""Key of a server, which must appear nowhere."""
+
 CHOICES = (0, 1, 3, 4)
 """Admissible actions of every question; without 2, so that some answers of the stub (0 to 4) are not admissible."""
 

@@ -6,13 +6,16 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from rearl_jax.config.llm import PromptConfig
 from rearl_jax.config.metrics import HistConfig
+from rearl_jax.core.model import TrafficModel
 from rearl_jax.core.rollout import Frames
 from rearl_jax.decision.execution import MAX_SINCE_LANE_CHANGE
 from rearl_jax.decision.situation import Situation
-from rearl_jax.detection.detector import Detection, Thresholds
+from rearl_jax.detection.detector import Detection, DetectionOptions, Thresholds
 from rearl_jax.detection.references import References
 from rearl_jax.detection.table import ReferenceTable, tabulate
+from rearl_jax.llm.prompts import Prompter
 
 LEFT, KEEP, RIGHT, FASTER, SLOWER = range(5)
 
@@ -150,3 +153,11 @@ def random_situation(second, n_vehicles=10, n_scenarios=8, seed=0, n_references=
         mask=rng.random(shape) < 0.8,
         admissible=rng.random((5, *shape)) < 0.4,
     )
+
+
+def ask_small(**options):
+    """All questions of the small scene's last second."""
+    prompter = Prompter(small_table(), TrafficModel(), PromptConfig(**options), DetectionOptions())
+    for second in range(6):
+        questions = prompter.questions(small_situation(second), make_thresholds(3))
+    return questions

@@ -1,8 +1,6 @@
-"""The client: order of requests, stored answers, replay, votes, addresses, proxies and the circuit breaker."""
+"""The client: order of requests, stored answers, replay, votes, keys."""
 
-import asyncio
 import logging
-import socket
 import subprocess
 import sys
 import threading
@@ -12,20 +10,14 @@ from dataclasses import replace
 
 import pytest
 
-from rearl_jax.config.decision import DecisionConfig
 from rearl_jax.config.llm import Profile, Thinking
 from rearl_jax.llm.answers import Answers
-from rearl_jax.llm.breaker import Breaker
 from rearl_jax.llm.client import Client
-from rearl_jax.llm.connection import Connection, server_address
 from rearl_jax.llm.records import NO_DECISION, Cause, Message
 from rearl_jax.llm.requests_table import COLUMNS
 from rearl_jax.problems import InvalidInputError, MissingInputError
-from tests.llm.asking import CHOICES, make_config, make_questions, outcomes
+from tests.llm.asking import CHOICES, SECRET, make_config, make_questions, outcomes
 from tests.llm.stub import Fault, Stub, right_answer
-from tests.refusal import refused
-
-SECRET = "sk-3f9a71c2d5e84b60"
 
 
 def test_answers_come_in_the_order_of_the_questions(tmp_path):
@@ -341,111 +333,3 @@ def test_two_processes_share_the_answers(tmp_path):
     assert printed[0] == printed[1]
     with Client(make_config(tmp_path), "", replay=True) as client:
         assert f"{outcomes(client.submit(make_questions(60)).result())}\n" == printed[0]
-
-
-@pytest.mark.parametrize(
-    ("given", "address"),
-    [
-        ("http://127.0.0.1:8000", "http://127.0.0.1:8000/v1"),
-        ("http://127.0.0.1:8000/", "http://127.0.0.1:8000/v1"),
-        (" http://127.0.0.1:8000/v1/ ", "http://127.0.0.1:8000/v1"),
-        ("https://host/v1/chat/completions", "https://host/v1"),
-        ("https://host/api/paas/v4", "https://host/api/paas/v4"),
-        ("https://host/v1beta", "https://host/v1beta"),
-        ("https://host/prefix", "https://host/prefix/v1"),
-        ("http://[::1]:8000", "http://[::1]:8000/v1"),
-        *((f"http://h/v1/{page}", "http://h/v1") for page in ("models", "chat", "completions/", "responses")),
-        ("http://h:11434/api/chat", "http://h:11434/v1"),
-        ("https://h/openai/v1/models", "https://h/openai/v1"),
-        ("https://h/models", "https://h/models/v1"),
-    ],
-)
-def test_address_of_requests(given, address):
-    assert server_address(given) == address
-
-
-@pytest.mark.parametrize("given", ["", "127.0.0.1:8000", "ftp://host", "http://", "http://host:99999", "http://host:x"])
-def test_a_text_that_is_not_an_address_is_an_input_error(given):
-    with pytest.raises(InvalidInputError) as caught:
-        server_address(given)
-    assert (caught.value.code, caught.value.problem.key) == ("server-address", "decision.server")
-
-
-@pytest.mark.parametrize(("scheme", "code"), [("http", "password-in-address"), ("ftp", "server-address")])
-def test_address_with_a_password_is_refused_and_not_repeated(scheme, code):
-    with pytest.raises(InvalidInputError) as caught:
-        server_address(f"{scheme}://me:{SECRET}@host/v1")
-    assert caught.value.code == code
-    assert SECRET not in str(caught.value)
-
-
-@pytest.mark.parametrize("end", [f"?key={SECRET}", f"?tenant=3&api_key={SECRET}", f"?{SECRET}", f"#{SECRET}"])
-def test_address_with_a_key_is_refused_and_not_repeated(end):
-    with refused("key-in-address", key="decision.server") as caught:
-        server_address(f"http://host/v1{end}")
-    assert SECRET not in str(caught.value)
-    with refused("key-in-address", key="server") as caught:
-        DecisionConfig(server=f"http://host/v1{end}").check()
-    assert SECRET not in str(caught.value)
-
-
-@pytest.mark.parametrize(
-    ("address", "asked"),
-    [
-        ("http://host:8000/v1", ("GET", "http://host:8000/v1/models")),
-        ("https://host/v1", ("CONNECT", "host:443")),
-        ("http://gpu.internal:8000/v1", None),
-        ("http://127.0.0.1:9/v1", None),
-        ("http://localhost:9/v1", None),
-        ("http://[::1]:9/v1", None),
-    ],
-)
-def test_a_proxy_is_used_except_for_local_and_excepted_addresses(monkeypatch, tmp_path, address, asked):
-    """It is used for all addresses except those of this machine and those that `no_proxy` names."""
-    resolve = socket.getaddrinfo
-
-    def getaddrinfo(host, *others, **options):
-        if host != "127.0.0.1":
-            raise socket.gaierror(f"no {host}")
-        return resolve(host, *others, **options)
-
-    with Stub() as proxy:
-        for name in ("http_proxy", "https_proxy"):
-            monkeypatch.delenv(name, raising=False)
-            monkeypatch.delenv(name.upper(), raising=False)
-        monkeypatch.setenv("all_proxy", f"http://127.0.0.1:{proxy.port}")
-        monkeypatch.setenv("no_proxy", ".internal")
-        monkeypatch.setattr(socket, "getaddrinfo", getaddrinfo)
-        connection = Connection(address, make_config(tmp_path), "")
-
-        async def ask():
-            try:
-                return await connection.get("/models", 5.0)
-            finally:
-                await connection.close()
-
-        response = asyncio.run(ask())
-    assert [(request.method, request.path) for request in proxy.log] == ([asked] if asked else [])
-    assert (response.status is None) == (asked is None or asked[0] == "CONNECT")
-
-
-def test_breaker_opens_after_failures_and_closes_after_an_answer():
-    now = [0.0]
-    breaker = Breaker(3, 10.0, clock=lambda: now[0])
-    assert [breaker.failed(False), breaker.failed(False)] == [False, False]
-    assert not breaker.succeeded()
-    assert [breaker.failed(False) for _ in range(3)] == [False, False, True]
-    assert breaker.refuses
-    assert not breaker.failed(False)  # a request sent before the breaker opened
-    now[0] = 9.9
-    assert breaker.refuses
-    now[0] = 10.0
-    assert breaker.is_open
-    assert not breaker.refuses
-    assert breaker.failed(True)
-    assert breaker.refuses
-    now[0] = 20.0
-    assert not breaker.refuses
-    assert breaker.succeeded()
-    assert not breaker.is_open
-    assert not breaker.failed(False)

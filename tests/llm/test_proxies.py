@@ -1,6 +1,8 @@
 """Proxies of the environment: which one counts for an address, and what is said of one that cannot be used."""
 
+import asyncio
 import os
+import socket
 import ssl
 
 import pytest
@@ -101,3 +103,43 @@ def test_certificates_that_cannot_be_read_are_named(tmp_path, monkeypatch):
     monkeypatch.setattr("httpx.create_ssl_context", fail)
     with refused("certificates-unreadable"):
         Connection(ADDRESS, make_config(tmp_path), "")
+
+
+@pytest.mark.parametrize(
+    ("address", "asked"),
+    [
+        ("http://host:8000/v1", ("GET", "http://host:8000/v1/models")),
+        ("https://host/v1", ("CONNECT", "host:443")),
+        ("http://gpu.internal:8000/v1", None),
+        ("http://127.0.0.1:9/v1", None),
+        ("http://localhost:9/v1", None),
+        ("http://[::1]:9/v1", None),
+    ],
+)
+def test_a_proxy_is_used_except_for_local_and_excepted_addresses(monkeypatch, tmp_path, address, asked):
+    """It is used for all addresses except those of this machine and those that `no_proxy` names."""
+    resolve = socket.getaddrinfo
+
+    def getaddrinfo(host, *others, **options):
+        if host != "127.0.0.1":
+            raise socket.gaierror(f"no {host}")
+        return resolve(host, *others, **options)
+
+    with Stub() as proxy:
+        for name in ("http_proxy", "https_proxy"):
+            monkeypatch.delenv(name, raising=False)
+            monkeypatch.delenv(name.upper(), raising=False)
+        monkeypatch.setenv("all_proxy", f"http://127.0.0.1:{proxy.port}")
+        monkeypatch.setenv("no_proxy", ".internal")
+        monkeypatch.setattr(socket, "getaddrinfo", getaddrinfo)
+        connection = Connection(address, make_config(tmp_path), "")
+
+        async def ask():
+            try:
+                return await connection.get("/models", 5.0)
+            finally:
+                await connection.close()
+
+        response = asyncio.run(ask())
+    assert [(request.method, request.path) for request in proxy.log] == ([asked] if asked else [])
+    assert (response.status is None) == (asked is None or asked[0] == "CONNECT")

@@ -84,7 +84,8 @@ def reported(tmp_path_factory):
 def report(root, study, **options):
     """Return value and printed text of the task."""
     from rearl_jax.config import ReportTask
-    from rearl_jax.config.report import FolderConfig, ReportConfig
+    from rearl_jax.config.report import ReportConfig
+    from rearl_jax.config.results import FolderConfig
     from rearl_jax.report.task import run
 
     printed = io.StringIO()

@@ -93,6 +93,12 @@ def test_cells_are_one_table(cells):
     assert {"cells.png", "config.json"} <= {path.name for path in folder.iterdir()}
 
 
+def test_keys_that_differ_in_their_group_alone_are_written_in_full(tmp_path):
+    rows = pd.DataFrame({"method": ["real"], "metric": "h", "value": [0.5]})
+    keys = {"kl.seed": "1", "eval.seed": "2", "mape.definition": "A"}
+    assert Cell(keys, tmp_path, rows, []).name == "kl.seed=1, eval.seed=2, definition=A"
+
+
 def test_a_swept_method_is_a_column_of_its_own(tmp_path):
     def cell(name):
         rows = pd.DataFrame({"method": [name, "real"], "metric": "h", "value": [0.5, 0.1]})

@@ -6,7 +6,7 @@ import pytest
 from rearl_jax.config.evaluation import EvaluationConfig
 from rearl_jax.config.sweep import SweepConfig
 from rearl_jax.evaluation.percentiles import BaseValues
-from rearl_jax.sweep.pairs import choose, pair_table, scene_means, threshold_pairs
+from rearl_jax.sweep.pairs import base_score, choose, pair_table, scene_means, threshold_pairs
 from tests.refusal import refused
 
 EVAL = EvaluationConfig(resamples=2000)
@@ -43,6 +43,16 @@ def test_a_clear_winner_is_told_apart_and_a_lucky_one_is_not():
 def test_both_figures_decide():
     h, mape = np.array([[0.1, 0.1], [0.2, 0.2]]), np.array([[0.5, 0.5], [0.1, 0.1]])
     assert choose(h, mape, EVAL).best == 1
+
+
+def test_base_is_scored_on_the_scenes_of_the_pairs():
+    h = np.array([[0.1, np.nan, 0.3], [0.2, 0.9, 0.4]])
+    choice = choose(h, np.zeros((2, 3)), EVAL)
+    assert choice.is_scored.tolist() == [True, False, True]
+    # Over all three scenes base would look closer than the best pair.
+    base_h = np.array([0.25, 0.0, 0.32])
+    assert base_h.mean() < choice.score[choice.best] == pytest.approx(0.2)
+    assert base_score(base_h, np.zeros(3), choice.is_scored) == pytest.approx(0.285)
 
 
 def test_one_pair_is_its_own_runner_up():

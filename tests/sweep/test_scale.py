@@ -19,6 +19,7 @@ from rearl_jax.cli.composition import compose_task
 from rearl_jax.config import EvaluateTask, ResultsConfig, SweepScaleTask
 from rearl_jax.config.core import CoreConfig
 from rearl_jax.config.evaluation import EvaluationConfig, Method, SeedScope
+from rearl_jax.config.scenes import BoundarySource, ScenesConfig
 from rearl_jax.data.recordings import iterate_recordings
 from rearl_jax.data.scenes.cutting import build_scenes
 from rearl_jax.data.scenes.splits import split_scenes
@@ -230,6 +231,13 @@ def test_memory_does_not_grow_with_the_number_of_rollouts(tmp_path):
     assert len(table) == 40
     for name in ("resident_mib", "peak_mib"):
         assert table[name][-10:].max() - table[name][:10].max() < 40
+
+
+def test_replayed_vehicles_around_drawn_starts_are_refused_before_anything_is_written(tmp_path):
+    config = SweepScaleTask(results=ResultsConfig(str(tmp_path)), scenes=ScenesConfig(boundary=BoundarySource.measured))
+    with refused("out-of-range", key="init.source"):
+        run(config)
+    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize("text", ["1.5", "0", "-3", "1e99", "inf"])

@@ -59,7 +59,8 @@ class Priors:
     Medians and standard deviations of drivers' parameters are drawn independently of each other. The correlation matrix
     is drawn from an inverse Wishart distribution with one degree of freedom more than parameters, whose correlations
     are uniform (Barnard, McCulloch & Meng, Statistica Sinica 10 (2000) 1281), and multiplied by `correlation`. The
-    car-following model is uniform over the seven of the generator and SUMO, the model of SUMO uniform over five.
+    car-following model is uniform over the seven of the generator and, where SUMO has the hidden effect itself or
+    nothing is hidden, SUMO; the model of SUMO is uniform over five.
     """
 
     desired_speed: Range = Range(18.0, 40.0, "m/s", "median over cars")

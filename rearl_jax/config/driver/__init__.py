@@ -4,6 +4,7 @@ Every module in this folder with a `MODEL` declares one car-following model, cho
 from the declaration. A new model needs one new file here.
 """
 
+import math
 import pkgutil
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, make_dataclass
@@ -54,16 +55,20 @@ class DriverConfig:
         return self == record_of(DEFAULT)()
 
     @staticmethod
-    def record_for(plain: Mapping[str, Any]) -> "type[DriverConfig]":
-        """The record class of the model named in plain keys.
+    def record_for(plain: Any, prefix: str = "driver.") -> "type[DriverConfig]":
+        """The record class of a model.
+
+        Args:
+            plain: Name of the model, or plain keys that name it.
+            prefix: Beginning of the full names of the keys.
 
         Raises:
             ValueError: There is no such model.
         """
-        name = plain.get("model", DEFAULT)
-        if name not in MODELS:
+        name = plain.get("model", DEFAULT) if isinstance(plain, Mapping) else plain
+        if not isinstance(name, str) or name not in MODELS:
             message = f"must be a car-following model, one of {', '.join(MODELS)}"
-            raise InvalidInputError(Problem("choice-unknown", message, key="model", value=name))
+            raise InvalidInputError(Problem("choice-unknown", message, key=f"{prefix}model", value=name))
         return record_of(name)
 
     def values(self, class_name: str | None = None) -> dict[str, float | None]:
@@ -126,8 +131,8 @@ def _check_values(values: Mapping[str, float | None], model: DriverModel, place:
         if value is not None and not parameter.low <= value <= parameter.high:
             bounds = f"must be within {parameter.low:g} and {parameter.high:g} {parameter.unit}"
             raise out_of_range(f"{place}{parameter.name}", bounds, value)
-        if sd is None or sd < 0:
-            raise out_of_range(f"{place}{parameter.name}_sd", "must be at least 0", sd)
+        if sd is None or not 0 <= sd < math.inf:
+            raise out_of_range(f"{place}{parameter.name}_sd", "must be at least 0 and finite", sd)
         if sd > 0 and value is None:
             message = f"needs {place}{parameter.name} as well"
             raise InvalidInputError(Problem("key-missing", message, key=f"{place}{parameter.name}_sd={sd:g}"))

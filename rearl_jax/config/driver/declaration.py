@@ -76,13 +76,26 @@ class DriverModel:
 
 _TABLE = "near Treiber & Kesting, Traffic Flow Dynamics (2013), table 11.2"
 
+_CAR_SPEED = 32.0
+"""Usual desired speed of cars on a motorway [m/s], as in that table."""
 
-def desired_speed(usual: float | None = 32.0, source: str = _TABLE) -> DriverParameter:
+
+def desired_speed(usual: float | None = _CAR_SPEED, source: str = _TABLE) -> DriverParameter:
     """Desired speed v0, which every model has."""
     # Congested traffic contains little information about it, so with a wide spread the estimate would diverge. The
     # median differs far more between roads, from 30 km/h on a test track to motorways without limit.
     return DriverParameter(
-        "desired_speed", "m/s", "desired speed v0", usual, 1.0, 100.0, source, 0.12, 25.0, location=0.5, median=32.0
+        "desired_speed",
+        "m/s",
+        "desired speed v0",
+        usual,
+        1.0,
+        100.0,
+        source,
+        0.12,
+        25.0,
+        location=0.5,
+        median=_CAR_SPEED,
     )
 
 

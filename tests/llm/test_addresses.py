@@ -1,0 +1,55 @@
+"""Addresses of servers: what is accepted, and secrets in them, which are not repeated."""
+
+import pytest
+
+from rearl_jax.config.decision import DecisionConfig
+from rearl_jax.llm.connection import server_address
+from rearl_jax.problems import InvalidInputError
+from tests.llm.asking import SECRET
+from tests.refusal import refused
+
+
+@pytest.mark.parametrize(
+    ("given", "address"),
+    [
+        ("http://127.0.0.1:8000", "http://127.0.0.1:8000/v1"),
+        ("http://127.0.0.1:8000/", "http://127.0.0.1:8000/v1"),
+        (" http://127.0.0.1:8000/v1/ ", "http://127.0.0.1:8000/v1"),
+        ("https://host/v1/chat/completions", "https://host/v1"),
+        ("https://host/api/paas/v4", "https://host/api/paas/v4"),
+        ("https://host/v1beta", "https://host/v1beta"),
+        ("https://host/prefix", "https://host/prefix/v1"),
+        ("http://[::1]:8000", "http://[::1]:8000/v1"),
+        *((f"http://h/v1/{page}", "http://h/v1") for page in ("models", "chat", "completions/", "responses")),
+        ("http://h:11434/api/chat", "http://h:11434/v1"),
+        ("https://h/openai/v1/models", "https://h/openai/v1"),
+        ("https://h/models", "https://h/models/v1"),
+    ],
+)
+def test_address_of_requests(given, address):
+    assert server_address(given) == address
+
+
+@pytest.mark.parametrize("given", ["", "127.0.0.1:8000", "ftp://host", "http://", "http://host:99999", "http://host:x"])
+def test_a_text_that_is_not_an_address_is_an_input_error(given):
+    with pytest.raises(InvalidInputError) as caught:
+        server_address(given)
+    assert (caught.value.code, caught.value.problem.key) == ("server-address", "decision.server")
+
+
+@pytest.mark.parametrize(("scheme", "code"), [("http", "password-in-address"), ("ftp", "server-address")])
+def test_address_with_a_password_is_refused_and_not_repeated(scheme, code):
+    with pytest.raises(InvalidInputError) as caught:
+        server_address(f"{scheme}://me:{SECRET}@host/v1")
+    assert caught.value.code == code
+    assert SECRET not in str(caught.value)
+
+
+@pytest.mark.parametrize("end", [f"?key={SECRET}", f"?tenant=3&api_key={SECRET}", f"?{SECRET}", f"#{SECRET}"])
+def test_address_with_a_key_is_refused_and_not_repeated(end):
+    with refused("key-in-address", key="decision.server") as caught:
+        server_address(f"http://host/v1{end}")
+    assert SECRET not in str(caught.value)
+    with refused("key-in-address", key="server") as caught:
+        DecisionConfig(server=f"http://host/v1{end}").check()
+    assert SECRET not in str(caught.value)
