@@ -14,6 +14,8 @@ import numpy as np
 from jax.extend.core import jaxpr_as_fun
 from jax.sharding import Mesh, NamedSharding, PartitionSpec
 
+from rearl_jax.core.loops import NOT_POSSIBLE, with_loops_as_kernels
+
 _CACHE_LINE = 16
 """Numbers of float32 in a cache line of 64 bytes."""
 
@@ -70,7 +72,12 @@ class ScenarioMap(Generic[Arguments, Result]):
     """
 
     def __init__(
-        self, function: Callable[[Arguments], Result], *, chunk: int, options: Mapping[str, Any] = NO_OPTIONS
+        self,
+        function: Callable[[Arguments], Result],
+        *,
+        chunk: int,
+        options: Mapping[str, Any] = NO_OPTIONS,
+        loops_as_kernels: bool = False,
     ) -> None:
         """Prepares the map; nothing is compiled before the first call.
 
@@ -78,18 +85,22 @@ class ScenarioMap(Generic[Arguments, Result]):
             function: Function from a pytree of arrays `[..., n_scenarios]` to another one.
             chunk: Scenarios a device takes at a time, see `chunk_for`.
             options: Options of the compiler, such as `QUICKLY_COMPILED`; those that it does not know are left out.
+            loops_as_kernels: Whether a CPU runs each loop as one kernel, see `core.loops`; without effect for a program
+                that the compiler cannot translate in this way.
         """
         if chunk < 1:
             raise ValueError(f"chunk = {chunk}: a device must take at least one scenario at a time")
         self._devices = jax.local_devices()
         self._chunk = chunk
         self._mesh = mesh = Mesh(np.array(self._devices), ("scenarios",))
+        self._loops_as_kernels = loops_as_kernels and self._devices[0].platform == "cpu"
 
         def run(arguments: Arguments) -> Result:
             # Traced once, because the ranks of the results must be known to partition their last axes.
             part = jax.tree.map(self._part_of, arguments)
             traced, results = jax.make_jaxpr(function, return_shape=True)(part)
-            flat, structure = jaxpr_as_fun(traced), jax.tree.structure(results)
+            flat = with_loops_as_kernels(traced) if self._loops_as_kernels else jaxpr_as_fun(traced)
+            structure = jax.tree.structure(results)
             return jax.shard_map(
                 lambda arguments: jax.tree.unflatten(structure, flat(*jax.tree.leaves(arguments))),
                 mesh=mesh,
@@ -106,6 +117,17 @@ class ScenarioMap(Generic[Arguments, Result]):
         *other_axes, n_scenarios = leaf.shape
         width = n_scenarios if n_scenarios == 1 else n_scenarios // len(self._devices)
         return jax.ShapeDtypeStruct((*other_axes, width), leaf.dtype)
+
+    def _computed(self, chunk: Arguments) -> Result:
+        """Results of a chunk, with loops as kernels if the compiler can."""
+        try:
+            return self._run(chunk)
+        except jax.errors.JaxRuntimeError as error:
+            if not (self._loops_as_kernels and NOT_POSSIBLE in str(error)):
+                raise
+        self._loops_as_kernels = False
+        self._run.clear_cache()
+        return self._run(chunk)
 
     def width(self, n_scenarios: int) -> int:
         """Scenarios per chunk, on all devices together."""
@@ -141,7 +163,7 @@ class ScenarioMap(Generic[Arguments, Result]):
         width = self.width(n_scenarios)
 
         def compute(start: int) -> Result:
-            return self._run(jax.tree.map(lambda leaf: _cut(leaf, start, width, n_scenarios), arguments))
+            return self._computed(jax.tree.map(lambda leaf: _cut(leaf, start, width, n_scenarios), arguments))
 
         pending = compute(0)
         for start in range(0, n_scenarios, width):

@@ -142,7 +142,7 @@ class Programs:
             return run(a | {"pieces": replace(a["pieces"], deviation=a["deviation"])})
 
         if key not in self._made:
-            self._made[key] = ScenarioMap(with_deviation, chunk=batch, options=options)
+            self._made[key] = ScenarioMap(with_deviation, chunk=batch, options=options, loops_as_kernels=True)
         program = self._made[key]
 
         def call(parts: Sequence[Pieces], own: dict) -> Any:
