@@ -1,5 +1,6 @@
 """Many scenarios on all cores: chunks that fit the cache, one host device per core, one compiled program."""
 
+import itertools
 import math
 import operator
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -92,25 +93,30 @@ class ScenarioMap(Generic[Arguments, Result]):
             raise ValueError(f"chunk = {chunk}: a device must take at least one scenario at a time")
         self._devices = jax.local_devices()
         self._chunk = chunk
-        self._mesh = mesh = Mesh(np.array(self._devices), ("scenarios",))
+        self._mesh = Mesh(np.array(self._devices), ("scenarios",))
+        self._function = function
+        self._options = {option: value for option, value in options.items() if _is_known(option, value)}
         self._loops_as_kernels = loops_as_kernels and self._devices[0].platform == "cpu"
+        self._run = self._compiled(self._loops_as_kernels)
+
+    def _compiled(self, loops_as_kernels: bool) -> Callable[[Arguments], Result]:
+        """The program of a chunk."""
 
         def run(arguments: Arguments) -> Result:
             # Traced once, because the ranks of the results must be known to partition their last axes.
             part = jax.tree.map(self._part_of, arguments)
-            traced, results = jax.make_jaxpr(function, return_shape=True)(part)
-            flat = with_loops_as_kernels(traced) if self._loops_as_kernels else jaxpr_as_fun(traced)
+            traced, results = jax.make_jaxpr(self._function, return_shape=True)(part)
+            flat = with_loops_as_kernels(traced) if loops_as_kernels else jaxpr_as_fun(traced)
             structure = jax.tree.structure(results)
             return jax.shard_map(
                 lambda arguments: jax.tree.unflatten(structure, flat(*jax.tree.leaves(arguments))),
-                mesh=mesh,
+                mesh=self._mesh,
                 in_specs=(jax.tree.map(lambda leaf: _last_axis(leaf, divided=leaf.shape[-1] > 1), arguments),),
                 out_specs=jax.tree.map(lambda leaf: _last_axis(leaf, divided=True), results),
                 check_vma=False,
             )(arguments)
 
-        known = {option: value for option, value in options.items() if _is_known(option, value)}
-        self._run = jax.jit(run, compiler_options=known)
+        return jax.jit(run, compiler_options=self._options)
 
     def _part_of(self, leaf: jax.Array) -> jax.ShapeDtypeStruct:
         """Shape of the part of an argument that a device gets."""
@@ -125,8 +131,7 @@ class ScenarioMap(Generic[Arguments, Result]):
         except jax.errors.JaxRuntimeError as error:
             if not (self._loops_as_kernels and NOT_POSSIBLE in str(error)):
                 raise
-        self._loops_as_kernels = False
-        self._run.clear_cache()
+        self._loops_as_kernels, self._run = False, self._compiled(False)
         return self._run(chunk)
 
     def width(self, n_scenarios: int) -> int:
@@ -134,15 +139,22 @@ class ScenarioMap(Generic[Arguments, Result]):
         n_devices = len(self._devices)
         return n_devices * min(self._chunk, math.ceil(n_scenarios / n_devices))
 
-    def place(self, argument: np.ndarray) -> Placed:
-        """An array with one entry per scenario, copied to the devices for several calls."""
-        n_scenarios = argument.shape[-1]
-        width = self.width(n_scenarios)
-        sharding = NamedSharding(self._mesh, _last_axis(argument, divided=True))
-        # Copied, because a device may use the memory of the host array itself, which could then not be released.
-        parts = (np.array(_cut(argument, start, width, n_scenarios)) for start in range(0, n_scenarios, width))
-        chunks = tuple(jax.device_put(part, sharding) for part in parts)
-        return Placed(chunks, argument.shape, width, sum(chunk.nbytes for chunk in chunks))
+    def place(self, arguments: Sequence[np.ndarray]) -> list[Placed]:
+        """Arrays with one entry per scenario, copied to the devices for several calls."""
+        parts: list[np.ndarray] = []
+        for argument in arguments:
+            n_scenarios = argument.shape[-1]
+            width = self.width(n_scenarios)
+            # Copied, because a device may use the memory of the host array itself, which could then not be released.
+            parts += (np.array(_cut(argument, start, width, n_scenarios)) for start in range(0, n_scenarios, width))
+        shardings = [NamedSharding(self._mesh, _last_axis(part, divided=True)) for part in parts]
+        on_devices = iter(jax.device_put(parts, shardings))  # in one call, which takes as long as few arrays
+        placed = []
+        for argument in arguments:
+            width = self.width(argument.shape[-1])
+            chunks = tuple(itertools.islice(on_devices, math.ceil(argument.shape[-1] / width)))
+            placed.append(Placed(chunks, argument.shape, width, sum(chunk.nbytes for chunk in chunks)))
+        return placed
 
     def chunks(self, arguments: Arguments) -> Iterator[Result]:
         """Results chunk by chunk, in order, as NumPy arrays; the next chunk is computed meanwhile.

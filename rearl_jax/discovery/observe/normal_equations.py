@@ -127,7 +127,8 @@ class Programs:
                 a["z"], a["theta"], a["pieces"], layout, knots, places, layout.blocks, added, a["following"], self.dt
             )
 
-        return self._program(key, run, batch, options)
+        # Slopes of delayed stimuli are scattered over the past, which a kernel cannot contain.
+        return self._program(key, run, batch, options, loops_as_kernels=False)
 
     def _innovations(self, z: Array, theta: Array, a: dict, active: tuple[Term, ...]) -> Float[Array, "steps pieces"]:
         knots, pieces, numbers = _squeezed(a["knots"]), a["pieces"], self.layout.by_name(theta)
@@ -136,13 +137,21 @@ class Programs:
         return innovations(pieces, self.layout.prior.drivers(z, pieces.is_truck), effects, lens, self.dt)
 
     def _program(
-        self, key: tuple, run: Callable[[dict], object], batch: int, options: Mapping[str, Any] = NO_OPTIONS
+        self,
+        key: tuple,
+        run: Callable[[dict], object],
+        batch: int,
+        options: Mapping[str, Any] = NO_OPTIONS,
+        *,
+        loops_as_kernels: bool = True,
     ) -> Program:
         def with_deviation(a: dict) -> object:
             return run(a | {"pieces": replace(a["pieces"], deviation=a["deviation"])})
 
         if key not in self._made:
-            self._made[key] = ScenarioMap(with_deviation, chunk=batch, options=options, loops_as_kernels=True)
+            self._made[key] = ScenarioMap(
+                with_deviation, chunk=batch, options=options, loops_as_kernels=loops_as_kernels
+            )
         program = self._made[key]
 
         def call(parts: Sequence[Pieces], own: dict) -> Any:

@@ -8,6 +8,7 @@ import weakref
 from collections import OrderedDict
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import jax
 import numpy as np
@@ -47,23 +48,30 @@ class Placements:
             else replace(part, known=np.broadcast_to(part.known, (known, part.known.shape[1])))
             for part in parts
         ]
-        return jax.tree.map(lambda *leaves: self._placed(leaves, program, width), *parts)
+        leaves, structure = jax.tree.flatten(parts[0])
+        sources = list(zip(leaves, *map(jax.tree.leaves, parts[1:]), strict=True))
+        return jax.tree.unflatten(structure, self._placed(sources, program, width))
 
-    def _placed(self, sources: tuple[np.ndarray, ...], program: ScenarioMap, width: int) -> Placed:
-        key = (*map(id, sources), width, program.width(width), jax.config.read("jax_enable_x64"))
-        if key in self._kept:
+    def _placed(self, arrays: list[tuple[np.ndarray, ...]], program: ScenarioMap, width: int) -> list[Placed]:
+        """Arrays on the devices, each joined of those of several states."""
+        rest = width, program.width(width), jax.config.read("jax_enable_x64")
+        keys = [(*map(id, sources), *rest) for sources in arrays]
+        missing = {key: sources for key, sources in zip(keys, arrays, strict=True) if key not in self._kept}
+        joined = [one[0] if len(one) == 1 else np.concatenate(one, axis=-1) for one in missing.values()]
+        new = program.place([padded_scenarios(values, width, values.shape[-1]) for values in joined]) if joined else []
+        for (key, sources), placed in zip(missing.items(), new, strict=True):
+            for source in sources:
+                source.flags.writeable = False
+            self._kept[key] = placed, tuple(weakref.ref(source, partial(self._release, key)) for source in sources)
+            self.nbytes += placed.nbytes
+        found = []
+        for key in keys:
             self._kept.move_to_end(key)
-            return self._kept[key][0]
-        joined = sources[0] if len(sources) == 1 else np.concatenate(sources, axis=-1)
-        placed = program.place(padded_scenarios(joined, width, joined.shape[-1]))
-        for source in sources:
-            source.flags.writeable = False
-        self._kept[key] = placed, tuple(weakref.ref(source, lambda _: self._release(key)) for source in sources)
-        self.nbytes += placed.nbytes
-        while self.nbytes > self._most_bytes and len(self._kept) > 1:
+            found.append(self._kept[key][0])
+        while self.nbytes > self._most_bytes and len(self._kept) > len(set(keys)):
             self._release(next(iter(self._kept)))
-        return placed
+        return found
 
-    def _release(self, key: tuple) -> None:
+    def _release(self, key: tuple, _: weakref.ref | None = None) -> None:
         if key in self._kept:
             self.nbytes -= self._kept.pop(key)[0].nbytes

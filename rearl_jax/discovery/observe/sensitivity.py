@@ -69,13 +69,17 @@ def sensitivity_sums(
     numbers = layout.by_name(theta)
     is_actuated = any(type(effect).actuate is not Effect.actuate for effect in effects_at(numbers, knots, active))
     bends = active is None or LENS in active
-    lens, first_lens = lens_at(numbers, knots) if bends else None, layout.places["lens"][0]
+    lens = lens_at(numbers, knots) if bends else None
     n_clocks = following.shape[0]
     size = n_own + len(places) + n_clocks
     n_nuisance = n_own + len(places if added is None else added)
     nuisance = slice(n_nuisance) if added is None else jnp.concatenate([jnp.arange(n_own), n_own + added])
-    lens_rows = jnp.asarray([n_own + k for k, place in enumerate(places) if place in layout.places["lens"]], int)
-    lens_knots = jnp.asarray([place - first_lens for place in places if place in layout.places["lens"]], int)
+    before = next((k for k, place in enumerate(places) if place in layout.places["lens"]), len(places))
+    n_knots = sum(place in layout.places["lens"] for place in places)  # all of them or none, in order
+
+    def at_lens(by_values: Array) -> Array:
+        """Derivatives by all directions, of which those by the values of the lens are given and all others are 0."""
+        return jnp.pad(by_values[:n_knots], ((n_own + before, size - n_own - before - n_knots), (0, 0)))
 
     def wanted(point: tuple, memory: tuple, now: Surroundings) -> tuple[Array, tuple]:
         x, v, own, added, shift, last = point
@@ -96,7 +100,7 @@ def sensitivity_sums(
             innovation, slope = y - x - w, -d.x - d.w
         else:
             innovation, slope = y - x - lens.bend(x) - w, -(1 + lens.slope(x))[None] * d.x - d.w
-            slope = slope.at[lens_rows].add(-lens.weights(x)[lens_knots])
+            slope = slope - at_lens(lens.weights(x))
         weighted = (weight * kept_share(innovation, pieces.deviation))[None] * slope
         sums = {
             "square": sums["square"] + weight * robust_square(innovation, pieces.deviation),
@@ -141,7 +145,7 @@ def sensitivity_sums(
     (x, v), d_x, d_v = pieces.start, nothing, nothing
     if lens is not None:
         (x, v), by_lens = _straightened_start_along(pieces.start, lens)
-        d_x, d_v = (nothing.at[lens_rows].set(by[lens_knots]) for by in by_lens)
+        d_x, d_v = map(at_lens, by_lens)
     first = jax.tree.map(lambda values: values[0], pieces.seen)
     seen = stimulus(x, v, pieces.length, pieces.is_truck, first)
     effects = effects_at(numbers, knots, active)
