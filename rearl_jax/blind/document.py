@@ -20,7 +20,8 @@ TABLES = ("scores", "sets", STRATA, "confusion", "parameters", "calibration", "c
 CAPTIONS = {
     "confusion": "Number of data sets by hidden effect (rows) and first reported effect (columns); colours show "
     "the share of the row. Effects named by another correct name are on the diagonal.",
-    "strengths": "Share of data sets with one hidden effect in which it is named. Blue: all effects; grey: each.",
+    "strengths": "Share of data sets with one hidden effect in which it is named. Blue: all effects together; grey: "
+    "each effect.",
 }
 
 _SCORES = {"title": "", "n_hits": "hits", "n_cases": "of", "rate": "rate [%]", "goal": "goal", "is_met": "reached"}
@@ -29,11 +30,11 @@ _STRATA = {
     "n_effects": "effects",
     "named": "named [%]",
     "n": "data sets",
-    "false": "with a false name [%]",
+    "false": "with a false effect [%]",
     "n_controls": "controls",
-    "claimed": "with a name or improved [%]",
+    "claimed": "with an effect or improvement [%]",
     "n_intervals": "intervals",
-    "covered": "that hold the truth [%]",
+    "covered": "that contain the truth [%]",
     "n_changed": "changed models",
     "n_rose": "error rose",
 }
@@ -47,7 +48,7 @@ _PARAMETERS = {
     "bias": "bias",
     "rms_error": "rms error",
     "n_intervals": "intervals",
-    "coverage": "share that contains the truth",
+    "coverage": "share that contain the truth",
 }
 _CASES = ("variant", "set", "verdict", "named", "outcome", "confidence", "before", "after", "floor", "seconds")
 
@@ -68,8 +69,8 @@ def document_of(
     reported = tables["confusion"].melt("hidden", var_name="reported", value_name="n", ignore_index=False)
     reported = reported.query("n > 0").sort_index(kind="stable")
     explanation = (
-        "With a false effect: data sets with at least one wrongly reported effect, whatever their outcome, because it "
-        "may accompany a correct one. A curve over a variable counts as an effect.",
+        "With a false effect: data sets with at least one wrongly reported effect. Their outcome may be any, because a "
+        "correct effect may be reported as well. A fitted curve over a variable counts as an effect.",
     )
     parts = (
         (Section("Rates", notes=tuple(_notes(summary, tables, protocol))), _rates(tables["scores"]), _SCORES),
@@ -109,7 +110,7 @@ def document_of(
 
 
 def _rates(frame: pd.DataFrame, name: str = "rate") -> pd.DataFrame:
-    """A share and its exact 95 % interval in percent, in the form for `table_of`."""
+    """The table with a share and its exact 95 % interval in percent, named as `table_of` expects."""
     percents = 100 * frame[[name, "low", "high"]]
     return frame.assign(**{name: percents[name], f"{name}_low": percents["low"], f"{name}_high": percents["high"]})
 
@@ -161,16 +162,19 @@ def _notes(
         yield f"Intervals of parameters that contain the truth: {n_covered:.0f} of {n_intervals}."
     if summary["median_seconds"] is not None:
         yield f"Median time of a verdict: {summary['median_seconds']:.1f} s."
-    if unasked := [question.title for question in QUESTIONS if question.needs not in ("", *tables["cases"])]:
-        yield f"Counted when the study was run, as cases.parquet has no ends of intervals: {'; '.join(unasked)}."
+    if not_counted := [question.title for question in QUESTIONS if question.needs not in ("", *tables["cases"])]:
+        yield (
+            "Not counted again but kept as first counted, as cases.parquet has no ends of intervals: "
+            f"{'; '.join(not_counted)}."
+        )
 
 
 def _sealing(protocol: Mapping[str, Any]) -> Section:
     explanation = (
-        f"First the hash of all sources was stored, then the master seed was {_origin(protocol)}, then the truth "
-        "was written to one file and the hash of that file into the protocol. Only then did discovery receive "
-        "the first data set. Names and contents of its folders do not reveal the truth. The file was opened "
-        "once, after the last verdict.",
+        f"First the hash of all sources was stored. Then the master seed was {_origin(protocol)}. Then the truth was "
+        "written to one file, and the hash of this file to the protocol. Only then did discovery receive the first "
+        "data set. Names and contents of the folders that it received do not reveal the truth. The file with the "
+        "truth was opened once, after the last verdict.",
         f"Code {protocol['code_hash']}, master seed {protocol['master_seed']}, truth {protocol['truth_sha256']}.",
     )
     return Section("How it was kept blind", explanation, is_folded=True)

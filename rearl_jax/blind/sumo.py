@@ -69,7 +69,7 @@ class Rules:
         model: SUMO's name of the car-following model.
         action_step: Time between two decisions [s].
         overtake_right: 1 if passing on the right is allowed, 0 if not.
-        limit: Speed limit of the limited section [m/s]; None without one.
+        limit: Speed limit of the limited section [m/s]; None if there is none.
         section: Start and end of the limited section [m].
     """
 

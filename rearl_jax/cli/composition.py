@@ -228,7 +228,7 @@ def _unreadable_value(text: str, keys: Mapping[str, Key]) -> Problem:
 def _value_problem(
     override: Any, keys: Mapping[str, Key], known_groups: Mapping[str, Mapping[str, str]], *, many: bool
 ) -> Problem | None:
-    """Problem with the value of a known key that does not depend on the key's type; None without one."""
+    """Problem with the value of a known key that does not depend on the key's type; None if there is none."""
     name, value = override.key_or_group, override.input_line.partition("=")[2]
     if override.is_sweep_override():
         kind = keys[name].type_name if name in keys else ""

@@ -99,7 +99,7 @@ class Clusters:
         scene_id: scene_id of every scene, to which the indices in `scenes` refer.
         tracks: Clusters of tracks.
         scenes: Clusters of scenes.
-        trace: Rounds of the search for k, l and iterations; None without one.
+        trace: Rounds of the search for k, l and iterations; None if there is none.
     """
 
     scene_id: Int[np.ndarray, " scenes"]

@@ -41,7 +41,7 @@ class SceneClusters:
     n_distinct: int
 
     def members(self, cluster: int) -> Int[np.ndarray, " members"]:
-        """Indices of the fitted scenes of one cluster, rising."""
+        """Indices of the fitted scenes of one cluster, in ascending order."""
         return np.flatnonzero(self.fitted & (self.labels == cluster))
 
 
@@ -54,7 +54,7 @@ def label_shares(
     """Share of every label in every scene.
 
     Args:
-        labels: Label of the track in every slot; -1 without one.
+        labels: Label of the track in every slot; -1 if there is none.
         track: Index of that track, the same wherever it is seen.
         n_labels: Number of labels.
         definition: Every track of the scene once, or every slot of every snapshot.

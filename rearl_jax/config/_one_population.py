@@ -15,7 +15,7 @@ def check_one_population(variant: Variant, model: str | None, reason: str, *, ha
 
     Args:
         variant: The variant of the model.
-        model: File of the model; None without one.
+        model: File of the model; None if there is none.
         reason: Why there can be only one variant.
         has_drivers: Whether keys of `driver` are given too.
     """

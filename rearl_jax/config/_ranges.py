@@ -7,11 +7,11 @@ from rearl_jax.problems import out_of_range
 
 
 def check_rising(record: object, *names: str) -> None:
-    """Raise InvalidInputError unless each of these keys contains at least one number, rising from 1 or more."""
+    """Raise InvalidInputError unless each of these keys contains only ascending numbers from 1 on, and at least one."""
     for name in names:
         values = list(getattr(record, name))
         if not values or values != sorted(set(values)) or values[0] < 1:
-            raise out_of_range(name, "must be positive, rising numbers", values)
+            raise out_of_range(name, "must be positive numbers in ascending order", values)
 
 
 def check_finite(record: object, *names: str) -> None:

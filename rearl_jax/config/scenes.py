@@ -48,7 +48,7 @@ class FeatureDistance(Enum):
     mean_all = "mean_all"
     """Mean distance to all other vehicles present [m]."""
     dhw = "dhw"
-    """Bumper-to-bumper distance to the vehicle ahead in the same lane [m]; 0 without one."""
+    """Bumper-to-bumper distance to the vehicle ahead in the same lane [m]; 0 if there is none."""
 
 
 class SpacingMetric(Enum):

@@ -1,7 +1,7 @@
 """Road, clock and stages of the traffic model, which are fixed while a program runs.
 
-A `TrafficModel` is hashable and static; a program is compiled for each value. Numbers that vary between vehicles or
-scenarios are arrays and live in `rearl_jax.core.drivers` and `rearl_jax.core.state`.
+A `TrafficModel` is hashable and constant within a program: for each value a program is compiled. Numbers that vary
+between vehicles or scenarios are arrays, see `rearl_jax.core.drivers` and `rearl_jax.core.state`.
 """
 
 import dataclasses
@@ -26,16 +26,16 @@ class TrafficModel:
     Attributes:
         n_lanes: Number of lanes, 1 to 8.
         lane_width: Width of every lane [m].
-        road_length: Length of the road [m]; beyond it vehicles are neither seen nor change lanes.
+        road_length: Length of the road [m]. Vehicles beyond it are not seen by others and do not change lanes.
         speed_limit: Limit [m/s] that caps the desired speed of the car-following model; None for no cap.
         ticks_per_second: Simulation ticks per second [1/s].
         lane_changes: Whether the lane-change stages (MOBIL, aborts) are part of the program.
         collisions: Whether the collision stage is part of the program.
-        cooperative: Whether MOBIL evaluates the gains of the followers. Needed only if the politeness of any vehicle is
-            not zero; otherwise the program is shorter without this evaluation, with the same result.
-        meta_follows: Whether the acceleration of vehicles under meta-actions is limited to that of IDM behind their
-            leader, with the target speed as desired speed. In highway-env it is not.
-        speed_levels: Target speeds [m/s] a meta-action can choose, rising; see `state.nearest_level`.
+        cooperative: Whether MOBIL evaluates the gains of the followers. It must if any vehicle's politeness is not
+            zero. If all are zero, the result is the same without this evaluation and the program is shorter.
+        meta_follows: Whether vehicles that carry out meta-actions (FASTER, SLOWER, ...) accelerate at most as IDM does
+            behind their leader, with the target speed as desired speed. In highway-env there is no such limit.
+        speed_levels: Target speeds [m/s] that a meta-action can choose, in ascending order; see `state.nearest_level`.
 
     Source: highway-env 1.12.1 (`highway-v0`); speed levels: nine levels from 5 to 32 m/s as in REARL (Bi et al.).
     """
@@ -63,8 +63,8 @@ class TrafficModel:
                 raise out_of_range(name, "must be > 0 m", getattr(self, name))
         levels = self.speed_levels
         if len(levels) < 2:
-            raise out_of_range("speed_levels", "must have two speeds for FASTER and SLOWER", levels)
-        # Written so that nan is refused, too.
+            raise out_of_range("speed_levels", "must have at least two speeds, for FASTER and SLOWER", levels)
+        # Written with `not all`, so that NaN is refused, too.
         if not all(low < high < math.inf for low, high in itertools.pairwise(levels)):
             raise out_of_range("speed_levels", "must rise, so that FASTER is faster", levels)
 

@@ -127,7 +127,7 @@ class NearestOnLanes(eqx.Module):
     fields: LaneFields = eqx.field(static=True)
 
     def ahead_on(self, lane: Int[Array, "vehicles *scenarios"]) -> Int[Array, "vehicles *scenarios"]:
-        """The nearest vehicle ahead on a lane given for each vehicle; NO_VEHICLE without one and on absent lanes.
+        """The nearest vehicle ahead on a lane given for each vehicle; NO_VEHICLE if there is none and on absent lanes.
 
         The same x counts as ahead; of equally near vehicles the last in the list is chosen.
         """

@@ -29,7 +29,7 @@ class RecordingInfo:
         attribution: Name to be cited.
         generated: The recording was made by the generator, not measured.
         speed_limit: Legal speed limit [m/s]; None if there is none or it is unknown.
-        lane_markings: Per direction the lateral offsets of the lane markings from the left edge [m], rising.
+        lane_markings: Per direction the ascending lateral offsets of the lane markings from the left edge [m].
         labels: Columns of the table beyond the canonical ones: texts that group vehicles, one value per track.
         notes: Remarks for readers of results: assumed values, limits of the data set.
         file: File or folder the rows come from; for error messages, not exported.

@@ -1,7 +1,7 @@
 """Input of a study from recordings: scenes, their splits, and representative scenes (centres of clusters).
 
-Scenes come from disk if they were cut before. Within a process the last data set is remembered, so that the jobs
-of one study read it once.
+Scenes that were cut before are read from disk. A process remembers the last data set, so that the jobs of one study
+read it once.
 """
 
 import logging
@@ -36,7 +36,7 @@ class Inputs:
 
     Attributes:
         scenes: All scenes.
-        splits: Use of each scene.
+        splits: The split of each scene: what the scene is used for.
         references: Representative scenes; None if they were not needed.
         clusters: The clusterings whose centres are the references.
     """
@@ -55,8 +55,8 @@ def inputs_of_scenes(config: EvaluateTask, scenes: SceneSet) -> Inputs:
     """Input of a study whose scenes are given.
 
     Raises:
-        InvalidInputError: There are too few scenes, or the method needs representative scenes, whose clusters take
-            whole tracks.
+        InvalidInputError: There are too few scenes, or the method needs representative scenes. These cannot be found
+            here, because the clustering uses whole tracks.
     """
     if config.method.needs_references:
         message = "needs representative scenes, which are clustered from whole recordings"
@@ -66,7 +66,7 @@ def inputs_of_scenes(config: EvaluateTask, scenes: SceneSet) -> Inputs:
 
 
 def splits_for(config: EvaluateTask | ClusterTask, scenes: SceneSet) -> Splits:
-    """Splits of the scenes; a method that uses no other scenes needs evaluation scenes only.
+    """Splits of the scenes. A method that uses no scenes besides the evaluated ones gets only evaluation scenes.
 
     Raises:
         InvalidInputError: There are too few scenes.
@@ -79,12 +79,12 @@ def splits_for(config: EvaluateTask | ClusterTask, scenes: SceneSet) -> Splits:
 def read_inputs(
     config: EvaluateTask | ClusterTask, study: Study | None, bar: Progress, *, with_references: bool
 ) -> Inputs:
-    """Scenes, splits and, if needed, references.
+    """Scenes, splits and, if needed, representative scenes.
 
     Args:
         config: The task.
-        study: Keeps the trace of a search for the clusters' parameters; None to keep nothing.
-        bar: Shows the recordings read.
+        study: Folder that keeps the steps of a search for the clusters' parameters; None to keep nothing.
+        bar: Progress bar, which shows how many recordings were read.
         with_references: Whether representative scenes are needed.
 
     Raises:
@@ -94,7 +94,7 @@ def read_inputs(
     key = _key(config)
     last_read = _LAST_READ.get(key)
     if with_references:
-        # Imported here, because scikit-learn is slow to import and the method base does not need it.
+        # Imported here, because scikit-learn is slow to import and the method `base` does not need it.
         from rearl_jax.clustering.references import ReferenceBuilder
 
         builder = ReferenceBuilder(config, None if last_read is None else last_read.tracks)

@@ -1,7 +1,7 @@
-"""Scenes of other traffic, such as another program's simulation, scored as simulated scenes are.
+"""Scores of other traffic, such as the simulation of another program, in the metrics of simulated scenes.
 
-Each scene is compared with recorded scenes. For reference, other recorded scenes take the place of this traffic, as in
-the row real against real.
+Each recorded scene is compared with scenes of the other traffic. For reference, it is also compared with other recorded
+scenes, as in the row real against real.
 """
 
 from dataclasses import replace
@@ -24,23 +24,24 @@ from rearl_jax.evaluation.scores import (
 from rearl_jax.problems import InvalidInputError, Problem
 
 OTHER = "other_traffic"
-"""Name of the row of the other traffic."""
+"""Name of the row and column of the other traffic."""
 
 
 def score_traffic(other: SceneSet, recorded: SceneSet, config: EvaluateTask | None = None) -> pd.DataFrame:
-    """Metrics of other traffic and of recorded scenes, each against recorded scenes: means over the recorded scenes.
+    """Metrics of the other traffic and, for reference, of recorded scenes, both compared with the recorded scenes.
 
-    Columns: `metric`, `other_traffic`, `real_vs_real`, in the units of the metric table; for a
-    metric that describes a single scene, these are the means over the other traffic and over the recorded scenes.
-    Speeds of both are rescaled as those of the recorded scenes.
+    Columns: `metric`, `other_traffic`, `real_vs_real`, means over the recorded scenes in the units of the metric table.
+    For a metric that describes a single scene, these are the means over the other traffic and over the recorded scenes.
+    Speeds of the other traffic are rescaled in the same way as those of the recorded scenes.
 
     Args:
         other: Scenes of the other traffic, as returned by `cut_scenes`.
-        recorded: Recorded scenes, with as many seconds and vehicles.
-        config: Metrics, and `eval.n_runs` scenes of either kind that each recorded scene is compared with.
+        recorded: Recorded scenes, with the same number of seconds and vehicles as `other`.
+        config: The metrics, and `eval.n_runs`: each recorded scene is compared with this number of scenes of the other
+            traffic, and with this number of recorded scenes.
 
     Raises:
-        InvalidInputError: Scenes differ in seconds or vehicles.
+        InvalidInputError: The number of seconds or of vehicles differs.
     """
     config = EvaluateTask() if config is None else config
     if (other.seconds, other.n_slots) != (recorded.seconds, recorded.n_slots):
@@ -61,20 +62,20 @@ def score_traffic(other: SceneSet, recorded: SceneSet, config: EvaluateTask | No
     rows = {}
     for name, (partner, scene, run) in pairs.items():
         if not len(scene):
-            continue  # every other recorded scene shares a second of traffic
-        metrics = scorer.recorded(partner, scene)  # the other traffic has the form of recorded scenes too
+            continue  # no two recorded scenes can be compared, because all overlap in time
+        metrics = scorer.recorded(partner, scene)  # scenes of the other traffic are stored like recorded ones
         rows[name] = of_recordings(scores_of(name, scene, run, metrics, partner=partner), both)
     return pd.DataFrame([{"metric": name, **{row: _mean(rows.get(row), name) for row in pairs}} for name in MEASURED])
 
 
 def _joined(recorded: SceneSet, other: SceneSet) -> SceneSet:
-    """The recorded scenes followed by the others, with the speed rescaling of the recorded ones."""
+    """The recorded scenes and after them the others; speeds of all are rescaled as those of the recorded scenes."""
     arrays = {name: np.concatenate([getattr(recorded, name), getattr(other, name)]) for name in ARRAYS}
     return replace(recorded, **arrays, infos=(*recorded.infos, *other.infos))
 
 
 def _mean(scores: Scores | None, metric: str) -> float:
-    """Mean over recorded scenes of the means over their pairs; NaN if no pair has a value, or without pairs."""
+    """Mean over recorded scenes of the mean over the pairs of each scene; NaN if no pair has a value."""
     if scores is None or metric not in scores.values:
         return float("nan")
     return finite_mean(grouped_mean(scores.values[metric], scores.scene, int(scores.scene.max(initial=0)) + 1))

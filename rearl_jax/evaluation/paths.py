@@ -22,18 +22,19 @@ from rearl_jax.metrics.measure import Measure
 from rearl_jax.metrics.paths import Paths, displacement, frechet
 
 _CHUNK = 64
-"""Pairs of scenes that a device compares at a time, so that the tables behind their Frechet distances fit the cache."""
+"""Pairs of scenes that a device compares at a time. The tables of their Frechet distances must fit into its cache."""
 
 
 def first_vehicle_values(
     scenes: SceneSet, index: np.ndarray, values: Shaped[np.ndarray, "scenes frames slots"]
 ) -> tuple[Shaped[np.ndarray, "chosen later vehicles"], Bool[np.ndarray, "chosen later vehicles"]]:
-    """Values of the vehicles of the first snapshot in all later ones, and whether they are picked in these.
+    """Values of the vehicles of the first snapshot in all later snapshots, and whether they are among the picked
+    vehicles of these.
 
     Args:
         scenes: All scenes.
         index: Indices of the chosen scenes.
-        values: Values by slot, of all scenes.
+        values: Values of all scenes, by the place of a vehicle in its snapshot (slot).
     """
     track = scenes.track_id[index]
     is_same = track[:, 1:, :, None] == track[:, :1, None, :]  # [scenes, frames, slots, vehicles]
@@ -41,7 +42,10 @@ def first_vehicle_values(
 
 
 def recorded_paths(scenes: SceneSet, index: Int[np.ndarray, " scenes"], config: EvaluateTask) -> Paths:
-    """Paths of the vehicles in the first snapshot of some scenes; positions count from the most upstream vehicle."""
+    """Paths of the vehicles of the first snapshot of some scenes.
+
+    Positions are measured from the vehicle that is most upstream in this snapshot.
+    """
     lane = lanes_side_by_side(scenes, scenes.lane.astype(np.int64), scenes.direction)
     along, known = first_vehicle_values(scenes, index, scenes.position)
     lane, _ = first_vehicle_values(scenes, index, lane)
@@ -53,11 +57,13 @@ def recorded_paths(scenes: SceneSet, index: Int[np.ndarray, " scenes"], config: 
 
 
 def simulated_paths(simulated: Simulated, rollouts: Rollouts, scenes: SceneSet) -> Paths:
-    """Paths of the vehicles at the start of rollouts; with a drawn start from the first frame on, as in all metrics.
+    """Paths of the vehicles that rollouts start with.
+
+    If the start was drawn, the path begins with the first frame after the start, as in all metrics.
 
     Args:
         simulated: The rollouts.
-        rollouts: Numbers of these rollouts: row, run and scene.
+        rollouts: What these rollouts simulate: row, run and scene of each.
         scenes: All scenes.
     """
     config, boundary = rollouts.config, rollouts.boundary
@@ -67,9 +73,10 @@ def simulated_paths(simulated: Simulated, rollouts: Rollouts, scenes: SceneSet) 
         return _ordered(x[1:] - x[0].min(axis=0), lane[1:], known, x[0], config)
     start = scenes.position[rollouts.scene, 0].T
     if boundary is None:
-        return _ordered(x[:-1], lane[:-1], known, start, config)  # frame k is at second k + 1
+        # Frame k is at second k + 1, as is snapshot k + 1 of the scene.
+        return _ordered(x[:-1], lane[:-1], known, start, config)
     known = np.moveaxis(boundary.is_new[rollouts.column].cumsum(axis=1)[:, 1:] == 0, 0, -1)
-    origin = boundary.x[rollouts.column, 0].min(axis=1)  # vehicles may enter upstream of this vehicle
+    origin = boundary.x[rollouts.column, 0].min(axis=1)  # not the minimum over all times: vehicles may enter upstream
     return _ordered(x[1:] - origin, lane[1:], known, start, config)
 
 
@@ -80,7 +87,7 @@ def _ordered(
     start: Float[np.ndarray, "vehicles scenarios"],
     config: EvaluateTask,
 ) -> Paths:
-    """Paths of vehicles [m], ordered by their position at the start, from upstream on."""
+    """Paths of vehicles [m], ordered by their position at the start; the most upstream vehicle is first."""
     order = np.argsort(start, axis=0, kind="stable")[None]
     dtype, width = np.dtype(config.core.dtype.name), traffic_model(config.core).lane_width
     along, across, known = (np.take_along_axis(values, order, axis=1) for values in (along, lane * width, known))
@@ -96,15 +103,16 @@ def with_paths(
 ) -> Scores:
     """The row with displacement and Frechet distance of every pair, and the energy score of every held-out scene.
 
-    The energy score is over the vehicles and seconds that are known in the recorded scene. If the scenes have different
-    numbers of vehicles, the most upstream ones of both are compared.
+    A pair is a rollout and the held-out scene with which it is compared. The energy score is over the vehicles and
+    seconds that are known in the recorded scene. If the two have different numbers of vehicles, only the most upstream
+    vehicles are compared, as many as the smaller number.
 
     Args:
         scores: The row.
-        paths: Paths of the rollouts, or of the recorded scenes in their place.
-        column: Index, in `paths`, of the paths of each pair.
+        paths: Paths of the rollouts, or of the recorded scenes that are scored instead of rollouts.
+        column: Index of the rollout of each pair in `paths`.
         observed: Paths of the held-out scenes.
-        held_out: Indices of these scenes, rising.
+        held_out: Indices of these scenes, in ascending order.
     """
     if len(column) == 0:
         return scores
@@ -114,7 +122,7 @@ def with_paths(
     mean_distance, frechet_distance = _distance_program()((_select(paths, column), _select(observed, scene_index)))
 
     def of_run(run: int) -> Paths:
-        """The paths of a run, scene by scene; unknown for scenes with fewer runs."""
+        """The paths of a run, scene by scene; all unknown in scenes for which this run is missing."""
         (pairs_of_run,) = np.nonzero(scores.run == run)
         scenes_of_run = scene_index[pairs_of_run]
         chosen, has_run = np.zeros(len(held_out), np.int64), np.zeros(len(held_out), bool)
@@ -134,7 +142,7 @@ def with_paths(
 
 
 def _select(paths: Paths, columns: np.ndarray) -> Paths:
-    """The paths of some columns."""
+    """The paths of the scenarios in some columns, the last axis."""
     return jax.tree.map(lambda leaf: leaf[..., columns], paths)
 
 

@@ -46,7 +46,7 @@ def positions_of(simulated: Simulated, rollouts: Rollouts, scenes: SceneSet) -> 
 
     Args:
         simulated: The rollouts.
-        rollouts: Numbers of these rollouts: row, run and scene.
+        rollouts: What these rollouts simulate: row, run and scene of each.
         scenes: All scenes.
     """
     if rollouts.config.init.source is not InitialSource.scene:
@@ -56,7 +56,7 @@ def positions_of(simulated: Simulated, rollouts: Rollouts, scenes: SceneSet) -> 
     if boundary is None:
         recorded, is_known = first_vehicle_values(scenes, index, scenes.position)
         recorded = recorded - scenes.position[index, :1].min(axis=2, keepdims=True)
-        x = x[:, : recorded.shape[1]]  # frame k is at second k + 1
+        x = x[:, : recorded.shape[1]]  # frame k is at second k + 1, as is snapshot k + 1 of the scene
         is_first = np.logical_and.accumulate(is_known, axis=1)
     else:
         is_new = boundary.is_new[rollouts.column]

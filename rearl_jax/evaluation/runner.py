@@ -75,7 +75,7 @@ class Evaluation:
     Attributes:
         config: The task.
         scenes: All scenes.
-        held_out: Indices of the evaluation scenes, rising.
+        held_out: Indices of the evaluation scenes, in ascending order.
         rows: The simulated rows first, then the reference rows.
         sample: Data of the figures on the main row.
         main: Name of the row that figures and differences refer to.
@@ -124,7 +124,7 @@ def evaluate(
     Args:
         config: The task; `rows.rows_of` lists its rows.
         scenes: All scenes; those not held out serve only as partners in real against real.
-        held_out: Indices of the scenes to evaluate on, rising.
+        held_out: Indices of the scenes to evaluate on, in ascending order.
         progress: Called with the number of rollouts done and their total, row by row.
         references: Representative scenes, for methods that intervene.
         thresholds: Thresholds of the Hellinger distance and of the spacing error, for methods that intervene.
@@ -335,7 +335,7 @@ def example_scene(scenes: SceneSet, held_out: np.ndarray, scene_id: int | None) 
 
 
 def named_scenes(scenes: SceneSet, held_out: np.ndarray, scene_ids: Collection[int], key: str) -> np.ndarray:
-    """Indices of the scenes with these numbers, rising; `key` is the configuration key that names them.
+    """Indices of the scenes with these numbers, in ascending order; `key` is the configuration key that names them.
 
     Raises:
         ValueError: One of them is not held out.

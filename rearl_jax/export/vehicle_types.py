@@ -56,7 +56,7 @@ class VehicleType:
 
     Attributes:
         name: Id of the type.
-        distribution: Id of its distribution; empty without one.
+        distribution: Id of its distribution; empty if there is none.
         weight: Probability in the distribution as stated, not normalised.
         attributes: Attributes that the file states.
         file: The file, for messages.

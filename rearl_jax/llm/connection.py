@@ -91,7 +91,7 @@ class Response:
         retry_after: Pause that the server requests [s]; None if it does not.
         patience: Longest pause after which a request may be sent again [s].
         server: Name that the server gives itself.
-        location: Address that the server redirects to; empty without one.
+        location: Address that the server redirects to; empty if there is none.
     """
 
     status: int | None = None

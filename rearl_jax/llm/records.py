@@ -102,7 +102,7 @@ class Reply(Completion):
         cause: `answered` if there is a text to parse; else the cause of its absence.
         latency: Time from the first sending to the last byte, all tries included [s]; 0 from the cache.
         tries: Number of times the chat was sent; 0 from the cache.
-        status: Last HTTP status; None without one.
+        status: Last HTTP status; None if there is none.
         from_cache: Whether the reply comes from the file of answers.
     """
 

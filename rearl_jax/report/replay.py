@@ -127,7 +127,7 @@ def _require_same_data(study: FinishedStudy) -> None:
 
 
 def chosen_scenes(scenes: SceneSet, held_out: np.ndarray, options: ReportConfig) -> np.ndarray:
-    """Indices of the scenes that are shown, rising.
+    """Indices of the scenes that are shown, in ascending order.
 
     By default they are evenly spaced in the order of mean speed, slowest and fastest included, so that the choice is
     not biased.

@@ -203,7 +203,7 @@ def less_base_table(
 
 
 def _paper_row(figures: Mapping[str, Mapping[str, Any]]) -> str | None:
-    """The row of the paper's Table 1 that corresponds to a row of ours, from its figures; None without one."""
+    """The row of the paper's Table 1 that corresponds to a row of ours, from its figures; None if there is none."""
     names = (figure.get("paper_row") for figure in figures.values())
     return next((name for name in names if isinstance(name, str)), None)
 

@@ -37,7 +37,7 @@ class Row:
         name: Name in `table1.rows` and of the folder of the row.
         title: Title in tables and figures.
         changes: Values of keys, as written on the command line.
-        paper: Corresponding row of `published.TABLE1`; None without one.
+        paper: Corresponding row of `published.TABLE1`; None if there is none.
         role: Comparisons of the row.
         asks_model: Whether a language model is used.
         is_repaired: Whether the traffic is that of a repaired model, not highway-env's.

@@ -157,7 +157,7 @@ def scene_means(
         values: One value per rollout.
         pair: Index of each rollout's pair.
         scene: Number of each rollout's scene.
-        subset: Numbers of the scenes, rising.
+        subset: Numbers of the scenes, in ascending order.
     """
     n_pairs = int(pair.max()) + 1
     group = pair * len(subset) + np.searchsorted(subset, scene)

@@ -17,7 +17,7 @@ def test_the_terminal_shows_rates_with_intervals_what_was_said_and_how_it_was_se
         "achieve 90.0 % of the largest possible reduction of the",
         "Intervals of parameters that contain the truth: 1 of 2.",
         "Median time of a verdict: 1.5 s.",
-        "Counted when the study was run, as cases.parquet has no ends of intervals: ",
+        "Not counted again but kept as first counted, as cases.parquet has no ends of intervals: ",
         "data sets right wrong with a false effect share [%]",  # only outcomes that occur have a column
         "named 3 2 1 1 33.3 9.0 to 99.0",
         "grade grade 1 bend grade 1 bend nothing 1",

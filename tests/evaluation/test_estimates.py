@@ -48,8 +48,8 @@ def test_few_scenes_are_called_too_few_where_intervals_are_too_narrow(eval_confi
     samples = np.random.default_rng(1).normal(size=(n_scenes, 1000))
     low, high = np.array(intervals(samples, eval_config)).T
     assert bool(((low < 0) & (high > 0)).mean() > 0.9) is is_covered
-    phrase = bootstrap_over(n_scenes, "judged scenes", 0.95)
-    assert phrase.startswith(f"95 % bootstrap over {n_scenes} judged scenes")
+    phrase = bootstrap_over(n_scenes, "scored scenes", 0.95)
+    assert phrase.startswith(f"95 % bootstrap over {n_scenes} scored scenes")
     assert phrase.endswith("too narrow with so few") is not is_covered
 
 

@@ -51,4 +51,4 @@ LANE_CHOICE: dict[str, type[HiddenEffect]] = {
     "moving_over": lane_choice.GivingWay,
     "truck_aversion": lane_choice.AwayFromTrucks,
 }
-"""Effects on lane choice; they act in free lane changes only, see `scenario.FREE_CHANGES`."""
+"""Effects on lane choice; they act only in free (discretionary) lane changes, see `scenario.FREE_CHANGES`."""

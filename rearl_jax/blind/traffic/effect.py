@@ -29,7 +29,7 @@ class HiddenEffect:
         self.parameters = {name: value * strength for name, value in self.usual.items()}
 
     def begin(self, now: Snapshot, section: tuple[float, float], rng: np.random.Generator) -> None:
-        """Called once, before the first step; `section` is the part of the road that all vehicles cross [m]."""
+        """Called once, before the first step; `section` is a part of the road that most vehicles pass [m]."""
 
     def observe(self, now: Snapshot, dt: float) -> None:
         """Called first in every step, to update the memory of the effect."""

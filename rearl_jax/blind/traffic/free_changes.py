@@ -1,5 +1,6 @@
-"""Free lane changes: twice a second all drivers compare lanes and change at random, with a probability that grows with
-the gain.
+"""Free (discretionary) lane changes.
+
+Twice a second all drivers compare lanes and change at random, with a probability that grows with the gain.
 
 The gain of a change is that in the driver's acceleration (Kesting, Treiber & Helbing, Transp. Res. Rec. 1999 (2007)
 86); the choice is a logit model of the gain (McFadden, in: Frontiers in Econometrics (1974) 105).

@@ -9,19 +9,19 @@ from rearl_jax.blind.traffic.scenario import Scenario
 from rearl_jax.blind.traffic.simulation import Events
 
 SAMPLING_TIME = 0.5
-"""Time between two time steps that are checked [s]."""
+"""Time from one checked time step to the next [s]."""
 
 STANDING_SPEED, LARGEST_STANDING_SHARE = 0.3, 0.5
-"""Speed [m/s] below which a vehicle stands, and largest share of the followers' time during which they stand."""
+"""Speed [m/s] below which a vehicle counts as standing, and largest share of the followers' time spent standing."""
 
 CLOSE_TIME_GAP, LEAST_CLOSE_SHARE = 6.0, 0.3
-"""Time gap [s] up to which the leader influences a driver, and least share of the followers' time within it."""
+"""Time gap [s] up to which a leader influences a driver, and least share of the followers' time at shorter gaps."""
 
 LARGEST_EMERGENCY_SHARE = 0.0005
-"""Largest share of the followers' time with emergency braking."""
+"""Largest share of the followers' time spent braking in an emergency."""
 
 LEAST_EFFECT_SIZE = 0.02
-"""Least root mean square of the acceleration that hidden effects cause [m/s^2]."""
+"""Least root mean square of the accelerations that hidden effects cause [m/s^2]."""
 
 REASONS = (
     "invalid",  # a position or speed is not finite
@@ -31,7 +31,7 @@ REASONS = (
     "emergencies",  # followers often brake as hard as they can
     "no_effect",  # the hidden effect hardly changes the accelerations
 )
-"""Reasons to draw a data set again."""
+"""Reasons to reject a data set and to draw another."""
 
 
 def fault_of(scenario: Scenario, events: Events) -> str | None:
@@ -56,7 +56,7 @@ def fault_of(scenario: Scenario, events: Events) -> str | None:
 
 
 def _gaps(events: Events, steps: np.ndarray) -> np.ndarray:
-    """Gap to the vehicle ahead on the lane [m] at the given time steps, [n_steps, n]; infinite without one."""
+    """Gap to the vehicle ahead on the lane [m] at the given time steps, [n_steps, n]; infinite if there is none."""
     gaps = np.full((len(steps), events.position.shape[1]), np.inf)
     for row, step in enumerate(steps):
         position, lane = events.position[step], events.lane[step]

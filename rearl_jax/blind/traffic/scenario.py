@@ -7,7 +7,7 @@ from rearl_jax.blind.traffic.population import USUAL, Population
 from rearl_jax.problems import out_of_range
 
 SUB_STEP = 0.02
-"""Step of the integration [s]; a tenth of the shortest time in the model."""
+"""Time step of the integration [s]; a tenth of the shortest time constant in the model."""
 
 FREE_CHANGES: Mapping[str, int | float] = {
     "free_changes": True,
@@ -15,7 +15,7 @@ FREE_CHANGES: Mapping[str, int | float] = {
     "duration": 240.0,
     "frame_rate": 10.0,
 }
-"""Fields of a scenario with some hundred free lane changes per recording."""
+"""Fields of a scenario in which drivers change lanes for their own advantage, some hundred times per recording."""
 
 
 @dataclass(frozen=True)
@@ -28,17 +28,17 @@ class Planted:
 
 @dataclass(frozen=True)
 class Chain:
-    """Processing of the data by its provider between measurement and release, for priors that draw it.
+    """What the provider of the data does to them between measurement and release. Only the broad priors draw it.
 
     Attributes:
-        kernel: Smoothing of positions and speeds before their release, one of `chain.KERNELS`; "none" without it.
+        kernel: Smoothing of positions and speeds before their release, one of `chain.KERNELS`; "none" for no smoothing.
         kernel_time: Standard deviation of the kernel [s].
         speed: Source of the speed column: "positions" or "sensor".
-        slope_time: Window of the parabola fit to positions whose slope is the speed [s].
+        slope_time: Length of the window [s] in which a parabola is fitted to the positions; its slope is the speed.
         sensor_noise: Standard deviation of the speed sensor [m/s].
-        lane: Frame in which the lane column changes: "marking", the centre of the vehicle crosses it, or "decision",
-            the driver begins to follow the new leader and to move sideways.
-        change_time: Time of the sideways motion of a lane change [s].
+        lane: Event at which the lane column changes: "marking", the centre of the vehicle crosses the lane marking, or
+            "decision", the driver begins to follow the new leader and to move sideways.
+        change_time: Duration of the sideways motion in a lane change [s].
     """
 
     kernel: str = "none"
@@ -55,29 +55,29 @@ class Scenario:
     """The scenario of one data set.
 
     Attributes:
-        seed: Seed of all random draws, to which each module adds a number so that its draws are independent; data sets
-            with equal seed and fleet size have the same drivers.
+        seed: Seed of all random draws. Each module combines it with a number of its own, so that the draws of modules
+            are independent. Data sets with equal seed and fleet size have the same drivers.
         planted: Hidden effects and artefacts; empty in a control.
         n_recordings: Recordings of the same road, with different drivers.
         n_vehicles: Vehicles per recording, a multiple of the lanes; the first of each lane is a platoon leader.
         n_lanes: Number of lanes; there is one carriageway.
         duration: Recorded time [s].
-        frame_rate: Frames per second [1/s]; a whole number of sub-steps fits between two.
-        lane_changes: Forced lane changes per recording.
-        free_changes: Whether drivers change lanes for their own gain, instead of forced changes.
-        spacing: Initial gaps as a share of the desired gaps [-].
+        frame_rate: Frames per second [1/s]; a whole number of sub-steps fits between two frames.
+        lane_changes: Forced lane changes per recording: at random times, whatever the driver gains by them.
+        free_changes: Whether lane changes are discretionary (drivers change for their own advantage), not forced.
+        spacing: Initial gap divided by the desired gap [-].
         pace: Factor on the speeds of platoon leaders [-].
         spread: Factor on the differences between drivers [-].
         driver_noise: Standard deviation of a driver's random acceleration [m/s^2].
         driver_noise_time: Correlation time of this acceleration [s].
-        noise_spread: Standard deviation of the logarithm of its size between drivers [-].
-        noise_growth: Growth of its size with the driver's acceleration, whatever the sign [s^2/m].
+        noise_spread: Standard deviation, between drivers, of the logarithm of the random acceleration's size [-].
+        noise_growth: Relative growth of its size with the absolute acceleration of the vehicle [s^2/m].
         position_noise: Standard deviation of measured positions [m].
-        noise_time: Time over which errors of positions are correlated [s]; 0 for white noise.
-        view: Length of road in the view of a camera [m]; None if every vehicle is seen all the time.
+        noise_time: Correlation time of the errors of positions [s]; 0 for white noise.
+        view: Length of road that a camera sees [m]; None if every vehicle is seen all the time.
         base: Car-following model, one of `models.BASES`.
         population: Distribution of the drivers' parameters.
-        chain: Measurement and release; None for positions with noise whose slopes are the speeds.
+        chain: Processing of the data by their provider; if None, positions have noise and speeds are their slopes.
     """
 
     seed: int

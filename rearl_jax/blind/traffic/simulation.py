@@ -21,36 +21,36 @@ from rearl_jax.blind.traffic.scenario import SUB_STEP, Scenario
 from rearl_jax.blind.traffic.snapshot import Snapshot
 
 WARM_UP = 12.0
-"""Time before the recording [s]."""
+"""Simulated time before the recording [s]."""
 
 COOL_DOWN = 5.0
-"""Time after the recording [s], needed for delayed measurements."""
+"""Simulated time after the recording [s], which delayed measurements need."""
 
 WANDER, WANDER_TIME = 0.25, 4.0
-"""Standard deviation [m] and correlation time [s] of the lateral position in the lane."""
+"""Standard deviation [m] and correlation time [s] of the vehicle's lateral offset from the centre of the lane."""
 
-SAMPLED = 5
-"""Sub-steps between two samples of the effect on acceleration."""
+SAMPLING_STEPS = 5
+"""Sub-steps from one sample of the accelerations that hidden effects cause to the next."""
 
 MARGIN = 60.0
-"""Road [m] behind the last vehicle when the recording begins."""
+"""Position of the last vehicle at the start of the warm-up [m]."""
 
 
 @dataclass(frozen=True)
 class Events:
-    """True motion of all vehicles: arrays [n_steps, n] over sub-steps and vehicles.
+    """True motion of all vehicles: arrays [n_steps, n], where n_steps counts sub-steps and n vehicles.
 
     Attributes:
-        time: Times of each step since the recording began [s], [n_steps].
-        position, speed, acceleration, wander: Position [m], speed [m/s], acceleration [m/s^2], lateral offset in the
-            lane [m].
+        time: Time of each sub-step from the start of the recording [s], [n_steps]; negative in the warm-up.
+        position, speed, acceleration, wander: Position [m], speed [m/s], acceleration [m/s^2], lateral offset from the
+            centre of the lane [m].
         lane: Lane, 0 = leftmost.
-        leader: Index of the vehicle ahead; n without one.
+        leader: Index of the vehicle ahead; n if there is none.
         fleet: The vehicles.
         effects: Hidden effects.
         section: Part of the road that most vehicles reach and leave [m].
-        n_emergencies: Number of vehicle steps with emergency braking.
-        effect_size: Root mean square of the recorded accelerations of followers that hidden effects cause [m/s^2].
+        n_emergencies: Number of emergency-braking sub-steps, summed over the followers.
+        effect_size: Root mean square of the accelerations that hidden effects cause in recorded followers [m/s^2].
     """
 
     time: np.ndarray
@@ -108,19 +108,17 @@ def _drive(
     wander: np.ndarray,
     changes: ForcedChanges | FreeChanges,
 ) -> tuple[dict[str, np.ndarray], int, float]:
-    """Motion in every step, [n_steps, n], the number of vehicle steps with emergency braking, and the size of hidden
-    effects.
-    """
+    """Motion in every sub-step, [n_steps, n], and `n_emergencies` and `effect_size` as in `Events`."""
     n_steps, n, platoon_leaders = len(noise), now.n, np.flatnonzero(now.fleet.rank == 0)
     log = {name: np.empty((n_steps, now.n)) for name in ("position", "speed", "acceleration")}
     log |= {"lane": np.empty((n_steps, now.n), dtype=np.int8), "leader": np.empty((n_steps, now.n), dtype=np.int32)}
-    n_emergencies, by_effects = 0, [np.zeros(n)]  # the zeros count only if nothing is hidden
+    n_emergencies, by_effects = 0, [np.zeros(n)]  # the zeros are used only if there are no samples
     for step in range(n_steps):
         now.step, now.time, now.wander = step, step * SUB_STEP - WARM_UP, wander[step]
         changes.carry_out(now)
         for effect in effects:
             effect.observe(now, SUB_STEP)
-        without_effects = wanted_acceleration(now, ()) if effects and step % SAMPLED == 0 else None
+        without_effects = wanted_acceleration(now, ()) if effects and step % SAMPLING_STEPS == 0 else None
         wanted = wanted_acceleration(now, effects)
         if without_effects is not None and 0.0 <= now.time <= scenario.duration:
             by_effects.append(wanted - without_effects)
@@ -139,9 +137,10 @@ def _drive(
 
 
 def place_platoons(scenario: Scenario, fleet: Fleet, profiles: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Initial positions [m] and speeds [m/s], and distances the platoon leaders drive, [n_platoon_leaders, n_steps].
+    """Initial positions [m] and speeds [m/s], and the distances that platoon leaders have travelled at every sub-step.
 
-    Every driver starts near the desired gap.
+    Every driver starts near the desired gap. The distances [m] are an array [n_platoon_leaders, n_steps], like
+    `profiles`, the speeds of the platoon leaders [m/s].
     """
     per_lane = scenario.n_vehicles // scenario.n_lanes
     speed = np.minimum(np.repeat(profiles[:, 0], per_lane), 0.85 * fleet.desired_speed)
@@ -161,7 +160,10 @@ def place_platoons(scenario: Scenario, fleet: Fleet, profiles: np.ndarray) -> tu
 def common_section(
     scenario: Scenario, now: Snapshot, travelled: np.ndarray, platoon_leaders: np.ndarray, rng: np.random.Generator
 ) -> tuple[float, float]:
-    """A section of the road that most vehicles pass while recorded [m]; `travelled` as from `place_platoons`."""
+    """Start and end of a section of the road that most vehicles pass while recorded [m].
+
+    `travelled` are the distances travelled by the platoon leaders, from `place_platoons`.
+    """
     middle = travelled[:, travelled.shape[1] // 2]
     platoon = now.position[platoon_leaders].mean() - now.position[: now.n].min()
     centre = float(np.mean(now.position[platoon_leaders] + middle) - 0.45 * platoon + rng.uniform(-60.0, 60.0))
@@ -169,9 +171,9 @@ def common_section(
     return centre - half, centre + half
 
 
-def _ornstein_uhlenbeck(n_steps: int, n: int, memory: float, rng: np.random.Generator) -> np.ndarray:
-    """Ornstein-Uhlenbeck processes of unit variance, [n_steps, n]."""
-    decay = np.exp(-SUB_STEP / memory)
+def _ornstein_uhlenbeck(n_steps: int, n: int, correlation_time: float, rng: np.random.Generator) -> np.ndarray:
+    """Ornstein-Uhlenbeck processes of unit variance and a correlation time [s], [n_steps, n]."""
+    decay = np.exp(-SUB_STEP / correlation_time)
     drawn = np.sqrt(1.0 - decay**2) * rng.standard_normal((n_steps, n))
     drawn[0] = rng.standard_normal(n)
     return np.asarray(lfilter([1.0], [1.0, -decay], drawn, axis=0))

@@ -27,7 +27,7 @@ class Snapshot:
         step: Number of the sub-step.
         position, speed, acceleration, length, is_truck: State of every vehicle, and of the placeholder.
         lane: Lane of every vehicle, 0 = leftmost; without the placeholder, like the attributes below.
-        leader, follower: Index of the vehicle ahead and behind on the lane; n without one.
+        leader, follower: Index of the vehicle ahead and behind on the lane; n if there is none.
         wander: Lateral offset in the lane, positive to the right [m].
         time_gap, desired_speed: Current values of the driver, hidden effects included.
         model: Car-following model of all drivers.
@@ -71,20 +71,20 @@ class Snapshot:
         self._next = np.append(self.leader, self.n)
 
     def ahead(self, count: int) -> np.ndarray:
-        """Index of the `count`-th vehicle ahead on the lane; n without one."""
+        """Index of the `count`-th vehicle ahead on the lane; n if there is none."""
         vehicle = self.leader
         for _ in range(count - 1):
             vehicle = self._next[vehicle]
         return vehicle
 
     def gap_to(self, other: np.ndarray) -> np.ndarray:
-        """Bumper-to-bumper gap to a vehicle ahead [m]; FAR without one."""
+        """Bumper-to-bumper gap to a vehicle ahead [m]; FAR if there is none."""
         n = self.n
         distance = self.position[other] - self.position[:n] - 0.5 * (self.length[other] + self.length[:n])
         return np.where(other == self.n, FAR, distance)
 
     def gap_behind(self, other: np.ndarray) -> np.ndarray:
-        """Bumper-to-bumper gap to a vehicle behind [m]; FAR without one."""
+        """Bumper-to-bumper gap to a vehicle behind [m]; FAR if there is none."""
         n = self.n
         distance = self.position[:n] - self.position[other] - 0.5 * (self.length[other] + self.length[:n])
         return np.where(other == self.n, FAR, distance)
@@ -103,7 +103,7 @@ class Snapshot:
         return self._beside
 
     def ahead_on_left(self) -> np.ndarray:
-        """Index of the next vehicle ahead on the left lane, n without one; updated like `offsets_beside`."""
+        """Index of the next vehicle ahead on the left lane, n if there is none; updated like `offsets_beside`."""
         offsets, lanes = self.offsets_beside(), self.lane.reshape(self._shape)
         is_left = np.repeat(lanes, self._shape[1], axis=0) < self.lane[:, None]
         return self.nearest(np.where(is_left & (offsets >= 0.0), offsets, np.inf))
@@ -123,8 +123,8 @@ class Choice:
 
     Attributes:
         side: -1 to the left, +1 to the right.
-        leader, rear: New leader and new follower; n without one.
-        gap, rear_gap: Bumper-to-bumper gaps to them [m]; FAR without one.
+        leader, rear: New leader and new follower; n if there is none.
+        gap, rear_gap: Bumper-to-bumper gaps to them [m]; FAR if there is none.
         gain: Gain in the acceleration of the driver who changes [m/s^2].
         cost_to_rear: Loss of the new follower's acceleration [m/s^2], positive.
         follower_gain: Gain of the present follower's acceleration [m/s^2].

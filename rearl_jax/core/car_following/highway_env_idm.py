@@ -130,7 +130,7 @@ class HighwayEnvIDM(CarFollowing):
         """Deceleration because of a leader [m/s^2], positive: a (s* / d)^2; 0 at distance inf.
 
         Args:
-            distance: To the leader, centre to centre [m]; inf without one.
+            distance: To the leader, centre to centre [m]; inf if there is none.
             speed: Own speed [m/s].
             approach_rate: Own minus leader's speed along the driver's heading [m/s].
         """

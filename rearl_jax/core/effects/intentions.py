@@ -13,7 +13,7 @@ class SimulatedStimulus(Stimulus):
     Attributes:
         has_entrant: Whether a vehicle ahead on an adjacent lane is changing to the driver's lane, or would if there
             were room.
-        entrant_gap: Bumper-to-bumper gap to the nearest of these vehicles [m]; OUT_OF_SIGHT without one.
+        entrant_gap: Bumper-to-bumper gap to the nearest of these vehicles [m]; OUT_OF_SIGHT if there is none.
         entrant_speed: Speed of that vehicle [m/s]; the driver's speed without one.
         has_changer, changer_gap, changer_speed: The same, only for vehicles whose lane change is in progress.
         has_new_leader, new_leader_gap, new_leader_speed: The same for the next vehicle ahead on the lane that the

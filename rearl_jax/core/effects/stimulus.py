@@ -31,7 +31,7 @@ class Stimulus(eqx.Module):
         has_third, third_speed: The third vehicle ahead.
         has_follower, follower_gap, follower_speed: The vehicle behind on the lane.
         has_left, left_gap, left_speed: The next vehicle ahead on the lane to the left.
-        beside_speed: Slowest speed within BESIDE_RANGE on the lanes next to the own [m/s]; OUT_OF_SIGHT without one.
+        beside_speed: Slowest speed within BESIDE_RANGE on the lanes next to the own [m/s]; OUT_OF_SIGHT if none.
         n_beside: Number of these vehicles.
         time_since_change: Time since the leader last changed because of a lane change [s].
         gap_lost: Gap lost by that change [m]; 0 if the gap grew.

@@ -51,7 +51,7 @@ def wrong_lateral(table: pd.DataFrame, info: RecordingInfo) -> Finding | None:
 
 
 def lane_middles(lane: np.ndarray, lateral: np.ndarray, min_rows: int = 1) -> tuple[np.ndarray, np.ndarray]:
-    """Numbers of the lanes, rising, and the median lateral position of the rows in each.
+    """Numbers of the lanes in ascending order, and the median lateral position of the rows in each.
 
     Args:
         lane: Lane of each row; NaN where it is unknown.

@@ -53,7 +53,7 @@ def wrong_leader(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -
 
 
 def next_in_lane(table: pd.DataFrame) -> np.ndarray:
-    """Row of the next vehicle ahead in the same lane at the same frame, ABSENT without one or without a lane."""
+    """Row of the next vehicle ahead in the same lane at the same frame, ABSENT if there is none or without a lane."""
     lane = table["lane"].to_numpy(dtype=np.float64, na_value=np.nan)
     direction, frame = table["direction"].to_numpy(), table["frame"].to_numpy()
     order = np.lexsort((table["position"].to_numpy(), lane, direction, frame))
@@ -69,8 +69,8 @@ def states_all_leaders(in_lane: np.ndarray, stated: np.ndarray) -> bool:
     """True if the stated leaders count as complete, so that a vehicle without a stated leader has none.
 
     Args:
-        in_lane: Row of the next vehicle ahead in the lane, ABSENT without one.
-        stated: Row of the stated leader, ABSENT without one.
+        in_lane: Row of the next vehicle ahead in the lane, ABSENT if there is none.
+        stated: Row of the stated leader, ABSENT if there is none.
     """
     is_stated = stated != ABSENT
     has_one = in_lane != ABSENT
@@ -78,7 +78,7 @@ def states_all_leaders(in_lane: np.ndarray, stated: np.ndarray) -> bool:
 
 
 def leader_rows(table: pd.DataFrame) -> np.ndarray:
-    """Row of the leader at the same frame for every row, ABSENT without one.
+    """Row of the leader at the same frame for every row, ABSENT if there is none.
 
     It is the stated leader, else the next vehicle ahead in the lane; only stated ones if the source states all leaders.
     """

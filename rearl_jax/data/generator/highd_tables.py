@@ -146,7 +146,7 @@ def _tracks_meta(rows: Table, vehicles: Sizes, direction: np.ndarray, vehicle: n
     of_track = vehicle[begin]
 
     def smallest(name: str) -> np.ndarray:
-        """Smallest positive value of each track, -1 without one."""
+        """Smallest positive value of each track, -1 if there is none."""
         values = rows[name]
         lowest = np.minimum.reduceat(np.where(values > 0.0, values, np.inf), begin)
         return np.where(np.isfinite(lowest), lowest, NO_VALUE)

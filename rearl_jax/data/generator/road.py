@@ -33,7 +33,7 @@ class Section:
     speed_limit: float | None
 
     def markings(self, direction: int) -> np.ndarray:
-        """y of the lane markings of one carriageway, rising [m]."""
+        """y of the lane markings of one carriageway [m], in ascending order."""
         width = self.n_lanes * self.lane_width
         first = self.top if direction == UPPER else self.top + width + self.median
         return np.round(first + self.lane_width * np.arange(self.n_lanes + 1), 2)

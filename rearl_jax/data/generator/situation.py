@@ -14,9 +14,9 @@ class Situation:
     Attributes:
         time: Time since the start of the simulation [s].
         fleet: Drivers and their own state.
-        gap: Bumper to bumper distance to the leader [m], inf without one.
-        leader_speed: Speed of the leader [m/s]; the driver's own speed without one.
-        leader_acceleration: Acceleration of the leader [m/s^2]; 0 without one.
+        gap: Bumper to bumper distance to the leader [m], inf if there is none.
+        leader_speed: Speed of the leader [m/s]; the driver's own speed if there is none.
+        leader_acceleration: Acceleration of the leader [m/s^2]; 0 if there is none.
     """
 
     time: float
@@ -33,7 +33,7 @@ class SpeedRestriction:
     Attributes:
         direction: Carriageway it lies on.
         start, end: Stretch of road [m].
-        times: Start of each phase [s], rising; before the first there is no restriction.
+        times: Start of each phase [s], in ascending order; before the first there is no restriction.
         speeds: Passable speed in each phase [m/s].
     """
 

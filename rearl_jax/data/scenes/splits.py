@@ -65,21 +65,21 @@ class Splits:
 
     @property
     def threshold(self) -> np.ndarray:
-        """Indices of the threshold scenes, rising."""
+        """Indices of the threshold scenes, in ascending order."""
         return self.indices(Split.THRESHOLD)
 
     @property
     def tuning(self) -> np.ndarray:
-        """Indices of the tuning scenes, rising."""
+        """Indices of the tuning scenes, in ascending order."""
         return self.indices(Split.TUNING)
 
     @property
     def evaluation(self) -> np.ndarray:
-        """Indices of the evaluation scenes, rising."""
+        """Indices of the evaluation scenes, in ascending order."""
         return self.indices(Split.EVALUATION)
 
     def indices(self, split: Split) -> np.ndarray:
-        """Indices of the scenes of one split, rising."""
+        """Indices of the scenes of one split, in ascending order."""
         return np.flatnonzero(self.label == split)
 
     def summary(self) -> dict[str, int]:

@@ -68,10 +68,10 @@ class Opportunities:
         speed: Own speed [m/s].
         gap, leader_speed, leader_is_truck: Gap [m], speed [m/s] and class of the leader on the own lane.
         side_gap, side_leader_speed, side_leader_is_truck: Gap, speed and class of the leader on the target lane.
-        rear_gap: Gap to the new follower [m]; OUT_OF_SIGHT without one.
+        rear_gap: Gap to the new follower [m]; OUT_OF_SIGHT if there is none.
         rear_braking: Acceleration of the model of the new follower behind its leader, minus its measured acceleration,
             both EARLIER seconds before [m/s^2]; 0 without a new follower.
-        follower_gap, follower_speed: Gap and speed of the present follower; OUT_OF_SIGHT and the own speed without one.
+        follower_gap, follower_speed: Gap and speed of the present follower; OUT_OF_SIGHT and the own speed if none.
         is_truck: Whether the own vehicle is a truck.
         is_mandatory: Whether the vehicle later reaches a ramp lane on that side. This uses the future, so it only
             classifies opportunities and is never used to predict.

@@ -40,7 +40,7 @@ def side_of_ramp(
     """
     n, row = len(vehicle), np.arange(len(vehicle))
     on_ramp = ~_on_through_lane(direction, lane, whole)
-    # The first row on a ramp from each row on, n without one.
+    # The first row on a ramp from each row on, n if there is none.
     next_on_ramp = np.minimum.accumulate(np.where(on_ramp, row, n)[::-1])[::-1] if n else row
     reached = np.minimum(next_on_ramp, n - 1)
     goes_there = (next_on_ramp < n) & (vehicle[reached] == vehicle)

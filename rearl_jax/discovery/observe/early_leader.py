@@ -27,7 +27,7 @@ class RecordedStimulus(Stimulus):
     """Stimulus in a recording, with the next and the former leader known.
 
     Attributes:
-        time_to_next: Time until the next change of leader [s]; above LONGEST_LEAD without one.
+        time_to_next: Time until the next change of leader [s]; above LONGEST_LEAD if there is none.
         next_gap: Bumper-to-bumper gap to the next leader [m].
         next_speed: Speed of the next leader [m/s].
         next_by_own: Whether the leader changes because the driver itself changes lanes.

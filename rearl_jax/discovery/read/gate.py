@@ -40,7 +40,7 @@ class Finding:
 
 
 def amount(findings: Sequence[Finding], name: str) -> float:
-    """Value of the finding with this name; 0 without one."""
+    """Value of the finding with this name; 0 if there is none."""
     return next((finding.value for finding in findings if finding.name == name), 0.0)
 
 

@@ -19,7 +19,7 @@ def last_changes(
 
     Args:
         starts, stops: First row of each track, and one past its last.
-        leader: Row of the leader, NO_VEHICLE without one.
+        leader: Row of the leader, NO_VEHICLE if there is none.
         gap: Gap to the leader [m].
         speed: Speed [m/s].
         dt: Time step [s].

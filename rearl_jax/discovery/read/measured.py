@@ -124,7 +124,7 @@ class Measured:
         is_truck: Whether the driver's vehicle is a truck.
         driver: Index of the driver of each piece, 0 to n_drivers - 1.
         vehicle: Track of each piece, unique over all recordings.
-        leader: Track of the leader in every time step, -1 without one.
+        leader: Track of the leader in every time step, -1 if there is none.
         recording: Index of the recording of each piece.
         identity: Number of the person or car of each piece, the same in all tracks and recordings; -1 if unknown.
         dt: Time step [s].

@@ -48,7 +48,7 @@ def handovers(
     Args:
         table: Canonical table, sorted by track and frame.
         bounds: First row of each track, and one past its last.
-        leader: Track of the leader of every row, NO_VEHICLE without one.
+        leader: Track of the leader of every row, NO_VEHICLE if there is none.
         dt: Time step [s].
         longest: Largest time to or since a change for the change to count as near [s].
     """

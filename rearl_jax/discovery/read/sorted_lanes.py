@@ -31,7 +31,7 @@ class SortedLanes:
 
     def ahead(self, side: int) -> Int[np.ndarray, " rows"]:
         """The next vehicle ahead of each on the lane to the left (-1), the own one (0) or that to the right (1);
-        beside counts as ahead; NO_VEHICLE without one.
+        beside counts as ahead; NO_VEHICLE if there is none.
         """
         place = np.searchsorted(self.sorted, self._on_line(side), side="left" if side else "right")
         row = self.order[np.minimum(place, len(self.order) - 1)]

@@ -46,7 +46,7 @@ def calibrated_drivers(config: StudyBudgetTask, study: Study, scenes: SceneSet, 
         config: The task.
         study: Folder in which the calibrated drivers are kept.
         scenes: All scenes.
-        held_out: Indices of the judged scenes.
+        held_out: Indices of the scored scenes.
 
     Raises:
         FileNotFoundError, ValueError: The model cannot be read.
@@ -68,14 +68,14 @@ def calibrated_drivers(config: StudyBudgetTask, study: Study, scenes: SceneSet, 
 
 
 def _origin_of_model(config: StudyBudgetTask, model: RepairedModel) -> str:
-    """Sentence on the origin of a model's drivers, and on whether the judged scenes were used to calibrate them."""
+    """Sentence on the origin of a model's drivers, and on whether the scored scenes were used to calibrate them."""
     origin = f"drivers of {model.source.study} ({model_id(str(config.model))}), calibrated on {model.source.data_id}"
     if model.source.data_id == data_id(config.data):
         return (
-            f"{origin}: these recordings, the judged scenes included. Name different recordings with data.recordings "
+            f"{origin}: these recordings, the scored scenes included. Name different recordings with data.recordings "
             "for discovery and for the budget to keep them apart"
         )
-    return f"{origin}, which are not the recordings of the judged scenes as they are read here"
+    return f"{origin}, which are not the recordings of the scored scenes as they are read here"
 
 
 def _calibrated(config: StudyBudgetTask, scenes: SceneSet, held_out: np.ndarray) -> tuple[Calibration, str]:
@@ -85,15 +85,15 @@ def _calibrated(config: StudyBudgetTask, scenes: SceneSet, held_out: np.ndarray)
     try:
         result = calibration(task, without_scenes(recordings, scenes, held_out))
         origin = (
-            f"{len(result.drivers)} drivers were calibrated on the recordings outside the seconds of the judged scenes"
+            f"{len(result.drivers)} drivers were calibrated on the recordings outside the seconds of the scored scenes"
         )
     except InvalidInputError as error:
         if error.code != "nobody-follows":
             raise
-        log.info("outside the judged scenes: %s", error)
+        log.info("outside the scored scenes: %s", error)
         result = calibration(task)
         origin = (
-            f"{len(result.drivers)} drivers were calibrated on the whole recordings, the judged scenes included, "
+            f"{len(result.drivers)} drivers were calibrated on the whole recordings, the scored scenes included, "
             "because outside them nobody follows a leader long enough"
         )
     return result, origin
@@ -109,13 +109,13 @@ def without_scenes(recordings: Iterable[Recording], scenes: SceneSet, held_out: 
     """
     for recording in recordings:
         frame = recording.table["frame"].to_numpy(np.int64)
-        is_judged = np.zeros(len(frame), bool)
+        is_scored = np.zeros(len(frame), bool)
         for scene in held_out[scenes.recording[held_out] == recording.info.id]:
             first = int(scenes.start_frame[scene])
-            is_judged |= (frame >= first) & (frame < first + round(scenes.seconds * float(scenes.frame_rate[scene])))
-        if is_judged.all():
+            is_scored |= (frame >= first) & (frame < first + round(scenes.seconds * float(scenes.frame_rate[scene])))
+        if is_scored.all():
             continue
-        kept = np.flatnonzero(~is_judged)
+        kept = np.flatnonzero(~is_scored)
         table = recording.table.iloc[kept].reset_index(drop=True)
         track = table["track_id"].to_numpy()
         is_cut = np.zeros(len(kept), bool)

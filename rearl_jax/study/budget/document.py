@@ -248,6 +248,6 @@ def definitions_of(config: StudyBudgetTask, scenes: SceneSet, held_out: np.ndarr
         "thresholds in all rows, percentiles of Base on threshold scenes.",
         speed_bins(config.hist, scenes.scaled_speed[held_out]),
         "THW error and LCR error: distance of a scene's time headway and lane-change rate from the recorded scene's.",
-        f"Intervals: {bootstrap_over(len(held_out), 'judged scenes', config.eval.confidence)}; the same resamples for "
+        f"Intervals: {bootstrap_over(len(held_out), 'scored scenes', config.eval.confidence)}; the same resamples for "
         "every figure. An error is divided over the scenes that have it in all rows.",
     )

@@ -1,4 +1,4 @@
-"""Rows of the budget simulated and scored one after the other; finished rows are not simulated again."""
+"""Simulation and scoring of the rows of an error budget, one after the other; finished rows are not simulated again."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -30,19 +30,19 @@ from rearl_jax.study.budget.components import Row, row_name, rows_of, title_of_r
 from rearl_jax.study.budget.drivers import drivers_of
 
 ERRORS = "errors"
-"""Name of the table: a folder of parts, read as one Parquet table."""
+"""Name of the table of metrics: a folder of parts, which is read as one Parquet table."""
 
 
 @dataclass(frozen=True)
 class Setting:
-    """Setting of all rows of a budget.
+    """What all rows of a budget have in common.
 
     Attributes:
         config: The task, with as many lanes and vehicles as the scenes need.
         inputs: Scenes, their splits, and representative scenes where REARL is a component.
-        held_out: Indices of the judged scenes.
-        components: The components, in the stated order.
-        model: The calibrated drivers; None without them.
+        held_out: Indices of the scored scenes.
+        components: The components, in the stated order (`budget.components`).
+        model: The calibrated drivers; None if the budget has no calibrated drivers.
         thresholds: Thresholds of REARL's detection.
     """
 
@@ -55,12 +55,12 @@ class Setting:
 
 
 @dataclass(frozen=True)
-class JudgedScenes:
-    """The scenes on which all rows are judged.
+class ScoredScenes:
+    """The recorded scenes with which all rows are compared.
 
     Attributes:
-        scorer: Scorer of traffic against them.
-        references: Scores of the reference rows.
+        scorer: Scorer that compares traffic with these scenes.
+        references: Scores of the reference rows, such as real against real.
     """
 
     scorer: Scorer
@@ -68,9 +68,10 @@ class JudgedScenes:
 
 
 def simulated_rows(setting: Setting, study: Study, bar: Progress, metadata: Mapping[str, str]) -> pd.DataFrame:
-    """One row per row of the budget (or reference row) and judged scene: `row`, `scene_id`, every metric (mean over
-    runs), and for rows that start as recorded `position_error` [m] (of the vehicles of the first snapshot, whom all
-    rows simulate) and `overlap_share` [-].
+    """Metrics of every row of the budget, and of the reference rows, scene by scene.
+
+    Columns: `row`, `scene_id`, every metric (mean over runs), and for rows that start as recorded `position_error` [m]
+    and `overlap_share` [-]. The position error is over the vehicles of the first snapshot, which all rows simulate.
 
     Args:
         setting: What all rows have in common.
@@ -79,8 +80,8 @@ def simulated_rows(setting: Setting, study: Study, bar: Progress, metadata: Mapp
         metadata: Metadata of every part.
     """
 
-    def maker(row: Row) -> Callable[[JudgedScenes], pd.DataFrame]:
-        return lambda judged: simulated_table(setting, row, judged)[0]
+    def maker(row: Row) -> Callable[[ScoredScenes], pd.DataFrame]:
+        return lambda scored: simulated_table(setting, row, scored)[0]
 
     makers = {"references": partial(reference_table, setting)}
     makers |= {title_of_row(row): maker(row) for row in rows_of(setting.components)}
@@ -89,66 +90,66 @@ def simulated_rows(setting: Setting, study: Study, bar: Progress, metadata: Mapp
 
 def kept_parts(
     name: str,
-    makers: Mapping[str, Callable[[JudgedScenes], pd.DataFrame]],
+    makers: Mapping[str, Callable[[ScoredScenes], pd.DataFrame]],
     setting: Setting,
     study: Study,
     bar: Progress,
     metadata: Mapping[str, str],
 ) -> pd.DataFrame:
-    """The table of a name, made part by part and kept in the folder of the study; finished parts are not made again.
+    """The table with this name. Its parts are kept in the folder of the study, and finished parts are not made again.
 
     Args:
         name: Name of the table.
-        makers: Functions that make the parts, by the title of the part in the progress bar.
+        makers: Functions that make one part each; keys are the titles in the progress bar.
         setting: What all rows have in common.
         study: Folder of the study.
         bar: Shows the progress.
         metadata: Metadata of every part.
     """
-    finished, judged = study.finished_parts(name), None
+    finished, scored = study.finished_parts(name), None
     line = bar.add_task(name, total=len(makers))
     for number, (title, make) in enumerate(makers.items()):
         bar.update(line, description=f"row: {title}", completed=number)
         if number not in finished:
-            judged = judged or _judged_scenes(setting)
-            study.write_table(part_name(name, number), make(judged), **metadata)
+            scored = scored or _scored_scenes(setting)
+            study.write_table(part_name(name, number), make(scored), **metadata)
     bar.update(line, completed=len(makers))
     return pd.read_parquet(study.path / name)
 
 
-def _judged_scenes(setting: Setting) -> JudgedScenes:
+def _scored_scenes(setting: Setting) -> ScoredScenes:
     config, scenes = setting.config, setting.inputs.scenes
     scorer = make_scorer(config, scenes, config.eval.n_runs * len(setting.held_out))
-    return JudgedScenes(scorer, reference_rows(config, scenes, setting.held_out, scorer))
+    return ScoredScenes(scorer, reference_rows(config, scenes, setting.held_out, scorer))
 
 
-def reference_table(setting: Setting, judged: JudgedScenes) -> pd.DataFrame:
-    """Figures of the reference rows, scene by scene."""
-    complete = with_realism(judged.references, row_named(judged.references, REAL), setting.config.realism)
+def reference_table(setting: Setting, scored: ScoredScenes) -> pd.DataFrame:
+    """Metrics of the reference rows, scene by scene."""
+    complete = with_realism(scored.references, row_named(scored.references, REAL), setting.config.realism)
     return pd.concat([_table(setting, row) for row in complete], ignore_index=True)
 
 
 def simulated_table(
-    setting: Setting, row: Row, judged: JudgedScenes, host_policy: MakePolicy | None = None
+    setting: Setting, row: Row, scored: ScoredScenes, host_policy: MakePolicy | None = None
 ) -> tuple[pd.DataFrame, DecisionLog | None]:
-    """Figures of a row scene by scene, simulated and scored, and its decisions; None without REARL.
+    """Metrics of a simulated row, scene by scene, and its decisions; the decisions are None without REARL.
 
     Args:
         setting: What all rows have in common.
         row: Components of the row.
-        judged: The judged scenes.
-        host_policy: Makes the policies that decide outside the compiled program, where one does.
+        scored: The scored scenes.
+        host_policy: Makes the policy if it decides outside the compiled program; else None.
     """
     inputs, held_out = setting.inputs, setting.held_out
     rollouts = Rollouts([evaluation_row(setting, row)], inputs.scenes, held_out, inputs.references, host_policy)
     example = example_scene(inputs.scenes, held_out, None)
-    scores, _, log, positions = simulated_row(row_name(row), rollouts, judged.scorer, inputs.scenes, held_out, example)
-    (complete,) = with_realism([scores], row_named(judged.references, REAL), setting.config.realism)
+    scores, _, log, positions = simulated_row(row_name(row), rollouts, scored.scorer, inputs.scenes, held_out, example)
+    (complete,) = with_realism([scores], row_named(scored.references, REAL), setting.config.realism)
     return _table(setting, complete, positions), log
 
 
 def evaluation_row(setting: Setting, row: Row) -> SimulatedRow:
-    """A row of the budget as a row of an evaluation."""
+    """The row of an evaluation that simulates a row of the budget."""
     config = replace(setting.config, model=None, method=Method.rearl if REARL in row else Method.base)
     if START in row:
         config = replace(config, init=replace(config.init, source=InitialSource.scene))
@@ -156,19 +157,19 @@ def evaluation_row(setting: Setting, row: Row) -> SimulatedRow:
         config = without_replay(config)
     drivers = None
     if CALIBRATED in row:
-        assert setting.model is not None  # without a model CALIBRATED is no component
+        assert setting.model is not None  # without a model, CALIBRATED is not among the components
         drivers = drivers_of(setting.model, row, config.core)
     thresholds = setting.thresholds if REARL in row else NEVER_EXCEEDED
     return SimulatedRow(config, row_name(row), thresholds, drivers=drivers)
 
 
 def without_replay(config: StudyBudgetTask) -> StudyBudgetTask:
-    """The configuration without replayed neighbours."""
+    """The configuration, but without replayed neighbours."""
     return replace(config, scenes=replace(config.scenes, boundary=BoundarySource.free))
 
 
 def _table(setting: Setting, scores: Scores, positions: Positions | None = None) -> pd.DataFrame:
-    """Figures of a row, scene by scene."""
+    """Metrics of a row, scene by scene."""
     held_out = setting.held_out
     scene_id = setting.inputs.scenes.scene_id[held_out]
     columns = {name: scene_means(scores, name, held_out) for name in METRICS}

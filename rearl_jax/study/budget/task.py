@@ -65,7 +65,7 @@ def run(config: StudyBudgetTask) -> dict:
     table, steps = budget_table(divided, config.eval), step_table(rows, setting.components, config.eval)
     summary = summary_of(table, setting.components, len(setting.held_out), len(orders(setting.components)))
     remarks = Remarks(
-        data_summary(config, scenes, f"{len(setting.held_out)} of them judged"),
+        data_summary(config, scenes, f"{len(setting.held_out)} of them scored"),
         (*findings_of(table, config.mape.column, setting.components), *origin, *absent),
         definitions_of(setting.config, scenes, setting.held_out),
         data_sources(scenes.infos),

@@ -26,7 +26,7 @@ from rearl_jax.evaluation.interventions import DecisionLog
 from rearl_jax.problems import InvalidInputError, Problem
 from rearl_jax.results import Study
 from rearl_jax.study.budget.simulating import (
-    JudgedScenes,
+    ScoredScenes,
     Setting,
     kept_parts,
     reference_table,
@@ -134,11 +134,11 @@ def _scene_by_scene(config: StudyTable1Task, setting: Setting, study: Study, bar
     and `changes`, both per vehicle and minute.
     """
 
-    def references(judged: JudgedScenes) -> pd.DataFrame:
-        table = reference_table(setting, judged)
+    def references(scored: ScoredScenes) -> pd.DataFrame:
+        table = reference_table(setting, scored)
         return with_rates(table.assign(row=PREFIX + table["row"]), {"interventions": np.nan, "changes": np.nan})
 
-    def simulated(kind: str, policy: PolicyName | None, judged: JudgedScenes) -> pd.DataFrame:
+    def simulated(kind: str, policy: PolicyName | None, scored: ScoredScenes) -> pd.DataFrame:
         own = _with_policy(config, setting, policy)
         components = frozenset(TRAFFIC[kind]) & frozenset(setting.components)
         with ExitStack() as contexts:
@@ -149,7 +149,7 @@ def _scene_by_scene(config: StudyTable1Task, setting: Setting, study: Study, bar
                 model = contexts.enter_context(language_model(own.config, bar))
                 make_policy = None if model is None else model.make_policy
             row = components if policy is None else components | {REARL}
-            table, log = simulated_table(own, row, judged, make_policy)
+            table, log = simulated_table(own, row, scored, make_policy)
         return with_rates(table.assign(row=name_of(kind, policy)), _interventions(own, log))
 
     def with_rates(table: pd.DataFrame, rates: Mapping[str, np.ndarray | float]) -> pd.DataFrame:

@@ -1,4 +1,4 @@
-"""Drivers of a budget are calibrated outside the judged scenes, and on the whole recordings only if nobody is left."""
+"""Drivers of a budget are calibrated outside the scored scenes, and on the whole recordings only if nobody is left."""
 
 from dataclasses import replace
 
@@ -21,7 +21,7 @@ from tests.refusal import refused
 
 @pytest.fixture
 def calibrated(monkeypatch):
-    """Function that calibrates, with an error outside the judged scenes or without; returns the labels that were read,
+    """Function that calibrates, with an error outside the scored scenes or without; returns the labels that were read,
     and where the drivers come from.
     """
 
@@ -45,11 +45,11 @@ def calibrated(monkeypatch):
 def test_labels_of_the_keys_are_read(calibrated):
     labels, origin = calibrated()
     assert labels == [["person"]]
-    assert "outside the seconds of the judged scenes" in origin
+    assert "outside the seconds of the scored scenes" in origin
 
 
-def test_the_judged_scenes_are_used_only_if_nobody_follows_outside_them(calibrated):
-    assert "the judged scenes included" in calibrated("nobody-follows")[1]
+def test_the_scored_scenes_are_used_only_if_nobody_follows_outside_them(calibrated):
+    assert "the scored scenes included" in calibrated("nobody-follows")[1]
     with refused("label-unknown"):
         calibrated("label-unknown")
 

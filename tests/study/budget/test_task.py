@@ -1,4 +1,4 @@
-"""The task: keys that rows set, absent components, the road, parts of recordings that are not judged, one whole run."""
+"""The task: keys that rows set, absent components, the road, parts of recordings that are not scored, one whole run."""
 
 import json
 from dataclasses import replace
@@ -70,7 +70,7 @@ def recording():
     return Recording(RecordingInfo("a", 2.5, {1: 2}, 100.0, "a set", "CC0", "somebody"), table)
 
 
-def test_drivers_are_calibrated_outside_the_judged_seconds():
+def test_drivers_are_calibrated_outside_the_scored_seconds():
     scenes = made_scenes().select(np.array([0, 1]))
     scenes = replace(scenes, start_frame=np.array([10, 50]), frame_rate=np.full(2, 10 / 12))  # 10 frames a scene
     (left,) = without_scenes([recording()], scenes, np.array([0]))
