@@ -87,7 +87,7 @@ class Study:
 
         Raises:
             FolderInUseError: Another process writes to the folder.
-            InvalidInputError: As `write_config`.
+            InvalidInputError: As in `write_config`.
         """
         if resume and (stored := self.finished_summary(needed)) is not None:
             log.info("finished before: %s", self.path)

@@ -243,7 +243,7 @@ def _task_record(words: str, keys: Mapping[str, Any]) -> Any:
     """The configuration of a task; keys of a group imply others as on the command line.
 
     Raises:
-        ValueError: As `_configured`, or a key names the folder the command would write to.
+        ValueError: As in `_configured`, or a key names the folder the command would write to.
     """
     for name in ("study", "results"):
         if name in keys:

@@ -2,9 +2,9 @@
 
 Reads `protocol.json`, the sealed `truth.json` and `cases.parquet`, the table with the verdict on each data set. Prints
 the tables and writes these derived files again: `scores.parquet`, `sets.parquet`, `strengths.parquet`,
-`confusion.parquet`, `strata.parquet` (broad priors only), figures that are there as PNG, `page.html` and
-`summary.json`, with the provenance of the study and `judged_again`. Results that cannot be derived from the table of
-data sets are kept: parameters, stated confidences, and rates that need a column which the table lacks.
+`confusion.parquet`, `strata.parquet` (broad priors only), `page.html`, `summary.json`, and those PNG figures that the
+folder contains. The files state the provenance of the study, and `judged_again`. Results that cannot be derived from
+`cases.parquet` are kept: parameters, stated confidences, and rates for which this table lacks a column.
 """
 
 import json
@@ -35,11 +35,11 @@ from rearl_jax.whole_files import replacing
 
 @dataclass(frozen=True)
 class KeptResults(BlindResults):
-    """Results of a study of which only the table of data sets is kept, not the verdicts.
+    """Results of a finished study, of whose verdicts only the table `cases.parquet` is left.
 
     Attributes:
-        columns: Columns of the table of data sets.
-        kept_scores, kept_parameters, kept_calibration: Rows of the tables as first written.
+        columns: Columns of this table.
+        kept_scores, kept_parameters, kept_calibration: Rows of the tables that the study itself wrote.
     """
 
     columns: frozenset[str]
@@ -49,27 +49,27 @@ class KeptResults(BlindResults):
 
     @cached_property
     def scores(self) -> list[Score]:
-        """Rates, computed again if the table has the necessary columns, else as first written."""
-        old_rows = {row["name"]: row for row in self.kept_scores if row["name"] in self._not_asked}
+        """Rates, computed again if the table has the necessary columns, else those that the study itself wrote."""
+        old_rows = {row["name"]: row for row in self.kept_scores if row["name"] in self._not_computable}
         names = [item.name for item in fields(Score)]
         kept = {name: Score(**{key: row[key] for key in names}) for name, row in old_rows.items()}
-        asked = [question for question in QUESTIONS if question.name not in self._not_asked]
-        kept |= {score.name: score for score in score_all(self.cases, asked)}
+        computable = [question for question in QUESTIONS if question.name not in self._not_computable]
+        kept |= {score.name: score for score in score_all(self.cases, computable)}
         return [kept[question.name] for question in QUESTIONS if question.name in kept]
 
     @cached_property
     def parameters(self) -> list[dict]:
-        """Rows of the table of parameters, as first written."""
+        """Rows of the table of parameters that the study itself wrote."""
         return list(self.kept_parameters)
 
     @cached_property
     def calibration(self) -> list[dict]:
-        """Rows of the table of calibration, as first written."""
+        """Rows of the table of calibration that the study itself wrote."""
         return list(self.kept_calibration)
 
     @property
-    def _not_asked(self) -> set[str]:
-        """Names of the rates that the table of data sets does not suffice for."""
+    def _not_computable(self) -> set[str]:
+        """Names of the rates that cannot be computed again, because the table lacks a column."""
         return {question.name for question in QUESTIONS if question.needs and question.needs not in self.columns}
 
 
@@ -97,10 +97,10 @@ def read_study(folder: Path) -> tuple[Protocol, KeptResults]:
 
 
 def judge_again(folder: Path) -> dict[str, Any]:
-    """The summary of a study whose results were computed and written again.
+    """Computes the results of a study again and writes them; returns the summary.
 
     Raises:
-        FileNotFoundError, ValueError: As `read_study`.
+        FileNotFoundError, ValueError: As in `read_study`.
     """
     # Imported here, so that reading a study needs neither matplotlib nor jinja2.
     from rearl_jax.blind.figures import draw_figures
@@ -141,7 +141,7 @@ def main(arguments: list[str]) -> None:
 
 
 def judged_of_row(truth: Mapping[str, Any], row: Mapping[str, Any]) -> Judged:
-    """A data set judged again from its row in the table."""
+    """The data set of a row of `cases.parquet`, judged again."""
     verdict = _verdict(row)
     false_names = _names(row["false"])
     judgement = Judgement(
@@ -160,7 +160,7 @@ def judged_of_row(truth: Mapping[str, Any], row: Mapping[str, Any]) -> Judged:
 
 
 def _verdict(row: Mapping[str, Any]) -> Verdict:
-    """The verdict stored in a row of the table."""
+    """The verdict that a row of `cases.parquet` contains."""
     return Verdict(
         verdict=row["verdict"],
         effects=tuple(NamedEffect(name, _kind(name), {}, frozenset(), None) for name in _names(row["named"])),
@@ -176,7 +176,7 @@ def _verdict(row: Mapping[str, Any]) -> Verdict:
 
 
 def _kind(name: str) -> str:
-    """The kind of a claimed effect, as needed for judging."""
+    """Kind of a claimed effect: "artefact", "generic" (a fitted curve) or "traffic"."""
     return "artefact" if name in ARTEFACTS else "generic" if name.endswith("dependence") else "traffic"
 
 
@@ -185,7 +185,7 @@ def _names(joined: str) -> tuple[str, ...]:
 
 
 def _rows(table: pd.DataFrame) -> list[dict]:
-    """The rows of a table; None for missing values."""
+    """The rows of a table, with None for missing values."""
     return table.astype(object).where(table.notna(), None).to_dict("records")
 
 

@@ -58,9 +58,9 @@ class Question:
     Attributes:
         name: Name in tables.
         title: Title in documents.
-        applies: Whether the rate is over a data set.
-        is_hit: Whether a data set that it is over is a hit.
-        goal: The least share that meets the goal; with `at_most` the largest.
+        applies: Whether a data set counts in the rate at all.
+        is_hit: Whether a data set that counts is a hit.
+        goal: The least share that meets the goal [-]; with `at_most` the largest.
         at_most: Whether the share should be small.
         needs: Column of cases.parquet that is necessary to compute the rate from a kept study; empty for none.
     """

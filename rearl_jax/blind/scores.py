@@ -1,4 +1,4 @@
-"""Rates of a blind study with exact binomial intervals and goals."""
+"""Rates of a blind study, with exact binomial intervals and with the goals that were set in advance."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -8,19 +8,19 @@ from scipy.stats import beta
 from rearl_jax.blind.questions import QUESTIONS, Judged, Question
 
 CONFIDENCE = 0.95
-"""Confidence of the intervals of rates [-]."""
+"""Confidence level of the intervals of rates [-]."""
 
 
 @dataclass(frozen=True)
 class Score:
-    """A rate.
+    """A rate: the share of data sets (cases) that count as a hit.
 
     Attributes:
         name: Name in tables.
         title: Title in documents.
         n_hits, n_cases: Number of hits and of cases.
-        low, high: Exact interval (Clopper & Pearson 1934).
-        goal: Goal in words.
+        low, high: Bounds of the exact interval of the rate [-] (Clopper & Pearson 1934).
+        goal: Goal as a text, such as "≥ 95 %".
         is_met: Whether the rate meets the goal.
     """
 
@@ -35,12 +35,12 @@ class Score:
 
     @property
     def rate(self) -> float:
-        """Hits per case."""
+        """Share of the cases that are hits [-]."""
         return self.n_hits / self.n_cases
 
 
 def binomial_interval(n_hits: int, n_cases: int) -> tuple[float, float]:
-    """Exact interval of a rate.
+    """Bounds of the exact interval of a rate [-].
 
     Source: Clopper & Pearson, Biometrika 26 (1934) 404.
     """
@@ -51,13 +51,13 @@ def binomial_interval(n_hits: int, n_cases: int) -> tuple[float, float]:
 
 
 def rate_of(n_hits: int, n_cases: int, names: Sequence[str] = ("rate", "low", "high")) -> dict[str, float | None]:
-    """A rate and the bounds of its exact interval; None without cases."""
+    """A rate and the bounds of its exact interval, under `names`; None if there are no cases."""
     figures = (n_hits / n_cases, *binomial_interval(n_hits, n_cases)) if n_cases else (None, None, None)
     return dict(zip(names, figures, strict=True))
 
 
 def score_all(cases: Sequence[Judged], questions: Sequence[Question] = QUESTIONS) -> list[Score]:
-    """Every rate for which there are data sets."""
+    """Scores of the questions that apply to at least one case, in the order of the questions."""
     scores = []
     for question in questions:
         applicable = [case for case in cases if question.applies(case)]

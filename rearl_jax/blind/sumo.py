@@ -130,7 +130,7 @@ def simulate_sumo(scenario: Scenario, rules: Rules, *, is_moved: bool = False) -
         is_moved: Put the limited section where most vehicles pass, and scale the limit with the desired speeds.
 
     Raises:
-        ModuleNotFoundError, RuntimeError: As `write_sumo_dataset`.
+        ModuleNotFoundError, RuntimeError: As in `write_sumo_dataset`.
     """
     check_sumo()
     streams = np.random.default_rng([scenario.seed, 8]).spawn(3)

@@ -84,7 +84,7 @@ def compute(
         keep: Writes a finished group, so that an interrupted run does not compute it again; None to keep none.
 
     Raises:
-        FileNotFoundError, ValueError: As `task.run`.
+        FileNotFoundError, ValueError: As in `task.run`.
     """
     begin = time.perf_counter()
     drivers = read_drivers(config, identity, bar, generated=generated)

@@ -1,4 +1,4 @@
-"""Recorded traffic replayed around simulated scenes (`scenes.boundary`), and the values of other keys it requires."""
+"""Recorded traffic that is replayed around simulated scenes (`scenes.boundary`), and the keys that must suit it."""
 
 import numpy as np
 
@@ -14,11 +14,11 @@ from rearl_jax.problems import InvalidInputError, Problem, out_of_range
 
 
 def check_boundary(config: EvaluateTask, *, has_given_scenes: bool = False) -> None:
-    """Raises InvalidInputError if the traffic around the scenes cannot be replayed under the other keys.
+    """Raises InvalidInputError if `scenes.boundary` asks for replayed traffic and other keys do not permit it.
 
     Args:
         config: The task.
-        has_given_scenes: Whether the scenes were given, and not cut from the recordings of `config.data`.
+        has_given_scenes: Whether the caller gave the scenes, instead of recordings in `config.data` to cut them from.
     """
     source = config.scenes.boundary
     if source is BoundarySource.free:
@@ -39,13 +39,13 @@ def check_boundary(config: EvaluateTask, *, has_given_scenes: bool = False) -> N
         message = f"must be a policy inside the compiled program {why}"
         raise out_of_range("decision.policy", message, config.decision.policy.name)
     if has_given_scenes:
-        message = "needs recordings, of which the given scenes hold only the picked vehicles"
+        message = "needs whole recordings, because the given scenes contain only some of the recorded vehicles"
         remedy = "give a table of trajectories instead of scenes, or name the recordings with data"
         raise InvalidInputError(Problem("recordings-needed", message, remedy, key="scenes.boundary", value=source.name))
 
 
 def recorded_boundary(config: EvaluateTask, scenes: SceneSet, subset: np.ndarray) -> SceneBoundary | None:
-    """Recorded traffic around some scenes; None for scenes.boundary=free.
+    """Recorded traffic around some scenes; None for `scenes.boundary=free`.
 
     Args:
         config: The task, from whose recordings the scenes were cut.
@@ -53,7 +53,7 @@ def recorded_boundary(config: EvaluateTask, scenes: SceneSet, subset: np.ndarray
         subset: Indices of the scenes.
 
     Raises:
-        InvalidInputError: Keys contradict each other, or the lane of a vehicle is unknown.
+        InvalidInputError: Other keys do not permit replayed traffic, or the lane of a vehicle is unknown.
     """
     check_boundary(config)
     source = config.scenes.boundary

@@ -96,7 +96,7 @@ def open_client(config: EvaluateTask, llm: LlmConfig, read: Read = understand) -
     """A client of `decision.server`, or of the kept answers with `decision.policy=replay`; `read` parses its answers.
 
     Raises:
-        As `language_model`.
+        As in `language_model`.
     """
     server = config.decision.server
     if config.decision.policy is PolicyName.replay:

@@ -44,7 +44,7 @@ def run(config: EvaluateTask, *, show: bool = True) -> dict:
         show: Whether the table is printed.
 
     Raises:
-        FileNotFoundError, ValueError: As `compute`.
+        FileNotFoundError, ValueError: As in `compute`.
     """
     check(config)
     generated = is_generated(config.data)

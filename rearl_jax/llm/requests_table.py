@@ -1,7 +1,7 @@
-"""Table of the requests of a run with one row per question and vote, and the progress of the client.
+"""Table of the requests of a run, with one row per question and vote, and progress of the client.
 
-The table leaves out the texts of the questions, because a study may have a hundred thousand questions of several
-thousand characters each.
+A question may be asked several times; each answer is a vote. The table does not contain the texts of the questions,
+because a study may ask a hundred thousand questions of several thousand characters.
 """
 
 from collections.abc import Mapping, Sequence
@@ -33,14 +33,14 @@ COLUMNS = {
 }
 """Columns of the table and their types in pandas.
 
-- `digest`: hash of the request, as in `Answer`; rows of equal requests have the same.
+- `digest`: hash of the request, as in `Answer`; rows of equal requests have equal hashes.
 - `second`: simulated time of the question [s]; missing if it was not given.
 - `vote`: number of the vote on the question, from 0.
 - `thinking_length`: length of the reasoning that the server returned [characters].
 - `action` and `cause` are read from this reply, before the votes of a question are combined.
-- `was_sent`: true in the first row of a request that was sent to the server; false if it was not sent, because its
-  answer came from the cache for example, or if an earlier row has the same request. Sums of `latency` and of tokens
-  over the rows with `was_sent` therefore count every request once.
+- `was_sent`: true in the first row of a request that was sent to the server. It is false if an earlier row has the same
+  request, or if the request was not sent, for example because its answer was in the cache. Sums of `latency` and of
+  tokens over the rows with `was_sent` therefore count every request once.
 
 The other columns are fields of `Question` and `Reply`.
 """
@@ -48,20 +48,20 @@ The other columns are fields of `Question` and `Reply`.
 
 @dataclass(frozen=True)
 class Counts:
-    """Progress of a client of the language model: totals since its start, except `waiting` and `in_flight`, which
-    count the present requests.
+    """Progress of a client of the language model.
 
-    A request is one vote on a question. Equal requests that are pending at the same time count as one.
+    `waiting` and `in_flight` are present numbers, all others are totals since the client started. A request asks for
+    one vote on a question. Equal requests that are pending at the same time count as one.
 
     Attributes:
         questions: Questions submitted.
         answers: Questions whose result is known, with or without a usable answer.
-        causes: Number of the questions in `answers` by result: `answered`, or the cause why there is no usable answer.
-        kept: Requests whose answer was found in the cache, so that they were not sent.
-        sent: Requests that were sent, not counting repetitions after a failure.
-        tries: Times that any request was sent, with repetitions.
+        causes: Number of the questions in `answers` by their result: `answered`, or why there is no usable answer.
+        kept: Requests that were not sent, because the cache contained their answer.
+        sent: Requests that were sent, each counted once however often it was repeated after a failure.
+        tries: Transmissions of all requests, with the repetitions.
         waiting: Requests that are still to be sent.
-        in_flight: Requests that were sent and have no final reply yet.
+        in_flight: Requests that were sent and still lack a final reply.
     """
 
     questions: int
@@ -75,8 +75,9 @@ class Counts:
 
 
 def request_row(question: Question, reply: Reply, **others: Any) -> tuple[Any, ...]:
-    """Row of one reply to one question, in the order of COLUMNS; `others` are the columns that neither `question` nor
-    `reply` contains.
+    """Row of one reply to one question, in the order of COLUMNS.
+
+    `others` are the values of the columns that neither `question` nor `reply` contains.
     """
     values = vars(question) | vars(reply) | {"thinking_length": len(reply.thinking)} | others
     return tuple(values[name] for name in COLUMNS)

@@ -1,6 +1,6 @@
 """Document of a study of the paper: our figures, the paper's figures, and differences between the two.
 
-A study writes one long table, with one row per row of the study and metric.
+A study writes one long table, with one line per row of the study and metric.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -56,7 +56,7 @@ class Form:
 
 
 def long_table(records: Sequence[Mapping[str, Any]]) -> pd.DataFrame:
-    """One row per row of the study and metric: `row`, `metric`, `ours`, `low`, `high`, `paper`, and further columns.
+    """One line per row of the study and metric: `row`, `metric`, `ours`, `low`, `high`, `paper`, and further columns.
 
     Missing values are null, never NaN.
     """

@@ -1,6 +1,6 @@
 """The task `rearl study fig6`: errors of the methods second by second, in the form of the paper's Fig. 6.
 
-The rows are those of Table 1. Writes `fig6.parquet` (one row per row, second and error), `fig6.png`, `page.html`,
+The rows are those of Table 1. Writes `fig6.parquet` (one line per row, second and error), `fig6.png`, `page.html`,
 `config.json` and, last of all, `summary.json`.
 """
 

@@ -1,8 +1,8 @@
 """The task `rearl study table1`: comparison of the methods with each other and with the paper's Table 1.
 
-Every row is evaluated by `rearl evaluate` in `rows/NAME`, those of `table1.traffic` in `traffic/`. Writes
-`table1.parquet` (one row per row of the table and metric), `table1.png`, `page.html`, `config.json` and, last of all,
-`summary.json`.
+Every row is evaluated as by `rearl evaluate`, in the folder `rows/NAME`; rows of `table1.traffic` are in `traffic/`.
+Writes `table1.parquet` (one line per row of the table and metric), `table1.png`, `page.html`, `config.json` and, last
+of all, `summary.json`.
 """
 
 from functools import partial
@@ -24,16 +24,16 @@ from rearl_jax.study.table1_tables import long_rows, sections, summary_of, verdi
 from rearl_jax.study.traffic.rows import DEFINITION, check_traffic, rows_on_traffic
 
 _CAPTION = (
-    "Every row with its interval. Diamonds are the paper's figures of the same row: H on the scale they likely have, "
-    "all of them from other data. The grey line is the measured traffic: real against real for the errors, the scenes "
-    "themselves for time headway and lane-change rate."
+    "Every row with its interval. Diamonds are the paper's figures of the same row, which come from other data. H is "
+    "on the scale that the paper likely uses. The grey line is the measured traffic: real against real for the errors, "
+    "the scenes themselves for time headway and lane-change rate."
 )
 
 FORM = Form("table1", "Methods, compared with Table 1 of the paper", sections, {"table1": _CAPTION})
 
 
 def run(config: StudyTable1Task) -> dict:
-    """The summary, as in summary.json.
+    """Runs the study; returns the content of summary.json.
 
     Raises:
         FileNotFoundError, ValueError: There are no recordings, a recording is invalid, too few scenes can be cut from
@@ -84,9 +84,9 @@ def remarks_on_rows(
     Args:
         config: The task.
         results: The rows.
-        inputs: Scenes and references behind them.
-        findings: As in `remarks_on`.
-        *further: Differences besides those of the rows.
+        inputs: Scenes, and representative scenes, from which the rows were made.
+        findings: Conclusions from the figures; the first sentence is the verdict.
+        *further: Further differences from the paper, each as `name: text`.
     """
     n_scored, references = len(inputs.held_out(config.eval)), inputs.references
     purpose = f"{config.eval.subset.name} scenes"

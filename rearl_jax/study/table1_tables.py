@@ -75,7 +75,7 @@ def verdict(table: pd.DataFrame) -> str:
 
 
 def long_rows(results: Results) -> pd.DataFrame:
-    """One row per row of the table and metric: `row`, `title`, `metric`, `unit`, `ours`, `low`, `high`, `sd`,
+    """One line per row of the table and metric: `row`, `title`, `metric`, `unit`, `ours`, `low`, `high`, `sd`,
     `less_base` with its ends, `paper`, `paper_row`, `n_scenes`, `n_rollouts`.
 
     Rows of the paper without a corresponding row of ours are added under the name `paper_NAME`.

@@ -1,4 +1,4 @@
-"""Cost of a program that simulates one batch of scenarios per compiled call."""
+"""Cost of a program whose compiled call simulates one batch of scenarios."""
 
 import time
 from collections.abc import Callable, Iterator
@@ -19,10 +19,10 @@ class Subject:
     """A measured program, with functions that prepare its input and read its output.
 
     Attributes:
-        prepare: Function of one random key per scenario to the input of the program; not measured.
-        run: The program. XLA computes only what it returns.
-        frames: Function of the input and the output of the program to the traffic.
-        decisions: Function of the output of the program to the decisions; None if it contains none.
+        prepare: Makes the input of the program from one random key per scenario. Its time is not measured.
+        run: The program. It must return all that is to be measured, because XLA omits what does not affect the output.
+        frames: Takes the traffic from the input and the output of the program.
+        decisions: Takes the decisions from the output of the program; returns None if there are none.
     """
 
     prepare: Callable[[Key[Array, " scenarios"]], Any]
@@ -32,7 +32,10 @@ class Subject:
 
 
 class Batches:
-    """Measures a program batch by batch on one device, from the call with a prepared batch to its end."""
+    """Measurement of a program on one device, batch by batch.
+
+    The time of a batch is from the call with the prepared input to the end of the computation.
+    """
 
     def __init__(self, subject: Subject, *, batch: int, n_vehicles: int, seconds: int) -> None:
         """Compiles the program for batches of `batch` scenarios with `n_vehicles` vehicles over `seconds` seconds."""
@@ -48,11 +51,11 @@ class Batches:
 
     @property
     def facts(self) -> dict[str, float | int]:
-        """Size of a batch, elapsed time of compiling [s], share of the vehicle-seconds with a decision."""
+        """Scenarios per batch, elapsed time of compiling [s], and decisions per vehicle and simulated second."""
         return {"unit": self._batch, "compile_s": self.compile_s, "asked_share": self.asked_share}
 
     def measure(self, n_scenarios: int, seed: int) -> Measurement:
-        """The cost of whole batches drawn from the seed.
+        """Cost of simulating scenarios that are drawn from a seed, in whole batches.
 
         Raises:
             ValueError: The number of scenarios is not a multiple of the batch.
@@ -65,7 +68,7 @@ class Batches:
         return measurement_of(chunks, watch, n_scenarios=n_scenarios, n_vehicles=n_vehicles, seconds=seconds)
 
     def _timed_batches(self, n_scenarios: int, seed: int, watch: Stopwatch) -> Iterator[Frames]:
-        """Frames as NumPy arrays, batch by batch; the stopwatch runs only during the calls."""
+        """Frames of each batch as NumPy arrays. The stopwatch runs only while the program does."""
         for keys in jax.random.split(jax.random.key(seed), (n_scenarios // self._batch, self._batch)):
             inputs = jax.block_until_ready(self._prepare(keys))
             with watch:

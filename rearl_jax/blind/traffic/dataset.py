@@ -1,4 +1,4 @@
-"""A data set as files: canonical tables with measured quantities only."""
+"""Files of a data set: canonical tables, which contain only measured quantities, and the truth about them."""
 
 import hashlib
 from pathlib import Path
@@ -17,16 +17,16 @@ from rearl_jax.data.tables.canonical import write_recording
 from rearl_jax.problems import out_of_range
 
 POSITIONS = ("start", "end")
-"""Parameters of effects that are positions on the road; in the truth from the start of the recorded road."""
+"""Parameters of effects that are positions on the road. The truth states them from the start of the recorded road."""
 
 
 def write_dataset(folder: Path, scenario: Scenario, *, as_highd: bool = False) -> dict[str, Any]:
-    """Writes one canonical table per recording; returns the truth, which is not written.
+    """Simulates a data set and writes one canonical table per recording; returns the truth without writing it.
 
     Args:
         folder: Folder of the tables; created if missing.
         scenario: Scenario of the data set.
-        as_highd: Write highD's three files instead.
+        as_highd: Write three files per recording in the highD format instead.
 
     Raises:
         ValueError: The scenario contains an unknown effect, or cannot be stored in the highD format.
@@ -51,7 +51,10 @@ def write_tables(folder: Path, scenario: Scenario, events: Events, frames: Frame
 
 
 def hidden_truth(scenario: Scenario, events: Events) -> dict[str, Any]:
-    """The truth of a data set: one entry per hidden effect, and statistics of the traffic."""
+    """The truth of a data set: an entry per hidden effect, and the numbers of lane changes and emergency brakings.
+
+    The kind of an effect is "artefact", "listed" (in the library of effects) or "unlisted".
+    """
     effects = iter(events.effects)
     road_start, _ = seen_road(scenario, events)
     planted = []
@@ -72,9 +75,9 @@ def hidden_truth(scenario: Scenario, events: Events) -> dict[str, Any]:
 
 
 def _recording(scenario: Scenario, events: Events, frames: Frames, number: int) -> Recording:
-    """The recording with a number, from 0, as a canonical table."""
+    """Recording number `number`, counted from 0, as a canonical table."""
     members = np.flatnonzero(events.fleet.recording == number)
-    # Random identifiers, so that they do not reveal the order in the platoon.
+    # Identifiers are random, so that they do not reveal the order in the platoon.
     shuffled = np.random.default_rng([scenario.seed, 7, number]).permutation(members)
     n_frames = len(frames.position)
     seen = frames.seen[:, shuffled].T.ravel()

@@ -1,6 +1,6 @@
 """Reader of the shipped NGSIM table: US-101, lane-changing vehicles, SI units.
 
-NGSIM gives the middle of a vehicle's front; the canonical table holds the centre.
+NGSIM gives the position of the middle of a vehicle's front, the canonical table that of its centre.
 
 Source: U.S. Department of Transportation, Next Generation Simulation Vehicle Trajectories and Supporting
 Data, DOI 10.21949/1504477.
@@ -24,21 +24,21 @@ ATTRIBUTION = (
     "U.S. Department of Transportation Federal Highway Administration (2016), Next Generation Simulation "
     "(NGSIM) Vehicle Trajectories and Supporting Data, https://doi.org/10.21949/1504477"
 )
-# With the ramps, NGSIM data descriptions: US-101 has five lanes, the auxiliary lane 6, on-ramp 7 and off-ramp 8; I-80
-# has six lanes and the on-ramp 7. Lane 1 is the leftmost.
+# Source: NGSIM data descriptions. Lane 1 is the leftmost. US-101 has the lanes 1 to 5, the auxiliary lane 6, the
+# on-ramp 7 and the off-ramp 8; I-80 has the lanes 1 to 6 and the on-ramp 7.
 LANES = {"us101": 8, "i80": 7}
-"""Lanes of each highway."""
+"""Number of lanes of each highway, with the ramps."""
 CLASSES = {1: "motorcycle", 2: "car", 3: "truck"}
-"""Vehicle classes by NGSIM's number, I-80 data description."""
+"""Vehicle classes by their number in NGSIM. Source: I-80 data description."""
 US101_LENGTH = 640.0  # m, 2100 ft; NGSIM US-101 data description
-DEBOUNCE = 21  # frames, 2 s
+MEDIAN_WINDOW = 21  # frames, 2 s
 _MAX_LANE = 100  # larger values are not lane numbers
 
 _US101_PERIODS = {0: "us101_0750", 1: "us101_0805", 2: "us101_0820"}
 _US101_COLUMNS = ("period", "vehicle_id", "frame", "x_m", "y_m", "lane_est", "speed_mps", "accel_mps2")
 US101_COLUMNS = (*_US101_COLUMNS, "total_frames", "global_time_ms")
 """Columns by which a file is recognised."""
-# Columns of the file by canonical name, for messages.
+# Columns of the file by canonical name, so that messages name the columns as the file does.
 _US101_SPELLING = {
     "track_id": "vehicle_id",
     "x": "y_m",
@@ -52,7 +52,7 @@ _US101_SPELLING = {
 
 
 def us101_recordings(path: Path) -> dict[str, int]:
-    """Recording id -> period of the shipped table."""
+    """Periods of the shipped table by the id of the recording that is read from them."""
     require_columns(column_names(path), _US101_COLUMNS, path)
     periods = read_columns(path, ("period",))["period"].unique().tolist()
     unknown = [period for period in periods if period not in _US101_PERIODS]
@@ -66,8 +66,8 @@ def us101_recordings(path: Path) -> dict[str, int]:
 def read_us101(path: Path, recording: str, period: int, policy: DataConfig) -> Recording:
     """One period of the SI table of US-101 lane changers.
 
-    Lanes are a running median over 2 s of `lane_est`, which follows from the lateral position and changes too
-    often at lane borders.
+    Lanes are the running median of `lane_est` over 2 s. The source derives `lane_est` from the lateral position, so it
+    changes too often while a vehicle is near a lane marking.
     """
     rows = read_columns(path, _US101_COLUMNS, only=("period", period))
     info = RecordingInfo(
@@ -79,10 +79,10 @@ def read_us101(path: Path, recording: str, period: int, policy: DataConfig) -> R
         licence=LICENCE,
         attribution=ATTRIBUTION,
         notes=(
-            "only vehicles that change lanes, about a tenth of the traffic, from which neither density nor "
-            "lane-change rate of the road",
+            "only vehicles that change lanes, about a tenth of the traffic: neither density nor lane-change rate of "
+            "the road can be derived from them",
             f"length and class are not in the table: {policy.default_length:g} m and car are assumed for all",
-            "lane ranks from the lateral position, running median over 2 s; rank 5 is the auxiliary lane",
+            "lanes derived from the lateral position, running median over 2 s; lane 5, counted from 0, is auxiliary",
             "accelerations are clipped at 3.45 m/s^2 in the source",
         ),
         file=f"{path} (period {period})",
@@ -116,7 +116,7 @@ def read_us101(path: Path, recording: str, period: int, policy: DataConfig) -> R
 
 
 def debounced(lane: np.ndarray, track: np.ndarray) -> np.ndarray:
-    """Running median of the lane over 2 s within each track, mirrored at its ends."""
+    """Running median of the lane over 2 s within each track; at its ends the track is mirrored."""
     borders = np.flatnonzero(track[1:] != track[:-1]) + 1
     parts = np.split(lane.astype(np.int64), borders)
-    return np.concatenate([median_filter(part, size=DEBOUNCE, mode="reflect") for part in parts])
+    return np.concatenate([median_filter(part, size=MEDIAN_WINDOW, mode="reflect") for part in parts])

@@ -156,7 +156,7 @@ def rebuilt(
         losses: Rows that are already left out.
 
     Raises:
-        BadRecordingError: As `read_platoon`.
+        BadRecordingError: As in `read_platoon`.
     """
     losses = Losses() if losses is None else losses
     columns = info.columns

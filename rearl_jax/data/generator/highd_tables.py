@@ -1,11 +1,13 @@
-"""Observed tracks as the three tables of highD, in its columns, conventions and image frame.
+"""Observed tracks as the three tables of highD, with its columns, conventions and image coordinates.
 
 Measured values are floats rounded to two decimals, as highD writes them; counts and identifiers are integers.
 
-Source: columns and conventions of the highD format (Krajewski et al. 2018, www.highd-dataset.com): x and y
-are the upper left corner of the bounding box, width its extent along x, ids 0 = no vehicle, dhw = thw = ttc = 0
-without a preceding vehicle, -1 for their minima; dhw is the distance of the two corners x, ttc = dhw / (v -
-v_preceding) and so negative while the gap opens.
+Source: highD format (Krajewski et al. 2018, www.highd-dataset.com). Its conventions:
+
+- x and y are the upper left corner of the bounding box, width is the extent of the box along x.
+- The id 0 means that there is no vehicle.
+- dhw is the difference of x of the two vehicles, ttc = dhw / (v - v_preceding). While the gap opens, ttc is negative.
+- Without a preceding vehicle, dhw, thw and ttc are 0. The minima of a track without any preceding vehicle are -1.
 """
 
 from typing import NamedTuple
@@ -17,8 +19,11 @@ from rearl_jax.data.generator.plan import RecordingPlan
 from rearl_jax.data.generator.road import LOWER, UPPER
 from rearl_jax.data.generator.traffic import FRAME
 
-FRAME_STRIDE, LANE_STRIDE = 2.0e4, 1.0e3  # sort key = frame, lane, position [m]; at most 19 lanes of 1,000 m
+# Rows are sorted by one number: FRAME_STRIDE * frame + LANE_STRIDE * lane + position [m]. It is unambiguous for up to
+# 19 lanes and positions below 1,000 m.
+FRAME_STRIDE, LANE_STRIDE = 2.0e4, 1.0e3
 NO_VALUE = -1.0
+"""What highD writes if a value does not exist."""
 
 
 Table = dict[str, np.ndarray]
@@ -35,16 +40,16 @@ class Sizes(NamedTuple):
 def highd_tables(
     plan: RecordingPlan, tracks: Tracks, vehicles: Sizes, direction: np.ndarray, camera_length: float
 ) -> tuple[Table, Table, Table]:
-    """tracks, tracksMeta and recordingMeta of one recording.
+    """The tables tracks, tracksMeta and recordingMeta of one recording.
 
     Args:
         plan: The recording.
         tracks: Observed tracks.
         vehicles: All vehicles of the recording.
-        direction: Their carriageways.
-        camera_length: Length of the view [m].
+        direction: Carriageway of every vehicle, LOWER or UPPER.
+        camera_length: Length of road that the camera sees [m].
     """
-    # highD numbers vehicles by their first frame; those of the same first frame by position.
+    # highD numbers vehicles by their first frame, and those with the same first frame by position.
     begin = np.flatnonzero(np.diff(tracks.vehicle, prepend=-1))
     n_rows = np.diff(np.append(begin, len(tracks.vehicle)))
     rank = np.lexsort((tracks.position[begin], tracks.frame[begin]))
@@ -107,7 +112,10 @@ def _tracks_table(
 def _neighbour_rows(
     tracks: Tracks, lane_id: np.ndarray, direction: np.ndarray, length: np.ndarray
 ) -> dict[str, np.ndarray]:
-    """Row of every neighbour at the same frame, -1 = none; alongside = the boxes overlap along the road."""
+    """Row of every neighbour in the same frame; -1 if there is none.
+
+    A neighbour is alongside if its bounding box overlaps the own one along the road.
+    """
     group = tracks.frame * FRAME_STRIDE + lane_id * LANE_STRIDE
     order = np.argsort(group + tracks.position, kind="stable")
     keys = (group + tracks.position)[order]
@@ -116,7 +124,7 @@ def _neighbour_rows(
     place[order] = np.arange(len(order))
 
     def row_at(index: np.ndarray, wanted: np.ndarray) -> np.ndarray:
-        """Row at each place of the order; -1 where it is not of the wanted frame and lane."""
+        """Rows at these places in the sorted order; -1 where the row is of another frame or lane than wanted."""
         inside = np.clip(index, 0, len(order) - 1)
         return np.where((inside == index) & (groups[inside] == wanted), order[inside], -1)
 
@@ -146,7 +154,7 @@ def _tracks_meta(rows: Table, vehicles: Sizes, direction: np.ndarray, vehicle: n
     of_track = vehicle[begin]
 
     def smallest(name: str) -> np.ndarray:
-        """Smallest positive value of each track, -1 if there is none."""
+        """Smallest positive value of each track; NO_VALUE if there is none."""
         values = rows[name]
         lowest = np.minimum.reduceat(np.where(values > 0.0, values, np.inf), begin)
         return np.where(np.isfinite(lowest), lowest, NO_VALUE)
@@ -199,7 +207,7 @@ def _recording_meta(plan: RecordingPlan, meta: Table) -> Table:
 
 
 def _rounded(values: np.ndarray) -> np.ndarray:
-    """Rounded to two decimals, the resolution of the file."""
+    """The values, rounded to two decimals, the resolution of the file."""
     return np.rint(100.0 * values) / 100.0
 
 

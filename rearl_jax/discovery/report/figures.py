@@ -1,4 +1,4 @@
-"""Figures of the evidence, errors, innovations, drivers' parameters, and an example drive.
+"""Figures of the evidence for effects, errors, innovations, drivers' parameters, and an example drive.
 
 `before` is the calibrated model, `after` the final model with the effects found. Errors are those of the report
 drivers, who are used neither in the fit nor in the choice of effects.
@@ -23,27 +23,28 @@ from rearl_jax.drawing import BLUE, DARK_GREY, FONT_SIZE, GREY, LIGHT_GREY, VERM
 
 COLOURS = {"before": VERMILION, "after": BLUE}
 
-BARS = 14
-"""Largest number of candidates that is drawn."""
+MAX_CANDIDATES = 14
+"""Number of candidates that are drawn at most."""
 
-FARTHEST_SIGMA = 5.0
-"""Range of drawn innovations in standard deviations."""
+LARGEST_INNOVATION = 5.0
+"""Largest absolute innovation that is drawn, in standard deviations [-]."""
 
 
 def draw_evidence(rows: Sequence[Mapping[str, Any]], null: Null, *, generated: bool) -> bytes:
-    """PNG of the candidates' evidence with the band of the null distribution, and of their gains.
+    """PNG of the evidence for each candidate, of its gains, and of the range of evidence that occurs by chance.
 
     Args:
         rows: Entries `candidates` of the verdict.
-        null: Null distribution: evidence if no effect is missing; candidates that it does not contain have no band.
+        null: Distribution of the evidence if no effect is missing. For candidates that it does not contain, no range is
+            drawn.
         generated: Whether the data were generated, not measured.
     """
-    shown, threshold = rows[:BARS], null.threshold(THRESHOLDS.candidate_z_score)
+    shown, threshold = rows[:MAX_CANDIDATES], null.threshold(THRESHOLDS.candidate_z_score)
     terms = [Term(row["name"], row["variables"][0] if row["kind"] == "generic" else None) for row in shown]
     bands = {place: (null.mean[term], threshold[term]) for place, term in enumerate(terms) if term in threshold}
     figure, (axes,) = panels(7.2, 1.2 + 0.26 * max(len(shown), 3), generated=generated)
     for name, label, colour, marker, size, fill in (
-        ("evidence", "evidence of the screen", DARK_GREY, "o", 5, DARK_GREY),
+        ("evidence", "evidence in the screening", DARK_GREY, "o", 5, DARK_GREY),
         ("gain", "gain when fitted", VERMILION, "s", 4.5, "none"),
         ("check", "gain on other drivers", BLUE, "D", 4.5, "none"),
     ):
@@ -65,7 +66,10 @@ def draw_evidence(rows: Sequence[Mapping[str, Any]], null: Null, *, generated: b
 
 
 def draw_errors(errors: Mapping[str, ModelErrors], *, generated: bool) -> bytes:
-    """PNG of the closed-loop gap error of every report driver before and after, with its noise floor."""
+    """PNG of the closed-loop gap error of every report driver before and after.
+
+    The noise floor is drawn, too: the error that the driver's own noise alone causes.
+    """
     before = errors["before"].by_driver["gap_rmse"]
     last = "after" if "after" in errors else "before"
     floor, order = errors[last].floor, np.argsort(before)
@@ -89,19 +93,19 @@ def draw_errors(errors: Mapping[str, ModelErrors], *, generated: bool) -> bytes:
 
 
 def draw_innovations(residuals: Mapping[str, Residuals], *, generated: bool) -> bytes:
-    """PNG of autocorrelation and distribution of the innovations (prediction errors of the observer)."""
+    """PNG of the innovations (prediction errors of the observer): their autocorrelation and distribution."""
     figure, (lags, distribution) = panels(7.2, 3.0, columns=2, generated=generated)
     for model, of_model in residuals.items():
         data = of_model.state.data
         lags.plot(*of_model.autocorrelation(), color=COLOURS[model], linewidth=1.4, label=model)
         used = of_model.innovation[data.weight > 0]
-        edges = np.linspace(-FARTHEST_SIGMA, FARTHEST_SIGMA, 41)
+        edges = np.linspace(-LARGEST_INNOVATION, LARGEST_INNOVATION, 41)
         density = np.histogram(used / used.std(), edges, density=True)[0]
         distribution.stairs(np.maximum(density, 1e-6), edges, color=COLOURS[model], linewidth=1.4, label=model)
         if model == "before":
             limit = 1.96 / np.sqrt(max(data.weight.sum(), 1.0))
             lags.axhspan(-limit, limit, color=LIGHT_GREY, zorder=0, label="white noise, 95 %")
-    middle = np.linspace(-FARTHEST_SIGMA, FARTHEST_SIGMA, 101)
+    middle = np.linspace(-LARGEST_INNOVATION, LARGEST_INNOVATION, 101)
     distribution.plot(middle, norm.pdf(middle), "--", color=DARK_GREY, linewidth=1.0, label="normal")
     distribution.set(xlabel="innovation / its standard deviation [-]", ylabel="density [-]")
     distribution.set(yscale="log", ylim=(1e-5, 1))
@@ -162,25 +166,28 @@ def draw_example(residuals: Mapping[str, Residuals], errors: Mapping[str, ModelE
     above.set_ylim(bottom=0)
     above.legend(frameon=False, fontsize=FONT_SIZE, ncols=3)
     below.set(xlabel="time [s]", ylabel="acceleration residual [m/s²]")
-    set_title(above, f"report driver {data.driver[piece]}, that with the median change of the error")
+    set_title(above, f"report driver {data.driver[piece]}, the one with the median change of the error")
     return png(figure)
 
 
 def stretches(
     counts: Bool[np.ndarray, " steps"], stride: int
 ) -> tuple[Int[np.ndarray, " counted"], Bool[np.ndarray, " counted"]]:
-    """Time steps of a piece (part of a track) that count, and whether the interval before each was excluded.
+    """Indices of the time steps of a piece (part of a track) that count, and whether a gap precedes each of them.
 
     Args:
         counts: Whether each time step counts.
-        stride: Time steps from one independent measurement to the next.
+        stride: Time steps from one independent measurement to the next. A greater distance is a gap.
     """
     rows = np.flatnonzero(counts)
     return rows, np.diff(rows, prepend=rows[:1]) > stride
 
 
 def example_piece(residuals: Residuals, errors: Mapping[str, ModelErrors]) -> int:
-    """The longest piece of the driver with the median change of the error (median error if nothing was added)."""
+    """Index of the longest piece of an example driver.
+
+    It is the driver with the median change of the error or, if no effect was added, with the median error.
+    """
     before = errors["before"].by_driver["gap_rmse"]
     change = before - errors["after"].by_driver["gap_rmse"] if "after" in errors else before
     driver = int(np.argsort(change)[len(change) // 2])

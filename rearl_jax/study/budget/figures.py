@@ -64,7 +64,7 @@ def errors_of(table: pd.DataFrame, column: Column) -> dict[str, np.ndarray]:
     """Error of every row of the table (rows of the budget and reference rows), scene by scene; less is better.
 
     Args:
-        table: One row per row and scene: `row`, `scene_id`, every metric.
+        table: One line per row and scene: `row`, `scene_id`, every metric.
         column: The error.
     """
     figures = scene_figures(table, column.source)

@@ -68,7 +68,7 @@ def _records(name: str, budget: ColumnBudget, eval: EvaluationConfig) -> list[di
 
 
 def step_table(rows: pd.DataFrame, components: Sequence[str], eval: EvaluationConfig) -> pd.DataFrame:
-    """One row per row of the stated order (or reference row) and figure, with STEP_COLUMNS: every metric,
+    """One line per row of the stated order (or reference row) and figure, with STEP_COLUMNS: every metric,
     `position_error` [m], `overlap_share` [-], and the errors `thw_error` [s] and `lcr_error`.
 
     Args:

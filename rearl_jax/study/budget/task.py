@@ -2,9 +2,9 @@
 
 Components are added to Base one at a time, in a stated order and in every other possible order, up to the row with all
 of them, whose errors are compared with real against real, other recorded scenes in place of simulated ones. Writes
-`errors/part-*.parquet` (a row per row of the budget and scene), `steps.parquet` (a row per row of the stated order and
-figure), `budget.parquet` (a row per error and component), `waterfall.png`, `page.html`, `config.json` and, last of all,
-`summary.json`; `model.yaml` and `model.txt` if drivers are calibrated here. An interrupted study continues.
+`errors/part-*.parquet` (a line per row of the budget and scene), `steps.parquet` (a line per row of the stated order
+and figure), `budget.parquet` (a row per error and component), `waterfall.png`, `page.html`, `config.json` and, last of
+all, `summary.json`; `model.yaml` and `model.txt` if drivers are calibrated here. An interrupted study continues.
 """
 
 import logging

@@ -94,7 +94,7 @@ def run(config: StudyRealTask) -> dict:
     """The summary, as in summary.json.
 
     Raises:
-        FileNotFoundError, ValueError: As `rearl_jax.discovery.task.run`, of each set.
+        FileNotFoundError, ValueError: As in `rearl_jax.discovery.task.run`, of each set.
     """
     set_tasks = set_tasks_of(config)
     identity = f"real-{hashlib.sha256(' '.join(set_task.id for set_task in set_tasks).encode()).hexdigest()[:12]}"

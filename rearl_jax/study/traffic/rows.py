@@ -130,7 +130,7 @@ def rows_on_traffic(config: StudyTable1Task, study: Study, bar: Progress) -> Tra
 
 
 def _scene_by_scene(config: StudyTable1Task, setting: Setting, study: Study, bar: Progress) -> pd.DataFrame:
-    """One row per row of the table and scene: `row`, `scene_id`, every metric, `position_error` [m], `interventions`
+    """One line per row of the table and scene: `row`, `scene_id`, every metric, `position_error` [m], `interventions`
     and `changes`, both per vehicle and minute.
     """
 
