@@ -85,7 +85,7 @@ def read_model(path: str | Path) -> RepairedModel:
     """
     path = Path(path)
     try:
-        content = yaml.load(path.read_text(encoding="utf-8"), _Loader)
+        content = _Loader(path.read_text(encoding="utf-8")).get_single_data()
     except FileNotFoundError:
         message = "must name a file that is there; `rearl discover` writes model.yaml"
         raise MissingInputError(Problem("file-missing", message, key="model", value=str(path))) from None
