@@ -39,7 +39,7 @@ def not_finite(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -> 
 
     Lengths come first, because a reader may have computed positions of centres from them.
     """
-    for name in ("length", *table.columns):
+    for name in sorted(table.columns, key=lambda name: name != "length"):
         column = table[name]
         if not pd.api.types.is_float_dtype(column.dtype):
             continue
