@@ -25,6 +25,11 @@ QUICKLY_COMPILED = {"xla_backend_optimization_level": 0, "xla_cpu_use_fusion_emi
 in a quarter of the time and takes five times as long to run.
 """
 
+SOON_COMPILED = {"xla_backend_optimization_level": 1, "xla_cpu_use_fusion_emitters": False}
+"""Compiler options for a program whose loops are kernels: measured on those of `discovery`, it is compiled in half of
+the time and runs as fast, with the same results. Large traffic would be simulated at half the speed.
+"""
+
 NO_OPTIONS: Mapping[str, Any] = MappingProxyType({})
 """No options of the compiler."""
 

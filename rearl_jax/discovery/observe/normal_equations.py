@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 from jaxtyping import Array, Float
 
-from rearl_jax.core.batch import NO_OPTIONS, QUICKLY_COMPILED, ScenarioMap, padded_scenarios
+from rearl_jax.core.batch import NO_OPTIONS, QUICKLY_COMPILED, SOON_COMPILED, ScenarioMap, padded_scenarios
 from rearl_jax.core.effects.effect import Effect
 from rearl_jax.discovery.observe.candidates import CANDIDATE_EFFECTS, LENS, Knots, Layout, Term, effects_at, lens_at
 from rearl_jax.discovery.observe.observer import Pieces, innovations
@@ -141,7 +141,7 @@ class Programs:
         key: tuple,
         run: Callable[[dict], object],
         batch: int,
-        options: Mapping[str, Any] = NO_OPTIONS,
+        options: Mapping[str, Any] = SOON_COMPILED,
         *,
         loops_as_kernels: bool = True,
     ) -> Program:
