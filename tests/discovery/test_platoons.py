@@ -13,14 +13,7 @@ pytestmark = pytest.mark.slow  # a minute of compiling each
 @pytest.mark.filterwarnings("default")
 @pytest.mark.parametrize(
     ("what", "seed", "driver_noise", "position_noise", "expected"),
-    [
-        ("nothing", 21, 0.15, 0.1, ("nothing", [])),
-        ("nothing", 21, 0.0, 0.0, ("nothing", [])),
-        pytest.param(
-            *("speed_limit", 23, 0.15, 0.1, ("named", ["speed_limit"])),
-            marks=pytest.mark.xfail(strict=True, reason="named grade and a dependence, see docs/discovery/limits.md"),
-        ),
-    ],
+    [("nothing", 21, 0.15, 0.1, ("nothing", [])), ("nothing", 21, 0.0, 0.0, ("nothing", []))],
 )
 def test_platoons_of_highway_env(tmp_path, what, seed, driver_noise, position_noise, expected):
     from rearl_jax.discovery.task import run
