@@ -1,6 +1,5 @@
 """Many scenarios on all cores: chunks that fit the cache, one host device per core, one compiled program."""
 
-import itertools
 import math
 import operator
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -146,20 +145,18 @@ class ScenarioMap(Generic[Arguments, Result]):
 
     def place(self, arguments: Sequence[np.ndarray]) -> list[Placed]:
         """Arrays with one entry per scenario, copied to the devices for several calls."""
-        parts: list[np.ndarray] = []
+        cut = []
         for argument in arguments:
             n_scenarios = argument.shape[-1]
             width = self.width(n_scenarios)
             # Copied, because a device may use the memory of the host array itself, which could then not be released.
-            parts += (np.array(_cut(argument, start, width, n_scenarios)) for start in range(0, n_scenarios, width))
-        shardings = [NamedSharding(self._mesh, _last_axis(part, divided=True)) for part in parts]
-        on_devices = iter(jax.device_put(parts, shardings))  # in one call, which takes as long as few arrays
-        placed = []
-        for argument in arguments:
-            width = self.width(argument.shape[-1])
-            chunks = tuple(itertools.islice(on_devices, math.ceil(argument.shape[-1] / width)))
-            placed.append(Placed(chunks, argument.shape, width, sum(chunk.nbytes for chunk in chunks)))
-        return placed
+            cut.append([np.array(_cut(argument, k, width, n_scenarios)) for k in range(0, n_scenarios, width)])
+        shardings = jax.tree.map(lambda part: NamedSharding(self._mesh, _last_axis(part, divided=True)), cut)
+        placed = jax.device_put(cut, shardings)  # one call, because every call takes as long as several arrays
+        return [
+            Placed(tuple(chunks), argument.shape, chunks[0].shape[-1], sum(chunk.nbytes for chunk in chunks))
+            for argument, chunks in zip(arguments, placed, strict=True)
+        ]
 
     def chunks(self, arguments: Arguments) -> Iterator[Result]:
         """Results chunk by chunk, in order, as NumPy arrays; the next chunk is computed meanwhile.

@@ -3,7 +3,6 @@
 import hashlib
 import json
 import multiprocessing
-import os
 from collections.abc import Callable, Iterator
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
@@ -19,6 +18,7 @@ from rearl_jax.data.generator.fleet import draw_drivers
 from rearl_jax.data.generator.highd_tables import Sizes, highd_tables
 from rearl_jax.data.generator.plan import WARM_UP, plan_recording
 from rearl_jax.data.generator.traffic import FRAME, Traffic
+from rearl_jax.machine import available_cores
 from rearl_jax.problems import InvalidInputError, Problem
 from rearl_jax.whole_files import remove_leftovers, replacing
 
@@ -80,7 +80,7 @@ def generate_recording(config: GeneratorConfig, root: Path, number: int) -> dict
 
 def _written(config: GeneratorConfig, root: Path, numbers: list[int]) -> Iterator[tuple[int, dict[str, int]]]:
     """Number and file sizes of every recording as it is finished."""
-    workers = min(config.workers or _n_cores(), len(numbers))
+    workers = min(config.workers or available_cores(), len(numbers))
     if workers <= 1:
         for number in numbers:
             yield number, generate_recording(config, root, number)
@@ -92,13 +92,6 @@ def _written(config: GeneratorConfig, root: Path, numbers: list[int]) -> Iterato
             yield jobs[job], job.result()
     finally:
         pool.shutdown(cancel_futures=True)
-
-
-def _n_cores() -> int:
-    """Processor cores this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return len(os.sched_getaffinity(0))
-    return os.cpu_count() or 1
 
 
 def _opened_truth(config: GeneratorConfig, root: Path) -> dict:
