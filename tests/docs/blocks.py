@@ -29,8 +29,8 @@ class Block:
         page: Its file.
         line: Number of its first line.
         language: As after the fence.
-        title: What readers see above it: the file that it is; else what it needs that is not here; empty where it can
-            be followed anywhere.
+        title: What readers see above it: the file that it is; else what it needs that is not here, or how long it
+            takes; empty where it can be followed anywhere.
         text: Its lines.
     """
 
