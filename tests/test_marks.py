@@ -55,6 +55,7 @@ def expression(call, addopts):
     words.add_argument("-n")
     words.add_argument("--dist")
     words.add_argument("--durations")
+    words.add_argument("--jaxtyping-packages")
     asked, others = words.parse_known_args(["-m", words.parse_known_args(addopts)[0].m, *call])
     assert others == [], f"pytest {shlex.join(call)}: only marks choose among the tests"
     return asked.m
