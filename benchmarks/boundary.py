@@ -22,6 +22,7 @@ from rearl_jax.core.model import TrafficModel
 from rearl_jax.core.rollout import Frames, rollout
 from rearl_jax.core.spawn import spawn
 from rearl_jax.core.state import TrafficState
+from rearl_jax.machine import load_average
 from rearl_jax.results import Study
 from rearl_jax.timing.measurement import spread_of
 
@@ -52,7 +53,7 @@ def run(config: BoundaryBenchmark) -> dict:
     study = Study(config.results.root, config.study, config, "bench boundary")
     if (stored := study.begin(resume=config.results.resume)) is not None:
         return stored
-    load, machine = runtime.load_average(), runtime.describe_machine()
+    load, machine = load_average(), runtime.describe_machine()
     n_replayed = {FREE: 0, "leaders": options.leaders, "measured": options.measured}
     cpu_s = measure({name: program(options, n) for name, n in n_replayed.items()}, options.repetitions)
     table = pd.DataFrame(

@@ -15,6 +15,7 @@ from benchmarks.options import CoreBenchmark, CoreOptions
 from benchmarks.programs import GPU, OURS, TITLES, Absent, Session, open_programs, start_ours
 from benchmarks.terminal import print_table
 from rearl_jax import runtime
+from rearl_jax.machine import load_average
 from rearl_jax.problems import InvalidInputError, Problem, out_of_range
 from rearl_jax.results import Study
 from rearl_jax.runtime import machine_line
@@ -58,7 +59,7 @@ def run(config: CoreBenchmark) -> dict:
 
 def measure(bench: CoreOptions) -> CoreResults:
     """All measurements."""
-    load = runtime.load_average()
+    load = load_average()
     threads = numbers_of_threads(bench)
     series: list[Series] = []
     agreements: list[Agreement] = []

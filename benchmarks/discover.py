@@ -26,6 +26,7 @@ from rearl_jax import runtime
 from rearl_jax.blind.traffic.dataset import write_dataset
 from rearl_jax.blind.traffic.scenario import Planted, Scenario
 from rearl_jax.cli.command_line import main as rearl
+from rearl_jax.machine import load_average
 from rearl_jax.progress import progress_bar, shown
 from rearl_jax.results import Study, part_name
 from rearl_jax.timing.measurement import peak_memory_bytes
@@ -61,7 +62,7 @@ def run(config: DiscoverBenchmark) -> dict:
     study = Study(config.results.root, config.study, config, "bench discover")
     if (stored := study.begin(resume=config.results.resume)) is not None:
         return stored
-    load, kept = runtime.load_average(), study.finished_parts(TABLE)
+    load, kept = load_average(), study.finished_parts(TABLE)
     with progress_bar() as bar:
         show = shown(bar, "discovery")
         for number, (drivers, seconds) in enumerate(sizes):

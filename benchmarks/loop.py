@@ -18,6 +18,7 @@ from benchmarks.loop_results import GOAL, Cell, LoopResults, effect_of
 from benchmarks.options import LoopBenchmark, LoopOptions
 from benchmarks.terminal import print_table
 from rearl_jax import runtime
+from rearl_jax.machine import load_average
 from rearl_jax.results import Study
 from rearl_jax.timing.decision_steps import BASE, PAPER_MS, count_reports, measure_steps, program_arguments
 from rearl_jax.timing.measurement import Simulator
@@ -33,7 +34,7 @@ def run(config: LoopBenchmark) -> dict:
     study = Study(config.results.root, config.study, config, "bench loop")
     if (stored := study.begin(resume=config.results.resume)) is not None:
         return stored
-    load = runtime.load_average()
+    load = load_average()
     with reporting(count_steps(loop)) as report:
         cells = [measure_rollouts(loop, n, batch, report) for n in loop.vehicles for batch in loop.batches]
         steps = [Cell(loop.steps_vehicles, n, measure_steps(loop, n, report)) for n in loop.steps_batches]

@@ -21,6 +21,7 @@ from benchmarks.terminal import print_table
 from rearl_jax import runtime
 from rearl_jax.config.data import DataConfig, DataFormat
 from rearl_jax.data.recordings import iterate_recordings
+from rearl_jax.machine import load_average
 from rearl_jax.problems import out_of_range
 from rearl_jax.progress import progress_bar, shown
 from rearl_jax.results import Study
@@ -55,7 +56,7 @@ def run(config: ReadersBenchmark) -> dict:
     study = Study(config.results.root, config.study, config, "bench readers")
     if (stored := study.begin(resume=config.results.resume)) is not None:
         return stored
-    load, rows = runtime.load_average(), []
+    load, rows = load_average(), []
     with progress_bar() as bar:
         show = shown(bar, "readers")
         for number, name in enumerate(names):

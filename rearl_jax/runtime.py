@@ -19,7 +19,6 @@ import jax
 
 from rearl_jax.config.core import Precision
 from rearl_jax.machine import PLATFORM_VARIABLES, available_cores, total_memory
-from rearl_jax.machine import load_average as load_average
 from rearl_jax.problems import InvalidInputError, Problem
 
 

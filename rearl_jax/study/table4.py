@@ -15,6 +15,7 @@ import pandas as pd
 from rearl_jax import runtime
 from rearl_jax.config import StudyTable4Task
 from rearl_jax.evaluation.remarks import Remarks
+from rearl_jax.machine import load_average
 from rearl_jax.problems import InvalidInputError, Problem
 from rearl_jax.progress import progress_bar, shown
 from rearl_jax.results import Study, read_metadata
@@ -106,7 +107,7 @@ def _timings(config: StudyTable4Task) -> tuple[pd.DataFrame, dict[str, Any]]:
     path = part.path / f"{STEPS}.parquet"
     if not part.owns(STEPS):
         machine = runtime.machine_line(runtime.describe_machine(), None)
-        measured_on = {"machine": machine, "load_average": runtime.load_average()}
+        measured_on = {"machine": machine, "load_average": load_average()}
         with reporting(count_reports(config.loop)) as report:
             rows = [
                 {"program": program, "batch": batch, "repetition": number, **asdict(run)}

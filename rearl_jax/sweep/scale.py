@@ -27,6 +27,7 @@ from rearl_jax.evaluation.rollouts import Rollouts
 from rearl_jax.evaluation.rows import Row
 from rearl_jax.evaluation.scores import Scores
 from rearl_jax.evaluation.traffic import inputs_id, require_one_variant
+from rearl_jax.machine import load_average
 from rearl_jax.problems import out_of_range
 from rearl_jax.progress import progress_bar, shown
 from rearl_jax.results import Study
@@ -71,7 +72,7 @@ def run(config: SweepScaleTask) -> dict:
 
 def _measured(config: SweepScaleTask, study: Study, bar: Progress, *, generated: bool) -> ScaleResults:
     """Results of the measured batch sizes and of the stream, after both are written."""
-    load_average = runtime.load_average()
+    load = load_average()
     inputs = read_inputs(config, study, bar, with_references=config.method.needs_references)
     scenes, subset = inputs.scenes, inputs.held_out(config.eval)
     thresholds = thresholds_of(config, inputs, bar)
@@ -93,9 +94,7 @@ def _measured(config: SweepScaleTask, study: Study, bar: Progress, *, generated:
     stream = StreamLog(study, sum(part.stop - part.start for part in parts_on_disk), with_machine)
     progress = shown_with_rate(bar, "rollouts", parts_on_disk)
     write_runs(study, rollouts, scenes, table_of, metadata, progress, stream.add)
-    return ScaleResults(
-        config, len(subset), scenes.seconds, thresholds, costs, stream, machine, load_average, generated
-    )
+    return ScaleResults(config, len(subset), scenes.seconds, thresholds, costs, stream, machine, load, generated)
 
 
 def list_rollouts(

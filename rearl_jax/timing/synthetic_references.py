@@ -6,6 +6,7 @@ They determine the amount of work, but are not realistic: traffic compared with 
 import jax.numpy as jnp
 import numpy as np
 
+from rearl_jax.data.scenes.scene_set import SPEED_RANGE
 from rearl_jax.data.scenes.scene_windows import actions
 from rearl_jax.detection.references import References
 
@@ -17,9 +18,6 @@ SPACINGS = (30.0, 160.0)
 
 LANE_CHANGE_SHARE = 0.01
 """Share of the vehicles that change lanes in a second [-], of the order of magnitude of measured shares."""
-
-SPEED_RANGE = (5.0, 32.0)
-"""Range of the rescaled speeds [m/s]. Source: REARL (Bi et al.)."""
 
 N_LANES = 4
 """Number of lanes of the references."""
