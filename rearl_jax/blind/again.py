@@ -18,7 +18,7 @@ from typing import Any
 import pandas as pd
 
 from rearl_jax.blind.document import TABLES, document_of
-from rearl_jax.blind.judging import Judgement, counted, is_alone, shown_of
+from rearl_jax.blind.judging import Judgement, is_alone, shown_of
 from rearl_jax.blind.questions import QUESTIONS, Judged
 from rearl_jax.blind.results import BlindResults
 from rearl_jax.blind.scores import Score, score_all
@@ -146,7 +146,7 @@ def judged_of_row(truth: Mapping[str, Any], row: Mapping[str, Any]) -> Judged:
     false_names = _names(row["false"])
     judgement = Judgement(
         outcome=row["outcome"],
-        shown=shown_of(counted(truth, verdict), row["n_recognised"], row["is_flagged"]),
+        shown=shown_of(verdict, row["n_recognised"], row["is_flagged"]),
         n_hidden=row["n_hidden"],
         n_recognised=row["n_recognised"],
         in_set=row["in_set"],

@@ -1,11 +1,10 @@
 """Comparison of a verdict with the truth, the effects (items) hidden in a data set: recognised effects, false names."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 from rearl_jax.blind.verdicts import FAILED, NOTHING, UNEXPLAINED, Interval, NamedEffect, Verdict
-from rearl_jax.discovery.lane_changes.candidates import CANDIDATES
 
 SAME_THING = {"speed_scale": {"position_scale"}, "position_scale": {"speed_scale"}}
 """Equivalent artefacts: speeds too large or positions too small by the same factor."""
@@ -18,9 +17,6 @@ DEPENDS_ON = {
     "lane_desired_speed": {"lane"},
 }
 """Variables of library effects; a hidden effect without a name counts as recognised by its variable."""
-
-ON_LANE_CHOICE = frozenset(candidate.name for candidate in CANDIDATES)
-"""Names of effects on lane choice."""
 
 OUTCOMES = ("right", "more", "part", "ambiguous", "unexplained", "nothing", "wrong", "failed")
 """Outcomes: all hidden effects named; all named and a false name; one of two named; not named but among the
@@ -75,8 +71,8 @@ class Recovery:
 
 
 def judge(truth: Mapping[str, Any], verdict: Verdict) -> Judgement:
-    """The judgement on one data set, by its entry in the sealed file; only claims of `counted` are judged."""
-    hidden, verdict = truth["planted"], counted(truth, verdict)
+    """The judgement on one data set, by its entry in the sealed file."""
+    hidden = truth["planted"]
     recognised = [any(is_it(item, effect) for effect in verdict.effects) for item in hidden]
     in_set = [
         is_named or bool(names_of(item) & verdict.alternatives)
@@ -98,18 +94,6 @@ def judge(truth: Mapping[str, Any], verdict: Verdict) -> Judgement:
             (effect.confidence, effect not in false) for effect in verdict.effects if effect.confidence is not None
         ),
     )
-
-
-def counted(truth: Mapping[str, Any], verdict: Verdict) -> Verdict:
-    """The verdict with the claims that count.
-
-    If lane changes are forced, claims on lane choice do not count: forced changes need long enough gaps, so they depend
-    on them, but no effect on lane choice was hidden.
-    """
-    scenario = truth.get("scenario", {})
-    if scenario.get("lane_changes", 0) > 0 and not scenario.get("free_changes", False):
-        return replace(verdict, effects=tuple(each for each in verdict.effects if each.name not in ON_LANE_CHOICE))
-    return verdict
 
 
 def shown_of(verdict: Verdict, n_recognised: int, is_flagged: bool) -> str:

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from rearl_jax.blind.cases import BROAD, BROAD_CONTROL
-from rearl_jax.blind.judging import Judgement, Recovery, counted
+from rearl_jax.blind.judging import Judgement, Recovery
 from rearl_jax.blind.verdicts import IMPROVED, Verdict
 
 NAMED = ("right", "more")
@@ -140,7 +140,7 @@ def _is_repaired_sumo_model(case: Judged) -> bool:
 
 def claims_anything(case: Judged) -> bool:
     """True if an effect, an artefact or a curve is named, as far as claims count, or the verdict is `improved`."""
-    return bool(counted(case.truth, case.verdict).effects) or case.verdict.verdict == IMPROVED
+    return bool(case.verdict.effects) or case.verdict.verdict == IMPROVED
 
 
 def error_surely_rose(case: Judged) -> bool:

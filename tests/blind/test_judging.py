@@ -53,7 +53,7 @@ def hidden(
 NAMELESS = hidden("distraction", kind="unlisted", truths=[])
 FORCED = hidden(group="control") | {"scenario": {"lane_changes": 12}}
 GRADE, DELAY = effect("grade", "road"), effect("reaction_delay")
-REAR_GAP = effect("lane_choice_dependence", "generic", variables=["rear_gap"])
+POLITENESS = effect("politeness", variables=["gain_of_others"])
 
 CASES = {
     "named": (hidden("grade"), said(GRADE), "right"),
@@ -87,8 +87,7 @@ CASES = {
     "one of two": (hidden("grade", "reaction_delay"), said(GRADE), "part"),
     "both": (hidden("grade", "reaction_delay"), said(DELAY, GRADE), "right"),
     "same artefact": (hidden("speed_scale", kind="artefact"), said(effect("position_scale", "artefact")), "right"),
-    "gaps of forced changes": (FORCED, said(REAR_GAP), "unexplained"),
-    "gaps of free changes": (FORCED | {"scenario": {"lane_changes": 0}}, said(REAR_GAP), "wrong"),
+    "politeness in forced changes": (FORCED, said(POLITENESS), "wrong"),
     "failed": (hidden("grade"), failed_verdict("ValueError: no", 1.0), "failed"),
 }  # fmt: skip
 
@@ -117,12 +116,6 @@ def test_a_row_of_the_table_is_judged_as_the_verdict_was(name):
     is_artefact = [[kind == "artefact" for kind in one.judgement.false_kinds] for one in (case, again)]
     assert is_artefact[0] == is_artefact[1]
     assert (claims_anything(case), changes_the_model(case)) == (claims_anything(again), changes_the_model(again))
-
-
-def test_claims_on_forced_lane_changes_are_no_claims():
-    forced = judged({**FORCED, "group": "broad_control"}, said(REAR_GAP))
-    free = judged({**FORCED, "group": "broad_control", "scenario": {"lane_changes": 0}}, said(REAR_GAP))
-    assert rates([forced, free])["broad_control"] == (1, 2)
 
 
 def rates(cases):
@@ -205,7 +198,7 @@ def test_effects_on_the_choice_of_the_lane_are_asked_for_on_their_own():
         judged(lanes, said(effect("keep_right", variables=["side"]))),
         judged(lanes, said(effect("truck_aversion"))),
         judged(free, said()),
-        judged(free, said(effect("lane_choice_dependence", "generic", variables=["rear_gap"]))),
+        judged(free, said(POLITENESS)),
     ])  # fmt: skip
     assert found["lane_choice_identified"] == (1, 2)
     assert found["lane_choice_false"] == (1, 2)

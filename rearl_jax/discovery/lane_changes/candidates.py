@@ -44,13 +44,11 @@ class LaneCandidate:
 
     Attributes:
         name: Name of the effect in the library, or `lane_choice_dependence`.
-        kind: `driver`, or `generic` for a dependence without a library effect.
+        kind: `driver`, or `generic` for a circumstance.
         variables: Variables that it depends on.
         strength: Parameter of the effect that multiplies the column, with its unit.
         low, high: Values the strength may have.
         forms: Functional forms; the best one represents the candidate.
-        is_circumstance: Whether every model contains it and it is never named, because it may compensate for errors of
-            the computed own gain.
     """
 
     name: str
@@ -60,7 +58,13 @@ class LaneCandidate:
     low: float
     high: float
     forms: tuple[Form, ...]
-    is_circumstance: bool = False
+
+    @property
+    def is_circumstance(self) -> bool:
+        """Whether every model contains it and it is never named: no library effect, but it may compensate for errors of
+        the computed own gain, and longer gaps behind are accepted more often by any driver.
+        """
+        return self.kind == "generic"
 
     @property
     def key(self) -> str:
@@ -114,12 +118,10 @@ def _truck(reach: float) -> Callable[[Opportunities], Column]:
     return column
 
 
-def _dependence(
-    variable: str, column: Callable[[Opportunities], Column], *, is_circumstance: bool = True
-) -> LaneCandidate:
+def _circumstance(variable: str, column: Callable[[Opportunities], Column]) -> LaneCandidate:
     """A dependence on a variable without a library effect; the column is the variable, scaled to about 1 [-]."""
     slope, forms = ("slope", "m/s^2"), (Form(column),)
-    return LaneCandidate(LANE_CHOICE_DEPENDENCE, "generic", (variable,), slope, -9.0, 9.0, forms, is_circumstance)
+    return LaneCandidate(LANE_CHOICE_DEPENDENCE, "generic", (variable,), slope, -9.0, 9.0, forms)
 
 
 CANDIDATES = (
@@ -134,10 +136,10 @@ CANDIDATES = (
                   tuple(Form(_truck(reach), (("reach", reach, "m"),)) for reach in (40.0, 80.0, 200.0))),
     LaneCandidate("cooperation", "driver", ("rear_braking",), ("weight", "-"), 0.0, 5.0,
                   (Form(lambda table: np.clip(table.rear_braking, 0.0, MOST_GAIN)),)),
-    _dependence("rear_gap", lambda table: np.clip(table.rear_gap, 0.0, 60.0) / 30.0, is_circumstance=False),
-    _dependence("own_class", lambda table: table.is_truck.astype(float)),
-    _dependence("speed", lambda table: (table.speed - 22.0) / 5.0),
-    _dependence("speed_of_lanes",
+    _circumstance("rear_gap", lambda table: np.clip(table.rear_gap, 0.0, 60.0) / 30.0),
+    _circumstance("own_class", lambda table: table.is_truck.astype(float)),
+    _circumstance("speed", lambda table: (table.speed - 22.0) / 5.0),
+    _circumstance("speed_of_lanes",
                 lambda table: np.clip(table.side_leader_speed - table.leader_speed, -8.0, 8.0) / 5.0),
 )  # fmt: skip
 """All candidates."""

@@ -72,7 +72,7 @@ def lane_change_findings(
     if not table.changes[part == 0].any():
         return untested(n_changes, len(table.side), f"{UNSEEN}, {_too_few_in_part(0)}")
     columns = CandidateColumns(table, part, seed)
-    reason = _why_nothing_is_named(columns, n_recorded)
+    reason = why_nothing_is_named(columns, n_recorded)
     findings, added = (None, []) if reason else _named(columns, confidence)
     hazard = columns.fitted(columns.effects(added), 0, 1).chance(columns.data, columns.effects(added))
     predicted = prediction(table, part, hazard, confidence, n_recorded, count_ramp_changes(recordings))
@@ -93,7 +93,7 @@ def _too_few_in_part(fewest: int) -> str:
     return f"too few lane changes in a third of the drivers: {fewest}, {needed}"
 
 
-def _why_nothing_is_named(columns: CandidateColumns, n_recorded: int) -> str:
+def why_nothing_is_named(columns: CandidateColumns, n_recorded: int) -> str:
     """Reason why no influence can be named, or ""."""
     taken, least = columns.data.taken, THRESHOLDS.least_lane_changes
     if n_recorded < least:
@@ -165,9 +165,11 @@ def part_of_rows(
 
 
 def _gain_counts(columns: CandidateColumns) -> bool:
-    """True if the probability of a change grows with the own gain."""
+    """True if the chance of a change grows with the own gain, all circumstances being equal: a gap that is accepted
+    because it is long is a gain as well, but no reason.
+    """
     data = columns.data.take(columns.rows(0, 1))
-    line = fit(np.column_stack([np.ones(len(data.gain)), data.gain]), data.taken, data.driver)
+    line = fit(np.column_stack([np.ones(len(data.gain)), data.gain, data.others]), data.taken, data.driver)
     return bool(line.coefficients[1] > THRESHOLDS.own_gain_z_score * np.sqrt(line.covariance[1, 1]))
 
 

@@ -12,7 +12,6 @@ import pandas as pd
 
 from rearl_jax.config import DiscoverTask
 from rearl_jax.core.effects import EFFECTS
-from rearl_jax.discovery.lane_changes.candidates import LANE_CHOICE_DEPENDENCE
 from rearl_jax.discovery.report.base_section import base_section
 from rearl_jax.discovery.report.candidate_results import RESULTS
 from rearl_jax.discovery.report.error_block import IDM
@@ -228,8 +227,6 @@ def _effect_section(verdict: Mapping[str, Any]) -> Section:
     for effect in effects:
         if effect["name"] in EFFECTS:
             notes.append(f"{described(effect)}: {EFFECTS[effect['name']].equation}")
-        elif effect["name"] == LANE_CHOICE_DEPENDENCE:
-            notes.append(f"{described(effect)}: not in model.yaml, because the library has no such effect")
     for row in verdict["candidates"]:
         if row["ambiguous"]:
             notes.append(f"{described(row)} explains the data equally well; to distinguish: {row['told_apart_by']}")

@@ -31,11 +31,9 @@ def lane_choice(
 def with_lane_choice(verdict: dict[str, Any], lanes: LaneChangeFindings) -> dict[str, Any]:
     """The verdict on car following with findings on lane choice appended."""
     entries = lanes.as_verdict_parts()
-    word = verdict["verdict"]
-    if word == "nothing" and lanes.effects:
-        word = "named" if any(effect.kind == "driver" for effect in lanes.effects) else "unexplained"
+    is_first = verdict["verdict"] == "nothing" and bool(lanes.effects)
     return verdict | {
-        "verdict": word,
+        "verdict": "named" if is_first else verdict["verdict"],
         "effects": [*verdict["effects"], *entries["effects"]],
         "candidates": [*verdict["candidates"], *entries["candidates"]],
         "lane_choice": entries["lane_choice"],

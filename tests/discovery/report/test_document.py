@@ -24,7 +24,6 @@ from tests.discovery.made_verdict import FIGURE, KEEP_RIGHT, LANE_SCORES, LOSS, 
 
 CURVE = {"name": "dependence", "kind": "generic"}
 NUMBERS = {"parameters": {}, "confidence": 0.9, "evidence": 50.0}
-REAR_GAP = {"name": "lane_choice_dependence", "kind": "generic", "variables": ["rear_gap"], **NUMBERS}
 
 
 def atlas() -> Atlas:
@@ -119,12 +118,6 @@ def test_the_choice_of_the_lane_has_a_table_of_its_own():
     assert "change -0.0500 (-0.0600 to -0.0400) nats" in table
 
 
-def test_what_no_effect_of_the_library_does_is_said_to_be_in_no_model():
-    text = printed(verdict="unexplained", effects=[REAR_GAP])
-    assert "lane choice dependence on rear_gap - - 0.90" in text
-    assert "Lane choice dependence on rear_gap: not in model.yaml" in text
-
-
 def test_the_page_says_what_the_residual_depends_on_before_and_after():
     seen, title = atlas(), "What the model leaves unexplained"
     repaired = replace(seen, selected=[Selected("gap", "acceleration", 0.1, 0.1)])
@@ -160,11 +153,6 @@ def test_the_thresholds_of_a_verdict_have_their_meaning():
             "improved",
             [CURVE | {"variables": ["position"]}],
             "other drivers are predicted better with dependence on position",
-        ),
-        (
-            "unexplained",
-            [REAR_GAP],
-            "unexplained; missing in lane choice: lane choice dependence on rear_gap",
         ),
         (
             "artefact",

@@ -36,7 +36,6 @@ from tests.models.drivers import model
 ROAD = TrafficModel(n_lanes=3, speed_limit=None)
 BIAS = {"bias": Estimate(0.35, 0.3, 0.4, "m/s^2")}
 KEEP_RIGHT = Claim("keep_right", "driver", BIAS, ("side",), 0.98, 90.0)
-REAR_GAP = Claim("lane_choice_dependence", "generic", {}, ("rear_gap",), 0.9, 30.0)
 
 
 @pytest.fixture
@@ -128,8 +127,6 @@ def test_findings_go_behind_those_of_car_following(found):
     [
         ("nothing", (), "nothing"),
         ("nothing", (KEEP_RIGHT,), "named"),
-        ("nothing", (REAR_GAP,), "unexplained"),
-        ("nothing", (REAR_GAP, KEEP_RIGHT), "named"),
         ("artefact", (KEEP_RIGHT,), "artefact"),
         ("unexplained", (KEEP_RIGHT,), "unexplained"),
     ],
