@@ -23,9 +23,10 @@ def standard_deviations(solver: Solver, state: FitState) -> Float[np.ndarray, " 
     """Standard deviations of the searched elements of theta in a solved state, in order.
 
     For each the larger of two estimates: from the curvature, which relies on the noise model, and from the sandwich
-    formula, which uses the scatter of the drivers' scores.
+    formula, which uses the scatter of the drivers' scores, corrected for the number of drivers.
 
-    Source: White, Econometrica 50 (1982) 1 (sandwich); Kauermann & Carroll, JASA 96 (2001) 1387.
+    Source: White, Econometrica 50 (1982) 1 (sandwich); Cameron & Miller, J. Human Resources 50 (2015) 317, equation 12
+    (the correction; the number of parameters counts beside that of observations, not of drivers).
     """
     assert state.sums is not None
     free = solver.free(state)
@@ -36,7 +37,7 @@ def standard_deviations(solver: Solver, state: FitState) -> Float[np.ndarray, " 
     covariance = np.linalg.pinv(information)
     scores = scores - scores.mean(axis=0)
     n = len(scores)
-    scatter = scores.T @ scores * n / max(n - len(free), 1)
+    scatter = scores.T @ scores * n / max(n - 1, 1)
     sandwich = covariance @ scatter @ covariance
     return np.sqrt(np.maximum(np.diag(covariance), np.diag(sandwich)))
 
