@@ -145,14 +145,18 @@ class Knots(eqx.Module):
 
     Attributes:
         position: Knots along the road [m].
+        position_centre: Mean weight of each of them in the data [-].
         time: Knots in time [s].
+        time_centre: Mean weight of each of them in the data [-].
         lens: Knots of the camera's distortion [m].
         curve: Knots of the curves over other variables, by variable.
         centre: Mean weight of each knot of these curves in the data [-], by variable.
     """
 
     position: Float[Any, " position_knots"]
+    position_centre: Float[Any, " position_knots"]
     time: Float[Any, " time_knots"]
+    time_centre: Float[Any, " time_knots"]
     lens: Float[Any, " lens_knots"]
     curve: dict[str, Float[Any, " curve_knots"]]
     centre: dict[str, Float[Any, " curve_knots"]]
@@ -240,15 +244,15 @@ def effects_at(numbers: Numbers, knots: Knots, active: Sequence[Term] | None = N
     def over(variable: str, kind: type[CentredCurve | TimeGapCurve], name: str) -> Effect:
         return kind(numbers[f"{name}.{variable}"], knots.curve[variable], knots.centre[variable], variable)
 
-    along_road = CentredCurve(numbers["position"], knots.position, jnp.zeros(POSITION_KNOTS), "position")
+    along_road = CentredCurve(numbers["position"], knots.position, knots.position_centre, "position")
     if active is None:
-        no_road, no_time = jnp.zeros(POSITION_KNOTS), jnp.zeros(TIME_KNOTS)
+        over_time = knots.time, knots.time_centre, "time"
         return (
             *(named(name) for name in (*NAMED, *PLACED)),
             along_road,
-            DesiredSpeedCurve(numbers["desired_speed"], knots.position, no_road, "position"),
-            DesiredSpeedCurve(numbers["weather_speed"], knots.time, no_time, "time"),
-            TimeGapCurve(numbers["weather_time_gap"], knots.time, no_time, "time"),
+            DesiredSpeedCurve(numbers["desired_speed"], knots.position, knots.position_centre, "position"),
+            DesiredSpeedCurve(numbers["weather_speed"], *over_time),
+            TimeGapCurve(numbers["weather_time_gap"], *over_time),
             *(over(variable, CentredCurve, "curve") for variable in knots.curve),
             *(over(variable, TimeGapCurve, "time_gap") for variable in knots.curve if variable in TIME_GAP_CURVES),
         )

@@ -64,7 +64,7 @@ def layout_of(data: Measured, prior: Prior = IDM_PRIOR) -> Layout:
         if not values.max() - values.min() > 1e-6 or not high - low > 1e-6:
             continue  # the data show no influence of a variable that is constant
         knots[variable] = np.linspace(low, high, CURVE_KNOTS)
-        centres[variable] = np.asarray(hat_weights(jnp.asarray(values), jnp.asarray(knots[variable]))).mean(axis=1)
+        centres[variable] = _mean_weights(values, knots[variable])
         builder.curve(f"curve.{variable}", CURVE_KNOTS, 0.3)
         of_curve = places[f"curve.{variable}"]
         builder.candidate(Term("dependence", variable), "generic", of_curve, of_curve, (variable,))
@@ -84,9 +84,24 @@ def layout_of(data: Measured, prior: Prior = IDM_PRIOR) -> Layout:
         scale=scale,
         unit=unit,
         places=places,
-        knots=Knots(position_knots, time_knots, lens_knots, knots, centres),
+        knots=Knots(
+            position_knots,
+            _mean_weights(positions, position_knots),
+            time_knots,
+            _mean_weights(times, time_knots),
+            lens_knots,
+            knots,
+            centres,
+        ),
         prior=prior,
     )
+
+
+def _mean_weights(
+    values: Float[np.ndarray, " values"], knots: Float[np.ndarray, " knots"]
+) -> Float[np.ndarray, " knots"]:
+    """Mean weight of each knot of a curve in the data [-]."""
+    return np.asarray(hat_weights(jnp.asarray(values), jnp.asarray(knots))).mean(axis=1)
 
 
 class _Builder:

@@ -130,7 +130,7 @@ def effect_values(candidate: Candidate, theta: np.ndarray, layout: Layout) -> Ef
     (variable,) = candidate.variables
     values = theta[list(candidate.free)]
     if variable == "position":
-        knots, centre = layout.knots.position, np.zeros(len(values))
+        knots, centre = layout.knots.position, layout.knots.position_centre
     else:
         knots, centre = layout.knots.curve[variable], layout.knots.centre[variable]
     # The weights of the knots sum to 1, so a curve less its mean is the curve of the values less that mean.
