@@ -17,6 +17,7 @@ import pandas as pd
 import pyarrow as pa
 
 from rearl_jax.config.data import DataConfig
+from rearl_jax.data.checks.frame_rates import MAX_FRAME_OFFSET, between_frames
 from rearl_jax.data.checks.losses import Losses
 from rearl_jax.data.files.folder import named_files
 from rearl_jax.data.files.json_documents import parsed, read_documents
@@ -36,7 +37,6 @@ _MAX_LANES = 6
 _USED = 0.01  # smallest share of the rows of a direction that makes a further lane
 _BATCH_BYTES = 32 * 2**20  # bytes of documents that are parsed at a time
 _FIRST_DOCUMENT_BYTES = 2**23  # more than the document of a vehicle that is recorded for an hour
-_MAX_FRAME_OFFSET = 0.1  # frames; a larger offset of a document's times from those of the others is noted
 _WINTER = timedelta(hours=-6)  # Central Standard Time; all published days are in it
 # 0 sedan, 1 midsize, 2 van, 3 pickup, 4 semi, 5 truck, 6 motorcycle
 _CLASSES = {0.0: "car", 1.0: "car", 2.0: "car", 3.0: "car", 4.0: "truck", 5.0: "truck", 6.0: "motorcycle"}
@@ -144,7 +144,7 @@ def _rows(path: Path, numbers: np.ndarray, index: Index, cell: Cell, policy: Dat
             "length": length,
             "width": FEET * every_row("width"),
             "class": every_row("coarse_vehicle_class"),
-            "is_between_frames": np.repeat(np.abs(begin - np.rint(begin)) > _MAX_FRAME_OFFSET, tracks.counts),
+            "is_between_frames": np.repeat(np.abs(begin - np.rint(begin)) > MAX_FRAME_OFFSET, tracks.counts),
         },
         index=np.repeat(numbers, tracks.counts),
     )
@@ -186,8 +186,7 @@ def _recording(
         notes.append(f"{unknown} rows beside the lanes (12 ft each, from 12 ft off the median) have no lane")
     is_between = rows["is_between_frames"].to_numpy(bool)
     if is_between.any():
-        n_vehicles = rows.index[is_between].nunique()
-        notes.append(f"{n_vehicles} vehicles have times between those of the others, up to half a frame off")
+        notes.append(between_frames(rows.index[is_between].nunique()))
     info = RecordingInfo(
         id=recording,
         frame_rate=index.frame_rate,

@@ -13,7 +13,7 @@ import numpy as np
 import pyarrow as pa
 
 from rearl_jax.config.data import BadRows, DataConfig
-from rearl_jax.data.checks.frame_rates import frame_rate_of
+from rearl_jax.data.checks.frame_rates import frame_rate_of, phase_of
 from rearl_jax.data.files.json_documents import documents, parsed
 from rearl_jax.data.problems import DROP_HINT, bad_recording
 from rearl_jax.data.units import SI_FACTOR
@@ -53,7 +53,7 @@ class Index:
         sizes: Length of each document [bytes].
         cells: Numbers of the documents with a row in each window and section, from 0.
         frame_rate: Frames per second [1/s].
-        phase: Offset of the frames of most documents from multiples of the frame interval [frames], 0 to 1.
+        phase: Offset of the frames of most documents from multiples of the frame interval [frames].
         dropped: Documents that were left out, by cause.
     """
 
@@ -150,7 +150,7 @@ def _index(path: Path, window: float | None, section: float | None, on_bad: BadR
         return index
     _require_units(np.concatenate(begins), np.concatenate(miles), np.concatenate(offsets_from_middle), path)
     index.frame_rate = frame_rate_of(np.concatenate(steps), path, "timestamp")
-    index.phase = _phase(np.concatenate(begins) * index.frame_rate)
+    index.phase = phase_of(np.concatenate(begins) * index.frame_rate)
     return index
 
 
@@ -296,9 +296,3 @@ def _require_units(times: np.ndarray, miles: np.ndarray, offsets_from_middle: np
     ):
         text = f"the outermost vehicles are {far:.3g} ft beside the middle of the road"
         raise bad_recording("wrong-units", text, "give y_position in feet", path, column="y_position")
-
-
-def _phase(frames: np.ndarray) -> float:
-    """Fraction of a frame at which most documents begin, by the mean direction on the circle of one frame."""
-    angle = 2.0 * np.pi * (frames % 1.0)
-    return float(np.arctan2(np.median(np.sin(angle)), np.median(np.cos(angle))) / (2.0 * np.pi)) % 1.0

@@ -126,6 +126,7 @@ def read_run(path: Path, recording: str, platoon: Platoon, policy: DataConfig) -
     kinds = {name: pa.string() if name.startswith("Driver") else pa.float64() for name in wanted}
     table, n_broken = read_below(path, header.columns, header.n_above, kinds, ",", policy.on_bad)
     wide = table.to_pandas(split_blocks=True, self_destruct=True)
+    wide["Time"] = openacc.on_frames(wide["Time"].to_numpy(np.float64))
     models = header.about["Vehicle_order"]
     campaign = path.absolute().parent.name
     info = RecordingInfo(

@@ -164,3 +164,19 @@ def test_commas_of_a_spreadsheet_behind_the_rows_do_not_matter(tmp_path):
 def test_a_folder_without_runs_names_what_is_wanted(tmp_path):
     with refused("recordings-missing", MissingInputError):
         read(tmp_path)
+
+
+def test_times_between_whole_frames_are_frames_too(tmp_path):
+    openacc_files.write(tmp_path, TEXT)
+    (expected,) = read(tmp_path)
+    shifted = {**TABLE, "Time": np.round(np.asarray(TABLE["Time"]) + 0.05, 2)}
+    openacc_files.write(tmp_path, openacc_files.run_of(shifted))
+    (run,) = read(tmp_path)
+    assert run.dropped == {}
+    np.testing.assert_allclose(run.table["position"], expected.table["position"])
+
+
+def test_empty_lines_around_the_names_of_columns_do_not_matter(tmp_path):
+    openacc_files.write(tmp_path, TEXT.replace("\nTime", "\n\nTime").replace("\n5370.0,", "\n\n5370.0,"))
+    (run,) = read(tmp_path)
+    assert len(run.table) == 4 * len(T)
