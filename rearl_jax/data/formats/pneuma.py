@@ -64,7 +64,7 @@ class _Vehicle:
 
     Attributes:
         number: Its track_id.
-        kind: Its type.
+        kind: Its type, in the spelling of _TYPES.
         values: One row per time step, in the columns of REPEATED_COLUMNS.
     """
 
@@ -190,7 +190,7 @@ def _vehicle(line: bytes, path: Path, row: int, layout: Layout) -> _Vehicle:
     if not abs(number) < 2**53:
         raise bad_recording("value-unreadable", f"track_id is {number}", "correct it", path, row=row + 1)
     values = np.where(np.abs(values) <= MAX_MAGNITUDE, values, np.nan)
-    return _Vehicle(number, fields[1].strip(), values.reshape(-1, len(REPEATED_COLUMNS)))
+    return _Vehicle(number, fields[1].strip().title(), values.reshape(-1, len(REPEATED_COLUMNS)))
 
 
 def _broken(text: str, path: Path, row: int) -> BadRecordingError:

@@ -66,6 +66,7 @@ _PLACES = {
 # The codes of I-395; the other files write words.
 _CLASSES = {"1": "car", "2": "truck", "3": "truck", "4": "car", "small vehicle": "car", "large vehicle": "truck"}
 _AUTOMATED_CODE = "4"
+_YES = ("yes", "true", "1", "1.0")
 _RUN_REMEDY = "complete it, or remove the column if the file holds one run only"
 
 
@@ -252,6 +253,6 @@ def _automated(rows: pd.DataFrame) -> pd.Series:
     if column is None:
         marked = rows["vehicle_class"].str.removesuffix(".0") == _AUTOMATED_CODE
     else:
-        marked = rows[column].str.casefold().str.strip() == "yes"
+        marked = rows[column].str.casefold().str.strip().isin(_YES)
     ever = marked.fillna(False).groupby(rows["track_id"].to_numpy()).transform("any")
     return pd.Series(np.where(ever, "yes", "no"), index=rows.index)

@@ -247,3 +247,9 @@ def test_every_second_moment_of_all_vehicles_is_read(vehicles, lines, read):
     assert recording.info.frame_rate == 5.0
     assert (recording.table.groupby("track_id")["frame"].diff().dropna() == 1).all()
     assert any("1 vehicles have times between" in note for note in recording.info.notes)
+
+
+def test_types_have_their_lengths_whatever_their_case(lines, read):
+    lower = [line.replace("Bus", "bus").replace("Car", "CAR") for line in lines]
+    assert lower != lines
+    pd.testing.assert_frame_equal(read(lower).table, read(lines).table)
