@@ -154,7 +154,7 @@ def wrong_size(table: pd.DataFrame, info: RecordingInfo) -> Finding | None:
             hint = next((words for factor, words in hints.items() if low <= median * factor <= high), "")
             text = f"the median {name} of class {which} is {median:.2f} m, outside {low:g} to {high:g} m{hint}"
             outside = chosen & ((values < low) | (values > high))
-            remedy = f"give {name} in the unit of the format, m in a table, or leave the column out"
+            remedy = f"convert {name} to m, or to the unit that the format has, or leave the column out"
             return unit_finding(name, outside, text, remedy)
     return None
 
