@@ -33,6 +33,7 @@ _SPELLING = {
     "frame": "time",
     "front": "pos",
     "position": "pos",
+    "lateral": "posLat",
     "link": "lane",
     "leader_id": "leaderID",
     "vehicle_class": "type",
@@ -126,16 +127,18 @@ def read_recording(path: Path, beside: list[Path], policy: DataConfig) -> Record
 
 def _with_metres(raw: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
     """The rows with x, y in metres, also where they are longitude and latitude; and a note on that."""
+    longitude, latitude = raw["x"].to_numpy(np.float64), raw["y"].to_numpy(np.float64)
+    if not (np.nanmax(np.abs(longitude), initial=0.0) <= 180.0 and np.nanmax(np.abs(latitude), initial=0.0) <= 90.0):
+        return raw, []
     order = np.lexsort((raw["time"].to_numpy(), raw["id"].cat.codes.to_numpy()))
-    x, y, driven = (raw[name].to_numpy(np.float64)[order] for name in ("x", "y", "pos"))
-    lane = raw["lane"].cat.codes.to_numpy()[order]
-    same = follows_row_before(raw["id"].cat.codes.to_numpy()[order])[1:] & (np.diff(lane) == 0)
+    track, lane = (raw[name].cat.codes.to_numpy()[order] for name in ("id", "lane"))
+    same = follows_row_before(track)[1:] & (np.diff(lane) == 0)
+    moved = np.hypot(np.diff(longitude[order]), np.diff(latitude[order]))[same]
     with np.errstate(invalid="ignore", over="ignore"):  # the checks find values out of range
-        moved, driven = np.hypot(np.diff(x), np.diff(y))[same], np.diff(driven)[same]
+        driven = np.diff(raw["pos"].to_numpy(np.float64)[order])[same]
     ratios = moved[driven > 0.0] / driven[driven > 0.0]
     ratios = ratios[np.isfinite(ratios)]
-    longitude, latitude = raw["x"].to_numpy(np.float64), raw["y"].to_numpy(np.float64)
-    if not ratios.size or np.median(ratios) > _DEGREES_PER_METRE or not np.nanmax(np.abs(latitude)) <= 90.0:
+    if not ratios.size or np.median(ratios) > _DEGREES_PER_METRE:
         return raw, []
     east, north = metres(latitude, longitude, (float(np.nanmedian(latitude)), float(np.nanmedian(longitude))))
     return raw.assign(x=east, y=north), ["x and y are longitude and latitude in the file"]
