@@ -10,10 +10,12 @@ import pandas as pd
 import pytest
 
 from benchmarks import sensor_layouts
-from rearl_jax.config.data import DataFormat
+from rearl_jax.config.data import DataConfig, DataFormat
 from rearl_jax.data.readers import reader_of
+from rearl_jax.data.recordings import iterate_recordings
 from rearl_jax.data.survey.task import run
 from tests.data.formats import openacc_files, sumo_files, vissim_files
+from tests.refusal import refused
 
 
 def _sumo_xml(folder: Path) -> Path:
@@ -69,6 +71,12 @@ def _pneuma(folder: Path) -> Path:
     return folder / "20181024_d1_0830_0900.csv"
 
 
+def _pneuma_of_spreadsheet(folder: Path) -> Path:
+    path = _pneuma(folder)
+    path.write_text(f"sep=;\n{path.read_text()}")
+    return path
+
+
 def _exid(folder: Path) -> Path:
     sensor_layouts.write_exid(folder / "00_tracks.csv", 1)
     return folder / "00_tracks.csv"
@@ -100,6 +108,7 @@ WRITERS: list[tuple[str, Callable[[Path], Path]]] = [
     ("i24", _i24_lines),
     ("tgsim", _tgsim),
     ("pneuma", _pneuma),
+    ("pneuma", _pneuma_of_spreadsheet),
     ("exid", _exid),
     ("openacc", _openacc),
     ("ngsim", _ngsim),
@@ -121,6 +130,15 @@ def test_a_file_is_in_one_format_and_its_folder_too(name, write, tmp_path, capsy
     assert _recognised_by(file) == {name: tmp_path if name == "exid" else file}
     assert run(str(file))["format"] == name
     assert f"data={name} " in capsys.readouterr().out.splitlines()[-1]
+
+
+def test_a_packed_file_of_i24_is_known_although_it_must_be_unpacked(tmp_path):
+    packed = tmp_path / "day.json.gz"
+    packed.write_bytes(gzip.compress(_i24(tmp_path).read_bytes()))
+    assert _recognised_by(packed) == {"i24": packed}
+    with refused("not-json", file=str(packed)) as caught:
+        next(iterate_recordings(DataConfig(DataFormat.i24, str(packed))))
+    assert "unpack" in caught.value.problem.remedy
 
 
 @pytest.mark.parametrize(

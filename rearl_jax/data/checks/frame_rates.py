@@ -1,4 +1,4 @@
-"""Frame rate of a recording from the steps of its times; times in another unit are an error."""
+"""Frame rate of a recording from the steps of its times, and the frames of times; another unit is an error."""
 
 from pathlib import Path
 
@@ -9,6 +9,9 @@ from rearl_jax.data.problems import bad_recording
 
 _TOLERANCE = 0.02
 """Largest relative difference between the median step and that of a usual frame rate [-]; times are rounded."""
+MAX_FRAME_OFFSET = 0.1
+"""Frames [-] by which the times of a vehicle may differ from those of the others without a note."""
+_ROUNDING = 1e-3  # frames; error of a time that has been rounded
 
 
 def frame_rate_of(steps: np.ndarray, file: Path | str, column: str) -> float:
@@ -34,3 +37,41 @@ def frame_rate_of(steps: np.ndarray, file: Path | str, column: str) -> float:
         text = f"the times of a vehicle are {period:g} apart" + (f": they look like {unit}" if is_other else "")
         raise bad_recording("wrong-units", text, "give the times in s", file, column=column)
     return rate
+
+
+def frames_of(time: np.ndarray, begins: np.ndarray, rate: float) -> tuple[np.ndarray, tuple[str, ...]]:
+    """Frame of each row, NaN where the time is not finite; and a note if vehicles have times between the frames.
+
+    Frames are counted from the first time of each vehicle, so that also times between those of the other vehicles are
+    whole frames apart.
+
+    Args:
+        time: Time of each row [s], the rows of a vehicle together.
+        begins: Number of the first row of each vehicle, ascending.
+        rate: Frames per second [1/s].
+    """
+    first = np.fmin.reduceat(np.where(np.isfinite(time), time, np.nan), begins)
+    counts = np.diff(begins, append=len(time))
+    exact = first * rate - phase_of(first * rate)
+    # All halves are rounded up, whatever their last digits.
+    begin = np.floor(exact + 0.5 + _ROUNDING)
+    n_between = int((np.abs(exact - begin) > MAX_FRAME_OFFSET).sum())
+    notes = (between_frames(n_between),) if n_between else ()
+    return np.repeat(begin, counts) + np.rint((time - np.repeat(first, counts)) * rate), notes
+
+
+def between_frames(n_vehicles: int) -> str:
+    """The note on vehicles whose times are more than MAX_FRAME_OFFSET away from the frames."""
+    return f"{n_vehicles} vehicles have times between those of the others, up to half a frame off"
+
+
+def phase_of(frames: np.ndarray) -> float:
+    """Distance of most frames from whole numbers, -0.5 to 0.5, by the mean direction on the circle of one frame.
+
+    Args:
+        frames: Times in frame intervals; those that are not finite are ignored.
+    """
+    angle = 2.0 * np.pi * (frames[np.isfinite(frames)] % 1.0)
+    if not angle.size:
+        return 0.0
+    return float(np.arctan2(np.median(np.sin(angle)), np.median(np.cos(angle))) / (2.0 * np.pi))

@@ -150,10 +150,12 @@ def wrong_size(table: pd.DataFrame, info: RecordingInfo) -> Finding | None:
             continue
         median = float(np.median(values[chosen]))
         if not low <= median <= high:
-            hint = " (feet?)" if low <= median * SI_FACTOR["ft"] <= high else ""
+            hints = {SI_FACTOR["ft"]: " (feet?)", 1.0 / SI_FACTOR["ft"]: " (metres, read as feet?)"}
+            hint = next((words for factor, words in hints.items() if low <= median * factor <= high), "")
             text = f"the median {name} of class {which} is {median:.2f} m, outside {low:g} to {high:g} m{hint}"
             outside = chosen & ((values < low) | (values > high))
-            return unit_finding(name, outside, text, f"convert {name} to m, or leave the column out")
+            remedy = f"convert {name} to m, or to the unit that the format has, or leave the column out"
+            return unit_finding(name, outside, text, remedy)
     return None
 
 

@@ -109,8 +109,9 @@ def read_below(
     with readable(path), opened(path) as file:
         sample = list(islice(file, n_above, n_above + SAMPLE_LINES))
         content = b"".join([*sample, file.read()]) if compression_of(path) else None
-    lines = [line.decode(errors="replace").rstrip("\r\n") for line in sample]
-    if not lines or not lines[0]:
+    decoded = (line.decode(errors="replace").rstrip("\r\n") for line in sample)
+    lines = [line for line in decoded if line]
+    if not lines:
         raise bad_recording("no-rows", "the table has no rows", "remove the file or complete it", path)
     first = lines[0].split(delimiter)
     _require_once(header, columns, path)

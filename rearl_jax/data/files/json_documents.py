@@ -12,6 +12,7 @@ import numpy as np
 import pyarrow as pa
 from pyarrow import json
 
+from rearl_jax.data.files.text_layout import compression_of
 from rearl_jax.data.problems import bad_recording, file_missing
 
 BLOCK_BYTES = 16 * 2**20
@@ -41,11 +42,13 @@ def documents(path: Path) -> Iterator[Documents]:
     """The documents of a file, block by block.
 
     Raises:
-        BadRecordingError: The file is empty or holds something else than objects.
+        BadRecordingError: The file is empty, compressed, or holds something else than objects.
         FileNotFoundError: There is no such file.
     """
     if not path.is_file():
         raise file_missing(path)
+    if packed := compression_of(path):
+        raise bad_recording("not-json", f"the file is compressed ({packed})", "unpack it", path)
     rest, offset, is_array, closed, n_found = b"", 0, False, False, 0
     with path.open("rb") as file:
         while block := file.read(BLOCK_BYTES):
@@ -146,6 +149,13 @@ def parsed(texts: Sequence[bytes], fields: dict[str, pa.DataType]) -> tuple[pa.T
     good = [document for document in single if document is not None]
     table = pa.concat_tables(good) if good else schema.empty_table()
     return table, np.array([document is None for document in single], dtype=bool)
+
+
+def unreadable_field(text: bytes, fields: dict[str, pa.DataType]) -> str | None:
+    """Name of the first field that a document states in another type; None if the document is not JSON."""
+    if _table(text, pa.schema([])) is None:
+        return None
+    return next((name for name, kind in fields.items() if _table(text, pa.schema([(name, kind)])) is None), None)
 
 
 def _table(text: bytes, schema: pa.Schema) -> pa.Table | None:

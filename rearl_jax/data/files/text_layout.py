@@ -56,10 +56,12 @@ _UNDEFINED = re.compile(rb"[\x81\x8d\x8f\x90\x9d]")  # bytes that Windows-1252 d
 _MULTIBYTE = re.compile(rb"[\xc3-\xdf][\x80-\xbf]|[\xe1-\xef][\x80-\xbf]{2}")
 _NUMBER = re.compile(r"[+-]?\d*(?:([.,])\d+|\d)(?:[eE][+-]?\d+)?")
 _JSON = re.compile(r'\s*(\[\s*)?(\{\s*("|$)|\[\s*$)|\s*\[\s*$')
+_XML = re.compile(r"\s*<(\?xml|!--|[A-Za-z][\w-]*[\s/>])")
 _AS_CSV = "write it as CSV, one row per vehicle and frame, for instance with pandas.read_json and to_csv"
 _NO_TABLES = (
     (_JSON, "JSON", _AS_CSV),
     (re.compile(r"\s*<(!doctype\s+)?html\b", re.IGNORECASE), "a web page", "log in, and download the table again"),
+    (_XML, "XML", "of XML files only SUMO's floating car data are read, with data=sumo; write others as CSV"),
     (re.compile("version https://git-lfs"), "a pointer of Git LFS, not the table", "fetch it with `git lfs pull`"),
 )
 """First lines of files that are not tables: pattern, kind of file and remedy."""
@@ -165,8 +167,8 @@ def first_lines(path: Path, number: int) -> list[str]:
 
 
 def first_names(path: Path) -> list[str]:
-    """Fields of the first line that is not empty, whatever separates them."""
-    line = next(iter(first_lines(path, 1)), "")
+    """Fields of the first line that is neither empty nor a comment, whatever separates them."""
+    line = next((line for line in first_lines(path, SAMPLE_LINES) if not _PREAMBLE.fullmatch(line)), "")
     return max((fields_of(line, delimiter) for delimiter in _MARKS), key=len)
 
 

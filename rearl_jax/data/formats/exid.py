@@ -95,7 +95,7 @@ def read_recording(tracks_file: Path, policy: DataConfig) -> Recording:
         columns=_SPELLING,
     )
     rows = whole_tracks(rows, meta, info, policy, losses)
-    rows = rows.iloc[np.argsort(rows["track_id"].to_numpy(), kind="stable")]
+    rows = rows.iloc[np.lexsort((rows["frame"].to_numpy(), rows["track_id"].to_numpy()))]
     road = _straight(rows, info)
     table, notes = _driver_frame(rows, meta, road)
     lane_count = {side: order.count for side, order in road.lanes.items()}

@@ -63,11 +63,13 @@ _MIN_DIRECTED_SPEED = 0.5  # m/s; the mean velocity of a vehicle in a jam has no
 
 
 def find_recordings(root: Path) -> list[Path]:
-    """The NN_tracks.csv files in the folder, or in its subfolder `data` as in the published archive, by name.
+    """The NN_tracks.csv that is named, or those in the folder or in its subfolder `data`, as in the published archive.
 
     Raises:
         FileNotFoundError: There is none.
     """
+    if root.is_file() and root.name.lower().endswith(_TRACKS_END):
+        return [root]
     for folder in (root, root / "data"):
         found = visible_files(folder, (_TRACKS_END,))
         if found:

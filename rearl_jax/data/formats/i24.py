@@ -14,15 +14,17 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-import pyarrow as pa
 
 from rearl_jax.config.data import DataConfig
-from rearl_jax.data.checks.losses import Losses
+from rearl_jax.data.checks.frame_rates import MAX_FRAME_OFFSET, between_frames
+from rearl_jax.data.checks.losses import Losses, reject
+from rearl_jax.data.checks.typed_table import unknown_code
 from rearl_jax.data.files.folder import named_files
 from rearl_jax.data.files.json_documents import parsed, read_documents
+from rearl_jax.data.files.text_layout import opened, readable
 from rearl_jax.data.formats.backward_speeds import standing
-from rearl_jax.data.formats.i24_index import FEET, FIELDS, LANE, Cell, Index, Tracks, index_of
-from rearl_jax.data.problems import bad_recording
+from rearl_jax.data.formats.i24_index import FEET, FIELDS, LANE, OPTIONAL, Cell, Index, Tracks, index_of
+from rearl_jax.data.problems import Finding, bad_recording
 from rearl_jax.data.schema import Recording, RecordingInfo, validate
 
 LICENCE = "on request from i24motion.org, no redistribution"
@@ -36,10 +38,9 @@ _MAX_LANES = 6
 _USED = 0.01  # smallest share of the rows of a direction that makes a further lane
 _BATCH_BYTES = 32 * 2**20  # bytes of documents that are parsed at a time
 _FIRST_DOCUMENT_BYTES = 2**23  # more than the document of a vehicle that is recorded for an hour
-_MAX_FRAME_OFFSET = 0.1  # frames; a larger offset of a document's times from those of the others is noted
 _WINTER = timedelta(hours=-6)  # Central Standard Time; all published days are in it
-# 0 sedan, 1 midsize, 2 van, 3 pickup, 4 semi, 5 truck, 6 motorcycle
 _CLASSES = {0.0: "car", 1.0: "car", 2.0: "car", 3.0: "car", 4.0: "truck", 5.0: "truck", 6.0: "motorcycle"}
+_CODES = "0 (sedan), 1 (midsize), 2 (van), 3 (pickup), 4 (semi), 5 (truck), 6 (motorcycle)"
 # Columns of the file by canonical name, for messages.
 _SPELLING = {
     "x": "x_position",
@@ -64,7 +65,7 @@ def find_files(root: Path) -> list[Path]:
 
 def is_one(path: Path) -> bool:
     """True if the file begins with a document that has the fields of a trajectory."""
-    with path.open("rb") as file:
+    with readable(path), opened(path) as file:
         head = file.read(_FIRST_DOCUMENT_BYTES)
     return re.match(rb"(\xef\xbb\xbf)?\s*(\[\s*)?\{", head) is not None and all(
         re.search(rb'"%s"\s*:' % name.encode(), head) for name in FIELDS
@@ -120,10 +121,7 @@ def _parts(numbers: np.ndarray, index: Index) -> list[np.ndarray]:
 def _rows(path: Path, numbers: np.ndarray, index: Index, cell: Cell, policy: DataConfig) -> pd.DataFrame:
     """Rows of documents in a window and section, in SI units; the index holds the numbers of the documents."""
     texts = read_documents(path, [index.starts[n] for n in numbers], [index.sizes[n] for n in numbers])
-    documents, broken = parsed(texts, FIELDS | {"width": pa.float64(), "coarse_vehicle_class": pa.float64()})
-    if broken.any():
-        text, row = "width or coarse_vehicle_class is not a number", int(numbers[np.argmax(broken)]) + 1
-        raise bad_recording("not-a-number", text, "write a number", path, column="width", row=row)
+    documents, _ = parsed(texts, FIELDS | OPTIONAL)
     tracks = Tracks(documents)
 
     def every_row(name: str) -> np.ndarray:
@@ -144,7 +142,7 @@ def _rows(path: Path, numbers: np.ndarray, index: Index, cell: Cell, policy: Dat
             "length": length,
             "width": FEET * every_row("width"),
             "class": every_row("coarse_vehicle_class"),
-            "is_between_frames": np.repeat(np.abs(begin - np.rint(begin)) > _MAX_FRAME_OFFSET, tracks.counts),
+            "is_between_frames": np.repeat(np.abs(begin - np.rint(begin)) > MAX_FRAME_OFFSET, tracks.counts),
         },
         index=np.repeat(numbers, tracks.counts),
     )
@@ -186,8 +184,7 @@ def _recording(
         notes.append(f"{unknown} rows beside the lanes (12 ft each, from 12 ft off the median) have no lane")
     is_between = rows["is_between_frames"].to_numpy(bool)
     if is_between.any():
-        n_vehicles = rows.index[is_between].nunique()
-        notes.append(f"{n_vehicles} vehicles have times between those of the others, up to half a frame off")
+        notes.append(between_frames(rows.index[is_between].nunique()))
     info = RecordingInfo(
         id=recording,
         frame_rate=index.frame_rate,
@@ -200,6 +197,11 @@ def _recording(
         file=str(path),
         columns=_SPELLING,
     )
+    no_speed = ~np.isfinite(speed)
+    if no_speed.any():
+        text, remedy = "no speed follows from the times: there is only one, or they do not rise", "correct the times"
+        table = reject(table, Finding("time_unordered", "frame", no_speed, text, remedy), info, policy, losses)
+    table = reject(table, unknown_code(table, _CODES), info, policy, losses)
     return Recording(info, *validate(table, info, policy, losses))
 
 
@@ -241,6 +243,7 @@ def _lanes(lateral: np.ndarray, side: np.ndarray) -> tuple[np.ndarray, dict[int,
 
 
 def _classes(numbers: np.ndarray) -> np.ndarray:
-    """Classes of the schema; an unknown number stays, and the schema check reports it."""
+    """Classes of the schema; an unknown number stays as text, a missing one is None."""
     found, which = np.unique(numbers, return_inverse=True)
-    return np.array([_CLASSES.get(number, str(number)) for number in found], object)[which]
+    words = [_CLASSES.get(number, None if np.isnan(number) else f"{number:g}") for number in found]
+    return np.array(words, object)[which]

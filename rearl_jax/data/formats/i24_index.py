@@ -3,6 +3,7 @@
 One pass over the file builds the index, with which a recording of hours is read part by part.
 """
 
+import re
 from collections import Counter
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -13,8 +14,8 @@ import numpy as np
 import pyarrow as pa
 
 from rearl_jax.config.data import BadRows, DataConfig
-from rearl_jax.data.checks.frame_rates import frame_rate_of
-from rearl_jax.data.files.json_documents import documents, parsed
+from rearl_jax.data.checks.frame_rates import frame_rate_of, phase_of
+from rearl_jax.data.files.json_documents import documents, parsed, unreadable_field
 from rearl_jax.data.problems import DROP_HINT, bad_recording
 from rearl_jax.data.units import SI_FACTOR
 
@@ -37,6 +38,8 @@ FIELDS: dict[str, pa.DataType] = {
     "length": pa.float64(),
 }
 """Fields that every trajectory has, with their types."""
+OPTIONAL: dict[str, pa.DataType] = {"width": pa.float64(), "coarse_vehicle_class": pa.float64()}
+"""Further fields that are read, with their types."""
 
 Cell = tuple[int, int]
 """Number of a window since 1970, and of a section since the mile marker 0."""
@@ -53,7 +56,7 @@ class Index:
         sizes: Length of each document [bytes].
         cells: Numbers of the documents with a row in each window and section, from 0.
         frame_rate: Frames per second [1/s].
-        phase: Offset of the frames of most documents from multiples of the frame interval [frames], 0 to 1.
+        phase: Offset of the frames of most documents from multiples of the frame interval [frames].
         dropped: Documents that were left out, by cause.
     """
 
@@ -81,7 +84,8 @@ class Index:
         """
         if self.on_bad is BadRows.stop:
             text = text if number == 1 else f"{text} (and {number - 1} more documents)"
-            remedy = f"the file is damaged: copy it again{DROP_HINT}"
+            advice = "the file is damaged: copy it again" if column is None else "correct it, or copy the file again"
+            remedy = f"{advice}{DROP_HINT}"
             code = cause.replace("_", "-")
             raise bad_recording(code, text, remedy, self.path, column=column, row=document + 1)
         self.dropped[cause] += number
@@ -115,10 +119,13 @@ def _index(path: Path, window: float | None, section: float | None, on_bad: BadR
             index.leave_out("broken_document", block.n_broken, len(index.starts), "the file is cut off")
         if not block.texts:
             continue
-        table, broken = parsed(block.texts, {"_id": pa.struct({"$oid": pa.string()}), **FIELDS})
+        fields = {"_id": _type_of_ids(block.texts[0]), **FIELDS, **OPTIONAL}
+        table, broken = parsed(block.texts, fields)
         if broken.any():
-            text = "the document is not JSON, or a field of it is of another type"
-            index.leave_out("broken_document", int(broken.sum()), first + int(np.argmax(broken)), text)
+            place = int(np.argmax(broken))
+            name = unreadable_field(block.texts[place], fields)
+            text = "the document is not JSON" if name is None else f"the field is not {_words(fields[name])}"
+            index.leave_out("broken_document", int(broken.sum()), first + place, text, name)
         numbers = first + np.flatnonzero(~broken)
         _require_fields(table, path)
         table, numbers = _sound(index, table, numbers, known_ids)
@@ -150,7 +157,7 @@ def _index(path: Path, window: float | None, section: float | None, on_bad: BadR
         return index
     _require_units(np.concatenate(begins), np.concatenate(miles), np.concatenate(offsets_from_middle), path)
     index.frame_rate = frame_rate_of(np.concatenate(steps), path, "timestamp")
-    index.phase = _phase(np.concatenate(begins) * index.frame_rate)
+    index.phase = phase_of(np.concatenate(begins) * index.frame_rate)
     return index
 
 
@@ -175,6 +182,19 @@ class Tracks:
     def of_document(self, name: str) -> np.ndarray:
         """Value of a number field of each document."""
         return self._table[name].to_numpy().astype(np.float64)
+
+
+def _type_of_ids(document: bytes) -> pa.DataType:
+    """Type of the ids of documents: an object with one text, or in copies the text itself."""
+    is_text = re.search(rb'"_id"\s*:\s*"', document) is not None
+    return pa.string() if is_text else pa.struct({"$oid": pa.string()})
+
+
+def _words(kind: pa.DataType) -> str:
+    """What a field of a type holds, in words."""
+    if pa.types.is_list(kind):
+        return "an array of numbers"
+    return "a number" if pa.types.is_floating(kind) else "an id as MongoDB writes it"
 
 
 def _cell(values: np.ndarray, length: float | None) -> np.ndarray:
@@ -228,7 +248,9 @@ def _sound(index: Index, table: pa.Table, numbers: np.ndarray, known_ids: set[st
 
     def twice(name: str) -> np.ndarray:
         found = np.zeros(table.num_rows, dtype=bool)
-        for number, text in enumerate(table[name].combine_chunks().field("$oid").to_pylist()):
+        ids = table[name].combine_chunks()
+        ids = ids.field("$oid") if pa.types.is_struct(ids.type) else ids
+        for number, text in enumerate(ids.to_pylist()):
             found[number] = text is not None and text in known_ids
             known_ids.add(text or "")
         return found
@@ -296,9 +318,3 @@ def _require_units(times: np.ndarray, miles: np.ndarray, offsets_from_middle: np
     ):
         text = f"the outermost vehicles are {far:.3g} ft beside the middle of the road"
         raise bad_recording("wrong-units", text, "give y_position in feet", path, column="y_position")
-
-
-def _phase(frames: np.ndarray) -> float:
-    """Fraction of a frame at which most documents begin, by the mean direction on the circle of one frame."""
-    angle = 2.0 * np.pi * (frames % 1.0)
-    return float(np.arctan2(np.median(np.sin(angle)), np.median(np.cos(angle))) / (2.0 * np.pi)) % 1.0

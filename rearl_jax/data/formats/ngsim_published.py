@@ -19,7 +19,7 @@ import pyarrow as pa
 from rearl_jax.config.data import BadRows, DataConfig
 from rearl_jax.data.checks.leader_ids import without_absent
 from rearl_jax.data.checks.losses import Losses, reject, stop_or_count
-from rearl_jax.data.checks.typed_table import MAX_LANES
+from rearl_jax.data.checks.typed_table import MAX_LANES, unknown_code
 from rearl_jax.data.files.columnar import is_parquet
 from rearl_jax.data.files.delimited import read_blank_separated, read_csv, read_header, text_endings
 from rearl_jax.data.files.folder import named_files, visible_files
@@ -66,6 +66,8 @@ _PUBLISHED_SPELLING = {
     "vehicle_class": "v_Class",
     "leader_id": "Preceding",
 }
+_CODES = ", ".join(f"{code} ({name})" for code, name in CLASSES.items())
+_ARTERIAL_FIELDS = 24  # of a line of a .txt of an arterial, which also states zones, sections and movements
 _ENDINGS = (*text_endings(".csv"), *text_endings(".txt"))
 _SAMPLE_LINES = 5  # lines of a .txt from which it is decided whether it is a table
 # A time that is not in ms may have a fraction; its unit is reported as the fault.
@@ -118,6 +120,7 @@ class PublishedFile:
             text = f"Lane_ID {table['lane'].iloc[int(np.argmax(no_lane))] + 1:g} is not a lane, they count from 1"
             finding = Finding("lane_out_of_range", "lane", no_lane, text, "correct the Lane_ID")
             table = reject(table, finding, info, self._policy, losses)
+        table = reject(table, unknown_code(table, _CODES), info, self._policy, losses)
         return Recording(info, *validate(table, info, self._policy, losses))
 
     @cached_property
@@ -127,12 +130,16 @@ class PublishedFile:
     def _require_table(self, *, is_txt: bool) -> None:
         """Raise BadRecordingError for a file that is something else, such as a readme."""
         required = {name for name, _, needed in _PUBLISHED.values() if needed}
+        lines: list[list[str]] = []
         if is_txt:
             lines = [line.split() for line in first_lines(self.path, _SAMPLE_LINES)]
             # Not _are_numbers, because a single value that is not a number is reported with its row and column.
             is_table = any(2 * sum(map(_is_number, line)) > max(len(line), len(_TXT_COLUMNS)) for line in lines)
         else:
             is_table = 2 * len(required & {plain(name) for name in read_header(self.path)}) > len(required)
+        if is_txt and is_table and {len(line) for line in lines} == {_ARTERIAL_FIELDS}:
+            text = f"the lines have {_ARTERIAL_FIELDS} fields, as those of Lankershim and Peachtree have: no highways"
+            raise bad_recording("format-unsupported", text, "move the file out of the folder", self.path)
         if not is_table:
             text = f"{self.path.name} is not a trajectory table of NGSIM"
             raise bad_recording("not-a-table", text, "move it out of the folder", self.path)

@@ -17,6 +17,7 @@ import pandas as pd
 
 from rearl_jax.config.data import DataConfig
 from rearl_jax.data.checks import typed_table
+from rearl_jax.data.checks.frame_rates import phase_of
 from rearl_jax.data.checks.losses import Losses, stop_or_count
 from rearl_jax.data.checks.unit_checks import is_other_unit, require_period, scale_of
 from rearl_jax.data.files.columnar import column_names, read_columns
@@ -108,6 +109,7 @@ def read_platoon(path: Path, recording: str, platoon: Platoon, policy: DataConfi
     """
     models = (MODEL,) if MODEL in column_names(path) else ()
     rows = read_columns(path, _NUMBERS, models, only=("file", platoon.file))
+    rows["t_s"] = on_frames(rows["t_s"].to_numpy(np.float64))
     runs = openacc_index.labels_of_run(path.parent / openacc_index.FILE, platoon.file)
     info = RecordingInfo(
         id=recording,
@@ -182,6 +184,11 @@ def rebuilt(
     road_length = float(np.max(table["position"].to_numpy() + 0.5 * table["length"].to_numpy()))
     info = replace(info, notes=(*info.notes, note), road_length=road_length)
     return Recording(info, *validate(table, info, policy, losses))
+
+
+def on_frames(time: np.ndarray) -> np.ndarray:
+    """The times of a run [s], shifted by half a frame at most, so that they are multiples of the frame interval."""
+    return time - phase_of(time * FRAME_RATE) / FRAME_RATE
 
 
 def fill_holes(values: np.ndarray) -> np.ndarray:

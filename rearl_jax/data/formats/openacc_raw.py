@@ -10,6 +10,7 @@ Research Centre, Open ACC Database, DOI 10.2905/JRC.KMH3D00; they say that IVS i
 
 import re
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -33,6 +34,8 @@ SETTING = "setting"
 _ENDINGS = text_endings(".csv")
 _HEADER_KEYS = ("Vehicle_order", "ACC", "Distance_setting")
 _MAX_HEADER_LINES = 20  # lines above the table; there are 6
+_COLUMNS = re.compile(r"Time\s*([,;\t])")  # beginning of the line with the names of the columns
+_FIRST_CELL = re.compile(r"\s*[,;\t]")  # end of a first cell
 _NOT_RUNS = ("specification", openacc_index.FILE)
 _DRIVER = {"acc": "1", "human": "0"}
 _RECEIVER_TOLERANCE = 1.0  # m; gaps between bumpers are a car length shorter than distances between receivers
@@ -46,11 +49,13 @@ class Header:
         about: Values of the header lines, by the name of the line, such as Vehicle_order.
         columns: Names of the columns.
         n_above: Lines above the first row.
+        delimiter: Separator of fields: a comma, as published, or that of a copy.
     """
 
     about: dict[str, tuple[str, ...]]
     columns: list[str]
     n_above: int
+    delimiter: str
 
     def numbered(self, name: str) -> list[int]:
         """Numbers of the vehicles that have a column of this name."""
@@ -77,8 +82,8 @@ def find_runs(root: Path) -> list[Path]:
 
 def is_run(path: Path) -> bool:
     """True if the first lines describe a platoon and a line below them names the columns."""
-    first_cells = [line.partition(",")[0].strip() for line in first_lines(path, _MAX_HEADER_LINES)]
-    return {*_HEADER_KEYS, "Time"} <= set(first_cells)
+    first_cells = {_FIRST_CELL.split(line, maxsplit=1)[0] for line in first_lines(path, _MAX_HEADER_LINES)}
+    return {*_HEADER_KEYS, "Time"} <= first_cells
 
 
 def runs_of(path: Path) -> dict[str, Platoon]:
@@ -124,8 +129,9 @@ def read_run(path: Path, recording: str, platoon: Platoon, policy: DataConfig) -
     wanted = [f"{name}{k}" for k in places for name in ("Speed", "IVS", "Driver", "E", "N")]
     wanted = ["Time", *(column for column in wanted if column in header.columns)]
     kinds = {name: pa.string() if name.startswith("Driver") else pa.float64() for name in wanted}
-    table, n_broken = read_below(path, header.columns, header.n_above, kinds, ",", policy.on_bad)
+    table, n_broken = read_below(path, header.columns, header.n_above, kinds, header.delimiter, policy.on_bad)
     wide = table.to_pandas(split_blocks=True, self_destruct=True)
+    wide["Time"] = openacc.on_frames(wide["Time"].to_numpy(np.float64))
     models = header.about["Vehicle_order"]
     campaign = path.absolute().parent.name
     info = RecordingInfo(
@@ -169,25 +175,18 @@ def read_header_of(path: Path) -> Header:
     Raises:
         BadRecordingError: The file is empty, damaged or not a run, or does not name its vehicles.
     """
-    about: dict[str, tuple[str, ...]] = {}
-    columns: list[str] = []
-    number = 0
     with readable(path), opened(path) as file:
-        for number, content in enumerate(file, 1):
-            cells = [cell.strip() for cell in content.decode("utf-8-sig", errors="replace").strip().split(",")]
-            if cells[0] == "Time":
-                columns = cells
-                break
-            if number > _MAX_HEADER_LINES:
-                break
-            about[cells[0]] = tuple(cell for cell in cells[1:] if cell)
-    if not number:
+        lines = [line.decode("utf-8-sig", errors="replace").strip() for line in islice(file, _MAX_HEADER_LINES + 1)]
+    if not lines:
         raise bad_recording("file-empty", "the file is empty", "remove the file or complete it", path)
-    if not columns:
+    place, found = next(((n, _COLUMNS.match(line)) for n, line in enumerate(lines) if _COLUMNS.match(line)), (0, None))
+    if found is None:
         text = "no line begins with Time, as the header of a run of OpenACC does"
         raise bad_recording("not-a-table", text, "move the file out of the folder", path)
+    rows = [[cell.strip() for cell in line.split(found[1])] for line in lines[: place + 1]]
+    about = {cells[0]: tuple(cell for cell in cells[1:] if cell) for cells in rows[:-1]}
     require_columns(about, _HEADER_KEYS, path)
-    header = Header(about, columns, number)
+    header = Header(about, rows[-1], place + 1, found[1])
     most = max(header.numbered("Speed"), default=0)
     if most > len(about["Vehicle_order"]):
         text = f"{len(about['Vehicle_order'])} vehicles are named, but there are columns of vehicle {most}"

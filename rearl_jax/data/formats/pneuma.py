@@ -10,6 +10,7 @@ large-scale field experiment, Transportation Research Part C 111 (2020) 50-71; o
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import islice
 from pathlib import Path
 
 import numpy as np
@@ -18,12 +19,12 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from rearl_jax.config.data import BadRows, DataConfig
-from rearl_jax.data.checks.frame_rates import frame_rate_of
+from rearl_jax.data.checks.frame_rates import frame_rate_of, frames_of
 from rearl_jax.data.checks.losses import Losses
 from rearl_jax.data.checks.typed_table import MAX_MAGNITUDE
 from rearl_jax.data.files.delimited import read_header, stem_of, text_endings
 from rearl_jax.data.files.folder import named_files
-from rearl_jax.data.files.text_layout import first_names, opened
+from rearl_jax.data.files.text_layout import Layout, first_names, layout_of, opened
 from rearl_jax.data.problems import DROP_HINT, BadRecordingError, bad_recording, require_columns
 from rearl_jax.data.roads.stretch import Stretch, stretch_of
 from rearl_jax.data.schema import Recording, RecordingInfo, validate
@@ -63,7 +64,7 @@ class _Vehicle:
 
     Attributes:
         number: Its track_id.
-        kind: Its type.
+        kind: Its type, in the spelling of _TYPES.
         values: One row per time step, in the columns of REPEATED_COLUMNS.
     """
 
@@ -114,6 +115,7 @@ def read_recording(path: Path, policy: DataConfig) -> Recording:
     if not parts:
         text = "no vehicle drives along data.stretch"
         raise bad_recording("no-rows", text, "name a stretch within the area of the file", path)
+    table, notes = _table(parts, stretch, frame_rate, policy.default_length)
     info = RecordingInfo(
         id=recording_id(path),
         frame_rate=frame_rate,
@@ -127,11 +129,11 @@ def read_recording(path: Path, policy: DataConfig) -> Recording:
             + " to ".join(f"{latitude:.6f}, {longitude:.6f}" for latitude, longitude in (stretch.begin, stretch.end)),
             f"lanes are {stretch.n_lanes} equal parts of {stretch.width:g} m, the source has none",
             "the source has no lengths: usual ones of each type are assumed",
+            *notes,
         ),
         file=str(path),
         columns=_SPELLING,
     )
-    table = _table(parts, stretch, frame_rate, policy.default_length)
     return Recording(info, *validate(table, info, policy, losses))
 
 
@@ -146,33 +148,40 @@ def _vehicles(path: Path, on_bad: BadRows, losses: Losses) -> Iterator[tuple[int
         text = f"the columns are {', '.join(header[:12])}"
         remedy = f"give {', '.join((*VEHICLE_COLUMNS, *REPEATED_COLUMNS))}, the last six repeated"
         raise bad_recording("columns-unordered", text, remedy, path)
+    layout = layout_of(path)
+    if layout.encoding.startswith(("utf-16", "utf-32")):
+        raise bad_recording("not-text", f"the file is {layout.encoding_name}", "save it as UTF-8", path)
     with opened(path) as file:
-        next(file)
-        for row, line in enumerate(line for line in file if line.strip()):
+        lines = islice(file, layout.header_lines, None)
+        for row, line in enumerate(line for line in lines if line.strip()):
             try:
-                yield row, _vehicle(line, path, row)
+                yield row, _vehicle(line, path, row, layout)
             except BadRecordingError:
                 if on_bad is BadRows.stop:
                     raise
                 losses.count("broken_line", 1)
 
 
-def _vehicle(line: bytes, path: Path, row: int) -> _Vehicle:
+def _vehicle(line: bytes, path: Path, row: int, layout: Layout) -> _Vehicle:
     """The vehicle that a line describes; BadRecordingError if the line is broken."""
-    if not line.endswith(b"\n") and not line.rstrip().endswith(b";"):
+    delimiter = layout.delimiter
+    if not line.endswith(b"\n") and not line.strip(b" \r").endswith(delimiter.encode()):
         raise _broken("the line ends within a number", path, row)
     try:
-        text = line.decode().rstrip().removesuffix(";")
+        # Spreadsheets fill short lines with empty fields.
+        text = line.decode().rstrip(f"{delimiter} \t\r\n")
     except UnicodeDecodeError as error:
         raise _broken(f"the line is not UTF-8 text ({error.reason})", path, row) from None
-    fields = text.split(";", len(VEHICLE_COLUMNS))
-    n_further = fields[-1].count(";") + 1 if len(fields) > len(VEHICLE_COLUMNS) else 0
+    if layout.decimal_point != ".":
+        text = text.replace(layout.decimal_point, ".")
+    fields = text.split(delimiter, len(VEHICLE_COLUMNS))
+    n_further = fields[-1].count(delimiter) + 1 if len(fields) > len(VEHICLE_COLUMNS) else 0
     if n_further % len(REPEATED_COLUMNS) or not n_further:
         whole = f"{len(VEHICLE_COLUMNS)} and a multiple of {len(REPEATED_COLUMNS)}"
         raise _broken(f"the line has {len(VEHICLE_COLUMNS)} and {n_further} fields instead of {whole}", path, row)
     try:
         # By Arrow, which parses millions of numbers per second.
-        parts = pc.call_function("split_pattern", [pa.array([fields[-1]])], pc.SplitPatternOptions(";")).flatten()
+        parts = pc.call_function("split_pattern", [pa.array([fields[-1]])], pc.SplitPatternOptions(delimiter)).flatten()
         values = pc.call_function("utf8_trim_whitespace", [parts]).cast(pa.float64()).to_numpy()
         number = int(fields[0])
     except (pa.ArrowInvalid, ValueError) as error:
@@ -181,7 +190,7 @@ def _vehicle(line: bytes, path: Path, row: int) -> _Vehicle:
     if not abs(number) < 2**53:
         raise bad_recording("value-unreadable", f"track_id is {number}", "correct it", path, row=row + 1)
     values = np.where(np.abs(values) <= MAX_MAGNITUDE, values, np.nan)
-    return _Vehicle(number, fields[1].strip(), values.reshape(-1, len(REPEATED_COLUMNS)))
+    return _Vehicle(number, fields[1].strip().title(), values.reshape(-1, len(REPEATED_COLUMNS)))
 
 
 def _broken(text: str, path: Path, row: int) -> BadRecordingError:
@@ -234,8 +243,10 @@ def _without_excursions(inside: np.ndarray) -> np.ndarray:
     return filled
 
 
-def _table(parts: list[pd.DataFrame], stretch: Stretch, frame_rate: float, default_length: float) -> pd.DataFrame:
-    """Columns of the schema; a vehicle that comes back to the stretch gets a new track_id.
+def _table(
+    parts: list[pd.DataFrame], stretch: Stretch, frame_rate: float, default_length: float
+) -> tuple[pd.DataFrame, tuple[str, ...]]:
+    """Columns of the schema, and notes on times; a vehicle that comes back to the stretch gets a new track_id.
 
     A track_id in two rows of the file is a fault and stays, so that the schema check finds it.
     """
@@ -248,10 +259,12 @@ def _table(parts: list[pd.DataFrame], stretch: Stretch, frame_rate: float, defau
     kind = pd.Series(rows["type"])
     lateral = rows["lateral"].to_numpy(np.float64)
     lane = np.clip(np.floor(lateral / stretch.width * stretch.n_lanes), 0, stretch.n_lanes - 1)
-    return pd.DataFrame(
+    counts = np.array([len(part) for part in parts])
+    frame, notes = frames_of(rows["time"].to_numpy(np.float64), np.cumsum(counts) - counts, frame_rate)
+    table = pd.DataFrame(
         {
-            "track_id": np.repeat(ids, [len(part) for part in parts]),
-            "frame": np.rint(rows["time"].to_numpy(np.float64) * frame_rate),
+            "track_id": np.repeat(ids, counts),
+            "frame": frame,
             "direction": 1,
             "x": rows["along"].to_numpy(np.float64),
             "y": lateral,
@@ -269,3 +282,4 @@ def _table(parts: list[pd.DataFrame], stretch: Stretch, frame_rate: float, defau
         },
         index=rows["row"].to_numpy(),
     )
+    return table, notes

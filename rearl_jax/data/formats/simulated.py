@@ -164,7 +164,8 @@ def _known(rows: pd.DataFrame, info: RecordingInfo, policy: DataConfig, losses: 
         if pd.api.types.is_float_dtype(column.dtype):
             missing = ~(np.abs(column.to_numpy()) <= MAX_MAGNITUDE)
         if missing.any():
-            finding = Finding("not_finite", name, missing, "the value is missing or infinite", "complete it")
+            text = "the value is missing, infinite or unreadable"
+            finding = Finding("not_finite", name, missing, text, "complete it")
             rows = reject(rows, finding, info, policy, losses)
     return rows
 

@@ -18,9 +18,11 @@ from rearl_jax.data.files.folder import recordings_missing, visible_files
 from rearl_jax.data.formats.simulated import Simulation, info_of, recording_of
 from rearl_jax.data.formats.sumo_fcd import TABLES, read_fcd, spelling
 from rearl_jax.data.formats.sumo_network import CLASS, Surroundings, VehicleType, sorted_files, surroundings_of
-from rearl_jax.data.formats.sumo_xml import XML
+from rearl_jax.data.formats.sumo_xml import XML, is_xml
 from rearl_jax.data.records import SPEED_LIMITS, Recording
+from rearl_jax.data.roads.stretch import metres
 from rearl_jax.data.vehicle_classes import CLASSES, class_of
+from rearl_jax.data.vehicle_rows import follows_row_before
 
 LABELS = ("vehicle", "type")
 """Labels of tracks: SUMO's id of the vehicle and of its type."""
@@ -31,11 +33,15 @@ _SPELLING = {
     "frame": "time",
     "front": "pos",
     "position": "pos",
+    "lateral": "posLat",
     "link": "lane",
     "leader_id": "leaderID",
     "vehicle_class": "type",
     "length": "type",
 }
+
+# More than a metre is in degrees of longitude up to a latitude of 85 degrees.
+_DEGREES_PER_METRE = 1e-4
 
 
 def find_fcd(root: Path) -> list[Path]:
@@ -47,7 +53,7 @@ def find_fcd(root: Path) -> list[Path]:
     """
     found = [root] if root.is_file() else sorted([*sorted_files(root)[0], *visible_files(root, TABLES)])
     if not found:
-        wanted = "a file that `sumo --fcd-output` writes (.xml, .xml.gz, .csv or .parquet), or a folder of them"
+        wanted = "a file that `sumo --fcd-output` writes (.xml, .csv or .parquet), or a folder of them"
         raise recordings_missing("no floating car data", root, wanted, (*XML, *TABLES))
     return found
 
@@ -78,6 +84,7 @@ def read_recording(path: Path, beside: list[Path], policy: DataConfig) -> Record
     names = spelling(path)
     raw, n_broken = read_fcd(path, policy.on_bad)
     losses.count("broken_line", n_broken)
+    raw, notes = _with_metres(raw)
     link, lane = _edges_and_lanes(pd.Series(raw["lane"]))
     angle = raw["angle"].to_numpy()
     heading = np.deg2rad(np.where(np.isfinite(angle), angle, np.nan))  # clockwise from north
@@ -106,8 +113,9 @@ def read_recording(path: Path, beside: list[Path], policy: DataConfig) -> Record
     if "leaderID" in raw:
         rows["leader_id"] = _numbers_of(pd.Series(raw["leaderID"]), raw["id"].cat.categories)
     del raw
-    rows, notes = _with_types(rows, around, policy)
-    if n_broken and path.name.lower().endswith(XML):
+    rows, of_types = _with_types(rows, around, policy)
+    notes += of_types
+    if n_broken and is_xml(path):
         notes.append("the file ends within an element: what came after is not known")
     low, high = SPEED_LIMITS
     sources = {name: name for name in names} | _SPELLING
@@ -115,6 +123,25 @@ def read_recording(path: Path, beside: list[Path], policy: DataConfig) -> Record
     info = info_of(path, recording_id(path), "SUMO", LABELS, notes, columns)
     limits = {edge: limit for edge, limit in around.limits.items() if low <= limit <= high}
     return recording_of(rows, Simulation(info, around.lanes, limits, around.lane_width), policy, losses)
+
+
+def _with_metres(raw: pd.DataFrame) -> tuple[pd.DataFrame, list[str]]:
+    """The rows with x, y in metres, also where they are longitude and latitude; and a note on that."""
+    longitude, latitude = raw["x"].to_numpy(np.float64), raw["y"].to_numpy(np.float64)
+    if not (np.nanmax(np.abs(longitude), initial=0.0) <= 180.0 and np.nanmax(np.abs(latitude), initial=0.0) <= 90.0):
+        return raw, []
+    order = np.lexsort((raw["time"].to_numpy(), raw["id"].cat.codes.to_numpy()))
+    track, lane = (raw[name].cat.codes.to_numpy()[order] for name in ("id", "lane"))
+    same = follows_row_before(track)[1:] & (np.diff(lane) == 0)
+    moved = np.hypot(np.diff(longitude[order]), np.diff(latitude[order]))[same]
+    with np.errstate(invalid="ignore", over="ignore"):  # the checks find values out of range
+        driven = np.diff(raw["pos"].to_numpy(np.float64)[order])[same]
+    ratios = moved[driven > 0.0] / driven[driven > 0.0]
+    ratios = ratios[np.isfinite(ratios)]
+    if not ratios.size or np.median(ratios) > _DEGREES_PER_METRE:
+        return raw, []
+    east, north = metres(latitude, longitude, (float(np.nanmedian(latitude)), float(np.nanmedian(longitude))))
+    return raw.assign(x=east, y=north), ["x and y are longitude and latitude in the file"]
 
 
 def _numbers_of(vehicles: pd.Series, ids: pd.Index) -> np.ndarray:
@@ -138,7 +165,13 @@ def _edges_and_lanes(lanes: pd.Series) -> tuple[pd.Categorical, np.ndarray]:
 
 def _with_types(rows: pd.DataFrame, around: Surroundings, policy: DataConfig) -> tuple[pd.DataFrame, list[str]]:
     """The rows with length, width and class of their types, and notes on what is assumed."""
-    names = [str(name) for name in rows["type"].cat.categories]
+    spelt = [str(name) for name in rows["type"].cat.categories]
+    # A type that was changed for one vehicle is written as TYPE@VEHICLE.
+    bases = [name if name in around.types else name.partition("@")[0] for name in spelt]
+    names = list(dict.fromkeys(bases))
+    if names != spelt:
+        numbers = np.array([*(names.index(base) for base in bases), -1])[rows["type"].cat.codes.to_numpy()]
+        rows = rows.assign(type=pd.Categorical.from_codes(numbers, names))
     types = [around.types.get(name, VehicleType(name, None, None)) for name in names]
     classes = [_class_of(name, around.types) for name in names]
     unknown = [name for name, kind in zip(names, types, strict=True) if kind.length is None]
@@ -151,6 +184,8 @@ def _with_types(rows: pd.DataFrame, around: Surroundings, policy: DataConfig) ->
         vehicle_class=np.array([*classes, None], object)[codes],
     )
     notes = []
+    if names != spelt:
+        notes.append("types that were changed for single vehicles, TYPE@VEHICLE, are read as TYPE")
     if unknown:
         text = f"no route or additional file states the length of the types {', '.join(unknown[:5])}: "
         notes.append(f"{text}{policy.default_length:g} m assumed, and the class by the name of the type")

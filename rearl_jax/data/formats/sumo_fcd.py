@@ -3,6 +3,7 @@
 Source: SUMO documentation, Simulation/Output/FCDOutput and TabularOutputs.
 """
 
+import re
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 
@@ -11,10 +12,10 @@ import pandas as pd
 import pyarrow as pa
 
 from rearl_jax.config.data import BadRows
-from rearl_jax.data.files.columnar import column_names, is_parquet, read_columns
-from rearl_jax.data.files.delimited import read_csv, read_header, text_endings
+from rearl_jax.data.files.columnar import column_names, is_parquet, is_text, read_columns
+from rearl_jax.data.files.delimited import first_rows, read_csv, read_header, text_endings
 from rearl_jax.data.files.text_layout import first_names
-from rearl_jax.data.formats.sumo_xml import XML, CutOff, elements, root_of
+from rearl_jax.data.formats.sumo_xml import CutOff, elements, is_xml, root_of
 from rearl_jax.data.problems import DROP_HINT, bad_recording, require_columns
 
 TABLES = (".parquet", *text_endings(".csv"))
@@ -27,6 +28,7 @@ OPTIONAL = {"acceleration": pa.float64(), "posLat": pa.float64(), "leaderID": pa
 
 _KINDS = dict.fromkeys(NUMBERS, pa.float64()) | dict.fromkeys(TEXTS, pa.string()) | OPTIONAL
 _OTHERS = frozenset({"person", "container"})  # elements that are not vehicles
+_CLOCK = re.compile(r"(?:(\d+):)?(\d+):(\d\d):(\d\d(?:\.\d*)?)")
 _BATCH_SIZE = 2**15  # elements whose attributes are held as texts
 
 
@@ -39,19 +41,19 @@ def read_fcd(path: Path, on_bad: BadRows) -> tuple[pd.DataFrame, int]:
         BadRecordingError: A column is missing, a value is not a number, or the file is damaged. A file that only ends
             too early is read up to there unless on_bad is stop.
     """
-    return _of_xml(path, on_bad) if path.name.lower().endswith(XML) else _of_table(path, on_bad)
+    return _of_xml(path, on_bad) if is_xml(path) else _of_table(path, on_bad)
 
 
 def is_fcd(path: Path) -> bool:
     """True if the file is floating car data, by its first element or the names of its columns."""
-    if path.name.lower().endswith(XML):
+    if is_xml(path):
         return root_of(path) == ROOT
     return {*NUMBERS, *TEXTS} <= _plain(column_names(path) if is_parquet(path) else first_names(path)).keys()
 
 
 def spelling(path: Path) -> dict[str, str]:
     """Name in the file of every column, by its name in XML."""
-    if path.name.lower().endswith(XML):
+    if is_xml(path):
         return {name: name for name in _KINDS}
     found = column_names(path) if path.suffix.lower() == ".parquet" else read_header(path)
     plain = _plain(found)
@@ -68,20 +70,53 @@ def _of_table(path: Path, on_bad: BadRows) -> tuple[pd.DataFrame, int]:
     """Rows of vehicles in CSV or Parquet, and the number of broken lines."""
     names = spelling(path)
     n_broken = 0
+    kinds = {spelt: _KINDS[name] for name, spelt in names.items()}
+    if has_clock := _has_clock(path, names["time"]):
+        kinds[names["time"]] = pa.string()
     if path.suffix.lower() == ".parquet":
-        numbers = [spelt for name, spelt in names.items() if _KINDS[name] == pa.float64()]
-        rows = read_columns(path, numbers, [spelt for spelt in names.values() if spelt not in numbers])
+        numbers = [name for name, kind in kinds.items() if kind == pa.float64()]
+        rows = read_columns(path, numbers, [name for name in kinds if name not in numbers])
     else:
-        table, n_broken = read_csv(path, {spelt: _KINDS[name] for name, spelt in names.items()}, on_bad, quoted=False)
+        table, n_broken = read_csv(path, kinds, on_bad, quoted=False)
         # Texts as dictionaries, which take less memory.
         columns = {name: table[name] for name in names.values()}
         encoded = {n: c.dictionary_encode() if c.type == pa.string() else c for n, c in columns.items()}
         rows = pa.table(encoded).to_pandas(split_blocks=True, self_destruct=True)
     rows = rows.rename(columns={spelt: name for name, spelt in names.items()})
+    if has_clock:
+        rows["time"] = _seconds_of(pd.Series(rows["time"]), names["time"], path)
     # Time steps without vehicles, and persons, leave the columns of vehicles empty.
     is_vehicle = np.logical_or.reduce([rows[name].notna().to_numpy() for name in ("id", "x", "speed", "lane")])
     rows = rows if is_vehicle.all() else rows.iloc[np.flatnonzero(is_vehicle)]
     return rows.astype(dict.fromkeys(set(rows.columns) - set(NUMBERS) - {"acceleration"}, "category")), n_broken
+
+
+def _has_clock(path: Path, column: str) -> bool:
+    """True if the first time of a table has colons."""
+    if path.suffix.lower() == ".parquet":
+        return is_text(path, column)
+    first, _ = first_rows(path, 1)
+    return len(first) > 0 and ":" in first[column].iloc[0]
+
+
+def _seconds_of(times: pd.Series, column: str, path: Path) -> np.ndarray:
+    """The times [s]; BadRecordingError for one that is neither a number nor a time of day."""
+    known = {text: _in_seconds(text) for text in times.dropna().unique()}
+    for text, seconds in known.items():
+        if not _is_number(seconds):
+            row = int(np.argmax((times == text).to_numpy())) + 1
+            remedy = "write the time in s, or as 00:00:01.00"
+            raise bad_recording("value-unreadable", f"{text!r} is not a time", remedy, path, column=column, row=row)
+    return times.map(known).to_numpy(np.float64, na_value=np.nan)
+
+
+def _in_seconds(time: str) -> str:
+    """The time of a step in seconds, which `--human-readable-time` writes as 1:02:03:04.50 (days) or 02:03:04.50."""
+    found = _CLOCK.fullmatch(time)
+    if found is None:
+        return time
+    days, hours, minutes = (int(part or 0) for part in found.groups()[:3])
+    return repr(86400.0 * days + 3600.0 * hours + 60.0 * minutes + float(found[4]))
 
 
 def _of_xml(path: Path, on_bad: BadRows) -> tuple[pd.DataFrame, int]:
@@ -123,7 +158,7 @@ def _chunks(path: Path) -> Iterator[list[dict[str, str]]]:
                     yield chunk
                     chunk = []
             elif name == "timestep":
-                time = attributes.get("time", "")
+                time = _in_seconds(attributes.get("time", ""))
             elif name not in _OTHERS:
                 text = f"{name} is not an element of floating car data"
                 raise bad_recording("element-unknown", text, "the file is damaged: write or copy it again", path)
@@ -141,6 +176,9 @@ def _batch(chunk: Sequence[dict[str, str]], path: Path, n_before: int) -> pa.Rec
     for name, kind in _KINDS.items():
         values = pa.array([attributes.get(name) for attributes in chunk], pa.string())
         if n_before == 0 and name not in OPTIONAL and values.null_count == len(chunk):
+            if name == "lane" and "edge" in chunk[0]:
+                text = "vehicles have edges and no lanes, as in a mesoscopic simulation"
+                raise bad_recording("format-unsupported", text, "simulate without --mesosim", path, column=name)
             require_columns(chunk[0], (name,), path)
         columns[name] = _numbers(values, name, path, n_before) if kind == pa.float64() else values.dictionary_encode()
     return pa.RecordBatch.from_pydict(columns)

@@ -15,8 +15,10 @@ NETWORK = "net"
 _TYPES = ("routes", "additional")
 _PASSED_OVER = frozenset(
     "configuration sumoConfiguration netconvertConfiguration viewsettings nodes edges connections types tlLogics "
-    "tripinfos summary edgeData meandata netstate queue-export emission-export collisions lanechanges "
-    "statistics".split()
+    "tripinfos summary personSummary edgeData meandata netstate queue-export emission-export collisions lanechanges "
+    "statistics detector e3Detector instantE1 vehicle-type-probes full-export link-output trajectories snapshot stops "
+    "SSMLog tlsStates tazs data battery-export bt-output chargingstations-export elecHybrid-export "
+    "railsignal-block-output".split()
 )
 """First elements of SUMO's other files, which are often in the same folder and are ignored."""
 

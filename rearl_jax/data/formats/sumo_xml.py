@@ -4,10 +4,11 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from xml.parsers import expat
 
+from rearl_jax.data.files.delimited import text_endings
 from rearl_jax.data.files.text_layout import DAMAGED, opened, readable
 from rearl_jax.data.problems import bad_recording
 
-XML = (".xml", ".xml.gz")
+XML = text_endings(".xml")
 """Endings of SUMO's XML files."""
 
 _BLOCK = 2**18  # bytes parsed at a time
@@ -49,6 +50,11 @@ def elements(path: Path) -> Iterator[tuple[str, dict[str, str]]]:
                 text = f"the line is not XML ({expat.ErrorString(fault.code)})"
                 remedy = "the file is damaged: write or copy it again"
                 raise bad_recording("not-xml", text, remedy, path, line=fault.lineno)
+
+
+def is_xml(path: Path) -> bool:
+    """True for a file whose name ends like that of an XML file, or that begins with an element."""
+    return path.name.lower().endswith(XML) or root_of(path) is not None
 
 
 def root_of(path: Path) -> str | None:

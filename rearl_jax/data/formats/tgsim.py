@@ -17,7 +17,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from rearl_jax.config.data import BadRows, DataConfig
-from rearl_jax.data.checks.frame_rates import frame_rate_of
+from rearl_jax.data.checks.frame_rates import frame_rate_of, frames_of
 from rearl_jax.data.checks.losses import Losses, reject
 from rearl_jax.data.checks.typed_table import MAX_MAGNITUDE
 from rearl_jax.data.files.delimited import read_csv, read_header, stem_of, text_endings
@@ -66,6 +66,7 @@ _PLACES = {
 # The codes of I-395; the other files write words.
 _CLASSES = {"1": "car", "2": "truck", "3": "truck", "4": "car", "small vehicle": "car", "large vehicle": "truck"}
 _AUTOMATED_CODE = "4"
+_YES = ("yes", "true", "1", "1.0")
 _RUN_REMEDY = "complete it, or remove the column if the file holds one run only"
 
 
@@ -126,16 +127,18 @@ def read_run(path: Path, recording: str, run: int | None, policy: DataConfig) ->
         attribution=ATTRIBUTION,
         labels=(AUTOMATED,),
         file=str(path),
-        columns={name: names[name] for name in _COLUMNS} | {"position": names["x"], "lateral": names["y"]},
+        columns={name: names[name] for name in _COLUMNS}
+        | {"position": names["x"], "lateral": names["y"], "frame": names["time"]},
     )
     rows["time"] = rows["time"].where(rows["time"].abs() <= MAX_MAGNITUDE)
     for name in ("track_id", "time"):
         rows = reject(rows, without_value(rows, name), info, policy, losses)
     rows = rows.astype({"track_id": np.int64}).sort_values(["track_id", "time"], kind="stable")
-    steps = np.diff(rows["time"].to_numpy(np.float64))[follows_row_before(rows["track_id"].to_numpy())[1:]]
-    rate = frame_rate_of(steps, path, names["time"])
+    time, follows = rows["time"].to_numpy(np.float64), follows_row_before(rows["track_id"].to_numpy())
+    rate = frame_rate_of(np.diff(time)[follows[1:]], path, names["time"])
+    frame, of_times = frames_of(time, np.flatnonzero(~follows), rate)
     road = _straight(rows, info)
-    notes = ["the road is straightened by the paths of its vehicles", *_lane_notes(road)]
+    notes = ["the road is straightened by the paths of its vehicles", *_lane_notes(road), *of_times]
     info = replace(
         info,
         frame_rate=rate,
@@ -146,7 +149,7 @@ def read_run(path: Path, recording: str, run: int | None, policy: DataConfig) ->
     table = pd.DataFrame(
         {
             "track_id": rows["track_id"].to_numpy(),
-            "frame": np.rint(rows["time"].to_numpy(np.float64) * rate),
+            "frame": frame,
             **{name: road.columns[name].to_numpy() for name in road.columns},
             **{name: rows[name].to_numpy(np.float64) for name in ("speed", "acceleration", "length", "width")},
             "vehicle_class": _classes(pd.Series(rows["vehicle_class"])),
@@ -250,6 +253,6 @@ def _automated(rows: pd.DataFrame) -> pd.Series:
     if column is None:
         marked = rows["vehicle_class"].str.removesuffix(".0") == _AUTOMATED_CODE
     else:
-        marked = rows[column].str.casefold().str.strip() == "yes"
+        marked = rows[column].str.casefold().str.strip().isin(_YES)
     ever = marked.fillna(False).groupby(rows["track_id"].to_numpy()).transform("any")
     return pd.Series(np.where(ever, "yes", "no"), index=rows.index)

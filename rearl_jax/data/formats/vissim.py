@@ -115,6 +115,7 @@ def read_record(path: Path, policy: DataConfig) -> Recording:
     rows, notes = _rows_of(raw.to_pandas(split_blocks=True, self_destruct=True), header, names, path, policy)
     labels = (LABEL,) if "type" in names else ()
     columns = {**names, "track_id": names["vehicle"], "frame": names["time"], "position": names["front"]}
+    columns["lateral"] = names.get("aside", "lateral")
     info = info_of(path, recording_id(path), "Vissim", labels, notes, columns)
     return recording_of(rows, Simulation(info, {}, {}, LANE_WIDTH), policy, losses)
 

@@ -1,4 +1,4 @@
-"""SUMO's floating car data, `.xml`, `.xml.gz`, `.csv` or `.parquet`: the road that most vehicles follow."""
+"""SUMO's floating car data, `.xml`, `.csv` or `.parquet`: the road that most vehicles follow."""
 
 from collections.abc import Iterator
 from functools import partial

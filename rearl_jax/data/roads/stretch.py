@@ -37,13 +37,13 @@ class Stretch:
     @property
     def _end(self) -> tuple[float, float]:
         """Metres from the upstream end to the downstream one, to the east and north."""
-        east, north = _metres(np.array(self.end[:1]), np.array(self.end[1:]), self.begin)
+        east, north = metres(np.array(self.end[:1]), np.array(self.end[1:]), self.begin)
         return float(east[0]), float(north[0])
 
     def places(self, latitude: np.ndarray, longitude: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Distances from the upstream end along the stretch, and from its left edge to the right [m]."""
         ahead = np.array(self._end) / self.length
-        east, north = _metres(latitude, longitude, self.begin)
+        east, north = metres(latitude, longitude, self.begin)
         return east * ahead[0] + north * ahead[1], east * ahead[1] - north * ahead[0] + 0.5 * self.width
 
 
@@ -71,7 +71,7 @@ def stretch_of(numbers: Sequence[float] | None) -> Stretch:
     return stretch
 
 
-def _metres(latitude: np.ndarray, longitude: np.ndarray, origin: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
+def metres(latitude: np.ndarray, longitude: np.ndarray, origin: tuple[float, float]) -> tuple[np.ndarray, np.ndarray]:
     """Distances to the east and north of the origin [m], in the plane that is tangent to the Earth there."""
     phi = np.radians(origin[0])
     e2 = _FLATTENING * (2.0 - _FLATTENING)  # squared eccentricity

@@ -98,6 +98,7 @@ def test_a_plain_table_with_the_ending_of_a_packed_one_is_read(table, ending):
     [
         ("version https://git-lfs.github.com/spec/v1\noid sha256:4d7a\nsize 12345\n", "Git LFS"),
         ("<!DOCTYPE html>\n<html><head><title>Sign in</title></head></html>\n", "web page"),
+        ('<?xml version="1.0"?>\n<net/>\n', "XML"),
     ],
 )
 def test_what_is_downloaded_instead_of_a_table_is_named(table, text, what):

@@ -163,3 +163,9 @@ def test_a_missing_file_is_named(tracks, read, tmp_path):
     (tmp_path / "00_tracksMeta.csv").unlink()
     with refused("file-missing", MissingInputError):
         list(iterate_recordings(DataConfig(DataFormat.exid, str(tmp_path))))
+
+
+def test_the_order_of_rows_does_not_matter(tracks, read):
+    expected = read(tracks)
+    recording = read(tracks.sample(frac=1.0, random_state=0))
+    pd.testing.assert_frame_equal(recording.table, expected.table)

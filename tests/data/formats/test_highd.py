@@ -140,6 +140,14 @@ def test_generated_recordings_say_so(tracks):
     assert "no measured data" in info.attribution
 
 
+def test_one_recording_of_a_folder_may_be_named(highd_files, tmp_path):
+    paths = [highd_files(tmp_path, number) for number in ("01", "02")]
+    assert find_recordings(tmp_path) == paths
+    assert find_recordings(paths[1]) == paths[1:]
+    with refused("recordings-missing", MissingInputError):
+        find_recordings(tmp_path / "01_tracksMeta.csv")
+
+
 def test_a_file_cut_inside_a_line_stops_or_loses_the_track(tracks):
     text = tracks.read_text()
     lines = text.splitlines()

@@ -1,5 +1,6 @@
 """I-24 MOTION: documents that are read block by block, windows and sections, speeds, and damaged files."""
 
+import gzip
 import json
 from dataclasses import replace
 from itertools import islice
@@ -128,6 +129,11 @@ def _scaled(name: str, factor: float):
     return {name: lambda document: (factor * np.array(document[name])).tolist()}
 
 
+def _back(document: dict) -> float:
+    """The second time of a document, as its first one."""
+    return document["timestamp"][1]
+
+
 @pytest.mark.parametrize(
     ("change", "code", "fields"),
     [
@@ -140,10 +146,15 @@ def _scaled(name: str, factor: float):
         (lambda d: [d[0], {**d[1], "x_position": d[1]["x_position"][:-1]}], "lengths-differ", {"row": 2}),
         (lambda d: [*d, d[4]], "duplicate", {"row": 17}),
         (lambda d: [d[0], {**d[1], "x_position": d[1]["x_position"][::-1]}, *d[2:]], "wrong-direction", {"row": 2}),
-        (lambda d: [d[0], {**d[1], "x_position": "far"}, *d[2:]], "broken-document", {"row": 2}),
+        (lambda d: [d[0], {**d[1], "x_position": "far"}, *d[2:]], "broken-document", {"column": "x_position"}),
+        (lambda d: _each(d, length=lambda x: [x["length"]]), "broken-document", {"row": 1, "column": "length"}),
+        (lambda d: [d[0], {**d[1], "width": "wide"}, *d[2:]], "broken-document", {"row": 2, "column": "width"}),
+        (lambda d: [d[0], {**d[1], "timestamp": [_back(d[1]), *d[1]["timestamp"][1:]]}], "time-unordered", {"row": 2}),
+        (lambda d: gzip.compress(json.dumps(d).encode()), "not-json", {}),
         (lambda d: [d[0], {**d[1], "direction": 0}, *d[2:]], "wrong-direction", {"row": 2}),
         (lambda d: [d[0], {**d[1], "length": None}, *d[2:]], "value-missing", {"row": 2, "column": "length"}),
         (lambda d: [d[0], {**d[1], "coarse_vehicle_class": 9}, *d[2:]], "unknown-class", {"row": 2}),
+        (lambda d: [d[0], {**d[1], "coarse_vehicle_class": None}, *d[2:]], "unknown-class", {"row": 2}),
         (lambda d: [d[0], {**d[1], "timestamp": [], "x_position": [], "y_position": []}], "no-rows", {"row": 2}),
         (lambda d: [], "file-empty", {}),
         (lambda d: "id,time\n1,2\n", "not-json", {}),
@@ -157,6 +168,22 @@ def _scaled(name: str, factor: float):
 def test_a_fault_is_named(found, read, change, code, fields):
     with refused(code, **fields):
         read(change(found))
+
+
+def test_the_remedy_for_a_class_is_a_number_of_the_format(found, read):
+    with refused("unknown-class") as caught:
+        read([found[0], {**found[1], "coarse_vehicle_class": 9}, *found[2:]])
+    assert "6 (motorcycle)" in str(caught.value)
+    (recording,) = read([found[0], {**found[1], "coarse_vehicle_class": 6}, *found[2:]], BadRows.drop_track)
+    assert set(recording.table.loc[recording.table["track_id"] == 2, "vehicle_class"]) == {"motorcycle"}
+
+
+def test_ids_may_be_texts(found, read):
+    (expected,) = read(found)
+    (recording,) = read(_each(found, _id=lambda document: document["_id"]["$oid"]))
+    pd.testing.assert_frame_equal(recording.table, expected.table)
+    with refused("duplicate", row=17):
+        read(_each([*found, found[4]], _id=lambda document: document["_id"]["$oid"]))
 
 
 def test_dropped_documents_are_counted_with_the_first_recording(found, read):

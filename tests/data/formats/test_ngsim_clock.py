@@ -190,3 +190,26 @@ def test_a_placeholder_is_named_and_can_be_left_out(tmp_path, column, value, cod
         list(iterate_recordings(data))
     (recording,) = iterate_recordings(replace(data, on_bad=BadRows.drop_row))
     assert recording.dropped == {code.replace("-", "_"): 12, "gap_cuts": 1}
+
+
+def test_the_remedy_for_a_class_is_a_number_of_the_format(tmp_path):
+    rows = _published()
+    rows.loc[rows["Vehicle_ID"] == 2, "v_Class"] = 0
+    with refused("unknown-class", column="v_Class", row=61) as caught:
+        _file(tmp_path, rows).read("us101_0750")
+    assert "2 (car)" in str(caught.value)
+
+
+def test_metres_in_place_of_feet_are_named(tmp_path):
+    rows = _published()
+    metres = {name: 0.3048 * rows[name] for name in ("Local_X", "Local_Y", "v_Length", "v_Width", "v_Vel", "v_Acc")}
+    with refused("wrong-units", column="v_Length") as caught:
+        _file(tmp_path, rows.assign(**metres)).read("us101_0750")
+    assert "metres, read as feet?" in str(caught.value)
+
+
+def test_a_text_table_of_an_arterial_is_named(tmp_path):
+    line = " ".join(["1 2 3 1118846980200", *(20 * ["0"])])
+    (tmp_path / "lankershim.txt").write_text(f"{line}\n{line}\n")
+    with refused("format-unsupported", file=str(tmp_path / "lankershim.txt")):
+        PublishedFile(tmp_path / "lankershim.txt", DataConfig()).recordings()

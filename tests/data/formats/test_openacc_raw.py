@@ -5,6 +5,7 @@ import pandas as pd
 import pytest
 
 from rearl_jax.config.data import BadRows, DataConfig, DataFormat
+from rearl_jax.data.formats import openacc_raw
 from rearl_jax.data.recordings import iterate_recordings
 from rearl_jax.problems import MissingInputError
 from tests.data.formats import openacc_files
@@ -164,3 +165,29 @@ def test_commas_of_a_spreadsheet_behind_the_rows_do_not_matter(tmp_path):
 def test_a_folder_without_runs_names_what_is_wanted(tmp_path):
     with refused("recordings-missing", MissingInputError):
         read(tmp_path)
+
+
+def test_times_between_whole_frames_are_frames_too(tmp_path):
+    openacc_files.write(tmp_path, TEXT)
+    (expected,) = read(tmp_path)
+    shifted = {**TABLE, "Time": np.round(np.asarray(TABLE["Time"]) + 0.05, 2)}
+    openacc_files.write(tmp_path, openacc_files.run_of(shifted))
+    (run,) = read(tmp_path)
+    assert run.dropped == {}
+    np.testing.assert_allclose(run.table["position"], expected.table["position"])
+
+
+def test_empty_lines_around_the_names_of_columns_do_not_matter(tmp_path):
+    openacc_files.write(tmp_path, TEXT.replace("\nTime", "\n\nTime").replace("\n5370.0,", "\n\n5370.0,"))
+    (run,) = read(tmp_path)
+    assert len(run.table) == 4 * len(T)
+
+
+@pytest.mark.parametrize(("delimiter", "mark"), [(";", ","), (";", "."), ("\t", ",")])
+def test_a_copy_with_another_delimiter_says_the_same(tmp_path, delimiter, mark):
+    openacc_files.write(tmp_path, TEXT)
+    (expected,) = read(tmp_path)
+    openacc_files.write(tmp_path, TEXT.replace(",", delimiter).replace(".", mark))
+    assert openacc_raw.is_run(tmp_path / "Vicolungo" / "part1.csv")
+    (run,) = read(tmp_path)
+    pd.testing.assert_frame_equal(run.table, expected.table)

@@ -4,6 +4,7 @@ from itertools import islice
 from pathlib import Path
 
 import numpy as np
+import pandas as pd
 import pytest
 
 from benchmarks.sensor_layouts import (
@@ -210,3 +211,45 @@ def test_another_header_is_named(lines, read, header, code):
 def test_a_stretch_elsewhere_is_named(lines, read):
     with refused("no-rows"):
         read(lines, stretch=(37.9, 23.7, 37.901, 23.7, 10.0, 3.0))
+
+
+def test_a_copy_of_a_spreadsheet_says_the_same(lines, read):
+    expected = read(lines).table
+    widest = max(line.count(";") for line in lines)
+    filled = [line.rstrip("; ") + ";" * (widest + 1 - line.rstrip("; ").count(";")) for line in lines]
+    for rows, header in (
+        (filled, f"sep=;\n{PNEUMA_HEADER}"),
+        (filled, f"\n{PNEUMA_HEADER}{';' * (widest - 9)}"),
+        ([line.replace("; ", "\t") for line in lines], PNEUMA_HEADER.replace("; ", "\t")),
+        ([line.replace(".", ",") for line in lines], PNEUMA_HEADER),
+    ):
+        pd.testing.assert_frame_equal(read(rows, header=header).table, expected)
+
+
+def test_another_encoding_is_named(lines, read, tmp_path):
+    read(lines)
+    path = tmp_path / "20181024_d1_0830_0900.csv"
+    path.write_text(path.read_text(), encoding="utf-16")
+    with refused("not-text", file=str(path)):
+        list(iterate_recordings(DataConfig(DataFormat.pneuma, str(tmp_path), stretch=STRETCH)))
+
+
+def test_every_second_moment_of_all_vehicles_is_read(vehicles, lines, read):
+    """The second vehicle then has its times between the frames of the others."""
+
+    def thinned(line: str, first: int) -> str:
+        fields = line.rstrip("; ").split("; ")
+        moments = ["; ".join(fields[at : at + 6]) for at in range(4, len(fields), 6)]
+        return "; ".join([*fields[:4], *moments[first::2]]) + "; "
+
+    starts = [(round(10.0 * vehicle.time[0]) + (number == 1)) % 2 for number, vehicle in enumerate(vehicles)]
+    recording = read([thinned(line, start) for line, start in zip(lines, starts, strict=True)])
+    assert recording.info.frame_rate == 5.0
+    assert (recording.table.groupby("track_id")["frame"].diff().dropna() == 1).all()
+    assert any("1 vehicles have times between" in note for note in recording.info.notes)
+
+
+def test_types_have_their_lengths_whatever_their_case(lines, read):
+    lower = [line.replace("Bus", "bus").replace("Car", "CAR") for line in lines]
+    assert lower != lines
+    pd.testing.assert_frame_equal(read(lower).table, read(lines).table)

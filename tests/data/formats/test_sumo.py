@@ -179,6 +179,13 @@ def test_other_outputs_of_sumo_are_passed_over_and_foreign_files_are_not(tmp_pat
         read(tmp_path)
 
 
+@pytest.mark.parametrize("root", ["detector", "instantE1", "snapshot", "SSMLog", "full-export", "trajectories"])
+def test_outputs_of_detectors_and_devices_are_passed_over(tmp_path, root):
+    sumo_files.write(tmp_path, TEXT)
+    (tmp_path / "e1.xml").write_text(f"<{root}/>")
+    assert count_recordings(DataConfig(DataFormat.sumo, str(tmp_path))) == 1
+
+
 def test_a_folder_without_floating_car_data_names_what_is_wanted(tmp_path):
     (tmp_path / "road.net.xml").write_text(sumo_files.NET)
     with refused("recordings-missing", MissingInputError):

@@ -168,3 +168,20 @@ def test_an_empty_file_is_named(tmp_path):
     (tmp_path / "a.csv").touch()
     with refused("file-empty"):
         list(iterate_recordings(DataConfig(DataFormat.tgsim, str(tmp_path))))
+
+
+def test_times_between_whole_frames_are_frames_too(rows, read):
+    (expected,) = read(rows)
+    (recording,) = read(rows.assign(time=(rows["time"] + 0.05).round(2)))
+    steps = recording.table.groupby("track_id")["frame"].diff().dropna()
+    assert (steps == 1).all()
+    np.testing.assert_array_equal(recording.table["lane"], expected.table["lane"])
+    with refused("duplicate", column="time", row=len(rows) + 1):
+        read(pd.concat([rows, rows.iloc[:1]]))
+
+
+def test_automated_vehicles_are_also_known_by_a_number(rows, read):
+    (expected,) = read(rows)
+    (recording,) = read(rows.assign(av=(rows["av"] == "yes").astype(int)))
+    assert recording.table["automated"].tolist() == expected.table["automated"].tolist()
+    assert set(recording.table["automated"]) == {"yes", "no"}

@@ -139,3 +139,15 @@ def test_damaged_files_are_refused(tmp_path, text, code, fields):
 def test_broken_lines_are_counted(tmp_path):
     vissim_files.write(tmp_path, TEXT[:-20])
     assert read(tmp_path, BadRows.drop_row).dropped["broken_line"] == 1
+
+
+def test_an_empty_line_below_the_names_of_columns_does_not_matter(tmp_path):
+    expected = read(vissim_files.write(tmp_path, TEXT)).table
+    text = "\n".join([*LINES[: FIRST + 1], "", *LINES[FIRST + 1 :]]) + "\n"
+    pd.testing.assert_frame_equal(read(vissim_files.write(tmp_path, text)).table, expected)
+
+
+def test_a_lateral_position_in_percent_is_named_by_its_column(tmp_path):
+    rows = [[*row[:5], 100.0 * row[5], *row[6:]] for row in ROWS]
+    with refused("wrong-origin", column="POSLAT"):
+        read(vissim_files.write(tmp_path, vissim_files.record_of(rows)))
