@@ -272,7 +272,7 @@ def _unexplained_section(verdict: Mapping[str, Any], maps: pd.DataFrame | None) 
         sentences.append(
             f"Innovations one time step apart correlate by {adequacy['autocorrelation']:+.3f}, by "
             f"{adequacy['autocorrelation_by_noise']:+.3f} with noise alone; their excess kurtosis is "
-            f"{adequacy['kurtosis']:+.2f} (0 for a right model); the strongest candidate left is {name} at "
+            f"{adequacy['kurtosis']:+.2f} (0 or less for a right model); the strongest candidate left is {name} at "
             f"{adequacy['remaining']['z_score']:.1f} σ."
         )
     if maps is not None:
@@ -282,7 +282,7 @@ def _unexplained_section(verdict: Mapping[str, Any], maps: pd.DataFrame | None) 
         text = f"Without any list of effects, sparse regression over curves of every variable {_depends_on(before)}."
         if "after" in by_model:
             text += f" After the repair it {_depends_on(final)}."
-        best = final.loc[final["gain"].idxmax()]
+        best = final.loc[final["share"].idxmax()]
         sentences += [
             text,
             f"Any single variable still predicts at most {percent(max(best['share'], 0.0))} of the remaining "
@@ -307,7 +307,13 @@ def _variable_row(row: Mapping[Any, Any]) -> Row:
 
 def _unseen_table(effects: Sequence[Mapping[str, Any]]) -> Table:
     rows = tuple(
-        Row(spoken(row["name"]), (Cell(with_unit(row["parameter"], row["unit"])), Cell(number(row["strength"]))))
+        Row(
+            spoken(row["name"]),
+            (
+                Cell(with_unit(row["parameter"], row["unit"])),
+                Cell(number(row["strength"]) if row["strength"] is not None else NONE),
+            ),
+        )
         for row in effects
     )
     return Table("Weakest detectable effects", ("parameter", "least value"), rows)

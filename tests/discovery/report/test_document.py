@@ -135,6 +135,22 @@ def test_the_page_says_what_the_residual_depends_on_before_and_after():
     assert [cell.value for cell in both.tables[0].rows[0].cells] == ["100 %", "30.0 %", "rises by 0.20 m/s^2"]
 
 
+def test_the_largest_share_is_told_even_if_another_variable_gains_more():
+    seen = atlas()
+    speed = replace(
+        seen.curves["gap"], basis=replace(seen.curves["gap"].basis, variable=Variable("speed", np.zeros((2, 1))))
+    )
+    both = replace(
+        seen,
+        curves=seen.curves | {"speed": replace(speed, share=0.4, gain=2.0)},
+        selected=[*seen.selected, Selected("speed", "acceleration", 0.0, 0.0)],
+        shapes=seen.shapes | {"speed": "does not change"},
+    )
+    told = folded("What the model leaves unexplained", atlases={"before": both}).paragraphs[2]
+    assert "at most 40.0 %" in told
+    assert "(speed)" in told
+
+
 def test_the_error_of_an_effect_that_was_told_stands_under_its_name():
     error = VERDICT["error"] | {"after": None, "oracle": VERDICT["error"]["before"]}
     text = printed(effects=[], candidates=[], adequacy=None, lane_choice=None, error=error)
