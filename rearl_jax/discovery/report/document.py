@@ -307,13 +307,7 @@ def _variable_row(row: Mapping[Any, Any]) -> Row:
 
 def _unseen_table(effects: Sequence[Mapping[str, Any]]) -> Table:
     rows = tuple(
-        Row(
-            spoken(row["name"]),
-            (
-                Cell(with_unit(row["parameter"], row["unit"])),
-                Cell(number(row["strength"]) if row["strength"] is not None else NONE),
-            ),
-        )
+        Row(spoken(row["name"]), (Cell(with_unit(row["parameter"], row["unit"])), Cell(number(row["strength"]))))
         for row in effects
     )
     return Table("Weakest detectable effects", ("parameter", "least value"), rows)
@@ -327,8 +321,10 @@ def _definition_section(car_following: str, confidence: float) -> Section:
     )
     definitions = (
         "Closed-loop gap error: the driver, with the parameters that fit its gap best, is simulated behind the "
-        "measured leader; root mean square over time steps and drivers.",
-        f"Intervals: {100 * confidence:g} %, from resampling drivers.",
+        "measured leader; root mean square over time steps, then over drivers.",
+        f"Intervals: {100 * confidence:g} %. Of errors, gains and time gaps: from resampling drivers. Of parameters of "
+        "effects: normal, from the curvature of the likelihood or the scatter of its slopes between drivers, widened "
+        f"by a factor of {THRESHOLDS.interval_stretch:g} for car following. Of MOBIL's parameters: posterior.",
         "Confidence: stated probability that the effect is present, provided that the true effect is among the "
         "candidates.",
         "Z-score: evidence above its mean if no effect is missing, in standard deviations of that evidence; for lane "

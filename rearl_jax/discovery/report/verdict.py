@@ -26,8 +26,8 @@ base         {chosen, driver, differs, before, compared, drivers: {fitted, check
              share of resamples of drivers in which it is more likely than `driver`, best_share: share in which it is
              the most likely of all, is_vetoed: whether simulations contradict it, protocols: {name: {n_drivers,
              gap_rmse, gap_nrmse, speed_rmse}}, null if not simulated}]; `equilibrium_time_gap` {speed [m/s]: {value,
-             low, high}} [s]: median over fitted drivers of gap over speed behind a leader of that speed, null if
-             fewer than half of the drivers have a higher desired speed; without a comparison, this is an entry of the
+             low, high}} [s]: median of gap over speed behind a leader of that speed, over the fitted drivers whose
+             desired speed is higher, null if these are fewer than half; without a comparison, this is an entry of the
              verdict
 error        {measure, protocol, n_drivers, before, after, change, floor, noise_alone, oracle, explained_share, all,
              protocols, response_time}: `measure` under `protocol` as figures {value, low, high}; `noise_alone`: error

@@ -18,6 +18,7 @@ from rearl_jax.discovery.search.finder import Selected
 from rearl_jax.discovery.search.maps import Basis, Curve
 from rearl_jax.discovery.search.null import Null
 from rearl_jax.discovery.search.variables import Variable
+from rearl_jax.discovery.thresholds import THRESHOLDS
 from rearl_jax.document.html import page_of
 from rearl_jax.document.terminal import text_of
 from tests.discovery.made_verdict import FIGURE, KEEP_RIGHT, LANE_SCORES, LOSS, VERDICT
@@ -149,6 +150,13 @@ def test_the_largest_share_is_told_even_if_another_variable_gains_more():
     told = folded("What the model leaves unexplained", atlases={"before": both}).paragraphs[2]
     assert "at most 40.0 %" in told
     assert "(speed)" in told
+
+
+def test_the_source_of_each_interval_is_told():
+    (told,) = [note for note in folded("Method and definitions").notes if note.startswith("Intervals")]
+    assert "time gaps: from resampling drivers" in told
+    assert "Of parameters of effects: normal" in told
+    assert f"factor of {THRESHOLDS.interval_stretch:g}" in told
 
 
 def test_the_error_of_an_effect_that_was_told_stands_under_its_name():
