@@ -166,7 +166,7 @@ def _discovery(config: DiscoverTask, parts: Parts, found: BestSearch, lanes: Lan
         "effects": [effect.plain() for effect in effects],
         "candidates": candidate_rows(outcome),
         "lane_changes": lane_changes_block(outcome, deviations, options.confidence),
-        "unseen": unseen(outcome, outcome.null.threshold(THRESHOLDS.candidate_z_score)),
+        "unseen": unseen(outcome),
         "error": error,
         "base": None if comparison is None else base_block(comparison, options, time_gaps),
         **({"equilibrium_time_gap": time_gaps} if comparison is None else {}),

@@ -173,6 +173,14 @@ class Thresholds:
     predicts. It is required of added effects if they do not explain the drivers.
     """
 
+    variation_z_score: float = 2.0
+    """Standard errors by which a time gap that varies within a driver must lower the logarithm of the energy score [-];
+    otherwise time gaps are constant.
+    """
+
+    widest_response_time: float = 1.0
+    """Width of the interval of a response time above which it is not identified [s]."""
+
     simulated_memory: float = 15.0
     """Time after which errors of a simulation are independent of earlier ones [s]."""
 
@@ -237,6 +245,11 @@ class Thresholds:
     """Factor by which intervals of parameters are widened [-], because errors of the driver model also shift
     parameters. Of 59 true values in generated data, 83 % were inside 90 % intervals with a factor of 1.5, and two
     thirds of 46 with a factor of 1.
+    """
+
+    least_delay: float = 2.0
+    """Shortest reaction delay that is claimed [time steps], because a decision that is carried out one time step later
+    looks like a delay.
     """
 
     delay_deviation: float = 0.15

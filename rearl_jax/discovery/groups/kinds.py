@@ -56,7 +56,8 @@ class Kinds:
         evidence: Log-likelihood of each mixture less its complexity penalty [nats], from one kind on.
         distinctness: Distinctness of each mixture, see `Mixture.distinctness`.
         gain: Evidence for the best mixture of several kinds minus the evidence for one kind [nats].
-        chance: Share of simulated single-kind data sets with at least this gain [-].
+        chance: Share of single-kind data sets in which two kinds have at least this gain, from REPLICATES simulated
+            ones and the data themselves [-]; 1 if the gain is too small anyway.
     """
 
     of_driver: list[int | None]

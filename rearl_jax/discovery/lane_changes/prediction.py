@@ -39,7 +39,9 @@ LEAST_IN_PART = 8
 """Smallest number of discretionary changes that the fitted drivers, and the held-out drivers, must make."""
 
 LEAST_PROBABILITY = 1e-9
-"""Lower bound of the hazard's probabilities and of their complements [-], because no fit justifies more certainty."""
+"""Lower bound of all probabilities and of their complements [-], because no model justifies more certainty. Log losses
+are therefore finite, also those of the original MOBIL if its delay is as short as the time between two opportunities.
+"""
 
 LARGE_ADVANTAGE = 10 / 3.6
 """Speed advantage of the target lane [m/s] above which it counts as large: 10 km/h, a convention of this package."""
@@ -135,8 +137,9 @@ def prediction(
         ORIGINAL: original.with_refused(fitted).chance(held_out),
         ORIGINAL_RULE: original.with_rates(fitted).chance(held_out),
         CALIBRATED: mobil.rule.chance(held_out),
-        HAZARD: np.clip(hazard[part == 2], LEAST_PROBABILITY, 1.0 - LEAST_PROBABILITY),
+        HAZARD: hazard[part == 2],
     }
+    chance = {name: np.clip(values, LEAST_PROBABILITY, 1.0 - LEAST_PROBABILITY) for name, values in chance.items()}
     return Prediction(
         table=held_out,
         chance=chance,

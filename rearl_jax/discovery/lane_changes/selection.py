@@ -239,7 +239,7 @@ def _loss(columns: CandidateColumns, added: Sequence[Trial], confidence: float) 
     for effects in (columns.effects(()), columns.effects(added)):
         losses.append(-columns.fitted(effects, 0, 1).log_likelihood(columns.data, effects))
     change = losses[1] - losses[0]
-    drawn = columns.resampled(change, 2) / int(reported.sum())
+    drawn = columns.resampled(change, 2) / columns.resampled(np.ones(len(change)), 2)
     low, high = bounds(drawn, confidence).tolist()
     before, after = (float(loss[reported].mean()) for loss in losses)
     return before, after, Estimate(float(change[reported].mean()), low, high, "nats")

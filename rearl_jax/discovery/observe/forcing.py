@@ -45,7 +45,8 @@ class DriverScores:
         gram: Sums over time of products of two columns.
         score: Sums over time of products of a column with the innovation.
         square: Sum of squared innovations [m^2].
-        variance: Mean squared innovation [m^2].
+        variance: Mean squared innovation over the share of independent innovations [m^2], because correlated ones
+            contain less information than their number suggests, see `Noise.independent`.
     """
 
     gram: Float[np.ndarray, "drivers columns columns"]
@@ -235,7 +236,8 @@ def _scores(
         rows = (columns[:, :, pieces] * counts[:, pieces]).reshape(len(columns), -1)
         products.append(_products(rows, (target[:, pieces] * counts[:, pieces]).ravel(), n_imitating))
     gram, score, square = (np.stack([np.asarray(product[k], float) for product in products]) for k in range(3))
-    return DriverScores(gram, score, square, float(square.sum() / max(counts.sum(), 1.0)))
+    variance = float(square.sum() / max(counts.sum(), 1.0)) / residuals.noise.independent
+    return DriverScores(gram, score, square, variance)
 
 
 @partial(jax.jit, static_argnums=2)

@@ -27,7 +27,7 @@ from rearl_jax.discovery.observe.closed_loop import FARTHEST
 from rearl_jax.discovery.observe.drivers import Prior
 from rearl_jax.discovery.observe.fit import Fit
 from rearl_jax.discovery.observe.fit_state import FitState
-from rearl_jax.discovery.observe.kalman import CLOSED_LOOP, MEASURED, Noise, steady_state
+from rearl_jax.discovery.observe.kalman import CLOSED_LOOP, MEASURED, Gain, Noise, steady_state
 from rearl_jax.discovery.observe.observer import stimulus, straightened
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.read.measured import Surroundings, is_new
@@ -89,6 +89,7 @@ def _residuals(solver: Solver, state: FitState, noise: Noise) -> Residuals:
     gain, surroundings = noise.gain(data.dt, data.stride), data.halfway()
     # Single precision, in which the innovations were computed: their rounding errors then cancel.
     expected = data.y.astype(np.float32).astype(float) - innovation
+    expected = expected - _predicted_errors(innovation * data.is_corrected()[:, None], gain)
     if LENS in state.active:
         lens = lens_at(solver.layout.by_name(jnp.asarray(state.theta)[:, None, None]), solver.layout.knots)
         expected = expected - np.asarray(lens.bend(jnp.asarray(expected)))
@@ -108,6 +109,18 @@ def _residuals(solver: Solver, state: FitState, noise: Noise) -> Residuals:
         v=np.maximum(v, 0.0),
         surroundings=surroundings,
     )
+
+
+def _predicted_errors(used: Float[np.ndarray, "steps pieces"], gain: Gain) -> Float[np.ndarray, "steps pieces"]:
+    """Correlated position error w [m] that the observer expects in every time step, from the innovations before it;
+    `used` are the innovations that correct the observer, 0 elsewhere [m].
+    """
+    errors, w, u = np.zeros_like(used), np.zeros(used.shape[1]), np.zeros(used.shape[1])
+    for t, innovation in enumerate(used):
+        errors[t] = w
+        w, u = w + gain.w * innovation, u + gain.u * innovation
+        w, u = gain.kept_w * w + gain.fed_w * u, gain.kept_w * u
+    return errors
 
 
 def smoothed_acceleration(

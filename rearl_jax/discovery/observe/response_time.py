@@ -24,15 +24,13 @@ from rearl_jax.discovery.observe.forcing import model_acceleration
 from rearl_jax.discovery.observe.observer import stimulus, straightened, straightened_start
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.resampling import Resampling
+from rearl_jax.discovery.thresholds import THRESHOLDS
 
 LONGEST_AFTER = 6.0
 """Longest lag of the follower's acceleration behind the leader's [s]."""
 
 EARLIEST, LATEST = -1.0, 3.0
 """Range of tested response times [s]; below zero the model is later than the driver."""
-
-WIDEST_INTERVAL = 1.0
-"""Width of an interval [s] above which a response time is not identified."""
 
 LEAST_DELAY = 0.15
 """Response time [s] from which drivers' own parameters are calibrated again under that delay."""
@@ -90,7 +88,7 @@ class Responses:
         figure = resampling.figure(np.array([self.of(drivers) for drivers in samples]))
         low, high = figure["low"], figure["high"]
         is_inside = low > EARLIEST + self.undelayed.dt and high < LATEST - self.undelayed.dt
-        return figure if is_inside and high - low <= WIDEST_INTERVAL else None
+        return figure if is_inside and high - low <= THRESHOLDS.widest_response_time else None
 
     def of(self, drivers: Int[np.ndarray, " some"]) -> float:
         """Response time of the given drivers [s]: the delay with which the model is no longer ahead of them.

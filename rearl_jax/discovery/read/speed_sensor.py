@@ -26,6 +26,9 @@ DRIFT = 0.3
 FILTER_TIME = 1.0
 """Half width of the window of positions that a computed speed would use [s]."""
 
+FILTER_STEPS = 5
+"""Smallest half width of this window [time steps]: a filter has some coefficients, however long a time step is."""
+
 LEAST_TIME = 20.0
 """Shortest part of a track that is compared [s]."""
 
@@ -45,9 +48,9 @@ SPEED_SENSOR = Finding(
 def has_speed_sensor(tables: Sequence[Thinned]) -> bool:
     """True if speeds are smoother than positions and are not a filter of the positions."""
     of_position, of_speed, dt = [], [], tables[0][1]
-    reach = round(FILTER_TIME / dt)
+    reach = max(round(FILTER_TIME / dt), FILTER_STEPS)
     for position, _, driven in _tracks(tables):
-        if len(position) * dt < LEAST_TIME:
+        if len(position) * dt < LEAST_TIME or len(position) <= 4 * reach:
             continue
         fast_position, fast_driven = (values - smoothed(values, dt, FAST)[0] for values in (position, driven))
         window = np.lib.stride_tricks.sliding_window_view(fast_position, 2 * reach + 1)

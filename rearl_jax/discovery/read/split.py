@@ -14,7 +14,9 @@ SHARES = (1 / 3, 1 / 3, 1 / 3)
 
 def split_drivers(data: Measured, shares: Sequence[float] = SHARES, seed: int = 0) -> list[Measured]:
     """Parts of the data without common drivers. Persons or cars are kept together if parts of the wanted sizes result,
-    else whole recordings if these give the wanted sizes; else drivers are assigned at random.
+    else whole recordings if these give the wanted sizes; else drivers are assigned at random. Sizes are numbers of
+    pieces, so that parts have similar amounts of data, but no part may have fewer drivers than its share of
+    `least_drivers`.
 
     Args:
         data: All drivers.
@@ -25,9 +27,9 @@ def split_drivers(data: Measured, shares: Sequence[float] = SHARES, seed: int = 
     if n_identified(data) >= THRESHOLDS.least_drivers:
         # A driver without known identity counts as a separate person.
         separate = data.identity.max() + 1 + data.driver
-        part_of_piece = _undivided(np.where(data.identity < 0, separate, data.identity), shares)
+        part_of_piece = _undivided(np.where(data.identity < 0, separate, data.identity), data.driver, shares)
     if part_of_piece is None:
-        part_of_piece = _undivided(data.recording, shares)
+        part_of_piece = _undivided(data.recording, data.driver, shares)
     if part_of_piece is None:
         rng = np.random.default_rng(seed)
         order = rng.permutation(data.n_drivers)
@@ -47,9 +49,12 @@ def n_shared(first: Measured, second: Measured) -> int:
     return len(np.setdiff1d(np.intersect1d(first.identity, second.identity), [-1]))
 
 
-def _undivided(units: Int[np.ndarray, " pieces"], shares: Sequence[float]) -> Int[np.ndarray, " pieces"] | None:
+def _undivided(
+    units: Int[np.ndarray, " pieces"], driver: Int[np.ndarray, " pieces"], shares: Sequence[float]
+) -> Int[np.ndarray, " pieces"] | None:
     """Part of each piece, without dividing any unit (person or recording): units are assigned from the largest to the
-    smallest, each to the least filled part. None if the sizes of the parts differ too much.
+    smallest, each to the least filled part. None if the sizes of the parts differ too much, or if a part has too few
+    drivers.
     """
     part_of_piece, filled = np.full(len(units), -1), np.zeros(len(shares))
     numbers, sizes = np.unique(units, return_counts=True)
@@ -58,4 +63,6 @@ def _undivided(units: Int[np.ndarray, " pieces"], shares: Sequence[float]) -> In
         part_of_piece[units == numbers[index]] = part
         filled[part] += sizes[index]
     is_filled = filled >= THRESHOLDS.least_part_filled * np.array(shares) * sizes.sum()
-    return part_of_piece if is_filled.all() else None
+    n_drivers = np.array([len(np.unique(driver[part_of_piece == part])) for part in range(len(shares))])
+    has_drivers = n_drivers >= np.floor(THRESHOLDS.least_drivers * np.array(shares))
+    return part_of_piece if (is_filled & has_drivers).all() else None

@@ -269,7 +269,7 @@ def _unexplained_section(verdict: Mapping[str, Any], maps: pd.DataFrame | None) 
         sentences.append(
             f"Innovations one time step apart correlate by {adequacy['autocorrelation']:+.3f}, by "
             f"{adequacy['autocorrelation_by_noise']:+.3f} with noise alone; their excess kurtosis is "
-            f"{adequacy['kurtosis']:+.2f} (0 for a right model); the strongest candidate left is {name} at "
+            f"{adequacy['kurtosis']:+.2f} (0 or less for a right model); the strongest candidate left is {name} at "
             f"{adequacy['remaining']['z_score']:.1f} σ."
         )
     if maps is not None:
@@ -279,7 +279,7 @@ def _unexplained_section(verdict: Mapping[str, Any], maps: pd.DataFrame | None) 
         text = f"Without any list of effects, sparse regression over curves of every variable {_depends_on(before)}."
         if "after" in by_model:
             text += f" After the repair it {_depends_on(final)}."
-        best = final.loc[final["gain"].idxmax()]
+        best = final.loc[final["share"].idxmax()]
         sentences += [
             text,
             f"Any single variable still predicts at most {percent(max(best['share'], 0.0))} of the remaining "
@@ -318,8 +318,10 @@ def _definition_section(car_following: str, confidence: float) -> Section:
     )
     definitions = (
         "Closed-loop gap error: the driver, with the parameters that fit its gap best, is simulated behind the "
-        "measured leader; root mean square over time steps and drivers.",
-        f"Intervals: {100 * confidence:g} %, from resampling drivers.",
+        "measured leader; root mean square over time steps, then over drivers.",
+        f"Intervals: {100 * confidence:g} %. Of errors, gains and time gaps: from resampling drivers. Of parameters of "
+        "effects: normal, from the curvature of the likelihood or the scatter of its slopes between drivers, widened "
+        f"by a factor of {THRESHOLDS.interval_stretch:g} for car following. Of MOBIL's parameters: posterior.",
         "Confidence: stated probability that the effect is present, provided that the true effect is among the "
         "candidates.",
         "Z-score: evidence above its mean if no effect is missing, in standard deviations of that evidence; for lane "

@@ -26,8 +26,8 @@ def time_gaps(solver: Solver, state: FitState, speed: float) -> Float[np.ndarray
 
 
 def equilibrium_time_gaps(solver: Solver, state: FitState, options: DiscoverConfig) -> dict[str, Any]:
-    """Median equilibrium time gap of the drivers, {value, low, high} [s], by the leader's speed [m/s]; None if fewer
-    than half of the drivers have a higher desired speed.
+    """Median equilibrium time gap of the drivers whose desired speed is higher, {value, low, high} [s], by the leader's
+    speed [m/s]; None if these are fewer than half of the drivers.
     """
     rng = np.random.default_rng(options.seed)
     by_speed: dict[str, Any] = {}

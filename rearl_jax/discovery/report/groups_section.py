@@ -41,9 +41,9 @@ def _kinds_notes(grouping: Mapping[str, Any], rows: Sequence[Mapping[str, Any]])
             "no kinds of drivers were distinguished: the evidence for several is not above that of single-kind data"
         ]
     notes = [
-        f"{grouping['kinds']} kinds of drivers were "
-        f"distinguished without labels: the evidence is {grouping['gain']:.0f} "
-        f"nats above that for one kind; at most {percent(grouping['chance'])} of data sets of one kind reach as much"
+        f"{grouping['kinds']} kinds of drivers were distinguished without labels: the evidence is "
+        f"{grouping['gain']:.0f} nats above that for one kind; of simulated data sets of one kind and these data, "
+        f"{percent(grouping['chance'])} reach as much"
     ]
     for label, share in grouping["purity"].items():
         words = f"{percent(share['value'])} of drivers have the most common {spoken(label)} of their kind"

@@ -80,21 +80,22 @@ def repaired_model(
 
 
 def population(fit: Fit, data: Measured, prior: Prior) -> dict[str, DriverClass]:
-    """Drivers by class, with the mean and standard deviation of the calibrated drivers."""
+    """Drivers by class, with the mean and covariance of the calibrated drivers.
+
+    The covariance is that of the estimates plus the mean variance of their errors, because parameters with little
+    information are shrunk to the mean and scatter less than drivers do. Source: law of total variance.
+    """
     state, truck, classes = fit.state, fit.state.truck, {}
     lengths = np.zeros(data.n_drivers)
     lengths[data.driver] = data.length
-    unit, spread = prior.spread, prior.spread * state.spread
+    unit = prior.spread
     for class_number, (name, median) in enumerate(zip((CAR, TRUCK), prior.usual, strict=True)):
         members = truck == class_number
         share = float(members.mean())
         if share < THRESHOLDS.least_truck_share:
             continue
         away = state.away[members] * unit
-        # Parameters with little information scatter less than drivers do, so the missing variance is taken from the
-        # prior.
-        scatter = away.T @ away / max(members.sum(), 1)
-        covariance = scatter + np.diag(np.maximum(spread**2 - np.diag(scatter), 0.0)) * _unknown_share(fit, members)
+        covariance = away.T @ away / members.sum() + np.diag(state.own_variance[members].mean(axis=0) * unit**2)
         classes[name] = DriverClass(
             share=share,
             log_mean=dict(zip(prior.names, (np.log(median) + unit * state.mean[class_number]).tolist(), strict=True)),
@@ -106,12 +107,6 @@ def population(fit: Fit, data: Measured, prior: Prior) -> dict[str, DriverClass]
         )
     total = sum(members.share for members in classes.values())
     return {name: replace(members, share=members.share / total) for name, members in classes.items()}
-
-
-def _unknown_share(fit: Fit, members: np.ndarray) -> np.ndarray:
-    """Mean share, over the class members, of each parameter's prior variance that their data leave [-]."""
-    remaining = fit.state.own_variance[members] / fit.state.spread**2
-    return np.clip(remaining.mean(axis=0), 0.0, 1.0)
 
 
 def effect_values(candidate: Candidate, theta: np.ndarray, layout: Layout) -> EffectValues:

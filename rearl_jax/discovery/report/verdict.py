@@ -16,7 +16,8 @@ candidates   [{name, kind, variables, evidence, z_score, gain, check, ambiguous,
              `result`, of car following: added, or the test that failed, see `candidate_results.RESULTS`
 lane_changes [{name, parameters, gain, check, is_sure}]: effects of lane changes in the calibrated model; empty if too
              few leaders change
-unseen       [{name, parameter, strength, unit}]: smallest strength at which each effect would be detected in these data
+unseen       [{name, parameter, strength, unit}]: smallest strength at which each effect that the calibrated model
+             lacks would be accepted in these data, null if they contain no information on it
 base         {chosen, driver, differs, before, compared, drivers: {fitted, checked}, equilibrium_time_gap}:
              car-following models compared on check drivers, null without a comparison; all other entries of the
              verdict refer to the `chosen` model. `driver`: model of the configuration; `before`: model chosen before
@@ -25,8 +26,8 @@ base         {chosen, driver, differs, before, compared, drivers: {fitted, check
              share of resamples of drivers in which it is more likely than `driver`, best_share: share in which it is
              the most likely of all, is_vetoed: whether simulations contradict it, protocols: {name: {n_drivers,
              gap_rmse, gap_nrmse, speed_rmse}}, null if not simulated}]; `equilibrium_time_gap` {speed [m/s]: {value,
-             low, high}} [s]: median over fitted drivers of gap over speed behind a leader of that speed, null if
-             fewer than half of the drivers have a higher desired speed; without a comparison, this is an entry of the
+             low, high}} [s]: median of gap over speed behind a leader of that speed, over the fitted drivers whose
+             desired speed is higher, null if these are fewer than half; without a comparison, this is an entry of the
              verdict
 error        {measure, protocol, n_drivers, before, after, change, floor, noise_alone, oracle, explained_share, all,
              protocols, response_time}: `measure` under `protocol` as figures {value, low, high}; `noise_alone`: error
@@ -87,6 +88,7 @@ from rearl_jax.discovery.search.clock_check import ClockCheck
 from rearl_jax.discovery.search.decision import Trial
 from rearl_jax.discovery.search.families import distinguishing_data
 from rearl_jax.discovery.search.outcome import Search
+from rearl_jax.discovery.search.screen import least_strength
 from rearl_jax.discovery.thresholds import THRESHOLDS
 
 MISJUDGED = (
@@ -251,25 +253,35 @@ def candidate_rows(search: Search) -> list[dict[str, Any]]:
     return rows
 
 
-def unseen(search: Search, threshold: dict[Term, float]) -> list[dict[str, Any]]:
-    """Smallest strength at which each named effect would be detected in these data, entry `unseen` of the verdict.
+def unseen(search: Search) -> list[dict[str, Any]]:
+    """Smallest strength at which each named effect that the calibrated model lacks would be accepted in these data,
+    entry `unseen` of the verdict; null if the data contain no information on it.
 
-    `threshold` is the evidence above which each candidate exceeds chance [nats]; at least 3 nats are required. Evidence
-    in the Laplace approximation is half of information times squared strength, minus the penalty
-    log(1 + information * scale^2) / 2; it is solved for the strength of the effect's first parameter.
+    The strength is that of the effect's first parameter, with the evidence that its expected score gives. Fitted and
+    check drivers must reach the evidence that exceeds chance and the least total, or the total that suffices alone.
     """
-    rows = []
+    rows, threshold = [], search.null.threshold(THRESHOLDS.candidate_z_score)
     for term, score in search.first_scores.items():
         candidate = search.layout.candidates.get(term)
         if (
             candidate is None
             or term == EARLY_LEADER
+            or term in search.first.state.active
             or not term.is_effect
             or candidate.directions != candidate.free[: len(candidate.directions)]
         ):
             continue
-        parameter = EFFECTS[term.effect].parameters[0]
-        needed = max(threshold[term], 3.0) + 0.5 * np.log1p(score.information[0, 0] * parameter.scale**2)
-        strength = float(np.sqrt(2 * needed / max(score.information[0, 0], 1e-12)))
-        rows.append({"name": term.effect, "parameter": parameter.name, "strength": strength, "unit": parameter.unit})
+        parameter, by_chance = EFFECTS[term.effect].parameters[0], search.null.null_mean(term)
+        needed = max(
+            THRESHOLDS.least_total + by_chance, min(threshold[term], THRESHOLDS.total_below_z_score + by_chance)
+        )
+        strength = least_strength(score.information, search.layout.scale[list(candidate.directions)], needed)
+        rows.append(
+            {
+                "name": term.effect,
+                "parameter": parameter.name,
+                "strength": strength if np.isfinite(strength) else None,
+                "unit": parameter.unit,
+            }
+        )
     return rows

@@ -124,14 +124,14 @@ def lane_change_trials(solver: Solver, base: Base, checked: Measured) -> list[Tr
 
 
 def is_of_numerics(trial: Trial) -> bool:
-    """True if the trial is a reaction delay shorter than two time steps or than the kernel that smoothed the positions.
+    """True if the trial is a reaction delay shorter than `least_delay` or than the kernel that smoothed the positions.
 
     A driver without a delay whose decision is carried out one time step later responds just as late.
     """
     if trial.candidate.term != Term("reaction_delay"):
         return False
     data, delays = trial.fit.state.data, trial.fit.state.theta[list(trial.candidate.free)]
-    return bool(np.abs(delays).max() < max(2 * data.dt, data.smoothing))
+    return bool(np.abs(delays).max() < max(THRESHOLDS.least_delay * data.dt, data.smoothing))
 
 
 def imitating_delay(trials: list[Trial]) -> set[Term]:

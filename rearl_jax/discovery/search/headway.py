@@ -26,6 +26,7 @@ from rearl_jax.discovery.read.lasting import lasting
 from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.read.training import halves, has_enough_data
 from rearl_jax.discovery.search.simulated_drives import behind_noisy_drive
+from rearl_jax.discovery.thresholds import THRESHOLDS
 from rearl_jax.metrics.energy import energy_score
 
 REALISATIONS = 12
@@ -160,8 +161,8 @@ class VariationSearch:
         self._scores: dict[TimeGapVariation, Float[np.ndarray, " drivers"]] = {}
 
     def best(self, start_shares: Sequence[float] = START_SHARES) -> TimeGapVariation:
-        """The best variation; none if the improvement is below two standard errors. One parameter is searched after the
-        other.
+        """The best variation; none if the improvement is not significant (`variation_z_score`). One parameter is
+        searched after the other.
 
         Args:
             start_shares: Tested values of `TimeGapVariation.start_share`.
@@ -178,7 +179,8 @@ class VariationSearch:
             best = self._best_of([best, *starts])
             best = self._best_of([best, *(replace(best, sd=sd) for sd in SIZES[1:])])
         gained = self._score(CONSTANT_TIME_GAP) - self._score(best)
-        is_significant = len(gained) > 1 and gained.mean() > 2 * gained.std(ddof=1) / np.sqrt(len(gained))
+        least = THRESHOLDS.variation_z_score
+        is_significant = len(gained) > 1 and gained.mean() > least * gained.std(ddof=1) / np.sqrt(len(gained))
         return best if is_significant else CONSTANT_TIME_GAP
 
     def _best_of(self, tried: Sequence[TimeGapVariation]) -> TimeGapVariation:

@@ -127,6 +127,28 @@ def evidences(state: FitState, scores: dict[Term, Score], layout: Layout) -> dic
     return evidence
 
 
+def least_strength(
+    information: Float[np.ndarray, "directions directions"], scale: Float[np.ndarray, " directions"], evidence: float
+) -> float:
+    """Strength along the first direction at which the expected score gives this evidence; inf if the data contain no
+    information on it.
+
+    Args:
+        information: Information on the directions.
+        scale: Scale of the prior of each direction.
+        evidence: The evidence, as of `evidences`.
+    """
+    strengths = []
+    for width in PRIOR_WIDTHS:
+        root = width * scale
+        inner = np.eye(len(scale)) + root[:, None] * information * root
+        scaled = information[:, 0] * root  # score at the strength 1
+        by_square = 0.5 * float(scaled @ np.linalg.solve(inner, scaled))
+        penalty = 0.5 * float(np.linalg.slogdet(inner)[1])
+        strengths.append(np.sqrt((evidence + penalty) / by_square) if by_square > 0 else np.inf)
+    return float(min(strengths))
+
+
 def _evidence(score: np.ndarray, information: np.ndarray, scale: np.ndarray) -> np.ndarray:
     """Laplace evidence for a linear model with a Gaussian prior, the largest over PRIOR_WIDTHS [nats]."""
     best = np.full(len(score), -np.inf)

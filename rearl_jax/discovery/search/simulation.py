@@ -98,7 +98,7 @@ def share_worse(
     seed: int = 0,
 ) -> float:
     """Share of resamples of drivers in which the squared error grows by more than the share `tolerated` [-]."""
-    return float((resampled_means(after**2 - before**2, seed) > tolerated * (before**2).mean()).mean())
+    return float((resampled_means(after**2 - (1 + tolerated) * before**2, seed) > 0).mean())
 
 
 def resampled_means(values: Float[np.ndarray, " drivers"], seed: int) -> Float[np.ndarray, " draws"]:

@@ -1,10 +1,16 @@
 """Fitted, checked and reported drivers."""
 
+from types import SimpleNamespace
+
 import numpy as np
 
+from rearl_jax.discovery.claims import Estimate
+from rearl_jax.discovery.lane_changes import selection
 from rearl_jax.discovery.lane_changes.incentives import KnownDrivers
 from rearl_jax.discovery.lane_changes.opportunities import opportunities
 from rearl_jax.discovery.lane_changes.selection import part_of_rows
+from rearl_jax.discovery.lane_changes.trials import NAMEABLE, CandidateColumns, Trial
+from tests.discovery.lane_changes.made import by_mobil
 
 
 def scene(n):
@@ -39,3 +45,19 @@ def test_the_rest_of_a_recording_goes_where_its_drivers_are(recording):
     split = [table.vehicle[table.recording == r][:1] for r in (2, 0, 1)]
     part = part_of_rows(table, split, 0)
     assert [set(part[table.recording == r]) for r in range(3)] == [{1}, {2}, {0}]
+
+
+def test_a_loss_that_is_the_same_at_every_opportunity_has_no_interval(monkeypatch):
+    table = by_mobil(1, n=6000, drivers=300)
+    table = table.take(np.flatnonzero(np.arange(6000) % 20 <= table.vehicle % 17))  # drivers with 1 to 17 opportunities
+    columns = CandidateColumns(table, table.vehicle % 3, 0)
+
+    def fitted(effects, *_):
+        return SimpleNamespace(log_likelihood=lambda data, _: np.full(len(data.gain), -0.1 + 0.02 * effects.shape[1]))
+
+    monkeypatch.setattr(columns, "fitted", fitted)
+    added = [Trial(NAMEABLE[0], NAMEABLE[0].forms[0], 5.0, 9.0, 9.0, True)]
+    before, after, change = selection._loss(columns, added, 0.9)
+    assert np.allclose((before, after), (0.1, 0.08))
+    assert isinstance(change, Estimate)
+    assert np.allclose((change.value, change.low, change.high), -0.02)

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from rearl_jax.discovery.lane_changes.mobil import MobilRule
 from rearl_jax.discovery.lane_changes.prediction import (
     BASE_RATE,
     CALIBRATED,
@@ -16,6 +17,9 @@ from rearl_jax.discovery.lane_changes.prediction import (
     prediction,
     seconds_at_risk,
 )
+from rearl_jax.discovery.report.lane_choice_scores import prediction_block
+from rearl_jax.discovery.report.lane_choice_section import significantly_worse
+from rearl_jax.discovery.resampling import Resampling
 from tests.discovery.lane_changes.made import by_mobil, made
 
 
@@ -84,6 +88,15 @@ def test_urgency_is_the_advantage_in_speed_or_a_ramp(found):
 def test_two_sides_of_one_moment_share_its_time():
     table = made(4, vehicle=[1, 1, 1, 2], frame=[0, 0, 5, 0])
     np.testing.assert_allclose(seconds_at_risk(table), [0.25, 0.25, 0.5, 0.5])
+
+
+def test_losses_are_finite_if_an_opportunity_lasts_as_long_as_a_delay():
+    table = by_mobil(1, n=6000, drivers=300)
+    found = predicted(replace(table, period=np.full(len(table.side), MobilRule().delay)))
+    assert all(np.isfinite(mean_loss(found, name)) for name in PREDICTORS)
+    block = prediction_block(found, Resampling(0.9, 50, 0))
+    assert block is not None
+    assert ORIGINAL in significantly_worse(block)
 
 
 def test_an_impossible_change_has_an_infinite_loss():

@@ -14,6 +14,7 @@ from rearl_jax.discovery.observe.fit_state import new_state, replace_gain
 from rearl_jax.discovery.observe.forcing import (
     DriverScores,
     acceleration_derivatives,
+    driver_scores,
     innovation_and_acceleration_scores,
     innovation_change,
 )
@@ -31,7 +32,7 @@ from rearl_jax.discovery.search.atlas import grid_of, part_scores
 from rearl_jax.discovery.search.finder import Group, stability_selection
 from rearl_jax.discovery.search.maps import curve_of
 from rearl_jax.discovery.search.shapes import shape_of, shape_words
-from rearl_jax.discovery.search.simulated_drives import driver_noise
+from rearl_jax.discovery.search.simulated_drives import driver_noise, position_errors
 from rearl_jax.discovery.search.variables import variables_of
 
 NOISE = Noise(0.1, 1.5, 0.05)
@@ -49,14 +50,14 @@ def solver_and_world(tmp_path_factory):
     return solver, new_state(data, solver.layout, NOISE)
 
 
-def driven(solver, state, known):
+def driven(solver, state, known, noise=NOISE):
     """The state with drives that the model itself and a known acceleration made."""
     data = state.data
     start = replace(state, pieces=replace(replace_gain(state.pieces, CLOSED_LOOP), known=known))
     (errors,) = solver.innovations([start], CLOSED_LOOP)
-    y = data.y - errors + NOISE.position * np.random.default_rng(3).standard_normal(data.y.shape)
+    y = data.y - errors + position_errors(noise, data.y.shape, data.dt, np.random.default_rng(3))
     data = replace(data, y=y)
-    return replace(state, data=data, pieces=pieces_of(data, NOISE))
+    return replace(state, data=data, pieces=pieces_of(data, noise))
 
 
 @pytest.fixture(scope="module")
@@ -78,6 +79,25 @@ def test_felt_is_what_the_observer_makes_of_an_acceleration(solver_and_world):
     used = state.data.weight > 0
     assert np.abs(change[used]).max() > 1e-3
     assert np.abs(predicted - change)[used].max() < 0.05 * np.abs(change[used]).max()
+
+
+def test_a_driver_is_where_it_drives_not_where_lasting_errors_put_it(solver_and_world):
+    solver, state = solver_and_world
+    noise, data = Noise(0.15, 1.5, 0.02, lasting=0.2, lasting_time=0.6), state.data
+    made = driven(solver, state, driver_noise(noise, data.y.shape, data.dt, np.random.default_rng(2)), noise)
+    left = residuals_of(solver, [made], [Fit(None, made, noise)])[0]
+    true = made.data.y - position_errors(noise, data.y.shape, data.dt, np.random.default_rng(3))
+    used = (data.weight > 0)[:-1]
+    speed_error = (left.v[:-1] - np.diff(true, axis=0) / data.dt)[used]
+    assert np.sqrt(np.mean(speed_error**2)) < 0.2  # it is 0.57 m/s if the change of the errors counts as motion
+
+
+def test_correlated_innovations_are_less_evidence(planted):
+    _, left = planted
+    columns, slopes = np.ones((1, *left.x.shape)), acceleration_derivatives(left)
+    half = replace(left, noise=replace(left.noise, independent=0.5))
+    white, correlated = (driver_scores(columns, residuals, slopes) for residuals in (left, half))
+    assert correlated.variance == pytest.approx(2 * white.variance)
 
 
 def test_map_shows_the_planted_dependence_with_its_size(planted):

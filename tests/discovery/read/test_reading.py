@@ -113,6 +113,14 @@ def test_parts_share_no_driver(tables_of):
     assert min(len(one) for one in vehicles) >= 3
 
 
+def test_no_part_consists_of_one_driver_who_drove_as_long_as_all_others(tables_of):
+    whole = reading.measure(tables_of())
+    n = len(whole.driver)
+    alone = replace(whole, driver=np.where(whole.recording == 0, 0, 1 + np.arange(n)))
+    alone = alone.select(np.arange(n))
+    assert min(part.n_drivers for part in split_drivers(alone)) >= 3
+
+
 def test_parts_side_by_side_are_the_whole(tables_of):
     whole = reading.measure(tables_of())
     mixed = np.random.default_rng(0).permutation(whole.driver.max() + 1)[whole.driver]

@@ -1,8 +1,10 @@
 """Speeds that were measured by themselves, and positions that take their fast part from them."""
 
 import numpy as np
+import pandas as pd
 import pytest
 from scipy.ndimage import gaussian_filter1d
+from scipy.signal import savgol_filter
 
 from rearl_jax.discovery.read.smoothing import position_noise, track_bounds
 from rearl_jax.discovery.read.speed_sensor import has_speed_sensor, with_fast_speeds
@@ -33,6 +35,19 @@ def test_a_sensor_is_told_from_speeds_that_were_computed(true_tables, tables_of)
     assert has_speed_sensor(measured(true_tables, speeds="sensor"))
     assert not has_speed_sensor(measured(true_tables, speeds="computed"))
     assert not has_speed_sensor(tables_of())
+
+
+@pytest.mark.parametrize("n_coefficients", [0, 5, 11])
+def test_a_filter_of_positions_once_a_second_is_no_sensor(n_coefficients):
+    rng, tracks = np.random.default_rng(0), []
+    for track in range(12):
+        true = 20.0 + np.cumsum(0.5 * rng.standard_normal(120)) * 0.3
+        position = np.cumsum(true) + 0.3 * rng.standard_normal(120)
+        computed = savgol_filter(position, n_coefficients, 2, deriv=1) if n_coefficients else true
+        tracks.append(
+            pd.DataFrame({"track_id": track, "frame": np.arange(120), "position": position, "speed": computed})
+        )
+    assert has_speed_sensor([(pd.concat(tracks), 1.0)]) == (not n_coefficients)
 
 
 def test_fast_motion_comes_from_the_sensor_and_the_place_from_the_position(true_tables):

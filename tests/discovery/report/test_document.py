@@ -18,6 +18,7 @@ from rearl_jax.discovery.search.finder import Selected
 from rearl_jax.discovery.search.maps import Basis, Curve
 from rearl_jax.discovery.search.null import Null
 from rearl_jax.discovery.search.variables import Variable
+from rearl_jax.discovery.thresholds import THRESHOLDS
 from rearl_jax.document.html import page_of
 from rearl_jax.document.terminal import text_of
 from tests.discovery.made_verdict import FIGURE, KEEP_RIGHT, LANE_SCORES, LOSS, VERDICT
@@ -126,6 +127,29 @@ def test_the_page_says_what_the_residual_depends_on_before_and_after():
     assert both.paragraphs[1].endswith("finds a dependence on gap. After the repair it finds nothing.")
     assert "at most 30.0 %" in both.paragraphs[2]
     assert [cell.value for cell in both.tables[0].rows[0].cells] == ["100 %", "30.0 %", "rises by 0.20 m/s^2"]
+
+
+def test_the_largest_share_is_told_even_if_another_variable_gains_more():
+    seen = atlas()
+    speed = replace(
+        seen.curves["gap"], basis=replace(seen.curves["gap"].basis, variable=Variable("speed", np.zeros((2, 1))))
+    )
+    both = replace(
+        seen,
+        curves=seen.curves | {"speed": replace(speed, share=0.4, gain=2.0)},
+        selected=[*seen.selected, Selected("speed", "acceleration", 0.0, 0.0)],
+        shapes=seen.shapes | {"speed": "does not change"},
+    )
+    told = folded("What the model leaves unexplained", atlases={"before": both}).paragraphs[2]
+    assert "at most 40.0 %" in told
+    assert "(speed)" in told
+
+
+def test_the_source_of_each_interval_is_told():
+    (told,) = [note for note in folded("Method and definitions").notes if note.startswith("Intervals")]
+    assert "time gaps: from resampling drivers" in told
+    assert "Of parameters of effects: normal" in told
+    assert f"factor of {THRESHOLDS.interval_stretch:g}" in told
 
 
 def test_the_error_of_an_effect_that_was_told_stands_under_its_name():

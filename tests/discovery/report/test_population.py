@@ -5,8 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from rearl_jax.discovery.observe.fit import Fit
 from rearl_jax.discovery.observe.fit_state import replaced
 from rearl_jax.discovery.report.population import population_block, population_section
+from rearl_jax.discovery.report.repaired import population
 
 
 @pytest.fixture
@@ -49,3 +51,18 @@ def test_a_parameter_that_data_do_not_tell_is_said_to_be_none_of_theirs():
     assert [note.split(" is not identified")[0] for note in section.notes] == ["Comfort decel"]
     assert len(section.tables[0].rows) == 2
     assert not population_section({}).tables
+
+
+def test_drivers_of_a_model_differ_as_much_as_those_it_was_fitted_to_however_little_is_known_of_each(
+    solver, drivers, calibrated
+):
+    # Each driver's data leave half of the variance between drivers, so the estimates scatter with the other half.
+    n, n_own = drivers.z.shape
+    drivers.spread = np.ones(n_own)
+    drivers.sums = replace(drivers.sums, gram=np.broadcast_to(np.eye(n_own), (n, n_own, n_own)).copy())
+    drivers.sums.gram[:] *= drivers.variances[:, None, None]
+    away = np.sqrt(0.5) * np.where(np.arange(n) % 2, 1.0, -1.0)[:, None]
+    drivers.z = drivers.mean[drivers.truck] + away
+    found = population(Fit(None, drivers, calibrated[1]), drivers.data, solver.layout.prior)
+    for members in found.values():
+        np.testing.assert_allclose(np.diag(members.log_covariance), solver.layout.prior.spread**2, rtol=1e-3)

@@ -7,13 +7,16 @@ import pytest
 
 from rearl_jax.discovery.claims import Claim
 from rearl_jax.discovery.observe.candidates import LENS, Candidate, Term
+from rearl_jax.discovery.observe.clocks import CLOCK_OFFSET, MOST_LEADERS
 from rearl_jax.discovery.observe.fit import Fit
-from rearl_jax.discovery.report.verdict import is_on, verdict_of
+from rearl_jax.discovery.report.verdict import is_on, unseen, verdict_of
 from rearl_jax.discovery.search.adequacy import Adequacy
 from rearl_jax.discovery.search.clock_check import ClockCheck
 from rearl_jax.discovery.search.null import Null
 from rearl_jax.discovery.search.outcome import Search
 from rearl_jax.discovery.search.round import Round
+from rearl_jax.discovery.search.screen import Score, evidences
+from rearl_jax.discovery.thresholds import THRESHOLDS
 
 
 @pytest.mark.parametrize(("staleness", "expected"), [(0.0, "artefact"), (5.0, "unexplained")])
@@ -88,3 +91,31 @@ def test_an_artefact_that_is_not_stated_is_no_verdict(trial, solver, calibrated)
     stated = [Claim("lens", "artefact", {}, ("position",), 0.98, 90.0)]
     assert verdict_of(found, stated, left, is_lower=True) == "artefact"
     assert verdict_of(found, [], left, is_lower=True) == "unexplained"
+
+
+@pytest.mark.parametrize(("known", "by_chance", "spread", "needed"), [
+    (0.2, -1.0, 0.5, THRESHOLDS.least_total),
+    (300.0, 2.0, 0.5, THRESHOLDS.least_total + 2.0),
+    (0.2, 0.0, 4.5, 4.5 * THRESHOLDS.candidate_z_score),
+    (300.0, 2.0, 9.0, THRESHOLDS.total_below_z_score + 2.0),
+])  # fmt: skip
+def test_the_weakest_effect_that_can_be_seen_gives_the_evidence_that_is_needed(
+    solver, calibrated, known, by_chance, spread, needed
+):
+    state, layout, effect = calibrated[0], solver.layout, Term("reaction_delay")
+
+    def score(n, strength=0.0):
+        information = np.diag(np.full(n, known / layout.scale[layout.candidates[effect].free[0]] ** 2))
+        nothing = np.zeros((state.data.n_drivers, n))
+        return Score(strength * information[0], information, nothing, np.zeros((state.data.n_drivers, n, n)))
+
+    scores = {term: score(len(candidate.directions)) for term, candidate in layout.candidates.items()}
+    scores[CLOCK_OFFSET] = score(MOST_LEADERS)
+    null = Null(dict.fromkeys(scores, by_chance), dict.fromkeys(scores, spread), 9)
+    ends = Round(Fit(None, *calibrated), {}, {}, {}, frozenset(), [], [])
+    rows = {row["name"]: row for row in unseen(Search(layout, null, scores, state.data, rounds=[ends]))}
+    strong = scores | {effect: score(len(layout.candidates[effect].directions), rows[effect.effect]["strength"])}
+    assert evidences(state, strong, layout)[effect] == pytest.approx(needed)
+    nothing = {term: replace(one, information=0.0 * one.information) for term, one in scores.items()}
+    blind = unseen(Search(layout, null, nothing, state.data, rounds=[ends]))
+    assert all(row["strength"] is None for row in blind)
