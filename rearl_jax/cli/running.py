@@ -49,6 +49,8 @@ def folder_of(config: Any) -> Path | None:
 
 
 def _start_jax(task: Task) -> None:
+    # Read at the import. XLA also logs what it then raises, such as a loop that it cannot translate as one kernel.
+    os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "2")
     import_jax()
     from rearl_jax import runtime
     from rearl_jax.cli.compiled_programs import explain_warnings

@@ -89,3 +89,23 @@ def test_programs_cut_by_a_full_disk_or_a_kill_are_stored_again(tmp_path):
     assert {path: len(zlib.decompress(path.read_bytes())) > 0 for path in programs.iterdir()} == dict.fromkeys(
         stored, True
     )
+
+
+NO_KERNEL = """
+from types import SimpleNamespace
+from rearl_jax.cli.running import _start_jax
+_start_jax(SimpleNamespace(x64=True))
+import numpy as np
+from rearl_jax.core.batch import ScenarioMap
+from tests.core.test_loops import X, scattered
+assert np.any(ScenarioMap(scattered, chunk=7, loops_as_kernels=True)(X) != 0.0)
+"""
+
+
+def test_what_the_compiler_logs_before_it_is_asked_otherwise_is_not_shown(tmp_path):
+    environment = {name: value for name, value in os.environ.items() if name != "TF_CPP_MIN_LOG_LEVEL"}
+    environment |= {"JAX_PLATFORMS": "cpu", "XDG_CACHE_HOME": str(tmp_path)}
+    command = [sys.executable, "-c", NO_KERNEL]
+    root = Path(__file__).parents[2]
+    done = subprocess.run(command, env=environment, cwd=root, capture_output=True, text=True, check=True)
+    assert done.stderr == ""
