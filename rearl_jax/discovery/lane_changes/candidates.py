@@ -127,7 +127,7 @@ def _circumstance(variable: str, column: Callable[[Opportunities], Column]) -> L
 CANDIDATES = (
     LaneCandidate("keep_right", "driver", ("side",), ("bias", "m/s^2"), -2.0, 2.0,
                   (Form(lambda table: table.side.astype(float)),)),
-    LaneCandidate("politeness", "driver", ("gain_of_others",), ("weight", "-"), -0.5, 2.0, (Form(_politeness),)),
+    LaneCandidate("politeness", "driver", ("gain_of_others",), ("weight", "-"), 0.0, 2.0, (Form(_politeness),)),
     LaneCandidate("no_passing_on_the_right", "driver", ("side", "leader_speed"), ("weight", "-"), 0.0, 1.0,
                   (Form(_unused_gain), Form(_undertaking))),
     LaneCandidate("moving_over", "driver", ("side", "follower_gap"), ("gain", "m/s^2"), -1.0, 3.0,

@@ -40,9 +40,10 @@ deceleration of MOBIL, as in the simulation; a change that requires more is refu
 SLOWEST = 3.0
 """Speed below which lane changes are not counted as discretionary [m/s]."""
 
-EARLIER = 1.5
-"""Time before an opportunity at which the braking of others is evaluated [s]. At the opportunity itself it would
-already contain the reaction to the lane change, because smoothing spreads braking half a second back in time.
+EARLIER = 4.0
+"""Time before an opportunity at which the braking of others is evaluated [s]. Later it may be the response to the lane
+change: the motion sideways begins up to 3.5 s before the middle of the vehicle reaches the other lane, and smoothing
+spreads braking half a second back in time. Source of the duration: Toledo & Zohar, Transp. Res. Rec. 1999 (2007) 71.
 """
 
 SEEN_BEHIND = 60.0
