@@ -139,7 +139,7 @@ def _is_repaired_sumo_model(case: Judged) -> bool:
 
 
 def claims_anything(case: Judged) -> bool:
-    """True if an effect, an artefact or a curve is named, as far as claims count, or the verdict is `improved`."""
+    """True if an effect, an artefact or a curve is named, or the verdict is `improved`."""
     return bool(case.verdict.effects) or case.verdict.verdict == IMPROVED
 
 

@@ -27,7 +27,7 @@ from rearl_jax.discovery.observe.closed_loop import FARTHEST
 from rearl_jax.discovery.observe.drivers import Prior
 from rearl_jax.discovery.observe.fit import Fit
 from rearl_jax.discovery.observe.fit_state import FitState
-from rearl_jax.discovery.observe.kalman import CLOSED_LOOP, MEASURED, Gain, Noise, steady_state
+from rearl_jax.discovery.observe.kalman import CLOSED_LOOP, MEASURED, Gain, Noise, State, correct, predict, steady_state
 from rearl_jax.discovery.observe.observer import stimulus, straightened
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.read.measured import Surroundings, is_new
@@ -115,11 +115,11 @@ def _predicted_errors(used: Float[np.ndarray, "steps pieces"], gain: Gain) -> Fl
     """Correlated position error w [m] that the observer expects in every time step, from the innovations before it;
     `used` are the innovations that correct the observer, 0 elsewhere [m].
     """
-    errors, w, u = np.zeros_like(used), np.zeros(used.shape[1]), np.zeros(used.shape[1])
+    errors, nothing = np.zeros_like(used), np.zeros(used.shape[1])
+    state = State(*(nothing,) * 5)  # w depends on the innovations alone, not on where a driver is
     for t, innovation in enumerate(used):
-        errors[t] = w
-        w, u = w + gain.w * innovation, u + gain.u * innovation
-        w, u = gain.kept_w * w + gain.fed_w * u, gain.kept_w * u
+        errors[t] = state.w
+        state = predict(correct(state, innovation, gain), nothing, gain, dt=0.0)
     return errors
 
 

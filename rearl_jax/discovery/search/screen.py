@@ -140,24 +140,24 @@ def least_strength(
     """
     strengths = []
     for width in PRIOR_WIDTHS:
-        root = width * scale
-        inner = np.eye(len(scale)) + root[:, None] * information * root
-        scaled = information[:, 0] * root  # score at the strength 1
-        by_square = 0.5 * float(scaled @ np.linalg.solve(inner, scaled))
-        penalty = 0.5 * float(np.linalg.slogdet(inner)[1])
-        strengths.append(np.sqrt((evidence + penalty) / by_square) if by_square > 0 else np.inf)
+        # The score at the strength 1; the gain grows with the square of the strength.
+        (gain,), (penalty,) = _gain_and_penalty(information[None, :, 0], information[None], width * scale)
+        strengths.append(np.sqrt((evidence + penalty) / gain) if gain > 0 else np.inf)
     return float(min(strengths))
 
 
 def _evidence(score: np.ndarray, information: np.ndarray, scale: np.ndarray) -> np.ndarray:
     """Laplace evidence for a linear model with a Gaussian prior, the largest over PRIOR_WIDTHS [nats]."""
     best = np.full(len(score), -np.inf)
-    identity = np.eye(score.shape[1])
     for width in PRIOR_WIDTHS:
-        root = width * scale
-        inner = identity + root[:, None] * information * root[None, :]
-        scaled = score * root
-        fitted = np.linalg.solve(inner, scaled[:, :, None])[:, :, 0]
-        value = 0.5 * (scaled * fitted).sum(axis=1) - 0.5 * np.linalg.slogdet(inner)[1]
-        best = np.maximum(best, value)
+        gain, penalty = _gain_and_penalty(score, information, width * scale)
+        best = np.maximum(best, gain - penalty)
     return best
+
+
+def _gain_and_penalty(score: np.ndarray, information: np.ndarray, scale: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Gain of log-likelihood by the best fit under a prior of this scale, and complexity penalty [nats]."""
+    inner = np.eye(score.shape[1]) + scale[:, None] * information * scale[None, :]
+    scaled = score * scale
+    fitted = np.linalg.solve(inner, scaled[:, :, None])[:, :, 0]
+    return 0.5 * (scaled * fitted).sum(axis=1), 0.5 * np.linalg.slogdet(inner)[1]

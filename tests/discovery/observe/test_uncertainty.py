@@ -41,16 +41,21 @@ def joint_information(state, located):
     return joint
 
 
-@pytest.mark.parametrize("holds_population", [False, True])
-def test_deviations_are_those_of_all_parameters_together(solver, fitted, holds_population):
-    state = replace(fitted, holds_population=holds_population)
+def covariance_of_theta(solver, state):
+    """Covariance of the searched elements of theta, from the information on all parameters together."""
     free, n_own = solver.free(state), state.z.shape[1]
     joint = joint_information(state, solver.layout.prior.location_precision)
     joint[-len(free) :, -len(free) :] += np.diag(solver.layout.scale[free] ** -2.0)
-    if holds_population:
+    if state.holds_population:
         means = slice(state.z.size, state.z.size + CLASSES * n_own)
         joint = np.delete(np.delete(joint, means, axis=0), means, axis=1)
-    expected = np.sqrt(np.diag(np.linalg.inv(joint))[-len(free) :])
+    return np.linalg.inv(joint)[-len(free) :, -len(free) :]
+
+
+@pytest.mark.parametrize("holds_population", [False, True])
+def test_deviations_are_those_of_all_parameters_together(solver, fitted, holds_population):
+    state = replace(fitted, holds_population=holds_population)
+    expected = np.sqrt(np.diag(covariance_of_theta(solver, state)))
     assert (expected > 0.0).all()
     # Equal drivers have equal scores, so that only the curvature is left.
     level = replaced(state, z=state.mean[state.truck])
@@ -65,16 +70,12 @@ def test_the_means_of_the_population_cost_information(solver, fitted):
 
 def test_the_scatter_of_few_drivers_is_not_multiplied_by_the_number_of_parameters(solver, fitted):
     state = replace(replaced(fitted, z=fitted.mean[fitted.truck]), holds_population=True)
-    n_drivers, n_own, free = *state.z.shape, solver.free(state)
+    n_drivers, n_own = state.z.shape
     gradient = np.zeros_like(fitted.sums.gradient)
     state.sums = DriverSums(fitted.sums.square, gradient, fitted.sums.gram, fitted.sums.count)
     own_scores = 1e4 * np.random.default_rng(0).normal(size=n_drivers)
     gradient[:, n_own] = own_scores * state.variances  # of the first element of theta, the others do not vary
     found = standard_deviations(solver, state)
-    joint = joint_information(state, solver.layout.prior.location_precision)
-    means = slice(state.z.size, state.z.size + CLASSES * n_own)
-    joint[-len(free) :, -len(free) :] += np.diag(solver.layout.scale[free] ** -2.0)
-    covariance = np.linalg.inv(np.delete(np.delete(joint, means, axis=0), means, axis=1))[-len(free) :, -len(free) :]
-    expected = np.abs(covariance[:, 0]) * np.sqrt(n_drivers * np.var(own_scores, ddof=1))
-    assert len(free) > 3
+    expected = np.abs(covariance_of_theta(solver, state)[:, 0]) * np.sqrt(n_drivers * np.var(own_scores, ddof=1))
+    assert len(expected) > 3
     np.testing.assert_allclose(found, expected, rtol=1e-6)
