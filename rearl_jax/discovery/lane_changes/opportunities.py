@@ -18,7 +18,7 @@ from rearl_jax.core.effects.stimulus import OUT_OF_SIGHT
 from rearl_jax.core.order import NO_VEHICLE
 from rearl_jax.data.records import Recording
 from rearl_jax.discovery.lane_changes.incentives import KnownDrivers, acceleration, likely_parameters
-from rearl_jax.discovery.lane_changes.motion import with_motion
+from rearl_jax.discovery.lane_changes.motion import USUAL_LEAD, with_motion
 from rearl_jax.discovery.lane_changes.ramps import side_of_ramp, whole_lanes
 from rearl_jax.discovery.read.smoothing import thinned
 from rearl_jax.discovery.read.sorted_lanes import SortedLanes
@@ -40,10 +40,11 @@ deceleration of MOBIL, as in the simulation; a change that requires more is refu
 SLOWEST = 3.0
 """Speed below which lane changes are not counted as discretionary [m/s]."""
 
-EARLIER = 4.0
+EARLIER = 2.0
 """Time before an opportunity at which the braking of others is evaluated [s]. Later it may be the response to the lane
-change: the motion sideways begins up to 3.5 s before the middle of the vehicle reaches the other lane, and smoothing
-spreads braking half a second back in time. Source of the duration: Toledo & Zohar, Transp. Res. Rec. 1999 (2007) 71.
+change: where no lateral position is recorded a change may begin 1.5 s earlier than assumed (it lasts up to 7 s), and
+smoothing spreads braking half a second back in time. Source of the duration: Toledo & Zohar, Transp. Res. Rec. 1999
+(2007) 71.
 """
 
 SEEN_BEHIND = 60.0
@@ -60,7 +61,7 @@ class Opportunities:
         frame: Frame of the opportunity.
         side: -1 to the left, +1 to the right.
         period: Time to the next opportunity [s].
-        changes: Whether the driver changes to that side within this time.
+        changes: Whether the driver begins to change to that side within this time.
         incentive: Own acceleration gained [m/s^2].
         rear_after: Acceleration of the new follower after the change, with its own parameters [m/s^2]; 0 without a new
             follower.
@@ -158,8 +159,8 @@ class _Scene:
         self.is_truck = (rows["vehicle_class"] == "truck").to_numpy()
         motion = (rows[name].to_numpy() for name in ("position", "speed", "acceleration", "length"))
         self.x, self.v, self.a, self.length = motion
-        times = (rows[name].to_numpy() for name in ("since_change", "to_change", "time_to_track_end"))
-        self.since_change, self.to_change, self.time_to_track_end = times
+        times = (rows[name].to_numpy() for name in ("since_change", "to_departure", "time_to_track_end"))
+        self.since_change, self.to_departure, self.time_to_track_end = times
         self.next_step = rows["next_step"].to_numpy()  # change of the lane number at the next lane change
         self.lane, self.direction = rows["lane"].to_numpy(np.int64), rows["direction"].to_numpy(np.int64)
         self.upstream = rows.groupby("direction")["position"].transform("min").to_numpy()
@@ -214,7 +215,7 @@ class _Scene:
             frame=self.frame[chosen],
             side=np.full(len(chosen), side),
             period=np.full(len(chosen), self.period),
-            changes=(self.to_change[chosen] <= self.period + 1e-9) & (self.next_step[chosen] == side),
+            changes=(self.to_departure[chosen] <= self.period + 1e-9) & (self.next_step[chosen] == side),
             incentive=changed - stays,
             rear_after=rear_after,
             rear_gain=rear_after - rear_before,
@@ -236,13 +237,16 @@ class _Scene:
         return options.take(np.flatnonzero(fits))
 
     def _may_change(self, side: int) -> np.ndarray:
-        """True for drivers on a through lane with a through lane on that side who changed no lane within REST."""
+        """True for drivers on a through lane with a through lane on that side who changed no lane within REST and are
+        not moving sideways yet.
+        """
         has_lanes = np.zeros(len(self.x), bool)
         for direction, lane in self.through_lanes:
             if (direction, lane + side) in self.through_lanes:
                 has_lanes |= (self.direction == direction) & (self.lane == lane)
-        is_seen = self.time_to_track_end >= self.period - 1e-9
-        return has_lanes & (self.since_change >= REST) & is_seen & (self.v > SLOWEST)
+        is_seen = self.time_to_track_end >= self.period + USUAL_LEAD - 1e-9  # else a change may begin unseen
+        is_at_rest = (self.since_change >= REST) & (self.to_departure > 0.0)
+        return has_lanes & is_at_rest & is_seen & (self.v > SLOWEST)
 
     def _gap(self, behind: np.ndarray, front: np.ndarray) -> np.ndarray:
         """Bumper-to-bumper gap [m]; OUT_OF_SIGHT if one of the two vehicles is missing."""

@@ -7,6 +7,7 @@ import pytest
 
 from rearl_jax.data.records import Recording
 from rearl_jax.discovery.lane_changes.incentives import KnownDrivers
+from rearl_jax.discovery.lane_changes.motion import USUAL_LEAD
 from rearl_jax.discovery.lane_changes.opportunities import REST, opportunities
 from rearl_jax.discovery.observe.drivers import IDM_PRIOR
 
@@ -78,12 +79,29 @@ def test_columns_are_those_of_the_scene(table):
     assert table.follower_gain[row] == pytest.approx(idm(20, 26 + gap + 4, 18) - idm(20, 26, 20), abs=2e-3)
 
 
-def test_only_the_last_opportunity_before_a_change_is_taken(table):
+def test_only_the_last_opportunity_before_the_usual_beginning_of_a_change_is_taken(table):
     own = table.vehicle == 1
     taken = np.flatnonzero(own & table.changes)
     assert len(taken) == 1
     assert table.side[taken] == -1
-    assert table.gap[taken] == pytest.approx(22 - 2 * 8.0, abs=1e-2)
+    assert table.gap[taken] == pytest.approx(22 - 2 * (8.0 - USUAL_LEAD), abs=1e-2)
+
+
+@pytest.mark.parametrize(("begins_at", "lasts"), [(4.1, 6.0), (5.6, 5.0), (6.6, 2.5)])
+def test_a_change_is_chosen_when_the_vehicle_begins_to_move_sideways(recording, begins_at, lasts):
+    drawn = recording(scene(changes_at=begins_at + lasts / 2))
+    is_own, time = drawn.table["track_id"] == 1, drawn.table["time"].to_numpy()
+    share = np.clip((time - begins_at) / lasts, 0.0, 1.0)
+    sideways = np.where(is_own, -3.5 * share**3 * (10 - 15 * share + 6 * share**2), 0.0)  # a path of minimum jerk
+    wander = 0.1 * np.sin(2 * np.pi * time / 4.0) + np.random.default_rng(0).normal(0.0, 0.03, len(time))
+    table = opportunities([Recording(drawn.info, drawn.table.assign(lateral=sideways + wander))], driven_by(N))[0]
+    own = table.vehicle == 1
+    taken = np.flatnonzero(own & table.changes)
+    assert len(taken) == 1
+    chosen_at = (22 - table.gap[taken]) / 2  # gaps shrink by 2 m/s from 22 m
+    assert begins_at - 0.8 < chosen_at < begins_at + 0.8
+    times = (22 - table.gap[own & (table.side == -1)]) / 2
+    assert not np.any((times > chosen_at + 0.1) & (times < begins_at + lasts / 2 + REST))
 
 
 def test_who_has_just_changed_has_no_opportunity(recording):
