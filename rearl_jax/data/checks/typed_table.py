@@ -52,27 +52,19 @@ def not_finite(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -> 
     return None
 
 
-def unknown_class(table: pd.DataFrame, info: RecordingInfo, policy: DataConfig) -> Finding | None:
-    """Rows whose vehicle class is none of CLASSES."""
-    remedy = f"use one of {', '.join(CLASSES)}"
+def unknown_class(
+    table: pd.DataFrame, info: RecordingInfo, policy: DataConfig, known: str = ", ".join(CLASSES)
+) -> Finding | None:
+    """Rows whose vehicle class is none of CLASSES; `known` lists what the file may state, such as numbers."""
     bad = ~table["vehicle_class"].isin(CLASSES).to_numpy()
-    if policy.format is DataFormat.table and bad.any():
-        value = table["vehicle_class"].iloc[int(np.argmax(bad))]
-        code = code_of(value)
-        plain = code if code.isdecimal() or code == NO_CLASS else quoted(code)
-        remedy += f", or say what it is: 'data.classes={{{plain}: car}}'"
-    return _of_unknown_class(table, bad, remedy)
-
-
-def unknown_code(table: pd.DataFrame, codes: str) -> Finding | None:
-    """Rows whose vehicle class is none of CLASSES, in a format that writes classes as numbers; `codes` lists them."""
-    return _of_unknown_class(table, ~table["vehicle_class"].isin(CLASSES).to_numpy(), f"use one of {codes}")
-
-
-def _of_unknown_class(table: pd.DataFrame, bad: np.ndarray, remedy: str) -> Finding | None:
     if not bad.any():
         return None
     value = table["vehicle_class"].iloc[int(np.argmax(bad))]
+    remedy = f"use one of {known}"
+    if policy.format is DataFormat.table:
+        code = code_of(value)
+        plain = code if code.isdecimal() or code == NO_CLASS else quoted(code)
+        remedy += f", or say what it is: 'data.classes={{{plain}: car}}'"
     shown = repr(value) if isinstance(value, str) else code_of(value)
     text = "the class is empty" if pd.isna(value) else f"class {shown} is unknown"
     return Finding("unknown_class", "vehicle_class", bad, text, remedy)

@@ -15,17 +15,9 @@ import pyarrow as pa
 from pyarrow import csv
 
 from rearl_jax.config.data import BadRows
+from rearl_jax.data.files.content import OPENERS, compression_of, in_utf8, wide_encoding_of
 from rearl_jax.data.files.fields import BLANKS, UNKNOWN, fields_of
-from rearl_jax.data.files.text_layout import (
-    OPENERS,
-    SAMPLE_LINES,
-    compression_of,
-    decimal_point_of,
-    layout_of,
-    opened,
-    readable,
-    text_of,
-)
+from rearl_jax.data.files.text_layout import SAMPLE_LINES, decimal_point_of, layout_of, readable, text_of
 from rearl_jax.data.problems import DROP_HINT, BadRecordingError, bad_recording, require_columns
 
 _MAX_INTEGER = 2.0**63  # beyond it a number is no 64-bit integer
@@ -106,9 +98,10 @@ def read_below(
         delimiter: Separator of fields.
         on_bad: stop makes a broken line an error.
     """
-    with readable(path), opened(path) as file:
+    with readable(path), in_utf8(path) as file:
         sample = list(islice(file, n_above, n_above + SAMPLE_LINES))
-        content = b"".join([*sample, file.read()]) if compression_of(path) else None
+        is_copied = compression_of(path) or wide_encoding_of(path)
+        content = b"".join([*sample, file.read()]) if is_copied else None
     decoded = (line.decode(errors="replace").rstrip("\r\n") for line in sample)
     lines = [line for line in decoded if line]
     if not lines:

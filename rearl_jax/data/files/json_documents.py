@@ -4,6 +4,7 @@ The file is read in blocks. The documents of a block are found by their brackets
 """
 
 import io
+import shlex
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,7 +13,7 @@ import numpy as np
 import pyarrow as pa
 from pyarrow import json
 
-from rearl_jax.data.files.text_layout import compression_of
+from rearl_jax.data.files.content import compression_of, wide_encoding_of
 from rearl_jax.data.problems import bad_recording, file_missing
 
 BLOCK_BYTES = 16 * 2**20
@@ -42,13 +43,18 @@ def documents(path: Path) -> Iterator[Documents]:
     """The documents of a file, block by block.
 
     Raises:
-        BadRecordingError: The file is empty, compressed, or holds something else than objects.
+        BadRecordingError: The file is empty, compressed, not in UTF-8, or holds something else than objects.
         FileNotFoundError: There is no such file.
     """
     if not path.is_file():
         raise file_missing(path)
     if packed := compression_of(path):
         raise bad_recording("not-json", f"the file is compressed ({packed})", "unpack it", path)
+    if codec := wide_encoding_of(path).upper():
+        # iconv spells the codecs without a byte order mark UTF-16LE and UTF-16BE.
+        name = codec.replace("-LE", "LE").replace("-BE", "BE")
+        remedy = f"convert it: iconv -f {name} -t UTF-8 {shlex.quote(str(path))} > COPY.json"
+        raise bad_recording("not-json", f"the file is in {name}, not in UTF-8", remedy, path)
     rest, offset, is_array, closed, n_found = b"", 0, False, False, 0
     with path.open("rb") as file:
         while block := file.read(BLOCK_BYTES):

@@ -1,14 +1,9 @@
 """Layout of a text table: compression, encoding, lines before the header, delimiter, decimal mark and quotes."""
 
-import bz2
 import codecs
 import csv
-import gzip
 import io
-import lzma
 import re
-import zipfile
-import zlib
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -17,27 +12,23 @@ from itertools import islice
 from pathlib import Path
 from typing import BinaryIO, cast
 
+from rearl_jax.data.files.content import (
+    DAMAGED,
+    MAGIC,
+    SAMPLE_BYTES,
+    compression_of,
+    encoding_shown,
+    in_utf8,
+    opened,
+)
 from rearl_jax.data.files.fields import BLANKS, fields_of, quote_of
-from rearl_jax.data.files.folder import is_visible
 from rearl_jax.data.problems import bad_recording, file_missing
 from rearl_jax.data.units import UNITS, unit_named
 
-OPENERS = {".gz": gzip.GzipFile, ".bz2": bz2.BZ2File, ".xz": lzma.LZMAFile}
-DAMAGED = (EOFError, OSError, lzma.LZMAError, zipfile.BadZipFile, zlib.error, RuntimeError, NotImplementedError)
-"""Errors of the standard library for compressed files that are damaged, encrypted, or compressed in another way."""
 SAMPLE_LINES = 20
 """Lines from which delimiter and decimal mark are determined."""
-_MAGIC = {b"\x1f\x8b": ".gz", b"BZh": ".bz2", b"\xfd7zXZ\x00": ".xz", b"PK\x03\x04": ".zip"}
 _MARKS = (",", ";", "\t", "|")
 _DELIMITERS = (*_MARKS, BLANKS)
-# In this order, because the mark of UTF-32 begins like that of UTF-16.
-_BYTE_ORDER_MARKS = {
-    codecs.BOM_UTF8: "utf-8-sig",
-    codecs.BOM_UTF32_LE: "utf-32",
-    codecs.BOM_UTF32_BE: "utf-32",
-    codecs.BOM_UTF16_LE: "utf-16",
-    codecs.BOM_UTF16_BE: "utf-16",
-}
 _SINGLE_BYTE = "cp1252"
 _NAMES = {
     "utf-8": "UTF-8",
@@ -48,7 +39,6 @@ _NAMES = {
     "utf-16-be": "UTF-16",
     _SINGLE_BYTE: "Windows-1252",
 }
-_SAMPLE_BYTES = 2**16  # bytes from which it is decided whether a file is text
 _BLOCK_BYTES = 2**20
 _CONTROL = re.compile(rb"[\x00-\x08\x0e-\x1a\x1c-\x1f]")  # characters that no text has
 _UNDEFINED = re.compile(rb"[\x81\x8d\x8f\x90\x9d]")  # bytes that Windows-1252 does not define
@@ -108,33 +98,6 @@ class Layout:
         return (f"the file is {self.encoding_name}{doubt}",)
 
 
-def compression_of(path: Path) -> str:
-    """Usual ending of files with the compression of this one, by its first bytes; empty for none."""
-    with path.open("rb") as file:
-        head = file.read(8)
-    return next((ending for magic, ending in _MAGIC.items() if head.startswith(magic)), "")
-
-
-def opened(path: Path) -> io.BufferedIOBase:
-    """The content of a text table, uncompressed.
-
-    Raises:
-        BadRecordingError: The .zip does not hold exactly one file.
-    """
-    packed = compression_of(path)
-    if packed == ".zip":
-        with zipfile.ZipFile(path) as archive:
-            listed = (name for name in archive.namelist() if not name.endswith("/") and not name.startswith("__MACOSX"))
-            names = [name for name in listed if is_visible(Path(name))]
-            if "[Content_Types].xml" in names:
-                raise bad_recording("not-a-table", "the file is a spreadsheet", "save its sheet as CSV", path)
-            if len(names) != 1:
-                text = f"the archive holds {len(names)} files, not one table"
-                raise bad_recording("not-a-table", text, "unpack it, and name the folder", path)
-            return io.BytesIO(archive.read(names[0]))
-    return OPENERS[packed](path, "rb") if packed else path.open("rb")
-
-
 def layout_of(path: Path) -> Layout:
     """The layout of a text table.
 
@@ -160,8 +123,8 @@ def text_of(path: Path) -> io.TextIOWrapper:
 
 def first_lines(path: Path, number: int) -> list[str]:
     """The first lines that are not empty; bytes that are not text are replaced, and a very long line is split."""
-    with readable(path), opened(path) as file:
-        parts = iter(partial(file.readline, _SAMPLE_BYTES), b"")
+    with readable(path), in_utf8(path) as file:
+        parts = iter(partial(file.readline, SAMPLE_BYTES), b"")
         lines = (line.decode("utf-8-sig", errors="replace").strip() for line in parts)
         return list(islice((line for line in lines if line), number))
 
@@ -307,15 +270,12 @@ def _encoding(path: Path) -> tuple[str, bool]:
     Windows-1252 does not define are an error.
     """
     with opened(path) as file:
-        head = file.read(_SAMPLE_BYTES)
-        if any(head.startswith(magic) for magic in _MAGIC):
+        head = file.read(SAMPLE_BYTES)
+        if any(head.startswith(magic) for magic in MAGIC):
             raise bad_recording("not-text", "the file is compressed twice", "unpack it once", path)
-        for mark, codec in _BYTE_ORDER_MARKS.items():
-            if head.startswith(mark):
-                return codec, True
-        zeros = [head[start:_SAMPLE_BYTES:2].count(0) / max(len(head) / 2, 1) for start in (0, 1)]
-        if max(zeros) > 0.4 and min(zeros) < 0.1:
-            return ("utf-16-be" if zeros[0] > zeros[1] else "utf-16-le"), False
+        codec, is_sure = encoding_shown(head)
+        if codec:
+            return codec, is_sure
         if control := _CONTROL.search(head):
             text = f"the file is not text (byte {control.start()} is {control[0][0]:#04x})"
             raise bad_recording("not-text", text, "name a text or Parquet table", path)

@@ -18,10 +18,11 @@ import pandas as pd
 from rearl_jax.config.data import DataConfig
 from rearl_jax.data.checks.frame_rates import MAX_FRAME_OFFSET, between_frames
 from rearl_jax.data.checks.losses import Losses, reject
-from rearl_jax.data.checks.typed_table import unknown_code
+from rearl_jax.data.checks.typed_table import unknown_class
+from rearl_jax.data.files.content import in_utf8
 from rearl_jax.data.files.folder import named_files
 from rearl_jax.data.files.json_documents import parsed, read_documents
-from rearl_jax.data.files.text_layout import opened, readable
+from rearl_jax.data.files.text_layout import readable
 from rearl_jax.data.formats.backward_speeds import standing
 from rearl_jax.data.formats.i24_index import FEET, FIELDS, LANE, OPTIONAL, Cell, Index, Tracks, index_of
 from rearl_jax.data.problems import Finding, bad_recording
@@ -65,7 +66,7 @@ def find_files(root: Path) -> list[Path]:
 
 def is_one(path: Path) -> bool:
     """True if the file begins with a document that has the fields of a trajectory."""
-    with readable(path), opened(path) as file:
+    with readable(path), in_utf8(path) as file:
         head = file.read(_FIRST_DOCUMENT_BYTES)
     return re.match(rb"(\xef\xbb\xbf)?\s*(\[\s*)?\{", head) is not None and all(
         re.search(rb'"%s"\s*:' % name.encode(), head) for name in FIELDS
@@ -201,7 +202,7 @@ def _recording(
     if no_speed.any():
         text, remedy = "no speed follows from the times: there is only one, or they do not rise", "correct the times"
         table = reject(table, Finding("time_unordered", "frame", no_speed, text, remedy), info, policy, losses)
-    table = reject(table, unknown_code(table, _CODES), info, policy, losses)
+    table = reject(table, unknown_class(table, info, policy, _CODES), info, policy, losses)
     return Recording(info, *validate(table, info, policy, losses))
 
 

@@ -19,7 +19,7 @@ import pyarrow as pa
 from rearl_jax.config.data import BadRows, DataConfig
 from rearl_jax.data.checks.leader_ids import without_absent
 from rearl_jax.data.checks.losses import Losses, reject, stop_or_count
-from rearl_jax.data.checks.typed_table import MAX_LANES, unknown_code
+from rearl_jax.data.checks.typed_table import MAX_LANES, unknown_class
 from rearl_jax.data.files.columnar import is_parquet
 from rearl_jax.data.files.delimited import read_blank_separated, read_csv, read_header, text_endings
 from rearl_jax.data.files.folder import named_files, visible_files
@@ -120,7 +120,7 @@ class PublishedFile:
             text = f"Lane_ID {table['lane'].iloc[int(np.argmax(no_lane))] + 1:g} is not a lane, they count from 1"
             finding = Finding("lane_out_of_range", "lane", no_lane, text, "correct the Lane_ID")
             table = reject(table, finding, info, self._policy, losses)
-        table = reject(table, unknown_code(table, _CODES), info, self._policy, losses)
+        table = reject(table, unknown_class(table, info, self._policy, _CODES), info, self._policy, losses)
         return Recording(info, *validate(table, info, self._policy, losses))
 
     @cached_property

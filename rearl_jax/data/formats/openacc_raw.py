@@ -1,7 +1,8 @@
 """OpenACC's runs as published, one .csv each: five lines about the run above a table with a row for every 0.1 s.
 
 The table has the columns Speed1, E1, N1 and so on of every vehicle, IVS1 for the gap between vehicles 1 and 2, and
-in some campaigns Driver1. A vehicle may lack its columns. Positions are rebuilt as in `openacc`.
+in some campaigns Driver1. A vehicle may lack all of its columns. A name may have a unit in brackets, as Speed1 (km/h)
+has; without one, values are in SI units. Positions are rebuilt as in `openacc`.
 
 Source: notes beside the runs of the campaigns AstaZero, Vicolungo and JRC low speed, European Commission, Joint
 Research Centre, Open ACC Database, DOI 10.2905/JRC.KMH3D00; they say that IVS is computed from satellite positions
@@ -19,14 +20,16 @@ import pyarrow as pa
 
 from rearl_jax.config.data import DataConfig
 from rearl_jax.data.checks.losses import Losses, stop_or_count
+from rearl_jax.data.files.content import in_utf8
 from rearl_jax.data.files.delimited import read_below, stem_of, text_endings
 from rearl_jax.data.files.folder import is_visible, recordings_missing, visible_files
-from rearl_jax.data.files.text_layout import first_lines, opened, readable
+from rearl_jax.data.files.text_layout import first_lines, readable
 from rearl_jax.data.formats import openacc, openacc_index
 from rearl_jax.data.formats.openacc import FRAME_RATE, MAX_HOLE, MODEL, Platoon
 from rearl_jax.data.formats.openacc_drivers import ACC
 from rearl_jax.data.problems import Finding, bad_recording, require_columns
 from rearl_jax.data.schema import Recording, RecordingInfo
+from rearl_jax.data.units import UNITS, to_si, unit_named
 
 SETTING = "setting"
 """Label of tracks: the distance that was set, in the words of the file; mixed where cars were set differently."""
@@ -34,7 +37,11 @@ SETTING = "setting"
 _ENDINGS = text_endings(".csv")
 _HEADER_KEYS = ("Vehicle_order", "ACC", "Distance_setting")
 _MAX_HEADER_LINES = 20  # lines above the table; there are 6
-_COLUMNS = re.compile(r"Time\s*([,;\t])")  # beginning of the line with the names of the columns
+_NAME = re.compile(r"(\w+)\s*[\[(]\s*(.*?)\s*[\])]")  # name of a column with its unit
+# Beginning of the line with the names of the columns.
+_COLUMNS = re.compile(r"Time\s*(?:[\[(][^\[\]()]*[\])]\s*)?([,;\t])")
+_OF_VEHICLE = re.compile(r"(?:Speed|IVS|Driver|Lat|Lon|Alt|E|N|U)[ _]?(\d+)(?!\d)", re.IGNORECASE)
+_KINDS = {"Time": "s", "Speed": "m/s", "IVS": "m", "E": "m", "N": "m"}  # SI units of the numbers that are read
 _FIRST_CELL = re.compile(r"\s*[,;\t]")  # end of a first cell
 _NOT_RUNS = ("specification", openacc_index.FILE)
 _DRIVER = {"acc": "1", "human": "0"}
@@ -47,19 +54,21 @@ class Header:
 
     Attributes:
         about: Values of the header lines, by the name of the line, such as Vehicle_order.
-        columns: Names of the columns.
+        columns: Names of the columns, without units.
         n_above: Lines above the first row.
         delimiter: Separator of fields: a comma, as published, or that of a copy.
+        units: Unit of the columns of numbers that state one, by name.
     """
 
     about: dict[str, tuple[str, ...]]
     columns: list[str]
     n_above: int
     delimiter: str
+    units: dict[str, str]
 
     def numbered(self, name: str) -> list[int]:
         """Numbers of the vehicles that have a column of this name."""
-        found = [re.fullmatch(rf"{name}(\d+)", column) for column in self.columns]
+        found = [re.fullmatch(rf"{name}([1-9]\d*)", column) for column in self.columns]
         return sorted(int(match[1]) for match in found if match)
 
 
@@ -82,8 +91,9 @@ def find_runs(root: Path) -> list[Path]:
 
 def is_run(path: Path) -> bool:
     """True if the first lines describe a platoon and a line below them names the columns."""
-    first_cells = {_FIRST_CELL.split(line, maxsplit=1)[0] for line in first_lines(path, _MAX_HEADER_LINES)}
-    return {*_HEADER_KEYS, "Time"} <= first_cells
+    lines = first_lines(path, _MAX_HEADER_LINES)
+    first_cells = {_FIRST_CELL.split(line, maxsplit=1)[0] for line in lines}
+    return set(_HEADER_KEYS) <= first_cells and any(map(_COLUMNS.match, lines))
 
 
 def runs_of(path: Path) -> dict[str, Platoon]:
@@ -131,6 +141,8 @@ def read_run(path: Path, recording: str, platoon: Platoon, policy: DataConfig) -
     kinds = {name: pa.string() if name.startswith("Driver") else pa.float64() for name in wanted}
     table, n_broken = read_below(path, header.columns, header.n_above, kinds, header.delimiter, policy.on_bad)
     wide = table.to_pandas(split_blocks=True, self_destruct=True)
+    for name in header.units.keys() & set(wanted):
+        wide[name] = to_si(wide[name].to_numpy(np.float64), header.units[name])
     wide["Time"] = openacc.on_frames(wide["Time"].to_numpy(np.float64))
     models = header.about["Vehicle_order"]
     campaign = path.absolute().parent.name
@@ -173,9 +185,10 @@ def read_header_of(path: Path) -> Header:
     """The header lines above the table.
 
     Raises:
-        BadRecordingError: The file is empty, damaged or not a run, or does not name its vehicles.
+        BadRecordingError: The file is empty, damaged or not a run, does not name its vehicles, has an unknown unit, or
+            has some columns of a vehicle and not its speed.
     """
-    with readable(path), opened(path) as file:
+    with readable(path), in_utf8(path) as file:
         lines = [line.decode("utf-8-sig", errors="replace").strip() for line in islice(file, _MAX_HEADER_LINES + 1)]
     if not lines:
         raise bad_recording("file-empty", "the file is empty", "remove the file or complete it", path)
@@ -186,12 +199,43 @@ def read_header_of(path: Path) -> Header:
     rows = [[cell.strip() for cell in line.split(found[1])] for line in lines[: place + 1]]
     about = {cells[0]: tuple(cell for cell in cells[1:] if cell) for cells in rows[:-1]}
     require_columns(about, _HEADER_KEYS, path)
-    header = Header(about, rows[-1], place + 1, found[1])
+    columns, units = [], {}
+    for spelt in rows[-1]:
+        parts = _NAME.fullmatch(spelt)
+        columns.append(parts[1] if parts else spelt)
+        if parts and (unit := _unit_of(spelt, parts[1], parts[2], path)):
+            units[parts[1]] = unit
+    header = Header(about, columns, place + 1, found[1], units)
+    _require_speeds(header, rows[-1], path)
     most = max(header.numbered("Speed"), default=0)
     if most > len(about["Vehicle_order"]):
         text = f"{len(about['Vehicle_order'])} vehicles are named, but there are columns of vehicle {most}"
         raise bad_recording("vehicle-unnamed", text, "name all vehicles", path, column="Vehicle_order")
     return header
+
+
+def _unit_of(column: str, name: str, stated: str, path: Path) -> str | None:
+    """Unit of a column that is read, as the file states it; None for any other column, or if it states none."""
+    kind = _KINDS.get(name.rstrip("0123456789"))
+    if kind is None or not stated:
+        return None
+    unit = unit_named(stated, kind)
+    if unit is None:
+        text, remedy = f"the unit {stated} of the column is not known", f"give one of {', '.join(UNITS[kind])}"
+        raise bad_recording("unit-unknown", text, remedy, path, column=column)
+    return unit
+
+
+def _require_speeds(header: Header, spelt: list[str], path: Path) -> None:
+    """Raise BadRecordingError if a vehicle has columns, in the spelling of the file, and no speed."""
+    of_vehicles: dict[int, list[str]] = {}
+    for name in spelt:
+        if found := _OF_VEHICLE.match(name):
+            of_vehicles.setdefault(int(found[1]), []).append(name)
+    for k in sorted(of_vehicles.keys() - set(header.numbered("Speed"))):
+        text = f"vehicle {k} has the columns {', '.join(of_vehicles[k])} and no Speed{k}"
+        remedy = f"name its speed Speed{k}, with numbers from 1, or remove all columns of the vehicle"
+        raise bad_recording("column-missing", text, remedy, path, column=f"Speed{k}")
 
 
 def _on_receivers(wide: pd.DataFrame, platoon: Platoon) -> tuple[str, ...]:

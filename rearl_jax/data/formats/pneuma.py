@@ -22,9 +22,10 @@ from rearl_jax.config.data import BadRows, DataConfig
 from rearl_jax.data.checks.frame_rates import frame_rate_of, frames_of
 from rearl_jax.data.checks.losses import Losses
 from rearl_jax.data.checks.typed_table import MAX_MAGNITUDE
+from rearl_jax.data.files.content import in_utf8
 from rearl_jax.data.files.delimited import read_header, stem_of, text_endings
 from rearl_jax.data.files.folder import named_files
-from rearl_jax.data.files.text_layout import Layout, first_names, layout_of, opened
+from rearl_jax.data.files.text_layout import Layout, first_names, layout_of
 from rearl_jax.data.problems import DROP_HINT, BadRecordingError, bad_recording, require_columns
 from rearl_jax.data.roads.stretch import Stretch, stretch_of
 from rearl_jax.data.schema import Recording, RecordingInfo, validate
@@ -149,9 +150,7 @@ def _vehicles(path: Path, on_bad: BadRows, losses: Losses) -> Iterator[tuple[int
         remedy = f"give {', '.join((*VEHICLE_COLUMNS, *REPEATED_COLUMNS))}, the last six repeated"
         raise bad_recording("columns-unordered", text, remedy, path)
     layout = layout_of(path)
-    if layout.encoding.startswith(("utf-16", "utf-32")):
-        raise bad_recording("not-text", f"the file is {layout.encoding_name}", "save it as UTF-8", path)
-    with opened(path) as file:
+    with in_utf8(path) as file:
         lines = islice(file, layout.header_lines, None)
         for row, line in enumerate(line for line in lines if line.strip()):
             try:

@@ -16,9 +16,9 @@ from rearl_jax.data.checks.losses import Losses
 from rearl_jax.data.files.delimited import stem_of
 from rearl_jax.data.files.folder import recordings_missing, visible_files
 from rearl_jax.data.formats.simulated import Simulation, info_of, recording_of
-from rearl_jax.data.formats.sumo_fcd import TABLES, read_fcd, spelling
+from rearl_jax.data.formats.sumo_fcd import TABLES, read_fcd
 from rearl_jax.data.formats.sumo_network import CLASS, Surroundings, VehicleType, sorted_files, surroundings_of
-from rearl_jax.data.formats.sumo_xml import XML, is_xml
+from rearl_jax.data.formats.sumo_xml import XML
 from rearl_jax.data.records import SPEED_LIMITS, Recording
 from rearl_jax.data.roads.stretch import metres
 from rearl_jax.data.vehicle_classes import CLASSES, class_of
@@ -81,9 +81,8 @@ def read_recording(path: Path, beside: list[Path], policy: DataConfig) -> Record
     """
     losses = Losses()
     around = surroundings_of(beside)
-    names = spelling(path)
-    raw, n_broken = read_fcd(path, policy.on_bad)
-    losses.count("broken_line", n_broken)
+    raw, layout = read_fcd(path, policy.on_bad)
+    losses.count("broken_line", layout.n_broken)
     raw, notes = _with_metres(raw)
     link, lane = _edges_and_lanes(pd.Series(raw["lane"]))
     angle = raw["angle"].to_numpy()
@@ -115,11 +114,11 @@ def read_recording(path: Path, beside: list[Path], policy: DataConfig) -> Record
     del raw
     rows, of_types = _with_types(rows, around, policy)
     notes += of_types
-    if n_broken and is_xml(path):
+    if layout.n_broken and layout.is_xml:
         notes.append("the file ends within an element: what came after is not known")
     low, high = SPEED_LIMITS
-    sources = {name: name for name in names} | _SPELLING
-    columns = {canonical: names.get(source, source) for canonical, source in sources.items()}
+    sources = {name: name for name in layout.names} | _SPELLING
+    columns = {canonical: layout.names.get(source, source) for canonical, source in sources.items()}
     info = info_of(path, recording_id(path), "SUMO", LABELS, notes, columns)
     limits = {edge: limit for edge, limit in around.limits.items() if low <= limit <= high}
     return recording_of(rows, Simulation(info, around.lanes, limits, around.lane_width), policy, losses)

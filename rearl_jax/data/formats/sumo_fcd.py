@@ -5,6 +5,7 @@ Source: SUMO documentation, Simulation/Output/FCDOutput and TabularOutputs.
 
 import re
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +16,7 @@ from rearl_jax.config.data import BadRows
 from rearl_jax.data.files.columnar import column_names, is_parquet, is_text, read_columns
 from rearl_jax.data.files.delimited import first_rows, read_csv, read_header, text_endings
 from rearl_jax.data.files.text_layout import first_names
-from rearl_jax.data.formats.sumo_xml import CutOff, elements, is_xml, root_of
+from rearl_jax.data.formats.sumo_xml import XML, CutOff, elements, root_of
 from rearl_jax.data.problems import DROP_HINT, bad_recording, require_columns
 
 TABLES = (".parquet", *text_endings(".csv"))
@@ -32,8 +33,23 @@ _CLOCK = re.compile(r"(?:(\d+):)?(\d+):(\d\d):(\d\d(?:\.\d*)?)")
 _BATCH_SIZE = 2**15  # elements whose attributes are held as texts
 
 
-def read_fcd(path: Path, on_bad: BadRows) -> tuple[pd.DataFrame, int]:
-    """The rows of vehicles, and the number of broken lines that were left out.
+@dataclass(frozen=True)
+class Layout:
+    """Layout of a file of floating car data.
+
+    Attributes:
+        names: Name in the file of every column, by its name in XML.
+        n_broken: Number of broken lines that were left out; 1 for an XML file that ends within an element.
+        is_xml: Whether the file is XML.
+    """
+
+    names: dict[str, str]
+    n_broken: int
+    is_xml: bool
+
+
+def read_fcd(path: Path, on_bad: BadRows) -> tuple[pd.DataFrame, Layout]:
+    """The rows of vehicles of a file, and its layout.
 
     Columns are NUMBERS, TEXTS (as categories), and those of OPTIONAL that the file has.
 
@@ -41,20 +57,24 @@ def read_fcd(path: Path, on_bad: BadRows) -> tuple[pd.DataFrame, int]:
         BadRecordingError: A column is missing, a value is not a number, or the file is damaged. A file that only ends
             too early is read up to there unless on_bad is stop.
     """
-    return _of_xml(path, on_bad) if is_xml(path) else _of_table(path, on_bad)
+    if path.name.lower().endswith(XML) or root_of(path) is not None:
+        rows, n_broken = _of_xml(path, on_bad)
+        return rows, Layout({name: name for name in _KINDS}, n_broken, is_xml=True)
+    names = _spelling(path)
+    rows, n_broken = _of_table(path, names, on_bad)
+    return rows, Layout(names, n_broken, is_xml=False)
 
 
 def is_fcd(path: Path) -> bool:
     """True if the file is floating car data, by its first element or the names of its columns."""
-    if is_xml(path):
-        return root_of(path) == ROOT
+    root = root_of(path)
+    if root is not None or path.name.lower().endswith(XML):
+        return root == ROOT
     return {*NUMBERS, *TEXTS} <= _plain(column_names(path) if is_parquet(path) else first_names(path)).keys()
 
 
-def spelling(path: Path) -> dict[str, str]:
-    """Name in the file of every column, by its name in XML."""
-    if is_xml(path):
-        return {name: name for name in _KINDS}
+def _spelling(path: Path) -> dict[str, str]:
+    """Name in a table of every column, by its name in XML."""
     found = column_names(path) if path.suffix.lower() == ".parquet" else read_header(path)
     plain = _plain(found)
     require_columns(plain, (*NUMBERS, *TEXTS), path)
@@ -66,9 +86,8 @@ def _plain(names: Sequence[str]) -> dict[str, str]:
     return {name.removeprefix("vehicle_").removeprefix("timestep_"): name for name in names}
 
 
-def _of_table(path: Path, on_bad: BadRows) -> tuple[pd.DataFrame, int]:
-    """Rows of vehicles in CSV or Parquet, and the number of broken lines."""
-    names = spelling(path)
+def _of_table(path: Path, names: dict[str, str], on_bad: BadRows) -> tuple[pd.DataFrame, int]:
+    """Rows of vehicles in CSV or Parquet, whose names of columns are given, and the number of broken lines."""
     n_broken = 0
     kinds = {spelt: _KINDS[name] for name, spelt in names.items()}
     if has_clock := _has_clock(path, names["time"]):

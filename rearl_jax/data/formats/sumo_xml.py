@@ -4,8 +4,9 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from xml.parsers import expat
 
+from rearl_jax.data.files.content import DAMAGED, in_utf8, wide_encoding_of
 from rearl_jax.data.files.delimited import text_endings
-from rearl_jax.data.files.text_layout import DAMAGED, opened, readable
+from rearl_jax.data.files.text_layout import readable
 from rearl_jax.data.problems import bad_recording
 
 XML = text_endings(".xml")
@@ -33,10 +34,11 @@ def elements(path: Path) -> Iterator[tuple[str, dict[str, str]]]:
         BadRecordingError: The file is not XML, or cannot be unpacked.
     """
     found: list[tuple[str, dict[str, str]]] = []
-    parser = expat.ParserCreate()
+    with readable(path):
+        parser = _parser_of(path)
     parser.StartElementHandler = lambda name, attributes: found.append((name, attributes))
     is_last = False
-    with opened(path) as file:
+    with in_utf8(path) as file:
         while not is_last:
             with readable(path):
                 block = file.read(_BLOCK)
@@ -52,22 +54,22 @@ def elements(path: Path) -> Iterator[tuple[str, dict[str, str]]]:
                 raise bad_recording("not-xml", text, remedy, path, line=fault.lineno)
 
 
-def is_xml(path: Path) -> bool:
-    """True for a file whose name ends like that of an XML file, or that begins with an element."""
-    return path.name.lower().endswith(XML) or root_of(path) is not None
-
-
 def root_of(path: Path) -> str | None:
     """Name of the first element; None if there is none at the beginning of the file."""
     names: list[str] = []
-    parser = expat.ParserCreate()
-    parser.StartElementHandler = lambda name, _: names.append(name)
     try:
-        with opened(path) as file:
+        parser = _parser_of(path)
+        parser.StartElementHandler = lambda name, _: names.append(name)
+        with in_utf8(path) as file:
             _fault_of(parser.Parse, file.read(_FIRST_ELEMENT_BYTES), False)
     except DAMAGED:
         return None
     return names[0] if names else None
+
+
+def _parser_of(path: Path) -> expat.XMLParserType:
+    """A parser of what `in_utf8` gives: a file in UTF-16 or UTF-32 names that encoding, or none, in its first line."""
+    return expat.ParserCreate("utf-8" if wide_encoding_of(path) else None)
 
 
 def _fault_of(parse: Callable, block: bytes, is_last: bool) -> expat.ExpatError | None:

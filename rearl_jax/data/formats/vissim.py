@@ -18,9 +18,10 @@ import pyarrow as pa
 
 from rearl_jax.config.data import DataConfig
 from rearl_jax.data.checks.losses import Losses
+from rearl_jax.data.files.content import in_utf8
 from rearl_jax.data.files.delimited import read_below, stem_of, text_endings
 from rearl_jax.data.files.folder import named_files
-from rearl_jax.data.files.text_layout import first_lines, opened, readable
+from rearl_jax.data.files.text_layout import first_lines, readable
 from rearl_jax.data.formats.simulated import Simulation, info_of, recording_of
 from rearl_jax.data.problems import bad_recording, require_columns
 from rearl_jax.data.records import Recording
@@ -128,7 +129,7 @@ def _header_of(path: Path) -> _Header:
     """
     units: dict[str, str] = {}
     number = 0
-    with readable(path), opened(path) as file:
+    with readable(path), in_utf8(path) as file:
         for number, content in enumerate(file, 1):
             line = _decoded(content).strip()
             layout = next((place for place, begin in enumerate(_HEADERS) if line.startswith(begin)), -1)

@@ -155,6 +155,40 @@ def test_a_line_of_other_bytes_is_a_broken_one(tmp_path, place):
     assert run.dropped["broken_line"] == 1
 
 
+def _in_units(speed: str, gap: str, time: str) -> str:
+    """The run with speeds in km/h, gaps in ft and times in ms, and these ends of names."""
+    scales = {"Speed": (3.6, speed), "IVS": (1.0 / 0.3048, gap), "Time": (1000.0, time), "Lat": (1.0, " [deg]")}
+    table = {}
+    for name, values in TABLE.items():
+        scale, end = scales.get(name.rstrip("1234"), (1.0, ""))
+        table[name + end] = scale * np.asarray(values)
+    return openacc_files.run_of(table)
+
+
+@pytest.mark.parametrize("units", [(" (km/h)", " (ft)", " (ms)"), ("[KMH]", " [ feet ]", "[ms]")])
+def test_units_in_the_names_of_columns_are_converted(tmp_path, units):
+    (expected,) = read(openacc_files.write(tmp_path, TEXT))
+    openacc_files.write(tmp_path, _in_units(*units))
+    assert openacc_raw.is_run(tmp_path / "Vicolungo" / "part1.csv")
+    (run,) = read(tmp_path)
+    pd.testing.assert_frame_equal(run.table, expected.table)
+    assert run.info.notes == expected.info.notes
+
+
+def test_an_unknown_unit_in_the_name_of_a_column_is_an_error(tmp_path):
+    openacc_files.write(tmp_path, _renamed("Speed2", "Speed2 (furlong/day)"))
+    with refused("unit-unknown", column="Speed2 (furlong/day)"):
+        read(tmp_path, BadRows.drop_row)
+
+
+@pytest.mark.parametrize("name", ["Speed4 m/s", "Speed4_mps", "speed4", "Velocity4", "Speed04"])
+def test_a_vehicle_with_columns_and_no_speed_is_an_error(tmp_path, name):
+    path = openacc_files.write(tmp_path, _renamed("Speed4", name)) / "Vicolungo" / "part1.csv"
+    with refused("column-missing", file=str(path), column="Speed4") as caught:
+        read(tmp_path, BadRows.drop_row)
+    assert "E4, N4, Lon4, Lat4 and no Speed4" in caught.value.problem.message
+
+
 def test_commas_of_a_spreadsheet_behind_the_rows_do_not_matter(tmp_path):
     head, rows = TEXT.splitlines()[:6], TEXT.splitlines()[6:]
     openacc_files.write(tmp_path, "\n".join([*head, *(f"{row},," for row in rows)]))

@@ -226,14 +226,6 @@ def test_a_copy_of_a_spreadsheet_says_the_same(lines, read):
         pd.testing.assert_frame_equal(read(rows, header=header).table, expected)
 
 
-def test_another_encoding_is_named(lines, read, tmp_path):
-    read(lines)
-    path = tmp_path / "20181024_d1_0830_0900.csv"
-    path.write_text(path.read_text(), encoding="utf-16")
-    with refused("not-text", file=str(path)):
-        list(iterate_recordings(DataConfig(DataFormat.pneuma, str(tmp_path), stretch=STRETCH)))
-
-
 def test_every_second_moment_of_all_vehicles_is_read(vehicles, lines, read):
     """The second vehicle then has its times between the frames of the others."""
 

@@ -11,6 +11,7 @@ import pandas as pd
 import pytest
 
 from rearl_jax.config.data import BadRows, DataConfig, DataFormat
+from rearl_jax.data.formats import sumo_fcd
 from rearl_jax.data.recordings import count_recordings, is_generated, iterate_recordings
 from rearl_jax.problems import InvalidInputError, MissingInputError
 from tests.data.formats import sumo_files
@@ -63,6 +64,13 @@ def test_other_files_of_the_same_rows_give_the_same_table(tmp_path, name):
         rows = pd.DataFrame(ROWS).rename(columns=lambda name: "timestep_time" if name == "time" else f"vehicle_{name}")
         rows.to_parquet(tmp_path / name, index=False)
     pd.testing.assert_frame_equal(read(tmp_path).table, expected)
+
+
+def test_the_beginning_of_a_table_is_searched_for_elements_once(tmp_path, monkeypatch):
+    searched = []
+    monkeypatch.setattr(sumo_fcd, "root_of", lambda path: searched.append(path))
+    read(sumo_files.write(tmp_path, sumo_files.csv_of(ROWS), "fcd.csv"))
+    assert searched == [tmp_path / "fcd.csv"]
 
 
 def test_without_types_and_network_what_is_assumed_is_said(tmp_path):
