@@ -69,7 +69,7 @@ class Programs:
             jax.clear_caches()
         self.layout, self.dt = layout, dt
         self._batch = batch_for(n_pieces)
-        self._configuration = (dt, tuple(layout.places.items()), layout.prior, self._batch)
+        self._configuration = (dt, tuple(layout.places.items()), layout.blocks, layout.prior, self._batch)
         self._made = _MADE.setdefault(self._configuration, {})
 
     def free(self, active: tuple[Term, ...]) -> tuple[int, ...]:
