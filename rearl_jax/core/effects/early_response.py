@@ -53,7 +53,7 @@ class EarlyResponse(Effect):
             "largest deceleration of the lane changer and of its new follower in this response",
             off=2.0,
             low=0.2,
-            high=6.0,
+            high=9.0,
             scale=1.0,
             is_strength=False,
         ),

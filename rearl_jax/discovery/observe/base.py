@@ -24,7 +24,7 @@ STARTS = {
     "early_leader": tuple(
         {f"early_leader.{who}": 0.5 for who in ("of_changer", "of_follower", "of_former")}
         | {"early_leader.lead_time": lead}
-        for lead in (0.8, 2.5)
+        for lead in (0.3, 2.0)
     ),
     "relaxation": ({"relaxation.gap_share": 0.3},),
 }

@@ -126,7 +126,8 @@ def under_best_noise(
     *,
     iterations: int = 20,
 ) -> tuple[FitState, Noise]:
-    """The state solved again under the noise that is most likely at its present parameters, and that noise.
+    """The state solved again under the noise that is most likely at its present parameters, and that noise; under the
+    given noise, if it is one of the levels and more likely at its own parameters than the new one at the new ones.
 
     Args:
         solver: Solver of the car-following model.
@@ -135,10 +136,11 @@ def under_best_noise(
         levels: Tested standard deviations of the acceleration residual, ascending [m/s^2].
         iterations: As in `Solver.solve`.
     """
-    noise = _climbed(solver, state, noise, {"acceleration": levels, "time": TIMES})
-    state = with_noise(state, noise)
-    solver.solve([state], iterations=iterations, tolerance=0.05)
-    return state, noise
+    found = _climbed(solver, state, noise, {"acceleration": levels, "time": TIMES})
+    noises = [found] if found == noise or noise.acceleration not in levels else [noise, found]
+    states = [with_noise(state, each) for each in noises]
+    solver.solve(states, iterations=iterations, tolerance=0.05)
+    return _most_likely(solver, states, noises)
 
 
 def _climbed(solver: Solver, state: FitState, noise: Noise, levels: Mapping[str, Sequence[float]]) -> Noise:
@@ -187,11 +189,16 @@ def under_best_time(solver: Solver, state: FitState, tried: Sequence[Noise]) -> 
         chosen.append(best_noise(solver, state, [noise for noise in tried if noise.time == time])[0])
     states = [with_noise(state, noise) for noise in chosen]
     solver.solve(states, iterations=20, tolerance=0.05)
+    return _most_likely(solver, states, chosen)
+
+
+def _most_likely(solver: Solver, states: Sequence[FitState], noises: Sequence[Noise]) -> tuple[FitState, Noise]:
+    """The most likely of some states, each solved under a noise of its own, and its noise."""
     log_likelihoods = [
-        noise_likelihoods(solver, fitted, [noise])[0] for fitted, noise in zip(states, chosen, strict=True)
+        noise_likelihoods(solver, solved, [noise])[0] for solved, noise in zip(states, noises, strict=True)
     ]
     best = int(np.argmax(log_likelihoods))
-    return states[best], chosen[best]
+    return states[best], noises[best]
 
 
 def is_exact(solver: Solver, data: Measured) -> bool:

@@ -9,12 +9,7 @@ from scipy.stats import norm
 
 from rearl_jax.core.order import NO_VEHICLE
 from rearl_jax.data.vehicle_rows import VehicleRows
-
-LONGEST_LEAD = 5.0
-"""Time before a change of leader from which a driver may respond to the next leader [s]; lane changes take 3 to 6 s.
-
-Source: Toledo & Zohar, Transp. Res. Rec. 1999 (2007) 71.
-"""
+from rearl_jax.discovery.read.sideways_motion import sideways_starts
 
 
 @dataclass(frozen=True)
@@ -24,6 +19,8 @@ class Handovers:
     Attributes:
         following: Row of the leader after the next change, in the same frame; NO_VEHICLE if no change is near.
         time_to: Time until the next change [s]; inf if no change is near.
+        lead: Time from the beginning of the lane change that is the cause of the next change of leader until then [s];
+            0 if no change is near, or its cause or its beginning is unknown.
         by_own: Whether the driver itself changes lanes at the next change.
         preceding: Row of the leader before the last change, in the same frame; NO_VEHICLE if no change is near.
         time_since: Time since the last change [s]; inf if no change is near.
@@ -31,6 +28,7 @@ class Handovers:
 
     following: Int[np.ndarray, " rows"]
     time_to: Float[np.ndarray, " rows"]
+    lead: Float[np.ndarray, " rows"]
     by_own: Float[np.ndarray, " rows"]
     preceding: Int[np.ndarray, " rows"]
     time_since: Float[np.ndarray, " rows"]
@@ -50,28 +48,34 @@ def handovers(
         bounds: First row of each track, and one past its last.
         leader: Track of the leader of every row, NO_VEHICLE if there is none.
         dt: Time step [s].
-        longest: Largest time to or since a change for the change to count as near [s].
+        longest: Largest time to the beginning of the lane change, or since the change of leader, for the change to
+            count as near [s].
     """
     n = len(table)
-    none = (NO_VEHICLE, np.inf, 0.0, NO_VEHICLE, np.inf)  # fields of `Handovers` if no change is near
+    none = (NO_VEHICLE, np.inf, 0.0, 0.0, NO_VEHICLE, np.inf)  # fields of `Handovers` if no change is near
     changes = Handovers(*(np.full(n, value) for value in none))
     lane = table["lane"].to_numpy(dtype=np.float64, na_value=-1.0)
     frame, index = table["frame"].to_numpy(np.int64), VehicleRows(table)
     first, stop = (np.repeat(bound, bounds[1] - bounds[0]) for bound in bounds)
     row = np.arange(n)
     is_change = (row > first) & (leader != np.r_[NO_VEHICLE, leader[:-1]])
+    start = sideways_starts(table, bounds, dt)
     reach = max(1, round(longest / dt))
     last_change = 0
     for k in np.flatnonzero(is_change):
         old, new = leader[k - 1], leader[k]
         if old == NO_VEHICLE or new == NO_VEHICLE:
             continue
-        before = row[max(first[k], last_change, k - reach) : k]
+        # The vehicle that changes lanes: the driver, the new leader, or the old one.
+        changer = (k, *(int(index.rows(int(vehicle), frame[k : k + 1])[0]) for vehicle in (new, old)))
+        lead = next((place - int(start[place]) for place in changer if place >= 0 and start[place] < place), 0)
+        before = row[max(first[k], last_change, k - lead - reach) : k]
         last_change = k
         row_of_new = index.rows(int(new), frame[before])
         is_recorded = row_of_new != NO_VEHICLE
         before = before[is_recorded]
         changes.following[before], changes.time_to[before] = row_of_new[is_recorded], (k - before) * dt
+        changes.lead[before] = lead * dt
         changes.by_own[before] = float(lane[k] != lane[k - 1])
         after = row[k : min(stop[k], k + reach)]
         row_of_old = index.rows(int(old), frame[after])

@@ -17,7 +17,8 @@ from rearl_jax.data.records import Recording
 from rearl_jax.discovery.read.fused_errors import FusedErrors
 from rearl_jax.discovery.read.last_changes import last_changes
 from rearl_jax.discovery.read.measured import Measured, Surroundings, is_new, joined
-from rearl_jax.discovery.read.next_leaders import LONGEST_LEAD, handed_over, handovers
+from rearl_jax.discovery.read.next_leaders import handed_over, handovers
+from rearl_jax.discovery.read.sideways_motion import LONGEST_LEAD
 from rearl_jax.discovery.read.smoothing import Thinned, cut_off, jumps, position_noise, smoothed_tracks, track_bounds
 from rearl_jax.discovery.read.smoothness import Smoothness
 from rearl_jax.discovery.read.surroundings import look_around
@@ -301,7 +302,7 @@ class _Rows:
             "time_since_change": time_since,
             "gap_lost": gap_lost,
             "time_gap_at_change": time_gap,
-            "time_to_next": np.where(near.following != NO_VEHICLE, near.time_to, MAX_TIME_SINCE_CHANGE),
+            "time_to_next": np.where(near.following != NO_VEHICLE, near.time_to - near.lead, MAX_TIME_SINCE_CHANGE),
             "next_rear": next_rear,
             "next_speed": values_of(near.following, v, leader_speed),
             "next_by_own": near.by_own,

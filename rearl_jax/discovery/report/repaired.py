@@ -115,9 +115,11 @@ def effect_values(candidate: Candidate, theta: np.ndarray, layout: Layout) -> Ef
     """
     effect = candidate.term.effect
     if candidate.term == EARLY_LEADER:
-        parameters = {parameter.name: parameter.off for parameter in EFFECTS["early_response"].parameters}
-        for name in ("of_changer", "of_follower"):
-            parameters[name] = float(np.clip(theta[layout.places[f"early_leader.{name}"][0]], 0.0, 1.0))
+        names = {"of_changer": "of_changer", "of_follower": "of_follower", "limit": "braking_limit"}
+        parameters = {
+            each.name: float(np.clip(theta[layout.places[f"early_leader.{names[each.name]}"][0]], each.low, each.high))
+            for each in EFFECTS["early_response"].parameters
+        }
         return EffectValues("early_response", parameters)
     if candidate.term.is_effect:
         names = [parameter.name for parameter in EFFECTS[effect].parameters]

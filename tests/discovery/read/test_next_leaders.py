@@ -20,7 +20,7 @@ def cut_in():
     frame = np.tile(np.arange(N), 3)
     track = np.repeat([0, 1, 2], N)
     lane = np.where((track == 1) & (frame < 50), 1, 0)
-    table = pd.DataFrame({"track_id": track, "frame": frame, "lane": lane})
+    table = pd.DataFrame({"track_id": track, "frame": frame, "lane": lane, "lateral": 0.0})
     leader = np.where(track == 2, np.where(frame < 50, 0, 1), np.where((track == 1) & (frame >= 50), 0, NO_VEHICLE))
     bounds = np.arange(3) * N, (np.arange(3) + 1) * N
     return table, bounds, leader
@@ -35,6 +35,21 @@ def test_the_next_leader_is_known_before_it_is_one(cut_in):
     np.testing.assert_array_equal(following[30:50], N + np.arange(30, 50))  # rows of vehicle 1 in the same frames
     np.testing.assert_array_equal(near.preceding[follower][50:70], np.arange(50, 70))  # rows of vehicle 0
     assert not near.by_own[follower].any()
+
+
+def test_the_lane_change_begins_with_the_motion_sideways(cut_in):
+    """Vehicle 1 moves sideways from frame 32 on, and its lane column changes halfway in frame 50."""
+    table, *others = cut_in
+    share = np.clip((table["frame"] - 32) / 36, 0.0, 1.0)
+    moved = table.assign(lateral=np.where(table["track_id"] == 1, -3.5 * share, 0.0))
+    follower = slice(2 * N, 3 * N)
+    near, unknown = handovers(moved, *others, DT, 2.0), handovers(table, *others, DT, 2.0)
+    lead = near.lead[follower]
+    assert lead[30:50] == pytest.approx(1.8, abs=0.6)
+    assert len(set(lead[30:50])) == 1
+    assert np.flatnonzero(np.isfinite(near.time_to[follower]))[0] == pytest.approx(50 - 10 * (lead[49] + 2.0), abs=1)
+    assert not unknown.lead.any()
+    assert not near.lead[: 2 * N].any(), "the two others keep their leaders, or have none before"
 
 
 def test_a_smoothed_driver_has_answered_to_a_smoothed_step(cut_in):
@@ -62,7 +77,8 @@ def changed(share, before, **seen):
     """Change of the deceleration because of leaders [m/s^2], with all weights equal to a share."""
     driver, stimulus = driver_at(**seen)
     weights = dict.fromkeys(("of_changer", "of_follower", "of_left", "of_former"), jnp.full(1, share))
-    effect = EarlyLeader(**weights, lead_time=jnp.full(1, 2.0), release_time=jnp.ones(1))
+    times = {"lead_time": jnp.full(1, 2.0), "release_time": jnp.ones(1), "scatter": jnp.full(1, 0.4)}
+    effect = EarlyLeader(**weights, **times, braking_limit=jnp.full(1, 2.0))
     value = jnp.full(1, before)
     return float((effect.leaders(value, stimulus, None, driver) - value)[0])
 
