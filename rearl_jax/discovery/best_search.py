@@ -19,6 +19,7 @@ from rearl_jax.discovery.comparison.dependence import (
     ModelTest,
     better_model,
     effects_in_other_models,
+    with_doubts,
     without_bounds,
 )
 from rearl_jax.discovery.comparison.predictions import clocks_predict_better, predicting_effects
@@ -109,6 +110,7 @@ def _tested(best: BestSearch, outcome: Search, parts: Parts, seed: int) -> BestS
     """`best` with another search with the same model, its adequacy, and its effects tested in other models."""
     others = () if best.comparison is None else best.comparison.others
     model_tests = effects_in_other_models(best.solver, outcome, others, parts.fitted)
+    outcome = with_doubts(outcome, model_tests, seed)
     return replace(best, outcome=outcome, adequacy=adequacy(best.solver, outcome, seed), model_tests=model_tests)
 
 
@@ -117,8 +119,8 @@ def _with_best_model(
 ) -> BestSearch:
     """Search with the car-following model that fits best, and a test of the effects found in other models.
 
-    The search is repeated with another model in two cases: with the effects found, the other model fits significantly
-    better, and simulations do not contradict it; or the first model needs a free curve or an effect with a doubtful
+    The search is repeated with another model in two cases: `better_model` prefers the other model with the effects
+    found, and simulations do not contradict it; or the first model needs a free curve or an effect with a doubtful
     name, while the other one needs named effects only and predicts significantly better.
     """
     seed = config.discover.seed
@@ -133,11 +135,12 @@ def _with_best_model(
     model_tests = effects_in_other_models(solver, outcome, comparison.others, parts.fitted)
     better = better_model(model_tests, seed)
     if better is not None and not comparison.denies(better):
-        log.info("with the effects found, %s fits significantly better: the search is repeated with it", better.name)
+        log.info("with the effects found, or without one, %s fits better: the search is repeated with it", better.name)
         comparison, solver = comparison.with_choice(better), solver_of(parts.fitted, better)
         # Not stored, because the stored null distribution is that of the first model.
         outcome = _search(config, None, solver, parts, bar, label)
         model_tests = effects_in_other_models(solver, outcome, comparison.others, parts.fitted)
+    outcome = with_doubts(outcome, model_tests, seed)
     found = BestSearch(solver, outcome, adequacy(solver, outcome, seed), comparison, model_tests)
     if is_explained(outcome, found.adequacy):
         return found
@@ -156,6 +159,7 @@ def _with_best_model(
             log.info("with %s, the effects found have names, and the check drivers are predicted better", prior.name)
             comparison = comparison.with_choice(prior)
             model_tests = effects_in_other_models(other, named, comparison.others, parts.fitted)
+            named = with_doubts(named, model_tests, seed)
             return BestSearch(other, named, named_adequacy, comparison, model_tests)
     return found
 

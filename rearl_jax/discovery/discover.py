@@ -37,6 +37,7 @@ from rearl_jax.discovery.report.variation import variation_block
 from rearl_jax.discovery.report.verdict import (
     MISJUDGED,
     OF_BOUNDS,
+    OF_MODEL,
     candidate_rows,
     claim_of,
     differing_clocks,
@@ -229,7 +230,8 @@ def _errors_of_idm(config: DiscoverTask, found: BestSearch, parts: Parts, before
 def _doubts(outcome: Search, adequacy: Adequacy) -> list[str]:
     """Notes on effects and drivers that the final model may describe wrongly."""
     by_bounds = [OF_BOUNDS.format(spoken(str(term))) for term in outcome.of_bounds]
-    return by_bounds + ([MISJUDGED] if adequacy.misjudges else [])
+    by_model = [OF_MODEL.format(spoken(str(term))) for term in outcome.of_model]
+    return by_bounds + by_model + ([MISJUDGED] if adequacy.misjudges else [])
 
 
 def _effects(

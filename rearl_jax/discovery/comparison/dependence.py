@@ -36,9 +36,10 @@ class ModelTest:
 
     Attributes:
         prior: Prior of the other model.
-        holds: Whether each effect holds in that model if the effects before it are part of the model.
-        gains: Log-likelihood of each checked driver minus that under the chosen model [nats], both with all effects
-            found and with own parameters integrated out, bounded as in `bounded_gains`.
+        holds: Whether each effect holds in that model if the effects before it that hold are part of the model.
+        gains: Log-likelihood of each checked driver, with the effects that hold in that model, minus that under the
+            chosen model with all effects found [nats]; own parameters are integrated out, and gains are bounded as in
+            `bounded_gains`.
     """
 
     prior: Prior
@@ -68,6 +69,15 @@ def dependent_effects(outcome: Search, others: Sequence[ModelTest]) -> dict[Term
     return {term: tuple(test.prior.name for test in others if not test.holds[term]) for term in _named(outcome)}
 
 
+def with_doubts(outcome: Search, others: Sequence[ModelTest], seed: int) -> Search:
+    """The search with `of_model`, the named effects that another model does without: they do not hold in it, and with
+    the effects that do it is not significantly less likely than the chosen model with all of them.
+    """
+    alike = [test for test in others if not is_beaten(test.gains, [np.zeros_like(test.gains)], seed)]
+    doubtful = frozenset(term for term in _named(outcome) if not all(test.holds[term] for test in alike))
+    return replace(outcome, of_model=doubtful)
+
+
 def without_bounds(solver: Solver, outcome: Search, fitted: Measured) -> Search:
     """The search with `of_bounds`, the named effects that do not hold if drivers' parameters may leave their bounds.
     The model cannot describe a driver at a bound well, and an effect may imitate the difference.
@@ -83,13 +93,14 @@ def without_bounds(solver: Solver, outcome: Search, fitted: Measured) -> Search:
 
 
 def better_model(others: Sequence[ModelTest], seed: int) -> Prior | None:
-    """The most likely other model if the chosen one is significantly less likely, both with the effects found; else
-    None.
+    """The most likely other model, with the effects found that hold in it, if the chosen one with all of them is
+    significantly less likely, or if it is less likely and the other does without one of the effects; else None.
     """
     if not others:
         return None
     best = max(others, key=lambda test: float(test.gains.sum()))
-    return best.prior if is_beaten(np.zeros_like(best.gains), [best.gains], seed) else None
+    does_without = not all(best.holds.values()) and best.gains.sum() > 0
+    return best.prior if does_without or is_beaten(np.zeros_like(best.gains), [best.gains], seed) else None
 
 
 def _named(outcome: Search) -> list[Term]:
@@ -103,21 +114,21 @@ def _tested_in(solver: Solver, prior: Prior, outcome: Search, chosen: FitState) 
 
 
 def _found_again(solver: Solver, outcome: Search) -> tuple[dict[Term, bool], FitState]:
-    """By added effect, whether it holds in another model that contains the effects before it; and the state of the
-    check drivers with all effects.
+    """By added effect, whether it holds in another model that contains the effects before it that hold; and the state
+    of the check drivers with all effects that hold.
     """
     fit = calibrated_alike(solver, outcome.first.state.data, outcome.first)
-    holds, other = {}, None
+    holds, checked = {}, None
     for trial in outcome.added:
         term = trial.candidate.term
         fits = {term: _with_effect(solver, fit, trial)}
         fit = rebased(solver, fit, fits)
         after = nested(solver, fit, fits)[term]
-        before, other = recalibrated(solver, outcome.checked, [fit, after])
-        holds[term] = trial_of(solver, after, fit.state, other, before, outcome.null.null_mean(term)).holds
-        fit = after
-    assert other is not None
-    return holds, other
+        without, with_effect = recalibrated(solver, outcome.checked, [fit, after])
+        holds[term] = trial_of(solver, after, fit.state, with_effect, without, outcome.null.null_mean(term)).holds
+        fit, checked = (after, with_effect) if holds[term] else (fit, without)
+    assert checked is not None
+    return holds, checked
 
 
 def _with_effect(solver: Solver, fit: Fit, trial: Trial) -> Fit:

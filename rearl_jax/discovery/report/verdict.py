@@ -100,6 +100,11 @@ MISJUDGED = (
 OF_BOUNDS = "{} is not found if drivers' parameters may leave their bounds: drivers at a bound may cause it"
 """Note on an effect that depends on the bounds of the drivers' parameters."""
 
+OF_MODEL = (
+    "{} is not found with another car-following model that is about as likely: an error of the model may cause it"
+)
+"""Note on an effect that depends on the car-following model."""
+
 
 def claim_of(
     trial: Trial,

@@ -34,6 +34,7 @@ class Search:
         excluded: Candidates, clock offsets included, that are not searched for.
         unpredictive: Rejected effects with which the check drivers are not predicted significantly better.
         of_bounds: Added effects that do not hold if drivers' parameters may leave their bounds.
+        of_model: Added effects that another car-following model, about as likely, does without.
     """
 
     layout: Layout
@@ -46,6 +47,7 @@ class Search:
     rejected: list[Trial] = field(default_factory=list)
     excluded: frozenset[Term] = frozenset()
     of_bounds: frozenset[Term] = frozenset()
+    of_model: frozenset[Term] = frozenset()
     unpredictive: frozenset[Term] = frozenset()
 
     @property
@@ -120,11 +122,12 @@ class Search:
     def is_doubtful(self, trial: Trial) -> bool:
         """True if the name of an effect is in doubt.
 
-        There are five reasons: it does not hold if drivers' parameters may leave their bounds; simulations contradict a
-        trial; a trial that was not added is better; a free curve was added earlier, and the effect may only fit its
-        remainder; or a free curve over one of its variables was needed in addition, so the effect has another form.
+        There are six reasons: it does not hold if drivers' parameters may leave their bounds; another car-following
+        model, about as likely, does without it; simulations contradict a trial; a trial that was not added is better; a
+        free curve was added earlier, and the effect may only fit its remainder; or a free curve over one of its
+        variables was needed in addition, so the effect has another form.
         """
-        if trial.candidate.term in self.of_bounds:
+        if trial.candidate.term in self.of_bounds | self.of_model:
             return True
         if self.is_contradicted or any(round_.is_beaten for round_ in self.rounds if round_.chosen is trial):
             return True

@@ -12,7 +12,12 @@ from rearl_jax.config.driver import record_of
 from rearl_jax.discovery.comparison import comparison as module
 from rearl_jax.discovery.comparison.compared import MOST_FITTED, some_of
 from rearl_jax.discovery.comparison.comparison import BASE_TABLE, base_block, comparison_of
-from rearl_jax.discovery.comparison.dependence import better_model, dependent_effects, effects_in_other_models
+from rearl_jax.discovery.comparison.dependence import (
+    better_model,
+    dependent_effects,
+    effects_in_other_models,
+    with_doubts,
+)
 from rearl_jax.discovery.observe.base import base_of
 from rearl_jax.discovery.observe.candidates import Term
 from rearl_jax.discovery.observe.drivers import prior_of
@@ -126,8 +131,16 @@ def test_what_another_model_has_by_itself_depends_on_the_model(driven_by):
     better = better_model(others, 0)
     assert better is not None
     assert better.name == "constant_time_headway"  # which they drive by
+    assert with_doubts(outcome, others, 0).of_model == {GAIN}, "which the more likely model does without"
+    as_likely = [replace(one, gains=np.zeros_like(one.gains)) for one in others]
+    assert with_doubts(outcome, as_likely, 0).of_model == {GAIN}
     worse = [replace(one, gains=-np.abs(one.gains)) for one in others]
     assert better_model(worse, 0) is None
+    assert with_doubts(outcome, worse, 0).of_model == frozenset()
+    hardly_better = [replace(one, gains=np.full_like(one.gains, 1e-3)) for one in others]
+    assert better_model(hardly_better, 0) == others[0].prior, "one effect fewer"
+    with_both = [replace(one, holds=dict.fromkeys(one.holds, True)) for one in hardly_better]
+    assert better_model(with_both, 0) is None
     nothing = replace(outcome, rounds=[replace(outcome.rounds[0], accepted=[])])
     assert effects_in_other_models(solver, nothing, PRIORS[1:], parts.fitted) == []
     assert better_model([], 0) is None
