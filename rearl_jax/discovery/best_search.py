@@ -145,7 +145,8 @@ def _with_best_model(
     if is_explained(outcome, found.adequacy):
         return found
     prediction = prediction_of(solver, outcome)
-    for prior in comparison.next_best[:MOST_OTHERS]:
+    undenied = [prior for prior in comparison.next_best if not comparison.denies(prior)]
+    for prior in undenied[:MOST_OTHERS]:
         other, other_label = solver_of(parts.fitted, prior), f"{label}with {prior.name}, "
         first_round = _first_round(config, outcome, other, parts, bar, other_label)
         if not first_round.added or not predicts_better(prediction, prediction_of(other, first_round), seed):

@@ -20,6 +20,8 @@ from rearl_jax.discovery.observe.candidates import Term
 from rearl_jax.discovery.observe.fit import Fit, recalibrated
 from rearl_jax.discovery.observe.fit_state import FitState
 from rearl_jax.discovery.observe.forcing import acceleration_derivatives, drivers_of
+from rearl_jax.discovery.observe.kalman import Noise
+from rearl_jax.discovery.observe.observer import relative_variance
 from rearl_jax.discovery.observe.residuals import Residuals, residuals_of
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.read.measured import Measured
@@ -133,7 +135,8 @@ def adequacy(solver: Solver, search: Search, seed: int) -> Adequacy:
     fitted = of_parts[0]
     weight = state.data.weight
     innovation, innovation_before = (
-        standardised(values, state.data) for values in (fitted.innovation, innovation_before)
+        standardised(values, state.data, fit.noise)
+        for values, fit in ((fitted.innovation, search.last), (innovation_before, search.first))
     )
     term = max(last_round.z_score, key=lambda key: last_round.z_score[key])
     return Adequacy(
@@ -159,10 +162,14 @@ def by_noise_alone(solver: Solver, states: Sequence[FitState], fit: Fit, seed: i
     return [residuals_of(solver, drives, [fit] * len(drives)) for drives in zip(*replicates_by_part, strict=True)]
 
 
-def standardised(innovation: Float[np.ndarray, "steps pieces"], data: Measured) -> Float[np.ndarray, "steps pieces"]:
-    """Innovations divided by their local root mean square of the same driver [-], because noise levels differ between
-    drivers and rise while a driver accelerates or brakes.
+def standardised(
+    innovation: Float[np.ndarray, "steps pieces"], data: Measured, noise: Noise
+) -> Float[np.ndarray, "steps pieces"]:
+    """Innovations divided by the standard deviation that the noise model expects, relative to that behind a steady
+    leader, and by their local root mean square of the same driver [-], because noise levels differ between drivers and
+    rise while a driver accelerates or brakes.
     """
+    innovation = innovation / np.sqrt(relative_variance(data, noise))
     energy = np.cumsum(np.pad(innovation**2 * data.weight, ((1, 0), (0, 0))), axis=0)
     count = np.cumsum(np.pad(data.weight, ((1, 0), (0, 0))), axis=0)
     half, row = round(CONSTANT_NOISE_TIME / 2 / data.dt), np.arange(len(innovation))
@@ -174,7 +181,7 @@ def standardised(innovation: Float[np.ndarray, "steps pieces"], data: Measured) 
 def neighbour_autocorrelation(residuals: Residuals) -> float:
     """Autocorrelation of standardised innovations from one independent measurement to the next [-]."""
     data, lag = residuals.state.data, residuals.state.data.stride
-    innovation = standardised(residuals.innovation, data)
+    innovation = standardised(residuals.innovation, data, residuals.noise)
     pair = data.weight[lag:] * data.weight[:-lag]
     return float((innovation[lag:] * innovation[:-lag] * pair).sum() / pair.sum())
 
