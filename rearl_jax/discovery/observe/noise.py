@@ -11,7 +11,7 @@ from jaxtyping import Float
 from rearl_jax.discovery.observe.autocorrelation import autocorrelation
 from rearl_jax.discovery.observe.fit_state import FitState, new_state, replaced, with_noise
 from rearl_jax.discovery.observe.kalman import Noise
-from rearl_jax.discovery.observe.observer import is_near_change, relative_variance, squared_leader_acceleration
+from rearl_jax.discovery.observe.observer import far_from_changes, relative_variance, squared_leader_acceleration
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.observe.starts import from_best_start
 from rearl_jax.discovery.read.measured import Measured
@@ -77,9 +77,6 @@ SMOOTH_STARTS = (0.08, 0.2), (0.2, 0.5, 0.8)
 NOISE_SHARES = (1.0, 0.5, 0.25)
 """Shares of the drivers' noise that is most likely without smooth errors with which searches for them begin [-]."""
 
-LEAST_FAR = 0.3
-"""Share of the data that must be far from changes of leader for the noise to be estimated there alone [-]."""
-
 MOST_CLIMBS = 6
 """Largest number of alternations between the search for drivers' noise and the search for position errors."""
 
@@ -112,10 +109,8 @@ def _far_from_changes(state: FitState) -> FitState:
     parameters calibrated under too large noise are biased.
     """
     weight = state.pieces.weight
-    far = weight * ~is_near_change(state.data)
-    if far.sum() < LEAST_FAR * weight.sum():
-        return state
-    return replaced(state, pieces=replace(state.pieces, weight=far))
+    far = far_from_changes(state.data, weight)
+    return state if far is weight else replaced(state, pieces=replace(state.pieces, weight=far))
 
 
 def under_best_noise(

@@ -38,6 +38,9 @@ and that of the relaxation of short gaps.
 Sources: Toledo & Zohar, Transp. Res. Rec. 1999 (2007) 71; Keane & Gao, Transp. Res. C 125 (2021) 102990.
 """
 
+LEAST_FAR = 0.3
+"""Share of the data that must be far from changes of leader for noise to be judged there alone [-]."""
+
 
 class Pieces(eqx.Module):
     """Arrays for the observer; the last axis is the pieces, uninterrupted parts of tracks (`read.measured`).
@@ -208,6 +211,12 @@ def is_near_change(data: Measured) -> Bool[np.ndarray, "steps pieces"]:
     """Whether a time step is within BEFORE_CHANGE and AFTER_CHANGE of a change of leader."""
     seen = data.surroundings
     return (seen.time_to_next < BEFORE_CHANGE) | (seen.time_since_change < AFTER_CHANGE)
+
+
+def far_from_changes(data: Measured, weight: Float[np.ndarray, "steps pieces"]) -> Float[np.ndarray, "steps pieces"]:
+    """Weights of the time steps far from changes of leader, 0 near them; all weights if the share of those is small."""
+    far = weight * ~is_near_change(data)
+    return far if far.sum() >= LEAST_FAR * weight.sum() else weight
 
 
 def squared_leader_acceleration(data: Measured) -> Float[np.ndarray, "steps pieces"]:

@@ -21,7 +21,7 @@ from rearl_jax.discovery.observe.fit import Fit, recalibrated
 from rearl_jax.discovery.observe.fit_state import FitState
 from rearl_jax.discovery.observe.forcing import acceleration_derivatives, drivers_of
 from rearl_jax.discovery.observe.kalman import Noise
-from rearl_jax.discovery.observe.observer import relative_variance
+from rearl_jax.discovery.observe.observer import far_from_changes, relative_variance
 from rearl_jax.discovery.observe.residuals import Residuals, residuals_of
 from rearl_jax.discovery.observe.solver import Solver
 from rearl_jax.discovery.read.measured import Measured
@@ -119,8 +119,9 @@ class Adequacy:
 def adequacy(solver: Solver, search: Search, seed: int) -> Adequacy:
     """Adequacy of the final model of a search.
 
-    Misjudged gaps and old decisions are not candidates of the search, and nothing is fitted to test them, so the tests
-    use the fitted and the check drivers together.
+    Kurtosis and autocorrelation are those far from changes of leader, if there are enough data: how a lane change is
+    carried out differs from time to time. Misjudged gaps and old decisions are not candidates of the search, and
+    nothing is fitted to test them, so the tests use the fitted and the check drivers together.
 
     Args:
         solver: Solver of the model.
@@ -133,7 +134,7 @@ def adequacy(solver: Solver, search: Search, seed: int) -> Adequacy:
     of_parts = residuals_of(solver, states, [search.last, search.last])
     by_noise = by_noise_alone(solver, states, search.last, seed)
     fitted = of_parts[0]
-    weight = state.data.weight
+    weight = far_from_changes(state.data, state.data.weight)
     innovation, innovation_before = (
         standardised(values, state.data, fit.noise)
         for values, fit in ((fitted.innovation, search.last), (innovation_before, search.first))
@@ -182,7 +183,8 @@ def neighbour_autocorrelation(residuals: Residuals) -> float:
     """Autocorrelation of standardised innovations from one independent measurement to the next [-]."""
     data, lag = residuals.state.data, residuals.state.data.stride
     innovation = standardised(residuals.innovation, data, residuals.noise)
-    pair = data.weight[lag:] * data.weight[:-lag]
+    weight = far_from_changes(data, data.weight)
+    pair = weight[lag:] * weight[:-lag]
     return float((innovation[lag:] * innovation[:-lag] * pair).sum() / pair.sum())
 
 
