@@ -13,7 +13,7 @@ LANE_WIDTH = 3.75
 """[m]"""
 
 CHANGE_TIME = 4.0
-"""Time of the sideways motion of a lane change [s], half of it before the marking is crossed."""
+"""Time of the sideways motion of a lane change [s]; it begins with the decision, as the lane column changes."""
 
 LATERAL_NOISE = 0.04
 """Standard deviation of the measured lateral position [m]."""
@@ -130,7 +130,7 @@ def _across(
     dt = events.time[1] - events.time[0]
     lateral = events.wander[steps] + LANE_WIDTH * (events.lane[0] + 0.5)
     for step, vehicle in zip(*np.nonzero(np.diff(events.lane, axis=0)), strict=True):
-        share = np.clip((time - events.time[0] - (step + 1) * dt) / CHANGE_TIME + 0.5, 0.0, 1.0)
+        share = np.clip((time - events.time[0] - (step + 1) * dt) / CHANGE_TIME, 0.0, 1.0)
         jump = int(events.lane[step + 1, vehicle]) - int(events.lane[step, vehicle])
         # A path of minimum jerk.
         lateral[:, vehicle] += LANE_WIDTH * jump * share**3 * (10.0 - 15.0 * share + 6.0 * share**2)

@@ -1,4 +1,4 @@
-"""Smooth motion in every row of a recording, the time since the last lane change, and the time to the next one.
+"""Smooth motion and chosen lane in every row of a recording, and the times of the previous and the next lane change.
 
 A lane change is decided when the vehicle starts to move sideways; the lane column changes seconds later. In between,
 the driver already responds to the leader on the target lane.
@@ -6,8 +6,9 @@ the driver already responds to the leader on the target lane.
 
 import numpy as np
 import pandas as pd
+from jaxtyping import Float
 
-from rearl_jax.discovery.read.sideways_motion import has_lateral_positions, sideways_starts
+from rearl_jax.discovery.read.sideways_motion import sideways_starts
 from rearl_jax.discovery.read.smoothing import cut_off, position_noise, smoothed_tracks, track_bounds
 
 USUAL_LEAD = 2.0
@@ -17,8 +18,8 @@ Source: half of 4 s, the mean duration in Thiemann, Treiber & Kesting, Transp. R
 
 
 def with_motion(table: pd.DataFrame, dt: float) -> pd.DataFrame:
-    """The table with smooth motion, the time since the lane last changed, the time until the next lane change begins
-    (0 or negative while the vehicle moves sideways), and its side.
+    """The table with smooth motion, the lane that each vehicle is on or moves to, the time since it began its last lane
+    change, the time until it begins the next one, and its side.
 
     Args:
         table: A canonical table, its rows sorted by track and time.
@@ -26,7 +27,7 @@ def with_motion(table: pd.DataFrame, dt: float) -> pd.DataFrame:
     """
     position, bounds = table["position"].to_numpy(), track_bounds(table)
     x, v, a = smoothed_tracks(position, *bounds, dt, cut_off(position_noise(position, *bounds), dt))
-    lane = table["lane"].to_numpy(dtype=np.float64, na_value=np.nan)
+    lane = _chosen_lanes(table, bounds, dt)
     step = np.r_[0.0, np.diff(lane)]
     row, n = np.arange(len(table)), len(table)
     begin, end = (np.repeat(bound, bounds[1] - bounds[0]) for bound in bounds)
@@ -36,20 +37,25 @@ def with_motion(table: pd.DataFrame, dt: float) -> pd.DataFrame:
     # The row of the next change: of all later rows the first whose lane differs from that of the row before it.
     next_row = np.r_[np.minimum.accumulate(np.where(changed, row, n)[::-1])[::-1][1:], n] if n else row
     has_next = next_row < end
-    departure = np.append(row, n)
-    if has_lateral_positions(table):
-        departure[:-1] = sideways_starts(table, bounds, dt)
-    else:
-        departure[:-1][changed] = np.maximum(row - round(USUAL_LEAD / dt), begin)[changed]
     return table.assign(
         position=x,
         speed=v,
         acceleration=a,
+        lane=pd.Series(lane, table.index).astype("Int8"),
         since_change=since,
-        to_departure=np.where(has_next, (departure[next_row] - row) * dt, np.inf),
+        to_change=np.where(has_next, (next_row - row) * dt, np.inf),
         next_step=np.where(has_next, step[np.minimum(next_row, n - 1)], 0.0),
         time_to_track_end=(end - 1 - row) * dt,
     )
+
+
+def _chosen_lanes(table: pd.DataFrame, bounds: tuple[np.ndarray, np.ndarray], dt: float) -> Float[np.ndarray, " rows"]:
+    """The lane that each vehicle is on or moves to; NaN if unknown. Arguments as of `sideways_starts`."""
+    lane = table["lane"].to_numpy(dtype=np.float64, na_value=np.nan).copy()
+    changes, starts = sideways_starts(table, bounds, dt, otherwise=USUAL_LEAD)
+    for change, start in zip(changes, starts, strict=True):
+        lane[start:change] = lane[change]
+    return lane
 
 
 def count_changes(table: pd.DataFrame) -> int:

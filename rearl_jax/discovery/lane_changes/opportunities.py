@@ -27,7 +27,7 @@ PERIOD = 0.5
 """Time from one opportunity to the next [s], rounded to whole time steps of the recording."""
 
 REST = 6.0
-"""Time after a lane change during which there are no opportunities [s]."""
+"""Time from the beginning of a lane change during which there are no opportunities [s]."""
 
 LEAST_GAP = 3.0
 """Smallest gap ahead and behind on the target lane [m]."""
@@ -159,8 +159,8 @@ class _Scene:
         self.is_truck = (rows["vehicle_class"] == "truck").to_numpy()
         motion = (rows[name].to_numpy() for name in ("position", "speed", "acceleration", "length"))
         self.x, self.v, self.a, self.length = motion
-        times = (rows[name].to_numpy() for name in ("since_change", "to_departure", "time_to_track_end"))
-        self.since_change, self.to_departure, self.time_to_track_end = times
+        times = (rows[name].to_numpy() for name in ("since_change", "to_change", "time_to_track_end"))
+        self.since_change, self.to_change, self.time_to_track_end = times
         self.next_step = rows["next_step"].to_numpy()  # change of the lane number at the next lane change
         self.lane, self.direction = rows["lane"].to_numpy(np.int64), rows["direction"].to_numpy(np.int64)
         self.upstream = rows.groupby("direction")["position"].transform("min").to_numpy()
@@ -215,7 +215,7 @@ class _Scene:
             frame=self.frame[chosen],
             side=np.full(len(chosen), side),
             period=np.full(len(chosen), self.period),
-            changes=(self.to_departure[chosen] <= self.period + 1e-9) & (self.next_step[chosen] == side),
+            changes=(self.to_change[chosen] <= self.period + 1e-9) & (self.next_step[chosen] == side),
             incentive=changed - stays,
             rear_after=rear_after,
             rear_gain=rear_after - rear_before,
@@ -237,16 +237,13 @@ class _Scene:
         return options.take(np.flatnonzero(fits))
 
     def _may_change(self, side: int) -> np.ndarray:
-        """True for drivers on a through lane with a through lane on that side who changed no lane within REST and are
-        not moving sideways yet.
-        """
+        """True for drivers on a through lane with a through lane on that side who began no lane change within REST."""
         has_lanes = np.zeros(len(self.x), bool)
         for direction, lane in self.through_lanes:
             if (direction, lane + side) in self.through_lanes:
                 has_lanes |= (self.direction == direction) & (self.lane == lane)
         is_seen = self.time_to_track_end >= self.period + USUAL_LEAD - 1e-9  # else a change may begin unseen
-        is_at_rest = (self.since_change >= REST) & (self.to_departure > 0.0)
-        return has_lanes & is_at_rest & is_seen & (self.v > SLOWEST)
+        return has_lanes & (self.since_change >= REST) & is_seen & (self.v > SLOWEST)
 
     def _gap(self, behind: np.ndarray, front: np.ndarray) -> np.ndarray:
         """Bumper-to-bumper gap [m]; OUT_OF_SIGHT if one of the two vehicles is missing."""

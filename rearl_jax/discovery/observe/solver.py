@@ -12,6 +12,7 @@ population's spread is fixed, because a spread that shrank with every step would
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from jaxtyping import Int
@@ -27,6 +28,9 @@ from rearl_jax.discovery.read.measured import Measured
 
 ADDED_AT_ONCE = 8
 """Indices of added candidates that a program for the screen has room for; it has a multiple of them."""
+
+UNSTABLE = 1e30
+"""Sum of squared innovations of a driver whose observer is unstable [m^2]; finite, so that others can be judged."""
 
 SIDE_BY_SIDE = 512
 """Pieces per batch that suffice to use all cores."""
@@ -90,7 +94,23 @@ class Solver:
             part = states[first : first + together]
             found = _by_driver(program([state.pieces for state in part], _own(part)), part)
             for state, sums in zip(part, found, strict=True):
-                state.sums = DriverSums(**sums)
+                state.sums = stable(DriverSums(**sums))
+
+
+def stable(sums: DriverSums) -> DriverSums:
+    """The sums with those of drivers whose observer is unstable replaced. Their numbers overflow: they say that these
+    parameters are impossible, but not in which direction better ones are.
+    """
+    rows = np.column_stack([sums.square, sums.gradient, sums.gram.reshape(len(sums.gram), -1)])
+    is_stable = np.isfinite(rows).all(axis=1)
+    if is_stable.all():
+        return sums
+    return replace(
+        sums,
+        square=np.where(is_stable, sums.square, UNSTABLE),
+        gradient=np.where(is_stable[:, None], sums.gradient, 0.0),
+        gram=np.where(is_stable[:, None, None], sums.gram, 0.0),
+    )
 
 
 def solver_of(data: Measured, prior: Prior = IDM_PRIOR) -> Solver:

@@ -59,7 +59,9 @@ def handovers(
     first, stop = (np.repeat(bound, bounds[1] - bounds[0]) for bound in bounds)
     row = np.arange(n)
     is_change = (row > first) & (leader != np.r_[NO_VEHICLE, leader[:-1]])
-    start = sideways_starts(table, bounds, dt)
+    start = row.copy()
+    changed, starts = sideways_starts(table, bounds, dt, otherwise=0.0)
+    start[changed] = starts
     reach = max(1, round(longest / dt))
     last_change = 0
     for k in np.flatnonzero(is_change):

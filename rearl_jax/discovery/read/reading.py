@@ -333,10 +333,13 @@ class _Rows:
 
 
 def _offset_in_lane(table: pd.DataFrame) -> np.ndarray:
-    """Distance from the median lateral position of the lane [m], positive to the right; 0 where unknown."""
+    """Distance from the middle of the nearest lane [m], positive to the right; 0 where unknown. The middle of a lane is
+    the median lateral position on it; without lanes, that of all rows.
+    """
     lateral = table["lateral"].to_numpy()
-    if not np.isfinite(lateral).any():
-        return np.zeros(len(table))
-    lanes = [table["direction"], table["lane"]]
-    centre = table.groupby(lanes, observed=True, dropna=False)["lateral"].transform("median").to_numpy()
-    return np.nan_to_num(lateral - centre)
+    middles = table.groupby(["direction", "lane"], observed=True)["lateral"].median().dropna()
+    nearest = np.full(len(table), np.inf)
+    for middle in middles if len(middles) else [table["lateral"].median()]:
+        offset = lateral - middle
+        nearest = np.where(np.abs(offset) < np.abs(nearest), offset, nearest)
+    return np.where(np.isfinite(nearest), nearest, 0.0)

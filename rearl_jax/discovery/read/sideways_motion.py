@@ -19,35 +19,41 @@ for moments only. A lane change of 3.5 m in 5 s has a mean of 0.7 m/s.
 SIDEWAYS_TIME = 1.0
 """Time over which the sideways speed is averaged [s]."""
 
-
-def has_lateral_positions(table: pd.DataFrame) -> bool:
-    """Whether the lateral positions of a canonical table are recorded, not all equal or unknown."""
-    lateral = table["lateral"].to_numpy()
-    known = lateral[np.isfinite(lateral)]
-    return bool(known.size and known.max() > known.min())
+BEFORE_SEEN = 0.4
+"""Time from the beginning of the motion until its mean speed reaches SIDEWAYS_SPEED [s]: on a path of minimum jerk over
+3.5 m, 0.3 s of 4 s, 0.5 s of 5 s and 0.7 s of 6 s. Source of the path: Flash & Hogan, J. Neurosci. 5 (1985) 1688.
+"""
 
 
-def sideways_starts(table: pd.DataFrame, bounds: tuple[np.ndarray, np.ndarray], dt: float) -> Int[np.ndarray, " rows"]:
-    """Row in which the vehicle begins to move sideways, for each row in which its lane column changes; every other row
-    itself, and all rows if no lateral positions are recorded.
+def sideways_starts(
+    table: pd.DataFrame, bounds: tuple[np.ndarray, np.ndarray], dt: float, *, otherwise: float
+) -> tuple[Int[np.ndarray, " changes"], Int[np.ndarray, " changes"]]:
+    """Rows in which the lane column changes, ascending, and those in which the vehicles begin to move sideways: at most
+    LONGEST_LEAD earlier, and not before the lane change before.
 
     Args:
         table: Canonical table, sorted by track and frame.
         bounds: First row of each track, and one past its last.
         dt: Time between the rows of a track [s].
+        otherwise: Time from beginning to change of the column if no lateral positions are recorded [s].
     """
-    rows = np.arange(len(table))
-    if not has_lateral_positions(table):
-        return rows
     lateral = table["lateral"].to_numpy()
     lane = table["lane"].to_numpy(dtype=np.float64, na_value=np.nan)
     begin, end = (np.repeat(bound, bounds[1] - bounds[0]) for bound in bounds)
     step = np.r_[0.0, np.diff(lane)]
-    longest, half = round(LONGEST_LEAD / dt), max(1, round(SIDEWAYS_TIME / 2 / dt))
-    for change in np.flatnonzero((rows != begin) & np.isfinite(step) & (step != 0)):
-        before = np.arange(max(begin[change], change - longest), change + 1)
+    changes = np.flatnonzero((np.arange(len(lane)) != begin) & np.isfinite(step) & (step != 0))
+    earliest = np.maximum(begin[changes], np.r_[0, changes[:-1]] if len(changes) else changes)
+    known = lateral[np.isfinite(lateral)]
+    if not known.size or known.max() == known.min():
+        return changes, np.maximum(changes - round(otherwise / dt), earliest)
+    longest, half, unseen = (round(time / dt) for time in (LONGEST_LEAD, SIDEWAYS_TIME / 2, BEFORE_SEEN))
+    half = max(half, 1)
+    starts = np.empty_like(changes)
+    for number, change in enumerate(changes):
+        before = np.arange(max(earliest[number], change - longest), change + 1)
         later, earlier = np.minimum(before + half, end[change] - 1), np.maximum(before - half, begin[change])
         speed = np.sign(step[change]) * (lateral[later] - lateral[earlier]) / ((later - earlier) * dt)
         at_rest = np.flatnonzero(~(speed >= SIDEWAYS_SPEED))  # unknown positions too
-        rows[change] = before[at_rest[-1]] if len(at_rest) else before[0]
-    return rows
+        last_at_rest = before[at_rest[-1]] if len(at_rest) else before[0]
+        starts[number] = change if last_at_rest == change else max(last_at_rest - unseen, earliest[number])
+    return changes, starts

@@ -7,8 +7,16 @@ import pytest
 from scipy.linalg import solve_discrete_are
 
 from rearl_jax.discovery.observe.candidates import LENS, Term
+from rearl_jax.discovery.observe.fit_state import replaced
 from rearl_jax.discovery.observe.kalman import CLOSED_LOOP, DAMPING, STIFFNESS, Gain, Noise, steady_state
-from rearl_jax.discovery.observe.noise import ACCELERATIONS, TIMES, best_noise, noise_levels, under_best_noise
+from rearl_jax.discovery.observe.noise import (
+    ACCELERATIONS,
+    TIMES,
+    best_noise,
+    noise_levels,
+    spread_of,
+    under_best_noise,
+)
 from rearl_jax.discovery.observe.solver import solver_of
 from rearl_jax.discovery.read.fused_errors import FusedErrors
 from rearl_jax.discovery.search.simulated_drives import driver_noise, simulate_again
@@ -118,3 +126,15 @@ def test_no_camera_distorts_positions_that_every_vehicle_measures_itself(calibra
     assert LENS in solver_of(data).layout.candidates
     measured_by_vehicles = replace(data, fused_errors=FusedErrors(0.1, 0.5, 20.0, 0.03, 0.0, 0.3))
     assert LENS not in solver_of(measured_by_vehicles).layout.candidates
+
+
+def test_a_driver_whose_observer_is_unstable_does_not_stop_the_others(solver, calibrated):
+    state, _ = calibrated
+    overflowed = state.pieces.y.copy()
+    overflowed[:, state.data.driver == 0] = np.inf
+    start = replaced(state, z=np.zeros_like(state.z), pieces=replace(state.pieces, y=overflowed))
+    solver.solve([start], iterations=3, tolerance=0.1)
+    assert np.isfinite(start.objective)
+    assert np.isfinite(spread_of(start)).all()
+    assert np.abs(start.z[1:]).max() > 0.1, "the others were calibrated"
+    assert start.log_likelihood()[0] < start.log_likelihood()[1:].min()

@@ -38,14 +38,15 @@ def test_the_next_leader_is_known_before_it_is_one(cut_in):
 
 
 def test_the_lane_change_begins_with_the_motion_sideways(cut_in):
-    """Vehicle 1 moves sideways from frame 32 on, and its lane column changes halfway in frame 50."""
+    """Vehicle 1 moves sideways from frame 25 on, and its lane column changes halfway in frame 50."""
     table, *others = cut_in
-    share = np.clip((table["frame"] - 32) / 36, 0.0, 1.0)
-    moved = table.assign(lateral=np.where(table["track_id"] == 1, -3.5 * share, 0.0))
+    share = np.clip((table["frame"] - 25) / 50, 0.0, 1.0)
+    sideways = -3.5 * share**3 * (10 - 15 * share + 6 * share**2)  # a path of minimum jerk
+    moved = table.assign(lateral=np.where(table["track_id"] == 1, sideways, 0.0))
     follower = slice(2 * N, 3 * N)
     near, unknown = handovers(moved, *others, DT, 2.0), handovers(table, *others, DT, 2.0)
     lead = near.lead[follower]
-    assert lead[30:50] == pytest.approx(1.8, abs=0.6)
+    assert lead[30:50] == pytest.approx(2.5, abs=0.2)
     assert len(set(lead[30:50])) == 1
     assert np.flatnonzero(np.isfinite(near.time_to[follower]))[0] == pytest.approx(50 - 10 * (lead[49] + 2.0), abs=1)
     assert not unknown.lead.any()

@@ -11,7 +11,6 @@ from rearl_jax.core.order import NO_VEHICLE
 from rearl_jax.data.records import Recording
 from rearl_jax.discovery.observe.parts import measured_drivers
 from rearl_jax.discovery.read import reading, smoothing
-from rearl_jax.discovery.read.sideways_motion import LONGEST_LEAD
 from rearl_jax.discovery.read.smoothness import Smoothness, smoothness
 from rearl_jax.discovery.read.split import split_drivers
 from rearl_jax.discovery.read.surroundings import look_around
@@ -100,10 +99,8 @@ def test_a_cut_in_is_remembered(measured_of):
     assert halfway.leader_rear[step, piece] == pytest.approx(expected)
     # Half a step later the change is longer ago; before it, the time until it is shorter.
     assert halfway.time_since_change[step, piece] == pytest.approx(0.5 * data.dt)
-    to_next = data.surroundings.time_to_next[:, piece]
-    assert -LONGEST_LEAD < to_next[step - 1] < -0.5, "the vehicle has been moving sideways for a while"
-    assert to_next[step - 2] == pytest.approx(to_next[step - 1] + data.dt)
-    assert halfway.time_to_next[step - 3, piece] == pytest.approx(to_next[step - 3] - 0.5 * data.dt)
+    assert data.surroundings.time_to_next[step - 1, piece] == pytest.approx(data.dt)
+    assert halfway.time_to_next[step - 3, piece] == pytest.approx(2.5 * data.dt)
 
 
 def test_parts_share_no_driver(tables_of):
