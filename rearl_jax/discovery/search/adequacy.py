@@ -98,8 +98,14 @@ class Adequacy:
 
     @property
     def is_white(self) -> bool:
-        """True if innovations are hardly more autocorrelated than those of drives simulated with noise alone."""
-        return abs(self.autocorrelation - self.autocorrelation_by_noise) < THRESHOLDS.most_autocorrelation
+        """True if innovations are hardly more or less autocorrelated than those of drives simulated with noise alone.
+
+        Smoothing makes these positive. They are negative if drivers correct errors faster than the observer, which has
+        one gain for all of them, assumes; then innovations without autocorrelation are as good.
+        """
+        expected = self.autocorrelation_by_noise, max(self.autocorrelation_by_noise, 0.0)
+        nearest = float(np.clip(self.autocorrelation, *expected))
+        return abs(self.autocorrelation - nearest) < THRESHOLDS.most_autocorrelation
 
     @property
     def is_adequate(self) -> bool:
