@@ -23,7 +23,7 @@ from rearl_jax.discovery.observe.candidates import Term
 from rearl_jax.discovery.observe.drivers import IDM_PRIOR, prior_of
 from rearl_jax.discovery.observe.parts import Parts
 from rearl_jax.discovery.observe.solver import Solver, solver_of
-from rearl_jax.discovery.observe.uncertainty import standard_deviations
+from rearl_jax.discovery.observe.uncertainty import covariance
 from rearl_jax.discovery.read.gate import Finding
 from rearl_jax.discovery.read.measured import Measured
 from rearl_jax.discovery.report import tables
@@ -150,8 +150,8 @@ def _discovery(config: DiscoverTask, parts: Parts, found: BestSearch, lanes: Lan
         errors |= model_errors(solver, reported, {"after": outcome.last}, options.seed, variation)
     errors[IDM] = _errors_of_idm(config, found, parts, errors["before"])
     resampling = Resampling(options.confidence, options.draws, options.seed)
-    deviations = standard_deviations(solver, outcome.last.state)
-    effects = _effects(deviations, outcome, adequacy, parts.findings, options.confidence)
+    of_effects = covariance(solver, outcome.last.state)
+    effects = _effects(of_effects, outcome, adequacy, parts.findings, options.confidence)
     not_found_with = {
         (term.effect, outcome.layout.candidates[term].variables): names
         for term, names in dependent_effects(outcome, found.model_tests).items()
@@ -166,7 +166,7 @@ def _discovery(config: DiscoverTask, parts: Parts, found: BestSearch, lanes: Lan
         "verdict": verdict_of(outcome, effects, adequacy, is_lower=change is not None and change["high"] < 0),
         "effects": [effect.plain() for effect in effects],
         "candidates": candidate_rows(outcome),
-        "lane_changes": lane_changes_block(outcome, deviations, options.confidence),
+        "lane_changes": lane_changes_block(outcome, of_effects, options.confidence),
         "unseen": unseen(outcome),
         "error": error,
         "base": None if comparison is None else base_block(comparison, options, time_gaps),
@@ -235,12 +235,12 @@ def _doubts(outcome: Search, adequacy: Adequacy) -> list[str]:
 
 
 def _effects(
-    deviations: np.ndarray, outcome: Search, adequacy: Adequacy, findings: Sequence[Finding], confidence: float
+    of_effects: np.ndarray, outcome: Search, adequacy: Adequacy, findings: Sequence[Finding], confidence: float
 ) -> list[Claim]:
     """Claims: artefacts that the data check found, then clock offsets, then the added effects.
 
     Args:
-        deviations: Standard deviations of the effects' parameters in the final model, concatenated.
+        of_effects: Covariance of the effects' parameters in the final model.
         outcome: Result of the search.
         adequacy: Adequacy of the final model.
         findings: Findings of the data check.
@@ -252,7 +252,7 @@ def _effects(
     if outcome.clocks is not None:
         effects.append(differing_clocks(outcome.clocks, most if adequacy.is_of_clocks else doubtful))
     theta = outcome.last.state.theta
-    for trial, rivals, of_effect in outcome.fitted_trials(deviations):
+    for trial, rivals, of_effect in outcome.fitted_trials(of_effects):
         if not outcome.is_stated(trial) or not is_on(trial, theta, of_effect, outcome.layout, confidence):
             continue
         reliability = doubtful if outcome.is_doubtful(trial) else highest

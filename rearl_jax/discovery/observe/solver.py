@@ -102,7 +102,7 @@ def stable(sums: DriverSums) -> DriverSums:
     parameters are impossible, but not in which direction better ones are.
     """
     rows = np.column_stack([sums.square, sums.gradient, sums.gram.reshape(len(sums.gram), -1)])
-    is_stable = np.isfinite(rows).all(axis=1)
+    is_stable = np.asarray(np.isfinite(rows).all(axis=1))
     if is_stable.all():
         return sums
     return replace(

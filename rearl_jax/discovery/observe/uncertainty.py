@@ -1,4 +1,4 @@
-"""Standard deviations of fitted parameters, and complexity penalties. theta are the parameters of all candidates."""
+"""Covariance of fitted parameters, and complexity penalties. theta are the parameters of all candidates."""
 
 from collections.abc import Sequence
 
@@ -19,11 +19,12 @@ LOG_OBSERVATIONS = np.log(THRESHOLDS.independent_observations)
 """Logarithm of a typical number of independent observations of one parameter [-]."""
 
 
-def standard_deviations(solver: Solver, state: FitState) -> Float[np.ndarray, " free"]:
-    """Standard deviations of the searched elements of theta in a solved state, in order.
+def covariance(solver: Solver, state: FitState) -> Float[np.ndarray, "free free"]:
+    """Covariance of the searched elements of theta in a solved state, in order.
 
-    For each the larger of two estimates: from the curvature, which relies on the noise model, and from the sandwich
-    formula, which uses the scatter of the drivers' scores, corrected for the number of drivers.
+    Correlations follow from the curvature. Of each standard deviation the larger of two estimates is used: from the
+    curvature, which relies on the noise model, and from the sandwich formula, which uses the scatter of the drivers'
+    scores, corrected for the number of drivers.
 
     Source: White, Econometrica 50 (1982) 1 (sandwich); Cameron & Miller, J. Human Resources 50 (2015) 317, equation 12
     (the correction; the number of parameters counts beside that of observations, not of drivers).
@@ -31,15 +32,16 @@ def standard_deviations(solver: Solver, state: FitState) -> Float[np.ndarray, " 
     assert state.sums is not None
     free = solver.free(state)
     if not len(free):
-        return np.empty(0)
+        return np.empty((0, 0))
     scores, information = _projected(solver, state)
     information = information + np.diag(solver.layout.scale[free] ** -2.0)
-    covariance = np.linalg.pinv(information)
+    by_curvature = np.linalg.pinv(information)
     scores = scores - scores.mean(axis=0)
     n = len(scores)
     scatter = scores.T @ scores * n / max(n - 1, 1)
-    sandwich = covariance @ scatter @ covariance
-    return np.sqrt(np.maximum(np.diag(covariance), np.diag(sandwich)))
+    sandwich = by_curvature @ scatter @ by_curvature
+    widening = np.sqrt(np.maximum(np.diag(sandwich) / np.diag(by_curvature), 1.0))
+    return by_curvature * np.outer(widening, widening)
 
 
 def shares_at_bound(solver: Solver, state: FitState) -> Float[np.ndarray, " own"]:

@@ -67,6 +67,7 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+from scipy.stats import chi2
 
 from rearl_jax.core.effects import EFFECTS
 from rearl_jax.discovery.claims import Claim, Estimate, share_of
@@ -110,7 +111,7 @@ def claim_of(
     trial: Trial,
     others: Sequence[Trial],
     theta: np.ndarray,
-    deviations: np.ndarray,
+    covariance: np.ndarray,
     layout: Layout,
     confidence: float,
     reliability: float,
@@ -121,13 +122,13 @@ def claim_of(
         trial: The candidate.
         others: The fitted trials that it competed with.
         theta: Parameters of all candidates in the final model.
-        deviations: Standard deviations of the candidate's parameters, in order.
+        covariance: Covariance of the candidate's parameters, in order.
         layout: Layout of theta.
         confidence: Confidence of the intervals [-].
         reliability: Upper bound of the confidence in the effect.
     """
     candidate = trial.candidate
-    parameters = {}
+    parameters, deviations = {}, np.sqrt(np.diag(covariance))
     for (name, unit), place, deviation in zip(names_and_units(candidate), candidate.free, deviations, strict=True):
         value = float(theta[place])
         if candidate.term == Term("reaction_delay"):
@@ -148,25 +149,28 @@ def names_and_units(candidate: Candidate) -> list[tuple[str, str]]:
     return [(f"value_{k}", unit) for k in range(len(candidate.free))]
 
 
-def is_on(trial: Trial, theta: np.ndarray, deviations: np.ndarray, layout: Layout, confidence: float) -> bool:
-    """True if the interval of a strength excludes the value at which the effect is off; arguments as of `claim_of`."""
+def is_on(trial: Trial, theta: np.ndarray, covariance: np.ndarray, layout: Layout, confidence: float) -> bool:
+    """True if the interval of a strength, or the confidence region of all strengths together, excludes the values at
+    which the effect is off; arguments as of `claim_of`. With two lanes, for example, the data may tell the difference
+    of their desired speeds, but not each of them.
+    """
     free = list(trial.candidate.free)
     strengths = np.isin(free, list(trial.candidate.directions))
     if trial.candidate.kind == "generic" or not trial.candidate.term.is_effect or not strengths.any():
         return True  # curves, such as a camera's distortion, and sections have no single strength that could be off
-    values, off = theta[free], layout.reference[free]
-    half_widths = np.array(
-        [interval(0.0, THRESHOLDS.interval_stretch * float(deviation), confidence)[1] for deviation in deviations]
-    )
-    return bool((np.abs(values - off) > half_widths)[strengths].any())
+    away = (theta - layout.reference)[free][strengths]
+    widened = THRESHOLDS.interval_stretch**2 * covariance[np.ix_(strengths, strengths)]
+    single = np.abs(away) > interval(0.0, 1.0, confidence)[1] * np.sqrt(np.diag(widened))
+    together = away @ np.linalg.pinv(widened) @ away > chi2.ppf(confidence, len(away))
+    return bool(single.any() or together)
 
 
-def lane_changes_block(search: Search, deviations: np.ndarray, confidence: float) -> list[dict[str, Any]]:
-    """Entry `lane_changes` of the verdict; `deviations` are standard deviations of all searched elements of theta."""
+def lane_changes_block(search: Search, covariance: np.ndarray, confidence: float) -> list[dict[str, Any]]:
+    """Entry `lane_changes` of the verdict; `covariance` is that of all searched elements of theta."""
     theta, layout, rows = search.last.state.theta, search.layout, []
-    for trial, rivals, own_deviations in search.fitted_trials(deviations)[: len(search.lane_changes)]:
-        claim = claim_of(trial, rivals, theta, own_deviations, layout, confidence, THRESHOLDS.most_confidence)
-        is_sure = trial.holds and is_on(trial, theta, own_deviations, layout, confidence)
+    for trial, rivals, of_effect in search.fitted_trials(covariance)[: len(search.lane_changes)]:
+        claim = claim_of(trial, rivals, theta, of_effect, layout, confidence, THRESHOLDS.most_confidence)
+        is_sure = trial.holds and is_on(trial, theta, of_effect, layout, confidence)
         row = {"name": claim.name, "parameters": claim.plain()["parameters"], "gain": trial.gain, "check": trial.check}
         rows.append(row | {"is_sure": is_sure})
     return rows
@@ -198,7 +202,7 @@ def verdict_of(search: Search, effects: Sequence[Claim], adequacy: Adequacy, *, 
     """
     added = {trial.candidate.kind for trial in search.added}
     names = {effect.name for effect in effects}
-    # An added effect is not stated if its interval includes "off"; the verdict cannot be that effect then.
+    # An added effect is not stated if it may be off, see `is_on`; the verdict cannot be that effect then.
     unstated = {trial.candidate.kind for trial in search.added if trial.candidate.term.effect not in names}
     if added & NAMED_KINDS:
         is_doubtful = any(search.is_doubtful(trial) for trial in search.added) or search.leaves_shifts

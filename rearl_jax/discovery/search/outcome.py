@@ -72,19 +72,19 @@ class Search:
         return [round_.chosen for round_ in self.rounds if round_.chosen is not None]
 
     def fitted_trials(
-        self, deviations: Float[np.ndarray, " free"]
-    ) -> list[tuple[Trial, list[Trial], Float[np.ndarray, " of_effect"]]]:
+        self, covariance: Float[np.ndarray, "free free"]
+    ) -> list[tuple[Trial, list[Trial], Float[np.ndarray, "of_effect of_effect"]]]:
         """Effects of the final model, those of lane changes first: the trial of each, all trials that competed
-        (including it), and the standard deviations of its parameters.
+        (including it), and the covariance of its parameters.
 
         Args:
-            deviations: Standard deviations of the parameters of all effects, concatenated.
+            covariance: Covariance of the parameters of all effects.
         """
         trials = [(trial, [trial]) for trial in self.lane_changes]
         trials += [(round_.chosen, round_.possible) for round_ in self.rounds if round_.chosen is not None]
         stops = np.cumsum([len(trial.candidate.free) for trial, _ in trials], dtype=int)
-        parts = np.split(deviations, stops)[:-1]
-        return [(trial, rivals, part) for (trial, rivals), part in zip(trials, parts, strict=True)]
+        parts = [slice(stop - len(trial.candidate.free), stop) for (trial, _), stop in zip(trials, stops, strict=True)]
+        return [(trial, rivals, covariance[part, part]) for (trial, rivals), part in zip(trials, parts, strict=True)]
 
     def is_stated(self, trial: Trial) -> bool:
         """True if a trial may be reported as an effect of drivers. Of the effects of lane changes, relaxation may be

@@ -7,7 +7,7 @@ import pytest
 
 from rearl_jax.discovery.observe.candidates import Term
 from rearl_jax.discovery.observe.fit_state import CLASSES, DriverSums, replaced, with_prior
-from rearl_jax.discovery.observe.uncertainty import standard_deviations
+from rearl_jax.discovery.observe.uncertainty import covariance
 
 
 @pytest.fixture(scope="module")
@@ -16,6 +16,10 @@ def fitted(solver, calibrated):
     state = replaced(calibrated[0], active=(Term("leader_acceleration"), Term("asymmetry")))
     solver.solve([state], iterations=4)
     return state
+
+
+def standard_deviations(solver, state):
+    return np.sqrt(np.diag(covariance(solver, state)))
 
 
 def joint_information(state, located):
@@ -61,6 +65,7 @@ def test_deviations_are_those_of_all_parameters_together(solver, fitted, holds_p
     level = replaced(state, z=state.mean[state.truck])
     level.sums = DriverSums(state.sums.square, np.zeros_like(state.sums.gradient), state.sums.gram, state.sums.count)
     np.testing.assert_allclose(standard_deviations(solver, level), expected, rtol=1e-6)
+    np.testing.assert_allclose(covariance(solver, level), covariance_of_theta(solver, state), rtol=1e-5, atol=1e-12)
 
 
 def test_the_means_of_the_population_cost_information(solver, fitted):

@@ -36,7 +36,7 @@ def test_what_simulations_contradict_is_no_rival_of_an_effect(solver, calibrated
     first = found.rounds[0]
     for contradicted, expected in (([], 2), ([other], 1)):
         turn = replace(first, trials=[*first.trials, other], contradicted=contradicted)
-        ((trial, rivals, _),) = replace(found, rounds=[turn, *found.rounds[1:]]).fitted_trials(np.zeros(2))
+        ((trial, rivals, _),) = replace(found, rounds=[turn, *found.rounds[1:]]).fitted_trials(np.zeros((2, 2)))
         assert trial is first.chosen
         assert len(rivals) == expected
 

@@ -78,9 +78,25 @@ def test_a_curve_without_a_name_improves_a_model_if_the_error_is_surely_lower(
 def test_a_distortion_is_a_curve_that_no_single_value_switches_off(trial, solver, calibrated):
     lens = Candidate(LENS, "artefact", (0, 1, 2), (0, 1, 2), ("position",))
     bent = replace(trial("lens", [0.6] * 10, [0.3] * 10, kind="artefact"), candidate=lens)
-    theta, deviations = calibrated[0].theta.copy(), np.full(len(lens.free), 0.5)
+    theta, covariance = calibrated[0].theta.copy(), np.diag(np.full(len(lens.free), 0.25))
     theta[list(lens.free)] = 0.9 * np.resize([1.0, -1.0], len(lens.free))
-    assert is_on(bent, theta, deviations, solver.layout, 0.95)
+    assert is_on(bent, theta, covariance, solver.layout, 0.95)
+
+
+@pytest.mark.parametrize(
+    ("leftmost", "rightmost", "correlation", "expected"),
+    [(0.1, -0.1, 0.999, True), (0.1, -0.1, 0.0, False), (0.1, 0.1, 0.999, False), (0.5, 0.0, 0.0, True)],
+)
+def test_strengths_that_only_together_differ_from_off_are_on(
+    trial, solver, calibrated, leftmost, rightmost, correlation, expected
+):
+    """On two lanes the data tell the difference of the desired speeds from lane to lane, but not each of them."""
+    candidate = solver.layout.candidates[Term("lane_desired_speed")]
+    faster = replace(trial("lane_desired_speed", [0.6] * 10, [0.3] * 10), candidate=candidate)
+    theta = calibrated[0].theta.copy()
+    theta[list(candidate.free)] = leftmost, rightmost
+    covariance = 0.1**2 * np.array([[1.0, correlation], [correlation, 1.0]])
+    assert is_on(faster, theta, covariance, solver.layout, 0.9) is expected
 
 
 def test_an_artefact_that_is_not_stated_is_no_verdict(trial, solver, calibrated):
