@@ -81,14 +81,9 @@ class Thresholds:
     spread.
     """
 
-    base_confidence: float = 0.95
+    base_confidence: float = 0.99
     """Share of resamples of drivers [-] in which a car-following model must be more likely than that of the key
     `driver` to replace it.
-    """
-
-    surpassed_confidence: float = 0.99
-    """Share of resamples of drivers [-] in which another car-following model must be more likely for a model to count
-    as significantly less likely.
     """
 
     least_base_gain: float = 16.0

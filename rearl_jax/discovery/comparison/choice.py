@@ -97,7 +97,7 @@ def is_beaten(
     """True if a model with `own_gains` is significantly less likely than the most likely model."""
     gain = max(gains, key=lambda other: float(other.sum())) - own_gains
     drawn = gain[resamples(len(gain), DRAWS, seed)].sum(axis=1)
-    return bool((drawn > 0).mean() >= THRESHOLDS.surpassed_confidence and gain.sum() > THRESHOLDS.least_base_gain)
+    return bool((drawn > 0).mean() >= THRESHOLDS.base_confidence and gain.sum() > THRESHOLDS.least_base_gain)
 
 
 def mean_prediction_error(errors: Mapping[str, Float[np.ndarray, " _"]]) -> float:

@@ -134,17 +134,33 @@ def is_of_numerics(trial: Trial) -> bool:
     return bool(np.abs(delays).max() < max(THRESHOLDS.least_delay * data.dt, data.smoothing))
 
 
-def imitating_delay(trials: list[Trial]) -> set[Term]:
-    """Candidates that a delay within the time resolution explains better. Fast responses, for example to the leader's
-    acceleration, imitate such a delay.
+def copies_leader(trial: Trial) -> bool:
+    """True if the trial is a response to the leader's acceleration by which drivers accelerate at once as hard as the
+    leader, or harder.
+
+    No driver can do so. Measured drivers seem to do so if both positions share an error, for example if a vehicle was
+    measured from its leader.
     """
-    delays = [trial for trial in trials if is_of_numerics(trial) and trial.holds]
-    return {
-        trial.candidate.term
-        for trial in trials
-        for delay in delays
-        if delay.beats(trial) and confounded(trial.candidate.term, delay.candidate.term)
-    }
+    if trial.candidate.term != Term("leader_acceleration"):
+        return False
+    share = trial.fit.state.theta[trial.candidate.free[0]]
+    return bool(share >= THRESHOLDS.whole_acceleration)
+
+
+def imitating(trials: list[Trial]) -> set[Term]:
+    """Candidates that a response which no driver has explains better: a delay within the time resolution, which fast
+    responses imitate, or a copy of the leader's acceleration. A free curve over the leader's acceleration imitates the
+    copy unless it is clearly better.
+    """
+    impossible = [trial for trial in trials if (is_of_numerics(trial) or copies_leader(trial)) and trial.holds]
+
+    def is_imitation(trial: Trial, other: Trial) -> bool:
+        if not confounded(trial.candidate.term, other.candidate.term):
+            return False
+        is_its_curve = copies_leader(other) and trial.candidate.variables == other.candidate.variables
+        return other.beats(trial) or (is_its_curve and trial is not other and not trial.beats(other))
+
+    return {trial.candidate.term for trial in trials for other in impossible if is_imitation(trial, other)}
 
 
 def is_everywhere(trial: Trial) -> bool:
@@ -162,19 +178,6 @@ def is_everywhere(trial: Trial) -> bool:
         return bool(values["onset"] <= state.data.surroundings.time[measured].min())
     positions = state.data.y[measured]
     return bool(values["start"] <= positions.min() and values["end"] >= positions.max())
-
-
-def copies_leader(trial: Trial) -> bool:
-    """True if the trial is a response to the leader's acceleration by which drivers accelerate at once as hard as the
-    leader, or harder.
-
-    No driver can do so. Measured drivers seem to do so if both positions share an error, for example if a vehicle was
-    measured from its leader.
-    """
-    if trial.candidate.term != Term("leader_acceleration"):
-        return False
-    share = trial.fit.state.theta[trial.candidate.free[0]]
-    return bool(share >= THRESHOLDS.whole_acceleration)
 
 
 def ranked(trials: list[Trial]) -> list[Trial]:

@@ -58,7 +58,7 @@ def predicts_better(before: Prediction, after: Prediction, seed: int) -> bool:
     simulated = simulated_gains(before.gap_error, after.gap_error, after.data)
     worse = share_worse(before.gap_error, after.gap_error, THRESHOLDS.borne_growth, seed)
     share_better = (resampled_means(gains + simulated, seed) > 0).mean()
-    return bool(share_better >= THRESHOLDS.surpassed_confidence and worse < THRESHOLDS.rejection_share)
+    return bool(share_better >= THRESHOLDS.base_confidence and worse < THRESHOLDS.rejection_share)
 
 
 def names_more(before: Prediction, named: Search, adequacy: Adequacy, after: Prediction, seed: int) -> bool:

@@ -16,7 +16,7 @@ from rearl_jax.discovery.search.clock_check import check_clocks, correct_shifts
 from rearl_jax.discovery.search.decision import (
     Trial,
     believed,
-    imitating_delay,
+    imitating,
     is_of_numerics,
     lane_change_trials,
     trial_of,
@@ -259,15 +259,15 @@ def _checked(solver: Solver, screened: Round, fits: Mapping[Term, Fit], null: Nu
         trial_of(solver, fit, base.state, other, other_base, null.null_mean(term))
         for (term, fit), other in zip(fits.items(), others, strict=True)
     ]
-    imitating = imitating_delay(trials)
+    imitations = imitating(trials)
     significant = [
         trial for trial in trials if is_significant(trial, screened.exceeding) and _is_additional(trial, outcome.added)
     ]
-    accepted = believed([trial for trial in significant if trial.candidate.term not in imitating])
+    accepted = believed([trial for trial in significant if trial.candidate.term not in imitations])
     accepted, contradicted = simulated(solver, other_base, accepted)
     simulated_trials = {trial.candidate.term: trial for trial in (*accepted, *contradicted)}
     trials = [simulated_trials.get(trial.candidate.term, trial) for trial in trials]
-    otherwise_explained = [*(trial.candidate.term for trial in trials if is_of_numerics(trial)), *imitating]
+    otherwise_explained = [*(trial.candidate.term for trial in trials if is_of_numerics(trial)), *imitations]
     z_score = screened.z_score | dict.fromkeys(otherwise_explained, 0.0)
     return replace(screened, z_score=z_score, trials=trials, accepted=accepted, contradicted=contradicted)
 

@@ -201,7 +201,24 @@ def test_a_fast_response_that_a_short_delay_explains_better_is_no_effect(trial, 
     delay = replace(delay, fit=Fit(delay.candidate, replaced(state, theta=theta), noise))
     if gain < 1:
         delay = replace(delay, fitted=np.full(10, 0.4))
-    assert decision.imitating_delay([fast, slow, delay]) == ({Term("leader_acceleration")} if imitates else set())
+    assert decision.imitating([fast, slow, delay]) == ({Term("leader_acceleration")} if imitates else set())
+
+
+@pytest.mark.parametrize(("share", "gain", "imitates"), [(1.1, 2.5, True), (0.8, 2.5, False), (1.1, 9.0, False)])
+def test_a_curve_over_the_leaders_acceleration_is_no_effect_if_drivers_copy_it(
+    trial, calibrated, share, gain, imitates
+):
+    copy = trial("leader_acceleration", [2.5] * 10, [2.5] * 10)
+    curve = trial("dependence", [2.5] * 10, [gain] * 10, kind="generic", variable="leader_acceleration")
+    as_curve = {"term": Term("dependence", "leader_acceleration"), "variables": copy.candidate.variables}
+    curve = replace(curve, candidate=replace(curve.candidate, **as_curve))
+    other = trial("dependence", [2.5] * 10, [2.5] * 10, kind="generic", variable="lane")
+    state, noise = calibrated
+    theta = state.theta.copy()
+    theta[copy.candidate.free[0]] = share
+    copy = replace(copy, fit=Fit(copy.candidate, replaced(state, theta=theta), noise))
+    expected = {Term("dependence", "leader_acceleration")} if imitates else set()
+    assert decision.imitating([copy, curve, other]) == expected
 
 
 @pytest.mark.parametrize(("kinds", "doubtful"), [(("driver", "generic"), False), (("generic", "driver"), True)])
