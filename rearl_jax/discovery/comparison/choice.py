@@ -28,6 +28,7 @@ class Choice:
         best_share: Share of resamples in which each model is the most likely one [-].
         vetoed: Models whose simulations are worse than those of the best model under one of the protocols that predict.
         mean_errors: Geometric mean over the protocols that predict of the mean gap error of each model [m].
+        worse_than: For each model, those than which it probably predicts worse under one of the protocols that predict.
     """
 
     chosen: int
@@ -35,13 +36,15 @@ class Choice:
     best_share: list[float]
     vetoed: frozenset[int]
     mean_errors: list[float]
+    worse_than: list[frozenset[int]]
 
     def denies(self, other: int) -> bool:
-        """True if simulations contradict `other` as a replacement of the chosen model: it is vetoed, unless the chosen
-        one is vetoed too and has the larger mean error.
+        """True if simulations contradict `other` as a replacement of the chosen model: it is vetoed, or it probably
+        predicts worse than the chosen one, unless the chosen one is vetoed and has the larger mean error.
         """
-        is_smaller = self.mean_errors[other] < self.mean_errors[self.chosen]
-        return other in self.vetoed and not (self.chosen in self.vetoed and is_smaller)
+        if self.chosen in self.vetoed and self.mean_errors[other] < self.mean_errors[self.chosen]:
+            return False
+        return other in self.vetoed or self.chosen in self.worse_than[other]
 
 
 def choice_of(
@@ -69,12 +72,17 @@ def choice_of(
     vetoed = frozenset().union(
         *(_surely_worse([by_protocol.get(name) for by_protocol in errors], seed) for name in PREDICTING)
     )
-    first = Choice(0, better, best.tolist(), vetoed, [mean_prediction_error(by_protocol) for by_protocol in errors])
+    worse_than = [
+        frozenset(other for other in range(len(errors)) if _is_probably_worse(errors[index], errors[other], seed))
+        for index in range(len(errors))
+    ]
+    mean_errors = [mean_prediction_error(by_protocol) for by_protocol in errors]
+    first = Choice(0, better, best.tolist(), vetoed, mean_errors, worse_than)
 
     def is_more_likely(index: int) -> bool:
         is_significant = better[index] >= THRESHOLDS.base_confidence and gains[index].sum() > THRESHOLDS.least_base_gain
         is_beyond_doubt = drawn[index].mean() > THRESHOLDS.doubtless_base_gain * drawn[index].std()
-        return bool(is_significant and (is_beyond_doubt or not _is_probably_worse(errors[index], errors[0], seed)))
+        return bool(is_significant and (is_beyond_doubt or 0 not in worse_than[index]))
 
     def is_as_likely(index: int) -> bool:
         return not is_beaten(gains[index], gains, seed) and _is_nowhere_worse(errors[index], errors[0])

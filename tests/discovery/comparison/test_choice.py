@@ -112,3 +112,11 @@ def test_one_that_probably_predicts_worse_must_be_more_likely_beyond_doubt(mean,
 def test_a_vetoed_model_replaces_only_one_that_is_vetoed_and_predicts_worse(factors, denied):
     found = replace(chosen([np.zeros(N)] * 2, [{"population": factor * ERROR} for factor in factors]), chosen=0)
     assert {other for other in (1, 2) if found.denies(other)} == denied
+
+
+@pytest.mark.parametrize(("factor", "expected"), [(1.08, True), (1.0, False)])
+def test_one_that_probably_predicts_worse_replaces_no_other(factor, expected):
+    scatter = 2.0 * np.resize([1.0, -1.0], N)
+    found = chosen([np.zeros(N)], [{"population": ERROR}, {"population": factor * ERROR + scatter}])
+    assert found.vetoed == frozenset()
+    assert found.denies(1) is expected
