@@ -19,6 +19,11 @@ for moments only. A lane change of 3.5 m in 5 s has a mean of 0.7 m/s.
 SIDEWAYS_TIME = 1.0
 """Time over which the sideways speed is averaged [s]."""
 
+CROSSING_SPEED = 0.5
+"""Least mean sideways speed over SIDEWAYS_TIME before the lane column changes if it changes halfway [m/s]: on a path of
+minimum jerk over 3.5 m in 7 s it is 0.9 m/s. Below it, the column changes as the motion begins.
+"""
+
 BEFORE_SEEN = 0.4
 """Time from the beginning of the motion until its mean speed reaches SIDEWAYS_SPEED [s]: on a path of minimum jerk over
 3.5 m, 0.3 s of 4 s, 0.5 s of 5 s and 0.7 s of 6 s. Source of the path: Flash & Hogan, J. Neurosci. 5 (1985) 1688.
@@ -53,7 +58,10 @@ def sideways_starts(
         before = np.arange(max(earliest[number], change - longest), change + 1)
         later, earlier = np.minimum(before + half, end[change] - 1), np.maximum(before - half, begin[change])
         speed = np.sign(step[change]) * (lateral[later] - lateral[earlier]) / ((later - earlier) * dt)
+        if not speed[max(len(speed) - 1 - half, 0)] >= CROSSING_SPEED:
+            starts[number] = change
+            continue
         at_rest = np.flatnonzero(~(speed >= SIDEWAYS_SPEED))  # unknown positions too
         last_at_rest = before[at_rest[-1]] if len(at_rest) else before[0]
-        starts[number] = change if last_at_rest == change else max(last_at_rest - unseen, earliest[number])
+        starts[number] = max(last_at_rest - unseen, earliest[number])
     return changes, starts
