@@ -18,7 +18,7 @@ from rearl_jax.core.effects.stimulus import OUT_OF_SIGHT
 from rearl_jax.core.order import NO_VEHICLE
 from rearl_jax.data.records import Recording
 from rearl_jax.discovery.lane_changes.incentives import KnownDrivers, acceleration, likely_parameters
-from rearl_jax.discovery.lane_changes.motion import USUAL_LEAD, with_motion
+from rearl_jax.discovery.lane_changes.motion import with_motion
 from rearl_jax.discovery.lane_changes.ramps import side_of_ramp, whole_lanes
 from rearl_jax.discovery.read.smoothing import thinned
 from rearl_jax.discovery.read.sorted_lanes import SortedLanes
@@ -242,7 +242,7 @@ class _Scene:
         for direction, lane in self.through_lanes:
             if (direction, lane + side) in self.through_lanes:
                 has_lanes |= (self.direction == direction) & (self.lane == lane)
-        is_seen = self.time_to_track_end >= self.period + USUAL_LEAD - 1e-9  # else a change may begin unseen
+        is_seen = self.time_to_track_end >= self.period - 1e-9
         return has_lanes & (self.since_change >= REST) & is_seen & (self.v > SLOWEST)
 
     def _gap(self, behind: np.ndarray, front: np.ndarray) -> np.ndarray:
