@@ -108,10 +108,17 @@ def best_search(
 
 def _tested(best: BestSearch, outcome: Search, parts: Parts, seed: int) -> BestSearch:
     """`best` with another search with the same model, its adequacy, and its effects tested in other models."""
-    others = () if best.comparison is None else best.comparison.others
-    model_tests = effects_in_other_models(best.solver, outcome, others, parts.fitted)
-    outcome = with_doubts(outcome, model_tests, seed)
+    outcome, model_tests = _in_other_models(best.solver, outcome, best.comparison, parts, seed)
     return replace(best, outcome=outcome, adequacy=adequacy(best.solver, outcome, seed), model_tests=model_tests)
+
+
+def _in_other_models(
+    solver: Solver, outcome: Search, comparison: Comparison | None, parts: Parts, seed: int
+) -> tuple[Search, Sequence[ModelTest]]:
+    """A search with its effects that other models do without, and the tests of its effects in these models."""
+    others = () if comparison is None else comparison.others
+    model_tests = effects_in_other_models(solver, outcome, others, parts.fitted)
+    return with_doubts(outcome, model_tests, seed), model_tests
 
 
 def _with_best_model(
@@ -132,15 +139,14 @@ def _with_best_model(
     comparison = comparison_of(priors, parts, config.discover, progress, study)
     solver = solver_of(parts.fitted, comparison.prior)
     outcome = _search(config, study, solver, parts, bar, label, calibrated=comparison.base)
-    model_tests = effects_in_other_models(solver, outcome, comparison.others, parts.fitted)
+    outcome, model_tests = _in_other_models(solver, outcome, comparison, parts, seed)
     better = better_model(model_tests, seed)
     if better is not None and not comparison.denies(better):
         log.info("with the effects found, or without one, %s fits better: the search is repeated with it", better.name)
         comparison, solver = comparison.with_choice(better), solver_of(parts.fitted, better)
         # Not stored, because the stored null distribution is that of the first model.
         outcome = _search(config, None, solver, parts, bar, label)
-        model_tests = effects_in_other_models(solver, outcome, comparison.others, parts.fitted)
-    outcome = with_doubts(outcome, model_tests, seed)
+        outcome, model_tests = _in_other_models(solver, outcome, comparison, parts, seed)
     found = BestSearch(solver, outcome, adequacy(solver, outcome, seed), comparison, model_tests)
     if is_explained(outcome, found.adequacy):
         return found
@@ -159,8 +165,7 @@ def _with_best_model(
         if names_more(prediction, named, named_adequacy, prediction_of(other, named), seed):
             log.info("with %s, the effects found have names, and the check drivers are predicted better", prior.name)
             comparison = comparison.with_choice(prior)
-            model_tests = effects_in_other_models(other, named, comparison.others, parts.fitted)
-            named = with_doubts(named, model_tests, seed)
+            named, model_tests = _in_other_models(other, named, comparison, parts, seed)
             return BestSearch(other, named, named_adequacy, comparison, model_tests)
     return found
 

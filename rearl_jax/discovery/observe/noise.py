@@ -108,9 +108,7 @@ def _far_from_changes(state: FitState) -> FitState:
     Near changes no model predicts drivers well. Such episodes would make the drivers' noise seem larger than it is, and
     parameters calibrated under too large noise are biased.
     """
-    weight = state.pieces.weight
-    far = far_from_changes(state.data, weight)
-    return state if far is weight else replaced(state, pieces=replace(state.pieces, weight=far))
+    return replaced(state, pieces=replace(state.pieces, weight=far_from_changes(state.data, state.pieces.weight)))
 
 
 def under_best_noise(

@@ -101,8 +101,8 @@ def stable(sums: DriverSums) -> DriverSums:
     """The sums with those of drivers whose observer is unstable replaced. Their numbers overflow: they say that these
     parameters are impossible, but not in which direction better ones are.
     """
-    rows = np.column_stack([sums.square, sums.gradient, sums.gram.reshape(len(sums.gram), -1)])
-    is_stable = np.asarray(np.isfinite(rows).all(axis=1))
+    is_stable = np.isfinite(sums.square) & np.isfinite(sums.gradient).all(axis=1)
+    is_stable &= np.isfinite(sums.gram).all(axis=(1, 2))
     if is_stable.all():
         return sums
     return replace(

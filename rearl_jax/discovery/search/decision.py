@@ -157,8 +157,8 @@ def imitating(trials: list[Trial]) -> set[Term]:
     def is_imitation(trial: Trial, other: Trial) -> bool:
         if not confounded(trial.candidate.term, other.candidate.term):
             return False
-        is_its_curve = copies_leader(other) and trial.candidate.variables == other.candidate.variables
-        return other.beats(trial) or (is_its_curve and trial is not other and not trial.beats(other))
+        is_its_curve = copies_leader(other) and trial.candidate.term == Term("dependence", "leader_acceleration")
+        return other.beats(trial) or (is_its_curve and not trial.beats(other))
 
     return {trial.candidate.term for trial in trials for other in impossible if is_imitation(trial, other)}
 
