@@ -83,7 +83,8 @@ class Thresholds:
 
     base_confidence: float = 0.99
     """Share of resamples of drivers [-] in which a car-following model must be more likely than that of the key
-    `driver` to replace it.
+    `driver` to replace it, and in which its error must exceed `base_error_share` for simulations to reject it. Several
+    models are compared with the best one under up to three protocols, so 0.95 would often reject one by chance.
     """
 
     least_base_gain: float = 16.0
@@ -99,11 +100,6 @@ class Thresholds:
     base_error_share: float = 0.05
     """Relative amount by which the mean gap error of a replacing model, with parameters of the population or of the
     first half of a drive, may exceed that of the best model [-].
-    """
-
-    base_veto_share: float = 0.95
-    """Share of resamples of drivers in which the error exceeds `base_error_share`, above which the model is not chosen
-    [-]: few drivers with large errors must not outweigh a significantly higher likelihood.
     """
 
     candidate_z_score: float = 4.5

@@ -115,13 +115,13 @@ def mean_prediction_error(errors: Mapping[str, Float[np.ndarray, " _"]]) -> floa
 
 
 def _surely_worse(errors: Sequence[Float[np.ndarray, " tested"] | None], seed: int) -> frozenset[int]:
-    """Indices of models whose error is larger than the smallest one in more than `base_veto_share` of the resamples."""
+    """Indices of models whose error is larger than the smallest one in more than `base_confidence` of the resamples."""
     tested = {index: error for index, error in enumerate(errors) if error is not None}
     if not tested:
         return frozenset()
     best = min(tested.values(), key=lambda error: float(error.mean()))
     return frozenset(
-        index for index, error in tested.items() if _worse_share(error, best, seed) > THRESHOLDS.base_veto_share
+        index for index, error in tested.items() if _worse_share(error, best, seed) > THRESHOLDS.base_confidence
     )
 
 

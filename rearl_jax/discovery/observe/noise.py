@@ -224,11 +224,7 @@ def calibrate(solver: Solver, data: Measured) -> tuple[FitState, Noise]:
     other_noise, other_log_likelihood = best_noise(solver, state, with_correlated_errors)
     if other_log_likelihood > log_likelihood + THRESHOLDS.lasting_noise_gain:
         noise, log_likelihood = other_noise, other_log_likelihood
-    smooth = (
-        None
-        if data.smoothing
-        else _with_smooth_errors(solver, state, replace(noise, position=data.noise), log_likelihood)
-    )
+    smooth = _with_smooth_errors(solver, state, replace(noise, position=data.noise), log_likelihood)
     if smooth is not None:
         state, noise = smooth
     state, noise = under_best_time(solver, state, noise_levels(noise, ACCELERATIONS))

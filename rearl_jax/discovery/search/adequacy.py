@@ -98,13 +98,15 @@ class Adequacy:
 
     @property
     def is_white(self) -> bool:
-        """True if innovations are hardly more or less autocorrelated than those of drives simulated with noise alone.
+        """True if the autocorrelation of innovations hardly lies outside the range from 0 to that of drives simulated
+        with noise alone.
 
-        Smoothing makes these positive. They are negative if drivers correct errors faster than the observer, which has
-        one gain for all of them, assumes; then innovations without autocorrelation are as good.
+        The observer assumes innovations without autocorrelation. Noise alone makes them positively correlated if
+        drives were smoothed, and negatively if drivers correct errors faster than the observer, which has one gain for
+        all of them, assumes; either may be weaker than simulated, because leaders' errors count as drivers' noise too.
         """
-        expected = self.autocorrelation_by_noise, max(self.autocorrelation_by_noise, 0.0)
-        nearest = float(np.clip(self.autocorrelation, *expected))
+        by_noise = self.autocorrelation_by_noise
+        nearest = float(np.clip(self.autocorrelation, min(by_noise, 0.0), max(by_noise, 0.0)))
         return abs(self.autocorrelation - nearest) < THRESHOLDS.most_autocorrelation
 
     @property

@@ -53,6 +53,18 @@ def test_simulations_speak_against_a_model_that_predicts_surely_worse_gaps(proto
     assert found.chosen == (0 if is_vetoed else 1)
 
 
+def test_simulations_seldom_reject_one_of_five_equal_models_by_chance():
+    n_drivers, n_studies, rejected = 16, 60, 0
+    for study in range(n_studies):
+        rng = np.random.default_rng(study)
+        usual = rng.lognormal(1.5, 0.6, n_drivers)
+        errors = [
+            {name: usual * rng.lognormal(0.0, 0.5, n_drivers) for name in ("population", "first_half")} for _ in range(5)
+        ]
+        rejected += 0 in choice_of([np.zeros(n_drivers)] * 5, errors, seed=0).vetoed
+    assert rejected < 0.2 * n_studies
+
+
 def test_the_next_one_is_chosen_where_the_most_likely_simulates_worse():
     errors = [{"population": ERROR}, {"population": 1.3 * ERROR}, {"population": 0.8 * ERROR}]
     found = chosen([np.full(N, 5.0), np.full(N, 3.0)], errors)

@@ -48,11 +48,13 @@ def test_only_smooth_errors_are_smooth():
     assert (smooth[lag:] * smooth[:-lag]).mean() / smooth.var() == pytest.approx(2 / np.e, abs=0.05)
 
 
-def test_smooth_errors_are_told_from_driving(solver, calibrated):
+@pytest.mark.parametrize("kernel", [0.0, 0.3])
+def test_smooth_errors_are_told_from_driving(solver, calibrated, kernel):
+    """Also where a kernel smoothed the positions: it leaves smooth errors of their white ones."""
     state, noise = calibrated
     assert not noise.lasting, "there are only white errors to begin with"
     errors = smooth_lasting(0.2, 0.5, state.data.y.shape, state.data.dt, np.random.default_rng(1))
-    _, found = calibrate(solver, replace(state.data, y=state.data.y + errors))
+    _, found = calibrate(solver, replace(state.data, y=state.data.y + errors, smoothing=kernel))
     assert found.is_smooth
     assert found.lasting == pytest.approx(0.2, rel=0.25)
     assert found.lasting_time == pytest.approx(0.5, rel=0.35)
