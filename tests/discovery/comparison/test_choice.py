@@ -59,7 +59,8 @@ def test_simulations_seldom_reject_one_of_five_equal_models_by_chance():
         rng = np.random.default_rng(study)
         usual = rng.lognormal(1.5, 0.6, n_drivers)
         errors = [
-            {name: usual * rng.lognormal(0.0, 0.5, n_drivers) for name in ("population", "first_half")} for _ in range(5)
+            {name: usual * rng.lognormal(0.0, 0.5, n_drivers) for name in ("population", "other_runs")}
+            for _ in range(5)
         ]
         rejected += 0 in choice_of([np.zeros(n_drivers)] * 5, errors, seed=0).vetoed
     assert rejected < 0.2 * n_studies
