@@ -165,8 +165,9 @@ class Thresholds:
     """
 
     prediction_share: float = 0.95
-    """Share of resamples of check drivers [-] in which the mean gap error must become smaller under a protocol that
-    predicts. It is required of added effects if they do not explain the drivers.
+    """Share of resamples of check drivers [-] in which the mean gap error must become smaller under the only protocol
+    that predicts; with several, a higher share under one of them. It is required of added effects if they do not
+    explain the drivers.
     """
 
     variation_z_score: float = 2.0

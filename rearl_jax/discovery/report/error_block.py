@@ -10,7 +10,7 @@ import numpy as np
 from jaxtyping import Float
 
 from rearl_jax.discovery.report.errors import MEASURES, ModelErrors
-from rearl_jax.discovery.report.protocols import IN_SAMPLE, PROTOCOL_MEASURES, PROTOCOLS, ProtocolErrors
+from rearl_jax.discovery.report.protocols import IN_SAMPLE, PREDICTING, PROTOCOL_MEASURES, PROTOCOLS, ProtocolErrors
 from rearl_jax.discovery.resampling import Pool, Resampling
 
 MAIN_MEASURE = "gap_rmse"
@@ -78,6 +78,16 @@ def error_block(errors: Mapping[str, ModelErrors], resampling: Resampling) -> di
             for name, model in (("before", first), ("after", final))
         },
     }
+
+
+def predicts_better(error: Mapping[str, Any]) -> bool:
+    """True if, by an entry `error`, the mean gap error of the report drivers is significantly lower after effects were
+    added under a protocol that predicts, and larger under none.
+    """
+    of_protocols = (error["protocols"][name] for name in PREDICTING)
+    changes = [figures[MAIN_MEASURE]["mean"]["change"] for figures in of_protocols if figures is not None]
+    is_lower = any(change["high"] < 0 for change in changes)
+    return is_lower and all(change["value"] <= 0 for change in changes)
 
 
 def explained_share(

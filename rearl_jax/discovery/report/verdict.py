@@ -5,7 +5,7 @@ those whom models are fitted to, check drivers those whom candidates are checked
 whose errors are stated.
 
 verdict      named | improved | artefact | unexplained | nothing; improved: a curve without a library effect
-             significantly lowers the error of other drivers
+             predicts other drivers significantly better
 effects      [{name, kind: driver | road | artefact | generic, parameters: {name: {value, low, high, unit}},
              variables, confidence, evidence, depends_on_base}]; low and high are null for parameters that were not
              estimated; `depends_on_base`: names of other car-following models under which the effect is not found
@@ -191,14 +191,15 @@ def differing_clocks(check: ClockCheck, reliability: float) -> Claim:
     return Claim(CLOCK_OFFSET.effect, "artefact", spread, ("clock",), reliability, check.total)
 
 
-def verdict_of(search: Search, effects: Sequence[Claim], adequacy: Adequacy, *, is_lower: bool) -> str:
+def verdict_of(search: Search, effects: Sequence[Claim], adequacy: Adequacy, *, predicts_better: bool) -> str:
     """The verdict in one word.
 
     Args:
         search: Result of the search.
         effects: Claimed effects.
         adequacy: Adequacy of the final model.
-        is_lower: Whether the error of the report drivers is significantly lower with the effects found.
+        predicts_better: Whether the report drivers are predicted better with the effects found, see
+            `error_block.predicts_better`.
     """
     added = {trial.candidate.kind for trial in search.added}
     names = {effect.name for effect in effects}
@@ -210,7 +211,7 @@ def verdict_of(search: Search, effects: Sequence[Claim], adequacy: Adequacy, *, 
     if any(effect.kind in NAMED_KINDS for effect in effects):  # effects of lane changes
         is_doubtful = search.is_contradicted or search.leaves_more or search.leaves_shifts
         return "named" if adequacy.is_adequate and not is_doubtful else "unexplained"
-    if added == {"generic"} and not unstated and is_lower:
+    if added == {"generic"} and not unstated and predicts_better:
         return "improved"
     if any(effect.kind == "artefact" and effect.evidence is None for effect in effects):
         return "artefact"  # visible in the columns

@@ -8,7 +8,7 @@ import pytest
 
 from rearl_jax.discovery.observe.fit import Fit
 from rearl_jax.discovery.observe.response_time import Covariances, Responses
-from rearl_jax.discovery.report.error_block import STATISTICS, error_block, explained_share
+from rearl_jax.discovery.report.error_block import STATISTICS, error_block, explained_share, predicts_better
 from rearl_jax.discovery.report.errors import MEASURES, ModelErrors, model_errors
 from rearl_jax.discovery.report.protocols import PROTOCOL_MEASURES, PROTOCOLS, ProtocolErrors
 from rearl_jax.discovery.report.tables import error_table, read_errors
@@ -48,6 +48,27 @@ def test_errors_survive_their_table(tmp_path):
     assert again["response_time"] == {"before": None, "after": None}
     assert again["protocols"]["first_half"]["left_out"] == N - 4
     assert again == block | {"response_time": again["response_time"]}
+
+
+@pytest.mark.parametrize(
+    ("population", "first_half", "expected"), [(0.6, 0.9, True), (0.6, 1.1, False), (0.999, 0.999, False)]
+)
+def test_others_are_predicted_better_only_if_no_protocol_says_worse(population, first_half, expected):
+    """Errors of drives that parameters were calibrated to say nothing about it."""
+    before, scatter = np.linspace(2.0, 4.0, N), 0.1 * np.resize([1.0, -1.0], N)
+    errors = {}
+    for name, factors in (("before", (1.0, 1.0)), ("after", (population, first_half))):
+        protocols = {
+            protocol: ProtocolErrors(np.arange(N), dict.fromkeys(PROTOCOL_MEASURES, values), {}, 0)
+            for protocol, factor in zip(("population", "first_half"), factors, strict=True)
+            for values in [factor * before + scatter * (name == "after")]
+        }
+        protocols |= {"other_runs": None, "in_sample": protocols["population"]}
+        protocols = {key: of and replace(of, population=of.by_driver) for key, of in protocols.items()}
+        errors[name] = replace(made(1.0 if name == "before" else 0.1, 0.1), protocols=protocols)
+    block = error_block(errors, Resampling(0.9, 500, 0))
+    assert block["change"]["high"] < 0
+    assert predicts_better(block) is expected
 
 
 @pytest.mark.parametrize("floor", [0.1, 0.6, 1.0, 1.4, 5.0])

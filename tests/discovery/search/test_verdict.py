@@ -29,11 +29,11 @@ def test_clocks_that_leave_more_than_noise_do_not_explain_it(solver, calibrated,
     data = calibrated[0].data
     check = ClockCheck(fit, 40.0, 40.0, 0.2, data, data)
     found = Search(solver.layout, Null({}, {}, 1), {}, data, check, rounds=[ends])
-    assert verdict_of(found, [], left, is_lower=False) == expected
+    assert verdict_of(found, [], left, predicts_better=False) == expected
     alone = replace(found, clocks=None)
-    assert verdict_of(alone, [], left, is_lower=False) == ("nothing" if staleness == 0.0 else "unexplained")
+    assert verdict_of(alone, [], left, predicts_better=False) == ("nothing" if staleness == 0.0 else "unexplained")
     lag = Claim("speed_lag", "artefact", {}, (), 0.98, None)
-    assert verdict_of(found, [lag], left, is_lower=False) == "artefact"
+    assert verdict_of(found, [lag], left, predicts_better=False) == "artefact"
 
 
 def test_clocks_need_not_leave_smooth_innovations_but_no_old_decisions(solver, calibrated):
@@ -42,9 +42,9 @@ def test_clocks_need_not_leave_smooth_innovations_but_no_old_decisions(solver, c
     found = Search(solver.layout, Null({}, {}, 1), {}, data, ClockCheck(fit, 9.0, 9.0, 0.2, data, data), rounds=[ends])
     rough = Adequacy(0.3, 0.02, 0.3, 0.0, 0.0, {}, -4.0, -1.0, (Term("grade"), 1.0), 70.0)
     assert not rough.is_adequate
-    assert verdict_of(found, [], rough, is_lower=False) == "artefact"
-    assert verdict_of(found, [], replace(rough, staleness=2.4), is_lower=False) == "unexplained"
-    assert verdict_of(found, [], replace(rough, autocorrelation=0.3), is_lower=False) == "unexplained"
+    assert verdict_of(found, [], rough, predicts_better=False) == "artefact"
+    assert verdict_of(found, [], replace(rough, staleness=2.4), predicts_better=False) == "unexplained"
+    assert verdict_of(found, [], replace(rough, autocorrelation=0.3), predicts_better=False) == "unexplained"
 
 
 @pytest.mark.parametrize(("z_score", "expected"), [(2.0, "named"), (12.0, "unexplained")])
@@ -55,24 +55,24 @@ def test_what_leaves_shifts_between_pairs_is_not_named(trial, solver, calibrated
     found = Search(solver.layout, Null({}, {}, 1), {}, calibrated[0].data)
     found.rounds = [first, replace(first, trials=[], accepted=[], clock_z_score=z_score)]
     stated = [Claim("several_leaders", "driver", {}, (), 0.98, 90.0)]
-    assert verdict_of(found, stated, left, is_lower=False) == expected
+    assert verdict_of(found, stated, left, predicts_better=False) == expected
     # What may be off is not stated, and what is not stated is not named.
-    assert verdict_of(found, [], left, is_lower=False) == "unexplained"
+    assert verdict_of(found, [], left, predicts_better=False) == "unexplained"
     found.rounds = [replace(first, trials=[], accepted=[], clock_z_score=z_score)]
-    assert verdict_of(found, [], left, is_lower=False) == {"named": "nothing"}.get(expected, expected)
+    assert verdict_of(found, [], left, predicts_better=False) == {"named": "nothing"}.get(expected, expected)
 
 
-@pytest.mark.parametrize(("is_lower", "expected"), [(True, "improved"), (False, "unexplained")])
+@pytest.mark.parametrize(("predicts_better", "expected"), [(True, "improved"), (False, "unexplained")])
 def test_a_curve_without_a_name_improves_a_model_if_the_error_is_surely_lower(
-    trial, solver, calibrated, is_lower, expected
+    trial, solver, calibrated, predicts_better, expected
 ):
     fit, left = Fit(None, *calibrated), Adequacy(0.0, 0.02, 0.0, 0.0, 0.0, {}, -4.0, -1.0, (Term("grade"), 1.0), 70.0)
     curve = trial("dependence", [0.6] * 10, [0.3] * 10, kind="generic", variable="gap")
     found = Search(solver.layout, Null({}, {}, 1), {}, calibrated[0].data)
     found.rounds = [Round(fit, {}, {}, {}, frozenset(), [curve], [curve]), Round(fit, {}, {}, {}, frozenset(), [], [])]
     stated = [Claim("dependence", "generic", {}, ("gap",), 0.98, 90.0)]
-    assert verdict_of(found, stated, left, is_lower=is_lower) == expected
-    assert verdict_of(found, [], left, is_lower=is_lower) == "unexplained"
+    assert verdict_of(found, stated, left, predicts_better=predicts_better) == expected
+    assert verdict_of(found, [], left, predicts_better=predicts_better) == "unexplained"
 
 
 def test_a_distortion_is_a_curve_that_no_single_value_switches_off(trial, solver, calibrated):
@@ -105,8 +105,8 @@ def test_an_artefact_that_is_not_stated_is_no_verdict(trial, solver, calibrated)
     found = Search(solver.layout, Null({}, {}, 1), {}, calibrated[0].data)
     found.rounds = [Round(fit, {}, {}, {}, frozenset(), [bent], [bent]), Round(fit, {}, {}, {}, frozenset(), [], [])]
     stated = [Claim("lens", "artefact", {}, ("position",), 0.98, 90.0)]
-    assert verdict_of(found, stated, left, is_lower=True) == "artefact"
-    assert verdict_of(found, [], left, is_lower=True) == "unexplained"
+    assert verdict_of(found, stated, left, predicts_better=True) == "artefact"
+    assert verdict_of(found, [], left, predicts_better=True) == "unexplained"
 
 
 @pytest.mark.parametrize(("known", "by_chance", "spread", "needed"), [
