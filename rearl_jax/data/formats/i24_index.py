@@ -114,7 +114,7 @@ def _index(path: Path, window: float | None, section: float | None, on_bad: BadR
     for block in documents(path):
         first = len(index.starts)
         index.starts += block.starts
-        index.sizes += [len(text) for text in block.texts]
+        index.sizes += block.sizes
         if block.n_broken:
             index.leave_out("broken_document", block.n_broken, len(index.starts), "the file is cut off")
         if not block.texts:
