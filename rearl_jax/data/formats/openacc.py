@@ -8,7 +8,7 @@ Source: European Commission, Joint Research Centre, Open ACC Database, DOI 10.29
 al., Transportation Research Part C 125 (2021) 103047.
 """
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -51,12 +51,14 @@ class Platoon:
         first: Number of its first vehicle in the file; 1 leads all others.
         last: Number of its last vehicle.
         unlinked: Numbers of vehicles of the file that belong to no part; listed with the first part only.
+        notes: Notes on vehicles and gaps that the file lacks.
     """
 
     file: str
     first: int
     last: int
     unlinked: tuple[int, ...] = ()
+    notes: tuple[str, ...] = ()
 
 
 def find_platoons(root: Path) -> Path:
@@ -92,9 +94,30 @@ def platoon_recordings(path: Path) -> dict[str, Platoon]:
         for chain in chains:
             first, last = int(chain[0]), int(chain[-1])
             name = f"openacc_{file}" + (f"_{first}to{last}" if len(chains) > 1 else "")
-            recordings[name] = Platoon(str(file), first, last, unlinked)
+            notes = on_breaks(places.tolist(), places[linked.to_numpy()].tolist())
+            recordings[name] = Platoon(str(file), first, last, unlinked, notes)
             unlinked = ()
     return recordings
+
+
+def on_breaks(vehicles: Collection[int], gaps: Collection[int], names: Sequence[str] = ()) -> tuple[str, ...]:
+    """Notes on the vehicles and gaps that a run lacks: nothing is known of their followers and leaders.
+
+    Args:
+        vehicles: Numbers of the vehicles that are recorded.
+        gaps: Numbers of the vehicles whose gap to the vehicle behind is recorded.
+        names: Models of all vehicles, from number 1 on, if known.
+    """
+    absent = [k for k in range(1, max([len(names), *vehicles]) + 1) if k not in vehicles]
+    apart = [k for k in vehicles if k + 1 in vehicles and k not in gaps]
+    notes = []
+    if absent:
+        named = ", ".join(f"{k} ({names[k - 1]})" if k <= len(names) else f"{k}" for k in absent)
+        notes.append(f"vehicles that are not recorded: {named}; the platoon is divided there")
+    if apart:
+        pairs = ", ".join(f"{k} and {k + 1}" for k in apart)
+        notes.append(f"vehicles with no gap between them: {pairs}; the platoon is divided there")
+    return tuple(notes)
 
 
 def read_platoon(path: Path, recording: str, platoon: Platoon, policy: DataConfig) -> Recording:
@@ -182,7 +205,7 @@ def rebuilt(
     note += f"{int(backward.sum())} negative speeds set to 0"
     table = table.assign(speed=np.where(backward, 0.0, table["speed"]))
     road_length = float(np.max(table["position"].to_numpy() + 0.5 * table["length"].to_numpy()))
-    info = replace(info, notes=(*info.notes, note), road_length=road_length)
+    info = replace(info, notes=(*info.notes, *platoon.notes, note), road_length=road_length)
     return Recording(info, *validate(table, info, policy, losses))
 
 
@@ -216,7 +239,8 @@ def _plausible(
     """The platoon's rows with frame numbers, in which impossible speeds and gaps are set to NaN."""
     place, time = rows["pos"].to_numpy(np.float64), rows["t_s"].to_numpy(dtype=np.float64)
     unlinked = np.isin(place, platoon.unlinked)
-    _leave_out(unlinked, rows, "unlinked", "track_id", "no gap to a neighbour", info, policy, losses)
+    text = f"vehicle {', '.join(map(str, platoon.unlinked))} has no gap to a neighbour"
+    _leave_out(unlinked, rows, "unlinked", "track_id", text, info, policy, losses)
     inside = (place >= platoon.first) & (place <= platoon.last)
     finite = np.isfinite(time)
     usual = np.median(time[finite]) if finite.any() else np.nan

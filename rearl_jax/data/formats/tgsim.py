@@ -23,10 +23,11 @@ from rearl_jax.data.checks.typed_table import MAX_MAGNITUDE
 from rearl_jax.data.files.delimited import read_csv, read_header, stem_of, text_endings
 from rearl_jax.data.files.folder import named_files
 from rearl_jax.data.files.text_layout import first_names
-from rearl_jax.data.formats.ngsim_clock import plain
+from rearl_jax.data.formats.published_names import by_plain_name, plain, unit_stated
 from rearl_jax.data.problems import DROP_HINT, Finding, bad_recording, require_columns, without_value
 from rearl_jax.data.roads.straightened import Straightened, leave_out, straightened
 from rearl_jax.data.schema import Recording, RecordingInfo, validate
+from rearl_jax.data.units import to_si
 from rearl_jax.data.vehicle_rows import follows_row_before
 
 LICENCE = "public domain (U.S. Government work)"
@@ -49,6 +50,8 @@ _COLUMNS = {
     "vehicle_class": "typemostcommon",
 }
 _OPTIONAL = {"run": "runindex", "av": "av", "acc": "acc"}
+_KINDS = dict.fromkeys(("x", "y", "length", "width"), "m") | {"time": "s", "speed": "m/s", "acceleration": "m/s^2"}
+"""SI units of the columns; the name of a column may state another."""
 _TYPES = {
     "track_id": pa.int64(),
     "run": pa.int64(),
@@ -172,7 +175,7 @@ def read_run(path: Path, recording: str, run: int | None, policy: DataConfig) ->
 def _names(path: Path) -> dict[str, str]:
     """Canonical name of each column -> its name in the file."""
     header = read_header(path)
-    present = {plain(name): name for name in header}
+    present = by_plain_name(header, {*_COLUMNS.values(), *_OPTIONAL.values()}, path)
     if "speedkfx" in present:
         text, remedy = "these are the crossings of Foggy Bottom, which are not straight roads", "move the file away"
         raise bad_recording("format-unsupported", text, remedy, path, column=present["speedkfx"])
@@ -206,7 +209,11 @@ def _rows(path: Path, names: dict[str, str], run: int | None, policy: DataConfig
     if not table.num_rows:
         raise bad_recording("no-rows", "the table has no rows", "remove the file or complete it", path)
     rows = table.to_pandas(split_blocks=True, self_destruct=True).set_axis(index, axis=0)
-    return rows.rename(columns={source: canonical for canonical, source in names.items()})
+    rows = rows.rename(columns={source: canonical for canonical, source in names.items()})
+    for name, kind in _KINDS.items():
+        if unit := unit_stated(names[name], kind, path):
+            rows[name] = to_si(rows[name].to_numpy(), unit)
+    return rows
 
 
 def _without_run(table: pa.Table, column: str, path: Path, policy: DataConfig) -> np.ndarray:

@@ -185,3 +185,18 @@ def test_automated_vehicles_are_also_known_by_a_number(rows, read):
     (recording,) = read(rows.assign(av=(rows["av"] == "yes").astype(int)))
     assert recording.table["automated"].tolist() == expected.table["automated"].tolist()
     assert set(recording.table["automated"]) == {"yes", "no"}
+
+
+def test_units_in_the_names_of_columns_are_converted_and_no_run_is_lost(rows, read):
+    (expected,) = read(rows)
+    scales = {"xloc-kf": (" [ft]", 1 / 0.3048), "yloc-kf": ("(m)", 1.0), "speed-kf": (" (km/h)", 3.6)}
+    scales |= {"length-smoothed": ("[cm]", 100.0), "time": (" [ms]", 1000.0), "run-index": (" [-]", 1)}
+    other = rows.assign(**{name: rows[name] * factor for name, (_, factor) in scales.items()})
+    (found,) = read(other.rename(columns={name: f"{name}{unit}" for name, (unit, _) in scales.items()}))
+    assert found.info.id == expected.info.id
+    pd.testing.assert_frame_equal(found.table, expected.table, rtol=1e-6)
+
+
+def test_an_unknown_unit_in_the_name_of_a_column_stops(rows, read):
+    with refused("unit-unknown", column="speed-kf (furlong/h)"):
+        read(rows.rename(columns={"speed-kf": "speed-kf (furlong/h)"}))
