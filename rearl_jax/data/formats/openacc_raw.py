@@ -27,6 +27,7 @@ from rearl_jax.data.files.text_layout import first_lines, readable
 from rearl_jax.data.formats import openacc, openacc_index
 from rearl_jax.data.formats.openacc import FRAME_RATE, MAX_HOLE, MODEL, Platoon
 from rearl_jax.data.formats.openacc_drivers import ACC
+from rearl_jax.data.formats.openacc_pairs import on_breaks
 from rearl_jax.data.formats.published_names import split_unit, unit_stated
 from rearl_jax.data.problems import Finding, bad_recording, require_columns
 from rearl_jax.data.schema import Recording, RecordingInfo
@@ -116,7 +117,7 @@ def runs_of(path: Path) -> dict[str, Platoon]:
         text = "no two neighbours have the columns Speed and IVS"
         raise bad_recording("column-missing", text, "complete the columns", path, column="IVS1")
     recordings = {}
-    notes = openacc.on_breaks(speeds, gaps, header.about["Vehicle_order"])
+    notes = on_breaks(speeds, gaps, header.about["Vehicle_order"])
     name = f"openacc_{path.absolute().parent.name}_{stem_of(path)}"
     for chain in chains:
         part = f"_{chain[0]}to{chain[-1]}" if len(chains) > 1 else ""

@@ -252,4 +252,37 @@ def test_vehicles_without_a_gap_between_them_are_named(tmp_path):
         assert sum("2 and 3" in note for note in part.info.notes) == 1
     openacc_files.write(tmp_path, TEXT)
     (run,) = read(tmp_path)
-    assert not any("divided" in note for note in run.info.notes)
+    assert not any("paired" in note for note in run.info.notes)
+
+
+DISTINCT = openacc_files.columns(faster=0.3)
+"""Vehicles that do not swing alike."""
+
+
+def _exchanged(one: str, other: str) -> str:
+    return openacc_files.run_of({**DISTINCT, one: DISTINCT[other], other: DISTINCT[one]})
+
+
+@pytest.mark.parametrize(
+    ("text", "code"),
+    [
+        pytest.param(_exchanged("IVS1", "IVS2"), "wrong-leader", id="gaps"),
+        pytest.param(_exchanged("Speed2", "Speed3"), "wrong-units", id="speeds"),
+        pytest.param(
+            openacc_files.run_of({**DISTINCT, "IVS2": 3.28 * DISTINCT["IVS2"]}), "wrong-units", id="one in ft"
+        ),
+    ],
+)
+def test_columns_of_another_pair_are_refused(tmp_path, text, code):
+    openacc_files.write(tmp_path, text)
+    with refused(code, column="IVS"):
+        read(tmp_path, BadRows.drop_row)
+
+
+def test_a_speed_with_another_clock_is_noted(tmp_path):
+    openacc_files.write(tmp_path, openacc_files.run_of({**DISTINCT, "Speed1": np.roll(DISTINCT["Speed1"], 80)}))
+    (run,) = read(tmp_path)
+    assert ["vehicles 1 and 2" in note for note in run.info.notes if "clocks" in note] == [True]
+    openacc_files.write(tmp_path, openacc_files.run_of(DISTINCT))
+    (run,) = read(tmp_path)
+    assert not any("clocks" in note for note in run.info.notes)
