@@ -19,6 +19,8 @@ Measured: 0.0004 in NGSIM US-101, whose lengths are assumed, and 0 in I-80.
 _CHANGE = 2.0  # m/s; a larger change of speed is not noise
 _LENGTH_CHANGE = 1.0  # m; more than the error of a camera from frame to frame
 _LONG_CAR = 9.8  # m, longer than every car; the length of a short car in ft
+_SHORT_CAR = 2.0  # m, shorter than every car; the length of a long car in m, read as ft
+_HOLE = 60.0  # s without any vehicle, longer than on any road with traffic
 _BESIDE = 3.0  # m, from the middle of the lane; a vehicle there is in another lane
 _WIDTH = 1.8  # m, of a car whose width is unknown
 
@@ -27,8 +29,9 @@ def noted(recording: Recording) -> Recording:
     """The recording, with notes on its rows added to its own notes, each once."""
     table = recording.table
     found = [*notes_on_leaders(table), *_on_lanes(table), *_on_overlaps(table), *_on_starts(table)]
-    found += [*_on_accelerations(table), *_on_changing_vehicles(table), *_on_long_cars(table)]
+    found += [*_on_accelerations(table), *_on_changing_vehicles(table), *_on_lengths_of_cars(table)]
     found += _on_missing_speeds(table, recording.info.frame_rate)
+    found += _on_holes(table, recording.info.frame_rate)
     notes = tuple(dict.fromkeys([*recording.info.notes, *found]))
     return recording if notes == recording.info.notes else replace(recording, info=replace(recording.info, notes=notes))
 
@@ -128,13 +131,29 @@ def _on_changing_vehicles(table: pd.DataFrame) -> list[str]:
     return [f"{int(bad.sum())} vehicles change their {what}" for what, bad in changing.items() if bad.any()]
 
 
-def _on_long_cars(table: pd.DataFrame) -> list[str]:
-    """Note on cars whose median length is that of no car."""
+def _on_lengths_of_cars(table: pd.DataFrame) -> list[str]:
+    """Notes on cars whose median length is that of no car."""
     cars = table.iloc[np.flatnonzero(table["vehicle_class"] == "car")]
     length = cars.groupby("track_id")["length"].median().to_numpy()
-    n_long = int(np.count_nonzero(length > _LONG_CAR))
-    text = f"cars are longer than {_LONG_CAR:g} m: their lengths may be in ft, or they are trucks"
-    return [f"{n_long} of {len(length)} {text}"] if n_long else []
+    faults = {
+        f"longer than {_LONG_CAR:g} m: their lengths may be in ft, or they are trucks": length > _LONG_CAR,
+        f"shorter than {_SHORT_CAR:g} m: their lengths may be in another unit": length < _SHORT_CAR,
+    }
+    return [f"{int(bad.sum())} of {len(length)} cars are {text}" for text, bad in faults.items() if bad.any()]
+
+
+def _on_holes(table: pd.DataFrame, frame_rate: float) -> list[str]:
+    """Note on the longest time without any vehicle: a clock may have been shifted."""
+    frames = np.unique(table["frame"].to_numpy())
+    if len(frames) < 2 or np.diff(frames).max() <= _HOLE * frame_rate:
+        return []
+    place = int(np.argmax(np.diff(frames)))
+    is_late = table["frame"].to_numpy() > frames[place]
+    track = table["track_id"].to_numpy()
+    n_after, n_before = np.unique(track[is_late]).size, np.unique(track[~is_late]).size
+    seconds = (frames[place + 1] - frames[place]) / frame_rate
+    text = f"no vehicle is recorded for {seconds:.0f} s, between {n_before} vehicles and {n_after} others"
+    return [f"{text}: clocks may differ"]
 
 
 def _ranges(values: np.ndarray, track: np.ndarray) -> np.ndarray:

@@ -106,7 +106,21 @@ def straightened(
         off_road[here] = np.isin(number[here], order.apart)
         no_lane[here] = ~np.isfinite(lane[here]) & ~off_road[here]
     columns |= {"lateral": lateral, "lane": lane}
+    placeholder = _within_lanes(track, number, lane, off_road)
+    off_road, no_lane = off_road & ~placeholder, no_lane | placeholder
     return Straightened(pd.DataFrame(columns), lanes, length, off_road, no_lane, wrong)
+
+
+def _within_lanes(track: np.ndarray, number: np.ndarray, lane: np.ndarray, off_road: np.ndarray) -> np.ndarray:
+    """Mask of the rows off the road whose number mostly stands between rows of one lane, as no ramp does."""
+    begins = ~follows_row_before(track)
+    begins[1:] |= number[1:] != number[:-1]
+    first, last = first_and_last_rows(np.cumsum(begins))
+    before, after = np.maximum(first - 1, 0), np.minimum(last + 1, len(track) - 1)
+    is_within = (track[before] == track[first]) & (track[after] == track[first]) & (lane[before] == lane[after])
+    apart = off_road[first]
+    shares = pd.Series(is_within[apart]).groupby(number[first][apart]).mean()
+    return off_road & np.isin(number, shares.index[shares > 0.5])
 
 
 def leave_out(table: pd.DataFrame, off_road: pd.Series, losses: Losses) -> pd.DataFrame:

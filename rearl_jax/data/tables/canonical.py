@@ -28,7 +28,7 @@ from rearl_jax.data.problems import BadRecordingError, bad_recording, recording_
 from rearl_jax.data.schema import COLUMNS, Recording, RecordingInfo, validate
 from rearl_jax.data.tables.completion import completed
 from rearl_jax.data.tables.row_info import info_of_rows
-from rearl_jax.data.tables.spelling import ENDS, Spelling, require_needed_columns, spelling_of
+from rearl_jax.data.tables.spelling import ENDS, Spelling, on_unread, require_needed_columns, spelling_of
 from rearl_jax.data.tables.track_names import IDS, MAX_EXACT_ID
 from rearl_jax.problems import InvalidInputError, Problem
 from rearl_jax.whole_files import replacing
@@ -121,7 +121,8 @@ class TableFile:
             self._require_known(stated)
             source = str(self.path), self.path.name
             rows, info = info_of_rows(recording, rows, *source, is_in_seconds=spelling.has_clock)
-        info = replace(info, notes=tuple(dict.fromkeys([*info.notes, *done.notes, *self._remarks])))
+        unread = on_unread(spelling, self._policy, [name for name in further if name not in texts])
+        info = replace(info, notes=tuple(dict.fromkeys([*info.notes, *done.notes, *self._remarks, *unread])))
         info = replace(info, columns=spelling.foreign)
         info = with_labels(info, (*labels, *done.labels), [*further, *done.labels])
         return Recording(info, *validate(rows, info, self._policy, losses))

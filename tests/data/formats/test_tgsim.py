@@ -200,3 +200,20 @@ def test_units_in_the_names_of_columns_are_converted_and_no_run_is_lost(rows, re
 def test_an_unknown_unit_in_the_name_of_a_column_stops(rows, read):
     with refused("unit-unknown", column="speed-kf (furlong/h)"):
         read(rows.rename(columns={"speed-kf": "speed-kf (furlong/h)"}))
+
+
+def test_a_vehicle_in_a_run_of_its_own_stops(rows, read):
+    strange = (rows["id"] == 7).to_numpy()
+    with refused("recording-contradicts", column="run-index", row=int(np.argmax(strange)) + 1):
+        read(rows.assign(**{"run-index": rows["run-index"].mask(strange, 2)}))
+
+
+@pytest.mark.parametrize("number", [0, -999])
+def test_a_number_for_no_lane_is_no_ramp(rows, read, number):
+    unknown = np.arange(len(rows)) % 97 == 50
+    changed = rows.assign(**{"lane-kf": rows["lane-kf"].mask(unknown, number)})
+    with refused("lane-out-of-range", column="lane-kf", row=51):
+        read(changed)
+    (recording,) = read(changed, BadRows.drop_row)
+    assert recording.dropped["lane_out_of_range"] == unknown.sum()
+    assert "off_road" not in recording.dropped
