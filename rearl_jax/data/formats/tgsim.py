@@ -19,6 +19,7 @@ import pyarrow.compute as pc
 from rearl_jax.config.data import BadRows, DataConfig
 from rearl_jax.data.checks.frame_rates import frame_rate_of, frames_of
 from rearl_jax.data.checks.losses import Losses, reject
+from rearl_jax.data.checks.placeholders import nowhere
 from rearl_jax.data.checks.stray_rows import are_few, fill_gaps_of
 from rearl_jax.data.checks.typed_table import MAX_MAGNITUDE
 from rearl_jax.data.files.delimited import read_csv, read_header, stem_of, text_endings
@@ -153,6 +154,8 @@ def read_run(path: Path, recording: str, run: int | None, policy: DataConfig) ->
     for name in ("track_id", "time"):
         rows = reject(rows, without_value(rows, name), info, policy, losses)
     rows = rows.astype({"track_id": np.int64}).sort_values(["track_id", "time"], kind="stable")
+    # Before the road is found, because its length and its axis follow from all places.
+    rows = reject(rows, nowhere(rows, "x", "y"), info, policy, losses)
     time, follows = rows["time"].to_numpy(np.float64), follows_row_before(rows["track_id"].to_numpy())
     rate = frame_rate_of(np.diff(time)[follows[1:]], path, names["time"])
     frame, of_times = frames_of(time, np.flatnonzero(~follows), rate)

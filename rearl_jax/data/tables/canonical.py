@@ -22,7 +22,7 @@ from rearl_jax.data.checks.losses import Losses
 from rearl_jax.data.checks.recording_names import require_own_rows, without_blanks
 from rearl_jax.data.files.columnar import column_names, is_parquet, is_text, read_columns, stored_text
 from rearl_jax.data.files.delimited import read_csv, read_header, stem_of, text_endings
-from rearl_jax.data.files.folder import named_files, recordings_missing, tables_of_study
+from rearl_jax.data.files.folder import named_files, recordings_missing, tables_of_study, tell_of_unfinished
 from rearl_jax.data.files.text_layout import layout_of
 from rearl_jax.data.problems import BadRecordingError, bad_recording, recording_unnamed, source_row
 from rearl_jax.data.schema import COLUMNS, Recording, RecordingInfo, validate
@@ -54,6 +54,7 @@ def find_tables(root: Path) -> list[Path]:
     )
     if (tables := tables_of_study(root)) is not None:
         raise recordings_missing(f"the results of a task, with the recordings in {tables}", root, wanted)
+    tell_of_unfinished(root)
     return named_files(root, _ENDINGS, wanted, ".parquet or .csv")
 
 

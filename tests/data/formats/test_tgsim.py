@@ -217,3 +217,14 @@ def test_a_number_for_no_lane_is_no_ramp(rows, read, number):
     (recording,) = read(changed, BadRows.drop_row)
     assert recording.dropped["lane_out_of_range"] == unknown.sum()
     assert "off_road" not in recording.dropped
+
+
+def test_places_that_stand_for_none_do_not_lengthen_the_road(rows, read):
+    (expected,) = read(rows)
+    unknown = np.arange(len(rows)) % 97 == 50
+    changed = rows.assign(**{name: rows[name].mask(unknown, 0.0) for name in ("xloc-kf", "yloc-kf")})
+    with refused("out-of-range", column="xloc-kf", row=51):
+        read(changed)
+    (recording,) = read(changed, BadRows.drop_row)
+    assert recording.dropped["out_of_range"] == unknown.sum()
+    assert recording.info.road_length == pytest.approx(expected.info.road_length, abs=1.0)
