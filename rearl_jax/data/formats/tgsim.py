@@ -20,7 +20,7 @@ from rearl_jax.config.data import BadRows, DataConfig
 from rearl_jax.data.checks.frame_rates import frame_rate_of, frames_of
 from rearl_jax.data.checks.losses import Losses, reject
 from rearl_jax.data.checks.placeholders import nowhere
-from rearl_jax.data.checks.stray_rows import are_few, fill_gaps_of
+from rearl_jax.data.checks.stray_rows import require_own_runs
 from rearl_jax.data.checks.typed_table import MAX_MAGNITUDE
 from rearl_jax.data.files.delimited import read_csv, read_header, stem_of, text_endings
 from rearl_jax.data.files.folder import named_files
@@ -108,22 +108,9 @@ def runs(path: Path, policy: DataConfig) -> dict[str, int | None]:
     found = sorted(run for run in rows[names["run"]].unique().to_pylist() if run is not None)
     if not found:
         raise bad_recording("no-row-left", "no row states its run", _RUN_REMEDY, path, column=names["run"])
-    _require_own_runs(rows, names, path)
-    return {f"{name}_{run}": run for run in found}
-
-
-def _require_own_runs(rows: pa.Table, names: dict[str, str], path: Path) -> None:
-    """Raise BadRecordingError for a run of few vehicles, whose rows seem to be those of another run."""
     run, track = (rows[names[name]].to_numpy(zero_copy_only=False) for name in ("run", "track_id"))
-    vehicles = pd.DataFrame({"run": run, "track": track}).dropna().drop_duplicates().groupby("run")["track"].unique()
-    largest = vehicles.map(len).idxmax()
-    for number, own in vehicles.items():
-        if number == largest or not (are_few(len(own), len(vehicles[largest])) or fill_gaps_of(own, vehicles[largest])):
-            continue
-        text = f"{len(own)} vehicles, such as {own[0]:g}, are in run {number:g}, and {len(vehicles[largest])} in "
-        row = int(np.argmax(run == number)) + 1
-        text, remedy = f"{text}run {largest:g}", "give the rows of these vehicles the run of the others, or remove them"
-        raise bad_recording("recording-contradicts", text, remedy, path, column=names["run"], row=row)
+    require_own_runs(run, track, path, names["run"])
+    return {f"{name}_{run}": run for run in found}
 
 
 def read_run(path: Path, recording: str, run: int | None, policy: DataConfig) -> Recording:

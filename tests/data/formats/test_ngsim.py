@@ -327,6 +327,15 @@ def test_pairs_that_disagree_about_a_vehicle_stop_or_are_counted(tmp_path):
     assert dropped["contradiction"] == 2
 
 
+def test_a_pair_in_a_run_of_its_own_stops(tmp_path):
+    pairs = pd.concat([_pairs().assign(follower=n, leader=100 + n) for n in range(1, 30)], ignore_index=True)
+    pairs.loc[pairs["follower"] == 7, "run"] = "0500pm-0515pm"
+    pairs.to_parquet(tmp_path / "pairs.parquet")
+    first = int(np.argmax(pairs["follower"] == 7)) + 1
+    with refused("recording-contradicts", column="run", row=first):
+        pairs_recordings(find_pairs(tmp_path))
+
+
 def test_runs_of_one_name_stop(tmp_path):
     _pairs().assign(run=["0400pm-0415pm", "0400pm-0430pm"] * 90).to_parquet(tmp_path / "pairs.parquet")
     with refused("run-twice", column="run"):
