@@ -8,7 +8,8 @@ import pandas as pd
 from rearl_jax.data.checks.lateral_checks import EDGE_TOLERANCE, lane_middles, lanes_off
 from rearl_jax.data.checks.leaders import next_in_lane, notes_on_leaders
 from rearl_jax.data.checks.typed_table import MAX_LANES, RANGES
-from rearl_jax.data.records import Recording
+from rearl_jax.data.checks.unit_checks import MIN_STEPS, moving_steps
+from rearl_jax.data.records import Recording, RecordingInfo
 from rearl_jax.data.vehicle_rows import ABSENT, first_and_last_rows, follows_row_before
 
 OVERLAPS = 0.005
@@ -20,6 +21,7 @@ _CHANGE = 2.0  # m/s; a larger change of speed is not noise
 _LENGTH_CHANGE = 1.0  # m; more than the error of a camera from frame to frame
 _LONG_CAR = 9.8  # m, longer than every car; the length of a short car in ft
 _SHORT_CAR = 2.0  # m, shorter than every car; the length of a long car in m, read as ft
+_OFF_MOTION = 0.03  # relative difference; measured: 0.005 or less in NGSIM, OpenACC and FHWA's pairs
 _HOLE = 60.0  # s without any vehicle, longer than on any road with traffic
 _BESIDE = 3.0  # m, from the middle of the lane; a vehicle there is in another lane
 _WIDTH = 1.8  # m, of a car whose width is unknown
@@ -31,7 +33,7 @@ def noted(recording: Recording) -> Recording:
     found = [*notes_on_leaders(table), *_on_lanes(table), *_on_overlaps(table), *_on_starts(table)]
     found += [*_on_accelerations(table), *_on_changing_vehicles(table), *_on_lengths_of_cars(table)]
     found += _on_missing_speeds(table, recording.info.frame_rate)
-    found += _on_holes(table, recording.info.frame_rate)
+    found += [*_on_holes(table, recording.info.frame_rate), *_on_motion(table, recording.info)]
     notes = tuple(dict.fromkeys([*recording.info.notes, *found]))
     return recording if notes == recording.info.notes else replace(recording, info=replace(recording.info, notes=notes))
 
@@ -140,6 +142,18 @@ def _on_lengths_of_cars(table: pd.DataFrame) -> list[str]:
         f"shorter than {_SHORT_CAR:g} m: their lengths may be in another unit": length < _SHORT_CAR,
     }
     return [f"{int(bad.sum())} of {len(length)} cars are {text}" for text, bad in faults.items() if bad.any()]
+
+
+def _on_motion(table: pd.DataFrame, info: RecordingInfo) -> list[str]:
+    """Note if vehicles move a little less or more than speed x time, as with the rate of another camera."""
+    rows, step, expected = moving_steps(table, info)
+    if rows.size < MIN_STEPS:
+        return []
+    off = np.array([np.median(step / expected), np.sum(step) / np.sum(expected)]) - 1.0
+    if not ((off > _OFF_MOTION).all() or (off < -_OFF_MOTION).all()):
+        return []
+    text = f"vehicles move {1.0 + off[1]:.3f} times as far as speed x time"
+    return [f"{text}: speeds, or the frame rate ({info.frame_rate:g} 1/s), may be slightly wrong"]
 
 
 def _on_holes(table: pd.DataFrame, frame_rate: float) -> list[str]:

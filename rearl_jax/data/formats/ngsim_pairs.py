@@ -68,10 +68,11 @@ def runs_of(path: Path, column: str, vehicle: str, columns: Sequence[str]) -> li
     if unnamed.any() or runs.empty:
         text, row = ("the table has no rows", None) if runs.empty else ("a row has no run", source_row(runs, unnamed))
         raise bad_recording("run-unnamed", text, "complete the file", path, column=column, row=row)
-    if runs.nunique() > 1:
+    names = runs.unique().tolist()
+    if len(names) > 1:
         vehicles = read_columns(path, (vehicle,))[vehicle].to_numpy(np.float64, na_value=np.nan)
         require_own_runs(runs.to_numpy(object), vehicles, path, column)
-    return sorted(runs.unique().tolist())
+    return sorted(names)
 
 
 def read_pairs(path: Path, recording: str, run: str, policy: DataConfig) -> Recording:

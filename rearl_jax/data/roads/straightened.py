@@ -119,8 +119,9 @@ def _within_lanes(track: np.ndarray, number: np.ndarray, lane: np.ndarray, off_r
     before, after = np.maximum(first - 1, 0), np.minimum(last + 1, len(track) - 1)
     is_within = (track[before] == track[first]) & (track[after] == track[first]) & (lane[before] == lane[after])
     apart = off_road[first]
-    shares = pd.Series(is_within[apart]).groupby(number[first][apart]).mean()
-    return off_road & np.isin(number, shares.index[shares > 0.5])
+    numbers, which = np.unique(number[first][apart], return_inverse=True)
+    n_within, n_pieces = np.bincount(which, is_within[apart], len(numbers)), np.bincount(which, minlength=len(numbers))
+    return off_road & np.isin(number, numbers[n_within > 0.5 * n_pieces])
 
 
 def leave_out(table: pd.DataFrame, off_road: pd.Series, losses: Losses) -> pd.DataFrame:

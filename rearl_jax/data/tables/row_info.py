@@ -143,9 +143,10 @@ def _period_by_motion(values: dict[str, np.ndarray]) -> float | None:
     track, frame, position, speed = (values[name][order] for name in ("track_id", "frame", "position", "speed"))
     step, driven = np.diff(position), 0.5 * (speed[1:] + speed[:-1]) * np.diff(frame)
     used = (np.diff(track) == 0) & np.isfinite(step) & np.isfinite(driven)
-    of_track = pd.DataFrame({"step": step[used], "driven": driven[used]}).groupby(track[1:][used]).sum()
-    far = of_track[(of_track["step"].abs() >= MIN_MOVED) & (of_track["driven"] > 0.0)]
-    return float((far["step"].abs() / far["driven"]).median()) if len(far) else None
+    vehicle = np.unique(track[1:][used], return_inverse=True)[1]
+    moved, driven = np.abs(np.bincount(vehicle, step[used])), np.bincount(vehicle, driven[used])
+    far = (moved >= MIN_MOVED) & (driven > 0.0)
+    return float(np.median(moved[far] / driven[far])) if far.any() else None
 
 
 def _from_upstream_edge(

@@ -126,3 +126,9 @@ def test_cars_that_are_too_short_are_noted(vehicle_rows):
 def test_a_column_that_is_not_read_for_its_name_is_noted(timed_rows, name):
     (note,) = _notes(timed_rows.rename(columns={"leader_id": name}))
     assert f"leader_id: {name}" in note
+
+
+@pytest.mark.parametrize("factor", [0.96, 1.0, 1.04])
+def test_a_frame_rate_that_is_slightly_wrong_is_noted(vehicle_rows, factor):
+    notes = _notes(vehicle_rows.assign(speed=factor * vehicle_rows["speed"]))
+    assert [f"{1.0 / factor:.3f} times" in note for note in notes] == ([] if factor == 1.0 else [True])
