@@ -65,20 +65,23 @@ def checked_pairs(
     change = gaps[n:] - gaps[:-n]
     pairs = list(pairwise(vehicles))
     _require_units(change, expected, f"gaps of vehicles {vehicles[0]} to {vehicles[-1]}", info)
+    alike = np.array([[_correlation(gap, other) for other in expected.T] for gap in change.T])
+    own = np.diag(alike)
     notes = []
     for place, (ahead, behind) in enumerate(pairs):
         _require_units(change[:, place], expected[:, place], f"the gap between vehicles {ahead} and {behind}", info)
-        alike = np.array([_correlation(change[:, place], other) for other in expected.T])
-        best = int(np.argmax(alike))
-        if alike[best] > _OF_OTHERS and alike[best] - alike[place] > _LEAST_LEAD:
+        best = int(np.argmax(alike[place]))
+        # If the other pair's gap follows its speeds, too, it is the speed of this pair that is wrong.
+        is_exchanged = own[place] < alike[place, best] - _LEAST_LEAD and own[best] < _OF_OTHERS
+        if is_exchanged and alike[place, best] > _OF_OTHERS:
             others = " and ".join(map(str, pairs[best]))
             text = f"the gap between vehicles {ahead} and {behind} follows the speeds of vehicles {others}"
             remedy = "number speeds and gaps alike: gap k is that between the vehicles k and k + 1"
             raise bad_recording("wrong-leader", text, remedy, info.file, column=info.columns["position"])
         implied = expected[np.isfinite(expected[:, place]), place]
-        if implied.size and np.sqrt(np.mean(implied**2)) > _MIN_CHANGE and alike[place] < _OWN:
+        if implied.size and np.sqrt(np.mean(implied**2)) > _MIN_CHANGE and own[place] < _OWN:
             text = f"the gap between vehicles {ahead} and {behind} does not follow from their speeds"
-            notes.append(f"{text} (correlation {alike[place]:.2f}): columns or clocks may be those of others")
+            notes.append(f"{text} (correlation {own[place]:.2f}): columns or clocks may be those of others")
     return tuple(notes)
 
 
