@@ -3,11 +3,10 @@
 import numpy as np
 import pandas as pd
 
-from rearl_jax.config.data import BadRows, DataConfig, DataFormat
+from rearl_jax.config.data import BadRows, DataConfig
 from rearl_jax.data.formats.ngsim import debounced
 from rearl_jax.data.formats.ngsim_pairs import find_pairs, pairs_recordings, read_pairs
 from rearl_jax.data.formats.ngsim_published import PublishedFile, find_published
-from rearl_jax.data.readers import reader_of
 from rearl_jax.data.recordings import count_recordings, iterate_recordings
 from rearl_jax.problems import MissingInputError
 from tests.data.changed_rows import with_values
@@ -206,28 +205,6 @@ def test_a_table_in_metres_and_an_unknown_class_are_found(tmp_path):
     _write(tmp_path, _published().assign(v_Class=lambda t: t["v_Class"].replace(3, 5)))
     with refused("unknown-class", column="v_Class", row=121, fault="class 5 is unknown (and 59 more rows)"):
         PublishedFile(find_published(tmp_path)[0], STOP).read("us101_0750")
-
-
-def test_units_in_the_names_of_columns_are_converted(tmp_path):
-    rows = _published()
-    expected = _write(tmp_path, rows).read("us101_0750")
-    units = {"Local_X": ("(m)", 0.3048), "Local_Y": ("[ft]", 1.0), "v_Vel": (" (km/h)", 1.09728)}
-    units |= {"v_Acc": (" [m/s2]", 0.3048), "Global_Time": ("[s]", 1e-3), "Preceding": (" [-]", 1)}
-    stated = {f"{name}{unit}": rows[name] * factor for name, (unit, factor) in units.items()}
-    path = _write(tmp_path, pd.concat([rows.drop(columns=list(units)), pd.DataFrame(stated)], axis=1)).path
-    (found,) = iterate_recordings(DataConfig(DataFormat.ngsim, str(path)))
-    pd.testing.assert_frame_equal(found.table, expected.table)
-    assert reader_of(DataFormat.ngsim).recognises(path) == path
-
-
-def test_an_unknown_unit_and_two_spellings_of_a_column_stop(tmp_path):
-    rows = _published()
-    _write(tmp_path, rows.rename(columns={"v_Vel": "v_Vel (furlong/h)"}))
-    with refused("unit-unknown", column="v_Vel (furlong/h)"):
-        list(iterate_recordings(DataConfig(DataFormat.ngsim, str(tmp_path))))
-    _write(tmp_path, rows.assign(**{"Local_Y (m)": rows["Local_Y"] * 0.3048}))
-    with refused("column-twice", column="Local_Y (m)"):
-        list(iterate_recordings(DataConfig(DataFormat.ngsim, str(tmp_path))))
 
 
 def test_missing_columns_and_values_stop(tmp_path):
