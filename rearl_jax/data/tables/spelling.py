@@ -11,7 +11,7 @@ import pandas as pd
 from rearl_jax.config.data import DataConfig
 from rearl_jax.data.problems import BadRecordingError
 from rearl_jax.data.schema import COLUMNS
-from rearl_jax.data.survey.names import rank_of
+from rearl_jax.data.tables.usual_names import rank_of
 from rearl_jax.data.units import UNITS, factor_of
 from rearl_jax.data.vehicle_classes import CLASSES, NO_CLASS, class_of, code_of
 from rearl_jax.problems import InvalidInputError, Problem
